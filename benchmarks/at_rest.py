@@ -1,9 +1,11 @@
-"""Processor and memory of a fleet at rest, as shipped: `python benchmarks/at_rest.py [CHECKOUT …] [--turns N]`.
+"""Processor and memory of a fleet at rest, as shipped: `python benchmarks/at_rest.py [CHECKOUT …]
+[--turns N]`.
 
-Each checkout (this one without any) brings up its own fleet with its own Python, by turns, so that the machine's load
-changes all of them alike. Measured are all processes of the fleet, from 90 s after it is ready on, when what has had no
-work for a minute has ended: the processor's time over 30 s, and the memory, each page divided by the number of
-processes that share it (PSS). Rows are appended to `results/at_rest.jsonl`.
+Each checkout (this one without any) brings up its own fleet with its own Python, by turns, so that
+the machine's load changes all of them alike. Measured are all processes of the fleet, from 90 s
+after it is ready on, when what has had no work for a minute has ended: the processor's time over 30
+s, and the memory, each page divided by the number of processes that share it (PSS). Rows are
+appended to `results/at_rest.jsonl`.
 """
 
 import os
@@ -41,23 +43,34 @@ def measure(checkout: Path) -> dict[str, object]:
     roco = checkout / ".venv" / "bin" / "roco"
     with tempfile.TemporaryDirectory(prefix="roco-") as folder:
         run = Path(folder) / "run"
-        subprocess.run([roco, "up", "--out", run], cwd=folder, check=True, capture_output=True, timeout=180.0)
+        subprocess.run(
+            [roco, "up", "--out", run], cwd=folder, check=True, capture_output=True, timeout=180.0
+        )
         try:
             time.sleep(SETTLE_S)
             load, pids = os.getloadavg()[0], tree(int((run / "supervisor.pid").read_text()))
             before = {pid: ticks(pid) for pid in pids}
             time.sleep(MEASURED_S)
-            spent = {pid: (ticks(pid) - before[pid]) / MEASURED_S for pid in pids}  # a tick a second is 1 %
+            # a tick a second is 1 %
+            spent = {pid: (ticks(pid) - before[pid]) / MEASURED_S for pid in pids}
             memory, names = {pid: pss_mb(pid) for pid in pids}, {pid: module(pid) for pid in pids}
         finally:
-            subprocess.run([roco, "down", "--run-dir", run], cwd=folder, check=True, capture_output=True, timeout=60.0)
+            subprocess.run(
+                [roco, "down", "--run-dir", run],
+                cwd=folder,
+                check=True,
+                capture_output=True,
+                timeout=60.0,
+            )
     parts = {names[pid]: (round(spent[pid], 1), round(memory[pid])) for pid in pids}
     whole = {"percent": round(sum(spent.values()), 1), "pss_mb": round(sum(memory.values()))}
     return {"load": round(load, 1), **whole, "processes": len(pids), "parts": parts}
 
 
 def main(
-    checkouts: Annotated[list[Path] | None, typer.Argument(help="with a .venv each; none: this one")] = None,
+    checkouts: Annotated[
+        list[Path] | None, typer.Argument(help="with a .venv each; none: this one")
+    ] = None,
     turns: Annotated[int, typer.Option(min=1)] = 2,
 ) -> None:
     """Measure by turns, print and append the rows."""
@@ -71,7 +84,9 @@ def main(
                 **measure(place),
             }
             tables.append(OUT, row)
-            used = f"{row['percent']} % of a core, {row['pss_mb']} MB in {row['processes']} processes"
+            used = (
+                f"{row['percent']} % of a core, {row['pss_mb']} MB in {row['processes']} processes"
+            )
             print(f"{row['commit']}: {used}; load {row['load']}", flush=True)
 
 

@@ -1,15 +1,16 @@
-"""Time for which a killed process is away: `kill -9` of each, repeatedly, until the supervisor says it is ready again.
+"""Time for which a killed process is away: `kill -9` of each, repeatedly, until the supervisor says
+it is ready again.
 
-One fleet at rest, each process in turn; noticed: the supervisor says that it does not run, and of an agent the last of
-its neighbours that it is gone. Appends to a results file.
+One fleet at rest, each process in turn; noticed: the supervisor says that it does not run, and of
+an agent the last of its neighbours that it is gone. Appends to a results file.
 
-    python benchmarks/coming_back.py --hang freeze
-    python benchmarks/coming_back.py --hang loop --processes hi,co,pl,km,ta,ex
-    python benchmarks/coming_back.py --kills 20
-    python benchmarks/coming_back.py --target deploy --called containers --processes router,monitor,hi,co,pl,km,ta,ex
+    python benchmarks/coming_back.py --hang freeze python benchmarks/coming_back.py --hang loop
+    --processes hi,co,pl,km,ta,ex python benchmarks/coming_back.py --kills 20 python
+    benchmarks/coming_back.py --target deploy --called containers --processes
+    router,monitor,hi,co,pl,km,ta,ex
 
-With --target the fleet is up already, in containers too, and `roco fault kill` does it and looks. `--table` writes the
-tables of docs/reliability.md.
+With --target the fleet is up already, in containers too, and `roco fault kill` does it and looks.
+`--table` writes the tables of docs/reliability.md.
 """
 
 import os
@@ -36,7 +37,10 @@ LOOK_S = 0.002
 ROCO = str(Path(sys.executable).with_name("roco"))
 RESULTS = Path(__file__).parent / "results/coming_back.jsonl"
 PAGE = Path(__file__).parents[1] / "docs/reliability.md"
-BEGIN, END = "<!-- coming back: python benchmarks/coming_back.py --table -->\n", "<!-- /coming back -->\n"
+BEGIN, END = (
+    "<!-- coming back: python benchmarks/coming_back.py --table -->\n",
+    "<!-- /coming back -->\n",
+)
 PEERS = {agent: tuple(sorted(DESIGN.peers(agent))) for agent in DESIGN.agents}
 PROCESSES = ("router", "monitor", "loop", "hi", "co", "pl", "km", "ta", "ex")
 
@@ -64,7 +68,9 @@ def again(run: Path, name: str, before: int) -> bool:
 
 
 class Neighbours:
-    """Of an agent, none of another process: after how long the last of them wrote that it is gone, from now on."""
+    """Of an agent, none of another process: after how long the last of them wrote that it is gone,
+    from now on.
+    """
 
     def __init__(self, run: Path, name: str) -> None:
         self._name, logs = name, (run / "logs" / f"{one}.jsonl" for one in PEERS.get(name, ()))
@@ -79,13 +85,21 @@ class Neighbours:
     def _gone(self, log: Path) -> float:
         with log.open("rb") as file:
             file.seek(self._ends[log])
-            lines = [msgspec.json.decode(line) for line in file.read().rpartition(b"\n")[0].splitlines()]
-        gone = (one["t"] for one in lines if (one.get("peer"), one.get("incarnation")) == (self._name, "gone"))
+            lines = [
+                msgspec.json.decode(line) for line in file.read().rpartition(b"\n")[0].splitlines()
+            ]
+        gone = (
+            one["t"]
+            for one in lines
+            if (one.get("peer"), one.get("incarnation")) == (self._name, "gone")
+        )
         return next(gone, 0.0)
 
 
 def killed(run: Path, name: str) -> tuple[float, float, float | None]:
-    """Kill a process; return after how long that was noticed, it was ready again, and its neighbours knew [s]."""
+    """Kill a process; return after how long that was noticed, it was ready again, and its
+    neighbours knew [s].
+    """
     before, neighbours = status(run, name), Neighbours(run, name)
     os.kill(before.pid, signal.SIGKILL)
     noticed = after(lambda: status(run, name).state is not ProcessState.READY)
@@ -96,8 +110,8 @@ def killed(run: Path, name: str) -> tuple[float, float, float | None]:
 def noticed_hang(run: Path, name: str, begin: signal.Signals) -> tuple[float, float | None]:
     """Freeze a process (SIGSTOP), or hang its Python loop (SIGUSR1).
 
-    Return after how long the supervisor told it, and after how long the neighbours of a frozen one knew [s].
-    The frozen one goes on; the hung one is killed and waited for until it is ready again.
+    Return after how long the supervisor told it, and after how long the neighbours of a frozen one
+    knew [s]. The frozen one goes on; the hung one is killed and waited for until it is ready again.
     """
     before, neighbours = status(run, name), Neighbours(run, name)
     os.kill(before.pid, begin)
@@ -112,9 +126,14 @@ def noticed_hang(run: Path, name: str, begin: signal.Signals) -> tuple[float, fl
 
 
 def with_hanging(where: Path) -> dict[str, str]:
-    """Return an environment in which SIGUSR1 hangs the main thread of a Python process, and of none else."""
+    """Return an environment in which SIGUSR1 hangs the main thread of a Python process, and of none
+    else.
+    """
     where.mkdir()
-    hang = "import signal\ndef hang(number, frame):\n    while True: pass\nsignal.signal(signal.SIGUSR1, hang)\n"
+    hang = (
+        "import signal\ndef hang(number, frame):\n    while True:"
+        " pass\nsignal.signal(signal.SIGUSR1, hang)\n"
+    )
     (where / "sitecustomize.py").write_text(hang)
     return {**os.environ, "PYTHONPATH": str(where)}
 
@@ -133,11 +152,17 @@ def hangs(run: Path, how: str, names: list[str], times: int, out: Path) -> None:
     loads = [round(load, 2), round(os.getloadavg()[0], 2)]
     for name, found in seen.items():
         line = {"hang": how, "of": name, "times": times, "load": loads}
-        _told(out, line | measured(noticed_s=[one for one, _ in found], neighbours_s=[one for _, one in found]))
+        _told(
+            out,
+            line
+            | measured(noticed_s=[one for one, _ in found], neighbours_s=[one for _, one in found]),
+        )
 
 
 def killed_by_order(target: str, name: str) -> float:
-    """Kill a process of a fleet that is up, by `roco fault kill`; return after how long it was ready again [s]."""
+    """Kill a process of a fleet that is up, by `roco fault kill`; return after how long it was
+    ready again [s].
+    """
     words = [ROCO, "fault", "kill", name, "--target", target, "--format", "json"]
     done = subprocess.run(words, check=False, capture_output=True, text=True)
     if done.returncode:
@@ -157,7 +182,16 @@ def ordered(target: str, called: str, names: list[str], kills: int, out: Path) -
         typer.echo(f"{number + 1} of {kills}", err=True)
     loads = [round(load, 2), round(os.getloadavg()[0], 2)]
     for name, times in seen.items():
-        _told(out, {"target": called, "process": name, "kills": kills, "load": loads, "ready_s": figures(times)})
+        _told(
+            out,
+            {
+                "target": called,
+                "process": name,
+                "kills": kills,
+                "load": loads,
+                "ready_s": figures(times),
+            },
+        )
 
 
 def figures(times: list[float]) -> dict[str, float]:
@@ -175,10 +209,14 @@ def main(
     kills: Annotated[int, typer.Option(help="of each process")] = 20,
     processes: Annotated[str, typer.Option()] = ",".join(PROCESSES),
     hang: Annotated[str, typer.Option(help="freeze, or loop: do that instead of a kill")] = "",
-    target: Annotated[str, typer.Option(help="a fleet that is up: a compose project, or a run's folder")] = "",
+    target: Annotated[
+        str, typer.Option(help="a fleet that is up: a compose project, or a run's folder")
+    ] = "",
     called: Annotated[str, typer.Option(help="its name in the table")] = "",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
-    table: Annotated[bool, typer.Option("--table", help="write the tables into docs/reliability.md, and end")] = False,
+    table: Annotated[
+        bool, typer.Option("--table", help="write the tables into docs/reliability.md, and end")
+    ] = False,
 ) -> None:
     """Kill the processes in turn, and say how long each was away."""
     if table:
@@ -205,7 +243,11 @@ def main(
             for name in names:
                 seen[name].append(killed(run, name))
             # Else the supervisor takes the next death for one in a row, and waits for longer.
-            time.sleep(max(0.0, round_began + SETTLED_S + 1.0 - time.monotonic()) if number + 1 < kills else 0.0)
+            time.sleep(
+                max(0.0, round_began + SETTLED_S + 1.0 - time.monotonic())
+                if number + 1 < kills
+                else 0.0
+            )
             typer.echo(f"{number + 1} of {kills}", err=True)
     finally:
         subprocess.run([ROCO, "down", "--run-dir", str(run)], check=True, stdout=sys.stderr)
@@ -222,11 +264,19 @@ def printed(lines: list[dict[str, Any]]) -> str:
     fleets = list(dict.fromkeys(line.get("target", "") for line in killed))
     found = {(line.get("target", ""), line["process"]): line for line in killed}
     heads = [f"ready again{f': {name}' if name else ''}" for name in fleets]
-    rows = [f"| process | noticed | by its neighbours | {' | '.join(heads)} |", "|---" * (len(fleets) + 3) + "|"]
+    rows = [
+        f"| process | noticed | by its neighbours | {' | '.join(heads)} |",
+        "|---" * (len(fleets) + 3) + "|",
+    ]
     for process in dict.fromkeys(line["process"] for line in killed):
         cells = [found.get((name, process), {}) for name in fleets]
-        noticed, known = (_times(found.get(("", process), {}).get(name)) for name in ("noticed_s", "neighbours_s"))
-        rows.append(f"| {process} | {noticed} | {known} | {' | '.join(_times(one.get('ready_s')) for one in cells)} |")
+        noticed, known = (
+            _times(found.get(("", process), {}).get(name)) for name in ("noticed_s", "neighbours_s")
+        )
+        rows.append(
+            f"| {process} | {noticed} | {known} |"
+            f" {' | '.join(_times(one.get('ready_s')) for one in cells)} |"
+        )
     of = [next(line for (name, _), line in found.items() if name == fleet) for fleet in fleets]
     kills = [f"{line['kills']}, {_loads(line)}" for line in of]
     rows.append(f"| kills of each, load | | | {' | '.join(kills)} |")
@@ -240,13 +290,18 @@ def _hung(lines: list[dict[str, Any]]) -> list[str]:
     found = {(line["hang"], line["of"]): line for line in lines}
     ways = list(dict.fromkeys(line["hang"] for line in lines))
     heads = (f"{way}: told after" for way in ways)
-    rows = ["", f"| process | {' | '.join(heads)} | freeze: by its neighbours |", "|---" * (len(ways) + 2) + "|"]
+    rows = [
+        "",
+        f"| process | {' | '.join(heads)} | freeze: by its neighbours |",
+        "|---" * (len(ways) + 2) + "|",
+    ]
     for process in dict.fromkeys(line["of"] for line in lines):
         cells = (_times(found.get((way, process), {}).get("noticed_s")) for way in ways)
         known = _times(found.get(("freeze", process), {}).get("neighbours_s"))
         rows.append(f"| {process} | {' | '.join(cells)} | {known} |")
     loads = (
-        f"{one['times']}, {_loads(one)}" for one in (next(v for k, v in found.items() if k[0] == way) for way in ways)
+        f"{one['times']}, {_loads(one)}"
+        for one in (next(v for k, v in found.items() if k[0] == way) for way in ways)
     )
     return [*rows, f"| times of each, load | {' | '.join(loads)} | |"]
 

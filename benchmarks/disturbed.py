@@ -1,20 +1,21 @@
 """Does tasks while something goes wrong, and compares the words of the robot with the truth.
 
-Disturbance x task x seed, in two scenes and, for a door, in a third one. One process, as in pour_one_process, with eyes
-by pixels. A disturbance begins before the act that it is about or during a motion of that act. A sense fails from the
-first act of the task on, unless the case says otherwise, and does not recover. Each run appends a line to a results
-file; runs that the file has are skipped. The table has the newest run of each case in which the disturbance happened.
+Disturbance x task x seed, in two scenes and, for a door, in a third one. One process, as in
+pour_one_process, with eyes by pixels. A disturbance begins before the act that it is about or
+during a motion of that act. A sense fails from the first act of the task on, unless the case says
+otherwise, and does not recover. Each run appends a line to a results file; runs that the file has
+are skipped. The table has the newest run of each case in which the disturbance happened.
 
-    python benchmarks/disturbed.py --seeds 1-3
-    python benchmarks/disturbed.py --seeds 1 --cases "bowl pushed before,wrist zero" --acts pour,take --scenes env2
-    python benchmarks/disturbed.py --seeds 1 --again "false failed,unsure"
-    python benchmarks/disturbed.py --list
-    python benchmarks/disturbed.py --table
+    python benchmarks/disturbed.py --seeds 1-3 python benchmarks/disturbed.py --seeds 1 --cases
+    "bowl pushed before,wrist zero" --acts pour,take --scenes env2 python benchmarks/disturbed.py
+    --seeds 1 --again "false failed,unsure" python benchmarks/disturbed.py --list python
+    benchmarks/disturbed.py --table
 
-`right done`, `right failed`: the words are true. `FALSE done`: the robot said "done", but the task is not done.
-`false failed`: the task is done, but the robot said that it failed. `unsure`: the task is done, and the robot said that
-it could not see or check it. `hang`: the run reached its limit of simulated time. `drop`: a sense was faulty, and the
-jar or the bowl is on the floor. `crash`: an exception ended the robot's process.
+`right done`, `right failed`: the words are true. `FALSE done`: the robot said "done", but the task
+is not done. `false failed`: the task is done, but the robot said that it failed. `unsure`: the task
+is done, and the robot said that it could not see or check it. `hang`: the run reached its limit of
+simulated time. `drop`: a sense was faulty, and the jar or the bowl is on the floor. `crash`: an
+exception ended the robot's process.
 """
 
 import math
@@ -67,20 +68,23 @@ SPARE = {
 PUSH_M = 0.05  # as far as a passing arm pushes (estimate)
 SETTLE_S = 1.2  # until what was disturbed before an act rests
 LIMIT_S = 600.0  # simulated; estimate: a pour takes 70, with three plans 150
-KNOCK_S, OBSTACLE_S = 1.5, 5.0  # as in tests/fleet/test_pour.py; until somebody takes the obstacle away (estimate)
+# as in tests/fleet/test_pour.py; until somebody takes the obstacle away (estimate)
+KNOCK_S, OBSTACLE_S = 1.5, 5.0
 BESIDE_M = 0.15  # of a person's hand from the way of the robot's; estimate
 AHEAD_M = 0.15  # what stands in the way is at least so far from the hand at first; estimate
 LEAST = 0.9  # of the content, that a pour moves, as the report demands
 UPRIGHT_DEG, FLOOR_M, OPEN_RAD, FINGERS, NEAR_M, LEANS_DEG = 10.0, 0.3, 1.0, 2, 0.06, 45.0
-"""Of what stands; of what fell; of an open door; links on a held thing; of what stands where it stood; of what leans
-against a hand and is not held. Estimates.
+"""Of what stands; of what fell; of an open door; links on a held thing; of what stands where it
+stood; of what leans against a hand and is not held. Estimates.
 """
 PARKED = np.array([-3.0, 0.0, 1.0])
 Event = Callable[["Disturbed"], None]
 
 
 class When(msgspec.Struct, frozen=True):
-    """Moment of a disturbance: before the first act that `act` takes, or at a share of its first motion of `motion`."""
+    """Moment of a disturbance: before the first act that `act` takes, or at a share of its first
+    motion of `motion`.
+    """
 
     act: Callable[["Disturbed", rc.Command], bool]
     motion: Callable[["Disturbed", Motion], bool] | None = None
@@ -92,7 +96,9 @@ class OverError(Exception):
 
 
 class Body(InProcess):
-    """Runs motions cycle by cycle, and does what is due at a time. `watch` is called with each motion before it."""
+    """Runs motions cycle by cycle, and does what is due at a time. `watch` is called with each
+    motion before it.
+    """
 
     def __init__(self, core: LoopCore, eye: Eye, watch: Callable[[Motion], None]) -> None:
         super().__init__(core, eye)
@@ -125,9 +131,13 @@ class Body(InProcess):
 
 
 class Disturbed(Run):
-    """A run in which something happens once, at a moment of its task. `file`: what goes on, for the camera."""
+    """A run in which something happens once, at a moment of its task. `file`: what goes on, for the
+    camera.
+    """
 
-    def __init__(self, scene: Scene, seed: int, case: "Case", name: str, file: Path, verbose: bool = False) -> None:
+    def __init__(
+        self, scene: Scene, seed: int, case: "Case", name: str, file: Path, verbose: bool = False
+    ) -> None:
         self.case, self.name, self.file = case, name, file
         self.armed = self.happened = False
         self.going_on: tuple[Disturbance, ...] = ()
@@ -146,7 +156,12 @@ class Disturbed(Run):
 
     def _watch(self, motion: Motion) -> None:
         when = self.case.moment(self.name)
-        if self.armed and when.motion is not None and when.act(self, self.command) and when.motion(self, motion):
+        if (
+            self.armed
+            and when.motion is not None
+            and when.act(self, self.command)
+            and when.motion(self, motion)
+        ):
             self.armed = False
             self.body.after(when.share * seconds(motion), self.happen)
 
@@ -155,9 +170,13 @@ class Disturbed(Run):
         self.armed, self.happened = False, True
         self.case.what(self)
 
-    def begin(self, of: Of, kind: Kind, on: str = "", by: Iterable[float] = (), for_s: float | None = None) -> None:
+    def begin(
+        self, of: Of, kind: Kind, on: str = "", by: Iterable[float] = (), for_s: float | None = None
+    ) -> None:
         """Begin a disturbance, for a time [s, simulated] or to the end."""
-        one = Disturbance(f"{len(self.going_on)} {of} {kind}", of, kind, on, tuple(float(x) for x in by))
+        one = Disturbance(
+            f"{len(self.going_on)} {of} {kind}", of, kind, on, tuple(float(x) for x in by)
+        )
         assert not (wrong := disturbances.wrong(one)), wrong
         self.set((*self.going_on, one))
         if for_s is not None:
@@ -184,21 +203,31 @@ class Disturbed(Run):
         return str(getattr(self.command, "side", "")) or self.here.holder(JAR) or "left"
 
     def hand_at(self, share: float) -> np.ndarray | None:
-        """Return where (3,) [m, world] the hand of the present MoveJoint is at a share of its path."""
+        """Return where (3,) [m, world] the hand of the present MoveJoint is at a share of its
+        path.
+        """
         if not isinstance(self.command, rc.MoveJoint):
             return None
         q, path = self.here.q.copy(), self.command.path
-        q[COLUMNS[str(self.command.side)]] = path[min(len(path) - 1, round(share * (len(path) - 1)))]
+        q[COLUMNS[str(self.command.side)]] = path[
+            min(len(path) - 1, round(share * (len(path) - 1)))
+        ]
         return np.asarray(self.here.robot.grip(q, str(self.command.side)).translation)
 
 
 def crowded(scene: Scene) -> mujoco.MjModel:
-    """Return the model of a scene with a post and a person's hand, which the eyes do not see, far away."""
+    """Return the model of a scene with a post and a person's hand, which the eyes do not see, far
+    away.
+    """
     spec = mujoco.MjSpec.from_string(scene_xml(scene))
-    for name, size in (("post", (0.03, 0.15)), ("hand", (0.04, 0.08))):  # radius, half the length; estimates
+    # radius, half the length; estimates
+    for name, size in (("post", (0.03, 0.15)), ("hand", (0.04, 0.08))):
         body = spec.worldbody.add_body(name=name, mocap=True, pos=PARKED)
         geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[*size, 0.0])
-        geom.contype, geom.conaffinity = int(Meets.WORLD), int(Meets.ARM | Meets.HAND | Meets.OBJECT)
+        geom.contype, geom.conaffinity = (
+            int(Meets.WORLD),
+            int(Meets.ARM | Meets.HAND | Meets.OBJECT),
+        )
     return spec.compile()
 
 
@@ -207,7 +236,7 @@ def seconds(motion: Motion) -> float:
     return (len(motion.path()) - 1) * KNOT_S
 
 
-# --- moments ----------------------------------------------------------------------------------------------------------
+# --- moments --------------------------------------------------------------------------------------
 
 
 def grasps(name: str) -> Callable[[Disturbed, rc.Command], bool]:
@@ -227,7 +256,9 @@ def carries(run: Disturbed, command: rc.Command) -> bool:
 
 
 def reaches(run: Disturbed, command: rc.Command) -> bool:
-    """Whether a hand moves freely, and farther than AHEAD_M: there is room for something in its way."""
+    """Whether a hand moves freely, and farther than AHEAD_M: there is room for something in its
+    way.
+    """
     now, then = run.hand_at(0.0), run.hand_at(0.6)
     return now is not None and then is not None and float(np.linalg.norm(then - now)) > AHEAD_M
 
@@ -244,7 +275,11 @@ def moving(_: Disturbed, motion: Motion) -> bool:
 
 def tilting(run: Disturbed, motion: Motion) -> bool:
     """Whether a motion of a pour tilts: the one after which it holds."""
-    return isinstance(run.command, Pour) and moving(run, motion) and motion.settle_s == run.command.hold
+    return (
+        isinstance(run.command, Pour)
+        and moving(run, motion)
+        and motion.settle_s == run.command.hold
+    )
 
 
 def leaving(run: Disturbed, motion: Motion) -> bool:
@@ -272,12 +307,15 @@ TASKS: dict[str, tuple[tuple[hfsm.Task, ...], hfsm.Task]] = {
     "bring": ((), hfsm.Task("bring", (JAR, ""))),
     "swap": ((TAKE,), hfsm.Task("swap_hands", (JAR,))),
 }
-"""What is done before, undisturbed, and what is then asked for. A door is opened because the jar is behind it."""
-SCENES = {"canonical": tuple(a for a in ACTS if a != "open"), "env2": tuple(a for a in ACTS if a != "open"),
+"""What is done before, undisturbed, and what is then asked for. A door is opened because the jar is
+behind it.
+"""
+SCENES = {"canonical": tuple(a for a in ACTS if a != "open"),
+          "env2": tuple(a for a in ACTS if a != "open"),
           "doors": ("open",)}  # fmt: skip
 
 
-# --- what happens -----------------------------------------------------------------------------------------------------
+# --- what happens ---------------------------------------------------------------------------------
 
 
 def pushed(name: str) -> Event:
@@ -305,16 +343,24 @@ def tipped(name: str) -> Event:
     return tip
 
 
-def does(of: Of, what: Kind, on: str = "", by: tuple[float, ...] = (), for_s: float | None = None) -> Event:
+def does(
+    of: Of, what: Kind, on: str = "", by: tuple[float, ...] = (), for_s: float | None = None
+) -> Event:
     """Return the beginning of a disturbance."""
     return lambda run: run.begin(of, what, on, by, for_s)
 
 
 def box_on_place(run: Disturbed) -> None:
-    """Put the box where a thing is to be put down; in the middle of the table where only that is known."""
+    """Put the box where a thing is to be put down; in the middle of the table where only that is
+    known.
+    """
     place = getattr(run.command, "place", None)
     at = run.truth.pose(TABLE)[1] if place is None else np.array(place.xyz)
-    top = surface(run, at, (TABLE,)) if place is None else surface(run, at, ("table", "cabinet"), at[2] + 0.02)
+    top = (
+        surface(run, at, (TABLE,))
+        if place is None
+        else surface(run, at, ("table", "cabinet"), at[2] + 0.02)
+    )
     run.begin(Of.THING, Kind.ADDED, BOX, (at[0], at[1], top + 0.056))
 
 
@@ -324,7 +370,10 @@ def surface(run: Disturbed, at: np.ndarray, of: tuple[str, ...], below: float = 
     tops = [0.0]
     for geom in range(model.ngeom):
         if model.body(model.geom_bodyid[geom]).name.startswith(of):
-            half, local = model.geom_size[geom], data.geom_xmat[geom].reshape(3, 3).T @ (at - data.geom_xpos[geom])
+            half, local = (
+                model.geom_size[geom],
+                data.geom_xmat[geom].reshape(3, 3).T @ (at - data.geom_xpos[geom]),
+            )
             top = float(data.geom_xpos[geom][2] + half[2])
             if (np.abs(local[:2]) < half[:2]).all() and top < below:
                 tops.append(top)
@@ -335,12 +384,16 @@ def second_jar(run: Disturbed) -> None:
     """Put another jar on the table, empty."""
     rotation, at = run.truth.pose(TABLE)
     place = at + rotation @ np.array([-0.2, 0.2, 0.0])
-    run.begin(Of.THING, Kind.ADDED, JAR_2, (place[0], place[1], surface(run, place, (TABLE,)) + 0.101))
+    run.begin(
+        Of.THING, Kind.ADDED, JAR_2, (place[0], place[1], surface(run, place, (TABLE,)) + 0.101)
+    )
 
 
 def moved(name: str) -> Event:
     """Return the shift of furniture with all on it, to the left or right."""
-    return lambda run: run.begin(Of.THING, Kind.MOVED, name, (0.0, float(run.rng.choice([-1.0, 1.0])) * PUSH_M, 0.0))
+    return lambda run: run.begin(
+        Of.THING, Kind.MOVED, name, (0.0, float(run.rng.choice([-1.0, 1.0])) * PUSH_M, 0.0)
+    )
 
 
 def in_the_way(run: Disturbed) -> None:
@@ -370,7 +423,9 @@ def stiff_finger(run: Disturbed) -> None:
 
 
 class Case(msgspec.Struct, frozen=True):
-    """A disturbance: what happens, in which tasks, and when in each: at `when`, else before the task's key act."""
+    """A disturbance: what happens, in which tasks, and when in each: at `when`, else before the
+    task's key act.
+    """
 
     name: str
     what: Event
@@ -417,9 +472,11 @@ CASES = {
         Case("bowl tipped before", tipped(BOWL), when=before(BOWL)),
         Case("bowl pushed before the tilt", pushed(BOWL), ("pour",)),
         Case("bowl pushed during the tilt", pushed(BOWL), ("pour",), {"pour": TILT}),
-        Case("bowl removed during the tilt", does(Of.THING, Kind.REMOVED, BOWL), ("pour",), {"pour": TILT}),
+        Case("bowl removed during the tilt", does(Of.THING, Kind.REMOVED, BOWL), ("pour",),
+             {"pour": TILT}),
         Case("jar toppled as the hand lets go", tipped(JAR), PLACES, at(RELEASE)),
-        Case("jar struck out of the hand", does(Of.HANDS, Kind.SLIPPERY, for_s=KNOCK_S), when=at(CARRY)),
+        Case("jar struck out of the hand", does(Of.HANDS, Kind.SLIPPERY, for_s=KNOCK_S),
+             when=at(CARRY)),
         Case("post in the arm's way", in_the_way, when=at(REACH)),
         Case("a person's hand near", person, when=at(REACH)),
         Case("box on the place", box_on_place, (*PLACES, "pour"), at(PUTS)),
@@ -431,14 +488,18 @@ CASES = {
         Case("camera black", does(Of.CAMERA, Kind.BLACK), when=START, sense=True),
         Case("camera frozen", does(Of.CAMERA, Kind.FROZEN), when=START, sense=True),
         Case("camera mirrored", does(Of.CAMERA, Kind.MIRRORED), when=START, sense=True),
-        Case("camera black from the act on", does(Of.CAMERA, Kind.BLACK), (*PLACES, "pour"), sense=True),
-        Case("camera frozen from the act on", does(Of.CAMERA, Kind.FROZEN), (*PLACES, "pour"), sense=True),
+        Case("camera black from the act on", does(Of.CAMERA, Kind.BLACK), (*PLACES, "pour"),
+             sense=True),
+        Case("camera frozen from the act on", does(Of.CAMERA, Kind.FROZEN), (*PLACES, "pour"),
+             sense=True),
         Case("wrist zero", does(Of.WRIST, Kind.ZERO), when=START, sense=True),
         Case("wrist stuck", does(Of.WRIST, Kind.STUCK), when=START, sense=True),
         Case("wrist nan", does(Of.WRIST, Kind.NAN), when=START, sense=True),
         Case("wrist off by 3 N", does(Of.WRIST, Kind.BIAS), when=START, sense=True),
-        Case("wrist off by 3 N while it carries", does(Of.WRIST, Kind.BIAS), when=at(CARRY), sense=True),
-        Case("elbow encoder off by 0.05 rad", of_arm(Of.ENCODER, Kind.BIAS), when=START, sense=True),
+        Case("wrist off by 3 N while it carries", does(Of.WRIST, Kind.BIAS), when=at(CARRY),
+             sense=True),
+        Case("elbow encoder off by 0.05 rad", of_arm(Of.ENCODER, Kind.BIAS), when=START,
+             sense=True),
         Case("elbow encoder stuck", of_arm(Of.ENCODER, Kind.STUCK), when=START, sense=True),
         Case("elbow sticks", of_arm(Of.JOINT, Kind.STICKS), when=START),
         Case("a finger sticks", stiff_finger, when=START),
@@ -448,7 +509,7 @@ CASES = {
 }  # fmt: skip
 
 
-# --- the truth --------------------------------------------------------------------------------------------------------
+# --- the truth ------------------------------------------------------------------------------------
 
 
 def stands(truth: Truth, name: str) -> bool:
@@ -464,19 +525,26 @@ def hand_of(truth: Truth, name: str) -> str:
 
 
 def taken(truth: Truth, first: Truth) -> bool:
-    """Whether a hand holds the jar, and took it away from where it stood. One that leans against a hand is not held."""
+    """Whether a hand holds the jar, and took it away from where it stood. One that leans against a
+    hand is not held.
+    """
     away = math.dist(truth.at[JAR], first.at[JAR]) > NEAR_M
     return bool(hand_of(truth, JAR)) and away and truth.tilt_deg[JAR] < LEANS_DEG
 
 
 def goal(run: Disturbed, act: str, first: Truth, held: str) -> bool:
-    """Return whether a task is truly done. `first`: at the beginning, `held`: in which hand the jar was then."""
+    """Return whether a task is truly done. `first`: at the beginning, `held`: in which hand the jar
+    was then.
+    """
     truth = run.truth.read()
     match act:
         case "take" | "bring":
             return taken(truth, first)
         case "open":
-            return taken(truth, first) and max(abs(angle(run, name)) for name in ("door_1", "door_2")) > OPEN_RAD
+            return (
+                taken(truth, first)
+                and max(abs(angle(run, name)) for name in ("door_1", "door_2")) > OPEN_RAD
+            )
         case "carry":
             away = run.truth.pose(TABLE)[0].T @ (np.array(truth.at[JAR]) - run.truth.pose(TABLE)[1])
             return stands(truth, JAR) and bool(np.hypot(*away[:2]) < 0.65)
@@ -486,7 +554,9 @@ def goal(run: Disturbed, act: str, first: Truth, held: str) -> bool:
             near = math.dist(truth.at[JAR], first.at[JAR]) < NEAR_M
             return stands(truth, JAR) and near
         case "pour":
-            return truth.grains_in[BOWL] >= LEAST * truth.grains and truth.tilt_deg[BOWL] < UPRIGHT_DEG
+            return (
+                truth.grains_in[BOWL] >= LEAST * truth.grains and truth.tilt_deg[BOWL] < UPRIGHT_DEG
+            )
         case _:
             return taken(truth, first) and hand_of(truth, JAR) != held
 
@@ -497,7 +567,9 @@ def angle(run: Disturbed, name: str) -> float:
 
 
 def judged(said: str, why: Facts, good: bool, dropped: bool) -> str:
-    """Return the verdict on what the robot said, and why. `good`: the task is truly done; `dropped`: see above."""
+    """Return the verdict on what the robot said, and why. `good`: the task is truly done;
+    `dropped`: see above.
+    """
     if said.startswith("crash"):
         return "crash"
     if said == OVER:
@@ -508,27 +580,48 @@ def judged(said: str, why: Facts, good: bool, dropped: bool) -> str:
         return "right done" if good else "FALSE done"
     if not good:
         return "right failed"
-    return "unsure" if any(one.kind in UNSURE for one in facts.with_reasons(why)) else "false failed"
+    return (
+        "unsure" if any(one.kind in UNSURE for one in facts.with_reasons(why)) else "false failed"
+    )
 
 
 OVER = "simulated time is over"
 UNSURE = (PourKind.NOT_SEEN_IN, facts.Kind.NOT_CHECKED, facts.Kind.UNCHECKABLE)
 """Facts that say that it is not known whether the task is done."""
 HOPELESS = dict.fromkeys(
-    ("jar removed", "jar tipped before", "jar struck out of the hand", "jar toppled as the hand lets go",
+    ("jar removed", "jar tipped before", "jar struck out of the hand",
+     "jar toppled as the hand lets go",
      "bowl removed during the tilt"), ACTS,
 ) | dict.fromkeys(("bowl removed", "bowl tipped before"), ("pour",))  # fmt: skip
 """Case -> tasks that nobody could do then: the thing is gone, lies, or fell to the floor."""
-VERDICTS = ("right done", "right failed", "unsure", "false failed", "FALSE done", "drop", "hang", "crash")
+VERDICTS = (
+    "right done",
+    "right failed",
+    "unsure",
+    "false failed",
+    "FALSE done",
+    "drop",
+    "hang",
+    "crash",
+)
 
 
-def measured(scene: str, act: str, case: Case, seed: int, folder: Path, verbose: bool = False) -> dict[str, Any]:
+def measured(
+    scene: str, act: str, case: Case, seed: int, folder: Path, verbose: bool = False
+) -> dict[str, Any]:
     """Return one run, as a line of the results file."""
     began, file = time.perf_counter(), folder / "disturbances.json"
     file.unlink(missing_ok=True)
     spare = (SPARE[BOX], SPARE[JAR_2]) if case.name == "a second jar" else (SPARE[BOX],)
     world = vary(load(CANONICAL.with_stem(scene)), seed)
-    run = Disturbed(msgspec.structs.replace(world, things=(*world.things, *spare)), seed, case, act, file, verbose)
+    run = Disturbed(
+        msgspec.structs.replace(world, things=(*world.things, *spare)),
+        seed,
+        case,
+        act,
+        file,
+        verbose,
+    )
     first, held = run.truth.read(), ""
     why: Facts = ()
     try:
@@ -550,22 +643,30 @@ def measured(scene: str, act: str, case: Case, seed: int, folder: Path, verbose:
     fallen = [name for name in (JAR, BOWL) if truth.at[name][2] < FLOOR_M]
     good = goal(run, act, first, held)
     return {
-        "scene": scene, "act": act, "case": case.name, "seed": seed, "happened": run.happened, "said": said,
-        "verdict": judged(said, why, good, case.sense and bool(fallen)), "good": good, "fallen": fallen,
+        "scene": scene, "act": act, "case": case.name, "seed": seed, "happened": run.happened,
+        "said": said,
+        "verdict": judged(said, why, good, case.sense and bool(fallen)), "good": good,
+        "fallen": fallen,
         "at": {name: [round(x, 3) for x in truth.at[name]] for name in (JAR, BOWL)},
-        "tilt_deg": {name: round(truth.tilt_deg[name], 1) for name in (JAR, BOWL)}, "grains": truth.grains,
-        "grains_in": truth.grains_in, "held_by": {name: hand_of(truth, name) for name in (JAR, BOWL)},
-        "ill": [f"{one.sense} {one.fault}" for one in run.here.ill], "plans": run.planned, "acts": len(run.acts),
-        "sim_time_s": round(float(run.body.core.state.time), 1), "wall_s": round(time.perf_counter() - began, 1),
+        "tilt_deg": {name: round(truth.tilt_deg[name], 1) for name in (JAR, BOWL)},
+        "grains": truth.grains,
+        "grains_in": truth.grains_in, "held_by": {name: hand_of(truth,
+                                                                name) for name in (JAR, BOWL)},
+        "ill": [f"{one.sense} {one.fault}" for one in run.here.ill], "plans": run.planned,
+        "acts": len(run.acts),
+        "sim_time_s": round(float(run.body.core.state.time), 1),
+        "wall_s": round(time.perf_counter() - began, 1),
         "commit": RUN,
     }  # fmt: skip
 
 
-# --- the table --------------------------------------------------------------------------------------------------------
+# --- the table ------------------------------------------------------------------------------------
 
 
 def printed(lines: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield the table of verdicts by disturbance, the same by act, and below the words of what was wrong."""
+    """Yield the table of verdicts by disturbance, the same by act, and below the words of what was
+    wrong.
+    """
     lines = [line for line in lines if line["happened"]]
     yield from counted("what happens", lines, "case", CASES)
     yield ""
@@ -574,7 +675,10 @@ def printed(lines: list[dict[str, Any]]) -> Iterator[str]:
     could = [line for line in lines if line["act"] not in HOPELESS.get(line["case"], ())]
     done = sum(line["good"] for line in could)
     share = 100 * done / max(1, len(could))
-    yield f"Of the {len(could)} runs in which the task could be done, it is done in {done} ({share:.1f} %)."
+    yield (
+        f"Of the {len(could)} runs in which the task could be done, it is done in {done}"
+        f" ({share:.1f} %)."
+    )
     yield ""
     wrong: dict[str, list[str]] = {}
     for line in lines:
@@ -585,14 +689,19 @@ def printed(lines: list[dict[str, Any]]) -> Iterator[str]:
         yield f"- {words} ({', '.join(of)})"
 
 
-def counted(head: str, lines: list[dict[str, Any]], field: str, values: Iterable[str]) -> Iterator[str]:
+def counted(
+    head: str, lines: list[dict[str, Any]], field: str, values: Iterable[str]
+) -> Iterator[str]:
     """Yield a table of how many runs of each value of a field ended how."""
     yield f"| {head} | runs | {' | '.join(VERDICTS)} |"
     yield "|---" * (len(VERDICTS) + 2) + "|"
     for value in values:
         ran = Counter(line["verdict"] for line in lines if line[field] == value)
         if ran:
-            yield f"| {value} | {ran.total()} | {' | '.join(str(ran[verdict]) for verdict in VERDICTS)} |"
+            yield (
+                f"| {value} | {ran.total()} |"
+                f" {' | '.join(str(ran[verdict]) for verdict in VERDICTS)} |"
+            )
 
 
 def key(line: dict[str, Any]) -> tuple[str, str, str, int]:
@@ -611,14 +720,20 @@ def rows(scenes: str, acts: str, cases: str, seeds: str) -> Iterator[tuple[str, 
 
 def main(
     seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-3",
-    cases: Annotated[str, typer.Option(help="names of --list, with commas between")] = ",".join(CASES),
+    cases: Annotated[str, typer.Option(help="names of --list, with commas between")] = ",".join(
+        CASES
+    ),
     acts: Annotated[str, typer.Option(help=", ".join(ACTS))] = ",".join(ACTS),
     scenes: Annotated[str, typer.Option(help=", ".join(SCENES))] = ",".join(SCENES),
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
-    again: Annotated[str, typer.Option(help="run again what another version ran with one of these verdicts")] = "",
+    again: Annotated[
+        str, typer.Option(help="run again what another version ran with one of these verdicts")
+    ] = "",
     verbose: Annotated[bool, typer.Option("--verbose", help="tell each act")] = False,
     names: Annotated[bool, typer.Option("--list", help="list the disturbances, and end")] = False,
-    table: Annotated[bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")] = False,
+    table: Annotated[
+        bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")
+    ] = False,
 ) -> None:
     """Run what does not stand in the results file yet."""
     if names:
@@ -640,7 +755,10 @@ def main(
                 line = measured(scene, act, CASES[case], seed, Path(folder), verbose)
                 tables.append(out, line)
                 did = "" if line["happened"] else ", did not happen"
-                words = f"{line['verdict']}{did}: {line['said']} ({line['sim_time_s']} s, wall {line['wall_s']} s)"
+                words = (
+                    f"{line['verdict']}{did}: {line['said']} ({line['sim_time_s']} s, wall"
+                    f" {line['wall_s']} s)"
+                )
                 typer.echo(f"{scene}, {act}, {case}, seed {seed}: {words}")
 
 

@@ -1,8 +1,9 @@
-"""Whether a pour succeeds when a process is killed, hung, paused or cut off, or the link of two agents is cut: each
-process or link, phase and fault.
+"""Whether a pour succeeds when a process is killed, hung, paused or cut off, or the link of two
+agents is cut: each process or link, phase and fault.
 
-One run of `roco chaos` per cell (operate.cli.faults.chaos). Appends one line per cell to a results file and skips cells
-that stand there, so that it may be ended at any time and goes on. `--table` writes docs/reliability.md.
+One run of `roco chaos` per cell (operate.cli.faults.chaos). Appends one line per cell to a results
+file and skips cells that stand there, so that it may be ended at any time and goes on. `--table`
+writes docs/reliability.md.
 
     python benchmarks/fault_table.py --faults kill,pause
 """
@@ -30,7 +31,9 @@ VICTIMS = ("hi", "co", "pl", "km", "ta", "ex", "loop", "router", "monitor")
 LINKS = tuple(sorted("-".join(sorted(channel.ends)) for channel in SYSTEM.design.channels.values()))
 """Pairs of agents, each linked with each other; only `cut` is done to them."""
 WIRELESS = ("loop", "monitor")
-"""They have no wire that could be cut: the loop speaks with nobody, the monitor with the router directly."""
+"""They have no wire that could be cut: the loop speaks with nobody, the monitor with the router
+directly.
+"""
 RESULTS = Path(__file__).parent / "results/fault_table.jsonl"
 PAGE = Path(__file__).parents[1] / "docs/reliability.md"
 BEGIN, END = "<!-- faults: python benchmarks/fault_table.py --table -->\n", "<!-- /faults -->\n"
@@ -41,15 +44,26 @@ def cell(victim: str, phase: str, fault: str, seed: int, out: Path) -> dict[str,
     one = Cell(seed, fault, victim, phase, JOB.phases[phase], FAULTS[fault])
     asked = trials.Asked(1, seed, "max", None, JOB.timeout_s, 0.0)
     done = chaos.done(out, trials.here("chaos", (*JOB.command, "--faults"), asked), one)
-    line = {"victim": victim, "phase": phase, "fault": fault, "seed": seed, "done": done.began, "load": done.load}
+    line = {
+        "victim": victim,
+        "phase": phase,
+        "fault": fault,
+        "seed": seed,
+        "done": done.began,
+        "load": done.load,
+    }
     line |= {"exit": done.exit, "wall_s": done.wall_s, "poured": done.success, "why": done.why}
     line |= {"broken": done.broken, "stuck": done.stuck, "orphans": done.orphans}
     return line | figures(trials.folder(out, seed))
 
 
 def figures(run: Path) -> dict[str, Any]:
-    """Return how many plans a pour needed, what was against the design, how many acts were begun twice."""
-    found: dict[str, Any] = {"doubled": sum(times - 1 for times in begun_twice(Run(run, SYSTEM).history).values())}
+    """Return how many plans a pour needed, what was against the design, how many acts were begun
+    twice.
+    """
+    found: dict[str, Any] = {
+        "doubled": sum(times - 1 for times in begun_twice(Run(run, SYSTEM).history).values())
+    }
     if (run / REPORT_FILE).exists():
         report = msgspec.json.decode((run / REPORT_FILE).read_bytes())
         found["plans"] = len(report["plans"])
@@ -62,7 +76,9 @@ def main(
     victims: Annotated[str, typer.Option()] = ",".join((*VICTIMS, *LINKS)),
     phases: Annotated[str, typer.Option()] = ",".join(JOB.phases),
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
-    table: Annotated[bool, typer.Option("--table", help="write the tables into docs/reliability.md, and end")] = False,
+    table: Annotated[
+        bool, typer.Option("--table", help="write the tables into docs/reliability.md, and end")
+    ] = False,
 ) -> None:
     """Run the cells that do not stand in the results file yet."""
     lines = tables.read(out)
@@ -78,31 +94,54 @@ def main(
             line = cell(victim, phase, fault, 1 + number % 10, Path(folder))
         tables.append(out, line)
         words = "poured" if line["poured"] else f"NOT POURED: {line['why']}"
-        typer.echo(f"{fault} {victim} at {phase}: {words}, doubled {line['doubled']}, {line['wall_s']} s")
+        typer.echo(
+            f"{fault} {victim} at {phase}: {words}, doubled {line['doubled']}, {line['wall_s']} s"
+        )
 
 
 def printed(lines: list[dict[str, Any]]) -> str:
-    """Return a table for each fault: a row for each process, a column for each phase; below it what did not pour.
+    """Return a table for each fault: a row for each process, a column for each phase; below it what
+    did not pour.
 
-    The newest line of a cell counts: one that failed is tried again when the reason was mended, and both lines stay.
+    The newest line of a cell counts: one that failed is tried again when the reason was mended, and
+    both lines stay.
     """
     found = {(line["fault"], line["victim"], line["phase"]): line for line in lines}
     parts = []
     for fault in FAULTS:
-        rows = [victim for victim in (*VICTIMS, *LINKS) if any((fault, victim, phase) in found for phase in JOB.phases)]
+        rows = [
+            victim
+            for victim in (*VICTIMS, *LINKS)
+            if any((fault, victim, phase) in found for phase in JOB.phases)
+        ]
         if not rows:
             continue
-        parts += ["", f"| {fault} | {' | '.join(JOB.phases)} | poured |", "|---" * (len(JOB.phases) + 2) + "|"]
+        parts += [
+            "",
+            f"| {fault} | {' | '.join(JOB.phases)} | poured |",
+            "|---" * (len(JOB.phases) + 2) + "|",
+        ]
         for victim in rows:
             cells = [found.get((fault, victim, phase)) for phase in JOB.phases]
             ran = [one for one in cells if one is not None]
             marks = ["" if one is None else "✓" if one["poured"] else "✗" for one in cells]
-            parts.append(f"| {victim} | {' | '.join(marks)} | {sum(one['poured'] for one in ran)} of {len(ran)} |")
+            parts.append(
+                f"| {victim} | {' | '.join(marks)} | {sum(one['poured'] for one in ran)} of"
+                f" {len(ran)} |"
+            )
         wrong = [one for one in lines if one["fault"] == fault and not one["poured"]]
         parts += ["", *(_wrong(one, found) for one in wrong)]
-    doubled, stuck = (sum(int(line.get(what) or 0) for line in lines) for what in ("doubled", "stuck"))
-    poured, left = sum(one["poured"] for one in found.values()), sum(len(one.get("orphans", ())) for one in lines)
-    total = f"{poured} of {len(found)} poured, {stuck} stuck, {doubled} acts begun twice, {left} processes left over"
+    doubled, stuck = (
+        sum(int(line.get(what) or 0) for line in lines) for what in ("doubled", "stuck")
+    )
+    poured, left = (
+        sum(one["poured"] for one in found.values()),
+        sum(len(one.get("orphans", ())) for one in lines),
+    )
+    total = (
+        f"{poured} of {len(found)} poured, {stuck} stuck, {doubled} acts begun twice, {left}"
+        " processes left over"
+    )
     loads = [line["load"] for line in lines]
     total += f" (load {min(loads):.0f} to {max(loads):.0f})." if loads else "."
     return "\n".join((total, *parts)).rstrip() + "\n"
@@ -112,7 +151,8 @@ def _wrong(line: dict[str, Any], found: dict[tuple[str, str, str], dict[str, Any
     """A run that did not pour, and whether the same cell has poured since."""
     since = found[line["fault"], line["victim"], line["phase"]]["poured"]
     return (
-        f"- {line['victim']}, {line['phase']}: {line['why']}{' **It poured when this was mended.**' if since else ''}"
+        f"- {line['victim']}, {line['phase']}:"
+        f" {line['why']}{' **It poured when this was mended.**' if since else ''}"
     )
 
 

@@ -1,8 +1,10 @@
-"""Fleets of router, km and pl side by side, as shipped and with parts of it left out, and bare gets: asked by turns.
+"""Fleets of router, km and pl side by side, as shipped and with parts of it left out, and bare
+gets: asked by turns.
 
-`SHIPPED` is what `roco up` and containers start: agents linked by mutual TLS, the rights of the design, the monitor,
-which records, judges and draws, and all files on disk. `UNIX` is what `roco up --links unix` starts. The others say
-what parts of `SHIPPED` cost. `BARE` is a get of as many bytes through a router of its own.
+`SHIPPED` is what `roco up` and containers start: agents linked by mutual TLS, the rights of the
+design, the monitor, which records, judges and draws, and all files on disk. `UNIX` is what `roco up
+--links unix` starts. The others say what parts of `SHIPPED` cost. `BARE` is a get of as many bytes
+through a router of its own.
 """
 
 import os
@@ -25,7 +27,9 @@ from companion.design import DESIGN
 HERE = Path(__file__).resolve().parent
 START_S, WITHIN_S, REST_S = 180.0, 60.0, 30.0  # estimates: on a machine that is busy with much else
 LOOK_S, IDLE_TICKS = 0.1, 1
-"""Period [s], and processor time in it [ticks] up to which a process is idle: heartbeats take less (estimate)."""
+"""Period [s], and processor time in it [ticks] up to which a process is idle: heartbeats take less
+(estimate).
+"""
 
 
 class NotThereError(Exception):
@@ -33,7 +37,9 @@ class NotThereError(Exception):
 
 
 class Kind(msgspec.Struct, frozen=True):
-    """Kind of fleet. `bare`: two sessions instead of agents; `unix`: agents are linked by sockets of this host."""
+    """Kind of fleet. `bare`: two sessions instead of agents; `unix`: agents are linked by sockets
+    of this host.
+    """
 
     name: str
     secured: bool = False
@@ -44,7 +50,11 @@ class Kind(msgspec.Struct, frozen=True):
 
 BARE = Kind("bare get", bare=True)
 SHIPPED = Kind("as shipped", secured=True, monitored=True)
-PARTS = (Kind("plain, no monitor"), Kind("TLS and rights, no monitor", secured=True), Kind("plain", monitored=True))
+PARTS = (
+    Kind("plain, no monitor"),
+    Kind("TLS and rights, no monitor", secured=True),
+    Kind("plain", monitored=True),
+)
 UNIX = Kind("unix sockets", secured=True, monitored=True, unix=True)
 KINDS = (BARE, *PARTS, SHIPPED, UNIX)
 
@@ -58,7 +68,12 @@ class Fleet:
         self._address = self._endpoint()
         if kind.secured:
             issuing.issue(run / "keys", DESIGN, (SYSTEM,))
-        told = {"CONNECT": self._address, "RUN_DIR": str(run), "SYSTEM": SYSTEM, "AGENTS": self._agents()}
+        told = {
+            "CONNECT": self._address,
+            "RUN_DIR": str(run),
+            "SYSTEM": SYSTEM,
+            "AGENTS": self._agents(),
+        }
         told |= {"TLS_DIR": str(run / "keys") if kind.secured else "", "LOG_LEVEL": "warning"}
         self._environment = os.environ | {f"ROCO_{name}": value for name, value in told.items()}
         self._started: list[subprocess.Popen[bytes]] = []
@@ -74,7 +89,10 @@ class Fleet:
     def _agents(self) -> str:
         """Return where pl and km are reached, each time other places."""
         sockets = f"{UNIX_SOCKET}{self._run}/"
-        at = {name: f"{sockets}{name}.sock" if self._kind.unix else self._endpoint() for name in DESIGN.agents}
+        at = {
+            name: f"{sockets}{name}.sock" if self._kind.unix else self._endpoint()
+            for name in DESIGN.agents
+        }
         return ",".join(f"{name}={endpoint}" for name, endpoint in at.items())
 
     def _begin(self, kind: Kind) -> None:
@@ -91,7 +109,9 @@ class Fleet:
         os.close(write)
         beat = self._run / "pl.heartbeat.json"
         if not kind.bare:
-            self._wait(lambda: beat.exists() and b'"km":1' in beat.read_bytes(), "pl, which looks for km,")
+            self._wait(
+                lambda: beat.exists() and b'"km":1' in beat.read_bytes(), "pl, which looks for km,"
+            )
 
     def _serve(self, module: str, ready: str) -> None:
         self._start([sys.executable, "-P", "-m", module])
@@ -99,12 +119,18 @@ class Fleet:
 
     def _role(self, name: str, out: int, folder: Path, **more: Any) -> subprocess.Popen[bytes]:
         words = [name, self._address, str(folder), str(out)]
-        return self._start([sys.executable, str(HERE / "round_trip.py"), *words], pass_fds=[out], **more)
+        return self._start(
+            [sys.executable, str(HERE / "round_trip.py"), *words], pass_fds=[out], **more
+        )
 
     def _start(self, command: list[str], **more: Any) -> subprocess.Popen[bytes]:
         with (self._run / "bench.log").open("ab") as log:
             process = subprocess.Popen(
-                command, **({"stdin": subprocess.DEVNULL} | more), env=self._environment, stdout=log, stderr=log
+                command,
+                **({"stdin": subprocess.DEVNULL} | more),
+                env=self._environment,
+                stdout=log,
+                stderr=log,
             )
         self._started.append(process)
         return process
@@ -113,7 +139,9 @@ class Fleet:
         until = time.monotonic() + START_S
         while not there():
             if time.monotonic() > until:
-                raise NotThereError(f"{who} is not ready after {START_S:g} s; see {self._run}/bench.log")
+                raise NotThereError(
+                    f"{who} is not ready after {START_S:g} s; see {self._run}/bench.log"
+                )
             time.sleep(0.02)
 
     def block(self, answer: str, count: int) -> list[float]:
@@ -122,11 +150,15 @@ class Fleet:
         self._asker.stdin.write(msgspec.json.encode(Block(answer, count)) + b"\n")
         self._asker.stdin.flush()
         if not select.select([self._times], [], [], WITHIN_S)[0]:
-            raise NotThereError(f"no answers of {answer} in {WITHIN_S:g} s; see {self._run}/bench.log")
+            raise NotThereError(
+                f"no answers of {answer} in {WITHIN_S:g} s; see {self._run}/bench.log"
+            )
         return msgspec.json.decode(self._times.readline(), type=list[float])
 
     def rest(self) -> None:
-        """Wait until it has done its work: a monitor is behind after a block, and others would pay for it."""
+        """Wait until it has done its work: a monitor is behind after a block, and others would pay
+        for it.
+        """
         until, used = time.monotonic() + REST_S, -1
         while used < (used := self.ticks()) - IDLE_TICKS and time.monotonic() < until:
             time.sleep(LOOK_S)
@@ -136,7 +168,9 @@ class Fleet:
         return sum(ticks(pid) for process in self._started for pid in tree(process.pid))
 
     def end(self) -> None:
-        """Stop it, the router last. A monitor is killed: it would make a report of all that was asked."""
+        """Stop it, the router last. A monitor is killed: it would make a report of all that was
+        asked.
+        """
         for process in reversed(self._started):
             monitor = "services.monitor" in process.args  # type: ignore[operator]  # a list of words
             process.send_signal(signal.SIGKILL if monitor else signal.SIGTERM)
@@ -147,7 +181,9 @@ def tree(pid: int) -> list[int]:
     """A process and all that it has started, by whichever of its threads."""
     try:
         below = [
-            int(word) for file in Path(f"/proc/{pid}/task").glob("*/children") for word in file.read_text().split()
+            int(word)
+            for file in Path(f"/proc/{pid}/task").glob("*/children")
+            for word in file.read_text().split()
         ]
     except OSError:
         below = []

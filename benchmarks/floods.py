@@ -1,8 +1,9 @@
-"""A stolen key that floods: the memory and disk of whom it hits, and how long the other peers wait meanwhile.
+"""A stolen key that floods: the memory and disk of whom it hits, and how long the other peers wait
+meanwhile.
 
-A router with keys and rights, co, and the monitor, as `roco up` has them. A thief with hi's key dials co and puts as
-many messages a second as asked on keys that hi has a right to; a session with ta's key asks co for a pong again and
-again.
+A router with keys and rights, co, and the monitor, as `roco up` has them. A thief with hi's key
+dials co and puts as many messages a second as asked on keys that hi has a right to; a session with
+ta's key asks co for a pong again and again.
 
     python benchmarks/floods.py --kinds gap,ping --rate 10000 --seconds 10
 """
@@ -91,7 +92,9 @@ def thief(address: str, keys: Path, kind: str, rate: float, seconds: float) -> i
 
 
 class Asker:
-    """ta asks co for a pong, one after the other; `waits` [s], `lost`: without an answer in PATIENCE_S."""
+    """ta asks co for a pong, one after the other; `waits` [s], `lost`: without an answer in
+    PATIENCE_S.
+    """
 
     def __init__(self, address: str, keys: Path) -> None:
         self.waits, self.lost = list[float](), 0
@@ -110,7 +113,11 @@ class Asker:
         while not self._over.wait(0.05):
             self._answered.clear()
             began = time.monotonic()
-            self._session.put(f"roco/{SYSTEM}/_/ping/ta/co", b"C1", congestion_control=zenoh.CongestionControl.BLOCK)
+            self._session.put(
+                f"roco/{SYSTEM}/_/ping/ta/co",
+                b"C1",
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
             if self._answered.wait(PATIENCE_S):
                 self.waits.append(time.monotonic() - began)
             else:
@@ -125,7 +132,11 @@ class Asker:
 
 def memory_mb(pid: int, what: str) -> float:
     """Return a figure of /proc/PID/status [MB]."""
-    line = next(line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith(what))
+    line = next(
+        line
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines()
+        if line.startswith(what)
+    )
     return int(line.split()[1]) / 1024
 
 
@@ -137,7 +148,9 @@ def disk(run: Path) -> dict[str, int]:
 
 def lines(run: Path) -> int:
     """Return the number of log lines of co and the monitor."""
-    return sum((run / name).read_bytes().count(b"\n") for name in ("logs/co.jsonl", "logs/monitor.jsonl"))
+    return sum(
+        (run / name).read_bytes().count(b"\n") for name in ("logs/co.jsonl", "logs/monitor.jsonl")
+    )
 
 
 def measured(kind: str, rate: float, seconds: float) -> dict[str, Any]:
@@ -147,18 +160,43 @@ def measured(kind: str, rate: float, seconds: float) -> dict[str, Any]:
         issuing.issue(keys, DESIGN, (SYSTEM,))
         address = free_endpoint().replace("tcp/", "tls/")
         agents = {name: free_endpoint().replace("tcp/", "tls/") for name in DESIGN.agents}
-        told = {"CONNECT": address, "RUN_DIR": folder, "SYSTEM": SYSTEM, "TLS_DIR": str(keys), "LISTEN": ""}
+        told = {
+            "CONNECT": address,
+            "RUN_DIR": folder,
+            "SYSTEM": SYSTEM,
+            "TLS_DIR": str(keys),
+            "LISTEN": "",
+        }
         told["AGENTS"] = ",".join(f"{name}={endpoint}" for name, endpoint in agents.items())
         environment = os.environ | {f"ROCO_{name}": value for name, value in told.items()}
         processes = {}
         try:
-            for name, module in (("router", "router"), ("monitor", "monitor"), ("co", "coordinator")):
+            for name, module in (
+                ("router", "router"),
+                ("monitor", "monitor"),
+                ("co", "coordinator"),
+            ):
                 with (run / f"{name}.log").open("ab") as log:
                     command = [sys.executable, "-P", "-m", f"services.{module}"]
-                    processes[name] = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
-                _wait(lambda name=name: (run / f"{name}.ready").exists() or (run / f"{name}.heartbeat.json").exists())
+                    processes[name] = subprocess.Popen(
+                        command, env=environment, stdout=log, stderr=log
+                    )
+                _wait(
+                    lambda name=name: (
+                        (run / f"{name}.ready").exists()
+                        or (run / f"{name}.heartbeat.json").exists()
+                    )
+                )
             _wait(lambda: b'"up":true' in (run / "co.heartbeat.json").read_bytes())
-            return _flooded(run, keys, agents["co"], {n: p.pid for n, p in processes.items()}, kind, rate, seconds)
+            return _flooded(
+                run,
+                keys,
+                agents["co"],
+                {n: p.pid for n, p in processes.items()},
+                kind,
+                rate,
+                seconds,
+            )
         finally:
             for process in processes.values():
                 process.kill()
@@ -166,10 +204,20 @@ def measured(kind: str, rate: float, seconds: float) -> dict[str, Any]:
 
 
 def _flooded(
-    run: Path, keys: Path, address: str, pids: dict[str, int], kind: str, rate: float, seconds: float
+    run: Path,
+    keys: Path,
+    address: str,
+    pids: dict[str, int],
+    kind: str,
+    rate: float,
+    seconds: float,
 ) -> dict[str, Any]:
     asker = Asker(address, keys)
-    before, written, said = {name: memory_mb(pids[name], "VmRSS") for name in LOOKED_AT}, disk(run), lines(run)
+    before, written, said = (
+        {name: memory_mb(pids[name], "VmRSS") for name in LOOKED_AT},
+        disk(run),
+        lines(run),
+    )
     asker.begin()
     command = [sys.executable, __file__, "--thief", kind, "--address", address, "--keys", str(keys)]
     command += ["--rate", str(rate), "--seconds", str(seconds)]
@@ -182,7 +230,9 @@ def _flooded(
     return {
         "kind": kind,
         "put": put,
-        "memory_mb": {name: round(memory_mb(pids[name], "VmHWM") - before[name]) for name in LOOKED_AT},
+        "memory_mb": {
+            name: round(memory_mb(pids[name], "VmHWM") - before[name]) for name in LOOKED_AT
+        },
         "router_mb": round(memory_mb(pids["router"], "VmHWM")),
         "log_lines": lines(run) - said,
         "disk_mb": round(sum(grown.values()) / 1e6, 1),
@@ -205,9 +255,13 @@ def _wait(there: Callable[[], bool]) -> None:
 
 def main(
     kinds: Annotated[str, typer.Option(help="Which floods.")] = ",".join(KINDS),
-    rate: Annotated[float, typer.Option(help="Messages a second; of large ones a hundredth.")] = 10_000.0,
+    rate: Annotated[
+        float, typer.Option(help="Messages a second; of large ones a hundredth.")
+    ] = 10_000.0,
     seconds: Annotated[float, typer.Option(help="How long.")] = 10.0,
-    thief_of: Annotated[str, typer.Option("--thief", help="Be the thief (the script starts it).")] = "",
+    thief_of: Annotated[
+        str, typer.Option("--thief", help="Be the thief (the script starts it).")
+    ] = "",
     address: Annotated[str, typer.Option()] = "",
     keys: Annotated[Path, typer.Option()] = Path(),
 ) -> None:

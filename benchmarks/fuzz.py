@@ -1,9 +1,10 @@
-"""A million wrong inputs into everything that reads bytes of others: no crash, no hang, memory bounded.
+"""A million wrong inputs into everything that reads bytes of others: no crash, no hang, memory
+bounded.
 
-The readers, the errors they may raise and how inputs are made are in tests/fuzz; CI runs a few thousand of them. Here
-each row of results/fuzz.jsonl is one seed of one reader, in a process of its own; rows that stand there are not run
-again, so it may be ended at any time and goes on. What crashes is kept in tests/fuzz_corpus/READER, which CI replays.
-`--table` writes docs/reliability.md.
+The readers, the errors they may raise and how inputs are made are in tests/fuzz; CI runs a few
+thousand of them. Here each row of results/fuzz.jsonl is one seed of one reader, in a process of its
+own; rows that stand there are not run again, so it may be ended at any time and goes on. What
+crashes is kept in tests/fuzz_corpus/READER, which CI replays. `--table` writes docs/reliability.md.
 
     nice python benchmarks/fuzz.py --inputs 1000000
 """
@@ -33,16 +34,21 @@ BEGIN, END = "<!-- fuzz: python benchmarks/fuzz.py --table -->\n", "<!-- /fuzz -
 ROW = 20_000
 """Inputs of a row for a reader of weight 1: half a minute (measured at a load of 10)."""
 ROOM = 2 * 1024**3
-"""Bytes of address space beyond what the process has at its begin: more is refused to it (estimate)."""
+"""Bytes of address space beyond what the process has at its begin: more is refused to it
+(estimate).
+"""
 PATIENCE_S = 3600.0  # for a row; an input that hangs in C is ended with its process
 
 
 def row(target: Target, seed: int, count: int) -> dict[str, Any]:
     """Run one seed in a process of its own; its line of the results file."""
     load, began = os.getloadavg()[0], time.monotonic()
-    os.environ["PYTHONSAFEPATH"] = "1"  # or the child would look for its first libraries in the folder here
+    # or the child would look for its first libraries in the folder here
+    os.environ["PYTHONSAFEPATH"] = "1"
     ours, its = multiprocessing.Pipe()
-    child = multiprocessing.get_context("spawn").Process(target=serve, args=(target.name, seed, count, its))
+    child = multiprocessing.get_context("spawn").Process(
+        target=serve, args=(target.name, seed, count, its)
+    )
     child.start()
     its.close()
     try:
@@ -58,9 +64,12 @@ def row(target: Target, seed: int, count: int) -> dict[str, Any]:
         keep(target.name, crash.input)
     crashes = sorted({f"{crash.where} {crash.what}" for crash in outcome.crashes})
     return line | {
-        "inputs": outcome.inputs, "accepted": outcome.errors.pop("", 0), "errors": dict(outcome.errors),
-        "slowest_ms": round(outcome.slowest_ms, 1), "slowest_bytes": len(outcome.slowest), "peak_mb": outcome.peak_mb,
-        "grown_mb": outcome.grown_mb, "crashes": crashes, "seconds": round(time.monotonic() - began, 1),
+        "inputs": outcome.inputs, "accepted": outcome.errors.pop("", 0),
+        "errors": dict(outcome.errors),
+        "slowest_ms": round(outcome.slowest_ms, 1), "slowest_bytes": len(outcome.slowest),
+        "peak_mb": outcome.peak_mb,
+        "grown_mb": outcome.grown_mb, "crashes": crashes,
+        "seconds": round(time.monotonic() - began, 1),
     }  # fmt: skip
 
 
@@ -92,13 +101,21 @@ def fresh(name: str, known: dict[tuple[str, int], int]) -> int:
 
 def printed(lines: list[dict[str, Any]]) -> str:
     """Return the table: one row for each reader."""
-    total, crashes = sum(line["inputs"] for line in lines), sum(len(line["crashes"]) for line in lines)
+    total, crashes = (
+        sum(line["inputs"] for line in lines),
+        sum(len(line["crashes"]) for line in lines),
+    )
     loads = [line["load"] for line in lines]
     rows = [
-        f"{total:,} inputs, {crashes} crashes or hangs; 2 cores, other work beside it "
-        f"(load {min(loads):g} to {max(loads):g}).",
+        (
+            f"{total:,} inputs, {crashes} crashes or hangs; 2 cores, other work beside it "
+            f"(load {min(loads):g} to {max(loads):g})."
+        ),
         "",
-        "| reader | inputs | accepted | refused in words, as | slowest, of processor | memory grew by |",
+        (
+            "| reader | inputs | accepted | refused in words, as | slowest, of processor | memory"
+            " grew by |"
+        ),
         "|---|---|---|---|---|---|",
     ]
     for target in TARGETS:
@@ -107,26 +124,36 @@ def printed(lines: list[dict[str, Any]]) -> str:
             continue
         inputs, accepted = sum(one["inputs"] for one in mine), sum(one["accepted"] for one in mine)
         errors = sorted({name for one in mine for name in one["errors"]})
-        slowest, grown = max(one["slowest_ms"] for one in mine), max(one["grown_mb"] for one in mine)
+        slowest, grown = (
+            max(one["slowest_ms"] for one in mine),
+            max(one["grown_mb"] for one in mine),
+        )
         words = ", ".join(f"`{name}`" for name in errors) or target.answers
         rows.append(
-            f"| {target.text} | {inputs:,} | {accepted / inputs:.0%} | {words} | {slowest:.0f} ms | {grown:g} MB |"
+            f"| {target.text} | {inputs:,} | {accepted / inputs:.0%} | {words} | {slowest:.0f} ms |"
+            f" {grown:g} MB |"
         )
     return "\n".join(rows) + "\n"
 
 
 def main(
     inputs: Annotated[int, typer.Option(help="of all readers together")] = 1_000_000,
-    only: Annotated[str, typer.Option(help="readers, by comma: " + ", ".join(one.name for one in TARGETS))] = "",
+    only: Annotated[
+        str, typer.Option(help="readers, by comma: " + ", ".join(one.name for one in TARGETS))
+    ] = "",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
-    table: Annotated[bool, typer.Option("--table", help="write the table into docs/reliability.md, and end")] = False,
+    table: Annotated[
+        bool, typer.Option("--table", help="write the table into docs/reliability.md, and end")
+    ] = False,
 ) -> None:
     """Run what does not stand in the results file yet, a row of each reader by turns."""
     lines = tables.read(out)
     if table:
         tables.put(PAGE, BEGIN, printed(lines), END)
         return
-    wanted = {name: count for name, count in counts(inputs).items() if not only or name in only.split(",")}
+    wanted = {
+        name: count for name, count in counts(inputs).items() if not only or name in only.split(",")
+    }
     known = {(line["target"], line["seed"]): line["inputs"] for line in lines}
     done = {name: sum(count for (one, _), count in known.items() if one == name) for name in wanted}
     while any(done[name] < wanted[name] for name in wanted):
@@ -134,11 +161,16 @@ def main(
             left = wanted.get(target.name, 0) - done.get(target.name, 0)
             if left <= 0:
                 continue
-            line = row(target, fresh(target.name, known), min(left, max(500, int(ROW * target.weight))))
+            line = row(
+                target, fresh(target.name, known), min(left, max(500, int(ROW * target.weight)))
+            )
             tables.append(out, line)
             known[target.name, line["seed"]] = line["inputs"]
             done[target.name] += line["inputs"] or left
-            typer.echo(f"{target.name} {line['seed']}: {line['inputs']} inputs, {line['crashes'] or 'no crash'}")
+            typer.echo(
+                f"{target.name} {line['seed']}: {line['inputs']} inputs,"
+                f" {line['crashes'] or 'no crash'}"
+            )
     typer.echo(f"an input that takes longer than {HANGS_S:g} s counts as a hang")
 
 

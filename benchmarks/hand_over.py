@@ -1,14 +1,16 @@
-"""Hands the jar over in one process, as pour_one_process pours: to somebody who pulls, who only knocks, to nobody.
+"""Hands the jar over in one process, as pour_one_process pours: to somebody who pulls, who only
+knocks, to nobody.
 
-Person x seed, in a scene. The person is a force on the jar in the simulated world, of random size, direction and time;
-the robot is not told. Each run appends a line to a results file; runs that the file has are skipped.
+Person x seed, in a scene. The person is a force on the jar in the simulated world, of random size,
+direction and time; the robot is not told. Each run appends a line to a results file; runs that the
+file has are skipped.
 
     python benchmarks/hand_over.py --seeds 1-20
     python benchmarks/hand_over.py --seeds 3 --persons pulls --scenes env2 --verbose
     python benchmarks/hand_over.py --table
 
-`good`: handed over to whom pulled, told so, with all content in the jar; put down upright, and told so, where nobody
-pulled. `drop`: the jar fell, or lies.
+`good`: handed over to whom pulled, told so, with all content in the jar; put down upright, and told
+so, where nobody pulled. `drop`: the jar fell, or lies.
 """
 
 import math
@@ -80,7 +82,10 @@ class Handing(Run):
         return size * math.cos(around), size * math.sin(around), 0.0
 
     def _begin(self, kind: Kind, force: tuple[float, float, float]) -> None:
-        self.going_on = (*self.going_on, Disturbance(f"{len(self.going_on)}", Of.THING, kind, JAR, force))
+        self.going_on = (
+            *self.going_on,
+            Disturbance(f"{len(self.going_on)}", Of.THING, kind, JAR, force),
+        )
         self.backend.disturb(self.going_on)
 
 
@@ -98,18 +103,29 @@ def measured(name: str, person: str, seed: int, verbose: bool) -> dict[str, Any]
     x, _, z = truth.at[JAR]
     given = x < ASIDE[0] + 0.5
     full = truth.grains_in.get(JAR, 0) >= LEAST * truth.grains
-    stands = z > FLOOR_M and truth.tilt_deg[JAR] < UPRIGHT_DEG and not any(truth.fingers_on.get(JAR, {}).values())
+    stands = (
+        z > FLOOR_M
+        and truth.tilt_deg[JAR] < UPRIGHT_DEG
+        and not any(truth.fingers_on.get(JAR, {}).values())
+    )
     drop = not given and (z <= FLOOR_M or truth.tilt_deg[JAR] >= 45.0)
     wanted = given and not failure if person == "pulls" else stands and bool(failure)
-    evidence = [[str(one.claim), [str(by) for by in one.by]] for one in run.evidence if one.of == JAR]
+    evidence = [
+        [str(one.claim), [str(by) for by in one.by]] for one in run.evidence if one.of == JAR
+    ]
     ended = [
-        type(one).__name__ if isinstance(one, rc.Done) else f"{one.kind}: {operator(one.why)}" for one in run.outcomes
+        type(one).__name__ if isinstance(one, rc.Done) else f"{one.kind}: {operator(one.why)}"
+        for one in run.outcomes
     ]
     return {
-        "scene": name, "person": person, "seed": seed, "good": bool(wanted and full and run.came), "drop": drop,
-        "given": given, "failure": failure, "hand_over": ended, "evidence": evidence, "came": run.came,
-        "content": round(truth.grains_in.get(JAR, 0) / max(1, truth.grains), 3), "sim_time_s": round(run.here.time, 1),
-        "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans, "acts": run.acts, "commit": RUN,
+        "scene": name, "person": person, "seed": seed, "good": bool(wanted and full and run.came),
+        "drop": drop,
+        "given": given, "failure": failure, "hand_over": ended, "evidence": evidence,
+        "came": run.came,
+        "content": round(truth.grains_in.get(JAR, 0) / max(1, truth.grains), 3),
+        "sim_time_s": round(run.here.time, 1),
+        "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans, "acts": run.acts,
+        "commit": RUN,
     }  # fmt: skip
 
 
@@ -124,7 +140,9 @@ def main(
     """Run what does not stand in the results file yet."""
     lines = {(line["scene"], line["person"], line["seed"]): line for line in tables.read(out)}
     if table:
-        for (scene, person), count in sorted(Counter((scene, person) for scene, person, _ in lines).items()):
+        for (scene, person), count in sorted(
+            Counter((scene, person) for scene, person, _ in lines).items()
+        ):
             of = [line for (s, p, _), line in lines.items() if (s, p) == (scene, person)]
             good, drops = sum(one["good"] for one in of), sum(one["drop"] for one in of)
             typer.echo(f"{scene}, {person}: {good} of {count} good, {drops} drops")
@@ -137,7 +155,13 @@ def main(
                     continue
                 line = measured(scene, person, seed, verbose)
                 tables.append(out, line)
-                typer.echo(" ".join(f"{key} {value}" for key, value in line.items() if key not in ("acts", "plans")))
+                typer.echo(
+                    " ".join(
+                        f"{key} {value}"
+                        for key, value in line.items()
+                        if key not in ("acts", "plans")
+                    )
+                )
 
 
 if __name__ == "__main__":

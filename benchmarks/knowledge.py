@@ -1,10 +1,11 @@
-"""Time km needs for each kind of query, for an observation and for a hypothetical state; in one process, no wire.
+"""Time km needs for each kind of query, for an observation and for a hypothetical state; in one
+process, no wire.
 
     python benchmarks/knowledge.py [--rounds N] [--objects N ...]
 
-Prints for each number of objects a table of microseconds (median, 99th percentile) without and with encoding of the
-answer, and its size. The aims are at most 1 ms a query without encoding, and 2 ms an observation. The objects are those
-of the recorded scene, and boxes beside each other.
+Prints for each number of objects a table of microseconds (median, 99th percentile) without and with
+encoding of the answer, and its size. The aims are at most 1 ms a query without encoding, and 2 ms
+an observation. The objects are those of the recorded scene, and boxes beside each other.
 """
 
 import argparse
@@ -45,11 +46,15 @@ def yaw(angle: float) -> tuple[float, float, float, float]:
 
 
 def observations(boxes: int) -> list[wm.AnySight]:
-    """The recorded scene kb_world_model_011 of proghtn-backstream, and some boxes on its free table."""
+    """The recorded scene kb_world_model_011 of proghtn-backstream, and some boxes on its free
+    table.
+    """
     scene: list[wm.AnySight] = [
         wm.SeenObject("table_1", "table", Pose((0.783, -0.840, 0.0), yaw(-0.747)), 1.0),
         wm.SeenObject("table_2", "table", Pose((1.087, 0.434, 0.0), yaw(-1.335)), 1.1),
-        wm.SeenObject("cabinet_2", "cabinet_no_door", Pose((0.8994, 0.3646, 1.125), yaw(-2.9235)), 1.2),
+        wm.SeenObject(
+            "cabinet_2", "cabinet_no_door", Pose((0.8994, 0.3646, 1.125), yaw(-2.9235)), 1.2
+        ),
         wm.SeenObject("jar_1", "jar", Pose((0.851, 0.369, 1.281), yaw(2.976)), 1.3),
         wm.SeenObject("bowl_1", "bowl_high", Pose((0.809, 0.437, 0.881), yaw(-2.14)), 1.4),
         wm.SeenBody(BodyPosture(0.1, (0.2,) * 7, (0.3,) * 7, (0.4, 0.5), (0.6,) * 4, (0.7,) * 4)),
@@ -69,7 +74,9 @@ def jar(count: int) -> wm.SeenObject:
 
 def table(count: int) -> wm.SeenObject:
     """The table with the boxes, pushed a little each time."""
-    return wm.SeenObject("table_1", "table", Pose((0.783 + 1e-6 * count, -0.840, 0.0), yaw(-0.747)), float(count))
+    return wm.SeenObject(
+        "table_1", "table", Pose((0.783 + 1e-6 * count, -0.840, 0.0), yaw(-0.747)), float(count)
+    )
 
 
 def timed(work: Callable[[], object], rounds: int) -> tuple[float, float]:
@@ -84,7 +91,8 @@ def timed(work: Callable[[], object], rounds: int) -> tuple[float, float]:
 
 
 class Km:
-    """km as its shell runs it, but for the wire: each step is a record, a hash, and a write of the store on disk.
+    """km as its shell runs it, but for the wire: each step is a record, a hash, and a write of the
+    store on disk.
 
     `synced`: the record is put on the disk, too.
     """
@@ -214,12 +222,19 @@ def report_queries(objects: int, rounds: int) -> None:
 
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--rounds", type=int, default=500)
-    parser.add_argument("--objects", type=int, nargs="+", default=[SCENE], help=f"at least {SCENE} each")
+    parser.add_argument(
+        "--objects", type=int, nargs="+", default=[SCENE], help=f"at least {SCENE} each"
+    )
     options = parser.parse_args()
     for objects in options.objects:
-        print(f"{f'{objects} objects':35s} {'p50 us':>9s} {'p99 us':>9s} {'+enc p50':>9s} {'bytes':>9s}")
+        print(
+            f"{f'{objects} objects':35s} {'p50 us':>9s} {'p99 us':>9s} {'+enc p50':>9s}"
+            f" {'bytes':>9s}"
+        )
         report_queries(objects, options.rounds)
         report_observing(objects, options.rounds)
 

@@ -1,8 +1,10 @@
-"""Cost of a control cycle beside the physics it commands, and of saving it: `python benchmarks/loop.py`.
+"""Cost of a control cycle beside the physics it commands, and of saving it: `python
+benchmarks/loop.py`.
 
-The same simulated robot, 30 grains in its jar, held and then in motion; the physics step alone is timed in the same
-run on the same state, so that the ratio says something on any machine. So is all of it with grains that spin, by turns.
-In the pile in motion, gravity turns to and fro by 35 degrees in a second. Set OMP_NUM_THREADS=1, as the services do.
+The same simulated robot, 30 grains in its jar, held and then in motion; the physics step alone is
+timed in the same run on the same state, so that the ratio says something on any machine. So is all
+of it with grains that spin, by turns. In the pile in motion, gravity turns to and fro by 35 degrees
+in a second. Set OMP_NUM_THREADS=1, as the services do.
 """
 
 import copy
@@ -47,11 +49,15 @@ def physics_alone(backend: MujocoBackend) -> Callable[[], None]:
 
 
 def in_motion(backend: MujocoBackend) -> Callable[[], None]:
-    """The same for a copy in which gravity turns to and fro, and all but the grains is too heavy to follow it."""
+    """The same for a copy in which gravity turns to and fro, and all but the grains is too heavy to
+    follow it.
+    """
     model, data = copy.copy(backend.model), mujoco.MjData(backend.model)
     mujoco.mj_copyData(data, model, backend.data)
     grains = [grain_name(k) for k in range(GRAINS)]
-    model.dof_armature[~np.isin(model.dof_bodyid, [model.body(name).id for name in grains])] = HEAVY_KG
+    model.dof_armature[~np.isin(model.dof_bodyid, [model.body(name).id for name in grains])] = (
+        HEAVY_KG
+    )
     mujoco.mj_setConst(model, mujoco.MjData(model))
 
     def step() -> None:
@@ -65,7 +71,9 @@ def in_motion(backend: MujocoBackend) -> Callable[[], None]:
 def there(core: LoopCore) -> Motion:
     """A motion of all joints, longer than what is timed."""
     u = np.linspace(0, 1, 500)[:, None]
-    return motion("there", core.setpoint + 0.4 * u**3 * (10 - 15 * u + 6 * u * u) * np.sign(-core.setpoint))
+    return motion(
+        "there", core.setpoint + 0.4 * u**3 * (10 - 15 * u + 6 * u * u) * np.sign(-core.setpoint)
+    )
 
 
 def row(name: str, us: np.ndarray, physics: float) -> str:
@@ -75,23 +83,35 @@ def row(name: str, us: np.ndarray, physics: float) -> str:
 
 
 def main() -> None:
-    """Print p50, p99, p99.9, max in us, and the ratio to the physics step of grains that do not spin."""
+    """Print p50, p99, p99.9, max in us, and the ratio to the physics step of grains that do not
+    spin.
+    """
     cores = [
-        LoopCore(MujocoBackend(replace(scene.load(), content=Content(grains=GRAINS, spin=spin)))) for spin in SPINS
+        LoopCore(MujocoBackend(replace(scene.load(), content=Content(grains=GRAINS, spin=spin))))
+        for spin in SPINS
     ]
     for core in cores:
         core.hold(0.5)
-    named = {"physics step alone": by_turns(*(physics_alone(core.backend) for core in cores), times=1000)}
-    named["the same, pile in motion"] = by_turns(*(in_motion(core.backend) for core in cores), times=1500)
+    named = {
+        "physics step alone": by_turns(*(physics_alone(core.backend) for core in cores), times=1000)
+    }
+    named["the same, pile in motion"] = by_turns(
+        *(in_motion(core.backend) for core in cores), times=1500
+    )
     named["cycle, held"] = by_turns(*(core.cycle for core in cores), times=CYCLES)
     for core in cores:
         core.begin(there(core))
     with tempfile.TemporaryDirectory() as folder:
-        keepers = [Keeper(Path(folder) / f"{k}{MEMORY}", core, core.backend) for k, core in enumerate(cores)]
+        keepers = [
+            Keeper(Path(folder) / f"{k}{MEMORY}", core, core.backend)
+            for k, core in enumerate(cores)
+        ]
         calls = [core.cycle for core in cores] + [keeper.save for keeper in keepers]
         moving = by_turns(*calls, times=2400)
     named |= {"cycle, moving": moving[:2], "saving it": moving[2:]}
-    assert all(core.report.phase is Phase.RUNNING for core in cores), [core.report for core in cores]
+    assert all(core.report.phase is Phase.RUNNING for core in cores), [
+        core.report for core in cores
+    ]
     print(f"{'us':32s} {'p50':>8s} {'p99':>8s} {'p99.9':>8s} {'max':>8s}   ratio")
     base = float(np.median(named["physics step alone"][0]))
     for name, both in named.items():

@@ -1,7 +1,9 @@
-"""Many robots' thinking agents on one router, as shipped (TLS, rights, journals): all ask at the same time.
+"""Many robots' thinking agents on one router, as shipped (TLS, rights, journals): all ask at the
+same time.
 
-Each robot is a planner and a knowledge manager with all that they have in their processes; see round_trip.py. A row has
-the time of a question in a system of this number of robots, what was asked and answered, and the router's memory.
+Each robot is a planner and a knowledge manager with all that they have in their processes; see
+round_trip.py. A row has the time of a question in a system of this number of robots, what was asked
+and answered, and the router's memory.
 
     python benchmarks/many.py --robots 1,5,10,20
 """
@@ -31,7 +33,9 @@ class Robots(Fleet):
 
     def __init__(self, run: Path, count: int) -> None:
         self._names = tuple(f"robot{number}" for number in range(count))
-        super().__init__(run, msgspec.structs.replace(SHIPPED, monitored=False), systems=self._names)
+        super().__init__(
+            run, msgspec.structs.replace(SHIPPED, monitored=False), systems=self._names
+        )
 
     def _begin(self, kind: Kind) -> None:
         self._environment |= {"ROCO_SYSTEM": self._names[0], "ROCO_SYSTEMS": ",".join(self._names)}
@@ -42,7 +46,11 @@ class Robots(Fleet):
             folder = self._run / name
             folder.mkdir()
             keys = self._run / "keys" / (name if len(self._names) > 1 else "")
-            self._environment |= {"ROCO_SYSTEM": name, "ROCO_RUN_DIR": str(folder), "ROCO_TLS_DIR": str(keys)}
+            self._environment |= {
+                "ROCO_SYSTEM": name,
+                "ROCO_RUN_DIR": str(folder),
+                "ROCO_TLS_DIR": str(keys),
+            }
             self._environment["ROCO_AGENTS"] = self._agents()
             read, write = os.pipe()
             self._role("km", write, folder)
@@ -51,10 +59,15 @@ class Robots(Fleet):
             self._lines.append((asker.stdin, os.fdopen(read, "rb")))
         for name in self._names:
             beat = self._run / name / "pl.heartbeat.json"
-            self._wait(lambda beat=beat: beat.exists() and b'"km":1' in beat.read_bytes(), f"{name}, whose pl")
+            self._wait(
+                lambda beat=beat: beat.exists() and b'"km":1' in beat.read_bytes(),
+                f"{name}, whose pl",
+            )
 
     def ask(self, count: int) -> list[list[float]]:
-        """Times of `count` questions of each robot [us], all robots at once; fewer where an answer did not come."""
+        """Times of `count` questions of each robot [us], all robots at once; fewer where an answer
+        did not come.
+        """
         taken: list[list[float]] = [[] for _ in self._lines]
 
         def one(number: int) -> None:
@@ -63,7 +76,10 @@ class Robots(Fleet):
             asking.flush()
             taken[number] = msgspec.json.decode(times.readline(), type=list[float])
 
-        threads = [threading.Thread(target=one, args=(number,), daemon=True) for number in range(len(taken))]
+        threads = [
+            threading.Thread(target=one, args=(number,), daemon=True)
+            for number in range(len(taken))
+        ]
         for thread in threads:
             thread.start()
         until = time.monotonic() + WITHIN_S
@@ -94,23 +110,27 @@ def measured(count: int) -> dict[str, Any]:
     every = sorted(one for some in times for one in some)
     medians = [statistics.median(some) for some in times if some]
     return {
-        "run": RUN, "robots": count, "asked": count * QUESTIONS, "answered": len(every), "us": middle_and_end(every),
-        "slowest_robot_us": round(max(medians), 1), "a_second": round(len(every) / took), "router_MB": memory,
+        "run": RUN, "robots": count, "asked": count * QUESTIONS, "answered": len(every),
+        "us": middle_and_end(every),
+        "slowest_robot_us": round(max(medians), 1), "a_second": round(len(every) / took),
+        "router_MB": memory,
         "load_before": before, "load": os.getloadavg(),
     }  # fmt: skip
 
 
 def main(
     robots: Annotated[str, typer.Option(help="numbers of robots, comma between")] = "1,5,10,20",
-    out: Annotated[Path, typer.Option(help="results file, JSON lines")] = HERE / "results/many.jsonl",
+    out: Annotated[Path, typer.Option(help="results file, JSON lines")] = HERE
+    / "results/many.jsonl",
 ) -> None:
     """Measure, print and append."""
     for count in map(int, robots.split(",")):
         line = measured(count)
         tables.append(out, line)
         typer.echo(
-            f"{count} robots: {line['answered']} of {line['asked']} answered, p50, p99 {line['us']} us, "
-            f"{line['a_second']} a second, router {line['router_MB']} MB, load {line['load'][0]:.1f}"
+            f"{count} robots: {line['answered']} of {line['asked']} answered, p50, p99 {line['us']}"
+            f" us, {line['a_second']} a second, router {line['router_MB']} MB, load"
+            f" {line['load'][0]:.1f}"
         )
 
 

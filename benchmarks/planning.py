@@ -1,7 +1,9 @@
-"""Cost of planning: both plans of the pouring task on varied scenes, with km asked in the same process.
+"""Cost of planning: both plans of the pouring task on varied scenes, with km asked in the same
+process.
 
-Run `python benchmarks/planning.py [--seeds 1-20]`. Nothing is simulated: the receptor looks at the scene from the start
-posture, and what the first plan supposes of its end is taken for observed before the second.
+Run `python benchmarks/planning.py [--seeds 1-20]`. Nothing is simulated: the receptor looks at the
+scene from the start posture, and what the first plan supposes of its end is taken for observed
+before the second.
 """
 
 import time
@@ -40,15 +42,25 @@ class Planning:
 
     def _look_around(self) -> None:
         scene = vary(load(), self.seed)
-        backend, eye, models = MujocoBackend(scene), simulation.receptor(scene), simulation.model_names(scene)
+        backend, eye, models = (
+            MujocoBackend(scene),
+            simulation.receptor(scene),
+            simulation.model_names(scene),
+        )
         qpos = backend.configuration().copy()
         for point in SURVEY.at:
             goal = aim(0.0, point)
             for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
                 qpos[backend.model.joint(name).qposadr[0]] = angle
             for sight in eye.look(qpos, (0.0, goal.pan, goal.tilt)):
-                self.tell(wm.SeenObject(sight.name, models[sight.name], Pose(*xyz_quat(sight.T_world_object)), 1.0))
-        right, left = (tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left"))
+                self.tell(
+                    wm.SeenObject(
+                        sight.name, models[sight.name], Pose(*xyz_quat(sight.T_world_object)), 1.0
+                    )
+                )
+        right, left = (
+            tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left")
+        )
         self.tell(wm.SeenBody(BodyPosture(0.0, right, left, (0.0, 0.0), (0.0,) * 4, (0.0,) * 4)))
         for side in Side:
             self.tell(wm.SeenHand(side))
@@ -61,7 +73,11 @@ class Planning:
     def believe(self) -> None:
         """The last hypothetical state is taken for observed."""
         supposed = list(self.overlays.states.values())[-1].scene
-        self.tell(wm.SeenBody(BodyPosture(supposed.joints["torso"][0], *(supposed.joints[part] for part in PARTS))))
+        self.tell(
+            wm.SeenBody(
+                BodyPosture(supposed.joints["torso"][0], *(supposed.joints[part] for part in PARTS))
+            )
+        )
         for side, held in supposed.hands.items():
             self.tell(wm.SeenHand(side, held.object, held.grasp, held.pose))
         for thing in supposed.things.values():
@@ -76,7 +92,9 @@ class Planning:
         return answer
 
     def plan(self, number: int) -> tuple[list[float], str]:
-        """Wall time, processor time, time in km [s], queries, expected duration [s]; and why there is no plan."""
+        """Wall time, processor time, time in km [s], queries, expected duration [s]; and why there
+        is no plan.
+        """
         network = hfsm.GroundTaskNetwork(f"plan-{number}", (hfsm.Task("pour", ("jar", "bowl")),))
         self.asking, wall, processor = 0.0, time.perf_counter(), time.process_time()
         plan = search(network, self.ask, self.seed)

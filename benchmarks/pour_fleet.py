@@ -1,10 +1,13 @@
-"""The whole task with the whole fleet: real processes over Zenoh, one `roco demo` per seed, counted and explained.
+"""The whole task with the whole fleet: real processes over Zenoh, one `roco demo` per seed, counted
+and explained.
 
-Appends one line per seed to a results file and skips seeds that stand there; the run folders go where --runs says.
-With --busy, stress-ng (Debian: stress-ng) keeps that many processes turning meanwhile.
+Appends one line per seed to a results file and skips seeds that stand there; the run folders go
+where --runs says. With --busy, stress-ng (Debian: stress-ng) keeps that many processes turning
+meanwhile.
 
-    python benchmarks/pour_fleet.py --seeds 1-20 --out benchmarks/results/pour_fleet.jsonl
-    python benchmarks/pour_fleet.py --seeds 1-10 --speed found --busy 6 --out benchmarks/results/first_minute.jsonl
+    python benchmarks/pour_fleet.py --seeds 1-20 --out benchmarks/results/pour_fleet.jsonl python
+    benchmarks/pour_fleet.py --seeds 1-10 --speed found --busy 6 --out
+    benchmarks/results/first_minute.jsonl
 """
 
 import contextlib
@@ -22,7 +25,8 @@ import msgspec
 import tables
 import typer
 
-DEADLINE_S = 900.0  # estimate: a run takes 40-60 s at --speed max, two minutes at --speed 1; thrice that when busy
+# estimate: a run takes 40-60 s at --speed max, two minutes at --speed 1; thrice that when busy
+DEADLINE_S = 900.0
 
 
 @contextlib.contextmanager
@@ -43,7 +47,9 @@ def busy_machine(processes: int) -> Iterator[None]:
 
 
 def measured(seed: int, speed: str, folder: Path) -> dict[str, Any]:
-    """Return one demo, as a line of the results file; at speed "found" the demo decides, as `scripts/demo` does."""
+    """Return one demo, as a line of the results file; at speed "found" the demo decides, as
+    `scripts/demo` does.
+    """
     roco = Path(sys.executable).with_name("roco")
     said = [] if speed == "found" else ["--speed", speed]
     command = [str(roco), "demo", "--seed", str(seed), *said, "--out", str(folder), "--headless"]
@@ -56,9 +62,21 @@ def measured(seed: int, speed: str, folder: Path) -> dict[str, Any]:
     line["announced_max"] = "--speed max" in ended.stdout.split("command received")[0]
     report = folder / "report.json"
     if not report.exists():
-        return line | {"success": False, "failure": f"no report: {ended.stdout[-300:]}{ended.stderr[-300:]}"}
+        return line | {
+            "success": False,
+            "failure": f"no report: {ended.stdout[-300:]}{ended.stderr[-300:]}",
+        }
     found = msgspec.json.decode(report.read_bytes())
-    keys = ("success", "failure", "poured_fraction", "bowl_tilt_deg", "sim_time_s", "wall_time_s", "energy_J", "loop")
+    keys = (
+        "success",
+        "failure",
+        "poured_fraction",
+        "bowl_tilt_deg",
+        "sim_time_s",
+        "wall_time_s",
+        "energy_J",
+        "loop",
+    )
     plans = [{k: plan[k] for k in ("queries", "wall_s", "ended")} for plan in found["plans"]]
     communicates = {k: found["communicates"][k] for k in ("total", "bytes")}
     return line | {k: found[k] for k in keys} | {"plans": plans, "communicates": communicates}
@@ -69,9 +87,13 @@ def main(
     speed: Annotated[str, typer.Option(help="max, 1, or found: the demo decides")] = "max",
     busy: Annotated[int, typer.Option(help="processes of stress-ng that turn meanwhile")] = 0,
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_fleet.jsonl"),
-    runs: Annotated[Path | None, typer.Option(help="where the run folders go; else a temporary folder")] = None,
+    runs: Annotated[
+        Path | None, typer.Option(help="where the run folders go; else a temporary folder")
+    ] = None,
 ) -> None:
-    """Run the seeds that do not stand in the results file yet at this speed, on a machine this busy."""
+    """Run the seeds that do not stand in the results file yet at this speed, on a machine this
+    busy.
+    """
     out.parent.mkdir(parents=True, exist_ok=True)
     lines = tables.read(out)
     known = {(line["seed"], line["speed"], line.get("busy", 0)) for line in lines}
@@ -83,7 +105,10 @@ def main(
             result = measured(seed, speed, base / f"seed-{seed}-{speed}-{busy}") | {"busy": busy}
         tables.append(out, result)
         verdict = "poured" if result["success"] else f"FAILED: {result['failure']}"
-        times = f"sim {result.get('sim_time_s')} s, demo {result['demo_wall_s']} s, load {result['load']}"
+        times = (
+            f"sim {result.get('sim_time_s')} s, demo {result['demo_wall_s']} s, load"
+            f" {result['load']}"
+        )
         typer.echo(f"seed {seed}: {verdict}, {times}, {result.get('plans')}")
 
 

@@ -1,12 +1,14 @@
 """The whole pouring task in one process and without agents: how often, how long, and why not.
 
-km's store, pl's search, the plan's state machine, ex's skills, the loop and the physics are the product's own; only the
-communicates between them are left out. Appends one line per seed to a results file and skips seeds that stand there;
---again runs those once more that another version ran. The table has the newest run of each seed.
+km's store, pl's search, the plan's state machine, ex's skills, the loop and the physics are the
+product's own; only the communicates between them are left out. Appends one line per seed to a
+results file and skips seeds that stand there; --again runs those once more that another version
+ran. The table has the newest run of each seed.
 
-    python benchmarks/pour_one_process.py --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
-    python benchmarks/pour_one_process.py --scene env2 --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl
-    python benchmarks/pour_one_process.py --eyes rays --noise height=0.01,spin=true --seeds 1-20 --out …
+    python benchmarks/pour_one_process.py --seeds 1-20 --out
+    benchmarks/results/pour_one_process.jsonl python benchmarks/pour_one_process.py --scene env2
+    --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl python
+    benchmarks/pour_one_process.py --eyes rays --noise height=0.01,spin=true --seeds 1-20 --out …
     python benchmarks/pour_one_process.py --out benchmarks/results/pour_one_process.jsonl --table
 """
 
@@ -85,7 +87,9 @@ class Run:
         outcome = self.body.perform(perform(self.here, command))
         self.observe(outcome, command)
         name = f"{type(command).__name__} {command.key}"
-        ended = "done" if isinstance(outcome, rc.Done) else f"{outcome.kind}: {operator(outcome.why)}"
+        ended = (
+            "done" if isinstance(outcome, rc.Done) else f"{outcome.kind}: {operator(outcome.why)}"
+        )
         self.acts.append((name, round(outcome.sim_time, 2), ended))
         if self.verbose:
             wall = time.perf_counter() - began
@@ -141,10 +145,14 @@ class Run:
         done = self.act(leaf.command)
         if isinstance(done, rc.Done):
             if done.arrived is False:
-                return hfsm.Outcome.FAILED, (fact(PourKind.REST_NOT_THERE, getattr(leaf.command, "destination", "")),)
+                return hfsm.Outcome.FAILED, (
+                    fact(PourKind.REST_NOT_THERE, getattr(leaf.command, "destination", "")),
+                )
             if done.missing:
                 self.act(SURVEY)
-                return hfsm.Outcome.REPLAN, tuple(fact(Kind.NOT_WHERE_IT_WAS, name) for name in done.missing)
+                return hfsm.Outcome.REPLAN, tuple(
+                    fact(Kind.NOT_WHERE_IT_WAS, name) for name in done.missing
+                )
             if isinstance(leaf.command, Pour) and not done.arrived:
                 return hfsm.Outcome.FAILED, (fact(PourKind.NOT_SEEN_IN, leaf.command.destination),)
             return hfsm.Outcome.SUCCEEDED, ()
@@ -169,7 +177,10 @@ class Run:
                 task = SETTLING[task.name](*task.arguments).settled(plan) or task
             outcome, why = self.follow(plan)
             if outcome is not hfsm.Outcome.REPLAN:
-                return (*(why if outcome is hfsm.Outcome.FAILED else ()), *not_checked(self.evidence))
+                return (
+                    *(why if outcome is hfsm.Outcome.FAILED else ()),
+                    *not_checked(self.evidence),
+                )
         return (fact(Kind.GIVEN_UP, MOST_PLANS, *why),)
 
 
@@ -189,7 +200,9 @@ def changed(part: Part, changes: dict[str, str]) -> Part:
 def measured(
     seed: int, verbose: bool, name: str = CANONICAL.stem, eyes: Eyes = Eyes.PIXELS, noise: str = ""
 ) -> dict[str, object]:
-    """One seed, as a line of the results file. `noise`: of the scene, as "height=0.01,outliers=0.02"."""
+    """One seed, as a line of the results file. `noise`: of the scene, as
+    "height=0.01,outliers=0.02".
+    """
     began = time.perf_counter()
     run = Run(noisy(vary(load(CANONICAL.with_stem(name)), seed), noise), seed, verbose, eyes)
     try:
@@ -201,16 +214,24 @@ def measured(
     held = max(truth.fingers_on.get("jar_1", {}).values(), default=0) >= 3
     good = not failure and poured >= 0.9 and held and truth.tilt_deg["bowl_1"] < 10.0
     return {
-        "scene": name, "eyes": eyes, "noise": noise, "seed": seed, "success": good, "failure": failure,
-        "poured": round(poured, 3), "held": held, "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2),
-        "sim_time_s": round(run.here.time, 1), "wall_s": round(time.perf_counter() - began, 1), "plans": run.plans,
+        "scene": name, "eyes": eyes, "noise": noise, "seed": seed, "success": good,
+        "failure": failure,
+        "poured": round(poured, 3), "held": held,
+        "bowl_tilt_deg": round(truth.tilt_deg.get("bowl_1", 0.0), 2),
+        "sim_time_s": round(run.here.time, 1), "wall_s": round(time.perf_counter() - began, 1),
+        "plans": run.plans,
         "work_J": round(truth.work_J, 1), "acts": run.acts, "commit": RUN,
     }  # fmt: skip
 
 
 def rows(lines: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield the table of what each change of the scene does, and below it why a pour was not done."""
-    yield "| scene | eyes | other than in the scene | pours | done | of them run again | simulated, median [s] |\n"
+    """Yield the table of what each change of the scene does, and below it why a pour was not
+    done.
+    """
+    yield (
+        "| scene | eyes | other than in the scene | pours | done | of them run again | simulated,"
+        " median [s] |\n"
+    )
     yield "|---|---|---|---|---|---|---|\n"
     failed = []
     newest = {(kind(line), line["seed"]): line for line in lines if "noise" in line}
@@ -221,9 +242,13 @@ def rows(lines: list[dict[str, Any]]) -> Iterator[str]:
         again = sum(((scene, eyes, noise), one["seed"]) in failing for one in done)
         middle = statistics.median(one["sim_time_s"] for one in done) if done else math.nan
         words = noise.replace(",", ", ").replace("=", " ") or "none"
-        yield f"| {scene} | {eyes} | {words} | {len(same)} | {len(done)} | {again} | {middle:.0f} |\n"
+        yield (
+            f"| {scene} | {eyes} | {words} | {len(same)} | {len(done)} | {again} | {middle:.0f} |\n"
+        )
         failed += [
-            f"- {scene}, {eyes}, {words}, seed {one['seed']}: {why(one)}\n" for one in same if not one["success"]
+            f"- {scene}, {eyes}, {words}, seed {one['seed']}: {why(one)}\n"
+            for one in same
+            if not one["success"]
         ]
     yield "".join(["\n", *failed]) if failed else ""
 
@@ -235,18 +260,27 @@ def kind(line: dict[str, Any]) -> tuple[str, str, str]:
 
 def why(line: dict[str, Any]) -> str:
     """Return why a pour counts as failed: what the robot said, or that it was wrong."""
-    return str(line["failure"]) or f"said done, {100 * line['poured']:.0f} % of the content are in the bowl"
+    return (
+        str(line["failure"])
+        or f"said done, {100 * line['poured']:.0f} % of the content are in the bowl"
+    )
 
 
 def main(
     seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-20",
-    out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path("pour_one_process.jsonl"),
+    out: Annotated[Path, typer.Option(help="results file, JSON lines")] = Path(
+        "pour_one_process.jsonl"
+    ),
     scene: Annotated[str, typer.Option(help="a scene of velma/model/scenes")] = CANONICAL.stem,
     eyes: Annotated[Eyes, typer.Option(help="how the robot sees")] = Eyes.PIXELS,
-    noise: Annotated[str, typer.Option(help="or content of the scene, as height=0.01,spin=true")] = "",
+    noise: Annotated[
+        str, typer.Option(help="or content of the scene, as height=0.01,spin=true")
+    ] = "",
     verbose: Annotated[bool, typer.Option()] = False,
     again: Annotated[bool, typer.Option(help="those of other versions once more")] = False,
-    table: Annotated[bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")] = False,
+    table: Annotated[
+        bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")
+    ] = False,
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""
     if table:
@@ -259,8 +293,11 @@ def main(
             continue
         result = measured(seed, verbose, scene, eyes, noise)
         tables.append(out, result)
-        typer.echo(f"seed {seed}: {'poured' if result['success'] else 'FAILED'} {result['failure']} {result['poured']} "
-                   f"sim {result['sim_time_s']} s wall {result['wall_s']} s plans {result['plans']}")  # fmt: skip
+        typer.echo(
+            f"seed {seed}: {'poured' if result['success'] else 'FAILED'} {result['failure']}"
+            f" {result['poured']} sim {result['sim_time_s']} s wall {result['wall_s']} s"
+            f" plans {result['plans']}"
+        )
 
 
 if __name__ == "__main__":

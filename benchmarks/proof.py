@@ -1,7 +1,8 @@
-"""Time and memory of the proof of a design: `python benchmarks/proof.py [FILE] [--faults 0,1,2,any]`.
+"""Time and memory of the proof of a design: `python benchmarks/proof.py [FILE] [--faults
+0,1,2,any]`.
 
-Each verdict runs in a process of its own, so that its memory is its own. Rows are appended to results/proof.jsonl; a
-verdict that stands there for this commit and file is not worked out again.
+Each verdict runs in a process of its own, so that its memory is its own. Rows are appended to
+results/proof.jsonl; a verdict that stands there for this commit and file is not worked out again.
 """
 
 import argparse
@@ -31,7 +32,15 @@ def main() -> None:
         for what in _names(options.file, faults):
             if (faults, what) not in known:
                 print(f"{what}, {faults} faults ...", file=sys.stderr)
-                command = [sys.executable, __file__, str(options.file), "--faults", faults, "--one", what]
+                command = [
+                    sys.executable,
+                    __file__,
+                    str(options.file),
+                    "--faults",
+                    faults,
+                    "--one",
+                    what,
+                ]
                 done = subprocess.run(command, capture_output=True, text=True, check=True)
                 _append(json.loads(done.stdout) | {"commit": _commit(), "file": options.file.name})
     _show(options.file.name)
@@ -49,7 +58,9 @@ def _tasks(file: Path, faults: str):
     design = load(file)
     gone = [name for name in GONE if name in design.agents] if faults == "0" else []
     most = None if faults == "any" else int(faults)
-    return tasks(design, faults=most, layers=(1, 2, 3) if faults in ("0", "1") else (2, 3), gone=gone)
+    return tasks(
+        design, faults=most, layers=(1, 2, 3) if faults in ("0", "1") else (2, 3), gone=gone
+    )
 
 
 def _names(file: Path, faults: str) -> list[str]:
@@ -85,7 +96,9 @@ def _commit() -> str:
 
 def _rows(file: str) -> list[dict]:
     lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
-    return [row for row in map(json.loads, lines) if row["file"] == file and row["commit"] == _commit()]
+    return [
+        row for row in map(json.loads, lines) if row["file"] == file and row["commit"] == _commit()
+    ]
 
 
 def _known(file: str) -> set[tuple[str, str]]:
@@ -101,8 +114,18 @@ def _append(row: dict) -> None:
 def _show(file: str) -> None:
     for row in _rows(file):
         verdict = "holds" if row["holds"] else "FAILS"
-        cells = (row["what"], row["faults"], f"{row['states']:,}", f"{row['edges']:,}", f"{row['seconds']} s")
-        print("| " + " | ".join([*cells, f"{row['memory_mb']} MB", verdict, f"load {row['load']}"]) + " |")
+        cells = (
+            row["what"],
+            row["faults"],
+            f"{row['states']:,}",
+            f"{row['edges']:,}",
+            f"{row['seconds']} s",
+        )
+        print(
+            "| "
+            + " | ".join([*cells, f"{row['memory_mb']} MB", verdict, f"load {row['load']}"])
+            + " |"
+        )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""Whether the loop keeps its 2 ms while the whole fleet works, beside what the machine itself does in the same minute.
+"""Whether the loop keeps its 2 ms while the whole fleet works, beside what the machine itself does
+in the same minute.
 
-Runs `roco demo --speed 1` and, at the same time, cyclictest (Debian: rt-tests), prints and appends both: on a shared
-machine a late cycle says little without the lateness of a bare thread next to it.
+Runs `roco demo --speed 1` and, at the same time, cyclictest (Debian: rt-tests), prints and appends
+both: on a shared machine a late cycle says little without the lateness of a bare thread next to it.
 
     python benchmarks/realtime.py --seed 7 --out benchmarks/results/realtime.jsonl
 """
@@ -17,7 +18,8 @@ import tables
 import typer
 from pour_fleet import measured
 
-PRIORITY, INTERVAL_US = 90, 2000  # above the loop's: what the machine does, not the loop; at the loop's period
+# above the loop's: what the machine does, not the loop; at the loop's period
+PRIORITY, INTERVAL_US = 90, 2000
 FIGURES = re.compile(r"Min:\s*(\d+).*?Avg:\s*(\d+).*?Max:\s*(\d+)", re.S)
 
 
@@ -33,7 +35,9 @@ def bare(path: Path) -> subprocess.Popen[bytes]:
 def figures(path: Path) -> dict[str, int] | None:
     """Return min, avg and max [us] of what cyclictest wrote; None where it wrote none."""
     found = FIGURES.search(path.read_text())
-    return dict(zip(("min", "avg", "max"), map(int, found.groups()), strict=True)) if found else None
+    return (
+        dict(zip(("min", "avg", "max"), map(int, found.groups()), strict=True)) if found else None
+    )
 
 
 def main(
@@ -51,9 +55,12 @@ def main(
     line["cyclictest_us"] = figures(folder / "cyclictest")
     tables.append(out, line)
     loop = line.get("loop", {})
-    typer.echo(f"success {line['success']}, sim {line.get('sim_time_s')} s, plans {line.get('plans')}")
     typer.echo(
-        f"loop: {loop.get('missed')} of {loop.get('cycles')} cycles missed, lateness {loop.get('lateness_us')} us"
+        f"success {line['success']}, sim {line.get('sim_time_s')} s, plans {line.get('plans')}"
+    )
+    typer.echo(
+        f"loop: {loop.get('missed')} of {loop.get('cycles')} cycles missed, lateness"
+        f" {loop.get('lateness_us')} us"
     )
     typer.echo(f"cyclictest in the same time: {line['cyclictest_us']} us")
 

@@ -1,15 +1,17 @@
 """Two agents on channel C4, or two bare Zenoh sessions: the processes that fleets.py starts.
 
-    python benchmarks/round_trip.py km|pl|queryable|getter <address> <run folder> <where times go: a descriptor>
+    python benchmarks/round_trip.py km|pl|queryable|getter <address> <run folder> <where times go: a
+    descriptor>
 
-km and pl are the agents of the design on channel C4 (its links, rows, interfaces and languages), as they stand in their
-processes: shell, core, journal, step log, wire. Only what they would compute is left out: km has its answers ready, pl
-asks one question after the other. queryable and getter are the bare thing: a session each with the settings of the
-agents' sessions, a queryable that gives bytes of the same number, and gets of them.
+km and pl are the agents of the design on channel C4 (its links, rows, interfaces and languages), as
+they stand in their processes: shell, core, journal, step log, wire. Only what they would compute is
+left out: km has its answers ready, pl asks one question after the other. queryable and getter are
+the bare thing: a session each with the settings of the agents' sessions, a queryable that gives
+bytes of the same number, and gets of them.
 
-A question takes from where pl's behaviour says it (turn.open) to where that behaviour has the answer, decoded, in its
-hand, as a get takes from its call to its reply. pl and getter ask a block for each line of standard input, and give its
-times as a line.
+A question takes from where pl's behaviour says it (turn.open) to where that behaviour has the
+answer, decoded, in its hand, as a get takes from its call to its reply. pl and getter ask a block
+for each line of standard input, and give its times as a line.
 """
 
 import dataclasses
@@ -55,11 +57,13 @@ class Block(msgspec.Struct, frozen=True):
     count: int
 
 
-# --- the answers ------------------------------------------------------------------------------------------------------
+# --- the answers ----------------------------------------------------------------------------------
 
 
 def _objects(size: int) -> wm.Objects:
-    """Objects whose communicate has `size` bytes; the last one has a name that makes up the number."""
+    """Objects whose communicate has `size` bytes; the last one has a name that makes up the
+    number.
+    """
     few = tuple(wm.Object(f"box_{n}", "box1", "Container") for n in range(12 if size < 1000 else 1))
     short = len(encode(_said(Performative.INFORM_REF, wm.Objects(few))))
     return wm.Objects((*few[:-1], wm.Object("box_x" + "x" * (size - short), "box1", "Container")))
@@ -100,14 +104,18 @@ ANSWERS: dict[str, Callable[[], wm.AnyAnswer]] = {
     "852 kB of grasps": lambda: _grasps(852_000),
 }
 READ_TOO = ("852 kB of grasps",)
-"""Answers whose bare get encodes and decodes the content by plain msgspec: what reading costs whoever asks."""
+"""Answers whose bare get encodes and decodes the content by plain msgspec: what reading costs
+whoever asks.
+"""
 
 
-# --- km ---------------------------------------------------------------------------------------------------------------
+# --- km -------------------------------------------------------------------------------------------
 
 
 def km() -> Agent[Any]:
-    """km, but that an answer stands ready under the name of the object whose grasps are asked for."""
+    """km, but that an answer stands ready under the name of the object whose grasps are asked
+    for.
+    """
     ready = {name: make() for name, make in ANSWERS.items()}
 
     def answer(memory: knowing.Memory, turn: Turn) -> knowing.Memory:
@@ -136,7 +144,7 @@ class Store:
         """Nothing to close."""
 
 
-# --- pl ---------------------------------------------------------------------------------------------------------------
+# --- pl -------------------------------------------------------------------------------------------
 
 
 class Go(msgspec.Struct, frozen=True, tag=True):
@@ -173,8 +181,12 @@ def pl() -> Agent[Any]:
         return memory
 
     real = planning.agent()
-    mine = dataclasses.replace(real.behaviours["search"], transition=forward, terminal=_never, error=_never)
-    return dataclasses.replace(real, start="search", behaviours={**real.behaviours, "search": mine}, local=Go | Begin)
+    mine = dataclasses.replace(
+        real.behaviours["search"], transition=forward, terminal=_never, error=_never
+    )
+    return dataclasses.replace(
+        real, start="search", behaviours={**real.behaviours, "search": mine}, local=Go | Begin
+    )
 
 
 def _never(memory: Any) -> bool:
@@ -182,9 +194,11 @@ def _never(memory: Any) -> bool:
 
 
 class Turns:
-    """pl's own side: a block of questions for each line of standard input, its times [us] as a line of `out`.
+    """pl's own side: a block of questions for each line of standard input, its times [us] as a line
+    of `out`.
 
-    It is told on the thread that steps, so that no thread has to be woken that the fleet would not wake.
+    It is told on the thread that steps, so that no thread has to be woken that the fleet would not
+    wake.
     """
 
     busy = False
@@ -217,7 +231,8 @@ class Turns:
 
 def blocks() -> Iterator[Block]:
     """Yield the blocks that standard input asks for."""
-    with os.fdopen(0, "rb", buffering=0, closefd=False) as lines:  # unbuffered: its lock would hold up the end
+    # unbuffered: its lock would hold up the end
+    with os.fdopen(0, "rb", buffering=0, closefd=False) as lines:
         for line in lines:
             yield msgspec.json.decode(line, type=Block)
 
@@ -229,19 +244,25 @@ def give(out: int, times: list[float]) -> None:
         data = data[os.write(out, data) :]
 
 
-# --- the bare thing ---------------------------------------------------------------------------------------------------
+# --- the bare thing -------------------------------------------------------------------------------
 
 
 def queryable(address: str, run: Path) -> int:
     """Reply until told to stop."""
     keep_memory()
     ready = {name: make() for name, make in ANSWERS.items()}
-    sized = {name: bytes(len(encode(_said(Performative.INFORM_REF, content)))) for name, content in ready.items()}
+    sized = {
+        name: bytes(len(encode(_said(Performative.INFORM_REF, content))))
+        for name, content in ready.items()
+    }
 
     def reply(query: zenoh.Query) -> None:
         with query:
             name = bytes(query.payload or b"").rstrip(b"\0").decode()
-            query.reply(query.key_expr, msgspec.msgpack.encode(ready[name]) if name in READ_TOO else sized[name])
+            query.reply(
+                query.key_expr,
+                msgspec.msgpack.encode(ready[name]) if name in READ_TOO else sized[name],
+            )
 
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
@@ -254,7 +275,9 @@ def queryable(address: str, run: Path) -> int:
 
 
 def getter(address: str, out: int) -> int:
-    """Gets, as asked for, until standard input ends; the time of one ends with its last reply in hand as bytes."""
+    """Gets, as asked for, until standard input ends; the time of one ends with its last reply in
+    hand as bytes.
+    """
     keep_memory()
     read = msgspec.msgpack.Decoder(wm.Content).decode
     with zenoh.open(client_config(address)) as session:
@@ -281,7 +304,9 @@ def main(name: str, address: str, run: Path, out: int) -> int:
     keys = Path(os.environ["ROCO_TLS_DIR"]) if os.environ.get("ROCO_TLS_DIR") else None
     system = os.environ.get("ROCO_SYSTEM", SYSTEM)
     agents = endpoints(os.environ.get(AGENTS_VARIABLE, ""))
-    options = Options(connect=address, run_dir=run, system=system, log_level="error", keys=keys, agents=agents)
+    options = Options(
+        connect=address, run_dir=run, system=system, log_level="error", keys=keys, agents=agents
+    )
     if name == "km":
         return shell.run(km(), wiring("km", system), options, lambda post: Store())
     return shell.run(pl(), wiring("pl", system), options, lambda post: Turns(post, out))

@@ -1,9 +1,11 @@
-"""A hundred thousand communicates between two processes, with 100 cuts and 100 kill -9: none lost, doubled, misordered.
+"""A hundred thousand communicates between two processes, with 100 cuts and 100 kill -9: none lost,
+doubled, misordered.
 
-Router with TLS and rights as `roco up` starts it, a wire each way between the agents (operate.wires), and the agents of
-soak_agents.py, which are linked. The first half has the cuts, every fourth longer than Zenoh's lease; the second half
-the kills: ta and ex by turns, each fifth time the router. One row of results/soak.jsonl for each 1000 communicates. It
-may be ended at any time: it goes on from the journals in the run folder. `--table` writes docs/reliability.md.
+Router with TLS and rights as `roco up` starts it, a wire each way between the agents
+(operate.wires), and the agents of soak_agents.py, which are linked. The first half has the cuts,
+every fourth longer than Zenoh's lease; the second half the kills: ta and ex by turns, each fifth
+time the router. One row of results/soak.jsonl for each 1000 communicates. It may be ended at any
+time: it goes on from the journals in the run folder. `--table` writes docs/reliability.md.
 
     nice python benchmarks/soak.py
 """
@@ -60,7 +62,12 @@ class Processes:
 
     def start(self, name: str) -> None:
         """Start a process and wait until it says that it is ready."""
-        told = {"LISTEN": self._address, "RUN_DIR": str(self.run), "SYSTEM": SYSTEM, "LOG_LEVEL": "warning"}
+        told = {
+            "LISTEN": self._address,
+            "RUN_DIR": str(self.run),
+            "SYSTEM": SYSTEM,
+            "LOG_LEVEL": "warning",
+        }
         told |= {"TLS_DIR": str(self.run / "keys"), "AGENTS": self._agents.get(name, "")}
         told["LISTEN"] = "" if name in self._agents else self._address
         module = {"router": "services.router", "wires": "operate.wires"}.get(name)
@@ -97,7 +104,10 @@ class Processes:
     def said(self) -> int:
         """Return how many communicates are known to have been taken."""
         try:
-            return EACH * msgspec.json.decode((self.run / "ta.progress").read_bytes(), type=Memory).taken
+            return (
+                EACH
+                * msgspec.json.decode((self.run / "ta.progress").read_bytes(), type=Memory).taken
+            )
         except (OSError, msgspec.DecodeError):
             return 0
 
@@ -107,7 +117,9 @@ class Processes:
         while not true():
             for name, process in self._running.items():
                 if process.poll() is not None:
-                    raise RuntimeError(f"{name} ended by itself with {process.returncode}; see {self.run}/soak.log")
+                    raise RuntimeError(
+                        f"{name} ended by itself with {process.returncode}; see {self.run}/soak.log"
+                    )
             if time.monotonic() > until:
                 raise TimeoutError(f"not in {PATIENCE_S:g} s: {what}; see {self.run}/soak.log")
             time.sleep(0.02)
@@ -145,25 +157,37 @@ def measure(processes: Processes, row: int) -> dict[str, Any]:
     begin, before = time.monotonic(), processes.said()
     line: dict[str, Any] = {"row": row, "load": round(os.getloadavg()[0], 1), "cuts": 0, "kills": 0}
     for half in (0, 1):
-        processes.wait(lambda half=half: processes.said() >= row * ROW + half * ROW // 2, f"row {row}.{half}")
+        processes.wait(
+            lambda half=half: processes.said() >= row * ROW + half * ROW // 2, f"row {row}.{half}"
+        )
         line |= {kind: line[kind] + count for kind, count in disturb(processes, row, half).items()}
     processes.wait(lambda: processes.said() >= (row + 1) * ROW - EACH, f"the end of row {row}")
-    found = {name: msgspec.structs.asdict(memory) for name, memory in memories(processes.run).items()}
-    line |= {"communicates": processes.said() - before, "seconds": round(time.monotonic() - begin, 1)}
+    found = {
+        name: msgspec.structs.asdict(memory) for name, memory in memories(processes.run).items()
+    }
+    line |= {
+        "communicates": processes.said() - before,
+        "seconds": round(time.monotonic() - begin, 1),
+    }
     return line | {"memory_mb": processes.memory_mb(), "journals": found}
 
 
 def printed(lines: list[dict[str, Any]]) -> str:
     """Return what came out, in a few sentences and a table of memory."""
     last, loads = lines[-1]["journals"], [line["load"] for line in lines]
-    bad = {what: sum(agent[what] for agent in last.values()) for what in ("lost", "doubled", "unordered")}
+    bad = {
+        what: sum(agent[what] for agent in last.values())
+        for what in ("lost", "doubled", "unordered")
+    }
     total = EACH * last["ta"]["taken"]
     cuts, kills = (sum(line[what] for line in lines) for what in ("cuts", "kills"))
     seconds = sum(line["seconds"] for line in lines)
     rows = [
-        f"{total:,} communicates in {seconds / 60:.0f} minutes with {cuts} cuts and {kills} kills: {bad['lost']} lost, "
-        f"{bad['doubled']} doubled, {bad['unordered']} out of order; 2 cores, other work beside it\n"
-        f"(load {min(loads):g} to {max(loads):g}).",
+        (
+            f"{total:,} communicates in {seconds / 60:.0f} minutes with {cuts} cuts and {kills}"
+            f" kills: {bad['lost']} lost, {bad['doubled']} doubled, {bad['unordered']} out of"
+            f" order; 2 cores, other work beside it\n(load {min(loads):g} to {max(loads):g})."
+        ),
         "",
         f"| memory after communicates [MB] | {' | '.join(lines[0]['memory_mb'])} |",
         "|---" * (1 + len(lines[0]["memory_mb"])) + "|",
@@ -175,10 +199,14 @@ def printed(lines: list[dict[str, Any]]) -> str:
 
 
 def main(
-    run: Annotated[Path, typer.Option(help="run folder, kept until all is done")] = Path("runs/soak"),
+    run: Annotated[Path, typer.Option(help="run folder, kept until all is done")] = Path(
+        "runs/soak"
+    ),
     rows: Annotated[int, typer.Option(help="end after row number")] = ROWS,
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
-    table: Annotated[bool, typer.Option("--table", help="write the table into docs/reliability.md, and end")] = False,
+    table: Annotated[
+        bool, typer.Option("--table", help="write the table into docs/reliability.md, and end")
+    ] = False,
 ) -> None:
     """Run the rows that do not stand in the results file yet."""
     lines = tables.read(out)

@@ -1,9 +1,11 @@
-"""Two agents that say numbered words to each other, as many and as long as in the paper; the processes of soak.py.
+"""Two agents that say numbered words to each other, as many and as long as in the paper; the
+processes of soak.py.
 
     python benchmarks/soak_agents.py ta|ex <address> <run folder> <exchanges>
 
-ta requests, ex agrees and answers, as on channel C5 of the design: durable streams, journal, step log, TLS, the rights
-of the design. Each keeps in its journalled memory which number it took last, and what was lost, doubled or misordered.
+ta requests, ex agrees and answers, as on channel C5 of the design: durable streams, journal, step
+log, TLS, the rights of the design. Each keeps in its journalled memory which number it took last,
+and what was lost, doubled or misordered.
 """
 
 import os
@@ -27,7 +29,9 @@ from fipa_codec.tables import Role
 
 SYSTEM = "soak"
 OPEN = 3
-"""Requests under way at the same time: more than one, so that order and doubling can go wrong (estimate)."""
+"""Requests under way at the same time: more than one, so that order and doubling can go wrong
+(estimate).
+"""
 ENVELOPE = 103
 """Bytes of a communicate beside its text (measured: 98 to 108, by the digits of its numbers)."""
 
@@ -40,7 +44,9 @@ class Load(msgspec.Struct, frozen=True, tag=True):
 
 
 class Memory(msgspec.Struct, frozen=True):
-    """`said`: requests opened (ta); `taken`: the number that came last; the rest: what came otherwise than next."""
+    """`said`: requests opened (ta); `taken`: the number that came last; the rest: what came
+    otherwise than next.
+    """
 
     said: int = 0
     taken: int = 0
@@ -61,7 +67,8 @@ LANGUAGES = Languages([Language("LOAD", Load)])
 def size(number: int) -> int:
     """Return the bytes of the `number`th communicate: the paper's sizes (section 5.7).
 
-    86 % have less than 0.5 kB; on C4 the least is 231 B, the mean 654 B, the most 98 kB; the largest of all has 852 kB.
+    86 % have less than 0.5 kB; on C4 the least is 231 B, the mean 654 B, the most 98 kB; the
+    largest of all has 852 kB.
     """
     if number % 20_000 == 10_000:
         return 852_000
@@ -118,12 +125,21 @@ def answerer() -> Agent[Memory]:
                 return taken(memory, number)
         return memory
 
-    return Agent(name="ex", start="answering", memory=Memory(), behaviours={"answering": Behaviour(answer)})
+    return Agent(
+        name="ex", start="answering", memory=Memory(), behaviours={"answering": Behaviour(answer)}
+    )
 
 
 def wiring(agent: str, peer: str, role: Role) -> Wiring:
     """Return one side of C5's request."""
-    link = Link(peer=peer, channel="C5", protocol="request", role=role, delivery=Delivery.DURABLE, silent="LOAD")
+    link = Link(
+        peer=peer,
+        channel="C5",
+        protocol="request",
+        role=role,
+        delivery=Delivery.DURABLE,
+        silent="LOAD",
+    )
     return Wiring(SYSTEM, agent, (link,), LANGUAGES)
 
 
@@ -149,12 +165,19 @@ def main(name: str, address: str, run: Path, exchanges: int) -> int:
     """Serve as one of the two until told to stop."""
     agents = endpoints(os.environ[AGENTS_VARIABLE])
     options = Options(
-        connect=address, run_dir=run, system=SYSTEM, log_level="warning", keys=run / "keys", agents=agents
+        connect=address,
+        run_dir=run,
+        system=SYSTEM,
+        log_level="warning",
+        keys=run / "keys",
+        agents=agents,
     )
     if name == "ex":
         return shell.run(answerer(), wiring("ex", "ta", Role.PARTICIPANT), options)
     progress = run / "ta.progress"
-    return shell.run(asker(exchanges), wiring("ta", "ex", Role.INITIATOR), options, lambda post: Told(progress))
+    return shell.run(
+        asker(exchanges), wiring("ta", "ex", Role.INITIATOR), options, lambda post: Told(progress)
+    )
 
 
 if __name__ == "__main__":

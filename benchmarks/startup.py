@@ -4,14 +4,15 @@
     python benchmarks/startup.py plans [CHECKOUT …] [--scenes canonical,env2] [--seeds 1-3]
     python benchmarks/startup.py table
 
-`moves`: seconds from the start of the supervisor until each process is ready, and until head and arm move. The script
-says the sentence as soon as the fleet is ready. The arm moves when a measured joint has changed by more than `MOVED`
-since the sentence. For the head, the first such change counts, because the survey may begin before the sentence.
+`moves`: seconds from the start of the supervisor until each process is ready, and until head and
+arm move. The script says the sentence as soon as the fleet is ready. The arm moves when a measured
+joint has changed by more than `MOVED` since the sentence. For the head, the first such change
+counts, because the survey may begin before the sentence.
 
-`plans`: what a person waits for the first plan after `roco up`, by turns for each checkout (this one without any; each
-with a .venv), beside a loop in Python alone, with which machines can be compared. Rows are appended to
-`results/first_plan.jsonl`. pl's own part is a plan without its waits for km, which answers once the robot has looked
-around. `table` puts the rows into README.md.
+`plans`: what a person waits for the first plan after `roco up`, by turns for each checkout (this
+one without any; each with a .venv), beside a loop in Python alone, with which machines can be
+compared. Rows are appended to `results/first_plan.jsonl`. pl's own part is a plan without its waits
+for km, which answers once the robot has looked around. `table` puts the rows into README.md.
 """
 
 import http.client
@@ -41,12 +42,14 @@ from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.run_folder import ProcessState
 
-MOVED = 0.02  # [rad], above what the body sways at rest (1 mrad) and what gravity pulls at the start
+# [rad], above what the body sways at rest (1 mrad) and what gravity pulls at the start
+MOVED = 0.02
 LIMIT_S = 120.0
 HERE = Path(__file__).parent
 OUT = HERE / "results" / "first_plan.jsonl"
 SCENES = "canonical,env2,doors,box,no_jar,jar_out_of_reach"
-LOOP = 10_000_000  # rounds of the loop in Python alone, which takes about half a second on a quick machine (estimate)
+# rounds of the loop in Python alone, which takes about half a second on a quick machine (estimate)
+LOOP = 10_000_000
 PAGE, BEGIN, END = HERE / "README.md", "<!-- startup.py plans -->\n", "<!-- /startup.py plans -->"
 app = typer.Typer()
 
@@ -79,14 +82,20 @@ class Motion:
 def moves(
     seed: Annotated[int, typer.Option()] = 1,
     speed: Annotated[str, typer.Option()] = "1",
-    insecure: Annotated[bool, typer.Option("--insecure", help="without TLS, keys and rights")] = False,
-    keep: Annotated[Path | None, typer.Option(help="the run folder; default: a temporary one")] = None,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="without TLS, keys and rights")
+    ] = False,
+    keep: Annotated[
+        Path | None, typer.Option(help="the run folder; default: a temporary one")
+    ] = None,
 ) -> None:
     """Measure one start."""
     with tempfile.TemporaryDirectory() as scratch:
         run = keep or Path(scratch) / "run"
         began = time.time()
-        supervisor = starting.start(run, ["--speed", speed, "--seed", str(seed), *(["--insecure"] if insecure else [])])
+        supervisor = starting.start(
+            run, ["--speed", speed, "--seed", str(seed), *(["--insecure"] if insecure else [])]
+        )
         motion, ready = Motion(began), dict[str, float]()
         tap = None
         try:
@@ -96,9 +105,15 @@ def moves(
                     if status.state is ProcessState.READY:
                         ready.setdefault(status.name, now)
                 if tap is None and told is not None and "router" in ready:
-                    options = Options(connect=told.connect, keys=None if insecure else run / KEYS_FOLDER)
+                    options = Options(
+                        connect=told.connect, keys=None if insecure else run / KEYS_FOLDER
+                    )
                     tap = open_tap(options, motion.heard, lambda: False)
-                if told and "all" not in ready and all(s.name in ready or s.optional for s in told.processes):
+                if (
+                    told
+                    and "all" not in ready
+                    and all(s.name in ready or s.optional for s in told.processes)
+                ):
                     ready["all"] = now
                     Hi(address(Local(run))).say(SENTENCE)
                     ready["said"] = time.time() - began
@@ -127,7 +142,9 @@ def roco(checkout: Path, *words: str) -> None:
     python, program = checkout / ".venv/bin/python", checkout / ".venv/bin/roco"
     environment = os.environ | {"PYTHONPATH": f"{checkout}{os.pathsep}{checkout / 'shared'}"}
     command = [str(python), "-P", str(program), *words]
-    subprocess.run(command, cwd=checkout, env=environment, check=True, capture_output=True, timeout=2 * LIMIT_S)
+    subprocess.run(
+        command, cwd=checkout, env=environment, check=True, capture_output=True, timeout=2 * LIMIT_S
+    )
 
 
 def planned(run: Path, told: dict[str, Any]) -> bool:
@@ -147,19 +164,30 @@ def first_plan(checkout: Path, scene: str, seed: int) -> dict[str, object]:
         try:
             load, loop_s = os.getloadavg()[0], reference()
             roco(checkout, "say", SENTENCE, "--run-dir", str(run))
-            told, until = msgspec.json.decode((run / HI_FILE).read_bytes()), time.monotonic() + 3 * LIMIT_S
+            told, until = (
+                msgspec.json.decode((run / HI_FILE).read_bytes()),
+                time.monotonic() + 3 * LIMIT_S,
+            )
             while not planned(run, told) and time.monotonic() < until:
                 time.sleep(0.1)
         finally:
             roco(checkout, "down", "--run-dir", str(run))
         plan = msgspec.json.decode((run / "report.json").read_bytes())["plans"][0]
     kept = {name: plan[name] for name in ("wall_s", "km_s", "queries", "outcome", "expected_s")}
-    return {"scene": scene, "seed": seed, "load": round(load, 1), "loop_s": round(loop_s, 3), **kept}
+    return {
+        "scene": scene,
+        "seed": seed,
+        "load": round(load, 1),
+        "loop_s": round(loop_s, 3),
+        **kept,
+    }
 
 
 @app.command()
 def plans(
-    checkouts: Annotated[list[Path] | None, typer.Argument(help="with a .venv each; none: this one")] = None,
+    checkouts: Annotated[
+        list[Path] | None, typer.Argument(help="with a .venv each; none: this one")
+    ] = None,
     scenes: Annotated[str, typer.Option(help="names of shipped scenes, with commas")] = SCENES,
     seeds: Annotated[str, typer.Option(help="first-last, or one")] = "1-3",
 ) -> None:
@@ -176,13 +204,15 @@ def plans(
 
 @app.command()
 def table() -> None:
-    """Put the medians into README.md: seconds of a plan, and the same with the loop in Python as unit."""
+    """Put the medians into README.md: seconds of a plan, and the same with the loop in Python as
+    unit.
+    """
     found: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
     for row in tables.read(OUT):
         found[row["scene"], row["commit"]].append(row)
     lines = [
-        "| scene | version | plans | load | plan [s]: median, most | loop in Python = 1: median, most | of it pl's own"
-        " [s] | questions |"
+        "| scene | version | plans | load | plan [s]: median, most | loop in Python = 1: median,"
+        " most | of it pl's own [s] | questions |"
     ]
     lines.append("|---|---|---|---|---|---|---|---|")
     for (scene, commit), rows in sorted(found.items()):
@@ -194,7 +224,10 @@ def table() -> None:
         own = [row["wall_s"] - row["km_s"] for row in rows]
         mine = f"{statistics.median(own):.2f}, {max(own):.2f}"
         asked = f"{statistics.median(row['queries'] for row in rows):g}"
-        lines.append(f"| {scene} | {commit} | {len(rows)} | {load} | {seconds} | {units} | {mine} | {asked} |")
+        lines.append(
+            f"| {scene} | {commit} | {len(rows)} | {load} | {seconds} | {units} | {mine} |"
+            f" {asked} |"
+        )
     tables.put(PAGE, BEGIN, "\n".join(lines) + "\n", END)
 
 

@@ -14,7 +14,9 @@ def seeds(text: str) -> range:
     try:
         return range(int(first), int(last or first) + 1)
     except ValueError:
-        raise typer.BadParameter(f"seeds are first-last, as 1-20, or one, as 7; not {text!r}") from None
+        raise typer.BadParameter(
+            f"seeds are first-last, as 1-20, or one, as 7; not {text!r}"
+        ) from None
 
 
 def commit(checkout: Path = Path(__file__).parent) -> str:
@@ -26,7 +28,11 @@ def commit(checkout: Path = Path(__file__).parent) -> str:
 
 def read(out: Path) -> list[dict[str, Any]]:
     """Return the rows of a results file; none where there is no file yet."""
-    return [msgspec.json.decode(line) for line in out.read_bytes().splitlines()] if out.exists() else []
+    return (
+        [msgspec.json.decode(line) for line in out.read_bytes().splitlines()]
+        if out.exists()
+        else []
+    )
 
 
 def append(out: Path, line: object) -> None:

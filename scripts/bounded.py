@@ -1,9 +1,11 @@
-"""`python scripts/bounded.py SECONDS COMMAND...`: run a command for so long at most; all that it started ends with it.
+"""`python scripts/bounded.py SECONDS COMMAND...`: run a command for so long at most; all that it
+started ends with it.
 
-A fleet that a test started has a session of its own and its parent is gone, so neither Ctrl-C nor the end of a process
-group reaches it. This process becomes the parent of such orphans: whatever the command left is below it in the tree of
-processes, and nothing else is. SIGINT, SIGTERM, SIGHUP and the end of the time interrupt the command as Ctrl-C does;
-what has not ended after GRACE_S is killed. Exit code: that of the command, 128 + signal, or 124 when the time is over.
+A fleet that a test started has a session of its own and its parent is gone, so neither Ctrl-C nor
+the end of a process group reaches it. This process becomes the parent of such orphans: whatever the
+command left is below it in the tree of processes, and nothing else is. SIGINT, SIGTERM, SIGHUP and
+the end of the time interrupt the command as Ctrl-C does; what has not ended after GRACE_S is
+killed. Exit code: that of the command, 128 + signal, or 124 when the time is over.
 """
 
 import ctypes
@@ -16,7 +18,8 @@ from pathlib import Path
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TIME_IS_OVER = 124  # as `timeout` has it
-GRACE_S = 20.0  # pytest-xdist gives its workers 10 s; estimate: a fleet ends in order within that time
+# pytest-xdist gives its workers 10 s; estimate: a fleet ends in order within that time
+GRACE_S = 20.0
 KILLED_S = 10.0  # estimate: until the kernel has taken down what was killed
 LOOK_S = 0.05  # between two looks; estimate: nobody notices
 PR_SET_CHILD_SUBREAPER = 36  # linux/prctl.h
@@ -72,7 +75,13 @@ def below(pid: int) -> list[int]:
 def _words(pid: int) -> str:
     """Return the command line of a process; "" where it has ended."""
     with suppress(OSError):
-        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+        return (
+            Path(f"/proc/{pid}/cmdline")
+            .read_bytes()
+            .replace(b"\0", b" ")
+            .decode(errors="replace")
+            .strip()
+        )
     return ""
 
 
@@ -97,7 +106,12 @@ def main(seconds: float, words: list[str]) -> int:
             command.reap()
     left = command.kill_left()
     if left:
-        print(f"killed {len(left)} processes that {words[0]} left:", *left, sep="\n  ", file=sys.stderr)
+        print(
+            f"killed {len(left)} processes that {words[0]} left:",
+            *left,
+            sep="\n  ",
+            file=sys.stderr,
+        )
     return code if code >= 0 else 128 - code
 
 

@@ -1,4 +1,6 @@
-"""Docker and Compose as this machine has them: found, called with a time limit, their failures told."""
+"""Docker and Compose as this machine has them: found, called with a time limit, their failures
+told.
+"""
 
 import os
 import re
@@ -12,9 +14,12 @@ from typing import TypeVar
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "deploy" / "compose.yaml"
-SERVICES = tuple(re.findall(r"^  ([\w-]+):\n    <<: \*service$", FILE.read_text(encoding="utf-8"), re.MULTILINE))
+SERVICES = tuple(
+    re.findall(r"^  ([\w-]+):\n    <<: \*service$", FILE.read_text(encoding="utf-8"), re.MULTILINE)
+)
 """All but the keeper of the keys."""
-BUILDKIT = {"DOCKER_BUILDKIT": "1", "COMPOSE_DOCKER_CLI_BUILD": "1"}  # docker-compose 1.29 wants to be asked
+# docker-compose 1.29 wants to be asked
+BUILDKIT = {"DOCKER_BUILDKIT": "1", "COMPOSE_DOCKER_CLI_BUILD": "1"}
 ASK_S = 30.0  # estimate: for a question to the daemon
 LOOK_S = 0.2  # estimate: between two looks at what is waited for
 Found = TypeVar("Found")
@@ -41,9 +46,17 @@ class Docker:
         self._compose = [*self._base, *named]
 
     def run(self, command: list[str], within_s: float) -> str:
-        """Return the command's output. Raises Failed if it ends with another code than 0, or not in time."""
-        quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-        with subprocess.Popen(command, cwd=ROOT, env=self.environment, text=True, **quiet) as process:
+        """Return the command's output. Raises Failed if it ends with another code than 0, or not in
+        time.
+        """
+        quiet = {
+            "stdin": subprocess.DEVNULL,
+            "stdout": subprocess.PIPE,
+            "stderr": subprocess.STDOUT,
+        }
+        with subprocess.Popen(
+            command, cwd=ROOT, env=self.environment, text=True, **quiet
+        ) as process:
             try:
                 text, _ = process.communicate(timeout=within_s)
             except subprocess.TimeoutExpired as late:
@@ -70,9 +83,15 @@ class Docker:
         return Docker(self.client, self._base[:-2], self.project, self.environment, (FILE, *files))
 
     def container(self, service: str) -> str:
-        """The id of a service's container; Failed where none runs. Names differ between versions of Compose."""
+        """The id of a service's container; Failed where none runs. Names differ between versions of
+        Compose.
+        """
         labels = {"project": self.project, "service": service, "oneoff": "False"}
-        wanted = [part for key, value in labels.items() for part in ("-f", f"label=com.docker.compose.{key}={value}")]
+        wanted = [
+            part
+            for key, value in labels.items()
+            for part in ("-f", f"label=com.docker.compose.{key}={value}")
+        ]
         found = self.docker("ps", "-q", *wanted).split()
         if not found:
             raise Failed(f"no container of {service} runs")
@@ -92,11 +111,22 @@ class Docker:
 
 
 def find(project: str, settings: dict[str, str]) -> Docker | None:
-    """A client whose daemon answers and that can build with BuildKit, and a compose; None where there is none."""
-    clients = [str(Path(folder) / "docker") for folder in os.environ.get("PATH", "").split(os.pathsep)]
-    answering = [client for client in dict.fromkeys(clients) if os.access(client, os.X_OK) and works(client, "info")]
-    # From version 23 on a client builds with a plugin that not every machine has; an older one can by itself.
-    client = next((one for one in answering if works(one, "buildx", "version") or version(one) < 23), None)
+    """A client whose daemon answers and that can build with BuildKit, and a compose; None where
+    there is none.
+    """
+    clients = [
+        str(Path(folder) / "docker") for folder in os.environ.get("PATH", "").split(os.pathsep)
+    ]
+    answering = [
+        client
+        for client in dict.fromkeys(clients)
+        if os.access(client, os.X_OK) and works(client, "info")
+    ]
+    # From version 23 on a client builds with a plugin that not every machine has; an older one can
+    # by itself.
+    client = next(
+        (one for one in answering if works(one, "buildx", "version") or version(one) < 23), None
+    )
     if client is None:
         return None
     compose = [client, "compose"] if works(client, "compose", "version") else ["docker-compose"]
@@ -109,7 +139,10 @@ def find(project: str, settings: dict[str, str]) -> Docker | None:
 def works(*command: str, within_s: float = ASK_S) -> bool:
     """Whether a command ends with 0 in time."""
     try:
-        return subprocess.run(command, capture_output=True, timeout=within_s, check=False).returncode == 0
+        return (
+            subprocess.run(command, capture_output=True, timeout=within_s, check=False).returncode
+            == 0
+        )
     except (OSError, subprocess.TimeoutExpired):
         return False
 
@@ -123,7 +156,9 @@ def version(client: str) -> int:
 
 
 def wait(what: str, within_s: float, look: Callable[[], Found]) -> Found:
-    """Return the result of `look`, called until it finds something. Failed says what is missing, and why."""
+    """Return the result of `look`, called until it finds something. Failed says what is missing,
+    and why.
+    """
     end, why = time.monotonic() + within_s, ""
     while time.monotonic() < end:
         try:

@@ -1,4 +1,5 @@
-"""Writes docs/design/paper-contradictions.md: each contradiction of the printed design, the finding that names it.
+"""Writes docs/design/paper-contradictions.md: each contradiction of the printed design, the finding
+that names it.
 
 `python scripts/contradictions.py` writes the page; a test compares it with what this says.
 """
@@ -20,13 +21,15 @@ TABLE = ROOT / "tests/topdown/paper_contradictions.toml"
 
 HEAD = """# What the checker says of the paper's design as printed
 
-`tests/topdown/paper_as_printed.toml` is the design of the Robot Companion as the paper prints it, nothing repaired.
-Made by `python scripts/contradictions.py`; `roco design check tests/topdown/paper_as_printed.toml` says the same, but
-for what is stated in several places or counted (`tests/topdown/paper_statements.toml`), which no design file holds.
+`tests/topdown/paper_as_printed.toml` is the design of the Robot Companion as the paper prints it,
+nothing repaired. Made by `python scripts/contradictions.py`;
+`roco design check tests/topdown/paper_as_printed.toml` says the same, but for what is stated in
+several places or counted (`tests/topdown/paper_statements.toml`), which no design file holds.
 
-How a contradiction is found: *replay* of the steps; *tables*: messages against the rows of the protocol they follow;
-*counts*: Table 8 against what the protocols allow; *statements*: two places that the transcription puts side by side
-under one `claim`, which a program compares but could not have found in prose.
+How a contradiction is found: *replay* of the steps; *tables*: messages against the rows of the
+protocol they follow; *counts*: Table 8 against what the protocols allow; *statements*: two places
+that the transcription puts side by side under one `claim`, which a program compares but could not
+have found in prose.
 
 | In the text we have | How | Finding | What the checker says |
 |---|---|---|---|
@@ -102,7 +105,9 @@ def page() -> str:
     rest = [one for one in findings if one not in named.values()]
     counted = {kind: sum(one.kind == kind for one in rest) for kind in Kind}
     gaps = ", ".join(f"{count} x {kind}" for kind, count in counted.items() if count)
-    return HEAD + "\n".join(rows) + "\n" + BEYOND + "\n".join(beyond) + "\n" + REST.format(gaps=gaps)
+    return (
+        HEAD + "\n".join(rows) + "\n" + BEYOND + "\n".join(beyond) + "\n" + REST.format(gaps=gaps)
+    )
 
 
 def _cell(finding: Finding) -> str:

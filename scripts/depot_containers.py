@@ -1,6 +1,8 @@
-"""The depot in containers: brought up by its own compose.yaml, then asked by the verbs that look into containers.
+"""The depot in containers: brought up by its own compose.yaml, then asked by the verbs that look
+into containers.
 
-A part of scripts/compose-test. What a verb must tell is in the table below; nothing of the robot may be in it.
+A part of scripts/compose-test. What a verb must tell is in the table below; nothing of the robot
+may be in it.
 """
 
 import os
@@ -17,7 +19,8 @@ from containers import ROOT, Docker, Failed, wait
 DEPOT = ROOT / "examples" / "depot"
 AGENTS = ("desk", "dispatcher", "traffic", "mule", "ox")
 CHANNELS = ("C2", "C4", "C5", "C6", "C7")
-UP_S, VERB_S, DELIVERED_S = 120.0, 60.0, 90.0  # estimates: several times what a loaded 2-core machine needs
+# estimates: several times what a loaded 2-core machine needs
+UP_S, VERB_S, DELIVERED_S = 120.0, 60.0, 90.0
 FOREIGN = re.compile(r"\b(hi|co|pl|km|ta|ex|loop|velma|jar|bowl)\b", re.IGNORECASE)
 ASKED: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("status", ("router", "monitor", *AGENTS, "ready")),
@@ -59,7 +62,9 @@ HEARS: tuple[tuple[str, tuple[str, ...]], ...] = (
 
 
 def check(docker: Docker, say: Callable[[str], None]) -> None:
-    """Bring the depot up beside whatever else runs, ask every verb of the table, bring it down. Raise Failed."""
+    """Bring the depot up beside whatever else runs, ask every verb of the table, bring it down.
+    Raise Failed.
+    """
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "depot"
         shutil.copytree(DEPOT, place, ignore=shutil.ignore_patterns("runs", "__pycache__"))
@@ -69,7 +74,10 @@ def check(docker: Docker, say: Callable[[str], None]) -> None:
         try:
             fleet.compose("up", "-d", within_s=UP_S)
             _delivered(fleet)
-            say(f"depot: up, and the first order is delivered after {time.monotonic() - began:.1f} s")
+            say(
+                "depot: up, and the first order is delivered after"
+                f" {time.monotonic() - began:.1f} s"
+            )
             for words, has in ASKED:
                 _ask(place, fleet.project, words, has)
             for words, has in HEARS:
@@ -111,7 +119,15 @@ def _hear(place: Path, fleet: Docker, words: str, has: tuple[str, ...]) -> None:
 def _begun(place: Path, project: str, words: str) -> "subprocess.Popen[str]":
     kept = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
     return subprocess.Popen(
-        [str(ROOT / ".venv/bin/python"), "-P", "-m", "operate.cli", *words.split(), "--target", project],
+        [
+            str(ROOT / ".venv/bin/python"),
+            "-P",
+            "-m",
+            "operate.cli",
+            *words.split(),
+            "--target",
+            project,
+        ],
         cwd=place,
         env=kept | {"COLUMNS": "200"},
         text=True,
@@ -124,4 +140,6 @@ def _told(words: str, code: int, said: str, has: tuple[str, ...]) -> None:
     missing = [text for text in has if text not in said]
     foreign = FOREIGN.findall(said)
     if code or missing or foreign:
-        raise Failed(f"roco {words}: exit code {code}, lacks {missing}, has {foreign} of the robot:\n{said}")
+        raise Failed(
+            f"roco {words}: exit code {code}, lacks {missing}, has {foreign} of the robot:\n{said}"
+        )

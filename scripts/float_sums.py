@@ -1,6 +1,7 @@
 """A plugin of mypy: no builtin `sum` of floats, since it adds in another way from Python 3.12 on.
 
-An agent that was recorded by one version of Python has to put out the same bytes in another (docs/traffic.md).
+An agent that was recorded by one version of Python has to put out the same bytes in another
+(docs/traffic.md).
 """
 
 from collections.abc import Callable
@@ -9,8 +10,8 @@ from mypy.plugin import FunctionContext, Plugin
 from mypy.types import Instance, TupleType, Type, UnionType, get_proper_type
 
 WORDS = (
-    "sum() of floats gives other last digits since Python 3.12; write math.fsum, or additions one by one where agents "
-    "have recorded the result"
+    "sum() of floats gives other last digits since Python 3.12; write math.fsum, or additions one"
+    " by one where agents have recorded the result"
 )
 
 
@@ -33,7 +34,9 @@ def _has_float(given: Type) -> bool:
     given = get_proper_type(given)
     if isinstance(given, UnionType | TupleType):
         return any(map(_has_float, given.items))
-    return isinstance(given, Instance) and (given.type.fullname == "builtins.float" or any(map(_has_float, given.args)))
+    return isinstance(given, Instance) and (
+        given.type.fullname == "builtins.float" or any(map(_has_float, given.args))
+    )
 
 
 def plugin(version: str) -> type[Plugin]:

@@ -3,7 +3,8 @@
     scripts/house.py           print it
     scripts/house.py --write   put it into the page
 
-A room is a row of the import contracts (pyproject.toml) down to two words, such as services.task or companion.tools.
+A room is a row of the import contracts (pyproject.toml) down to two words, such as services.task or
+companion.tools.
 """
 
 import sys
@@ -19,7 +20,9 @@ from companion.tools.system import PROCESSES
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"
 OPEN, CLOSE = "<!-- house: made by scripts/figures -->\n", "<!-- :house -->\n"
-AGENTS = {process.module.partition(".")[2] for process in PROCESSES if process.name in DESIGN.agents}
+AGENTS = {
+    process.module.partition(".")[2] for process in PROCESSES if process.name in DESIGN.agents
+}
 """Folders of services that are agents of the design."""
 KINDS = {"any": "any design", "this": "this system", "process": "processes"}
 ROOMS = {
@@ -50,15 +53,25 @@ def room_of(module: str) -> str:
 
 def edges() -> set[tuple[str, str]]:
     """Return the direct imports between rooms as pairs (importer, imported)."""
-    roots = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["root_packages"]
+    roots = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
+        "root_packages"
+    ]
     graph = grimp.build_graph(*roots, cache_dir=None)
     modules = graph.modules - {"services"}
-    pairs = ((module, other) for module in modules for other in graph.find_modules_directly_imported_by(module))
-    return {(room_of(one), room_of(other)) for one, other in pairs if room_of(one) != room_of(other)}
+    pairs = (
+        (module, other)
+        for module in modules
+        for other in graph.find_modules_directly_imported_by(module)
+    )
+    return {
+        (room_of(one), room_of(other)) for one, other in pairs if room_of(one) != room_of(other)
+    }
 
 
 def picture() -> str:
-    """The rooms as a mermaid graph; an arrow goes from the room that imports to the one that is imported."""
+    """The rooms as a mermaid graph; an arrow goes from the room that imports to the one that is
+    imported.
+    """
     ids = {room: f"r{number}" for number, room in enumerate(ROOMS)}
     lines = ["```mermaid", "graph TD"]
     for kind, title in KINDS.items():
@@ -70,7 +83,9 @@ def picture() -> str:
 
 
 def page(text: str) -> str:
-    """The page with the picture as it is now. Raise ValueError where the page has no place for it."""
+    """The page with the picture as it is now. Raise ValueError where the page has no place for
+    it.
+    """
     return put(text, OPEN, CLOSE, picture())
 
 

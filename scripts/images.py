@@ -1,4 +1,6 @@
-"""The images of the fleet: made, also where none can be pulled; how large they are, and what is in which."""
+"""The images of the fleet: made, also where none can be pulled; how large they are, and what is in
+which.
+"""
 
 import hashlib
 import json
@@ -34,8 +36,16 @@ MOST_MB = {
     "monitor": 700.0,
     RECORDER: 250.0,
 }
-"""Over the base; 5 % and more above the sizes measured (docs/deploy.md), so that another large library is found."""
-ALONE = {"mujoco": "executor", "cv2": "executor", "rerun": "monitor", "matplotlib": "monitor", "PIL": "monitor"}
+"""Over the base; 5 % and more above the sizes measured (docs/deploy.md), so that another large
+library is found.
+"""
+ALONE = {
+    "mujoco": "executor",
+    "cv2": "executor",
+    "rerun": "monitor",
+    "matplotlib": "monitor",
+    "PIL": "monitor",
+}
 """Library -> the only image that has it."""
 
 # Longest it may take [s]; estimates: three times and more what a loaded 2-core machine needs.
@@ -50,7 +60,9 @@ def name(docker: Docker, image: str) -> str:
 
 
 def prepare(docker: Docker, say: Say, *, offline: bool, online: bool) -> None:
-    """Prepare base image and wheels where no image can be pulled, unless they are left from an earlier call."""
+    """Prepare base image and wheels where no image can be pulled, unless they are left from an
+    earlier call.
+    """
     if not (offline or online):
         offline = not works(docker.client, "pull", "-q", PUBLIC_BASE, within_s=PULL_S)
         say(f"{PUBLIC_BASE} {'cannot' if offline else 'can'} be pulled")
@@ -71,11 +83,16 @@ def debootstrap(docker: Docker, say: Say) -> None:
     if shutil.which("mmdebstrap") is not None:
         return
     if os.geteuid() != 0 or shutil.which("apt-get") is None:
-        raise Failed("mmdebstrap is not here, and no base image can be pulled (Debian: apt install mmdebstrap)")
+        raise Failed(
+            "mmdebstrap is not here, and no base image can be pulled (Debian: apt install"
+            " mmdebstrap)"
+        )
     say("installing mmdebstrap by apt")
     docker.environment["DEBIAN_FRONTEND"] = "noninteractive"
     docker.run(["apt-get", "update", "-q"], INSTALL_S)
-    docker.run(["apt-get", "install", "-q", "-y", "--no-install-recommends", "mmdebstrap"], INSTALL_S)
+    docker.run(
+        ["apt-get", "install", "-q", "-y", "--no-install-recommends", "mmdebstrap"], INSTALL_S
+    )
 
 
 def wheels(docker: Docker, say: Say) -> None:
@@ -88,12 +105,17 @@ def wheels(docker: Docker, say: Say) -> None:
         return
     say("fetching the wheels")
     own = ROOT / ".venv/bin/python"
-    docker.run([str(ROOT / "deploy/make-wheelhouse"), str(own) if own.exists() else sys.executable], WHEELS_S)
+    docker.run(
+        [str(ROOT / "deploy/make-wheelhouse"), str(own) if own.exists() else sys.executable],
+        WHEELS_S,
+    )
     stamp.write_text(lock)
 
 
 def build(docker: Docker, say: Say) -> None:
-    """All images; one service for each, since docker-compose 1.29 asks the builder again for every service."""
+    """All images; one service for each, since docker-compose 1.29 asks the builder again for every
+    service.
+    """
     say("building the images")
     docker.compose("build", *TARGETS.values(), within_s=BUILD_S)
     with recorder(docker):
@@ -114,15 +136,36 @@ def recorder(docker: Docker) -> Iterator[None]:
 
 
 def check(docker: Docker, say: Say) -> None:
-    """Sizes over the base, and that a library that is in one image is in no other. Failed names what is not so."""
+    """Sizes over the base, and that a library that is in one image is in no other. Failed names
+    what is not so.
+    """
     base = docker.image_mb(docker.environment.get("BASE_IMAGE", PUBLIC_BASE))
     over = {image: docker.image_mb(name(docker, image)) - base for image in IMAGES}
-    say(f"MB over the base of {base:.0f}: {', '.join(f'{image} {mb:.0f}' for image, mb in over.items())}")
-    large = [f"{image} is {over[image]:.0f} MB over the base, more than {mb:.0f}" for image, mb in MOST_MB.items()]
-    wrong = [text for text, image in zip(large, MOST_MB, strict=True) if over[image] > MOST_MB[image]]
-    look = f"import importlib.util as u, json; print(json.dumps([n for n in {list(ALONE)!r} if u.find_spec(n)]))"
+    say(
+        f"MB over the base of {base:.0f}:"
+        f" {', '.join(f'{image} {mb:.0f}' for image, mb in over.items())}"
+    )
+    large = [
+        f"{image} is {over[image]:.0f} MB over the base, more than {mb:.0f}"
+        for image, mb in MOST_MB.items()
+    ]
+    wrong = [
+        text for text, image in zip(large, MOST_MB, strict=True) if over[image] > MOST_MB[image]
+    ]
+    look = (
+        f"import importlib.util as u, json; print(json.dumps([n for n in {list(ALONE)!r} if"
+        " u.find_spec(n)]))"
+    )
     for image in IMAGES:
-        run = ("run", "--rm", "--network", "none", "--entrypoint", "/opt/venv/bin/python", name(docker, image))
+        run = (
+            "run",
+            "--rm",
+            "--network",
+            "none",
+            "--entrypoint",
+            "/opt/venv/bin/python",
+            name(docker, image),
+        )
         has = set(json.loads(docker.docker(*run, "-c", look, within_s=LOOK_S)))
         should = {library for library, only in ALONE.items() if only == image}
         wrong += [f"{image} has {library}" for library in has - should]

@@ -2,7 +2,9 @@
 
 
 def put(text: str, opening: str, closing: str, made: str) -> str:
-    """Return the page's text with what was made between the marks. Raise ValueError where a mark is not there."""
+    """Return the page's text with what was made between the marks. Raise ValueError where a mark is
+    not there.
+    """
     before, begun, rest = text.partition(opening)
     _, ended, after = rest.partition(closing)
     if not begun or not ended:

@@ -1,6 +1,7 @@
 """Mutants of a module: one small change each to its syntax tree, named so that it is found again.
 
-Left alone: annotations, docstrings, constants that a module declares, the text of errors and log lines.
+Left alone: annotations, docstrings, constants that a module declares, the text of errors and log
+lines.
 """
 
 import ast
@@ -44,7 +45,9 @@ FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change: `parent.field` (its `index`-th, where it is a list) becomes `node`; `lines`: of the statement."""
+    """One change: `parent.field` (its `index`-th, where it is a list) becomes `node`; `lines`: of
+    the statement.
+    """
 
     module: str
     function: str
@@ -77,12 +80,18 @@ def path(module: str) -> Path:
     for folder in (ROOT, ROOT / "shared"):
         if (file := folder.joinpath(*module.split(".")).with_suffix(".py")).is_file():
             return file
-    raise FileNotFoundError(f"no module {module!r} here or in shared; scripts/mutants.toml names those to mutate")
+    raise FileNotFoundError(
+        f"no module {module!r} here or in shared; scripts/mutants.toml names those to mutate"
+    )
 
 
 def mutants(module: str) -> list[Mutant]:
     """Every mutant of a module, in the order of its lines."""
-    tree, found, named = ast.parse(path(module).read_text(encoding="utf-8")), [], dict[tuple[str, str], int]()
+    tree, found, named = (
+        ast.parse(path(module).read_text(encoding="utf-8")),
+        [],
+        dict[tuple[str, str], int](),
+    )
     for function, outer, statement, place, node in _walk(tree, "", tree, tree, frozen=True):
         what = f"{_text(_at(place))} -> {_text(node)}"
         named[function, what] = named.get((function, what), 0) + 1
@@ -111,7 +120,9 @@ Place = tuple[ast.AST, str, int | None]
 Found = tuple[str, ast.AST, ast.AST, Place, ast.AST]
 
 
-def _walk(node: ast.AST, function: str, outer: ast.AST, statement: ast.AST, *, frozen: bool) -> Iterator[Found]:
+def _walk(
+    node: ast.AST, function: str, outer: ast.AST, statement: ast.AST, *, frozen: bool
+) -> Iterator[Found]:
     """`frozen`: in the module's own statements, whose constants stay."""
     for field, value in ast.iter_fields(node):
         if field in LEFT_ALONE or (field == "keywords" and isinstance(node, ast.ClassDef)):
@@ -125,7 +136,10 @@ def _walk(node: ast.AST, function: str, outer: ast.AST, statement: ast.AST, *, f
                 within = child if isinstance(outer, ast.Module | ast.ClassDef) else outer
             here = child if isinstance(child, ast.stmt) else statement
             if not stays:
-                yield from ((inner, within, here, (node, field, index), new) for new in _changes(child, node, field))
+                yield from (
+                    (inner, within, here, (node, field, index), new)
+                    for new in _changes(child, node, field)
+                )
             if not isinstance(child, ast.Raise):
                 yield from _walk(child, inner, within, here, frozen=stays)
 
@@ -135,7 +149,11 @@ def _said(node: ast.AST) -> bool:
     call = node.value if isinstance(node, ast.Expr) else node
     if isinstance(call, ast.Constant | ast.JoinedStr):
         return isinstance(node, ast.Expr | ast.JoinedStr)
-    return isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr in SAID
+    return (
+        isinstance(call, ast.Call)
+        and isinstance(call.func, ast.Attribute)
+        and call.func.attr in SAID
+    )
 
 
 def _changes(node: ast.AST, parent: ast.AST, field: str) -> Iterator[ast.AST]:
@@ -176,13 +194,22 @@ def _expressions(node: ast.AST) -> Iterator[ast.AST]:
         case ast.Call(keywords=[_, *_]):
             for gone in node.keywords:
                 if gone.arg:
-                    yield ast.Call(node.func, node.args, [one for one in node.keywords if one is not gone])
+                    yield ast.Call(
+                        node.func, node.args, [one for one in node.keywords if one is not gone]
+                    )
 
 
 def _negated(node: ast.expr) -> bool:
     """Whether a change of its operator negates it already."""
     if isinstance(node, ast.Compare):
-        return len(node.ops) == 1 and type(node.ops[0]) in (ast.Eq, ast.NotEq, ast.In, ast.NotIn, ast.Is, ast.IsNot)
+        return len(node.ops) == 1 and type(node.ops[0]) in (
+            ast.Eq,
+            ast.NotEq,
+            ast.In,
+            ast.NotIn,
+            ast.Is,
+            ast.IsNot,
+        )
     return isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
 
 

@@ -1,7 +1,9 @@
-"""Two hosts on one machine: two network namespaces joined by a pair of virtual interfaces, as by a cable.
+"""Two hosts on one machine: two network namespaces joined by a pair of virtual interfaces, as by a
+cable.
 
-Each has its own interfaces, addresses and routes; nothing but the cable joins them, neither to each other nor to the
-machine's network. Needs root and iproute2. Names end in the process id: several pairs may be there at once.
+Each has its own interfaces, addresses and routes; nothing but the cable joins them, neither to each
+other nor to the machine's network. Needs root and iproute2. Names end in the process id: several
+pairs may be there at once.
 """
 
 import os
@@ -42,8 +44,12 @@ class Host:
         return int(sent), int(heard)
 
     def clear(self) -> None:
-        """End what runs there, by its process ids, and remove the namespace; its interface goes with it."""
-        found = subprocess.run(["ip", "netns", "pids", self.space], capture_output=True, text=True, check=False)
+        """End what runs there, by its process ids, and remove the namespace; its interface goes
+        with it.
+        """
+        found = subprocess.run(
+            ["ip", "netns", "pids", self.space], capture_output=True, text=True, check=False
+        )
         for pid in found.stdout.split():
             if Path(f"/proc/{pid}").exists():
                 subprocess.run(["kill", "-KILL", pid], capture_output=True, check=False)
@@ -61,7 +67,19 @@ def two_hosts() -> Iterator[tuple[Host, Host]]:
     try:
         for host in (desk, robot):
             ip("netns", "add", host.space)
-        ip("-n", desk.space, "link", "add", desk.device, "type", "veth", "peer", robot.device, "netns", robot.space)
+        ip(
+            "-n",
+            desk.space,
+            "link",
+            "add",
+            desk.device,
+            "type",
+            "veth",
+            "peer",
+            robot.device,
+            "netns",
+            robot.space,
+        )
         for host in (desk, robot):
             ip("-n", host.space, "address", "add", f"{host.address}/24", "dev", host.device)
             for device in ("lo", host.device):
@@ -78,7 +96,9 @@ def ip(*words: str) -> None:
 
 
 def run(command: list[str], within_s: float = ASK_S) -> str:
-    """Return a command's output. Raises CannotError with it if the command ends with another code than 0."""
+    """Return a command's output. Raises CannotError with it if the command ends with another code
+    than 0.
+    """
     done = subprocess.run(command, capture_output=True, text=True, timeout=within_s, check=False)
     if done.returncode != 0:
         raise CannotError(f"{' '.join(command)}: {(done.stderr or done.stdout).strip()}")

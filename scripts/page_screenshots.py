@@ -1,4 +1,6 @@
-"""Pictures of the person's page in headless Chromium: a fleet that pours, with other tasks waiting behind it."""
+"""Pictures of the person's page in headless Chromium: a fleet that pours, with other tasks waiting
+behind it.
+"""
 
 import subprocess
 from pathlib import Path
@@ -14,7 +16,9 @@ POUR = "pour the jar into the bowl"
 
 def pictures(run: Path, out: Path, roco: Path) -> list[Path]:
     """Return the pictures, made of the fleet of this run."""
-    door = subprocess.run([roco, "page", "--run-dir", run], capture_output=True, text=True, check=True).stdout.strip()
+    door = subprocess.run(
+        [roco, "page", "--run-dir", run], capture_output=True, text=True, check=True
+    ).stdout.strip()
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, chromium_sandbox=False)
         try:
@@ -39,7 +43,11 @@ def _taken(browser: Browser, door: str, out: Path) -> list[Path]:
     page.screenshot(path=files[0])
     known = context.storage_state()
     phone = browser.new_context(
-        viewport=PHONE, device_scale_factor=2, color_scheme="dark", locale="pl-PL", storage_state=known
+        viewport=PHONE,
+        device_scale_factor=2,
+        color_scheme="dark",
+        locale="pl-PL",
+        storage_state=known,
     ).new_page()
     phone.goto(page.url)
     phone.locator("#stop").click()

@@ -1,4 +1,6 @@
-"""A person's program beside the fleet in containers: it says sentences to hi and looks what became of them."""
+"""A person's program beside the fleet in containers: it says sentences to hi and looks what became
+of them.
+"""
 
 import json
 import urllib.error
@@ -13,7 +15,9 @@ UP_S, TASK_S = 120.0, 240.0  # estimates: three times and more what a loaded 2-c
 
 
 class Person:
-    """Talks to hi over its port, as docs/http.md says. The token is new at each start of hi: read for each word."""
+    """Talks to hi over its port, as docs/http.md says. The token is new at each start of hi: read
+    for each word.
+    """
 
     def __init__(self, docker: Docker) -> None:
         self._docker = docker
@@ -67,7 +71,9 @@ class Person:
 
 
 def status(address: str) -> int:
-    """The status that somebody without token gets at an address of http. OSError where nobody answers."""
+    """The status that somebody without token gets at an address of http. OSError where nobody
+    answers.
+    """
     try:
         with urllib.request.urlopen(address, timeout=ANSWER_S) as answer:
             return answer.status

@@ -13,7 +13,9 @@ SYSTEM = "roco"
 
 
 def samples(run: Path, until_s: float, now: float) -> Iterator[tuple[float, Sample]]:
-    """(Seconds after the first record, sample heard as long after `now`) of a run folder's recording."""
+    """(Seconds after the first record, sample heard as long after `now`) of a run folder's
+    recording.
+    """
     records = mcap_file.read(run / mcap_file.FILE).records
     for record in records:
         at = record.received - records[0].received
@@ -30,9 +32,13 @@ def sampled(record: Record, at: float) -> Sample | None:
         case Spoken():
             return Sample(DESIGN.key(SYSTEM, record.communicate), record.wire, at)
         case House(kind=kind, owner=owner, peer=peer) if kind != "setting":
-            return Sample(service_key(SYSTEM, kind, owner, *([peer] if peer else [])), record.data, at)
+            return Sample(
+                service_key(SYSTEM, kind, owner, *([peer] if peer else [])), record.data, at
+            )
         case Token():
-            key = service_key(SYSTEM, "alive", record.agent, life(record.incarnation, record.journal))
+            key = service_key(
+                SYSTEM, "alive", record.agent, life(record.incarnation, record.journal)
+            )
             return Sample(key, b"", at, token=True, gone=not record.alive)
         case Garbage():
             return Sample(record.key, record.data, at)

@@ -1,6 +1,7 @@
 """Blocks of the documentation that show what commands print: found, run, compared, rewritten.
 
-A block is a comment and a fence. Each line that begins with `$ ` is a command, what follows is what it printed:
+A block is a comment and a fence. Each line that begins with `$ ` is a command, what follows is what
+it printed:
 
     <!-- output: static like=times exit=1 -->
     ```
@@ -8,9 +9,10 @@ A block is a comment and a fence. Each line that begins with `$ ` is a command, 
     ...
     ```
 
-Words of the comment: `static` (a recorded run is runs/latest) or `fleet=ORDER` (one fleet for all pages, blocks in this
-order); then `like=A,B` (see ALIKE), `has=REGEX` (compare this instead of the words), `exit=N` (of the last command),
-`first=N`, `last=N`, `only=REGEX` (lines to show), `columns=N` (terminal, else 100), `setup=COMMANDS` (not shown).
+Words of the comment: `static` (a recorded run is runs/latest) or `fleet=ORDER` (one fleet for all
+pages, blocks in this order); then `like=A,B` (see ALIKE), `has=REGEX` (compare this instead of the
+words), `exit=N` (of the last command), `first=N`, `last=N`, `only=REGEX` (lines to show),
+`columns=N` (terminal, else 100), `setup=COMMANDS` (not shown).
 """
 
 import os
@@ -31,13 +33,16 @@ LATEST = "2026-11-21_18-36-20"
 TIMEOUT_S = 300.0
 HOME = "/home/you/robot"  # what the folder of the commands is called in the pages
 
-_BLOCK = re.compile(r"^<!-- output: (?P<words>.*?) -->\n```\w*\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
+_BLOCK = re.compile(
+    r"^<!-- output: (?P<words>.*?) -->\n```\w*\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL
+)
 _RUN_NAME = re.compile(r"\b\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d\b")
 
 # What may differ from run to run, by the names that stand behind `like=`.
 ALIKE = {
     "times": re.compile(
-        r"\b\d{4}-\d\d-\d\d\b|[+-]?\b\d[\d,]*(\.\d+)? ?(ns|us|µs|ms|s|min|h)\b|\b\d+:\d\d(:\d\d)?(\.\d+)?\b"
+        r"\b\d{4}-\d\d-\d\d\b|[+-]?\b\d[\d,]*(\.\d+)?"
+        r" ?(ns|us|µs|ms|s|min|h)\b|\b\d+:\d\d(:\d\d)?(\.\d+)?\b"
     ),
     "sizes": re.compile(r"\b\d[\d,]*(\.\d+)? ?([kMG]?i?B|[kM]?bit)(/s)?(?!\w)"),
     "paths": re.compile(r"(?<![\w.])~?/[\w./@+-]+"),
@@ -45,7 +50,9 @@ ALIKE = {
     "numbers": re.compile(r"[+-]?\b\d[\d,]*(\.\d+)?(e[+-]?\d+)?"),
 }
 UNORDERED, UNWRAPPED = "lines", "wraps"
-"""Behind `like=`: lines in any order, equal ones once; words only, wherever lines end (a path may be long)."""
+"""Behind `like=`: lines in any order, equal ones once; words only, wherever lines end (a path may
+be long).
+"""
 
 
 class Shown(NamedTuple):
@@ -67,7 +74,8 @@ class Block(NamedTuple):
     @property
     def where(self) -> str:
         """Page and line, as an editor takes it."""
-        return f"{self.page.relative_to(ROOT) if self.page.is_relative_to(ROOT) else self.page}:{self.line}"
+        page = self.page.relative_to(ROOT) if self.page.is_relative_to(ROOT) else self.page
+        return f"{page}:{self.line}"
 
 
 _QUOTED = re.compile(r"^````.*?^````$", re.MULTILINE | re.DOTALL)
@@ -83,20 +91,40 @@ class Difference(NamedTuple):
 
 def blocks(page: Path) -> Iterator[Block]:
     """The marked blocks of a page. ValueError names a comment or a body that cannot be read."""
-    text = _QUOTED.sub(lambda quoted: "\n" * quoted[0].count("\n"), page.read_text(encoding="utf-8"))
+    text = _QUOTED.sub(
+        lambda quoted: "\n" * quoted[0].count("\n"), page.read_text(encoding="utf-8")
+    )
     for match in _BLOCK.finditer(text):
         line = text.count("\n", 0, match.start()) + 1
         kind, *rest = shlex.split(match["words"])
         name, _, order = kind.partition("=")
         options = dict(word.partition("=")[::2] for word in rest)
-        unknown = options.keys() - {"like", "has", "exit", "first", "last", "only", "columns", "setup"}
-        strange = set(filter(None, options.get("like", "").split(","))) - {*ALIKE, UNORDERED, UNWRAPPED}
+        unknown = options.keys() - {
+            "like",
+            "has",
+            "exit",
+            "first",
+            "last",
+            "only",
+            "columns",
+            "setup",
+        }
+        strange = set(filter(None, options.get("like", "").split(","))) - {
+            *ALIKE,
+            UNORDERED,
+            UNWRAPPED,
+        }
         if name not in ("static", "fleet") or unknown or strange:
             raise ValueError(
-                f"{page}:{line}: {sorted({*unknown, *strange}) or kind}; see scripts/shown.py for the words"
+                f"{page}:{line}: {sorted({*unknown, *strange}) or kind}; see scripts/shown.py for"
+                " the words"
             )
         yield Block(
-            page, line, options, int(order) if name == "fleet" else None, tuple(_split(match["body"], page, line))
+            page,
+            line,
+            options,
+            int(order) if name == "fleet" else None,
+            tuple(_split(match["body"], page, line)),
         )
 
 
@@ -113,7 +141,17 @@ def _split(body: str, page: Path, line: int) -> Iterator[Shown]:
 
 def place(folder: Path, recorded: bool) -> None:
     """Make a folder look like a checkout in which somebody works; `recorded`: with a run in it."""
-    for name in ("shared", "velma", "examples", "tests", "deploy", "benchmarks", "scripts", "docs", "README.md"):
+    for name in (
+        "shared",
+        "velma",
+        "examples",
+        "tests",
+        "deploy",
+        "benchmarks",
+        "scripts",
+        "docs",
+        "README.md",
+    ):
         (folder / name).symlink_to(ROOT / name)
     if recorded:
         for name, source in RECORDED.items():
@@ -122,7 +160,9 @@ def place(folder: Path, recorded: bool) -> None:
 
 
 def run(block: Block, folder: Path) -> tuple[list[str], str]:
-    """Return the output of each command of a block, cut as the block says, and the fault of its exit code, or ""."""
+    """Return the output of each command of a block, cut as the block says, and the fault of its
+    exit code, or "".
+    """
     if setup := block.options.get("setup"):
         done = bash(setup, folder)
         if done.returncode:
@@ -133,26 +173,43 @@ def run(block: Block, folder: Path) -> tuple[list[str], str]:
         texts.append(cut(_clean(done.stdout, folder), block.options))
         wanted = int(block.options.get("exit", "0")) if shown is block.shown[-1] else 0
         if done.returncode != wanted:
-            return texts, f"`{shown.command}` ended with {done.returncode}, expected {wanted}:\n{done.stdout}"
+            return (
+                texts,
+                (
+                    f"`{shown.command}` ended with {done.returncode}, expected"
+                    f" {wanted}:\n{done.stdout}"
+                ),
+            )
     return texts, ""
 
 
 def bash(command: str, folder: Path, columns: str = "100") -> subprocess.CompletedProcess[str]:
-    """Run a command in a folder as the pages' reader would: venv first in PATH, no colours, a terminal so wide."""
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("ROCO_", "PYTHON", "COLUMNS"))}
+    """Run a command in a folder as the pages' reader would: venv first in PATH, no colours, a
+    terminal so wide.
+    """
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("ROCO_", "PYTHON", "COLUMNS"))
+    }
     own = {
-        "PATH": os.pathsep.join((str(ROOT / ".venv/bin"), str(Path(sys.executable).parent), os.environ["PATH"])),
+        "PATH": os.pathsep.join(
+            (str(ROOT / ".venv/bin"), str(Path(sys.executable).parent), os.environ["PATH"])
+        ),
         "COLUMNS": columns,
         "NO_COLOR": "1",
         "TERM": "dumb",
         "TZ": "UTC",
         "LC_ALL": "C.UTF-8",
-        "PYTHONPYCACHEPREFIX": str(ROOT / ".venv/bytecode"),  # none beside the sources that a page shows
-        "DOCKER_HOST": "unix:///nowhere",  # a fleet in containers on this machine is none of the pages'
+        # none beside the sources that a page shows
+        "PYTHONPYCACHEPREFIX": str(ROOT / ".venv/bytecode"),
+        # a fleet in containers on this machine is none of the pages'
+        "DOCKER_HOST": "unix:///nowhere",
     }
     words = ["bash", "-c", command]
     return subprocess.run(
-        words, cwd=folder, env=kept | own, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        words, cwd=folder, env=kept | own, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
         text=True, timeout=TIMEOUT_S, check=False,
     )  # fmt: skip
 
@@ -166,7 +223,9 @@ def _clean(text: str, folder: Path) -> str:
 
 def in_order(every: list[Block]) -> list[Block]:
     """The blocks that need a fleet, by their number, else as the pages have them."""
-    return sorted((block for block in every if block.order is not None), key=lambda block: block.order or 0)
+    return sorted(
+        (block for block in every if block.order is not None), key=lambda block: block.order or 0
+    )
 
 
 def cut(text: str, options: dict[str, str]) -> str:
@@ -182,7 +241,9 @@ def cut(text: str, options: dict[str, str]) -> str:
 
 
 def normal(text: str, like: str) -> str:
-    """A text without what may differ; where anything may, widths of columns and of lines may too."""
+    """A text without what may differ; where anything may, widths of columns and of lines may
+    too.
+    """
     text = _RUN_NAME.sub("RUN", text)
     names = list(filter(None, like.split(",")))
     for name in names:
@@ -192,7 +253,9 @@ def normal(text: str, like: str) -> str:
         return " ".join(text.split())
     lines = [line.rstrip() for line in text.split("\n")]
     if names:
-        lines = [re.sub(r"([─━═╌-])\1+", r"\1", re.sub(r"\s+", " ", line)).strip() for line in lines]
+        lines = [
+            re.sub(r"([─━═╌-])\1+", r"\1", re.sub(r"\s+", " ", line)).strip() for line in lines
+        ]
     return "\n".join(sorted(set(lines)) if UNORDERED in names else lines).strip("\n")
 
 
@@ -206,8 +269,12 @@ def differences(block: Block, texts: list[str], wrong: str) -> list[Difference]:
         else:
             same = normal(shown.text, like) == normal(printed, like)
         if not same:
-            lines = unified_diff(shown.text.split("\n"), printed.split("\n"), "the page", "now", lineterm="", n=1)
-            found.append(Difference(block, f"{block.where}: `{shown.command}`\n" + "\n".join(lines)))
+            lines = unified_diff(
+                shown.text.split("\n"), printed.split("\n"), "the page", "now", lineterm="", n=1
+            )
+            found.append(
+                Difference(block, f"{block.where}: `{shown.command}`\n" + "\n".join(lines))
+            )
     return found
 
 
@@ -215,9 +282,12 @@ def written(block: Block, texts: list[str]) -> None:
     """Put what was printed into the page."""
     text = block.page.read_text(encoding="utf-8")
     body = "".join(
-        f"$ {shown.command}\n" + (f"{new}\n" if new else "") for shown, new in zip(block.shown, texts, strict=True)
+        f"$ {shown.command}\n" + (f"{new}\n" if new else "")
+        for shown, new in zip(block.shown, texts, strict=True)
     )
     for match in _BLOCK.finditer(text):
         if tuple(_split(match["body"], block.page, block.line)) == block.shown:
-            block.page.write_text(text[: match.start("body")] + body + text[match.end("body") :], encoding="utf-8")
+            block.page.write_text(
+                text[: match.start("body")] + body + text[match.end("body") :], encoding="utf-8"
+            )
             return

@@ -1,4 +1,5 @@
-"""Tests against mutants, in forked processes: the parent has imported what is not ours, so that a trial is short.
+"""Tests against mutants, in forked processes: the parent has imported what is not ours, so that a
+trial is short.
 
 A mutant is compiled into the child only, by an import hook; no file is changed.
 """
@@ -26,9 +27,13 @@ from mutations import ROOT, Mutant, path
 FORK = multiprocessing.get_context("fork")
 AT_ONCE = 2
 MEMORY = 6 << 30
-"""Bytes a trial may take: what grows without end fails instead of starving the machine; estimate."""
+"""Bytes a trial may take: what grows without end fails instead of starving the machine;
+estimate.
+"""
 LEAST_S, PATIENCE, TEST_S = 15.0, 2, 15
-"""A trial may take LEAST_S and PATIENCE times what its tests take unchanged and traced, one test TEST_S; estimates."""
+"""A trial may take LEAST_S and PATIENCE times what its tests take unchanged and traced, one test
+TEST_S; estimates.
+"""
 ARGUMENTS = ["-q", "-x", "-m", "not long", "-p", "no:rerunfailures", "--hypothesis-seed=0"]
 ARGUMENTS += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]
 ARGUMENTS += ["--hypothesis-profile=many"]  # all the examples of a test: tests/conftest.py
@@ -36,7 +41,9 @@ ARGUMENTS += ["--hypothesis-profile=many"]  # all the examples of a test: tests/
 
 @dataclass
 class Baseline:
-    """The tests of a room without a change: seconds of each, the lines each has run, and what is to be imported."""
+    """The tests of a room without a change: seconds of each, the lines each has run, and what is to
+    be imported.
+    """
 
     seconds: dict[str, float] = field(default_factory=dict)
     lines: dict[str, dict[int, set[str]]] = field(default_factory=dict)
@@ -44,10 +51,14 @@ class Baseline:
     failed: str = ""
 
     def tests(self, mutant: Mutant) -> list[str]:
-        """The tests that run the mutant's lines, fastest first; all of them where an import runs it."""
+        """The tests that run the mutant's lines, fastest first; all of them where an import runs
+        it.
+        """
         lines = self.lines.get(str(path(mutant.module)), {})
         ran = set[str]().union(*(lines.get(line, ()) for line in mutant.lines))
-        return sorted(self.seconds if "" in ran else ran & self.seconds.keys(), key=self.seconds.__getitem__)
+        return sorted(
+            self.seconds if "" in ran else ran & self.seconds.keys(), key=self.seconds.__getitem__
+        )
 
 
 @dataclass
@@ -60,22 +71,30 @@ class Verdict:
 
 
 class _Watch:
-    """A plugin of pytest: chosen tests in the order given; notes the first that fails, and the lines of files."""
+    """A plugin of pytest: chosen tests in the order given; notes the first that fails, and the
+    lines of files.
+    """
 
     def __init__(self, chosen: list[str] | None, traced: list[str]) -> None:
         self.chosen, self.traced = chosen, {file: dict[int, set[str]]() for file in traced}
         self.test, self.failed, self.seconds = "", "", dict[str, float]()
 
     def pytest_sessionstart(self) -> None:
-        """After the conftest of all tests has loaded its own: nothing is shrunk, nothing remembered."""
+        """After the conftest of all tests has loaded its own: nothing is shrunk, nothing
+        remembered.
+        """
         from hypothesis import Phase, settings
 
         phases = (Phase.explicit, Phase.generate)
-        settings.register_profile("trial", settings.get_profile("many"), phases=phases, database=None)
+        settings.register_profile(
+            "trial", settings.get_profile("many"), phases=phases, database=None
+        )
         settings.load_profile("trial")
 
     def trace(self) -> None:
-        """Note the lines of files from here on; before pytest, for a conftest may import them (defaults run then)."""
+        """Note the lines of files from here on; before pytest, for a conftest may import them
+        (defaults run then).
+        """
         if self.traced:
             sys.settrace(self._call)
             threading.settrace(self._call)
@@ -84,7 +103,10 @@ class _Watch:
         """Keep the chosen ones."""
         if self.chosen is not None:
             place = {test: number for number, test in enumerate(self.chosen)}
-            items[:] = sorted((item for item in items if item.nodeid in place), key=lambda item: place[item.nodeid])
+            items[:] = sorted(
+                (item for item in items if item.nodeid in place),
+                key=lambda item: place[item.nodeid],
+            )
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         """Lines are this test's from here on."""
@@ -136,7 +158,9 @@ class _Changed(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
 
 
 def baseline(tests: list[str], modules: list[str]) -> Baseline:
-    """Run the tests of a room unchanged and import here what they have imported that is not ours."""
+    """Run the tests of a room unchanged and import here what they have imported that is not
+    ours.
+    """
     traced = [str(path(module)) for module in modules]
     process, answer = _start(None, tests, None, traced)
     code, watch, imported = answer.recv()
@@ -149,8 +173,12 @@ def baseline(tests: list[str], modules: list[str]) -> Baseline:
     return Baseline(watch[0], watch[1], imported)
 
 
-def judged(trials: Iterator[tuple[Mutant, list[str], list[str] | None, float]]) -> Iterator[tuple[Mutant, Verdict]]:
-    """Verdicts as they come; a trial: mutant, files of tests, those chosen of them, seconds they take unchanged."""
+def judged(
+    trials: Iterator[tuple[Mutant, list[str], list[str] | None, float]],
+) -> Iterator[tuple[Mutant, Verdict]]:
+    """Verdicts as they come; a trial: mutant, files of tests, those chosen of them, seconds they
+    take unchanged.
+    """
     running: dict[Connection, tuple[Any, Mutant, float, float]] = {}
     left = True
     while left or running:
@@ -168,7 +196,10 @@ def judged(trials: Iterator[tuple[Mutant, list[str], list[str] | None, float]]) 
         for answer, (process, mutant, begun, until) in list(running.items()):
             if answer in ready or time.monotonic() >= until:
                 del running[answer]
-                yield mutant, Verdict(*_outcome(answer, process), round(time.monotonic() - begun, 1))
+                yield (
+                    mutant,
+                    Verdict(*_outcome(answer, process), round(time.monotonic() - begun, 1)),
+                )
 
 
 def _outcome(answer: Connection, process: Any) -> tuple[str, str]:
@@ -181,11 +212,14 @@ def _outcome(answer: Connection, process: Any) -> tuple[str, str]:
     process.join()
     if code is None:
         return "timeout", ""
-    if code in (0, pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED):  # the test meant is gone
+    # the test meant is gone
+    if code in (0, pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED):
         return "survived", ""
     if code in (1, 2) and watch[2]:
         return "killed", watch[2]
-    raise RuntimeError(f"pytest ended with exit code {code}, expected 0, 1, 2, 4 or 5; run its tests by hand")
+    raise RuntimeError(
+        f"pytest ended with exit code {code}, expected 0, 1, 2, 4 or 5; run its tests by hand"
+    )
 
 
 def _start(
@@ -195,13 +229,18 @@ def _start(
     process = FORK.Process(target=_trial, args=(theirs, mutant, files, chosen, traced))
     process.start()
     theirs.close()
-    with contextlib.suppress(OSError):  # whoever is first: the child may be killed before it has done so itself
+    # whoever is first: the child may be killed before it has done so itself
+    with contextlib.suppress(OSError):
         os.setpgid(process.pid, process.pid)
     return process, ours
 
 
 def _trial(
-    answer: Connection, mutant: Mutant | None, files: list[str], chosen: list[str] | None, traced: list[str]
+    answer: Connection,
+    mutant: Mutant | None,
+    files: list[str],
+    chosen: list[str] | None,
+    traced: list[str],
 ) -> None:
     with contextlib.suppress(OSError):
         os.setpgid(0, 0)
@@ -214,12 +253,23 @@ def _trial(
         sys.meta_path.insert(0, _Changed(mutant))
     watch = _Watch(chosen, traced)
     watch.trace()
-    code = pytest.main([*ARGUMENTS, "-o", f"timeout={TEST_S if mutant else 0}", *files], plugins=[watch])
+    code = pytest.main(
+        [*ARGUMENTS, "-o", f"timeout={TEST_S if mutant else 0}", *files], plugins=[watch]
+    )
     sys.settrace(None)
-    ours = (str(ROOT / folder) for folder in ("services", "shared", "tests", "velma", "examples", "scripts"))
+    ours = (
+        str(ROOT / folder)
+        for folder in ("services", "shared", "tests", "velma", "examples", "scripts")
+    )
     home = tuple(ours)
-    files_of = {name: getattr(module, "__file__", None) or "" for name, module in list(sys.modules.items())}
-    imported = [name for name, file in files_of.items() if file and not file.startswith(home)] if traced else []
+    files_of = {
+        name: getattr(module, "__file__", None) or "" for name, module in list(sys.modules.items())
+    }
+    imported = (
+        [name for name, file in files_of.items() if file and not file.startswith(home)]
+        if traced
+        else []
+    )
     answer.send((int(code), (watch.seconds, watch.traced, watch.failed), imported))
     answer.close()
     os._exit(0)

@@ -1,6 +1,8 @@
-"""Errors as the code itself declares them: exceptions, warnings of the log, exit codes. Read, not run.
+"""Errors as the code itself declares them: exceptions, warnings of the log, exit codes. Read, not
+run.
 
-docs/errors.md says of each of them the cause and what to do (scripts/errors.toml); nothing may be missing or too much.
+docs/errors.md says of each of them the cause and what to do (scripts/errors.toml); nothing may be
+missing or too much.
 """
 
 import ast
@@ -15,19 +17,31 @@ ROOMS = (
     "velma",
     "services",
 )
-BUILT_IN = {"Exception", "ValueError", "TypeError", "LookupError", "RuntimeError", "MemoryError", "KeyError", "OSError"}
+BUILT_IN = {
+    "Exception",
+    "ValueError",
+    "TypeError",
+    "LookupError",
+    "RuntimeError",
+    "MemoryError",
+    "KeyError",
+    "OSError",
+}
 LEVELS = ("warning", "error")
 ENUMS = {  # words that a person meets as the reason of something; each member has its row
     "verdicts": ("shared/topdown/judge/verdicts.py", "Verdict"),
     "acts": ("shared/companion/languages/rc.py", "NotDoneKind"),
     "states": ("shared/operate/run_folder.py", "ProcessState"),
 }
-DROPS = {"What.DROP": "stray", "What.REFUSE": "not understood"}  # members of agent_runtime.core.sequence_check.What
+# members of agent_runtime.core.sequence_check.What
+DROPS = {"What.DROP": "stray", "What.REFUSE": "not understood"}
 CODES = "shared/operate/cli/errors.py"
 
 
 class Declared(NamedTuple):
-    """Something that can go wrong: its name, where, and the form of its message (`…` for what varies)."""
+    """Something that can go wrong: its name, where, and the form of its message (`…` for what
+    varies).
+    """
 
     name: str
     where: str
@@ -42,7 +56,9 @@ def sources() -> tuple[tuple[str, ast.Module], ...]:
 @cache
 def _parsed(root: Path, rooms: tuple[str, ...]) -> tuple[tuple[str, ast.Module], ...]:
     paths = [path for room in rooms for path in sorted((root / room).rglob("*.py"))]
-    return tuple((str(path.relative_to(root)), ast.parse(path.read_text(encoding="utf-8"))) for path in paths)
+    return tuple(
+        (str(path.relative_to(root)), ast.parse(path.read_text(encoding="utf-8"))) for path in paths
+    )
 
 
 def calls() -> Iterator[tuple[str, ast.Call]]:
@@ -53,12 +69,21 @@ def calls() -> Iterator[tuple[str, ast.Call]]:
 @cache  # walking through all of the code takes seconds
 def _calls(root: Path, rooms: tuple[str, ...]) -> tuple[tuple[str, tuple[ast.Call, ...]], ...]:
     every = ((path, tuple(ast.walk(tree))) for path, tree in _parsed(root, rooms))
-    return tuple((path, tuple(one for one in nodes if isinstance(one, ast.Call))) for path, nodes in every)
+    return tuple(
+        (path, tuple(one for one in nodes if isinstance(one, ast.Call))) for path, nodes in every
+    )
 
 
 def exceptions() -> dict[str, Declared]:
-    """Every class that is an exception, by its name; two of one name are kept apart by their module."""
-    classes = [(path, node) for path, tree in sources() for node in ast.walk(tree) if isinstance(node, ast.ClassDef)]
+    """Every class that is an exception, by its name; two of one name are kept apart by their
+    module.
+    """
+    classes = [
+        (path, node)
+        for path, tree in sources()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+    ]
     known = set(BUILT_IN)
     while new := {node.name for _, node in classes if known & _bases(node)} - known:
         known |= new
@@ -71,8 +96,8 @@ def exceptions() -> dict[str, Declared]:
 
 
 def raised() -> dict[str, list[str]]:
-    """Return the arguments with which each exception is raised, by its name: words that vary less than their class's
-    form.
+    """Return the arguments with which each exception is raised, by its name: words that vary less
+    than their class's form.
     """
     found: dict[str, list[str]] = {}
     for _, call in calls():
@@ -89,13 +114,22 @@ def _called(call: ast.Call) -> str:
 
 
 def _bases(node: ast.ClassDef) -> set[str]:
-    return {base.id if isinstance(base, ast.Name) else getattr(base, "attr", "") for base in node.bases}
+    return {
+        base.id if isinstance(base, ast.Name) else getattr(base, "attr", "") for base in node.bases
+    }
 
 
 def _message(node: ast.ClassDef) -> str:
-    """Return the argument of `super().__init__`, "" if that is left to the caller that raises it."""
+    """Return the argument of `super().__init__`, "" if that is left to the caller that raises
+    it.
+    """
     for call in ast.walk(node):
-        if isinstance(call, ast.Call) and call.args and _called(call) == "__init__" and "super()" in ast.unparse(call):
+        if (
+            isinstance(call, ast.Call)
+            and call.args
+            and _called(call) == "__init__"
+            and "super()" in ast.unparse(call)
+        ):
             return _words(call.args[-1])
     return ""
 
@@ -105,7 +139,9 @@ def _words(node: ast.expr) -> str:
         case ast.Constant(value=str(text)):
             return text
         case ast.JoinedStr(values=values):
-            return "".join(_words(value) if isinstance(value, ast.Constant) else "…" for value in values)
+            return "".join(
+                _words(value) if isinstance(value, ast.Constant) else "…" for value in values
+            )
         case ast.IfExp(body=body, orelse=other):
             return f"{_words(body)} / {_words(other)}"
     return "…"
@@ -134,7 +170,9 @@ def _told(node: ast.AST, scope: ast.FunctionDef, tree: ast.Module) -> list[str]:
 
 
 def _events(first: ast.expr, tree: ast.AST) -> list[str]:
-    """The events that an expression may be; none for a parameter, whose values are where it is called."""
+    """The events that an expression may be; none for a parameter, whose values are where it is
+    called.
+    """
     match first:
         case ast.Constant(value=str(words)):
             return [words]
@@ -143,7 +181,11 @@ def _events(first: ast.expr, tree: ast.AST) -> list[str]:
         case ast.JoinedStr():
             return [_words(first)]
         case ast.Name(id=name):
-            values = [each.value for each in ast.walk(tree) if isinstance(each, ast.Assign) and name in _targets(each)]
+            values = [
+                each.value
+                for each in ast.walk(tree)
+                if isinstance(each, ast.Assign) and name in _targets(each)
+            ]
             return [event for value in values for event in _events(value, tree)]
     return []
 
@@ -156,8 +198,16 @@ def _loud(call: ast.Call, tree: ast.AST) -> bool:
     """Whether a call logs at a loud level: said there, or in a variable that is called `level`."""
     levels = [keyword.value for keyword in call.keywords if keyword.arg == "level"]
     if any(isinstance(level, ast.Name) for level in levels):
-        levels += [each.value for each in ast.walk(tree) if isinstance(each, ast.Assign) and "level" in _targets(each)]
-    return any(isinstance(part, ast.Constant) and part.value in LEVELS for level in levels for part in ast.walk(level))
+        levels += [
+            each.value
+            for each in ast.walk(tree)
+            if isinstance(each, ast.Assign) and "level" in _targets(each)
+        ]
+    return any(
+        isinstance(part, ast.Constant) and part.value in LEVELS
+        for level in levels
+        for part in ast.walk(level)
+    )
 
 
 def rejected() -> dict[str, Declared]:
@@ -181,7 +231,11 @@ def members(path: str, name: str) -> dict[str, Declared]:
     tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
     (node,) = [each for each in tree.body if isinstance(each, ast.ClassDef) and each.name == name]
     values = [each.value for each in node.body if isinstance(each, ast.Assign)]
-    return {each.value: Declared(each.value, path, "") for each in values if isinstance(each, ast.Constant)}
+    return {
+        each.value: Declared(each.value, path, "")
+        for each in values
+        if isinstance(each, ast.Constant)
+    }
 
 
 def codes() -> dict[str, Declared]:
@@ -191,7 +245,9 @@ def codes() -> dict[str, Declared]:
     return {
         str(value.value): Declared(str(value.value), CODES, target.id)
         for target, value in pairs
-        if isinstance(target, ast.Name) and isinstance(value, ast.Constant) and isinstance(value.value, int)
+        if isinstance(target, ast.Name)
+        and isinstance(value, ast.Constant)
+        and isinstance(value.value, int)
     }
 
 

@@ -12,7 +12,9 @@ ELSEWHERE = {"demo": "README.md; a fleet of its own, which takes minutes"}
 
 
 def every(command: Any = None, path: tuple[str, ...] = ()) -> Iterator[str]:
-    """`design check`, `status`, ...: all commands that do something, in the order of `--help`; hidden ones too."""
+    """`design check`, `status`, ...: all commands that do something, in the order of `--help`;
+    hidden ones too.
+    """
     if command is None:
         from operate.cli.__main__ import app
 
@@ -34,5 +36,6 @@ def not_shown(blocks: list[shown.Block]) -> list[str]:
     return [
         verb
         for verb in every()
-        if verb not in ELSEWHERE and not any(re.search(rf"\broco {verb}(?![\w-])", line) for line in commands)
+        if verb not in ELSEWHERE
+        and not any(re.search(rf"\broco {verb}(?![\w-])", line) for line in commands)
     ]

@@ -1,9 +1,11 @@
-"""The table of docs/architecture.md: which functions of agent_runtime.core write which field of an agent's state.
+"""The table of docs/architecture.md: which functions of agent_runtime.core write which field of an
+agent's state.
 
     scripts/writers.py           print it
     scripts/writers.py --write   put it into the page
 
-Read off the code: what is assigned, deleted or changed in place through a name of a CoreState or of one of its fields.
+Read off the code: what is assigned, deleted or changed in place through a name of a CoreState or of
+one of its fields.
 """
 
 import ast
@@ -43,7 +45,9 @@ class Function:
         self.writes = {field for one in changed for field in self._meant(one)} - {STATE, SOFT}
 
     def _meant(self, node: ast.expr) -> set[str]:
-        """Return what an expression stands for: the state, its soft part, or fields; nothing for anything else."""
+        """Return what an expression stands for: the state, its soft part, or fields; nothing for
+        anything else.
+        """
         match node:
             case ast.Name(id=name):
                 return self._known.get(name, set())
@@ -67,7 +71,10 @@ class Function:
 
 
 def _is_state(arg: ast.arg, of: str) -> bool:
-    annotated = isinstance(arg.annotation, ast.Name) and arg.annotation.id in ("CoreState", "Record")
+    annotated = isinstance(arg.annotation, ast.Name) and arg.annotation.id in (
+        "CoreState",
+        "Record",
+    )
     return annotated or (arg.arg == "self" and of == "CoreState")
 
 
@@ -91,11 +98,15 @@ def _pairs(node: ast.AST) -> Iterator[tuple[ast.expr, ast.expr]]:
 
 
 def _changed(node: ast.AST) -> Iterator[ast.expr]:
-    """Yield what a statement assigns to, deletes or changes in place; a name that is assigned is only another name."""
+    """Yield what a statement assigns to, deletes or changes in place; a name that is assigned is
+    only another name.
+    """
     match node:
         case ast.Assign():
             yield from (target for target, _ in _pairs(node) if not isinstance(target, ast.Name))
-        case ast.AugAssign(target=target) | ast.AnnAssign(target=target) if not isinstance(target, ast.Name):
+        case ast.AugAssign(target=target) | ast.AnnAssign(target=target) if not isinstance(
+            target, ast.Name
+        ):
             yield target
         case ast.Delete(targets=targets):
             yield from targets
@@ -107,7 +118,9 @@ def _changed(node: ast.AST) -> Iterator[ast.expr]:
 
 def writers() -> dict[str, list[str]]:
     """Return field -> the functions that write it, as file and name."""
-    found: dict[str, list[str]] = {name: [] for name in (*DURABLE, *(f"soft.{one}" for one in Soft.__struct_fields__))}
+    found: dict[str, list[str]] = {
+        name: [] for name in (*DURABLE, *(f"soft.{one}" for one in Soft.__struct_fields__))
+    }
     for path in sorted(CORE.glob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         classes = [(one.name, one.body) for one in tree.body if isinstance(one, ast.ClassDef)]
@@ -121,7 +134,10 @@ def writers() -> dict[str, list[str]]:
 
 def table() -> str:
     """The fields, each with the functions that write it."""
-    rows = [f"| `{field}` | {', '.join(dict.fromkeys(by)) or MAKING} |\n" for field, by in writers().items()]
+    rows = [
+        f"| `{field}` | {', '.join(dict.fromkeys(by)) or MAKING} |\n"
+        for field, by in writers().items()
+    ]
     return "".join(["| field | written by |\n|---|---|\n", *rows])
 
 

@@ -1,19 +1,23 @@
-"""For all tests: hypothesis looks for what is false, not for what is slow; machines with other work run them, too.
+"""For all tests: hypothesis looks for what is false, not for what is slow; machines with other work
+run them, too.
 
-In CI it draws the same examples each time, so that a commit is refused for what it changed; elsewhere it draws others.
-Its profile `few` draws a quarter of the examples of `many`, which CI and `scripts/test --all` take; a number that a
-test names is one of `many`. Tests that walk through many cases take `some` of them likewise.
+In CI it draws the same examples each time, so that a commit is refused for what it changed;
+elsewhere it draws others. Its profile `few` draws a quarter of the examples of `many`, which CI and
+`scripts/test --all` take; a number that a test names is one of `many`. Tests that walk through many
+cases take `some` of them likewise.
 
-Fleets of tests show no pictures (ROCO_VIEW) but where a test is about them: they would only make everything slower.
-Their robots see by rays (ROCO_EYES), which is faster, except where a pour as shipped is tested.
-Output is buffered as it is for people, also where the environment says otherwise.
-Every module is compiled once for all processes that tests start, also where the environment says otherwise (BYTECODE).
-A fleet in containers on this machine is none of the tests' (DOCKER_HOST). Whoever starts the tests in the background
-has them ignore SIGINT; what tests start would inherit that, and is interrupted by some.
-A test of real processes that fails is tried once more, no other; its name is added to the file ROCO_SECOND_TRIES, and
-why it failed at first is printed, whatever became of it. Of the processes that it had then, the stacks and the run
-folders are kept below KEPT: of those that it started, by the variable TESTS_STACKS, which they inherit.
-Why a test is skipped is told in one form (NEEDS); the file ROCO_SKIPPED gets the name of each, a tab, and the reason.
+Fleets of tests show no pictures (ROCO_VIEW) but where a test is about them: they would only make
+everything slower. Their robots see by rays (ROCO_EYES), which is faster, except where a pour as
+shipped is tested. Output is buffered as it is for people, also where the environment says
+otherwise. Every module is compiled once for all processes that tests start, also where the
+environment says otherwise (BYTECODE). A fleet in containers on this machine is none of the tests'
+(DOCKER_HOST). Whoever starts the tests in the background has them ignore SIGINT; what tests start
+would inherit that, and is interrupted by some. A test of real processes that fails is tried once
+more, no other; its name is added to the file ROCO_SECOND_TRIES, and why it failed at first is
+printed, whatever became of it. Of the processes that it had then, the stacks and the run folders
+are kept below KEPT: of those that it started, by the variable TESTS_STACKS, which they inherit. Why
+a test is skipped is told in one form (NEEDS); the file ROCO_SKIPPED gets the name of each, a tab,
+and the reason.
 """
 
 import faulthandler
@@ -62,22 +66,28 @@ STACKS = f"{tempfile.gettempdir()}/roco-tests-{os.getpid()}.stacks"
 os.environ["TESTS_STACKS"] = STACKS
 AT_START = str(Path(__file__).with_name("at_start"))
 if AT_START not in os.environ.get("PYTHONPATH", "").split(os.pathsep):
-    os.environ["PYTHONPATH"] = AT_START + (os.pathsep + os.environ["PYTHONPATH"] if "PYTHONPATH" in os.environ else "")
+    os.environ["PYTHONPATH"] = AT_START + (
+        os.pathsep + os.environ["PYTHONPATH"] if "PYTHONPATH" in os.environ else ""
+    )
 KEPT = Path(__file__).parents[1] / ".venv/failed-tests"
 """A folder for each test that failed while processes of it ran: its last failure."""
 NEEDS = re.compile(r"needs .+ \((Debian: apt install|as root|git clone).*\)")
 """What is missing, and the package, the right or the command by which it is there."""
 STACKS_S = 1.0
-"""Longest wait for the stacks of a process; estimate: they are written by a signal handler, within milliseconds."""
+"""Longest wait for the stacks of a process; estimate: they are written by a signal handler, within
+milliseconds.
+"""
 LINES = 30
 """Of a first failure that are printed; estimate: the assertion and where it stands."""
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Real processes meet other work of the machine: a second try. A pure test that fails once is wrong.
+    """Real processes meet other work of the machine: a second try. A pure test that fails once is
+    wrong.
 
-    Files with such tests begin first: at the end, workers wait for each other only as long as a short file takes.
+    Files with such tests begin first: at the end, workers wait for each other only as long as a
+    short file takes.
     """
     real = {item.path for item in items if is_real(item)}
     items.sort(key=lambda item: item.path not in real)
@@ -89,7 +99,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def drawing(item: pytest.Item) -> Any:
-    """The function of a test whose examples hypothesis draws, if it names their number; None of others."""
+    """The function of a test whose examples hypothesis draws, if it names their number; None of
+    others.
+    """
     test = getattr(item, "obj", None)
     test = getattr(test, "__func__", test)
     own = getattr(test, "_hypothesis_internal_use_settings", None)
@@ -103,7 +115,9 @@ def scaled(own: settings) -> settings:
 
 @pytest.fixture(scope="session")
 def some() -> Callable[[Sequence[Any], int], list[Any]]:
-    """As many of the cases as given, spread evenly over them; all of them with the profile `many`."""
+    """As many of the cases as given, spread evenly over them; all of them with the profile
+    `many`.
+    """
 
     def pick(cases: Sequence[Any], count: int) -> list[Any]:
         many = settings().max_examples >= MANY or len(cases) <= count
@@ -118,7 +132,9 @@ def is_real(item: pytest.Item) -> bool:
 
 
 class Failing:
-    """The test that runs now; of one whose time is over, or that failed, what its processes do is kept."""
+    """The test that runs now; of one whose time is over, or that failed, what its processes do is
+    kept.
+    """
 
     item: pytest.Item | None = None
     told = ""
@@ -140,12 +156,17 @@ class Failing:
         for number, run in enumerate(sorted(places)):
             with suppress(OSError, shutil.Error):  # files come and go, and sockets cannot be copied
                 shutil.copytree(run, folder / f"run-{number}", symlinks=True)
-        cls.told = f"stacks of {len(processes)} processes and {len(places)} run folders as they were: {folder}"
+        cls.told = (
+            f"stacks of {len(processes)} processes and {len(places)} run folders as they were:"
+            f" {folder}"
+        )
 
 
 def started() -> list[Path]:
     """Return the folders in /proc of all processes that this one's tests started."""
-    found = [place for place in Path("/proc").glob("[0-9]*") if variable(place, "TESTS_STACKS") == STACKS]
+    found = [
+        place for place in Path("/proc").glob("[0-9]*") if variable(place, "TESTS_STACKS") == STACKS
+    ]
     return sorted(found, key=lambda place: int(place.name))
 
 
@@ -159,12 +180,17 @@ def variable(process: Path, name: str) -> str:
 
 
 def write_stacks(process: Path, out: Any) -> None:
-    """Write what a process is, where its threads wait in the kernel, and have it add its stacks of Python."""
+    """Write what a process is, where its threads wait in the kernel, and have it add its stacks of
+    Python.
+    """
     with suppress(OSError):
         words = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
         status = (process / "status").read_text()
         tasks = (process / "task").iterdir()
-        waits = [f"{(task / 'comm').read_text().strip()}: {(task / 'wchan').read_text()}" for task in tasks]
+        waits = [
+            f"{(task / 'comm').read_text().strip()}: {(task / 'wchan').read_text()}"
+            for task in tasks
+        ]
         state = re.search(r"^State:\s+(.*)", status, re.MULTILINE)
         out.write(f"\n=== {process.name} {words}\n{state and state[1]}; {', '.join(waits)}\n")
         out.flush()
@@ -195,7 +221,9 @@ subprocess.Popen.communicate = communicate  # type: ignore[method-assign]
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Each try has its own failure; tests that draw are skipped where the product says that it cannot draw."""
+    """Each try has its own failure; tests that draw are skipped where the product says that it
+    cannot draw.
+    """
     Failing.item, Failing.told = item, ""
     if item.get_closest_marker("needs_opengl") and opengl_lost():
         pytest.skip(f"needs OpenGL without a display (Debian: apt install {GlError.PACKAGES})")
@@ -226,12 +254,19 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
         report.sections.append(("kept", Failing.told))
     if report.skipped and not hasattr(report, "wasxfail") and not NEEDS.search(reason(report)):
         report.outcome = "failed"
-        report.longrepr = f"skipped for {reason(report)!r}; write what it needs and how to get it: {NEEDS.pattern}"
+        report.longrepr = (
+            f"skipped for {reason(report)!r}; write what it needs and how to get it:"
+            f" {NEEDS.pattern}"
+        )
 
 
 def reason(report: Any) -> str:
     """Return why a test was skipped."""
-    return str(report.longrepr[2]).removeprefix("Skipped: ") if isinstance(report.longrepr, tuple) else ""
+    return (
+        str(report.longrepr[2]).removeprefix("Skipped: ")
+        if isinstance(report.longrepr, tuple)
+        else ""
+    )
 
 
 def pytest_unconfigure() -> None:
@@ -256,7 +291,9 @@ def no_opengl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def disk() -> Iterator[Callable[[Path, str], Path]]:
-    """Makes folders that are file systems of their own, of a size as mount takes it: they can be filled."""
+    """Makes folders that are file systems of their own, of a size as mount takes it: they can be
+    filled.
+    """
     made: list[Path] = []
 
     def make(folder: Path, size: str) -> Path:
@@ -264,8 +301,14 @@ def disk() -> Iterator[Callable[[Path, str], Path]]:
         words = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
         if shutil.which("mount") is None:
             pytest.skip("needs mount (Debian: apt install mount)")
-        if os.geteuid() != 0 or subprocess.run(words, capture_output=True, check=False).returncode != 0:
-            pytest.skip("needs the right to mount (as root, in a container with CAP_SYS_ADMIN: scripts/test)")
+        if (
+            os.geteuid() != 0
+            or subprocess.run(words, capture_output=True, check=False).returncode != 0
+        ):
+            pytest.skip(
+                "needs the right to mount (as root, in a container with CAP_SYS_ADMIN:"
+                " scripts/test)"
+            )
         made.append(folder)
         return folder
 
@@ -275,14 +318,22 @@ def disk() -> Iterator[Callable[[Path, str], Path]]:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Name what was tried twice or skipped, and why: in the process that started the workers, not in them."""
+    """Name what was tried twice or skipped, and why: in the process that started the workers, not
+    in them.
+    """
     if "PYTEST_XDIST_WORKER" in os.environ:
         return
-    failed = {report.nodeid for kind in ("failed", "error") for report in terminalreporter.stats.get(kind, ())}
+    failed = {
+        report.nodeid
+        for kind in ("failed", "error")
+        for report in terminalreporter.stats.get(kind, ())
+    }
     twice = {one.nodeid: one for one in terminalreporter.stats.get("rerun", ())}
     again = [name for name in twice if name not in failed]
     for name, first in twice.items():
-        terminalreporter.section(f"{'passed' if name in again else 'failed'} at its second try: {name}")
+        terminalreporter.section(
+            f"{'passed' if name in again else 'failed'} at its second try: {name}"
+        )
         terminalreporter.write_line("\n".join(first.longreprtext.splitlines()[-LINES:]))
         terminalreporter.write_line(dict(first.sections).get("kept", ""))
     if again and (file := os.environ.get("ROCO_SECOND_TRIES")):
@@ -290,4 +341,6 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
             names.writelines(f"{name}\n" for name in again)
     if file := os.environ.get("ROCO_SKIPPED"):
         skipped = terminalreporter.stats.get("skipped", ())
-        Path(file).write_text("".join(f"{one.nodeid}\t{reason(one)}\n" for one in skipped), encoding="utf-8")
+        Path(file).write_text(
+            "".join(f"{one.nodeid}\t{reason(one)}\n" for one in skipped), encoding="utf-8"
+        )

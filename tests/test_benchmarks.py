@@ -1,4 +1,6 @@
-"""What benchmarks import is there: they run too long to be run here, and no type checker reads them."""
+"""What benchmarks import is there: they run too long to be run here, and no type checker reads
+them.
+"""
 
 import ast
 import importlib.util
@@ -34,5 +36,9 @@ def defined(program: str) -> set[str]:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             names.add(node.name)
         else:
-            names |= {one.id for one in ast.walk(node) if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)}
+            names |= {
+                one.id
+                for one in ast.walk(node)
+                if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)
+            }
     return names

@@ -18,12 +18,15 @@ WITHIN_S = 45.0
 STRAY = "import time; time.sleep(600)"
 LEAVES = f"""
 import os, subprocess, sys
-if not os.fork():  # its parent is gone at once, its session is its own, and it has no variable of ours
-    print(subprocess.Popen([sys.executable, "-c", {STRAY!r}], env={{}}, start_new_session=True).pid, flush=True)
+if not os.fork():
+    command = [sys.executable, "-c", {STRAY!r}]
+    print(subprocess.Popen(command, env={{}}, start_new_session=True).pid, flush=True)
     os._exit(0)
 os.wait()
 """
-"""Starts a process that neither Ctrl-C nor the end of its parent reaches; it prints its number."""
+"""Starts a process that neither Ctrl-C nor the end of its parent reaches: its parent is gone at
+once, its session is its own, and it has none of our variables. It prints its number.
+"""
 WAITS = LEAVES + "import time; time.sleep(600)"
 DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n" + WAITS
 ENDS_IN_ORDER = f"""
@@ -47,8 +50,19 @@ class Bounded:
     """A call of bounded.py whose command starts a stray."""
 
     def __init__(self, program: str, seconds: float = 600.0, grace_s: float = 20.0) -> None:
-        command = [sys.executable, "-c", PATIENT, str(grace_s), str(seconds), sys.executable, "-c", program]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        command = [
+            sys.executable,
+            "-c",
+            PATIENT,
+            str(grace_s),
+            str(seconds),
+            sys.executable,
+            "-c",
+            program,
+        ]
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         assert self.process.stdout is not None
         self.stray = int(self.process.stdout.readline())
 
@@ -112,14 +126,24 @@ def of(depot: Path) -> list[str]:
 
 @pytest.mark.timeout(240)
 def test_an_interrupted_scripts_test_leaves_no_worker_and_no_fleet(tmp_path: Path) -> None:
-    """Of a fleet that is up, each process has a session of its own, and `roco up` that started them is gone."""
+    """Of a fleet that is up, each process has a session of its own, and `roco up` that started them
+    is gone.
+    """
     depot = tmp_path / "depot"
-    shutil.copytree(ROOT / "examples/depot", depot, ignore=shutil.ignore_patterns("runs", "__pycache__"))
+    shutil.copytree(
+        ROOT / "examples/depot", depot, ignore=shutil.ignore_patterns("runs", "__pycache__")
+    )
     (tmp_path / "test_hangs.py").write_text(HANGS)
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "ROCO_"))}
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("PYTEST_", "ROCO_"))
+    }
     environment |= {"DEPOT": str(depot)}
     command = [ROOT / "scripts/test", tmp_path / "test_hangs.py"]
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
     until = time.monotonic() + 150.0
     while not (depot / "up").exists():
         assert process.poll() is None, process.communicate()[0]

@@ -1,4 +1,5 @@
-"""Every service is started by `python -m services.<x>`, and its options have names in the environment.
+"""Every service is started by `python -m services.<x>`, and its options have names in the
+environment.
 
 No process of ours takes a file of the folder that it is started in for a library.
 """
@@ -52,7 +53,9 @@ def test_all_are_here() -> None:
 
 @pytest.mark.parametrize("module", MODULES)
 def test_help(module: str) -> None:
-    """`--help` says what it is and which variable stands for which option; nothing is opened or written."""
+    """`--help` says what it is and which variable stands for which option; nothing is opened or
+    written.
+    """
     done = run(module, "--help")
     assert done.returncode == 0, done.stderr
     assert not done.stderr
@@ -71,7 +74,9 @@ def test_help(module: str) -> None:
         ("services.supervisor", "LOG_LEVEL", "loud"),
     ],
 )
-def test_a_wrong_value_in_the_environment_is_named(module: str, name: str, value: str, tmp_path: Path) -> None:
+def test_a_wrong_value_in_the_environment_is_named(
+    module: str, name: str, value: str, tmp_path: Path
+) -> None:
     """It ends with 2, which no supervisor tries again, and says which option was wrong."""
     places = {"ROCO_RUN_DIR": str(tmp_path / "run"), "ROCO_SLOTS": str(tmp_path / "slots")}
     done = run(module, **places, **{f"ROCO_{name}": value})
@@ -82,7 +87,9 @@ def test_a_wrong_value_in_the_environment_is_named(module: str, name: str, value
 
 PLACES = ("shared", "services", "velma", "scripts", "benchmarks", "deploy", "examples")
 OWN_FOLDER = {
-    "examples/depot/tests/test_run.py": "a project's own test starts it as its README says, where its package is",
+    "examples/depot/tests/test_run.py": (
+        "a project's own test starts it as its README says, where its package is"
+    ),
 }
 """Files that may start Python so that it looks in the folder it is started in, and why."""
 PYTHON = re.compile(r"(.*/)?python3?")
@@ -96,7 +103,11 @@ def programs() -> Iterator[tuple[str, str]]:
     """Yield path and text of each file that may start a process."""
     for place in PLACES:
         for path in sorted((ROOT / place).rglob("*")):
-            if path.is_file() and (path.suffix in (".py", ".sh") or not path.suffix) and b"\0" not in path.read_bytes():
+            if (
+                path.is_file()
+                and (path.suffix in (".py", ".sh") or not path.suffix)
+                and b"\0" not in path.read_bytes()
+            ):
                 yield str(path.relative_to(ROOT)), path.read_text()
 
 
@@ -104,22 +115,35 @@ def is_python(word: ast.expr) -> bool:
     """Whether a word of a command is the interpreter."""
     if isinstance(word, ast.Constant):
         return isinstance(word.value, str) and PYTHON.fullmatch(word.value) is not None
-    return ast.unparse(word) in ("sys.executable", "str(ROOT / '.venv/bin/python')", "str(OWN)", "str(VENV)")
+    return ast.unparse(word) in (
+        "sys.executable",
+        "str(ROOT / '.venv/bin/python')",
+        "str(OWN)",
+        "str(VENV)",
+    )
 
 
 def unsafe_words(text: str) -> Iterator[str]:
-    """Yield the commands in Python's code whose interpreter has neither -P nor a script right behind it."""
+    """Yield the commands in Python's code whose interpreter has neither -P nor a script right
+    behind it.
+    """
     for node in ast.walk(ast.parse(text)):
         words = node.args if isinstance(node, ast.Call) else getattr(node, "elts", [])
         for word, after in pairwise(words):
             is_option = isinstance(after, ast.Constant) and str(after.value).startswith("-")
             is_script = not is_option and not isinstance(after, ast.Starred)
-            if is_python(word) and not is_script and ast.unparse(after) not in ("'-P'", "*sys.argv"):
+            if (
+                is_python(word)
+                and not is_script
+                and ast.unparse(after) not in ("'-P'", "*sys.argv")
+            ):
                 yield ast.unparse(node)
 
 
 def unsafe(path: str, text: str) -> list[str]:
-    """Return the commands in a program that start Python so that it looks in the folder here first."""
+    """Return the commands in a program that start Python so that it looks in the folder here
+    first.
+    """
     if path.endswith(".py") or "python" in text.partition("\n")[0]:
         return list(unsafe_words(text))
     lines = [line for line in text.splitlines() if not line.lstrip().startswith("#")]
@@ -150,7 +174,9 @@ def test_such_a_program_is_found(path: str, text: str) -> None:
     """The test above can fail, and does not where -P stands there."""
     assert len(unsafe(path, text)) == 1
     for option in ("'-m'", "'-c'", "*words", " -m", " -c", " -"):
-        safe = option.replace(option.strip(), "'-P', " + option if option[0] != " " else "-P " + option.strip())
+        safe = option.replace(
+            option.strip(), "'-P', " + option if option[0] != " " else "-P " + option.strip()
+        )
         if option in text:
             assert unsafe(path, text.replace(option, safe, 1)) == []
             break
@@ -182,7 +208,9 @@ raise ImportError("a file of the folder here")
 @pytest.mark.zenoh
 @pytest.mark.timeout(200)
 def test_a_file_of_the_folder_here_is_no_library(tmp_path: Path) -> None:
-    """A fleet with everything in it comes up, is asked and is ended beside random.py, json.py and all others."""
+    """A fleet with everything in it comes up, is asked and is ended beside random.py, json.py and
+    all others.
+    """
     mark, run = tmp_path / "it-ran", tmp_path / "run"
     for name in (*sys.stdlib_module_names, *TAKEN):
         (tmp_path / f"{name}.py").write_text(MARKS.format(mark=str(mark)))
@@ -205,4 +233,5 @@ def test_a_file_of_the_folder_here_is_no_library(tmp_path: Path) -> None:
     assert not mark.exists(), mark.read_text()
     assert said["up"][0] == 0, said["up"][1]
     assert "a file of the folder here" not in str(said)
-    assert (said["down"][0], said["report"][0]) == (0, 1), said  # nothing was done, so it is no success
+    # nothing was done, so it is no success
+    assert (said["down"][0], said["report"][0]) == (0, 1), said

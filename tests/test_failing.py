@@ -1,4 +1,6 @@
-"""Stacks and run folders that are kept of a failing test, and how skips are told: conftest.py in its own pytest."""
+"""Stacks and run folders that are kept of a failing test, and how skips are told: conftest.py in
+its own pytest.
+"""
 
 import os
 import re
@@ -26,7 +28,9 @@ def child(tmp_path):
     (tmp_path / "fleet.json").write_text("{}")
     environment = os.environ | {"ROCO_RUN_DIR": str(tmp_path)}
     command = [sys.executable, "-c", CHILD]
-    made = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, start_new_session=True)
+    made = subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, start_new_session=True
+    )
     assert made.stdout.readline() == b"stands\\n"
     yield made
     made.kill()
@@ -59,17 +63,43 @@ def test_in_the_dark():
 
 @pytest.mark.process
 @pytest.mark.parametrize("workers", [[], ["-n", "2"]], ids=["one process", "workers"])
-def test_of_a_failing_test_stacks_and_run_folder_are_kept(tmp_path: Path, workers: list[str]) -> None:
-    """Where its time is over, before anything of it is ended; and skips are told with what they need."""
+def test_of_a_failing_test_stacks_and_run_folder_are_kept(
+    tmp_path: Path, workers: list[str]
+) -> None:
+    """Where its time is over, before anything of it is ended; and skips are told with what they
+    need.
+    """
     (tmp_path / "test_cases.py").write_text(CASES)
     skipped = tmp_path / "skipped"
-    environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "TESTS_"))}
-    environment |= {"PYTHONPATH": str(ROOT / "tests"), "ROCO_SKIPPED": str(skipped), "ROCO_SECOND_TRIES": ""}
-    words = ["-q", "-c", str(ROOT / "pyproject.toml"), "-p", "conftest", "-p", "no:rerunfailures", *workers]
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("PYTEST_", "TESTS_"))
+    }
+    environment |= {
+        "PYTHONPATH": str(ROOT / "tests"),
+        "ROCO_SKIPPED": str(skipped),
+        "ROCO_SECOND_TRIES": "",
+    }
+    words = [
+        "-q",
+        "-c",
+        str(ROOT / "pyproject.toml"),
+        "-p",
+        "conftest",
+        "-p",
+        "no:rerunfailures",
+        *workers,
+    ]
     command = [sys.executable, "-m", "pytest", *words, "test_cases.py"]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=50)
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=50
+    )
     assert "2 failed, 1 passed, 3 skipped, 1 error" in done.stdout, done.stdout + done.stderr
-    kept = {Path(found).name.rpartition("-")[2]: Path(found) for found in re.findall(r"were: (\S+)", done.stdout)}
+    kept = {
+        Path(found).name.rpartition("-")[2]: Path(found)
+        for found in re.findall(r"were: (\S+)", done.stdout)
+    }
     assert kept.keys() == {"test_hangs", "test_waits_in_vain"}
     for name, folder in kept.items():
         stacks = (folder / "stacks.txt").read_text()
@@ -77,6 +107,8 @@ def test_of_a_failing_test_stacks_and_run_folder_are_kept(tmp_path: Path, worker
         assert ("in is_waited_for" in stacks) is (name == "test_waits_in_vain")
         assert (folder / "run-0" / "fleet.json").exists()
     told = sorted(line.split("\t") for line in skipped.read_text().splitlines())
-    assert [name.rpartition("::")[2] for name, _ in told] == [f"test_of_the_moon[{night}]" for night in range(3)]
+    assert [name.rpartition("::")[2] for name, _ in told] == [
+        f"test_of_the_moon[{night}]" for night in range(3)
+    ]
     assert {why for _, why in told} == {"needs a moon (Debian: apt install moon)"}
     assert "skipped for 'no moon'; write what it needs and how to get it" in done.stdout

@@ -1,4 +1,6 @@
-"""The ground holds: rooms have their rows, locks have hashes and no addresses, scripts say what they need."""
+"""The ground holds: rooms have their rows, locks have hashes and no addresses, scripts say what
+they need.
+"""
 
 import re
 import subprocess
@@ -20,8 +22,12 @@ SCRIPTS = [
 
 
 def pinned(lock: Path) -> dict[str, str]:
-    """Versions of a lock by package name; who needs a package decides where it is, and is left out."""
-    return dict(re.findall(r"^([a-z0-9-]+)(==[^ ;]+)[^\\]*? \\$", lock.read_text(), flags=re.MULTILINE))
+    """Versions of a lock by package name; who needs a package decides where it is, and is left
+    out.
+    """
+    return dict(
+        re.findall(r"^([a-z0-9-]+)(==[^ ;]+)[^\\]*? \\$", lock.read_text(), flags=re.MULTILINE)
+    )
 
 
 def test_every_room_has_a_row_that_says_what_it_may_import() -> None:
@@ -36,21 +42,30 @@ def test_every_room_has_a_row_that_says_what_it_may_import() -> None:
 def test_no_service_may_import_another() -> None:
     """Services meet over communicates only."""
     for contract in CONTRACTS:
-        assert not [name for name in contract["may_import"] if name.startswith("services")], contract["room"]
+        assert not [name for name in contract["may_import"] if name.startswith("services")], (
+            contract["room"]
+        )
 
 
 def linted(folder: Path, package: str, room: str, *also: str) -> subprocess.CompletedProcess[str]:
-    """Check the package in a folder against one row, in which msgspec may be imported, and `also`."""
+    """Check the package in a folder against one row, in which msgspec may be imported, and
+    `also`.
+    """
     may_import = "".join(f"\n    {one}" for one in ("msgspec", *also))
     (folder / ".importlinter").write_text(
-        f"[importlinter]\nroot_packages =\n    {package}\ninclude_external_packages = true\n"
-        "contract_types =\n    room: scripts.rooms.Room\n"
-        f"[importlinter:contract:row]\nname = row\ntype = room\nroom = {room}\nmay_import ={may_import}\n"
+        f"[importlinter]\nroot_packages =\n    {package}\ninclude_external_packages ="
+        " true\ncontract_types =\n    room: scripts.rooms.Room\n[importlinter:contract:row]\nname"
+        f" = row\ntype = room\nroom = {room}\nmay_import ={may_import}\n"
     )
     (folder / "scripts").symlink_to(ROOT / "scripts")
     lint = Path(sys.executable).with_name("lint-imports")
     return subprocess.run(
-        [lint, "--no-logo", "--no-cache"], cwd=folder, capture_output=True, text=True, timeout=50, check=False
+        [lint, "--no-logo", "--no-cache"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=50,
+        check=False,
     )
 
 
@@ -78,7 +93,12 @@ def test_a_forbidden_import_is_found_and_named(room: str, tmp_path: Path) -> Non
 
 def test_rooms_that_share_a_row_do_not_import_each_other(tmp_path: Path) -> None:
     """A part of a task imports what the row lists, and other parts of its own task alone."""
-    made(tmp_path, "tasks.take", plan="import msgspec\nimport tasks.take.done\n", done="import zenoh\n")
+    made(
+        tmp_path,
+        "tasks.take",
+        plan="import msgspec\nimport tasks.take.done\n",
+        done="import zenoh\n",
+    )
     made(tmp_path, "tasks.pour", plan="from tasks.take import plan\nimport tasks.take.done\n")
     found = linted(tmp_path, "tasks", "tasks.*.plan", "tasks.*.done")
     assert found.returncode == 1, found.stdout + found.stderr
@@ -106,16 +126,29 @@ def test_a_sum_of_floats_is_found_and_named(tmp_path: Path) -> None:
         "sum(whole, 0.5)",
         "sum(map(float, whole))",
     ]
-    right = ["sum(whole)", "sum(one > 0.5 for one in floats)", "sum(map(len, words))", "math.fsum(floats)"]
+    right = [
+        "sum(whole)",
+        "sum(one > 0.5 for one in floats)",
+        "sum(map(len, words))",
+        "math.fsum(floats)",
+    ]
     lines = [f"found{number}: float = {value}" for number, value in enumerate(wrong + right)]
     given = ["import math", "floats: list[float]", "whole: list[int]", "words: list[str]"]
     (tmp_path / "sums.py").write_text("\n".join(given + lines))
-    options = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(tmp_path), str(tmp_path / "sums.py")]
+    options = [
+        "--config-file",
+        str(ROOT / "pyproject.toml"),
+        "--cache-dir",
+        str(tmp_path),
+        str(tmp_path / "sums.py"),
+    ]
     mypy = [sys.executable, "-m", "mypy", "--no-error-summary", *options]
     found = subprocess.run(mypy, cwd=ROOT, capture_output=True, text=True, timeout=50, check=False)
     named = re.findall(r"sums.py:(\d+): error: sum\(\) of floats .* write math.fsum", found.stdout)
     first = len(given) + 1
-    assert [int(line) for line in named] == [*range(first, first + len(wrong))], found.stdout + found.stderr
+    assert [int(line) for line in named] == [*range(first, first + len(wrong))], (
+        found.stdout + found.stderr
+    )
 
 
 @pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
@@ -129,14 +162,20 @@ def test_a_lock_has_a_hash_for_each_package_and_no_address(lock: Path) -> None:
 
 @pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
 def test_a_lock_has_one_version_of_a_package(lock: Path) -> None:
-    """Every Python gets the same: types, and last digits of results, differ from one numpy to the next."""
+    """Every Python gets the same: types, and last digits of results, differ from one numpy to the
+    next.
+    """
     names = re.findall(r"^([a-z0-9-]+)==", lock.read_text(), flags=re.MULTILINE)
     assert len(names) == len(set(names))
 
 
-@pytest.mark.parametrize("lock", [lock for lock in LOCKS if lock.stem != "libgomp"], ids=lambda lock: lock.name)
+@pytest.mark.parametrize(
+    "lock", [lock for lock in LOCKS if lock.stem != "libgomp"], ids=lambda lock: lock.name
+)
 def test_all_locks_agree_on_versions(lock: Path) -> None:
-    """The images run what the tests ran; libgomp.txt is not part of that, it only lends a library."""
+    """The images run what the tests ran; libgomp.txt is not part of that, it only lends a
+    library.
+    """
     everything = pinned(ROOT / "requirements" / "all.txt")
     assert pinned(lock).items() <= everything.items()
 
@@ -144,8 +183,13 @@ def test_all_locks_agree_on_versions(lock: Path) -> None:
 def test_the_lock_covers_what_pyproject_asks_for() -> None:
     """No dependency was added without scripts/lock."""
     project = PYPROJECT["project"]
-    asked = [*project["dependencies"], *(name for extra in project["optional-dependencies"].values() for name in extra)]
-    names = {re.split(r"[<>=!~\[; ]", requirement)[0].lower() for requirement in asked} - {project["name"]}
+    asked = [
+        *project["dependencies"],
+        *(name for extra in project["optional-dependencies"].values() for name in extra),
+    ]
+    names = {re.split(r"[<>=!~\[; ]", requirement)[0].lower() for requirement in asked} - {
+        project["name"]
+    }
     assert names <= pinned(ROOT / "requirements" / "all.txt").keys()
 
 
@@ -159,7 +203,9 @@ def test_the_extra_all_has_every_other_but_dev() -> None:
     """`robot-companion[all]` runs everything."""
     extras = dict(PYPROJECT["project"]["optional-dependencies"])
     (everything,) = extras.pop("all")
-    assert set(re.split(r"[\[\],]", everything)) == {PYPROJECT["project"]["name"], "", *extras} - {"dev"}
+    assert set(re.split(r"[\[\],]", everything)) == {PYPROJECT["project"]["name"], "", *extras} - {
+        "dev"
+    }
 
 
 def test_there_is_no_uv_lock() -> None:
@@ -169,7 +215,9 @@ def test_there_is_no_uv_lock() -> None:
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.name)
 def test_a_script_is_sound_and_can_be_called(script: Path) -> None:
-    """A script parses in the language its first line names, and is executable unless it is there to be sourced."""
+    """A script parses in the language its first line names, and is executable unless it is there to
+    be sourced.
+    """
     if "python" in script.read_text().partition("\n")[0]:
         compile(script.read_text(), script, "exec")
     else:

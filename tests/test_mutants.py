@@ -1,4 +1,6 @@
-"""Mutants: each is one change that compiles and has a name of its own; a test that notices it kills it."""
+"""Mutants: each is one change that compiles and has a name of its own; a test that notices it kills
+it.
+"""
 
 import ast
 import sys

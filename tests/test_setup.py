@@ -1,4 +1,6 @@
-"""scripts/setup.sh chooses a Python that the lock serves, and everything that names Python versions names the same."""
+"""scripts/setup.sh chooses a Python that the lock serves, and everything that names Python versions
+names the same.
+"""
 
 import os
 import re
@@ -20,7 +22,9 @@ def bash(line: str, **variables: str) -> subprocess.CompletedProcess[str]:
     """What a line of bash says after setup.sh was read."""
     command = ["bash", "-c", f'source "{SETUP}"; {line}']
     environ = {"PATH": os.environ["PATH"], "HOME": os.environ.get("HOME", "/"), **variables}
-    return subprocess.run(command, env=environ, capture_output=True, text=True, timeout=50, check=False)
+    return subprocess.run(
+        command, env=environ, capture_output=True, text=True, timeout=50, check=False
+    )
 
 
 def supported() -> list[str]:
@@ -38,7 +42,9 @@ def interpreter(folder: Path, name: str, version: str, *, venv: bool = True) -> 
 
 
 def test_everything_names_the_same_versions() -> None:
-    """pyproject.toml, README and requirements list what setup.sh takes, ruff and mypy check for the oldest."""
+    """pyproject.toml, README and requirements list what setup.sh takes, ruff and mypy check for the
+    oldest.
+    """
     versions = supported()
     oldest, newest = versions[0], versions[-1]
     beyond = "{}.{}".format(*(int(part) + k for k, part in enumerate(newest.split("."))))
@@ -50,7 +56,8 @@ def test_everything_names_the_same_versions() -> None:
     assert f"Python {listed}" in (ROOT / "README.md").read_text()
     assert f"Python {listed}" in (ROOT / "requirements/README.md").read_text()
     codec = tomllib.loads((ROOT / "shared/fipa_codec/pyproject.toml").read_text())["project"]
-    assert codec["requires-python"] == f">={oldest}"  # one dependency with wheels for every version: no upper end
+    # one dependency with wheels for every version: no upper end
+    assert codec["requires-python"] == f">={oldest}"
 
 
 def test_images_have_a_supported_python() -> None:
@@ -80,15 +87,21 @@ def test_the_first_supported_python_is_taken(tmp_path: Path) -> None:
 
 
 def test_the_project_is_found_from_a_folder_of_any_letters(tmp_path: Path) -> None:
-    """An editable install names it; Python 3.11 and 3.12 read that in the letters of the locale, C's being ASCII."""
+    """An editable install names it; Python 3.11 and 3.12 read that in the letters of the locale,
+    C's being ASCII.
+    """
     root = tmp_path / "My Röbot"
     (root / "scripts").mkdir(parents=True)
     (root / "shared").mkdir()
     (root / "shared/found.py").touch()
     setup = shutil.copy(SETUP, root / "scripts")
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", root / ".venv"], timeout=50, check=True)
+    subprocess.run(
+        [sys.executable, "-m", "venv", "--without-pip", root / ".venv"], timeout=50, check=True
+    )
     (packages,) = root.glob(".venv/lib/python3.*/site-packages")
-    (packages / "_editable_impl_robot_companion.pth").write_text(f"{root}\n{root}/shared", encoding="utf-8")
+    (packages / "_editable_impl_robot_companion.pth").write_text(
+        f"{root}\n{root}/shared", encoding="utf-8"
+    )
     look = '.venv/bin/python -P -c "import found, sys; print(found.__file__.isascii())"'
     done = subprocess.run(
         ["bash", "-c", f'source "{setup}"; relative_paths; {look}'],

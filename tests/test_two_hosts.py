@@ -1,4 +1,6 @@
-"""scripts/two-hosts: its two hosts are joined by the cable alone and gone afterwards; what crosses is counted."""
+"""scripts/two-hosts: its two hosts are joined by the cable alone and gone afterwards; what crosses
+is counted.
+"""
 
 import os
 import shutil
@@ -22,7 +24,10 @@ from namespaces import CannotError, Host, run, two_hosts  # noqa: E402
 pytestmark = pytest.mark.process
 
 PORT = "7447"
-LISTENS = f"import socket, time; s = socket.create_server(('', {PORT})); print('listens', flush=True); time.sleep(600)"
+LISTENS = (
+    f"import socket, time; s = socket.create_server(('', {PORT})); print('listens', flush=True);"
+    " time.sleep(600)"
+)
 
 
 def can() -> bool:
@@ -35,7 +40,9 @@ def can() -> bool:
 def reaches(one: Host, other: Host) -> bool:
     """Whether a connection from one host to what listens on the other opens."""
     asks = f"import socket; socket.create_connection(('{other.address}', {PORT}), 1.0)"
-    done = subprocess.run(one.inside(sys.executable, "-c", asks), capture_output=True, timeout=20.0, check=False)
+    done = subprocess.run(
+        one.inside(sys.executable, "-c", asks), capture_output=True, timeout=20.0, check=False
+    )
     return done.returncode == 0
 
 
@@ -43,12 +50,16 @@ def reaches(one: Host, other: Host) -> bool:
     os.geteuid() != 0 or not can(),
     reason="needs network namespaces (as root, in a container with CAP_SYS_ADMIN: scripts/test)",
 )
-@pytest.mark.skipif(shutil.which("ip") is None, reason="needs iproute2 (Debian: apt install iproute2)")
+@pytest.mark.skipif(
+    shutil.which("ip") is None, reason="needs iproute2 (Debian: apt install iproute2)"
+)
 def test_two_hosts_are_joined_by_the_cable_alone_and_gone_afterwards() -> None:
     """A listener on one is reached from the other while the cable is in, and ends with its host."""
     with (
         two_hosts() as (desk, robot),
-        subprocess.Popen(desk.inside(sys.executable, "-c", LISTENS), stdout=subprocess.PIPE) as listener,
+        subprocess.Popen(
+            desk.inside(sys.executable, "-c", LISTENS), stdout=subprocess.PIPE
+        ) as listener,
     ):
         assert listener.stdout is not None
         assert listener.stdout.readline() == b"listens\n"
@@ -75,14 +86,20 @@ def test_what_is_not_root_is_told_what_to_do(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_what_crosses_is_what_ex_says_and_hears() -> None:
-    """Of a recorded pour: every communicate and every other thing that ex sends or gets, none of others."""
+    """Of a recorded pour: every communicate and every other thing that ex sends or gets, none of
+    others.
+    """
     rows = crossed(HISTORY)
     records = mcap_file.read(HISTORY / mcap_file.FILE).records
-    said = [one for one in records if isinstance(one, Spoken) and "ex" in (one.sender, one.receiver)]
+    said = [
+        one for one in records if isinstance(one, Spoken) and "ex" in (one.sender, one.receiver)
+    ]
     other = [one for one in records if isinstance(one, House) and "ex" in (one.owner, one.peer)]
     assert said
     assert sum(count for _, count, _ in rows) == len(said) + len(other)
-    assert sum(size for *_, size in rows) == sum(one.size for one in said) + sum(len(one.data) for one in other)
+    assert sum(size for *_, size in rows) == sum(one.size for one in said) + sum(
+        len(one.data) for one in other
+    )
     assert {what.split()[0] for what, *_ in rows if what.startswith("C")} == {"C5"}
     text = told({"success": True, "poured_fraction": 1.0, "holes": []}, rows, (7_500_000, 300_000))
     assert text.splitlines()[0] == "success"

@@ -1,4 +1,6 @@
-"""Built packages can be installed and used without the clone: the codec alone, and the whole product."""
+"""Built packages can be installed and used without the clone: the codec alone, and the whole
+product.
+"""
 
 import ctypes
 import os
@@ -31,13 +33,19 @@ class Place:
     def __init__(self, folder: Path) -> None:
         self.work, self.bin = folder / "work", folder / "env" / "bin"
         self.work.mkdir()
-        kept = {name: text for name, text in os.environ.items() if not name.startswith(("PYTHON", "ROCO_", "VIRTUAL_"))}
+        kept = {
+            name: text
+            for name, text in os.environ.items()
+            if not name.startswith(("PYTHON", "ROCO_", "VIRTUAL_"))
+        }
         path = os.pathsep.join((str(self.bin), "/usr/local/bin", "/usr/bin", "/bin"))
         self.variables = kept | {"PATH": path, "COLUMNS": "100", "ROCO_VIEW": "off"}
         self.run(UV, "venv", "--quiet", "--python", sys.executable, self.bin.parent)
 
     def install(self, project: Path, extras: str = "") -> None:
-        """Build a project's wheel and install it with its dependencies, in the versions that are locked."""
+        """Build a project's wheel and install it with its dependencies, in the versions that are
+        locked.
+        """
         wheels = self.bin.parents[1] / "wheels"
         build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", wheels]
         self.run(*build, cwd=project)
@@ -45,10 +53,20 @@ class Place:
         name = wheel.name.partition("-")[0]
         locked = ["--constraint", ROOT / "requirements" / "all.txt"]
         python = ["--python", self.bin / "python"]
-        self.run(UV, "pip", "install", "--quiet", *python, *locked, f"{name}{extras} @ {wheel.as_uri()}")
+        self.run(
+            UV, "pip", "install", "--quiet", *python, *locked, f"{name}{extras} @ {wheel.as_uri()}"
+        )
 
-    def run(self, *command: str | Path, cwd: Path | None = None, safe: bool = True, timeout: float = 120.0) -> str:
-        """Return the output of a command. `safe`: Python does not look for modules in the folder it is started in."""
+    def run(
+        self,
+        *command: str | Path,
+        cwd: Path | None = None,
+        safe: bool = True,
+        timeout: float = 120.0,
+    ) -> str:
+        """Return the output of a command. `safe`: Python does not look for modules in the folder it
+        is started in.
+        """
         done = subprocess.run(
             list(map(str, command)),
             cwd=cwd or self.work,
@@ -58,7 +76,9 @@ class Place:
             timeout=timeout,
             check=False,
         )
-        assert done.returncode == 0, f"{command}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
+        assert done.returncode == 0, (
+            f"{command}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
+        )
         return done.stdout
 
     def outside_of_the_clone(self, package: str) -> None:
@@ -71,13 +91,17 @@ class Place:
 
 @pytest.mark.timeout(120)
 def test_the_codec_alone(tmp_path: Path) -> None:
-    """With msgspec only: the page's request is asked and answered, its ACL text is printed and read."""
+    """With msgspec only: the page's request is asked and answered, its ACL text is printed and
+    read.
+    """
     place = Place(tmp_path)
     place.install(CODEC)
     listed = place.run(UV, "pip", "list", "--python", place.bin / "python", "--format", "freeze")
     assert {line.partition("==")[0] for line in listed.split()} == {"fipa-codec", "msgspec"}
     place.outside_of_the_clone("fipa_codec")
-    _, _, section = (ROOT / "docs" / "acl.md").read_text(encoding="utf-8").partition("## The codec alone")
+    _, _, section = (
+        (ROOT / "docs" / "acl.md").read_text(encoding="utf-8").partition("## The codec alone")
+    )
     code, shown = re.findall(r"```(?:python|text)\n(.*?)```", section, re.DOTALL)
     (place.work / "request.py").write_text(code, encoding="utf-8")
     assert place.run(place.bin / "python", "request.py") == shown
@@ -86,29 +110,49 @@ def test_the_codec_alone(tmp_path: Path) -> None:
 
 def test_both_distributions_say_the_same_of_the_codec() -> None:
     """Version, oldest Python, licence, and no dependency that its row of imports does not have."""
-    whole, codec = (tomllib.loads((folder / "pyproject.toml").read_text()) for folder in (ROOT, CODEC))
+    whole, codec = (
+        tomllib.loads((folder / "pyproject.toml").read_text()) for folder in (ROOT, CODEC)
+    )
     for key in ("version", "license"):
         assert codec["project"][key] == whole["project"][key]
-    assert codec["project"]["requires-python"] == whole["project"]["requires-python"].partition(",")[0]
+    assert (
+        codec["project"]["requires-python"] == whole["project"]["requires-python"].partition(",")[0]
+    )
     assert (CODEC / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
-    (row,) = (row for row in whole["tool"]["importlinter"]["contracts"] if row.get("room") == "fipa_codec")
-    assert [re.split("[<>=]", one)[0] for one in codec["project"]["dependencies"]] == row["may_import"]
+    (row,) = (
+        row for row in whole["tool"]["importlinter"]["contracts"] if row.get("room") == "fipa_codec"
+    )
+    assert [re.split("[<>=]", one)[0] for one in codec["project"]["dependencies"]] == row[
+        "may_import"
+    ]
     assert set(codec["project"]["dependencies"]) <= set(whole["project"]["dependencies"])
 
 
 def test_every_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None:
-    """No pattern of .gitignore, which the build obeys too, leaves out any but the library that each machine builds."""
-    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path], cwd=ROOT, check=True)
+    """No pattern of .gitignore, which the build obeys too, leaves out any but the library that each
+    machine builds.
+    """
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path],
+        cwd=ROOT,
+        check=True,
+    )
     (wheel,) = tmp_path.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         inside = set(archive.namelist())
-    targets = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    targets = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"][
+        "targets"
+    ]["wheel"]
     left_out = {ROOT / path.strip("/") for path in targets["exclude"]}
     for package in targets["packages"]:
         folder = ROOT / package
-        files = [path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+        files = [
+            path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts
+        ]
         files = [path for path in files if path.suffix != ".so"]
-        assert {str(path.relative_to(folder.parent)) for path in files if path not in left_out} <= inside
+        assert {
+            str(path.relative_to(folder.parent)) for path in files if path not in left_out
+        } <= inside
     assert not [name for name in inside if "/runs/" in name and name.startswith("robot_companion")]
 
 
@@ -117,7 +161,9 @@ def test_every_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None:
 @pytest.mark.timeout(900)
 @pytest.mark.skipif(not has_gomp(), reason="needs libgomp.so.1 (Debian: apt install libgomp1)")
 def test_the_whole_product(tmp_path: Path) -> None:
-    """`robot-companion[all]`: a new project is made and checked, the depot runs, and Velma pours."""
+    """`robot-companion[all]`: a new project is made and checked, the depot runs, and Velma
+    pours.
+    """
     place = Place(tmp_path)
     place.install(ROOT, "[all]")
     place.outside_of_the_clone("services")

@@ -54,7 +54,9 @@ class GlError(VelmaError):
     """OpenGL does not draw without a display here, and `why`."""
 
     PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
-    """All that is needed on Debian 12 and 13, both tried from scratch. Who names them elsewhere names all (a test)."""
+    """All that is needed on Debian 12 and 13, both tried from scratch. Who names them elsewhere
+    names all (a test).
+    """
     REMEDY = f"Debian (Ubuntu has the same names, not tried): apt install {PACKAGES}"
 
     def __init__(self, why: str) -> None:

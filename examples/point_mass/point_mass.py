@@ -1,7 +1,9 @@
-"""A third robot for the executor, written from docs/back-ends.md: fifteen point masses behind encoders.
+"""A third robot for the executor, written from docs/back-ends.md: fifteen point masses behind
+encoders.
 
-It has no geometry and no contacts. What it shows is the face: arrays made once, torques beyond gravity, ends that stop,
-readings as encoders give them (steps of 0.1 mrad, speeds filtered over a few cycles). Every number is an estimate.
+It has no geometry and no contacts. What it shows is the face: arrays made once, torques beyond
+gravity, ends that stop, readings as encoders give them (steps of 0.1 mrad, speeds filtered over a
+few cycles). Every number is an estimate.
 
     python -m pytest -p services.executor.conformance --backend point_mass:make
 """
@@ -47,7 +49,10 @@ class PointMasses:
         """The true masses move; then they are measured."""
         self._move(command.tau)
         self._measure()
-        np.copyto(self._state.head, self._servo(self._state.head, np.clip(command.head, HEAD_LOWER, HEAD_UPPER)))
+        np.copyto(
+            self._state.head,
+            self._servo(self._state.head, np.clip(command.head, HEAD_LOWER, HEAD_UPPER)),
+        )
         free = command.locked < 0.5
         for name, upper in RANGES.items():
             now, told = getattr(self._state, name), np.clip(getattr(command, name), 0.0, upper)

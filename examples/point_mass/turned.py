@@ -1,4 +1,6 @@
-"""The same with a mistake that is easily made: one joint's drive counts the other way. The kit names it."""
+"""The same with a mistake that is easily made: one joint's drive counts the other way. The kit
+names it.
+"""
 
 from point_mass import PointMasses
 

@@ -13,4 +13,8 @@ def serve(options: Options) -> int:
 
 
 if __name__ == "__main__":
-    cli.run("coordinator", "co: takes commands of hi, has plans made by pl and carried out by ta.", serve)
+    cli.run(
+        "coordinator",
+        "co: takes commands of hi, has plans made by pl and carried out by ta.",
+        serve,
+    )

@@ -1,7 +1,9 @@
-"""The five behaviours of co (paper, section 5.5: trigger, procReq, compSP, schedule, switch), bound to the design.
+"""The five behaviours of co (paper, section 5.5: trigger, procReq, compSP, schedule, switch), bound
+to the design.
 
-co waits in `trigger`, and in `compSP` while a plan is made; it passes procReq, schedule and switch in one step.
-Both waiting states take messages in the same way (incoming.py). Must not know: clocks, the wire.
+co waits in `trigger`, and in `compSP` while a plan is made; it passes procReq, schedule and switch
+in one step. Both waiting states take messages in the same way (incoming.py). Must not know: clocks,
+the wire.
 """
 
 from functools import partial
@@ -18,7 +20,16 @@ from companion.languages.facts import Facts, Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.coordinator import outgoing_messages as messages
 from services.coordinator.incoming import RULE, leave, not_answering, requeued, suspend, take
-from services.coordinator.memory import CONDITIONS, Choice, Job, Limits, Memory, Stage, parameters_wanted, turn_come
+from services.coordinator.memory import (
+    CONDITIONS,
+    Choice,
+    Job,
+    Limits,
+    Memory,
+    Stage,
+    parameters_wanted,
+    turn_come,
+)
 from services.coordinator.queue import comparing, decided, offer, place
 from services.coordinator.scheduling import RULES
 
@@ -34,21 +45,31 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     """State procReq: agree to a command and queue it, or refuse it."""
     for job in memory.arrived:
         if memory.loose or len(memory.jobs) >= limits.waiting:
-            why = not_answering(memory, turn) if memory.loose else (fact(Kind.TASKS_OPEN, len(memory.jobs)),)
+            why = (
+                not_answering(memory, turn)
+                if memory.loose
+                else (fact(Kind.TASKS_OPEN, len(memory.jobs)),)
+            )
             turn.say(job.conversation, P.REFUSE, messages.report(TaskState.FAILED, why))
             continue
         if job.command.start > turn.now:
             job = replace(job, stage=Stage.EARLY)
             turn.wake(job.conversation, job.command.start)
         memory = requeued(replace(memory, jobs=(*memory.jobs, job)), turn, limits)
-        turn.say(job.conversation, P.AGREE, messages.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),)))
+        turn.say(
+            job.conversation,
+            P.AGREE,
+            messages.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),)),
+        )
     return replace(memory, arrived=())
 
 
 def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
-    """State compSP: request the plan of the first task, or those of the others for their schedule parameters.
+    """State compSP: request the plan of the first task, or those of the others for their schedule
+    parameters.
 
-    A question about parameters is called off when the plan of the first task is wanted: the world is another one then.
+    A question about parameters is called off when the plan of the first task is wanted: the world
+    is another one then.
     """
     if turn.event is not None:
         return take(memory, turn, limits)
@@ -58,7 +79,9 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
     job = memory.first
     if job is None or not turn_come(memory):
         return memory
-    if (asked := next((one for one in memory.jobs if one.stage is Stage.WAITING and one.talk), None)) is not None:
+    if (
+        asked := next((one for one in memory.jobs if one.stage is Stage.WAITING and one.talk), None)
+    ) is not None:
         turn.say(asked.talk, P.CANCEL, reply_by_s=limits.cancel_planning_s)
         return memory.with_job(replace(asked, recalled=True))
     chosen = _chosen(memory, turn, job, limits) if not job.begun else ()
@@ -67,17 +90,23 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
     if job.looks < 2 or job.why != messages.LOOKS:
         why = fact(Kind.PLAN, job.plans, *(job.why or chosen))
         messages.progress(turn, job, TaskState.PLANNING, (why,))
-    return memory.with_job(replace(job, stage=Stage.PLANNING, talk=talk, at=None, why=(), weighed=False))
+    return memory.with_job(
+        replace(job, stage=Stage.PLANNING, talk=talk, at=None, why=(), weighed=False)
+    )
 
 
 def _asked(turn: Turn, job: Job, limits: Limits) -> str:
     """Ask pl for the plan of a task; the conversation."""
     network, patience_s = messages.network(job), limits.planning_s
-    return turn.open(AgentName.PL, "request", P.REQUEST, network, reply_by_s=patience_s, parent=job.conversation)
+    return turn.open(
+        AgentName.PL, "request", P.REQUEST, network, reply_by_s=patience_s, parent=job.conversation
+    )
 
 
 def _chosen(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Facts:
-    """Why this task is the next one, where it passes one that came before it; () else. Logged with the rule."""
+    """Why this task is the next one, where it passes one that came before it; () else. Logged with
+    the rule.
+    """
     waiting = [one for one in memory.jobs if one.waits]
     if job.arrived <= min(one.arrived for one in waiting):
         return ()
@@ -86,12 +115,16 @@ def _chosen(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Facts:
     if decision is None or decision.task != job.conversation:
         return ()
     name = next(name for name, one in RULES.items() if one is rule)
-    turn.log("next", conversation=job.conversation, rule=name, why=decision.why.kind, of=len(waiting))
+    turn.log(
+        "next", conversation=job.conversation, rule=name, why=decision.why.kind, of=len(waiting)
+    )
     return (decision.why,)
 
 
 def schedule(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
-    """State schedule: continue with the running plan, or switch to the one that is ready, or to a task that waits."""
+    """State schedule: continue with the running plan, or switch to the one that is ready, or to a
+    task that waits.
+    """
     running = memory.first
     if running is None or not running.leavable:
         ready = running is not None and running.left_with_plan
@@ -108,7 +141,8 @@ def schedule(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
 
 
 def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
-    """State switch: request ta to run the plan, with its reply-by; first to leave the running one, if there is one.
+    """State switch: request ta to run the plan, with its reply-by; first to leave the running one,
+    if there is one.
 
     A plan that is needed only to put down what is held is to be left at once.
     """
@@ -121,10 +155,20 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     if job is None or (plan := job.plan) is None:
         return memory
     patience_s = limits.acting_s(plan)
-    talk = turn.open(AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=patience_s, parent=job.conversation)
+    talk = turn.open(
+        AgentName.TA, "coordinate", P.REQUEST, plan, reply_by_s=patience_s, parent=job.conversation
+    )
     takes = (fact(Kind.PLAN_TAKES, job.plans, plan.duration),)
     messages.progress(turn, job, TaskState.RUNNING, takes, messages.steps(plan))
-    job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False, patience_s=patience_s, asks=False)
+    job = replace(
+        job,
+        stage=Stage.RUNNING,
+        talk=talk,
+        plan=None,
+        aside=False,
+        patience_s=patience_s,
+        asks=False,
+    )
     if job.cancelling or job.suspending:
         leave(turn, job, limits)
     return replace(memory.with_job(job), choice=Choice.OPEN)

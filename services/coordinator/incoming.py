@@ -1,8 +1,10 @@
-"""Effects of messages and late replies on the tasks of co, in any state: the rows of co on channels C1, C2 and C3.
+"""Effects of messages and late replies on the tasks of co, in any state: the rows of co on channels
+C1, C2 and C3.
 
-The rows are proven with the scheme of delivery. Every inform of ta is confirmed in the step that takes it. A cancel of
-hi is answered after the last message of pl or ta. When a reply-by passes, hi is told at once, the peer is cancelled,
-and the conversation stays in `loose` until its end. Must not know: states and arcs.
+The rows are proven with the scheme of delivery. Every inform of ta is confirmed in the step that
+takes it. A cancel of hi is answered after the last message of pl or ta. When a reply-by passes, hi
+is told at once, the peer is cancelled, and the conversation stays in `loose` until its end. Must
+not know: states and arcs.
 """
 
 from collections.abc import Callable
@@ -29,7 +31,9 @@ PATIENCE = "patience"
 RULE = "rule"
 """Parameter of the design: the rule of scheduling.py by which the next task is chosen."""
 _LEFT = (WorkerState.PREEMPTED, WorkerState.REPLAN)
-"""Final states of a plan that ta was asked to leave: it left it, or it wanted a new one when the cancel came."""
+"""Final states of a plan that ta was asked to leave: it left it, or it wanted a new one when the
+cancel came.
+"""
 
 
 def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
@@ -44,7 +48,9 @@ def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
             memory = _on_broken(memory, turn, name, limits)
         case Woken(name=name) if name == PATIENCE:
             memory = _out_of_patience(memory, turn)
-        case Woken(name=name) if (job := memory.of_hi(name)) is not None and job.stage is Stage.EARLY:
+        case Woken(name=name) if (
+            job := memory.of_hi(name)
+        ) is not None and job.stage is Stage.EARLY:
             memory = requeued(memory.with_job(replace(job, stage=Stage.WAITING)), turn, limits)
     loose = tuple(name for name in memory.loose if turn.holds(name))
     if memory.loose and not loose:
@@ -58,7 +64,7 @@ def requeued(memory: Memory, turn: Turn, limits: Limits) -> Memory:
     return replace(memory, jobs=queued(memory.jobs, turn.now, rule, limits.speed))
 
 
-# --- hi ---------------------------------------------------------------------------------------------------------------
+# --- hi -------------------------------------------------------------------------------------------
 
 
 def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> Memory:
@@ -72,15 +78,19 @@ def _from_hi(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
 
 
 def cancel(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Cancel a task of hi: one that nobody works on ends at once, another one when pl or ta says so.
+    """Cancel a task of hi: one that nobody works on ends at once, another one when pl or ta says
+    so.
 
-    Where objects of it may be in a hand, its next plan is made all the same: ta gets it, and leaves it safely.
+    Where objects of it may be in a hand, its next plan is made all the same: ta gets it, and leaves
+    it safely.
     """
     if job.may_hold and job.stage in (Stage.PLANNING, Stage.PLANNED):
         return memory.with_job(replace(job, cancelling=True))
     if not job.talk:
         turn.unwake(job.conversation)
-        messages.cancelled(turn, job, (fact(Kind.PUT_ASIDE if job.suspended else Kind.NOT_BEGUN_YET),))
+        messages.cancelled(
+            turn, job, (fact(Kind.PUT_ASIDE if job.suspended else Kind.NOT_BEGUN_YET),)
+        )
         return memory.without_job(job)
     if not (job.cancelling or job.suspending or job.recalled):
         if job.stage is Stage.RUNNING:
@@ -91,8 +101,8 @@ def cancel(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
 
 def suspend(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Have ta leave a task safely, as for a cancel; it is planned again when its turn comes. One that is only planned
-    waits at once, or when ta has put down what may be in a hand.
+    """Have ta leave a task safely, as for a cancel; it is planned again when its turn comes. One
+    that is only planned waits at once, or when ta has put down what may be in a hand.
     """
     if job.stage is Stage.PLANNED and not job.may_hold:
         return _suspended(memory, turn, job, limits)
@@ -111,10 +121,14 @@ def _rival(memory: Memory) -> Facts:
     """The task for which another one is left, and why; () where it is gone."""
     decision = memory.decision
     rival = memory.of_hi(decision.task) if decision is not None else None
-    return () if rival is None or decision is None else (messages.about(Kind.LEFT_FOR, rival, decision.why),)
+    return (
+        ()
+        if rival is None or decision is None
+        else (messages.about(Kind.LEFT_FOR, rival, decision.why),)
+    )
 
 
-# --- pl ---------------------------------------------------------------------------------------------------------------
+# --- pl -------------------------------------------------------------------------------------------
 
 
 def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> Memory:
@@ -123,20 +137,38 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         return memory
     planned = isinstance(received.content, hfsm.HierarchicalPlan)
     if job.cancelling and not (job.left_with_plan and planned):
-        return memory if turn.holds(job.talk) else _cancelled(memory, turn, job, (fact(Kind.WHILE_PLANNED),))
+        return (
+            memory
+            if turn.holds(job.talk)
+            else _cancelled(memory, turn, job, (fact(Kind.WHILE_PLANNED),))
+        )
     if job.stage is Stage.WAITING:
         if turn.holds(job.talk):
             return memory
-        # Without a plan it goes on without schedule parameters: what cannot be planned now may be when its turn comes.
+        # Without a plan it goes on without schedule parameters: what cannot be planned now may be
+        # when its turn comes.
         if planned and not job.recalled:
             job = _with_schedule(job, received.content)
         return requeued(memory.with_job(replace(job, talk="", recalled=False)), turn, limits)
     if isinstance(received.content, hfsm.HierarchicalPlan):
         plan = replace(received.content, rejected=())
         meant = job.meant or job.command.settled(plan)
-        return memory.with_job(replace(_with_schedule(job, plan), stage=Stage.PLANNED, plan=plan, meant=meant))
-    if isinstance(received.content, hfsm.NoPlan) and received.content.later and job.looks < limits.looks:
-        again = replace(job, stage=Stage.WAITING, talk="", plans=job.plans - 1, looks=job.looks + 1, why=messages.LOOKS)
+        return memory.with_job(
+            replace(_with_schedule(job, plan), stage=Stage.PLANNED, plan=plan, meant=meant)
+        )
+    if (
+        isinstance(received.content, hfsm.NoPlan)
+        and received.content.later
+        and job.looks < limits.looks
+    ):
+        again = replace(
+            job,
+            stage=Stage.WAITING,
+            talk="",
+            plans=job.plans - 1,
+            looks=job.looks + 1,
+            why=messages.LOOKS,
+        )
         return memory.with_job(again)
     return _failed(memory, turn, job, _why(turn, received))
 
@@ -146,7 +178,7 @@ def _with_schedule(job: Job, plan: hfsm.HierarchicalPlan) -> Job:
     return replace(job, talk="", schedule=plan.schedule, holds=len(plan.holds), weighed=False)
 
 
-# --- ta ---------------------------------------------------------------------------------------------------------------
+# --- ta -------------------------------------------------------------------------------------------
 
 
 def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> Memory:
@@ -155,8 +187,14 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     state = said.state if isinstance(said, sw.Report) else None
     if received.communicate.performative is P.INFORM:
         waits = state is WorkerState.WAITING and job is not None and job.leavable
-        more_s = WAIT_S + job.patience_s if waits and job is not None else None  # while its plan waits for an operator
-        turn.say(received.conversation, P.CONFIRM, in_reply_to=received.communicate.reply_with, reply_by_s=more_s)
+        # while its plan waits for an operator
+        more_s = WAIT_S + job.patience_s if waits and job is not None else None
+        turn.say(
+            received.conversation,
+            P.CONFIRM,
+            in_reply_to=received.communicate.reply_with,
+            reply_by_s=more_s,
+        )
     if job is None:
         return memory
     if isinstance(said, sw.Report) and state not in sw.FINAL:
@@ -207,7 +245,8 @@ def _on_replan(memory: Memory, turn: Turn, job: Job, why: Facts, limits: Limits)
 
 
 def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Put a task aside that ta has left; it waits like others, for a plan made of what the world is then.
+    """Put a task aside that ta has left; it waits like others, for a plan made of what the world is
+    then.
 
     Its schedule parameters until then: the rest where it was left, and the time to be there again.
     """
@@ -215,14 +254,24 @@ def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     here = job.parameters
     left = () if here is None else (hfsm.ScheduleParameters("", here.rest + here.resume),)
     job = replace(
-        job, stage=Stage.WAITING, talk="", plan=None, at=None, why=(), suspending=False, aside=True, schedule=left
+        job,
+        stage=Stage.WAITING,
+        talk="",
+        plan=None,
+        at=None,
+        why=(),
+        suspending=False,
+        aside=True,
+        schedule=left,
     )
-    memory = memory.changed().with_job(replace(job, suspended=job.suspended + 1, asked=False, weighed=False))
+    memory = memory.changed().with_job(
+        replace(job, suspended=job.suspended + 1, asked=False, weighed=False)
+    )
     memory = requeued(memory, turn, limits)
     return replace(memory, jobs=first_in(memory.jobs, memory.decision))
 
 
-# --- ends -------------------------------------------------------------------------------------------------------------
+# --- ends -----------------------------------------------------------------------------------------
 
 
 def _cancelled(memory: Memory, turn: Turn, job: Job, why: Facts) -> Memory:
@@ -238,7 +287,8 @@ def _failed(memory: Memory, turn: Turn, job: Job, why: Facts) -> Memory:
 def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     """Row T: tell hi, cancel at the peer (if not done yet), and keep the conversation as loose.
 
-    A question about schedule parameters is called off first; the task ends only where that is not answered, either.
+    A question about schedule parameters is called off first; the task ends only where that is not
+    answered, either.
     """
     who = AgentName(turn.conversation(job.talk).peer)
     turn.log("late", level="warning", conversation=job.talk, task=job.conversation)
@@ -254,7 +304,9 @@ def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
 
 def _on_broken(memory: Memory, turn: Turn, name: str, limits: Limits) -> Memory:
-    """End the task of a broken conversation: the peer sent what could not be taken, or lost its memory."""
+    """End the task of a broken conversation: the peer sent what could not be taken, or lost its
+    memory.
+    """
     if (job := memory.of_hi(name)) is not None:
         return cancel(memory, turn, job, limits)
     if (job := memory.of_talk(name)) is None:
@@ -264,11 +316,15 @@ def _on_broken(memory: Memory, turn: Turn, name: str, limits: Limits) -> Memory:
 
 
 def _out_of_patience(memory: Memory, turn: Turn) -> Memory:
-    """End the tasks that wait, since the late peer does not answer; one that runs does not need the planner."""
+    """End the tasks that wait, since the late peer does not answer; one that runs does not need the
+    planner.
+    """
     if not memory.loose:
         return memory
     for job in [job for job in memory.jobs if job.stage is not Stage.RUNNING]:
-        memory = _failed(memory, turn, job, (fact(Kind.SAY_AGAIN_LATER, not_answering(memory, turn)),))
+        memory = _failed(
+            memory, turn, job, (fact(Kind.SAY_AGAIN_LATER, not_answering(memory, turn)),)
+        )
     return memory
 
 

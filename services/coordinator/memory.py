@@ -1,7 +1,8 @@
-"""Memory of co between two steps: tasks in the order in which they are done, conversations that outlive their task.
+"""Memory of co between two steps: tasks in the order in which they are done, conversations that
+outlive their task.
 
-The first job is planned and run, the others wait; while it runs, pl is asked for their schedule parameters. Must not
-know: messages, clocks.
+The first job is planned and run, the others wait; while it runs, pl is asked for their schedule
+parameters. Must not know: messages, clocks.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,29 +18,42 @@ from services.coordinator.scheduling import Decision
 
 
 class Limits(msgspec.Struct, frozen=True):
-    """Waiting times of co, and its largest number of tasks. Seconds of wall time, except where `speed` scales them."""
+    """Waiting times of co, and its largest number of tasks. Seconds of wall time, except where
+    `speed` scales them.
+    """
 
-    planning_s: float = 180.0  # reply-by of a request for a plan: 6 s, over 60 s at a load of 17 (measured)
+    # reply-by of a request for a plan: 6 s, over 60 s at a load of 17 (measured)
+    planning_s: float = 180.0
     cancel_planning_s: float = 10.0  # pl forwards only, so a cancel is taken at once (estimate)
-    cancel_acting_s: float = 240.0  # two things put down and two arms home take 60 s, tried twice (measured)
+    # two things put down and two arms home take 60 s, tried twice (measured)
+    cancel_acting_s: float = 240.0
     patience_s: float = 60.0  # how long tasks go on waiting when pl or ta is late (estimate)
     replans: int = 6  # new plans of one task before it is given up (estimate)
-    looks: int = 120  # requests while the robot looks around; km holds each for 5 s, so 10 min (estimate)
-    waiting: int = 5  # open tasks: an agree and two last messages each stay below the outbox bound if hi is dead
-    act_s: float = 20.0  # of each act: ta's margin of 10 s, and what lies between acts: 7 s at a load of 24 (measured)
-    ask_s: float = 5.0  # of each question to km; estimate: milliseconds, and a second at such a load
-    end_s: float = 50.0  # 20 s until a stopped act has ended, 30 s until km has what was seen (services.task)
-    speed: float = 1.0  # simulated seconds per wall second; "max" counts as 1: it is not slower (estimate)
+    # requests while the robot looks around; km holds each for 5 s, so 10 min (estimate)
+    looks: int = 120
+    # open tasks: an agree and two last messages each stay below the outbox bound if hi is dead
+    waiting: int = 5
+    # of each act: ta's margin of 10 s, and what lies between acts: 7 s at a load of 24 (measured)
+    act_s: float = 20.0
+    # of each question to km; estimate: milliseconds, and a second at such a load
+    ask_s: float = 5.0
+    # 20 s until a stopped act has ended, 30 s until km has what was seen (services.task)
+    end_s: float = 50.0
+    # simulated seconds per wall second; "max" counts as 1: it is not slower (estimate)
+    speed: float = 1.0
 
     def acting_s(self, plan: hfsm.HierarchicalPlan) -> float:
-        """The reply-by of a plan [s from now]: five times its planned duration, at this speed, and what ta
-        allows besides.
+        """The reply-by of a plan [s from now]: five times its planned duration, at this speed, and
+        what ta allows besides.
 
-        Longer than what ta gives all its acts together, so that on a busy machine ta, which asks for a new plan then,
-        gives a late act up before the task fails here; who is dead or hangs, others see in seconds.
+        Longer than what ta gives all its acts together, so that on a busy machine ta, which asks
+        for a new plan then, gives a late act up before the task fails here; who is dead or hangs,
+        others see in seconds.
         """
         leaves = [*_leaves(plan.root)]
-        acts, asks = (sum(isinstance(one, kind) for one in leaves) for kind in (hfsm.ActState, hfsm.AskState))
+        acts, asks = (
+            sum(isinstance(one, kind) for one in leaves) for kind in (hfsm.ActState, hfsm.AskState)
+        )
         return 5.0 * plan.duration / self.speed + acts * self.act_s + asks * self.ask_s + self.end_s
 
 
@@ -68,17 +82,18 @@ class Choice(StrEnum):
 
 
 class Job(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING; WAITING: about its
-    schedule parameters only) or ta (RUNNING).
+    """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING;
+    WAITING: about its schedule parameters only) or ta (RUNNING).
 
-    `meant`: the task for pl since its first plan, where that plan settled which object and hand the sentence means.
-    `arrived`: unix time [s]; `plans`: number requested; `at`: the place in the plan that hi was told last; `why`: the
-    reason that hi was told with it, or why the next plan is wanted.
-    `patience_s`: how long ta may take for the plan that runs; `asks`: that plan waits for an operator.
-    `looks`: how often the plan had to wait for a look around. `suspending`: ta was asked to leave it for another one;
-    `suspended`: how often that was done, and `aside`: it waits for its turn since. `schedule`: parameters of its newest
-    plan, () while unknown; `holds`: number of hands that are full when it is done; `asked`: pl was asked for them since
-    the world changed, `recalled`: that question was called off. `weighed`: a decision was made with them.
+    `meant`: the task for pl since its first plan, where that plan settled which object and hand the
+    sentence means. `arrived`: unix time [s]; `plans`: number requested; `at`: the place in the plan
+    that hi was told last; `why`: the reason that hi was told with it, or why the next plan is
+    wanted. `patience_s`: how long ta may take for the plan that runs; `asks`: that plan waits for
+    an operator. `looks`: how often the plan had to wait for a look around. `suspending`: ta was
+    asked to leave it for another one; `suspended`: how often that was done, and `aside`: it waits
+    for its turn since. `schedule`: parameters of its newest plan, () while unknown; `holds`: number
+    of hands that are full when it is done; `asked`: pl was asked for them since the world changed,
+    `recalled`: that question was called off. `weighed`: a decision was made with them.
     """
 
     conversation: str
@@ -117,34 +132,49 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def leavable(self) -> bool:
-        """Whether it may be left for another one: it runs or could, and nobody has asked ta to leave it."""
-        return self.stage in (Stage.PLANNED, Stage.RUNNING) and not (self.cancelling or self.suspending)
+        """Whether it may be left for another one: it runs or could, and nobody has asked ta to
+        leave it.
+        """
+        return self.stage in (Stage.PLANNED, Stage.RUNNING) and not (
+            self.cancelling or self.suspending
+        )
 
     @property
     def may_hold(self) -> bool:
-        """Whether a plan of it ended with the wish for a new one: what that has taken is still in a hand."""
+        """Whether a plan of it ended with the wish for a new one: what that has taken is still in a
+        hand.
+        """
         return self.plans - self.suspended > 1
 
     @property
     def left_with_plan(self) -> bool:
-        """Whether ta gets a plan only to leave it safely: it was cancelled while that was made, and may hold things."""
+        """Whether ta gets a plan only to leave it safely: it was cancelled while that was made, and
+        may hold things.
+        """
         return self.cancelling and self.may_hold and self.stage in (Stage.PLANNING, Stage.PLANNED)
 
     @property
     def parameters(self) -> hfsm.ScheduleParameters | None:
-        """Its schedule parameters now: those of the state of the plan that hi was told last; None while unknown."""
+        """Its schedule parameters now: those of the state of the plan that hi was told last; None
+        while unknown.
+        """
         number = self.number(self.at)
         return self.schedule[number - 1] if number else next(iter(self.schedule), None)
 
     def number(self, at: hfsm.Place | None) -> int:
         """The number of the plan's step at a place, from 1; 0 where it is none of its steps."""
-        steps = (number for number, one in enumerate(self.schedule, start=1) if at is not None and one.at == at.path[0])
+        steps = (
+            number
+            for number, one in enumerate(self.schedule, start=1)
+            if at is not None and one.at == at.path[0]
+        )
         return next(steps, 0)
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
-    """`arrived`: commands that are not queued yet; `over`: a task has just ended; `loose`: conversations with pl or ta
-    whose reply-by has passed (hi was told) and whose last message is still to come; `decision`: the last one.
+    """`arrived`: commands that are not queued yet; `over`: a task has just ended; `loose`:
+    conversations with pl or ta whose reply-by has passed (hi was told) and whose last message is
+    still to come; `decision`: the last one.
     """
 
     arrived: tuple[Job, ...] = ()
@@ -178,36 +208,55 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         return msgspec.structs.replace(self, jobs=jobs, over=True, choice=Choice.OPEN).changed()
 
     def changed(self) -> "Memory":
-        """The memory after the world may have changed: schedule parameters are to be asked for again."""
+        """The memory after the world may have changed: schedule parameters are to be asked for
+        again.
+        """
         jobs = tuple(msgspec.structs.replace(job, asked=False) for job in self.jobs)
         return msgspec.structs.replace(self, jobs=jobs)
 
 
-# --- the conditions of design.toml ------------------------------------------------------------------------------------
+# --- the conditions of design.toml ----------------------------------------------------------------
 
 
 def plan_wanted(memory: Memory) -> bool:
-    """Whether the first task needs a plan or a waiting one its schedule parameters, and pl and ta are not late."""
+    """Whether the first task needs a plan or a waiting one its schedule parameters, and pl and ta
+    are not late.
+    """
     return turn_come(memory) or parameters_wanted(memory) is not None
 
 
 def turn_come(memory: Memory) -> bool:
-    """Whether the first task needs a plan, which waits until pl has answered the recall of a question."""
-    first = memory.first is not None and memory.first.stage is Stage.WAITING and not memory.first.cancelling
+    """Whether the first task needs a plan, which waits until pl has answered the recall of a
+    question.
+    """
+    first = (
+        memory.first is not None
+        and memory.first.stage is Stage.WAITING
+        and not memory.first.cancelling
+    )
     return first and not memory.loose and not any(job.recalled for job in memory.jobs)
 
 
 def parameters_wanted(memory: Memory) -> Job | None:
     """The next task to ask pl about while another one runs, unless its answer could change nothing.
 
-    One that is to be done after another one would only be planned for a world that is not there yet.
+    One that is to be done after another one would only be planned for a world that is not there
+    yet.
     """
     running = memory.first
     if running is None or running.stage is not Stage.RUNNING or not running.leavable:
         return None
-    if memory.loose or overtaken(memory) or any(job.stage is Stage.WAITING and job.talk for job in memory.jobs):
+    if (
+        memory.loose
+        or overtaken(memory)
+        or any(job.stage is Stage.WAITING and job.talk for job in memory.jobs)
+    ):
         return None
-    free = (job for at, job in enumerate(memory.jobs) if job.waits and not job.asked and not bound(memory.jobs, at))
+    free = (
+        job
+        for at, job in enumerate(memory.jobs)
+        if job.waits and not job.asked and not bound(memory.jobs, at)
+    )
     return next((job for job in free if job.command.urgency == running.command.urgency), None)
 
 
@@ -221,7 +270,9 @@ ANYTHING = "anything"
 
 
 def comes_after(job: Job, earlier: Job) -> bool:
-    """Whether a task comes after one said earlier: both are about the same object, or the sentence has this order."""
+    """Whether a task comes after one said earlier: both are about the same object, or the sentence
+    has this order.
+    """
     mine, others = objects_of(job.command), objects_of(earlier.command)
     whatever = ANYTHING in mine | others and bool(mine and others)
     return job.command.after == earlier.conversation or bool(mine & others) or whatever
@@ -238,13 +289,17 @@ def objects_of(command: Command) -> frozenset[str]:
 
 
 def choice_open(memory: Memory) -> bool:
-    """Whether there is a plan, a more urgent task or one with new schedule parameters, and no decision on it."""
+    """Whether there is a plan, a more urgent task or one with new schedule parameters, and no
+    decision on it.
+    """
     planned = memory.first is not None and memory.first.stage is Stage.PLANNED
     return memory.choice is Choice.OPEN and (planned or overtaken(memory) or _unweighed(memory))
 
 
 def overtaken(memory: Memory) -> bool:
-    """Whether a more urgent task waits than the one that runs or could, and nobody has asked ta to leave that."""
+    """Whether a more urgent task waits than the one that runs or could, and nobody has asked ta to
+    leave that.
+    """
     job = memory.first
     if job is None or not job.leavable:
         return False
@@ -254,7 +309,12 @@ def overtaken(memory: Memory) -> bool:
 def _unweighed(memory: Memory) -> bool:
     """Whether a task with new schedule parameters waits, while another one runs."""
     running = memory.first
-    if running is None or running.stage is not Stage.RUNNING or not running.leavable or not running.schedule:
+    if (
+        running is None
+        or running.stage is not Stage.RUNNING
+        or not running.leavable
+        or not running.schedule
+    ):
         return False
     return any(job.waits and job.schedule and not job.weighed for job in memory.jobs[1:])
 
@@ -262,7 +322,11 @@ def _unweighed(memory: Memory) -> bool:
 def switch_failed(memory: Memory) -> bool:
     """Whether there is no plan to switch to."""
     planned = memory.first is not None and memory.first.stage is Stage.PLANNED
-    return memory.choice is Choice.SWITCH and not planned and (memory.first is None or not memory.first.leavable)
+    return (
+        memory.choice is Choice.SWITCH
+        and not planned
+        and (memory.first is None or not memory.first.leavable)
+    )
 
 
 def triggered(memory: Memory) -> bool:

@@ -1,6 +1,7 @@
 """Messages of co: tasks for pl, reports for hi.
 
-Reports stay within their size budget on C2 (500 bytes with the envelope). Must not know: which state co is in.
+Reports stay within their size budget on C2 (500 bytes with the envelope). Must not know: which
+state co is in.
 """
 
 import msgspec
@@ -17,15 +18,21 @@ from fipa_codec.performatives import Performative
 from services.coordinator.memory import Job
 
 MOST_BYTES = 280
-"""Of the facts of a report: a budget of 500, less at most 200 for the envelope, less the frame of the report."""
+"""Of the facts of a report: a budget of 500, less at most 200 for the envelope, less the frame of
+the report.
+"""
 LONGEST_STEPS = 200
-"""Bytes of the steps of a plan, which the shortest of reasons goes with; estimate: a pour has 80."""
+"""Bytes of the steps of a plan, which the shortest of reasons goes with; estimate: a pour has
+80.
+"""
 LOOKS = (fact(Kind.LOOKS_FIRST),)
 
 
 def network(job: Job) -> hfsm.GroundTaskNetwork:
     """The task network of a command, named by task and number of the plan."""
-    return hfsm.GroundTaskNetwork(f"{job.conversation}-plan{job.plans}", (job.meant or job.command.task,))
+    return hfsm.GroundTaskNetwork(
+        f"{job.conversation}-plan{job.plans}", (job.meant or job.command.task,)
+    )
 
 
 def report(state: TaskState, why: Facts, known: tuple[Evidence, ...] = ()) -> TaskReport:
@@ -41,18 +48,29 @@ def about(kind: Kind, job: Job, *why: Fact) -> Fact:
 
 
 def steps(plan: hfsm.HierarchicalPlan) -> tuple[Step, ...]:
-    """What a plan does one after the other, as a person follows it: the parts with acts; cut to the budget."""
-    found = [state.step for state in plan.root.states if isinstance(state, hfsm.Machine) and state.step is not None]
+    """What a plan does one after the other, as a person follows it: the parts with acts; cut to the
+    budget.
+    """
+    found = [
+        state.step
+        for state in plan.root.states
+        if isinstance(state, hfsm.Machine) and state.step is not None
+    ]
     while len(msgspec.msgpack.encode(found)) > LONGEST_STEPS:
         found.pop()
     return tuple(found)
 
 
-# --- to hi ------------------------------------------------------------------------------------------------------------
+# --- to hi ----------------------------------------------------------------------------------------
 
 
 def progress(
-    turn: Turn, job: Job, state: TaskState, why: Facts, steps: tuple[Step, ...] = (), at: Place | None = None
+    turn: Turn,
+    job: Job,
+    state: TaskState,
+    why: Facts,
+    steps: tuple[Step, ...] = (),
+    at: Place | None = None,
 ) -> None:
     """Tell hi the progress of its task; not while hi is away, since a full outbox would stop co."""
     if AgentName.HI in turn.peers and turn.holds(job.conversation):
@@ -64,7 +82,8 @@ def progress(
 def asks(turn: Turn, job: Job, said: sw.Report) -> None:
     """Tell hi which leaf of the plan waits for an operator.
 
-    Also while hi is away, since nothing goes on before somebody has read it: one message for each wait.
+    Also while hi is away, since nothing goes on before somebody has read it: one message for each
+    wait.
     """
     if turn.holds(job.conversation):
         told = TaskReport(TaskState.RUNNING, at=said.at, number=job.number(said.at), asks=True)
@@ -72,7 +91,9 @@ def asks(turn: Turn, job: Job, said: sw.Report) -> None:
 
 
 def done(turn: Turn, job: Job, why: Facts, known: tuple[Evidence, ...]) -> None:
-    """Tell hi that the task is done, and how that is known; a cancel that crossed it came too late."""
+    """Tell hi that the task is done, and how that is known; a cancel that crossed it came too
+    late.
+    """
     _last(turn, job, Performative.INFORM, report(TaskState.DONE, why, known))
 
 
@@ -84,7 +105,12 @@ def failed(turn: Turn, job: Job, why: Facts, known: tuple[Evidence, ...] = ()) -
 def cancelled(turn: Turn, job: Job, why: Facts) -> None:
     """Answer the cancel; this ends the task."""
     if turn.holds(job.conversation):
-        turn.say(job.conversation, Performative.INFORM, report(TaskState.CANCELLED, why), kind=languages.Kind.CANCEL)
+        turn.say(
+            job.conversation,
+            Performative.INFORM,
+            report(TaskState.CANCELLED, why),
+            kind=languages.Kind.CANCEL,
+        )
 
 
 def _last(turn: Turn, job: Job, performative: Performative, said: TaskReport) -> None:

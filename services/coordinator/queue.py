@@ -1,4 +1,6 @@
-"""The queue of co: what its tasks offer to the scheduler, their order, and decisions. Must not know: messages."""
+"""The queue of co: what its tasks offer to the scheduler, their order, and decisions. Must not
+know: messages.
+"""
 
 import math
 from collections.abc import Iterable
@@ -15,19 +17,28 @@ PLAN_S = 6.0  # [s] of wall time to make a plan, on two cores (measured)
 
 
 def comparing(rule: Rule, waiting: Iterable[Job]) -> Rule:
-    """The rule by which tasks that wait are compared: by costs only where those of all are known."""
+    """The rule by which tasks that wait are compared: by costs only where those of all are
+    known.
+    """
     return by_deadline if rule is by_costs and not all(job.schedule for job in waiting) else rule
 
 
-def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: float = 1.0) -> tuple[Job, ...]:
-    """The tasks in the order in which they are done: what has begun, then by the rule [now: unix s], then those
-    whose time to start has not come.
+def queued(
+    jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: float = 1.0
+) -> tuple[Job, ...]:
+    """The tasks in the order in which they are done: what has begun, then by the rule [now: unix
+    s], then those whose time to start has not come.
 
-    Two that name the same object, or were said in one sentence, keep their order, unless the later one is more urgent.
+    Two that name the same object, or were said in one sentence, keep their order, unless the later
+    one is more urgent.
     """
     begun = tuple(job for job in jobs if job.begun)
-    early = sorted((job for job in jobs if job.stage is Stage.EARLY), key=lambda job: job.command.start)
-    waiting = {job.conversation: job for job in jobs if not job.begun and job.stage is not Stage.EARLY}
+    early = sorted(
+        (job for job in jobs if job.stage is Stage.EARLY), key=lambda job: job.command.start
+    )
+    waiting = {
+        job.conversation: job for job in jobs if not job.begun and job.stage is not Stage.EARLY
+    }
     rule = comparing(rule, waiting.values())
     order = in_order(tuple(offer(job, jobs, speed) for job in waiting.values()), now, rule)
     return (*begun, *(waiting[name] for name in order), *early)
@@ -85,18 +96,28 @@ def decided(memory: Memory, now: float, rule: Rule, speed: float) -> Memory:
         job
         for at, job in enumerate(memory.jobs)
         if job.waits
-        and (job.command.urgency > running.command.urgency or (runs and job.schedule and not bound(memory.jobs, at)))
+        and (
+            job.command.urgency > running.command.urgency
+            or (runs and job.schedule and not bound(memory.jobs, at))
+        )
     ]
     offers = tuple(offer(job, memory.jobs, speed) for job in rivals)
     decision = rule(offer(running, memory.jobs, speed), offers, now)
-    jobs = tuple(replace(job, weighed=job.weighed or (job.waits and bool(job.schedule))) for job in memory.jobs)
+    jobs = tuple(
+        replace(job, weighed=job.weighed or (job.waits and bool(job.schedule)))
+        for job in memory.jobs
+    )
     return replace(memory, jobs=jobs, decision=decision if rivals else None)
 
 
 def first_in(jobs: tuple[Job, ...], decision: Decision | None) -> tuple[Job, ...]:
-    """The queue with the task first for which another one was left, unless a more urgent one waits meanwhile."""
+    """The queue with the task first for which another one was left, unless a more urgent one waits
+    meanwhile.
+    """
     waiting = [job for job in jobs if job.waits]
-    rival = next((job for job in waiting if decision is not None and job.conversation == decision.task), None)
+    rival = next(
+        (job for job in waiting if decision is not None and job.conversation == decision.task), None
+    )
     if rival is None or any(one.command.urgency > rival.command.urgency for one in waiting):
         return jobs
     return (rival, *(job for job in jobs if job is not rival))

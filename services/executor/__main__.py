@@ -1,4 +1,6 @@
-"""ex as a process: `python -m services.executor --help`. The control loop is a process of its own beside it."""
+"""ex as a process: `python -m services.executor --help`. The control loop is a process of its own
+beside it.
+"""
 
 import os
 import sys
@@ -35,7 +37,9 @@ class RobotDevice:
         """Hand a message to the loop or to the skills."""
         if self._telemetry is not None and isinstance(content, Perform):
             self._telemetry.skill = type(content.command).__name__
-        (self.loop if isinstance(content, Where | Halt | Do | GoOn | Brake) else self.skills).tell(content)
+        (self.loop if isinstance(content, Where | Halt | Do | GoOn | Brake) else self.skills).tell(
+            content
+        )
 
     def close(self) -> None:
         """Close all of them."""
@@ -46,13 +50,15 @@ class RobotDevice:
 
 
 def serve(options: Options) -> int:
-    """Run until a signal; return the exit code. ROCO_SLOTS names the file between loop and agent (else: run folder),
-    ROCO_EYES the eyes."""
+    """Run until a signal; return the exit code. ROCO_SLOTS names the file between loop and agent
+    (else: run folder), ROCO_EYES the eyes.
+    """
     slots = Path(os.environ.get("ROCO_SLOTS") or options.run_dir / SLOTS_FILE)
     asked = os.environ.get(VARIABLE, "")
     try:
-        # It takes half a second to find out whether something can be drawn. Where nobody asked for pixels by name, the
-        # first look finds out: without OpenGL it falls back to rays, as where OpenGL is lost later.
+        # It takes half a second to find out whether something can be drawn. Where nobody asked for
+        # pixels by name, the first look finds out: without OpenGL it falls back to rays, as where
+        # OpenGL is lost later.
         seeing, _ = eyes(asked, gl.lost if asked else lambda: "")
     except ValueError as error:
         sys.stderr.write(f"executor: {error}\n")

@@ -1,4 +1,6 @@
-"""The motions of an act, one after the other: what skill process and loop send while the act runs."""
+"""The motions of an act, one after the other: what skill process and loop send while the act
+runs.
+"""
 
 from msgspec.structs import replace
 
@@ -27,7 +29,8 @@ from services.executor.memory import Memory
 PATIENCE = "patience"
 LOOP, SKILL = "loop", "skill_process"
 COMPUTE_WITHIN_S = 60.0  # estimate: as for the first motion of a skill
-MOTION_SLACK, MOTION_MARGIN_S = 5.0, 30.0  # estimate: a hand closes in 10 s; a loaded machine is slower than real time
+# estimate: a hand closes in 10 s; a loaded machine is slower than real time
+MOTION_SLACK, MOTION_MARGIN_S = 5.0, 30.0
 
 
 def start(memory: Memory, turn: Turn) -> Memory:
@@ -47,7 +50,9 @@ def duration(motion: Motion) -> float:
 def lost(memory: Memory, why: Facts) -> Memory:
     """Note that the outcome cannot be known; the robot only has to come to rest now."""
     assert memory.act is not None
-    return replace(memory, act=replace(memory.act, lost=why), soft=replace(memory.soft, motion=None))
+    return replace(
+        memory, act=replace(memory.act, lost=why), soft=replace(memory.soft, motion=None)
+    )
 
 
 def follow(memory: Memory, turn: Turn) -> Memory:
@@ -58,7 +63,9 @@ def follow(memory: Memory, turn: Turn) -> Memory:
         case Local(content=Passing(number=number, felt=felt)) if number == memory.number:
             turn.tell(Glance(number, felt))
             return memory
-        case Local(content=GoOn(number=number) | Brake(number=number) as answer) if number == memory.number:
+        case Local(content=GoOn(number=number) | Brake(number=number) as answer) if (
+            number == memory.number
+        ):
             turn.tell(answer)  # nothing to do for the loop where the motion has ended meanwhile
             return memory
         case Local(content=Moved(number=number, felt=felt)) if number == memory.number:
@@ -96,7 +103,8 @@ def logged(turn: Turn, end: Lost | Crashed) -> Facts:
 
 
 def _moved(memory: Memory, turn: Turn, felt: Felt) -> Memory:
-    """Tell the skill how its motion ended; the first end after a cancel counts as cancelled, even if they crossed.
+    """Tell the skill how its motion ended; the first end after a cancel counts as cancelled, even
+    if they crossed.
 
     A skill that braked its motion by itself was not told of a cancel.
     """
@@ -114,19 +122,25 @@ def _moved(memory: Memory, turn: Turn, felt: Felt) -> Memory:
 
 
 def _wanted(memory: Memory, turn: Turn, move: Move) -> Memory:
-    """Note the next motion of the skill. If a cancel came while it was computed, tell the skill "cancelled" instead."""
+    """Note the next motion of the skill. If a cancel came while it was computed, tell the skill
+    "cancelled" instead.
+    """
     act = memory.act
     assert act is not None
     memory = replace(memory, remembered=move.remembered)
     if act.cancelling and not act.broken_off and memory.soft.felt is not None:
-        cancelled = replace(memory.soft.felt, ended=str(Phase.CANCELLED), why=(fact(Kind.CANCELLED),))
+        cancelled = replace(
+            memory.soft.felt, ended=str(Phase.CANCELLED), why=(fact(Kind.CANCELLED),)
+        )
         turn.tell(Feel(memory.number, cancelled))
         return replace(memory, act=replace(act, broken_off=True))
     return replace(memory, soft=replace(memory.soft, motion=move.motion))
 
 
 def _without_skill(memory: Memory, turn: Turn, why: Facts) -> Memory:
-    """End an act whose skill is gone: interrupted if the robot is at rest, unknown outcome if it moves."""
+    """End an act whose skill is gone: interrupted if the robot is at rest, unknown outcome if it
+    moves.
+    """
     act = memory.act
     assert act is not None
     if memory.soft.moving:

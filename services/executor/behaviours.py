@@ -1,9 +1,10 @@
-"""The behaviours of ex, bound by name to the states of the design (the paper leaves the states of ex to us).
+"""The behaviours of ex, bound by name to the states of the design (the paper leaves the states of
+ex to us).
 
-An act: the loop says where the robot stands, the skill process runs the skill and yields motions, the loop carries
-them out, the outcome of the skill is reported. The intent is in the journal before the first motion. So if agent or
-loop dies during an act, the outcome is `unknown`, the robot is brought to rest, and nothing is started a second time.
-Must not know: plans, the geometry of skills.
+An act: the loop says where the robot stands, the skill process runs the skill and yields motions,
+the loop carries them out, the outcome of the skill is reported. The intent is in the journal before
+the first motion. So if agent or loop dies during an act, the outcome is `unknown`, the robot is
+brought to rest, and nothing is started a second time. Must not know: plans, the geometry of skills.
 """
 
 from functools import partial
@@ -22,12 +23,26 @@ from companion.languages.rc import NotDoneKind
 from fipa_codec.performatives import Performative
 from services.executor import local, outgoing_messages
 from services.executor.acting import PATIENCE, follow, logged, lost, over, start
-from services.executor.local import Brake, ByRays, Crashed, Drop, Ended, Felt, Halt, Lost, Move, Perform, Stands, Where
+from services.executor.local import (
+    Brake,
+    ByRays,
+    Crashed,
+    Drop,
+    Ended,
+    Felt,
+    Halt,
+    Lost,
+    Move,
+    Perform,
+    Stands,
+    Where,
+)
 from services.executor.memory import CONDITIONS, Act, Memory, Soft
 from services.executor.remembered import Remembered
 
 RESTARTED = (fact(Kind.ENDED, "ex"),)
-SKILL_WITHIN_S = 60.0  # estimate: the longest computation of a skill, a planned path home, takes some seconds
+# estimate: the longest computation of a skill, a planned path home, takes some seconds
+SKILL_WITHIN_S = 60.0
 
 
 def agent() -> Agent[Memory]:
@@ -53,7 +68,7 @@ def _told_of_eyes(behave: Transition[Memory], memory: Memory, turn: Turn) -> Mem
     return behave(memory, turn)
 
 
-# --- recovering, idle -------------------------------------------------------------------------------------------------
+# --- recovering, idle -----------------------------------------------------------------------------
 
 
 def recover_act(memory: Memory, turn: Turn) -> Memory:
@@ -67,7 +82,9 @@ def recover_act(memory: Memory, turn: Turn) -> Memory:
 
 
 def await_act(memory: Memory, turn: Turn) -> Memory:
-    """State idle: take the next act; refuse one that was started before or is impossible, and say why."""
+    """State idle: take the next act; refuse one that was started before or is impossible, and say
+    why.
+    """
     match turn.event:
         case Received(content=command) as received if isinstance(command, rc.Command):
             if wrong := outgoing_messages.wrong(command):
@@ -78,7 +95,9 @@ def await_act(memory: Memory, turn: Turn) -> Memory:
             else:
                 act = Act(received.conversation, command)
                 return replace(memory, number=memory.number + 1, act=act, soft=Soft())
-            outgoing_messages.refuse(turn, received.conversation, command, NotDoneKind.REFUSED, (why,))
+            outgoing_messages.refuse(
+                turn, received.conversation, command, NotDoneKind.REFUSED, (why,)
+            )
         case _:
             memory = _declined(memory, turn)
     return memory
@@ -88,23 +107,29 @@ def _declined(memory: Memory, turn: Turn) -> Memory:
     """Refuse a second act, and any subscription: readings are not published yet."""
     match turn.event:
         case Received(content=command) as received if isinstance(command, rc.Command):
-            outgoing_messages.refuse(turn, received.conversation, command, NotDoneKind.BUSY, (fact(Kind.BUSY, "ex"),))
+            outgoing_messages.refuse(
+                turn, received.conversation, command, NotDoneKind.BUSY, (fact(Kind.BUSY, "ex"),)
+            )
         case Received(communicate=word) as received if word.performative is Performative.SUBSCRIBE:
             turn.say(received.conversation, Performative.REFUSE)
     return memory
 
 
-# --- preparing --------------------------------------------------------------------------------------------------------
+# --- preparing ------------------------------------------------------------------------------------
 
 
 def prepare_act(memory: Memory, turn: Turn) -> Memory:
-    """State preparing: run the skill from the present posture; agree when its first motion is there."""
+    """State preparing: run the skill from the present posture; agree when its first motion is
+    there.
+    """
     act = _required(memory)
     match turn.event:
         case None | Started():
             turn.wake(PATIENCE, turn.now + SKILL_WITHIN_S)
             turn.tell(Where(memory.number))
-        case Local(content=Stands(number=number, felt=felt)) if number == memory.number and _elsewhere(memory, felt):
+        case Local(content=Stands(number=number, felt=felt)) if (
+            number == memory.number and _elsewhere(memory, felt)
+        ):
             return _new_world(memory, felt)
         case Local(content=Stands(number=number, felt=felt)) if number == memory.number:
             turn.tell(Perform(number, act.command, memory.remembered, felt))
@@ -121,7 +146,9 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
         case Local(content=Crashed() as crash):
             return _given_up(memory, turn, NotDoneKind.INTERRUPTED, logged(turn, crash))
         case Woken(name=name) if name == PATIENCE:
-            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, (fact(Kind.NO_MOTION_FOUND, SKILL_WITHIN_S),))
+            return _given_up(
+                memory, turn, NotDoneKind.INTERRUPTED, (fact(Kind.NO_MOTION_FOUND, SKILL_WITHIN_S),)
+            )
         case Received() | Broken() as event if _called_off(act, event):
             memory = replace(memory, act=replace(act, cancelling=True))
             return _given_up(memory, turn, NotDoneKind.CANCELLED, (fact(Kind.CANCELLED),))
@@ -148,11 +175,13 @@ def _given_up(memory: Memory, turn: Turn, kind: str, why: Facts) -> Memory:
     return replace(memory, act=replace(act, outcome=outcome))
 
 
-# --- acting and stopping ----------------------------------------------------------------------------------------------
+# --- acting and stopping --------------------------------------------------------------------------
 
 
 def carry_out(memory: Memory, turn: Turn) -> Memory:
-    """State acting: one motion after the other, until the skill has ended, is cancelled, or the loop is lost."""
+    """State acting: one motion after the other, until the skill has ended, is cancelled, or the
+    loop is lost.
+    """
     act = _required(memory)
     match turn.event:
         case None:
@@ -167,7 +196,9 @@ def carry_out(memory: Memory, turn: Turn) -> Memory:
 
 
 def stop_act(memory: Memory, turn: Turn) -> Memory:
-    """State stopping: a cancelled skill makes its work safe; after a loss the robot is only brought to rest."""
+    """State stopping: a cancelled skill makes its work safe; after a loss the robot is only brought
+    to rest.
+    """
     act = _required(memory)
     match turn.event:
         case None if act.lost:
@@ -178,7 +209,9 @@ def stop_act(memory: Memory, turn: Turn) -> Memory:
             return memory
         case Started():
             return _halted(lost(memory, act.lost or RESTARTED), turn)
-        case Local(content=Stands(number=number, felt=felt)) if act.lost and number == memory.number:
+        case Local(content=Stands(number=number, felt=felt)) if (
+            act.lost and number == memory.number
+        ):
             if _elsewhere(memory, felt):
                 return _new_world(memory, felt)
             kept = _where(memory, felt)
@@ -206,7 +239,10 @@ def _halted(memory: Memory, turn: Turn) -> Memory:
 def _where(memory: Memory, felt: Felt) -> Memory:
     q = tuple(float(x) for x in np.asarray(felt.setpoint()))
     epoch = memory.remembered.epoch or felt.epoch  # another one is noted when it is told
-    return replace(memory, remembered=replace(memory.remembered, q=q, head=felt.head, time=felt.time, epoch=epoch))
+    return replace(
+        memory,
+        remembered=replace(memory.remembered, q=q, head=felt.head, time=felt.time, epoch=epoch),
+    )
 
 
 def _elsewhere(memory: Memory, felt: Felt) -> bool:
@@ -215,14 +251,16 @@ def _elsewhere(memory: Memory, felt: Felt) -> bool:
 
 
 def _new_world(memory: Memory, felt: Felt) -> Memory:
-    """Forget all, and say so: what a hand held and where things were is known of no thing in this world."""
+    """Forget all, and say so: what a hand held and where things were is known of no thing in this
+    world.
+    """
     memory = _where(replace(memory, remembered=Remembered()), felt)
     act = _required(memory)
     outcome = rc.NotDone(act.command.key, NotDoneKind.NEW_WORLD, (fact(Kind.NEW_WORLD),))
     return replace(memory, act=replace(act, outcome=outcome))
 
 
-# --- reporting --------------------------------------------------------------------------------------------------------
+# --- reporting ------------------------------------------------------------------------------------
 
 
 def report_act(memory: Memory, turn: Turn) -> Memory:

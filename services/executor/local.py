@@ -1,7 +1,7 @@
 """Messages between ex and its devices: the process that runs skills, and the control loop.
 
-A message carries the number of its act: what a killed process had sent before is not taken for part of the next act.
-None is a communicate, none leaves the computer.
+A message carries the number of its act: what a killed process had sent before is not taken for part
+of the next act. None is a communicate, none leaves the computer.
 """
 
 from pathlib import Path
@@ -24,11 +24,13 @@ Array = NDArray[np.float64]
 
 
 class Felt(msgspec.Struct, frozen=True):
-    """Measurements of the loop: how a motion ended (phase of the loop, "" if there was none) and why, and the posture.
+    """Measurements of the loop: how a motion ended (phase of the loop, "" if there was none) and
+    why, and the posture.
 
-    `q`, `measured`: set-points and joints (15,) as float64 bytes [rad]. `touched`, `fingers`: per side, which fingers
-    touched, mean angle [rad]; `grips`: what the wrist feels. `world`: all coordinates of the world model, for the
-    receptor only. `epoch`: name of the simulated world, "" of a real one. `text`: of a refusal or fault, for the log.
+    `q`, `measured`: set-points and joints (15,) as float64 bytes [rad]. `touched`, `fingers`: per
+    side, which fingers touched, mean angle [rad]; `grips`: what the wrist feels. `world`: all
+    coordinates of the world model, for the receptor only. `epoch`: name of the simulated world, ""
+    of a real one. `text`: of a refusal or fault, for the log.
     """
 
     q: bytes
@@ -55,7 +57,7 @@ class Message(msgspec.Struct, frozen=True, tag=True):
     number: int
 
 
-# --- to the loop ------------------------------------------------------------------------------------------------------
+# --- to the loop ----------------------------------------------------------------------------------
 
 
 class Where(Message, frozen=True):
@@ -73,23 +75,29 @@ class Do(Message, frozen=True):
 
 
 class Brake(Message, frozen=True):
-    """Bring the motion of this key to rest; its Moved still comes. Also the answer of a skill to Glance."""
+    """Bring the motion of this key to rest; its Moved still comes. Also the answer of a skill to
+    Glance.
+    """
 
     key: str
 
 
 class GoOn(Message, frozen=True):
-    """The answer of a skill to Glance: the motion of this key goes on, the next look is due after `look_in_s` [s]."""
+    """The answer of a skill to Glance: the motion of this key goes on, the next look is due after
+    `look_in_s` [s].
+    """
 
     key: str
     look_in_s: float
 
 
-# --- to the skill process ---------------------------------------------------------------------------------------------
+# --- to the skill process -------------------------------------------------------------------------
 
 
 class Setup(msgspec.Struct, frozen=True):
-    """To a new child: the file of the scene ("" for the canonical one), the seed that varies it (0: none), the eyes."""
+    """To a new child: the file of the scene ("" for the canonical one), the seed that varies it (0:
+    none), the eyes.
+    """
 
     scene: str = ""
     seed: int = 0
@@ -120,7 +128,7 @@ class Drop(Message, frozen=True):
     """Give the act up: the skill process is killed."""
 
 
-# --- from them --------------------------------------------------------------------------------------------------------
+# --- from them ------------------------------------------------------------------------------------
 
 
 class Stands(Message, frozen=True):
@@ -149,7 +157,9 @@ class Lost(Message, frozen=True):
 
 
 class Move(Message, frozen=True):
-    """The next motion of the skill; `expected`: duration of the whole act from here [s, simulated]."""
+    """The next motion of the skill; `expected`: duration of the whole act from here [s,
+    simulated].
+    """
 
     motion: Motion
     expected: float
@@ -182,10 +192,12 @@ FromSkill = Move | GoOn | Brake | Ended | ByRays | See
 Local = Stands | Passing | Moved | Lost | Move | GoOn | Brake | Ended | ByRays | Crashed
 
 
-# --- The scene of the simulated world --------------------------------------------------------------------------------
+# --- The scene of the simulated world -------------------------------------------------------------
 
 
 def scene_of(setup: Setup) -> Scene:
-    """Return the scene of the loop: from its file or the canonical one, varied by the seed. Raises VelmaError."""
+    """Return the scene of the loop: from its file or the canonical one, varied by the seed. Raises
+    VelmaError.
+    """
     asked = scenes.load(Path(setup.scene)) if setup.scene else scenes.load()
     return scenes.vary(asked, setup.seed)

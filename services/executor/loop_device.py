@@ -1,11 +1,14 @@
-"""The control loop as a device of ex: one thread reads its slots, and sends the agent's heartbeat during an act.
+"""The control loop as a device of ex: one thread reads its slots, and sends the agent's heartbeat
+during an act.
 
-A motion is Lost if another loop process took over (the file was replaced) or the loop stands still. A hold after a
-fault is released when the agent asks for the posture; a person's stop is not.
+A motion is Lost if another loop process took over (the file was replaced) or the loop stands still.
+A hold after a fault is released when the agent asks for the posture; a person's stop is not.
 
-Where a look at a motion is due, it is asked for once, and everything else goes on until it is answered.
+Where a look at a motion is due, it is asked for once, and everything else goes on until it is
+answered.
 
-A wait for the loop ends after a number of looks, not at a time: a machine that suspends this process loses no motion.
+A wait for the loop ends after a number of looks, not at a time: a machine that suspends this
+process loses no motion.
 """
 
 import threading
@@ -20,7 +23,19 @@ from agent_runtime.io.devices import Post
 from agent_runtime.io.one_reader import OneReaderQueue
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import FAULT, Cancel, LookAgain, Mode, Phase, Release
-from services.executor.local import Brake, Do, Felt, GoOn, Halt, Lost, Moved, Passing, Stands, ToLoop, Where
+from services.executor.local import (
+    Brake,
+    Do,
+    Felt,
+    GoOn,
+    Halt,
+    Lost,
+    Moved,
+    Passing,
+    Stands,
+    ToLoop,
+    Where,
+)
 from services.executor.loop.link import AgentLink, LoopAnswer, LoopCommand, LoopState, reopened
 from velma.errors import SlotError
 from velma.names import SIDES
@@ -30,7 +45,8 @@ IDLE_S = 0.1
 LOOK_S = 0.001
 TAKEN_WITHIN_S = 2.0  # estimate: a loop takes a command within a cycle or a rest of 2 ms
 SILENT_S = 2.0  # estimate: during a motion its state changes every 10 ms
-READ_WITHIN_S = 1.0  # estimate: one read in thousands fails at full speed, two in a row are not seen
+# estimate: one read in thousands fails at full speed, two in a row are not seen
+READ_WITHIN_S = 1.0
 RELEASED_WITHIN_S = 5.0  # estimate: the dwell of a held robot is a fraction of a second
 
 
@@ -64,7 +80,7 @@ class LoopDevice:
         self._words.put(None)
         self._thread.join(timeout=1.0)
 
-    # --- the thread ---------------------------------------------------------------------------------------------------
+    # --- the thread -------------------------------------------------------------------------------
 
     def _serve(self) -> None:
         while (word := self._words.get()) is not None:
@@ -100,7 +116,8 @@ class LoopDevice:
         while True:
             try:
                 link = self._reach()
-                self._command(link, Cancel(None))  # also in the place of a motion that the loop has not taken yet
+                # also in the place of a motion that the loop has not taken yet
+                self._command(link, Cancel(None))
                 self._until(link, lambda told: told.report.phase is not Phase.RUNNING)
                 self._post(Stands(number, self._rest(link)))
                 return True
@@ -115,14 +132,20 @@ class LoopDevice:
             sent = self._command(link, word.motion)
         except SlotError as error:
             refused = (fact(Kind.MOTION_REFUSED, "knots"),)
-            self._post(Moved(word.number, _felt(_state(link), link.told(), Phase.FAILED, refused, str(error))))
+            self._post(
+                Moved(
+                    word.number, _felt(_state(link), link.told(), Phase.FAILED, refused, str(error))
+                )
+            )
             return True
         cycles, alike, self._looking = -1, 0, False
         while True:
             told, state = link.told(), _state(link)
             if told.refusal and told.taken == sent:
                 refusal = told.refusal
-                self._post(Moved(word.number, _felt(state, told, Phase.FAILED, refusal.why, refusal.text)))
+                self._post(
+                    Moved(word.number, _felt(state, told, Phase.FAILED, refusal.why, refusal.text))
+                )
                 return True
             if told.taken >= sent and told.report.phase is not Phase.RUNNING:
                 state, why = _state(link), told.report.why
@@ -133,7 +156,10 @@ class LoopDevice:
                 self._looking = True
                 self._post(Passing(word.number, _felt(_state(link), told, told.report.phase)))
             # Simulated time may stand still until the look is answered.
-            cycles, alike = state.cycles, alike + 1 if state.cycles == cycles and not self._looking else 0
+            cycles, alike = (
+                state.cycles,
+                alike + 1 if state.cycles == cycles and not self._looking else 0,
+            )
             if link.file.replaced or alike * BEAT_S > SILENT_S:
                 raise Gone(Kind.ENDED, "the loop ended in the middle of a motion")
             link.beat()
@@ -181,7 +207,9 @@ class LoopDevice:
 
 
 def _state(link: AgentLink) -> LoopState:
-    """Return the newest state. Try again if the reader met the writer, which waits for nobody. Gone after a second."""
+    """Return the newest state. Try again if the reader met the writer, which waits for nobody. Gone
+    after a second.
+    """
     for _ in _looks(READ_WITHIN_S):
         if (state := link.state()) is not None:
             return state
@@ -195,7 +223,9 @@ def _looks(within_s: float, pause_s: float = LOOK_S) -> Iterator[None]:
         time.sleep(pause_s)
 
 
-def _felt(state: LoopState, told: LoopAnswer, ended: Phase, why: Facts = (), text: str = "") -> Felt:
+def _felt(
+    state: LoopState, told: LoopAnswer, ended: Phase, why: Facts = (), text: str = ""
+) -> Felt:
     report = told.report
     return Felt(
         q=state.setpoint.tobytes(),

@@ -1,4 +1,6 @@
-"""Memory of ex between two steps: the act under way, the last posture; the conditions of the design."""
+"""Memory of ex between two steps: the act under way, the last posture; the conditions of the
+design.
+"""
 
 import msgspec
 
@@ -11,7 +13,8 @@ from services.executor.remembered import Remembered
 
 
 class Act(msgspec.Struct, frozen=True):
-    """An act under way. `begun`: agreed to, its first motion is sent. `lost`: why its outcome cannot be known.
+    """An act under way. `begun`: agreed to, its first motion is sent. `lost`: why its outcome
+    cannot be known.
 
     `cancelling`: a cancel came; `broken_off`: the skill was told.
     """
@@ -26,7 +29,9 @@ class Act(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """Memory lost with the process: the motion to start next, whether one is under way, the last measurement."""
+    """Memory lost with the process: the motion to start next, whether one is under way, the last
+    measurement.
+    """
 
     motion: Motion | None = None
     moving: bool = False
@@ -48,7 +53,11 @@ def _outcome(memory: Memory) -> bool:
 
 
 def _stopped(memory: Memory) -> bool:
-    return memory.act is not None and not _outcome(memory) and (memory.act.cancelling or bool(memory.act.lost))
+    return (
+        memory.act is not None
+        and not _outcome(memory)
+        and (memory.act.cancelling or bool(memory.act.lost))
+    )
 
 
 def _next_part(memory: Memory) -> bool:
@@ -57,7 +66,8 @@ def _next_part(memory: Memory) -> bool:
 
 CONDITIONS = {
     "recovered": lambda memory: memory.soft.felt is not None,
-    "act_still_runs": lambda memory: False,  # after a restart the loop is always stopped: simpler, and proven
+    # after a restart the loop is always stopped: simpler, and proven
+    "act_still_runs": lambda memory: False,
     "act_taken": lambda memory: memory.act is not None,
     "prepared": lambda memory: memory.act is not None and memory.act.begun,
     "cannot_act": _outcome,

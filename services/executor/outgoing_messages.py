@@ -20,8 +20,10 @@ from velma.errors import MotionError
 JOINTS = 8  # of a joint path: torso and one arm
 ANY = Within(-100.0, 100.0)  # of a number whose type says nothing; estimate: a wrong unit is found
 UNIT = 0.01  # of the length of a quaternion from 1; estimate: more than rounding
-_NOT_EMPTY = {"key": "an act needs one of its own", "path": "a motion needs a point", "at": "a look needs a point",
-              "segments": "a motion needs one", "approach": "its last point is where the hand closes"}  # fmt: skip
+_NOT_EMPTY = {"key": "an act needs one of its own", "path": "a motion needs a point",
+              "at": "a look needs a point",
+              "segments": "a motion needs one",
+              "approach": "its last point is where the hand closes"}  # fmt: skip
 
 
 class Wrong(NamedTuple):
@@ -32,7 +34,9 @@ class Wrong(NamedTuple):
 
 
 def wrong(command: rc.Command) -> Wrong | None:
-    """Return the first thing that is wrong with a command, before anything is computed; None if nothing is."""
+    """Return the first thing that is wrong with a command, before anything is computed; None if
+    nothing is.
+    """
     return next(_complaints(command), None)
 
 
@@ -53,12 +57,18 @@ def _complaints(command: rc.Command) -> Iterator[Wrong]:
 
 
 def _outside(field: str, kind: Any, value: Any) -> Iterator[Wrong]:
-    """Yield each number in a value that is outside the range that its type notes, and each pose that is none."""
+    """Yield each number in a value that is outside the range that its type notes, and each pose
+    that is none.
+    """
     parts = get_args(kind)
     if isinstance(value, float | int):
-        least, most = next((w for one in (kind, *parts) for w in get_args(one) if isinstance(w, Within)), ANY)
+        least, most = next(
+            (w for one in (kind, *parts) for w in get_args(one) if isinstance(w, Within)), ANY
+        )
         if not least <= value <= most:
-            yield Wrong(field, f"{field} is {value}, it has to be finite, from {least:g} to {most:g}")
+            yield Wrong(
+                field, f"{field} is {value}, it has to be finite, from {least:g} to {most:g}"
+            )
     elif isinstance(value, tuple) and parts[-1] is not ... and len(parts) != len(value):
         yield Wrong(field, f"{field} has {len(value)} values, it has to have {len(parts)}")
     elif isinstance(value, tuple):
@@ -68,10 +78,13 @@ def _outside(field: str, kind: Any, value: Any) -> Iterator[Wrong]:
         for name, inner in get_type_hints(type(value), include_extras=True).items():
             yield from _outside(f"{field}.{name}".lstrip("."), inner, getattr(value, name))
     if isinstance(value, Pose) and not abs(math.hypot(*value.quat_wxyz) - 1.0) <= UNIT:
-        yield Wrong(f"{field}.quat_wxyz", f"{field}.quat_wxyz is {value.quat_wxyz}, it has to be of length 1")
+        yield Wrong(
+            f"{field}.quat_wxyz",
+            f"{field}.quat_wxyz is {value.quat_wxyz}, it has to be of length 1",
+        )
 
 
-# --- to ta ------------------------------------------------------------------------------------------------------------
+# --- to ta ----------------------------------------------------------------------------------------
 
 
 def refuse(turn: Turn, conversation: str, command: rc.Command, kind: str, why: Facts) -> None:
@@ -92,6 +105,10 @@ def report(turn: Turn, act: Act) -> None:
         turn.say(act.conversation, Performative.INFORM, outcome, kind=Kind.CANCEL)
         return
     failed = Performative.FAILURE if act.begun else Performative.REFUSE
-    turn.say(act.conversation, Performative.INFORM if isinstance(outcome, rc.Done) else failed, outcome)
+    turn.say(
+        act.conversation, Performative.INFORM if isinstance(outcome, rc.Done) else failed, outcome
+    )
     if act.cancelling:
-        turn.say(act.conversation, Performative.FAILURE, Reason("the act had ended"), kind=Kind.CANCEL)
+        turn.say(
+            act.conversation, Performative.FAILURE, Reason("the act had ended"), kind=Kind.CANCEL
+        )

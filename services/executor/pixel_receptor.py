@@ -1,4 +1,5 @@
-"""Eyes by pixels: a child process renders the head camera's picture and reads the markers in it; here one waits for it.
+"""Eyes by pixels: a child process renders the head camera's picture and reads the markers in it;
+here one waits for it.
 
 Where the camera is comes from the measured joints and the robot's model, never from the simulator.
 """
@@ -19,7 +20,8 @@ from velma.model.scene import Scene
 class PixelReceptor:
     """Sees the things of a scene by their markers. Calls come from one thread.
 
-    `wrong`, `off`: as of Saw, of the last look. A new child has no look to compare its first one with.
+    `wrong`, `off`: as of Saw, of the last look. A new child has no look to compare its first one
+    with.
     """
 
     def __init__(self, ask: Callable[[See], Saw | Blind], robot: Robot | None = None) -> None:
@@ -28,7 +30,9 @@ class PixelReceptor:
         self._ask, self._robot, self._looks = ask, robot or Robot(), 0
 
     def look(self, world: Array, neck: Neck) -> list[Sight]:
-        """Return what the picture of the state `world` (nq,) shows. Raises WorkerError where no child sees, and why."""
+        """Return what the picture of the state `world` (nq,) shows. Raises WorkerError where no
+        child sees, and why.
+        """
         self._looks += 1
         eye = self._robot.camera(*neck)
         place = tuple(eye.rotation.ravel().tolist()), tuple(eye.translation.tolist())
@@ -37,7 +41,13 @@ class PixelReceptor:
             raise WorkerError(ENTRY, f"does not see: {saw.reason}", "start with --eyes rays")
         self.wrong, self.off = saw.wrong, saw.off
         return [
-            Sight(one.name, pose_of(one.rotation, one.position), one.content, one.uncertainty, one.whole)
+            Sight(
+                one.name,
+                pose_of(one.rotation, one.position),
+                one.content,
+                one.uncertainty,
+                one.whole,
+            )
             for one in saw.things
         ]
 

@@ -1,9 +1,10 @@
 """Eyes by rays: a simulated marker detector with noise. The only place that may read true poses.
 
-It sets a copy of the simulated world to the state that the loop published, and casts rays from the camera to points
-on each thing. A thing is detected if enough of its points are in the field of view, in range and not hidden. Markers
-(the lab's models carry them) tell which thing it is. How much is in a vessel is told by the rays through its opening
-that end at grains, as eyes by pixels tell it by the colour.
+It sets a copy of the simulated world to the state that the loop published, and casts rays from the
+camera to points on each thing. A thing is detected if enough of its points are in the field of
+view, in range and not hidden. Markers (the lab's models carry them) tell which thing it is. How
+much is in a vessel is told by the rays through its opening that end at grains, as eyes by pixels
+tell it by the colour.
 """
 
 import math
@@ -22,12 +23,13 @@ from velma.model.grains import GRAIN
 from velma.model.kinds import Model
 from velma.model.scene import Noise
 
-# Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less to see held
-# things (estimate).
+# Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less to see
+# held things (estimate).
 NEAREST_M, FARTHEST_M = 0.4, 3.0
 LEAST_SHARE, LEAST_POINTS = 0.02, 6  # estimate: one or two markers of a thing must be visible
 TURN_NOISE = math.radians(0.2)  # estimate of a marker's angular error, uniform about each axis
-LEAST_M = 0.0005  # deviation along each axis that is told without noise, too; estimate: nobody sees better
+# deviation along each axis that is told without noise, too; estimate: nobody sees better
+LEAST_M = 0.0005
 OUTLIER_M = 0.1  # largest error of a sight that is wrong, on each horizontal axis (estimate)
 AROUND = 8  # points around a cylinder
 UPRIGHT = math.cos(math.radians(10.0))  # a vessel that is tilted more is not looked into (estimate)
@@ -39,8 +41,8 @@ GRID_M = 0.15  # between points on a box's face, at least two in each direction
 class Receptor:
     """Detects the things (bodies by name, with their models) of a world model with the head camera.
 
-    The same looks in the same order give the same sights. These eyes have no faults: they take no picture and do not
-    use the measured joints.
+    The same looks in the same order give the same sights. These eyes have no faults: they take no
+    picture and do not use the measured joints.
     """
 
     wrong, off = "", 0.0
@@ -49,12 +51,24 @@ class Receptor:
         self._model, self._data = model, mujoco.MjData(model)
         self._camera = model.body(names.CAMERA_BODY).id
         self._bodies = {name: model.body(name).id for name in things}
-        self._points = {name: np.array(list(_points(model, body))) for name, body in self._bodies.items()}
-        self._openings = {name: hole for name in things if (hole := content.opening(things[name])) is not None}
-        self._grains = frozenset(n for n in range(model.nbody) if model.body(n).name.startswith(GRAIN))
-        self._largest, self._seed, self._looks = np.array([noise.position] * 2 + [noise.height]), noise.seed, 0
+        self._points = {
+            name: np.array(list(_points(model, body))) for name, body in self._bodies.items()
+        }
+        self._openings = {
+            name: hole for name in things if (hole := content.opening(things[name])) is not None
+        }
+        self._grains = frozenset(
+            n for n in range(model.nbody) if model.body(n).name.startswith(GRAIN)
+        )
+        self._largest, self._seed, self._looks = (
+            np.array([noise.position] * 2 + [noise.height]),
+            noise.seed,
+            0,
+        )
         self._outliers = noise.outliers
-        constant = np.random.default_rng([noise.seed, *b"bias"]).uniform(-noise.bias, noise.bias, (len(things), 3))
+        constant = np.random.default_rng([noise.seed, *b"bias"]).uniform(
+            -noise.bias, noise.bias, (len(things), 3)
+        )
         self._bias = dict(zip(things, constant, strict=True))
         variances = (self._largest**2 + noise.bias**2) / 3 + LEAST_M**2  # of uniform errors
         self._uncertainty = uncertainty(np.diag([*variances, TURN_NOISE**2 / 3]))
@@ -64,7 +78,9 @@ class Receptor:
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self._model, self._data)
         self._looks += 1
-        rng, more = (np.random.default_rng([self._seed, self._looks, *kind]) for kind in (b"", b"more"))
+        rng, more = (
+            np.random.default_rng([self._seed, self._looks, *kind]) for kind in (b"", b"more")
+        )
         return [self._noisy(name, rng, more) for name in self._bodies if self._visible(name)]
 
     def close(self) -> None:
@@ -75,7 +91,10 @@ class Receptor:
         across = rng.uniform(-self._largest[:2], self._largest[:2])
         turn = pin.exp3(rng.uniform(-TURN_NOISE, TURN_NOISE, 3))
         rotation = self._data.xmat[body].reshape(3, 3)
-        shift = np.array([*across, more.uniform(-self._largest[2], self._largest[2])]) + self._bias[name]
+        shift = (
+            np.array([*across, more.uniform(-self._largest[2], self._largest[2])])
+            + self._bias[name]
+        )
         if more.random() < self._outliers:
             shift[:2] += more.uniform(-OUTLIER_M, OUTLIER_M, 2)
         seen = pin.SE3(turn @ rotation, self._data.xpos[body] + shift)
@@ -95,12 +114,17 @@ class Receptor:
             return None
         centre = edge.mean(axis=0)
         rays = np.concatenate([centre + share * (edge - centre) for share in RINGS]) - eye
-        hit = [self._first(eye, ray) in self._grains for ray in rays / np.linalg.norm(rays, axis=1)[:, None]]
+        hit = [
+            self._first(eye, ray) in self._grains
+            for ray in rays / np.linalg.norm(rays, axis=1)[:, None]
+        ]
         return content.Content(content.mass(float(np.mean(hit))), above >= content.LEAST_RISE)
 
     def _visible(self, name: str) -> bool:
         body, eye = self._bodies[name], self._data.xpos[self._camera]
-        rays = self._points[name] @ self._data.xmat[body].reshape(3, 3).T + self._data.xpos[body] - eye
+        rays = (
+            self._points[name] @ self._data.xmat[body].reshape(3, 3).T + self._data.xpos[body] - eye
+        )
         distance = np.linalg.norm(rays, axis=1)
         framed = self._framed(rays) & (distance > NEAREST_M) & (distance < FARTHEST_M)
         seen = sum(self._first(eye, rays[k] / distance[k]) == body for k in np.flatnonzero(framed))
@@ -108,7 +132,8 @@ class Receptor:
 
     def _framed(self, rays: np.ndarray) -> np.ndarray:
         """Return which rays (n, 3) from the camera, in world axes, are inside the picture."""
-        x, y, z = (rays @ self._data.xmat[self._camera].reshape(3, 3)).T  # camera: z forward, x right, y down
+        # camera: z forward, x right, y down
+        x, y, z = (rays @ self._data.xmat[self._camera].reshape(3, 3)).T
         return np.asarray((z > 0) & (np.abs(x) < HALF_WIDTH * z) & (np.abs(y) < HALF_HEIGHT * z))
 
     def _first(self, eye: np.ndarray, direction: np.ndarray) -> int:
@@ -141,4 +166,6 @@ def _surface(kind: int, size: np.ndarray) -> Iterator[np.ndarray]:
         for height in (-0.8, 0.0, 0.8):
             for k in range(AROUND):
                 turn = math.tau * k / AROUND
-                yield np.array([size[0] * math.cos(turn), size[0] * math.sin(turn), height * size[1]])
+                yield np.array(
+                    [size[0] * math.cos(turn), size[0] * math.sin(turn), height * size[1]]
+                )

@@ -1,7 +1,8 @@
-"""Memory of ex from act to act: posture, what was seen, what the hands hold. Plain data, kept in the journal.
+"""Memory of ex from act to act: posture, what was seen, what the hands hold. Plain data, kept in
+the journal.
 
-A new skill process starts from it, so neither its death nor that of the agent makes ex forget what it holds. Must not
-know: geometry, the simulator.
+A new skill process starts from it, so neither its death nor that of the agent makes ex forget what
+it holds. Must not know: geometry, the simulator.
 """
 
 import msgspec
@@ -14,7 +15,8 @@ from companion.skills.situation import Unfinished
 
 
 class Holding(msgspec.Struct, frozen=True):
-    """The object in a hand: by which grasp, its pose in the hand (T_grip_object), the mass that is fed forward [kg].
+    """The object in a hand: by which grasp, its pose in the hand (T_grip_object), the mass that is
+    fed forward [kg].
 
     `steady`, `apart`, `slipped`: as of companion.skills.situation.Held.
     """
@@ -29,13 +31,14 @@ class Holding(msgspec.Struct, frozen=True):
 
 
 class Remembered(msgspec.Struct, frozen=True):
-    """`q`: set-points of torso, right arm, left arm (15,) [rad], () before the first message of the loop.
+    """`q`: set-points of torso, right arm, left arm (15,) [rad], () before the first message of the
+    loop.
 
-    `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world (of a held one: before it was taken).
-    `placed`: things that a hand let go of and that were not seen since, by id the time [s]; `seen` has where.
-    `unfinished`: moves of content that were begun and not ended, by source. `time`: simulated [s]. `epoch`: name of the
-    simulated world in which all that is so, "" of a real one. `ill`: sensors whose readings could not be true at the
-    last look.
+    `fingers`: angle per side [rad]. `seen`: last pose of each thing in the world (of a held one:
+    before it was taken). `placed`: things that a hand let go of and that were not seen since, by id
+    the time [s]; `seen` has where. `unfinished`: moves of content that were begun and not ended, by
+    source. `time`: simulated [s]. `epoch`: name of the simulated world in which all that is so, ""
+    of a real one. `ill`: sensors whose readings could not be true at the last look.
     """
 
     q: tuple[float, ...] = ()
@@ -53,7 +56,9 @@ class Remembered(msgspec.Struct, frozen=True):
         """Return the posture for a communicate; None before it is known."""
         if not self.q:
             return None
-        right, left = ((angle, angle, angle, 0.0) for angle in (self.fingers.get(s, 0.0) for s in SIDES))
+        right, left = (
+            (angle, angle, angle, 0.0) for angle in (self.fingers.get(s, 0.0) for s in SIDES)
+        )
         return BodyPosture(self.q[0], self.q[1:8], self.q[8:15], self.head, right, left)
 
     def holding(self) -> dict[Side, tuple[str, str, Pose]]:

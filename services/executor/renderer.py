@@ -1,7 +1,9 @@
-"""The process that renders, started for the first look or picture and ended after a minute without one.
+"""The process that renders, started for the first look or picture and ended after a minute without
+one.
 
-Looks and pictures for people are asked for from any thread; a thread of its own waits for the child. A look that gets
-no answer is asked again of a new child, once. Where the child hangs amid a picture, the next look finds out.
+Looks and pictures for people are asked for from any thread; a thread of its own waits for the
+child. A look that gets no answer is asked again of a new child, once. Where the child hangs amid a
+picture, the next look finds out.
 """
 
 import threading
@@ -21,7 +23,9 @@ ENTRY = "services.executor.renderer_process:serve"
 WITHIN_S, TRIES = 60.0, 2
 """Of a look. Estimate: the first takes 2 s, or 20 s on a machine with much other work."""
 REST_S = 60.0
-"""Without a look or a picture, until the child is ended; estimate: a task rests for less between its motions."""
+"""Without a look or a picture, until the child is ended; estimate: a task rests for less between
+its motions.
+"""
 
 
 class _Look(msgspec.Struct, frozen=True):
@@ -38,7 +42,9 @@ class _Again(msgspec.Struct, frozen=True):
 
 
 class Renderer:
-    """`scene` makes the scene when the child starts; `seen` and `ended` take its pictures, and why it ended."""
+    """`scene` makes the scene when the child starts; `seen` and `ended` take its pictures, and why
+    it ended.
+    """
 
     def __init__(
         self,
@@ -82,7 +88,7 @@ class Renderer:
             self._child.kill()  # for the thread may wait for it
         self._thread.join(timeout=1.0)
 
-    # --- the thread ---------------------------------------------------------------------------------------------------
+    # --- the thread -------------------------------------------------------------------------------
 
     def _serve(self) -> None:
         while True:

@@ -1,7 +1,9 @@
-"""The child process that renders: looks for the robot, and pictures for people, by the same camera and detector.
+"""The child process that renders: looks for the robot, and pictures for people, by the same camera
+and detector.
 
-A look comes before a picture: a picture is made in parts, and what is asked for meanwhile is seen first. Poses are
-from the picture and the measured pose of the camera; the true state is used for the picture alone.
+A look comes before a picture: a picture is made in parts, and what is asked for meanwhile is seen
+first. Poses are from the picture and the measured pose of the camera; the true state is used for
+the picture alone.
 """
 
 from collections.abc import Mapping
@@ -81,9 +83,11 @@ class Sighted:
         self._judged = health.Judged()
 
     def saw(self, number: int, pixels: Pixels, view: View) -> Saw:
-        """Return the things that a picture (height, width, 3) shows; none with a faulty camera or a neck far off.
+        """Return the things that a picture (height, width, 3) shows; none with a faulty camera or a
+        neck far off.
 
-        `number`: the camera's number of the picture; `view`: where it was taken, by the measured joints.
+        `number`: the camera's number of the picture; `view`: where it was taken, by the measured
+        joints.
         """
         found = self._eyes.markers(pixels)
         bodies, now = self._eyes.bodies(found, view), health.Look(number, pixels, view)
@@ -98,7 +102,11 @@ class Sighted:
         )
         if told.wrong or told.off > health.MOST_OFF:
             return Saw(number, (), told.wrong, told.off)
-        return Saw(number, tuple(_sighted(one, self._eyes.content(one, pixels, view)) for one in bodies), off=told.off)
+        return Saw(
+            number,
+            tuple(_sighted(one, self._eyes.content(one, pixels, view)) for one in bodies),
+            off=told.off,
+        )
 
 
 def _sighted(seen: Seen, content: Content | None) -> SightedObject:
@@ -110,6 +118,8 @@ def _sighted(seen: Seen, content: Content | None) -> SightedObject:
 def scaled(eyes: Eyes, markers: Mapping[int, Array]) -> tuple[Found, ...]:
     """Return markers with corners (4, 2) in the robot's picture, for the smaller one of people."""
     return tuple(
-        Found(eyes.owner(number), number, tuple(((corners.ravel() + 0.5) / SHRINK).round(2).tolist()))
+        Found(
+            eyes.owner(number), number, tuple(((corners.ravel() + 0.5) / SHRINK).round(2).tolist())
+        )
         for number, corners in markers.items()
     )

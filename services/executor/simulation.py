@@ -1,7 +1,8 @@
-"""The simulated world as ex's own processes need it: its scene, its receptor, and the loop in the same process.
+"""The simulated world as ex's own processes need it: its scene, its receptor, and the loop in the
+same process.
 
-The agent reaches the loop through slots in another process; tests and benchmarks use InProcess. Both give the skills
-the same Sensed.
+The agent reaches the loop through slots in another process; tests and benchmarks use InProcess.
+Both give the skills the same Sensed.
 """
 
 from collections.abc import Callable
@@ -32,7 +33,9 @@ def model_names(scene: Scene) -> dict[str, str]:
 
 def markers(scene: Scene) -> dict[str, Array]:
     """Return the corners (n, 4, 3) [m] of the markers of each thing, in its frame."""
-    return {name: np.array([one.corners for one in every]) for name, every in of_scene(scene).items()}
+    return {
+        name: np.array([one.corners for one in every]) for name, every in of_scene(scene).items()
+    }
 
 
 def receptor(scene: Scene, eyes: Eyes = Eyes.RAYS) -> Eye:
@@ -60,7 +63,9 @@ class InProcess:
             return outcome
 
     def do(self, motion: Motion, judge: Callable[[Sensed], Asked] | None = None) -> Sensed:
-        """Run a motion to its end, then look. `judge` answers the looks at it on the way; None: nobody looks."""
+        """Run a motion to its end, then look. `judge` answers the looks at it on the way; None:
+        nobody looks.
+        """
         self.core.begin(motion)
         while self.core.report.phase is Phase.RUNNING:
             self.cycle()
@@ -89,10 +94,15 @@ class InProcess:
             q=self.core.setpoint.copy(),
             measured=state.q.copy(),
             touched={"right": report.right.touched, "left": report.left.touched},
-            fingers={"right": float(np.mean(report.right.proximal)), "left": float(np.mean(report.left.proximal))},
+            fingers={
+                "right": float(np.mean(report.right.proximal)),
+                "left": float(np.mean(report.left.proximal)),
+            },
             grips={"right": report.right.grip, "left": report.left.grip},
             head=(float(state.head[0]), float(state.head[1])),
-            sights=self.eye.look(self.core.backend.configuration(), (state.q[TORSO], state.head[0], state.head[1])),
+            sights=self.eye.look(
+                self.core.backend.configuration(), (state.q[TORSO], state.head[0], state.head[1])
+            ),
             time=float(state.time),
             wrong=self.eye.wrong,
             off=self.eye.off,

@@ -1,4 +1,6 @@
-"""The skill process as a device of ex: started for an act, ended a minute after the last one. Drop kills it."""
+"""The skill process as a device of ex: started for an act, ended a minute after the last one. Drop
+kills it.
+"""
 
 import threading
 
@@ -62,7 +64,12 @@ class SkillDevice:
         self._renderer.close()
 
     def _new(self) -> Worker:
-        child = Worker(ENTRY, answers=FromSkill, on_message=lambda word: self._heard(child, word), on_end=self._over)
+        child = Worker(
+            ENTRY,
+            answers=FromSkill,
+            on_message=lambda word: self._heard(child, word),
+            on_end=self._over,
+        )
         child.tell(self._setup)
         return child
 

@@ -1,7 +1,7 @@
 """The child process of ex that runs skills and owns the receptor. It sends motions and outcomes.
 
-Between acts it keeps only what is slow to make (robot model, copy of the world). A situation is made of what the agent
-remembers, so a new process goes on where the old one died.
+Between acts it keeps only what is slow to make (robot model, copy of the world). A situation is
+made of what the agent remembers, so a new process goes on where the old one died.
 """
 
 from collections import deque
@@ -47,13 +47,20 @@ from velma.kinematics.robot import Robot
 class Stage:
     """Objects kept between acts: the robot model, the receptor, the model of each marked thing."""
 
-    def __init__(self, setup: Setup, tell: Callable[[ByRays], None], ask: Callable[[See], Saw | Blind]) -> None:
+    def __init__(
+        self, setup: Setup, tell: Callable[[ByRays], None], ask: Callable[[See], Saw | Blind]
+    ) -> None:
         """`tell` takes the word that its eyes are others now; `ask` waits for a look by pixels."""
         self._scene, self._tell = scene_of(setup), tell
         self.robot = Robot()
-        self.things, self.markers = simulation.model_names(self._scene), simulation.markers(self._scene)
+        self.things, self.markers = (
+            simulation.model_names(self._scene),
+            simulation.markers(self._scene),
+        )
         by_pixels = setup.eyes is Eyes.PIXELS
-        self.eye: Eye = PixelReceptor(ask, self.robot) if by_pixels else simulation.receptor(self._scene)
+        self.eye: Eye = (
+            PixelReceptor(ask, self.robot) if by_pixels else simulation.receptor(self._scene)
+        )
 
     def situation(self, kept: Remembered, felt: Felt) -> Situation:
         """Return what ex knows at the start of an act."""
@@ -70,7 +77,10 @@ class Stage:
         for side, one in kept.held.items():
             steady = None if one.steady is None else transform(one.steady)
             inside = transform(one.pose)
-            here.take(str(side), Held(one.object, one.grasp, inside, one.mass, steady, one.apart, one.slipped))
+            here.take(
+                str(side),
+                Held(one.object, one.grasp, inside, one.mass, steady, one.apart, one.slipped),
+            )
         here.unfinished, here.ill = dict(kept.unfinished), kept.ill
         here.placed = dict(kept.placed)
         here.put = {name: here.seen[name] for name in kept.placed}
@@ -134,7 +144,18 @@ def remembered(here: Situation, epoch: str) -> Remembered:
     fingers = {Side(side): float(angle) for side, angle in here.fingers.items()}
     head = (float(here.head[0]), float(here.head[1]))
     q, time = tuple(float(x) for x in here.q), float(here.time)
-    return Remembered(q, head, fingers, seen, held, dict(here.placed), dict(here.unfinished), time, epoch, here.ill)
+    return Remembered(
+        q,
+        head,
+        fingers,
+        seen,
+        held,
+        dict(here.placed),
+        dict(here.unfinished),
+        time,
+        epoch,
+        here.ill,
+    )
 
 
 def serve(link: Link) -> None:
@@ -147,7 +168,9 @@ def serve(link: Link) -> None:
 
 
 class AgentMessages:
-    """What the agent says, one word after the other; a look is answered before what was said meanwhile."""
+    """What the agent says, one word after the other; a look is answered before what was said
+    meanwhile.
+    """
 
     def __init__(self, link: Link) -> None:
         self._link, self._meanwhile = link, deque[ToSkill]()

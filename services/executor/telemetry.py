@@ -1,7 +1,8 @@
-"""Telemetry of the robot, the sealed truth of the simulation, and pictures: 20 times a second while anything changes.
+"""Telemetry of the robot, the sealed truth of the simulation, and pictures: 20 times a second while
+anything changes.
 
-A thread with its own link to the loop. Only the newest state counts, and nothing waits for it. The truth is passed on
-as the loop wrote it; ex does not read it.
+A thread with its own link to the loop. Only the newest state counts, and nothing waits for it. The
+truth is passed on as the loop wrote it; ex does not read it.
 """
 
 import contextlib
@@ -23,19 +24,23 @@ from services.executor.loop.link import AgentLink, LoopAnswer, LoopState, Timing
 from services.executor.renderer import Renderer
 from velma.errors import SlotError
 
-# --- Pictures of the head camera, and of the robot from the room, as telemetry ----------------------------------------
-# They are made when the robot or a thing has moved, by the process that renders for the robot's looks, after the
-# looks. One picture is made at a time, at most one in PICTURE_S; states that come meanwhile are skipped. Nobody waits
-# for a picture. At rest the last one is told again. After a process that ends without a first one, as it does without
-# OpenGL, there are none.
+# --- Pictures of the head camera, and of the robot from the room, as telemetry --------------------
+# They are made when the robot or a thing has moved, by the process that renders for the robot's
+# looks, after the looks. One picture is made at a time, at most one in PICTURE_S; states that come
+# meanwhile are skipped. Nobody waits for a picture. At rest the last one is told again. After a
+# process that ends without a first one, as it does without OpenGL, there are none.
 
 
 STILL = 0.002
 """A coordinate that changed less counts as at rest [rad, m]; estimate: less than a pixel."""
 AGAIN_S = 10.0
-"""Between two times that the last picture is told, for viewers that were opened meanwhile; estimate."""
+"""Between two times that the last picture is told, for viewers that were opened meanwhile;
+estimate.
+"""
 LATE_S, PAUSE_S = 60.0, 30.0
-"""After LATE_S without an answer the process is replaced; then the next picture waits for PAUSE_S; estimates."""
+"""After LATE_S without an answer the process is replaced; then the next picture waits for PAUSE_S;
+estimates.
+"""
 
 
 class Pictures:
@@ -51,7 +56,8 @@ class Pictures:
         self._last = b""
 
     def offer(self, sim_time_s: float, world: Array, now: float | None = None) -> bool:
-        """Start a picture of the state `world` (nq,) if one is due and no other is being made; return whether it was.
+        """Start a picture of the state `world` (nq,) if one is due and no other is being made;
+        return whether it was.
 
         Never waits. `now`: by the monotonic clock [s].
         """
@@ -96,11 +102,13 @@ class Pictures:
             sys.stderr.write(f"no pictures of the robot: {reason}\n")
 
 
-# --- Telemetry of the robot, the sealed truth of the simulation, and pictures -----------------------------------------
+# --- Telemetry of the robot, the sealed truth of the simulation, and pictures ---------------------
 
 
 STILL_S = 0.5
-"""Seconds between two messages while nothing changes. Estimate; below LOOSE_S of companion/tools/report/clock.py."""
+"""Seconds between two messages while nothing changes. Estimate; below LOOSE_S of
+companion/tools/report/clock.py.
+"""
 
 
 class News:
@@ -146,7 +154,9 @@ class Telemetry:
         state, told = link.state(), link.told()
         if state is None or not self._news.due(seen(state, told, self.skill), time.monotonic()):
             return
-        self._post.publish("telemetry", msgspec.msgpack.encode(robot_state(state, told, link.timing(), self.skill)))
+        self._post.publish(
+            "telemetry", msgspec.msgpack.encode(robot_state(state, told, link.timing(), self.skill))
+        )
         self._pictures.offer(state.time_s, state.configuration)
         truth = link.sealed_truth()
         if truth:
@@ -154,7 +164,9 @@ class Telemetry:
 
 
 def seen(state: LoopState, told: LoopAnswer, skill: str) -> tuple[object, ...]:
-    """Return what a viewer would see change: all but the time, the count of cycles and their timing."""
+    """Return what a viewer would see change: all but the time, the count of cycles and their
+    timing.
+    """
     return state.body, state.hands, state.world, state.mode, state.faults, told, skill
 
 

@@ -1,4 +1,6 @@
-"""hi as a process: `python -m services.human_interface --help`. People reach it as docs/http.md says."""
+"""hi as a process: `python -m services.human_interface --help`. People reach it as docs/http.md
+says.
+"""
 
 import os
 import sys
@@ -14,9 +16,11 @@ from services.human_interface.server import HttpDevice
 
 
 def serve(options: Options) -> int:
-    """Run until a signal; return the exit code. ROCO_HTTP says where people reach it (default: loopback).
+    """Run until a signal; return the exit code. ROCO_HTTP says where people reach it (default:
+    loopback).
 
-    ROCO_HI_DIR: a folder for the address beside the run folder's, which the person's page reads in another container.
+    ROCO_HI_DIR: a folder for the address beside the run folder's, which the person's page reads in
+    another container.
     """
     lent = os.environ.get("ROCO_HI_DIR", "")
     try:
@@ -26,7 +30,10 @@ def serve(options: Options) -> int:
         return USAGE_ERROR
     wired = wiring(AgentName.HI, options.system)
     return shell.run(
-        agent(), wired, options, lambda post: HttpDevice(post, options.run_dir, listen, Path(lent) if lent else None)
+        agent(),
+        wired,
+        options,
+        lambda post: HttpDevice(post, options.run_dir, listen, Path(lent) if lent else None),
     )
 
 

@@ -1,6 +1,7 @@
 """The three behaviours of hi: listen, interpret, tell; bound to the design.
 
-A task is one conversation with co by protocol request; its id is the name of the task. Must not know: HTTP.
+A task is one conversation with co by protocol request; its id is the name of the task. Must not
+know: HTTP.
 """
 
 from collections.abc import Callable
@@ -17,24 +18,52 @@ from companion.design import AgentName
 from companion.languages import cmd
 from companion.languages.cmd import TaskReport, TaskState
 from companion.languages.facts import Kind, fact
-from companion.run_files import ANSWERED, QUESTION, REFUSED, RELEASED, STOPPED, HiEvent, InWords, Question, TaskLine
+from companion.run_files import (
+    ANSWERED,
+    QUESTION,
+    REFUSED,
+    RELEASED,
+    STOPPED,
+    HiEvent,
+    InWords,
+    Question,
+    TaskLine,
+)
 from companion.sentences import Reader, failure, operator, person, place, state
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
 from services.human_interface import local, offers
 from services.human_interface.catalogue import LANGUAGES, can, say
-from services.human_interface.local import Answer, CancelWanted, Halted, NewEvent, Sentence, Shown, StopRobot
+from services.human_interface.local import (
+    Answer,
+    CancelWanted,
+    Halted,
+    NewEvent,
+    Sentence,
+    Shown,
+    StopRobot,
+)
 from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
-from services.human_interface.wishes import Act, Ask, Tell, in_words, outcome, with_mentioned, without
+from services.human_interface.wishes import (
+    Act,
+    Ask,
+    Tell,
+    in_words,
+    outcome,
+    with_mentioned,
+    without,
+)
 
 ANSWER_WITHIN_S = (
-    10.0  # estimate: co agrees within milliseconds; one that hangs is killed after 6 s (docs/run-folder.md)
+    # estimate: co agrees within milliseconds; one that hangs is killed after 6 s
+    # (docs/run-folder.md)
+    10.0
 )
 STAYS_HELD = "I am stopped and stay so until `roco release`; then say it again"
 NO_CO = "there is no coordinator yet; try again in a moment, and see `roco status`"
 
 
-# --- listening --------------------------------------------------------------------------------------------------------
+# --- listening ------------------------------------------------------------------------------------
 
 
 def listen(memory: Memory, turn: Turn) -> Memory:
@@ -61,7 +90,10 @@ def listen(memory: Memory, turn: Turn) -> Memory:
 
 def _unanswered(memory: Memory, task: str) -> Memory:
     """Tell people that co is there and says nothing to a task; the request is durable and stays."""
-    text = f"the coordinator has not answered for {ANSWER_WITHIN_S:g} s; your task goes on when it does"
+    text = (
+        f"the coordinator has not answered for {ANSWER_WITHIN_S:g} s; your task goes on when it"
+        " does"
+    )
     return replace(memory, away=True).with_news(News(AgentName.CO, UNREACHABLE, text, task))
 
 
@@ -69,13 +101,21 @@ def _answered(memory: Memory) -> Memory:
     """Tell people, if they heard otherwise, that co answers."""
     if not memory.away:
         return memory
-    return replace(memory, away=False).with_news(News(AgentName.CO, REACHABLE, "the coordinator answers again"))
+    return replace(memory, away=False).with_news(
+        News(AgentName.CO, REACHABLE, "the coordinator answers again")
+    )
 
 
 def _after(memory: Memory, turn: Turn, *news: News) -> Memory:
-    """Note what a look around told; cancel what was said after a task of the same sentence that was not done."""
+    """Note what a look around told; cancel what was said after a task of the same sentence that was
+    not done.
+    """
     for one in news:
-        for said in one.report.why if one.report and one.state == TaskState.DONE and one.task in memory.looks else ():
+        for said in (
+            one.report.why
+            if one.report and one.state == TaskState.DONE and one.task in memory.looks
+            else ()
+        ):
             if said.kind in (Kind.SEEN, Kind.SEEN_NOTHING):
                 memory = memory.with_context(seen=said.things)
         if one.state in FINAL:
@@ -95,7 +135,9 @@ def _after(memory: Memory, turn: Turn, *news: News) -> Memory:
 def _presence(memory: Memory, *, away: bool) -> Memory:
     """Tell people who wait for a task that co is gone, and that it is back."""
     if away and memory.open_tasks and not memory.away:
-        news = News(AgentName.CO, UNREACHABLE, "the coordinator is gone; your tasks go on when it is back")
+        news = News(
+            AgentName.CO, UNREACHABLE, "the coordinator is gone; your tasks go on when it is back"
+        )
     elif memory.away and not away:
         news = News(AgentName.CO, REACHABLE, "the coordinator is back")
     else:
@@ -103,11 +145,13 @@ def _presence(memory: Memory, *, away: bool) -> Memory:
     return replace(memory, away=away).with_news(news)
 
 
-# --- interpreting -----------------------------------------------------------------------------------------------------
+# --- interpreting ---------------------------------------------------------------------------------
 
 
 def interpret(memory: Memory, turn: Turn) -> Memory:
-    """State interpreting: request the task of co, or refuse politely; each sentence gets an answer."""
+    """State interpreting: request the task of co, or refuse politely; each sentence gets an
+    answer.
+    """
     for word in memory.words:
         memory = _answer(memory, turn, word)
     return replace(memory, words=())
@@ -120,7 +164,9 @@ def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
         line, memory = _cancel(memory, turn, word.task)
         problem = _nothing_to_cancel(memory, word.task)
         told = _cancelling((line,), word.language) if line else None
-        turn.tell(Answer(word.ticket, told) if told else Answer(word.ticket, problem=problem, status=404))
+        turn.tell(
+            Answer(word.ticket, told) if told else Answer(word.ticket, problem=problem, status=404)
+        )
         return memory.forgetting(line.task) if line else memory
     if line := memory.again(word):  # a double click
         memory = memory.asking(word.asker, word.at, (), ()).hearing(word, line)
@@ -162,7 +208,11 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
             turn.tell(Answer(word.ticket, _status(memory, word.text, turn.now)))
             return memory
         case Tell(does="release"):
-            row = "asks" if any(line.asks for line in memory.open_tasks) and not word.held else "released"
+            row = (
+                "asks"
+                if any(line.asks for line in memory.open_tasks) and not word.held
+                else "released"
+            )
             return _no_task(memory, turn, word, REFUSED, say(word.meaning.language, row))
         case Tell(does=does):
             text = ANSWERS[does](memory, word.meaning.language)
@@ -171,17 +221,24 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
 
 
 def _timed(found: Act | Ask | Tell, word: Sentence, now: float) -> Act | Ask | Tell:
-    """Return what is done with a sentence, its tasks as urgent as was said, those of a question's answers, too."""
+    """Return what is done with a sentence, its tasks as urgent as was said, those of a question's
+    answers, too.
+    """
     if isinstance(found, Act):
         return Act(tuple(_wanted(task, word, now) for task in found.tasks))
     if isinstance(found, Ask):
-        answers = (replace(one, tasks=tuple(_wanted(task, word, now) for task in one.tasks)) for one in found.options)
+        answers = (
+            replace(one, tasks=tuple(_wanted(task, word, now) for task in one.tasks))
+            for one in found.options
+        )
         return replace(found, options=tuple(answers))
     return found
 
 
 def _wanted(task: cmd.Command, word: Sentence, now: float) -> cmd.Command:
-    """The task with urgency, deadline and time to begin of what was said, where something was said of them."""
+    """The task with urgency, deadline and time to begin of what was said, where something was said
+    of them.
+    """
     if word.urgency:
         task = replace(task, urgency=word.urgency)
     if word.later_s:
@@ -192,7 +249,9 @@ def _wanted(task: cmd.Command, word: Sentence, now: float) -> cmd.Command:
 def _no_task(
     memory: Memory, turn: Turn, word: Sentence, state: str, text: str, replies: tuple[str, ...] = ()
 ) -> Memory:
-    """Answer that no task came of the sentence, and why; `replies`: sentences that answer the question back."""
+    """Answer that no task came of the sentence, and why; `replies`: sentences that answer the
+    question back.
+    """
     turn.tell(Answer(word.ticket, TaskLine("", state, text, word.text, turn.now, replies=replies)))
     return memory.with_news(News(AgentName.HI, state, text))
 
@@ -208,7 +267,9 @@ def _ask(memory: Memory, turn: Turn, word: Sentence, tasks: tuple[cmd.Command, .
     if word.instead:  # before the new one: the coordinator has room for it then
         _, memory = _cancel(memory, turn, word.instead)
     for task in tasks:
-        memory, name = _request(memory, turn, word, replace(task, after=names[-1]) if names else task)
+        memory, name = _request(
+            memory, turn, word, replace(task, after=names[-1]) if names else task
+        )
         memory = memory.following(name, names[-1]) if names else memory
         names.append(name)
     memory = memory.replacing(word.instead, names[-1])
@@ -221,7 +282,8 @@ def _ask(memory: Memory, turn: Turn, word: Sentence, tasks: tuple[cmd.Command, .
 
 def _request(memory: Memory, turn: Turn, word: Sentence, task: cmd.Command) -> tuple[Memory, str]:
     """Request a task. Return the memory and the name of the task."""
-    name = turn.open(AgentName.CO, "request", P.REQUEST, task)  # the conversation is the name of the task
+    # the conversation is the name of the task
+    name = turn.open(AgentName.CO, "request", P.REQUEST, task)
     turn.wake(name, turn.now + ANSWER_WITHIN_S)
     text = _i_will((task,), word, turn.now)
     wish = InWords(in_words((task,)), in_words((task,), "pl"))
@@ -236,7 +298,9 @@ def _request(memory: Memory, turn: Turn, word: Sentence, task: cmd.Command) -> t
 
 
 def _i_will(tasks: tuple[cmd.Command, ...], word: Sentence, now: float) -> str:
-    """Return a sentence that says what will be done, in which order, from when on and until when."""
+    """Return a sentence that says what will be done, in which order, from when on and until
+    when.
+    """
     language = word.meaning.language
     text = in_words(tasks, language)
     if any(task.urgency for task in tasks):
@@ -249,7 +313,9 @@ def _i_will(tasks: tuple[cmd.Command, ...], word: Sentence, now: float) -> str:
 
 
 def _span(now: float, then: float, east_min: int | None) -> str:
-    """The time until then, and the time of day by a clock so far ahead of UTC [min], if that is known."""
+    """The time until then, and the time of day by a clock so far ahead of UTC [min], if that is
+    known.
+    """
     seconds, minutes = then - now, round((then - now) / 60.0)
     text = f"{seconds:.0f} s" if seconds < 120.0 else f"{minutes} min"
     if minutes >= 120:
@@ -272,22 +338,34 @@ def _cancel_all(memory: Memory, turn: Turn, word: Sentence) -> Memory:
 
 
 def _cancel(memory: Memory, turn: Turn, task: str) -> tuple[TaskLine | None, Memory]:
-    """Cancel a task at co, once, if it has not ended. Return the task (None for an unknown one) and the memory."""
+    """Cancel a task at co, once, if it has not ended. Return the task (None for an unknown one) and
+    the memory.
+    """
     line = memory.task(task) if task else next(iter(memory.open_tasks), None)
     if line is None or not turn.holds(line.task) or turn.conversation(line.task).cancel:
         return line, memory
     turn.say(line.task, P.CANCEL)
-    return line, memory.with_news(News(AgentName.HI, "cancelling", "what is held is put down first", line.task))
+    return line, memory.with_news(
+        News(AgentName.HI, "cancelling", "what is held is put down first", line.task)
+    )
 
 
 def _cancelling(lines: tuple[TaskLine, ...], language: str) -> TaskLine:
-    """Return the first of the tasks, with words for the person who cancels them; one that had ended is over already."""
-    says = ", ".join(str(getattr(line.wish, language)) if line.wish else line.said for line in lines)
-    return replace(lines[0], text=say(language, "over" if lines[0].state in FINAL else "cancelling", says))
+    """Return the first of the tasks, with words for the person who cancels them; one that had ended
+    is over already.
+    """
+    says = ", ".join(
+        str(getattr(line.wish, language)) if line.wish else line.said for line in lines
+    )
+    return replace(
+        lines[0], text=say(language, "over" if lines[0].state in FINAL else "cancelling", says)
+    )
 
 
 def _halted(memory: Memory, turn: Turn, word: Halted) -> Memory:
-    """Tell people of a stop or its end. Where the stop did not reach the robot, all tasks are cancelled instead."""
+    """Tell people of a stop or its end. Where the stop did not reach the robot, all tasks are
+    cancelled instead.
+    """
     if word.held and not word.reached:
         memory = memory.with_news(News(AgentName.HI, REFUSED, word.text))
         for line in memory.open_tasks:
@@ -305,11 +383,13 @@ def _status(memory: Memory, said: str, now: float) -> TaskLine:
     lines = memory.open_tasks
     if not lines:
         return TaskLine("", TaskState.DONE, "I have nothing to do.", said, now)
-    text = "; ".join(f"{line.task} is {line.state}" + (f": {line.text}" if line.text else "") for line in lines)
+    text = "; ".join(
+        f"{line.task} is {line.state}" + (f": {line.text}" if line.text else "") for line in lines
+    )
     return TaskLine(lines[0].task, lines[0].state, text, said, lines[0].since)
 
 
-# --- telling ----------------------------------------------------------------------------------------------------------
+# --- telling --------------------------------------------------------------------------------------
 
 
 def tell(memory: Memory, turn: Turn) -> Memory:
@@ -319,7 +399,9 @@ def tell(memory: Memory, turn: Turn) -> Memory:
         if line is not None and news.report is not None:
             memory = memory.with_task(_reported(line, news.report, news.text, turn.now))
         memory = replace(memory, told=memory.told + 1)
-        turn.tell(NewEvent(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task)))
+        turn.tell(
+            NewEvent(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task))
+        )
     turn.tell(_shown(memory))
     return replace(memory, news=())
 
@@ -331,7 +413,9 @@ def _shown(memory: Memory) -> Shown:
 
 
 def _reported(line: TaskLine, said: cmd.TaskReport, text: str, now: float) -> TaskLine:
-    """The task after a report, `text`: in words. One without words leaves the reason; steps end with their plan."""
+    """The task after a report, `text`: in words. One without words leaves the reason; steps end
+    with their plan.
+    """
     steps = said.steps or (line.steps if said.state == TaskState.RUNNING else ())
     if text or said.state in FINAL:
         line = replace(line, text=text, why=said.why)
@@ -349,14 +433,18 @@ def agent() -> Agent[Memory]:
     return bind(AgentName.HI, Memory(), behaviours, CONDITIONS, local=local.Local)
 
 
-# --- Answers to questions of people, from what hi knows --------------------------------------------------------------
+# --- Answers to questions of people, from what hi knows -------------------------------------------
 
 
 def _see(memory: Memory, language: str) -> str:
     seen = memory.context.seen
     if seen is None:
         return say(language, "not_seen", in_words((commands.survey(),), language))
-    return say(language, "seen", person((fact(Kind.SEEN, *seen) if seen else fact(Kind.SEEN_NOTHING),), language))
+    return say(
+        language,
+        "seen",
+        person((fact(Kind.SEEN, *seen) if seen else fact(Kind.SEEN_NOTHING),), language),
+    )
 
 
 def _why(memory: Memory, language: str) -> str:
@@ -369,7 +457,11 @@ def _why(memory: Memory, language: str) -> str:
     if not ended:
         return say(language, "no_failure")
     line = ended[-1]
-    why = failure(line.why, language) if line.state is TaskState.FAILED else person(line.why, language)
+    why = (
+        failure(line.why, language)
+        if line.state is TaskState.FAILED
+        else person(line.why, language)
+    )
     return say(language, "failed", line.said, why or state(line.state, language))
 
 
@@ -383,7 +475,7 @@ ANSWERS: dict[str, Callable[[Memory, str], str]] = {
 """The rows of the catalogue that are answered from memory."""
 
 
-# --- Messages of hi to co, and the meaning of co's messages ----------------------------------------------------------
+# --- Messages of hi to co, and the meaning of co's messages ---------------------------------------
 
 UNREACHABLE = "robot-unreachable"
 REACHABLE = "robot-reachable"
@@ -393,7 +485,11 @@ ABOUT = {TaskState.PLANNING: AgentName.PL, TaskState.RUNNING: AgentName.TA}
 
 def _news(memory: Memory, turn: Turn, received: Received) -> tuple[News, ...]:
     """Return what a message of co says of a task; nothing for one that is forgotten."""
-    name, said, performative = received.conversation, received.content, received.communicate.performative
+    name, said, performative = (
+        received.conversation,
+        received.content,
+        received.communicate.performative,
+    )
     line = memory.task(name)
     if line is None:
         return ()
@@ -401,11 +497,24 @@ def _news(memory: Memory, turn: Turn, received: Received) -> tuple[News, ...]:
         turn.log("reason of co", performative=performative, text=said.text)
     report = said if isinstance(said, TaskReport) else TaskReport(TaskState.FAILED)
     if line.state in FINAL:
-        return (News(AgentName.CO, TOO_LATE, _in_words(report) or f"it was {line.state} already", name),)
+        return (
+            News(AgentName.CO, TOO_LATE, _in_words(report) or f"it was {line.state} already", name),
+        )
     if report is said and performative in (P.AGREE, P.INFORM):
-        return (News(ABOUT.get(report.state, AgentName.CO), report.state, _in_words(report), name, report),)
+        return (
+            News(
+                ABOUT.get(report.state, AgentName.CO), report.state, _in_words(report), name, report
+            ),
+        )
     unsaid = Kind.NOT_UNDERSTOOD if performative is P.NOT_UNDERSTOOD else Kind.NO_REASON
-    return (_ended(name, replace(report, state=TaskState.FAILED, why=report.why or (fact(unsaid, AgentName.CO),))),)
+    return (
+        _ended(
+            name,
+            replace(
+                report, state=TaskState.FAILED, why=report.why or (fact(unsaid, AgentName.CO),)
+            ),
+        ),
+    )
 
 
 def _ended(name: str, report: TaskReport) -> News:

@@ -17,7 +17,8 @@ LANGUAGES = ("en", "pl")
 
 
 class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A row [[thing]]: words for a class of the ontology, or for several (`covers`), and what can be done with it.
+    """A row [[thing]]: words for a class of the ontology, or for several (`covers`), and what can
+    be done with it.
 
     `to`: how it is named as a place.
     """
@@ -64,14 +65,21 @@ def phrases(text: str) -> tuple[tuple[str, ...], ...]:
     return tuple(sorted(found - {()}, key=lambda one: (-len(one), one)))
 
 
-CATALOGUE = msgspec.toml.decode(resources.files(__package__).joinpath("catalogue.toml").read_bytes(), type=Catalogue)
+CATALOGUE = msgspec.toml.decode(
+    resources.files(__package__).joinpath("catalogue.toml").read_bytes(), type=Catalogue
+)
 THINGS = {one.name: one for one in CATALOGUE.thing}
 TASKS = {wish.does: wish for _, wish in commands.wishes()}
 """The wishes for tasks, by rank."""
 WISHES = (*TASKS.values(), *CATALOGUE.wish)
 MAKE: dict[str, Make] = {wish.does: commands.maker(row, wish) for row, wish in commands.wishes()}
-RULES = {language: commands.table("rule", language, CATALOGUE.rule[language]) for language in LANGUAGES}
-SAY = {language: commands.table("say", language, catalogue(Reader(language)).hi) for language in LANGUAGES}
+RULES = {
+    language: commands.table("rule", language, CATALOGUE.rule[language]) for language in LANGUAGES
+}
+SAY = {
+    language: commands.table("say", language, catalogue(Reader(language)).hi)
+    for language in LANGUAGES
+}
 
 
 def say(language: str, row: str, *parts: object, **named: object) -> str:
@@ -81,4 +89,6 @@ def say(language: str, row: str, *parts: object, **named: object) -> str:
 
 def can(language: str) -> str:
     """Return the list of what is understood."""
-    return say(language, "can", "; ".join(wish.can[language] for wish in TASKS.values() if wish.can))
+    return say(
+        language, "can", "; ".join(wish.can[language] for wish in TASKS.values() if wish.can)
+    )

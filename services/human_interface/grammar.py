@@ -1,7 +1,8 @@
 """From the words of a sentence to its meaning, by the catalogue: an Earley parser over words.
 
-A sentence has at most MOST_CHARACTERS, MOST_WORDS and MOST_WISHES, so that the time of a parse is bounded; it is for
-the thread that listens to people, never of the agent's step. Must not know: HTTP, tasks, what was said before.
+A sentence has at most MOST_CHARACTERS, MOST_WORDS and MOST_WISHES, so that the time of a parse is
+bounded; it is for the thread that listens to people, never of the agent's step. Must not know:
+HTTP, tasks, what was said before.
 """
 
 import difflib
@@ -20,9 +21,10 @@ from companion.letters import fold
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES, phrases
 from services.human_interface.local import Clause, Meaning, NamedObject, When
 
-# --- Times, as people say them: "first", "within ten minutes", "before noon", "in ten minutes" -----------------------
-# Such words are taken out of a sentence before the grammar reads the rest; words about time that are not understood
-# stay, so that the grammar refuses the sentence. By the catalogue. Must not know: tasks, clocks.
+# --- Times, as people say them: "first", "within ten minutes", "before noon", "in ten minutes" ----
+# Such words are taken out of a sentence before the grammar reads the rest; words about time that
+# are not understood stay, so that the grammar refuses the sentence. By the catalogue. Must not
+# know: tasks, clocks.
 
 
 HALF_DAY, DAY = 12 * 60, 24 * 60
@@ -47,33 +49,52 @@ def _expression(text: str, language: str) -> re.Pattern[str]:
     """Return a row of the catalogue as an expression over words with a blank between them."""
     numbers = _choice(CATALOGUE.number[language])
     hour = rf"\d{{1,2}}|{numbers}"
-    spoken = rf"half past (?:{hour})|quarter (?:past|to) (?:{hour})|(?:{hour}) o clock|godziny (?:{hour})"
-    clock = rf"\d{{1,2}}:\d\d(?: [ap]m)?|\d{{1,2}} ?[ap]m|{spoken}|{_choice(CATALOGUE.clock[language])}"
+    spoken = (
+        rf"half past (?:{hour})|quarter (?:past|to) (?:{hour})|(?:{hour}) o clock|godziny"
+        rf" (?:{hour})"
+    )
+    clock = (
+        rf"\d{{1,2}}:\d\d(?: [ap]m)?|\d{{1,2}} ?[ap]m|{spoken}|{_choice(CATALOGUE.clock[language])}"
+    )
     text = text.replace("\n", "").replace("CLOCK", f"({clock})")
     part = re.sub(r"\((?!\?)", "(?:", _part(language))
-    text = text.replace("DURATION", f"({part}(?: (?:(?:{CATALOGUE.time[language].plus}) )?{part})*)")
+    text = text.replace(
+        "DURATION", f"({part}(?: (?:(?:{CATALOGUE.time[language].plus}) )?{part})*)"
+    )
     return re.compile(rf"(?:^| )(?:{text})(?= |$)")
 
 
 _URGENT, _WITHIN, _BY, _LATER, _AT = (
-    {language: _expression(getattr(CATALOGUE.time[language], kind), language) for language in LANGUAGES}
+    {
+        language: _expression(getattr(CATALOGUE.time[language], kind), language)
+        for language in LANGUAGES
+    }
     for kind in ("urgent", "within", "by", "later", "at")
 )
 
 
 def taken(words: tuple[str, ...]) -> tuple[tuple[str, ...], When]:
-    """Return the words without those that say when, and what these say; all of them where nothing else is left."""
+    """Return the words without those that say when, and what these say; all of them where nothing
+    else is left.
+    """
     text, when = " ".join(words), When()
     for language in LANGUAGES:
         if found := _WITHIN[language].search(text):
-            text, when = _without_time(text, found), replace(when, within_s=_seconds(found, language))
+            text, when = (
+                _without_time(text, found),
+                replace(when, within_s=_seconds(found, language)),
+            )
         if (found := _BY[language].search(text)) and (by := _clocks(found.group(1), language)):
             text, when = _without_time(text, found), replace(when, by=by)
         if found := _LATER[language].search(text):
-            text, when = _without_time(text, found), replace(when, later_s=_seconds(found, language))
+            text, when = (
+                _without_time(text, found),
+                replace(when, later_s=_seconds(found, language)),
+            )
         if (found := _AT[language].search(text)) and (at := _clocks(found.group(1), language)):
             text, when = _without_time(text, found), replace(when, at=at)
-        if found := _URGENT[language].search(text):  # behind the others: "first" is the last word of what is left
+        # behind the others: "first" is the last word of what is left
+        if found := _URGENT[language].search(text):
             text, when = _without_time(text, found), replace(when, urgent=True)
     rest = tuple(text.split())
     return (rest, when) if any(word != "," for word in rest) else (words, When())
@@ -88,13 +109,17 @@ def _seconds(found: re.Match[str], language: str) -> float:
     seconds = 0.0
     for part in _TIME_PART[language].finditer(next(one for one in found.groups() if one)):
         number, half, unit, half_more = part.groups()
-        amount = (_number(number, language) if number else 1.0) + (0.5 if half or half_more else 0.0)
+        amount = (_number(number, language) if number else 1.0) + (
+            0.5 if half or half_more else 0.0
+        )
         seconds += amount * CATALOGUE.unit[language][unit]
     return seconds
 
 
 def _number(word: str, language: str) -> float:
-    return float(word.replace(",", ".")) if word[0].isdecimal() else CATALOGUE.number[language][word]
+    return (
+        float(word.replace(",", ".")) if word[0].isdecimal() else CATALOGUE.number[language][word]
+    )
 
 
 def _clocks(said: str, language: str) -> tuple[int, ...]:
@@ -107,7 +132,11 @@ def _clocks(said: str, language: str) -> tuple[int, ...]:
         return _of_day(int(found[1]), int(found[2]), found[3] or "")
     if found := re.fullmatch(r"(\d+) ?([ap]m)", said):
         return _of_day(int(found[1]), 0, found[2])
-    hour = int(_number(re.sub(r"half past |quarter past |quarter to | o clock|godziny ", "", said), language))
+    hour = int(
+        _number(
+            re.sub(r"half past |quarter past |quarter to | o clock|godziny ", "", said), language
+        )
+    )
     past = {"half": 30, "quarter": 15}.get(said.partition(" ")[0], 0)
     return _of_day(hour, -past if said.startswith("quarter to") else past, "")
 
@@ -123,12 +152,16 @@ def _of_day(hour: int, minute: int, half: str) -> tuple[int, ...]:
 
 
 def seconds_left(when: When, minute_of_day: float) -> float:
-    """Return the seconds until it is to be done, from the asker's time of day [min]; 0 where nothing was said."""
+    """Return the seconds until it is to be done, from the asker's time of day [min]; 0 where
+    nothing was said.
+    """
     return _sooner(when.within_s, when.by, minute_of_day)
 
 
 def seconds_until(when: When, minute_of_day: float) -> float:
-    """Return the seconds until it may begin, from the asker's time of day [min]; 0 where nothing was said."""
+    """Return the seconds until it may begin, from the asker's time of day [min]; 0 where nothing
+    was said.
+    """
     return _sooner(when.later_s, when.at, minute_of_day)
 
 
@@ -140,16 +173,19 @@ def _sooner(after_s: float, clocks: tuple[int, ...], minute_of_day: float) -> fl
     return min([after_s] * (after_s > 0.0) + ahead, default=0.0)
 
 
-# --- From the words of a sentence to its meaning, by the catalogue ----------------------------------------------------
+# --- From the words of a sentence to its meaning, by the catalogue --------------------------------
 
 
 MOST_CHARACTERS = 200
 MOST_WORDS = 51  # and marks; as many as four wishes have as hi itself says them
 MOST_WISHES = 4
-MOST_SEPARATORS = 3 * MOST_WISHES  # a comma within a wish, ", and" after it; many cost the parser most (measured)
+# a comma within a wish, ", and" after it; many cost the parser most (measured)
+MOST_SEPARATORS = 3 * MOST_WISHES
 MOST_STRANGE = 3  # words that nobody knows; with more the sentence is of something else (estimate)
-NEAR = 0.75  # similarity from which an unknown word may be a typing error (as difflib counts; estimate)
-SHORT = 3  # letters below which no word is taken for another one (estimate; a guess is only ever asked)
+# similarity from which an unknown word may be a typing error (as difflib counts; estimate)
+NEAR = 0.75
+# letters below which no word is taken for another one (estimate; a guess is only ever asked)
+SHORT = 3
 
 _TASK = re.compile(r"hi-\d+-\d+")
 _WORDS = re.compile(r"hi-\d+-\d+|(?<!\w)[-\u2212]\d+|\d{1,2}:\d\d|\d+[.,]\d+|[^\W_]+|[,.;:!?]")
@@ -157,7 +193,9 @@ _PART = re.compile(r"[()|\[\]]|[^\W\d]+")
 
 
 class _Groups:
-    """Patterns of a language as lark writes them; each choice is a rule of its own, which keeps the grammar small."""
+    """Patterns of a language as lark writes them; each choice is a rule of its own, which keeps the
+    grammar small.
+    """
 
     def __init__(self, language: str) -> None:
         self._language = language
@@ -205,7 +243,11 @@ def _rules(language: str) -> Iterator[str]:
     """The rules of a language."""
     groups = _Groups(language)
     wishes = {f"wish_{language}_{at}": getattr(row, language) for at, row in enumerate(WISHES)}
-    lacking = {f"lack_{language}_{at}": row.lacking[language] for at, row in enumerate(WISHES) if row.lacking}
+    lacking = {
+        f"lack_{language}_{at}": row.lacking[language]
+        for at, row in enumerate(WISHES)
+        if row.lacking
+    }
     for wish, texts in (wishes | lacking).items():
         patterns = {f"form_{wish}_{n}": one for n, one in enumerate(texts)}
         yield f"{wish}: {' | '.join(patterns)}"
@@ -213,7 +255,8 @@ def _rules(language: str) -> Iterator[str]:
     yield f"clause_{language}: {' | '.join(wishes | lacking)}"
     yield f"joining_{language}: {_alternatives(CATALOGUE.joining[language])}"
     yield f"sep_{language}: COMMA | COMMA? joining_{language} COMMA?"
-    more = f"(sep_{language} clause_{language})"  # one more than are taken is told, further ones cost time alone
+    # one more than are taken is told, further ones cost time alone
+    more = f"(sep_{language} clause_{language})"
     yield f"all_{language}: clause_{language} {more}~0..{MOST_WISHES}"
     for name, text in RULES[language].items():
         yield f"{name.lower()}_{language}: {groups.pattern(text)}"
@@ -222,7 +265,9 @@ def _rules(language: str) -> Iterator[str]:
     yield f"side_{language}: {' | '.join(f'{side}_{language}' for side in CATALOGUE.side)}"
     for thing in CATALOGUE.thing:
         yield f"n_{thing.name}_{language}: {_alternatives('|'.join(getattr(thing, language)))}"
-    yield f"noun_{language}: {' | '.join(f'n_{thing.name}_{language}' for thing in CATALOGUE.thing)}"
+    yield (
+        f"noun_{language}: {' | '.join(f'n_{thing.name}_{language}' for thing in CATALOGUE.thing)}"
+    )
     this = f"det_{language}? quality_{language}*"
     yield f"named_{language}: {this} noun_{language} NUMBER? place_{language}?"
     yield f"strange_{language}: WORD WORD? WORD?"
@@ -235,7 +280,9 @@ def _rules(language: str) -> Iterator[str]:
 def _text(language: str) -> str:
     rules = list(_rules(language))
     words = sorted({word for rule in rules for word in re.findall(r"T_[A-Z]+", rule)})
-    return "\n".join((f"start: all_{language}", *rules, f"%declare WORD NUMBER COMMA TASK {' '.join(words)}"))
+    return "\n".join(
+        (f"start: all_{language}", *rules, f"%declare WORD NUMBER COMMA TASK {' '.join(words)}")
+    )
 
 
 class _WordLexer(Lexer):
@@ -263,7 +310,8 @@ def kind_of(word: str) -> str:
 
 _TEXTS = {language: _text(language) for language in LANGUAGES}
 _WORDS_OF = {
-    language: frozenset(word.lower() for word in re.findall(r"T_([A-Z]+)", text)) for language, text in _TEXTS.items()
+    language: frozenset(word.lower() for word in re.findall(r"T_([A-Z]+)", text))
+    for language, text in _TEXTS.items()
 }
 VOCABULARY = frozenset[str]().union(*_WORDS_OF.values())
 
@@ -283,12 +331,14 @@ def _made(language: str) -> Lark:
 
 
 def prepare() -> None:
-    """Make all parsers, which takes some tenths of a second, so that no sentence need wait for them."""
+    """Make all parsers, which takes some tenths of a second, so that no sentence need wait for
+    them.
+    """
     for language in LANGUAGES:
         _parser(language)
 
 
-# --- reading ----------------------------------------------------------------------------------------------------------
+# --- reading --------------------------------------------------------------------------------------
 
 
 def understand(sentence: str) -> Meaning:
@@ -310,21 +360,31 @@ def _read(words: tuple[str, ...]) -> Meaning:
         return Meaning(_language(words), why="many")
     run = tuple(word for word in polite if word != ",")  # Polish has commas within a wish
     readings = [reading for reading in dict.fromkeys((polite, plain, run)) if reading]
-    found = next((meaning for reading in readings if (meaning := _parsed(reading)) is not None), None)
+    found = next(
+        (meaning for reading in readings if (meaning := _parsed(reading)) is not None), None
+    )
     if found is not None and not _strange(found):
         return found
     for reading in readings:
-        if (near := _corrected(reading)) != reading and (guess := _parsed(near)) is not None and not _strange(guess):
+        if (
+            (near := _corrected(reading)) != reading
+            and (guess := _parsed(near)) is not None
+            and not _strange(guess)
+        ):
             return Meaning(guess.language, guess.clauses, guessed=True)
     if found is not None:
         return found
     strange = next((word for word in words if kind_of(word) == "WORD"), "")
-    return Meaning(_language(words), why="many" if separators > MOST_WISHES else "sorry", strange=strange)
+    return Meaning(
+        _language(words), why="many" if separators > MOST_WISHES else "sorry", strange=strange
+    )
 
 
 def _strange(meaning: Meaning) -> bool:
     """Whether a thing is called by a word that nobody knows."""
-    return any(not (thing.kinds or thing.ref) for clause in meaning.clauses for thing in clause.things)
+    return any(
+        not (thing.kinds or thing.ref) for clause in meaning.clauses for thing in clause.things
+    )
 
 
 def _split(sentence: str) -> tuple[str, ...]:
@@ -345,13 +405,17 @@ def _commas(words: tuple[str, ...]) -> Iterator[str]:
 
 
 def _polite(words: tuple[str, ...]) -> tuple[str, ...]:
-    """The words without polite ones: some are left out wherever they stand, some at the beginning of a wish."""
+    """The words without polite ones: some are left out wherever they stand, some at the beginning
+    of a wish.
+    """
     words = tuple(_without(words, _ANYWHERE, opening=False))
     words = tuple(_commas(words))
     return tuple(_commas(tuple(_without(words, _OPENING, opening=True))))
 
 
-def _without(words: tuple[str, ...], lists: tuple[tuple[str, ...], ...], *, opening: bool) -> Iterator[str]:
+def _without(
+    words: tuple[str, ...], lists: tuple[tuple[str, ...], ...], *, opening: bool
+) -> Iterator[str]:
     at, begins = 0, True
     while at < len(words):
         found = next((one for one in lists if words[at : at + len(one)] == one), None)
@@ -369,10 +433,13 @@ def _parsed(words: tuple[str, ...]) -> Meaning | None:
         return None
     ours = VOCABULARY.intersection(words)
     possible = (language for language in LANGUAGES if ours <= _WORDS_OF[language])
-    return next((found for language in possible if (found := _parsed_in(language, words)) is not None), None)
+    return next(
+        (found for language in possible if (found := _parsed_in(language, words)) is not None), None
+    )
 
 
-@lru_cache(maxsize=256)  # estimate; what is said is often said again, and a parse takes 17 to 41 ms (measured)
+# estimate; what is said is often said again, and a parse takes 17 to 41 ms (measured)
+@lru_cache(maxsize=256)
 def _parsed_in(language: str, words: tuple[str, ...]) -> Meaning | None:
     try:
         tree = _parser(language).parse(words)
@@ -413,13 +480,19 @@ def _named_object(tree: Any) -> NamedObject:
     first = tree.children[0]
     ref = str(first.data).rpartition("_")[0]
     if ref in ("it", "other", "both"):
-        return NamedObject(said, _kinds(tree.children[1]) if len(tree.children) > 1 else (), ref=ref)
+        return NamedObject(
+            said, _kinds(tree.children[1]) if len(tree.children) > 1 else (), ref=ref
+        )
     parts = [one for one in first.children if not isinstance(one, Token)]
     quality = " ".join(_spoken(one) for one in parts if one.data[:-3] in ("quality", "place"))
     number = next((int(one[:3]) for one in first.children if isinstance(one, Token)), 0)
     noun = next((one for one in parts if one.data.startswith("noun_")), None)
     if noun is None:
-        return NamedObject(next(_spoken(one) for one in parts if one.data.startswith("strange_")), (), quality=quality)
+        return NamedObject(
+            next(_spoken(one) for one in parts if one.data.startswith("strange_")),
+            (),
+            quality=quality,
+        )
     return NamedObject(said, _kinds(noun), number, quality)
 
 
@@ -433,10 +506,14 @@ def _spoken(tree: Any) -> str:
 
 
 def _corrected(words: tuple[str, ...]) -> tuple[str, ...]:
-    """The words, those that nobody knows replaced by known ones that are written alike, where they are few."""
+    """The words, those that nobody knows replaced by known ones that are written alike, where they
+    are few.
+    """
     if sum(kind_of(word) == "WORD" for word in words) > MOST_STRANGE:
         return words
-    return tuple(_near(word) if kind_of(word) == "WORD" and len(word) >= SHORT else word for word in words)
+    return tuple(
+        _near(word) if kind_of(word) == "WORD" and len(word) >= SHORT else word for word in words
+    )
 
 
 def _near(word: str) -> str:
@@ -452,5 +529,11 @@ def _language(words: tuple[str, ...]) -> str:
 
 _LONG = tuple(sorted(word for word in VOCABULARY if len(word) >= SHORT))
 _ANYWHERE = tuple(one for language in LANGUAGES for one in phrases(CATALOGUE.anywhere[language]))
-_OPENING = tuple(sorted((one for x in LANGUAGES for one in phrases(CATALOGUE.opening[x])), key=lambda one: -len(one)))
-_JOINING = frozenset(one[0] for language in LANGUAGES for one in phrases(CATALOGUE.joining[language]))
+_OPENING = tuple(
+    sorted(
+        (one for x in LANGUAGES for one in phrases(CATALOGUE.opening[x])), key=lambda one: -len(one)
+    )
+)
+_JOINING = frozenset(
+    one[0] for language in LANGUAGES for one in phrases(CATALOGUE.joining[language])
+)

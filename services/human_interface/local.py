@@ -4,13 +4,15 @@ import msgspec
 
 from companion.run_files import HiEvent, Question, TaskLine, Wish
 
-# --- The meaning of a sentence ---------------------------------------------------------------------------------------
+# --- The meaning of a sentence --------------------------------------------------------------------
 
 
 class NamedObject(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A thing as it was named. `kinds`: what the word can mean, none for an unknown word; `number`: jar 2.
+    """A thing as it was named. `kinds`: what the word can mean, none for an unknown word; `number`:
+    jar 2.
 
-    `quality`: a colour, a size or a place beside the name. `ref`: it, other or both, in place of a name.
+    `quality`: a colour, a size or a place beside the name. `ref`: it, other or both, in place of a
+    name.
     """
 
     said: str
@@ -21,7 +23,8 @@ class NamedObject(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One wish or question: a row of the catalogue, and what was named in it, in the order of the words.
+    """One wish or question: a row of the catalogue, and what was named in it, in the order of the
+    words.
 
     `lacks`: something that the wish needs was left out.
     """
@@ -34,10 +37,11 @@ class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class When(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Times at which the wishes of a sentence are wanted. `urgent`: before all else; `within_s`: seconds until they are
-    done, `later_s`: until they may begin.
+    """Times at which the wishes of a sentence are wanted. `urgent`: before all else; `within_s`:
+    seconds until they are done, `later_s`: until they may begin.
 
-    `by`, `at`: the same as times of day in minutes; three o'clock is two of them, by night and by day.
+    `by`, `at`: the same as times of day in minutes; three o'clock is two of them, by night and by
+    day.
     """
 
     urgent: bool = False
@@ -48,10 +52,11 @@ class When(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A sentence: its clauses in order, none where it is not understood, and then why, in the catalogue's terms.
+    """A sentence: its clauses in order, none where it is not understood, and then why, in the
+    catalogue's terms.
 
-    `when` they are wanted. `guessed`: words were taken for others that are written alike. `strange`: the first word
-    that nobody knows.
+    `when` they are wanted. `guessed`: words were taken for others that are written alike.
+    `strange`: the first word that nobody knows.
     """
 
     language: str = "en"
@@ -67,10 +72,12 @@ class _Message(msgspec.Struct, frozen=True, tag=True):
 
 
 class Sentence(_Message, frozen=True, omit_defaults=True, tag="Said"):  # step logs have this word
-    """A person said a sentence, which was read already; the answer goes to `ticket`. `held`: the robot is stopped.
+    """A person said a sentence, which was read already; the answer goes to `ticket`. `held`: the
+    robot is stopped.
 
-    `urgency`, `within_s`, `later_s`: of the tasks that it becomes, 0 for none; `instead`: a task that they replace.
-    `asker`: who said it, `at`: when [unix s]; `east_min`: how far the asker's clock is ahead of UTC [min], if known.
+    `urgency`, `within_s`, `later_s`: of the tasks that it becomes, 0 for none; `instead`: a task
+    that they replace. `asker`: who said it, `at`: when [unix s]; `east_min`: how far the asker's
+    clock is ahead of UTC [min], if known.
     """
 
     ticket: str
@@ -95,7 +102,9 @@ class CancelWanted(_Message, frozen=True, omit_defaults=True):
 
 
 class Halted(_Message, frozen=True):
-    """A person stopped the robot (`held`) or let it go; it has been done already, where it could be (`reached`)."""
+    """A person stopped the robot (`held`) or let it go; it has been done already, where it could be
+    (`reached`).
+    """
 
     held: bool
     reached: bool
@@ -125,7 +134,9 @@ class NewEvent(_Message, frozen=True, tag="Told"):  # step logs have this word
 
 
 class Shown(_Message, frozen=True):
-    """All tasks as they are now, for /tasks, what could be said and is asked; `events`: how many were told so far."""
+    """All tasks as they are now, for /tasks, what could be said and is asked; `events`: how many
+    were told so far.
+    """
 
     tasks: tuple[TaskLine, ...]
     events: int

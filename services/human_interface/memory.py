@@ -1,4 +1,5 @@
-"""Memory of hi between two steps: the tasks it asked co for and what became of them; conditions of the design.
+"""Memory of hi between two steps: the tasks it asked co for and what became of them; conditions of
+the design.
 
 Must not know: HTTP, grammar.
 """
@@ -12,15 +13,19 @@ from companion.run_files import TaskLine
 from services.human_interface.local import Local, Sentence
 from services.human_interface.wishes import Context, Option
 
-KEPT_TASKS = 50  # tasks that are remembered after their end; each record of the journal has them all (estimate)
-ASKED_S = 30.0  # a question can be answered so long; later a "yes" may be meant for something else (estimate)
-AGAIN_S = 2.0  # an equal sentence so soon after is the same one: a double click, a key that was held (estimate)
+# tasks that are remembered after their end; each record of the journal has them all (estimate)
+KEPT_TASKS = 50
+# a question can be answered so long; later a "yes" may be meant for something else (estimate)
+ASKED_S = 30.0
+# an equal sentence so soon after is the same one: a double click, a key that was held (estimate)
+AGAIN_S = 2.0
 MOST_ASKED = 32  # questions that are open, each to somebody else (the page pairs as many browsers)
 FINAL = frozenset({TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED})
 
 
 class News(msgspec.Struct, frozen=True):
-    """News of a task ("": of none). `name`: a task state or an event of hi; `report`: None for no change of the task.
+    """News of a task ("": of none). `name`: a task state or an event of hi; `report`: None for no
+    change of the task.
 
     `text`: hi's own words, or the report in the operator's words.
     """
@@ -38,7 +43,9 @@ class News(msgspec.Struct, frozen=True):
 
 
 class Asked(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A question that was asked of somebody: until when it can be answered, its options, and the sentences for them."""
+    """A question that was asked of somebody: until when it can be answered, its options, and the
+    sentences for them.
+    """
 
     asker: str
     until: float
@@ -47,7 +54,9 @@ class Asked(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Heard(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A sentence of somebody that something came of, and what is answered if it comes again at once."""
+    """A sentence of somebody that something came of, and what is answered if it comes again at
+    once.
+    """
 
     asker: str
     at: float
@@ -56,11 +65,13 @@ class Heard(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
-    """`words`: not interpreted yet; `news`: not told yet; `told`: number of events; `away`: people know it.
+    """`words`: not interpreted yet; `news`: not told yet; `told`: number of events; `away`: people
+    know it.
 
-    `context`: things and the look around that were mentioned; `asked`: open questions; `heard`: sentences of the last
-    seconds; `looks`: tasks that look around; `gives`: pairs of a task and a thing that a person has once it is done;
-    `follows`: pairs of a task and the one said before it, which it needs.
+    `context`: things and the look around that were mentioned; `asked`: open questions; `heard`:
+    sentences of the last seconds; `looks`: tasks that look around; `gives`: pairs of a task and a
+    thing that a person has once it is done; `follows`: pairs of a task and the one said before it,
+    which it needs.
     """
 
     tasks: tuple[TaskLine, ...] = ()
@@ -87,45 +98,78 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     def with_task(self, line: TaskLine) -> "Memory":
         """Return the memory with a task added or updated; the oldest ended ones are forgotten."""
         known = self.task(line.task) is not None
-        tasks = tuple(line if one.task == line.task else one for one in self.tasks) if known else (*self.tasks, line)
+        tasks = (
+            tuple(line if one.task == line.task else one for one in self.tasks)
+            if known
+            else (*self.tasks, line)
+        )
         surplus = len(tasks) - KEPT_TASKS
-        forgotten = {one.task for one in [one for one in tasks if one.state in FINAL][: max(surplus, 0)]}
-        return msgspec.structs.replace(self, tasks=tuple(one for one in tasks if one.task not in forgotten))
+        forgotten = {
+            one.task for one in [one for one in tasks if one.state in FINAL][: max(surplus, 0)]
+        }
+        return msgspec.structs.replace(
+            self, tasks=tuple(one for one in tasks if one.task not in forgotten)
+        )
 
     def with_context(self, **fields: Any) -> "Memory":
         """Return the memory with some of what was talked of replaced."""
-        return msgspec.structs.replace(self, context=msgspec.structs.replace(self.context, **fields))
+        return msgspec.structs.replace(
+            self, context=msgspec.structs.replace(self.context, **fields)
+        )
 
     def options(self, asker: str, at: float) -> tuple[Option, ...]:
         """Return the options of the question that is open to somebody."""
-        return next((one.options for one in self.asked if one.asker == asker and at < one.until), ())
+        return next(
+            (one.options for one in self.asked if one.asker == asker and at < one.until), ()
+        )
 
-    def asking(self, asker: str, at: float, options: tuple[Option, ...], replies: tuple[str, ...]) -> "Memory":
-        """Return the memory after a sentence of somebody: an earlier question to them has ended, this one is open.
+    def asking(
+        self, asker: str, at: float, options: tuple[Option, ...], replies: tuple[str, ...]
+    ) -> "Memory":
+        """Return the memory after a sentence of somebody: an earlier question to them has ended,
+        this one is open.
 
-        What would have answered the earlier one is an answer for a moment still: the second click of a double click.
+        What would have answered the earlier one is an answer for a moment still: the second click
+        of a double click.
         """
         others = [one for one in self.asked if one.asker != asker and at < one.until]
         ended = [
-            Asked(asker, at + AGAIN_S, (), one.replies) for one in self.asked if one.asker == asker and at < one.until
+            Asked(asker, at + AGAIN_S, (), one.replies)
+            for one in self.asked
+            if one.asker == asker and at < one.until
         ]
         new = [Asked(asker, at + ASKED_S, options, replies)] if options else ended
         return msgspec.structs.replace(self, asked=(*others, *new)[-MOST_ASKED:])
 
     def again(self, word: Sentence) -> TaskLine | None:
-        """Return what is answered to a sentence that its asker said just now; None for one that is new."""
-        same = (one for one in self.heard if one.asker == word.asker and one.words == _sentence_key(word))
-        return next((one.line for one in same if abs(word.at - one.at) <= AGAIN_S), None)  # in any order
+        """Return what is answered to a sentence that its asker said just now; None for one that is
+        new.
+        """
+        same = (
+            one
+            for one in self.heard
+            if one.asker == word.asker and one.words == _sentence_key(word)
+        )
+        # in any order
+        return next((one.line for one in same if abs(word.at - one.at) <= AGAIN_S), None)
 
     def hearing(self, word: Sentence, line: TaskLine) -> "Memory":
-        """Return the memory after a sentence that something came of; one without an asker may be of several people."""
-        others = tuple(one for one in self.heard if one.asker != word.asker and word.at - one.at <= AGAIN_S)
+        """Return the memory after a sentence that something came of; one without an asker may be of
+        several people.
+        """
+        others = tuple(
+            one for one in self.heard if one.asker != word.asker and word.at - one.at <= AGAIN_S
+        )
         new = (Heard(word.asker, word.at, _sentence_key(word), line),) if word.asker else ()
         return msgspec.structs.replace(self, heard=(*others, *new)[-MOST_ASKED:])
 
     def forgetting(self, task: str) -> "Memory":
-        """Return the memory in which the sentence of a cancelled task is new if it is said again."""
-        return msgspec.structs.replace(self, heard=tuple(one for one in self.heard if one.line.task != task))
+        """Return the memory in which the sentence of a cancelled task is new if it is said
+        again.
+        """
+        return msgspec.structs.replace(
+            self, heard=tuple(one for one in self.heard if one.line.task != task)
+        )
 
     def following(self, task: str, before: str) -> "Memory":
         """Return the memory with a task that needs the one before it."""
@@ -136,7 +180,9 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
 
         What was to come after the old one comes after the new one, which itself waits for nothing.
         """
-        pairs = tuple((one, new if before == task else before) for one, before in self.follows if one != task)
+        pairs = tuple(
+            (one, new if before == task else before) for one, before in self.follows if one != task
+        )
         return msgspec.structs.replace(self, follows=pairs)
 
     def with_news(self, *news: News) -> "Memory":
@@ -149,7 +195,7 @@ def _sentence_key(word: Sentence) -> tuple[str, int, str]:
     return word.text.strip(), 0 if word.instead else word.urgency, word.instead
 
 
-# --- the conditions of design.toml ------------------------------------------------------------------------------------
+# --- the conditions of design.toml ----------------------------------------------------------------
 
 
 def words_wait(memory: Memory) -> bool:
@@ -177,4 +223,6 @@ def told(memory: Memory) -> bool:
     return not memory.news
 
 
-CONDITIONS = {condition.__name__: condition for condition in (words_wait, news_wait, heard, interpreted, told)}
+CONDITIONS = {
+    condition.__name__: condition for condition in (words_wait, news_wait, heard, interpreted, told)
+}

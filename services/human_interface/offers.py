@@ -21,24 +21,37 @@ def wishes(context: Context) -> tuple[Wish, ...]:
     """Return the sentences, thing by thing, in the order in which the things were told."""
     things = _offered_objects(context)[:MOST_THINGS]
     return tuple(
-        Wish(does, InWords(called(name, "en"), called(name, "pl")), InWords(in_words((task,)), in_words((task,), "pl")))
+        Wish(
+            does,
+            InWords(called(name, "en"), called(name, "pl")),
+            InWords(in_words((task,)), in_words((task,), "pl")),
+        )
         for name in things
         for does, task in _about(name, things)
     )
 
 
 def _about(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, AnyCommand]]:
-    """Yield what can be done with a thing, and others beside it: the name of the wish, and the task."""
+    """Yield what can be done with a thing, and others beside it: the name of the wish, and the
+    task.
+    """
     for does, wish in TASKS.items():
         if wish.offer is Offer.THINGS:
-            others = itertools.permutations([one for one in things if one != name], len(wish.uses) - 1)
+            others = itertools.permutations(
+                [one for one in things if one != name], len(wish.uses) - 1
+            )
             for names in ((name, *rest) for rest in others):
-                if all(use in THINGS[kind_of(one)].can for one, use in zip(names, wish.uses, strict=True)):
+                if all(
+                    use in THINGS[kind_of(one)].can
+                    for one, use in zip(names, wish.uses, strict=True)
+                ):
                     yield does, MAKE[does](names, "")
 
 
 def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
-    """Return the sentences that answer a question: a name or "yes" for each option, and "no"; none where it is none."""
+    """Return the sentences that answer a question: a name or "yes" for each option, and "no"; none
+    where it is none.
+    """
     names = [called(one.thing, language) if len(options) > 1 else YES[language] for one in options]
     return (*names, NO[language]) if names else ()
 
@@ -46,7 +59,13 @@ def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
 def _offered_objects(context: Context) -> tuple[str, ...]:
     """The things that something is offered for, the only one of its kind without a number."""
     uses = {wish.uses[0] for wish in TASKS.values() if wish.offer is Offer.THINGS}
-    seen = tuple(name for name in context.seen or () if kind_of(name) in THINGS and uses & {*THINGS[kind_of(name)].can})
+    seen = tuple(
+        name
+        for name in context.seen or ()
+        if kind_of(name) in THINGS and uses & {*THINGS[kind_of(name)].can}
+    )
     kinds = [kind_of(name) for name in seen]
     named = tuple(name if kinds.count(kind_of(name)) > 1 else kind_of(name) for name in seen)
-    return tuple(dict.fromkeys((*named, *(name for name in context.mentioned if kind_of(name) not in kinds))))
+    return tuple(
+        dict.fromkeys((*named, *(name for name in context.mentioned if kind_of(name) not in kinds)))
+    )

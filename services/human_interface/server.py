@@ -1,8 +1,9 @@
 """The HTTP service of hi on the loopback interface, as in docs/http.md.
 
-A request posts a message to the agent and waits for the answer until a deadline; one loop, in a thread of its own,
-serves all of them. A stop waits for nobody: the loop sets the flag before it reads the request's body.
-A sentence is read here, too: the agent's step gets its meaning. Must not know: tasks, Zenoh.
+A request posts a message to the agent and waits for the answer until a deadline; one loop, in a
+thread of its own, serves all of them. A stop waits for nobody: the loop sets the flag before it
+reads the request's body. A sentence is read here, too: the agent's step gets its meaning. Must not
+know: tasks, Zenoh.
 """
 
 import asyncio
@@ -24,7 +25,15 @@ from starlette.types import Receive, Scope, Send
 
 from agent_runtime.io.devices import Post
 from agent_runtime.io.run_files import LOOPBACK, write_secret
-from companion.loopback_server import Refused, RobotStop, Server, check_host, has_token, listener, whole_body
+from companion.loopback_server import (
+    Refused,
+    RobotStop,
+    Server,
+    check_host,
+    has_token,
+    listener,
+    whole_body,
+)
 from companion.run_files import (
     HELD,
     HI_FILE,
@@ -44,9 +53,17 @@ from companion.stop_words import calls_for_help, stop_words
 from services.human_interface import grammar
 from services.human_interface.catalogue import can, say
 from services.human_interface.grammar import prepare, understand
-from services.human_interface.local import Answer, CancelWanted, Halted, NewEvent, Sentence, Shown, StopRobot
+from services.human_interface.local import (
+    Answer,
+    CancelWanted,
+    Halted,
+    NewEvent,
+    Sentence,
+    Shown,
+    StopRobot,
+)
 
-# --- Display of hi for people: tasks, the latest events, answers to tickets. For one event loop ----------------------
+# --- Display of hi for people: tasks, the latest events, answers to tickets. For one event loop ---
 
 KEPT_EVENTS = 1000
 
@@ -70,7 +87,9 @@ class Board:
                 self._answers[ticket] = content
             case NewEvent(event=event):
                 self._events.append(event)
-                return  # nobody hears of it before the tasks as it left them: who is woken asks for these next
+                # nobody hears of it before the tasks as it left them: who is woken asks for these
+                # next
+                return
             case Shown(tasks=tasks, events=events, wishes=wishes, questions=questions):
                 self.tasks = Tasks(tasks, wishes=wishes, questions=questions)
                 self._told = max(self._told, events)
@@ -98,7 +117,9 @@ class Board:
     async def events(self, since: int, wait_s: float) -> Events:
         """The events after number `since`; wait up to `wait_s` [s] for one."""
         await self._until(lambda: self._told > since, wait_s)
-        return Events(self._told, tuple(event for event in self._events if since < event.n <= self._told))
+        return Events(
+            self._told, tuple(event for event in self._events if since < event.n <= self._told)
+        )
 
     async def _until(self, holds: Callable[[], bool], within_s: float) -> None:
         with contextlib.suppress(TimeoutError):
@@ -111,16 +132,19 @@ class Board:
         self._changed = asyncio.Event()
 
 
-# --- The requests -----------------------------------------------------------------------------------------------------
+# --- The requests ---------------------------------------------------------------------------------
 
 ANSWER_S = 5.0  # the agent answers in a step, some ms; estimate for a busy machine
 LONGEST_WAIT_S = 10.0
 AT_ONCE = 32  # requests served at the same time (estimate: some consoles and pages)
 OUT_OF_REACH = (
-    "I cannot stop the robot from here: its control loop has another run folder. I cancel all tasks instead, and what "
-    "is held is put down. Where the robot runs, `roco stop` stops it at once"
+    "I cannot stop the robot from here: its control loop has another run folder. I cancel all tasks"
+    " instead, and what is held is put down. Where the robot runs, `roco stop` stops it at once"
 )
-NOT_HELD_HERE = "I cannot release the robot from here: its loop has another run folder; `roco release` does it there"
+NOT_HELD_HERE = (
+    "I cannot release the robot from here: its loop has another run folder; `roco release` does it"
+    " there"
+)
 
 
 class Desk:
@@ -145,7 +169,10 @@ class Desk:
         try:
             check_host(request.headers, self._address.port)
             if not has_token(request.headers, self._address.token):
-                text = f"wrong or missing token; send `Authorization: Bearer <token>` with that of {HI_FILE}"
+                text = (
+                    "wrong or missing token; send `Authorization: Bearer <token>` with that of"
+                    f" {HI_FILE}"
+                )
                 raise Refused(401, text)
             path = scope["path"]
             if path not in self._routes:
@@ -157,10 +184,14 @@ class Desk:
         except Refused as refused:
             status, said = refused.status, Problem(str(refused))
         headers = {"cache-control": "no-store", "connection": "close"}
-        await Response(msgspec.json.encode(said), status, headers, "application/json")(scope, receive, send)
+        await Response(msgspec.json.encode(said), status, headers, "application/json")(
+            scope, receive, send
+        )
 
     def hold(self, held: bool, said: str = "") -> TaskLine:
-        """Stop the robot or let it go, then tell the agent, which nothing waits for. Raise Refused where that fails."""
+        """Stop the robot or let it go, then tell the agent, which nothing waits for. Raise Refused
+        where that fails.
+        """
         try:
             reached = self._robot.hold(held)
         except OSError as error:
@@ -178,7 +209,11 @@ class Desk:
         if stop_words(text, self.board.tasks.answers(said.asker, now)):
             line = self.hold(True, text)
             language = calls_for_help(text)
-            return msgspec.structs.replace(line, text=say(language, "helped", can(language))) if language else line
+            return (
+                msgspec.structs.replace(line, text=say(language, "helped", can(language)))
+                if language
+                else line
+            )
         with self._room():
             meaning = await asyncio.to_thread(understand, text)
             ticket = self.board.ticket()
@@ -188,7 +223,9 @@ class Desk:
             within_s = said.within_s or grammar.seconds_left(meaning.when, minute_of_day)
             later_s = said.later_s or grammar.seconds_until(meaning.when, minute_of_day)
             held, when = self._robot.held, (urgency, within_s, later_s)
-            self._post(Sentence(ticket, text, meaning, held, *when, said.instead, said.asker, now, east))
+            self._post(
+                Sentence(ticket, text, meaning, held, *when, said.instead, said.asker, now, east)
+            )
             return await self._answer(ticket)
 
     async def _stop(self, request: Request) -> msgspec.Struct:
@@ -264,8 +301,16 @@ class HttpDevice:
 
     busy = False
 
-    def __init__(self, post: Post, run_dir: Path, listen: tuple[str, int] = LOOPBACK, lent: Path | None = None) -> None:
-        """Listen at host and port, 0 for a free one. `lent`: a folder that gets the address, too. Raise OSError."""
+    def __init__(
+        self,
+        post: Post,
+        run_dir: Path,
+        listen: tuple[str, int] = LOOPBACK,
+        lent: Path | None = None,
+    ) -> None:
+        """Listen at host and port, 0 for a free one. `lent`: a folder that gets the address, too.
+        Raise OSError.
+        """
         self._listener = listener(*listen, "ROCO_HTTP")
         self.address = HiAddress(self._listener.getsockname()[1], secrets.token_urlsafe(24))
         self.desk = Desk(self.address, post, RobotStop(run_dir))

@@ -1,7 +1,8 @@
 """From the meaning of a sentence to what hi does: commands for co, a question back, or an answer.
 
-An act only if every thing in it is known; where two things fit, or a word is guessed or unknown, a person is asked, and
-the options that were offered are kept for the answer. Pure. Must not know: HTTP, how tasks are carried out.
+An act only if every thing in it is known; where two things fit, or a word is guessed or unknown, a
+person is asked, and the options that were offered are kept for the answer. Pure. Must not know:
+HTTP, how tasks are carried out.
 """
 
 import msgspec
@@ -16,15 +17,17 @@ MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estima
 
 
 class Option(msgspec.Struct, frozen=True):
-    """An answer that was offered: the name of the thing it is about, and the tasks that it stands for."""
+    """An answer that was offered: the name of the thing it is about, and the tasks that it stands
+    for.
+    """
 
     thing: str
     tasks: tuple[AnyCommand, ...]
 
 
 class Context(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Context of the talk: things mentioned, last one first; options of the open question; things that the last look
-    around saw, None before the first one.
+    """Context of the talk: things mentioned, last one first; options of the open question; things
+    that the last look around saw, None before the first one.
     """
 
     mentioned: tuple[str, ...] = ()
@@ -90,7 +93,11 @@ def _without_task(meaning: Meaning, context: Context) -> Outcome:
     if clause.does == "the":
         return _named(meaning, context)
     if clause.does == "yes":
-        return Act(context.options[0].tasks) if len(context.options) == 1 else Ask(_unasked(language, context))
+        return (
+            Act(context.options[0].tasks)
+            if len(context.options) == 1
+            else Ask(_unasked(language, context))
+        )
     if clause.does == "no":
         return Ask(say(language, "not_then")) if context.options else Tell("stop")
     if meaning.guessed:
@@ -99,10 +106,16 @@ def _without_task(meaning: Meaning, context: Context) -> Outcome:
 
 
 def _named(meaning: Meaning, context: Context) -> Outcome:
-    """Return the outcome of a thing's name alone: the option offered under that name, or the first wish for a thing."""
+    """Return the outcome of a thing's name alone: the option offered under that name, or the first
+    wish for a thing.
+    """
     thing, language = meaning.clauses[0].things[0], meaning.language
     if thing.quality or thing.ref or len(thing.kinds) != 1 or meaning.guessed:
-        return Ask(_not_understood(Meaning(language, why="sorry", strange="" if thing.kinds else thing.said)))
+        return Ask(
+            _not_understood(
+                Meaning(language, why="sorry", strange="" if thing.kinds else thing.said)
+            )
+        )
     name = f"{thing.kinds[0]}_{thing.number}" if thing.number else thing.kinds[0]
     for option in context.options:
         if option.thing == name:
@@ -111,7 +124,9 @@ def _named(meaning: Meaning, context: Context) -> Outcome:
     return Ask(say(language, "mean", in_words(tasks, language)), (Option(name, tasks),))
 
 
-_FIRST = next(name for name, wish in TASKS.items() if wish.offer is Offer.THINGS and len(wish.uses) == 1)
+_FIRST = next(
+    name for name, wish in TASKS.items() if wish.offer is Offer.THINGS and len(wish.uses) == 1
+)
 
 
 def _unasked(language: str, context: Context) -> str:
@@ -131,7 +146,7 @@ def _not_understood(meaning: Meaning) -> str:
     return f"{first}{strange} {say(language, 'understood', can(language))}"
 
 
-# --- things -----------------------------------------------------------------------------------------------------------
+# --- things ---------------------------------------------------------------------------------------
 
 
 def _tasks(clauses: tuple[Clause, ...], context: Context, language: str) -> tuple[AnyCommand, ...]:
@@ -141,9 +156,14 @@ def _tasks(clauses: tuple[Clause, ...], context: Context, language: str) -> tupl
     for clause in clauses:
         uses = TASKS[clause.does].uses[: len(clause.things)]
         named = zip(clause.things, uses, strict=True)
-        names = tuple(_resolved_object(thing, use, mentioned, context.seen or (), language) for thing, use in named)
+        names = tuple(
+            _resolved_object(thing, use, mentioned, context.seen or (), language)
+            for thing, use in named
+        )
         if len(set(zip(names, uses, strict=True))) < len(names):
-            raise _Doubt(clause.things[1], say(language, f"itself_{uses[1]}", called(names[1], language)))
+            raise _Doubt(
+                clause.things[1], say(language, f"itself_{uses[1]}", called(names[1], language))
+            )
         tasks.append(MAKE[clause.does](names, clause.side))
         mentioned = with_mentioned(mentioned, *names)
     return tuple(tasks)
@@ -155,7 +175,9 @@ def with_mentioned(before: tuple[str, ...], *names: str) -> tuple[str, ...]:
 
 
 def without(context: Context, *things: str) -> Context:
-    """Return the context without these things. If one thing of a kind was seen, the name of the kind means it."""
+    """Return the context without these things. If one thing of a kind was seen, the name of the
+    kind means it.
+    """
     seen = context.seen or ()
     kinds = [kind_of(name) for name in seen]
     only = {kind_of(name): name for name in seen if kinds.count(kind_of(name)) == 1}
@@ -173,7 +195,9 @@ def kind_of(name: str) -> str:
 def _resolved_object(
     thing: NamedObject, use: str, mentioned: tuple[str, ...], seen: tuple[str, ...], language: str
 ) -> str:
-    """The name of a thing as pl takes it. Raise _Doubt where it is not clear which one is meant; any place will do."""
+    """The name of a thing as pl takes it. Raise _Doubt where it is not clear which one is meant;
+    any place will do.
+    """
     fit = tuple(one.name for one in THINGS.values() if use in one.can)
     if thing.ref:
         return _referred(thing, mentioned, fit, language)
@@ -193,7 +217,9 @@ def _resolved_object(
     return f"{kind}_{thing.number}" if thing.number else kind
 
 
-def _referred(thing: NamedObject, mentioned: tuple[str, ...], fit: tuple[str, ...], language: str) -> str:
+def _referred(
+    thing: NamedObject, mentioned: tuple[str, ...], fit: tuple[str, ...], language: str
+) -> str:
     """The thing that a word such as "it" stands for."""
     if thing.ref == "both":
         raise _Doubt(thing, say(language, "one"), fit)
@@ -213,7 +239,9 @@ def _asked(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
         kind, _, number = name.partition("_")
         known = NamedObject(name, (kind,), int(number or 0))
         clauses = tuple(
-            msgspec.structs.replace(one, things=tuple(known if thing is doubt.thing else thing for thing in one.things))
+            msgspec.structs.replace(
+                one, things=tuple(known if thing is doubt.thing else thing for thing in one.things)
+            )
             for one in meaning.clauses
         )
         try:
@@ -223,13 +251,15 @@ def _asked(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
     if len(options) == 1:
         question = say(language, "mean", in_words(options[0].tasks, language))
     elif options:
-        question = say(language, "which", ", ".join(called(option.thing, language) for option in options))
+        question = say(
+            language, "which", ", ".join(called(option.thing, language) for option in options)
+        )
     else:
         question = say(language, "understood", can(language))
     return Ask(f"{doubt.text} {question}".strip(), tuple(options))
 
 
-# --- tasks ------------------------------------------------------------------------------------------------------------
+# --- tasks ----------------------------------------------------------------------------------------
 
 
 def in_words(tasks: tuple[AnyCommand, ...], language: str = "en") -> str:
@@ -238,12 +268,16 @@ def in_words(tasks: tuple[AnyCommand, ...], language: str = "en") -> str:
 
 
 def _task_in_words(task: AnyCommand, language: str) -> str:
-    fields = {name: _InWords(name, str(getattr(task, name)), language) for name in task.__struct_fields__}
+    fields = {
+        name: _InWords(name, str(getattr(task, name)), language) for name in task.__struct_fields__
+    }
     return say(language, task.says, **fields)
 
 
 class _InWords:
-    """A field of a command in its task's sentences: {object} is the first form of a name, {object:2} the third."""
+    """A field of a command in its task's sentences: {object} is the first form of a name,
+    {object:2} the third.
+    """
 
     def __init__(self, field: str, value: str, language: str) -> None:
         self._field, self._value, self._language = field, value, language

@@ -15,4 +15,8 @@ def serve(options: Options) -> int:
 
 
 if __name__ == "__main__":
-    cli.run("knowledge", "km: knows what was observed; answers queries, keeps hypothetical states.", serve)
+    cli.run(
+        "knowledge",
+        "km: knows what was observed; answers queries, keeps hypothetical states.",
+        serve,
+    )

@@ -1,8 +1,9 @@
-"""One pure function for each kind of query of WM: a scene and a query give an answer (paper, section 5.4).
+"""One pure function for each kind of query of WM: a scene and a query give an answer (paper,
+section 5.4).
 
-`ANSWERS` is the table: query class -> function; a test compares it with the design's interface. Only observations,
-object models, grasps and the reach of the arms are known. For all else the answer is Unknown, and why. Must not know:
-stores, conversations, who asks.
+`ANSWERS` is the table: query class -> function; a test compares it with the design's interface.
+Only observations, object models, grasps and the reach of the arms are known. For all else the
+answer is Unknown, and why. Must not know: stores, conversations, who asks.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,7 +23,9 @@ from services.knowledge.subjects import below, is_kind
 CONTENT = ".content"
 """`jar_1.content` is the name of what was in jar_1."""
 LARGEST_WHY = 300
-"""Bytes of the reason: 500 hold it with its envelope. The names of very many objects do not fit and are left out."""
+"""Bytes of the reason: 500 hold it with its envelope. The names of very many objects do not fit and
+are left out.
+"""
 _WORLD = Pose((0.0, 0.0, 0.0))
 
 
@@ -52,7 +55,9 @@ def ask(observed: Scene, overlays: Overlays, query: wm.AnyQuery) -> tuple[Overla
 def _list_objects(scene: Scene, query: wm.ListObjects) -> wm.AnyAnswer:
     if query.kind and query.kind not in below():
         raise _NotKnown(fact(Kind.UNKNOWN_TO_KM, query.kind))
-    return _objects(t for t in scene.things.values() if not query.kind or is_kind(t.kind, query.kind))
+    return _objects(
+        t for t in scene.things.values() if not query.kind or is_kind(t.kind, query.kind)
+    )
 
 
 def _object_pose(scene: Scene, query: wm.ObjectPose) -> wm.AnyAnswer:
@@ -84,7 +89,9 @@ def _surfaces(scene: Scene, query: wm.FlatSurfaces) -> wm.AnyAnswer:
     objects = [_object(scene, query.object)] if query.object else scene.things.values()
     found = ((one, flat) for one in objects for flat in (one.known.surfaces if one.known else ()))
     placed = ((one.id, geometry.compose(one.pose, Pose(flat.centre)), flat) for one, flat in found)
-    return wm.Surfaces(tuple(wm.Surface(name, pose, (flat.along_x, flat.along_y)) for name, pose, flat in placed))
+    return wm.Surfaces(
+        tuple(wm.Surface(name, pose, (flat.along_x, flat.along_y)) for name, pose, flat in placed)
+    )
 
 
 def _current_grasp(scene: Scene, query: wm.CurrentGrasp) -> wm.AnyAnswer:
@@ -117,14 +124,22 @@ def _grasp_definition(scene: Scene, query: wm.GraspDefinition) -> wm.AnyAnswer:
 
 def _environment(scene: Scene, query: wm.EnvironmentShapes) -> wm.AnyAnswer:
     """The shapes around the robot. Held objects are left out, since they move with the robot."""
-    around = (one for one in scene.things.values() if one.id not in query.ignored and scene.holder(one.id) is None)
-    return wm.Shapes(tuple(wm.PlacedShape(one.id, one.pose, one.known.shapes) for one in around if one.known))
+    around = (
+        one
+        for one in scene.things.values()
+        if one.id not in query.ignored and scene.holder(one.id) is None
+    )
+    return wm.Shapes(
+        tuple(wm.PlacedShape(one.id, one.pose, one.known.shapes) for one in around if one.known)
+    )
 
 
 def _collisions(scene: Scene, query: wm.CollisionsInVolume) -> wm.AnyAnswer:
     box = geometry.bounds(query.volume, _WORLD)
     near = scene.marked.near(cells(box)) - set(query.ignored)
-    found = (one for name, one in scene.things.items() if name in near and scene.holder(name) is None)
+    found = (
+        one for name, one in scene.things.items() if name in near and scene.holder(name) is None
+    )
     return _objects(one for one in found if _reaches_into(one, query.volume, box))
 
 
@@ -137,7 +152,9 @@ def _reaches_into(one: SceneObject, volume: Shape, box: geometry.Bounds) -> bool
 
 
 def _reserved(scene: Scene, query: wm.ReservedSpace) -> wm.AnyAnswer:
-    return wm.Shapes(tuple(wm.PlacedShape(name, _WORLD, (volume,)) for name, volume in scene.reserved.items()))
+    return wm.Shapes(
+        tuple(wm.PlacedShape(name, _WORLD, (volume,)) for name, volume in scene.reserved.items())
+    )
 
 
 def _holds(scene: Scene, query: wm.Holds) -> wm.AnyAnswer:
@@ -156,7 +173,9 @@ def _holds(scene: Scene, query: wm.Holds) -> wm.AnyAnswer:
             side = scene.holder(one.id)
             return wm.Truth(_among(side.value if side else "", query.value.removesuffix("_hand")))
         case wm.Relation.IS_INSTANCE_OF:
-            return wm.Truth(not query.value or query.value == one.model or is_kind(one.kind, query.value))
+            return wm.Truth(
+                not query.value or query.value == one.model or is_kind(one.kind, query.value)
+            )
         case _:
             return wm.Truth(one.exact)
 
@@ -166,7 +185,7 @@ def _among(found: str, wanted: str) -> bool:
     return bool(found) and wanted in ("", found)
 
 
-# --- parts of answers -------------------------------------------------------------------------------------------------
+# --- parts of answers -----------------------------------------------------------------------------
 
 
 def _object(scene: Scene, name: str) -> SceneObject:
@@ -212,8 +231,12 @@ ANSWERS: dict[type, Callable[[Scene, Any], wm.AnyAnswer]] = {
     wm.ObjectPose: _object_pose,
     wm.ObjectOrigin: _object_origin,
     wm.ObjectModel: _object_model,
-    wm.MoveableObjects: lambda scene, query: _objects(one for one in scene.things.values() if one.moveable),
-    wm.StaticObjects: lambda scene, query: _objects(one for one in scene.things.values() if not one.moveable),
+    wm.MoveableObjects: lambda scene, query: _objects(
+        one for one in scene.things.values() if one.moveable
+    ),
+    wm.StaticObjects: lambda scene, query: _objects(
+        one for one in scene.things.values() if not one.moveable
+    ),
     wm.ObjectHole: _hole,
     wm.FlatSurfaces: _surfaces,
     wm.CurrentGrasp: _current_grasp,

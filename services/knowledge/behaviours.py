@@ -1,9 +1,10 @@
-"""The behaviours of km, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
+"""The behaviours of km, bound by name to the states of the design (paper, section 5.5, Tables 3 to
+6).
 
-The journal is the only source of truth: the observed scene is the memory of the agent, written with the versions of its
-observations in the record of the step that took them. The triple store is told of each new scene; it is a copy for
-SPARQL and export. Hypothetical states are soft: a death loses them, and pl starts its search again. Must not know:
-stores, who plans what.
+The journal is the only source of truth: the observed scene is the memory of the agent, written with
+the versions of its observations in the record of the step that took them. The triple store is told
+of each new scene; it is a copy for SPARQL and export. Hypothetical states are soft: a death loses
+them, and pl starts its search again. Must not know: stores, who plans what.
 """
 
 from msgspec.structs import replace
@@ -43,14 +44,18 @@ def agent() -> Agent[Memory]:
 
 
 def takes(memory: Memory, event: Taken) -> bool:
-    """Whether an event is taken now. A question waits for the end of the look around, for a while."""
+    """Whether an event is taken now. A question waits for the end of the look around, for a
+    while.
+    """
     if not memory.patient or memory.soft.held:
         return True
     return not (isinstance(event, Received) and isinstance(event.content, QUERIES))
 
 
 def await_message(memory: Memory, turn: Turn) -> Memory:
-    """State idle: keep the subscription alive; note a query or an observation for the next state."""
+    """State idle: keep the subscription alive; note a query or an observation for the next
+    state.
+    """
     match turn.event:
         case Received(content=content) as received if isinstance(content, QUERIES):
             return _soft(memory, question=Question(received.conversation, content))
@@ -61,8 +66,12 @@ def await_message(memory: Memory, turn: Turn) -> Memory:
             return memory
         case PeerChanged(agent=agent, incarnation=incarnation) if agent == OBSERVER:
             return _alone(memory, turn) if incarnation is None else _met(memory, turn, incarnation)
-        case Received(communicate=message) as received if received.conversation == memory.soft.subscription:
-            return (_agreed if message.performative is Performative.AGREE else _declined)(memory, turn)
+        case Received(communicate=message) as received if (
+            received.conversation == memory.soft.subscription
+        ):
+            return (_agreed if message.performative is Performative.AGREE else _declined)(
+                memory, turn
+            )
         case Broken(conversation=conversation) if conversation == memory.soft.subscription:
             return _declined(memory, turn)
         case Woken(name=name):
@@ -74,7 +83,7 @@ def await_message(memory: Memory, turn: Turn) -> Memory:
             return memory
 
 
-# --- the observer -----------------------------------------------------------------------------------------------------
+# --- the observer ---------------------------------------------------------------------------------
 
 
 def _woken(memory: Memory, turn: Turn, name: str) -> Memory:
@@ -95,7 +104,9 @@ def _hopeful(memory: Memory, turn: Turn) -> Memory:
 
 
 def _met(memory: Memory, turn: Turn, incarnation: int) -> Memory:
-    """Note that the observer is there. Each incarnation looks around for a new subscriber, or says why not."""
+    """Note that the observer is there. Each incarnation looks around for a new subscriber, or says
+    why not.
+    """
     if memory.soft.subscription and memory.soft.incarnation == incarnation:
         return _agreed(memory, turn) if memory.soft.agreed else memory
     if memory.patient or memory.blind:
@@ -107,7 +118,12 @@ def _subscribed(memory: Memory, turn: Turn, incarnation: int) -> Memory:
     """Subscribe; this replaces an older subscription."""
     if memory.soft.subscription:
         turn.drop(memory.soft.subscription)
-    return _soft(memory, subscription=outgoing_messages.subscribe(turn), incarnation=incarnation, agreed=False)
+    return _soft(
+        memory,
+        subscription=outgoing_messages.subscribe(turn),
+        incarnation=incarnation,
+        agreed=False,
+    )
 
 
 def _agreed(memory: Memory, turn: Turn) -> Memory:
@@ -127,7 +143,7 @@ def _declined(memory: Memory, turn: Turn) -> Memory:
     return _soft(_alone(memory, turn), subscription="", incarnation=0, agreed=False)
 
 
-# --- what was taken ---------------------------------------------------------------------------------------------------
+# --- what was taken -------------------------------------------------------------------------------
 
 
 def answer_question(memory: Memory, turn: Turn) -> Memory:
@@ -141,7 +157,12 @@ def answer_question(memory: Memory, turn: Turn) -> Memory:
         turn.log("no such hypothetical state", conversation=question.conversation, state=said.id)
     elif isinstance(said, wm.Unknown) and not said.later:
         asked = str(question.query)[:LONGEST]
-        turn.log("not known", conversation=question.conversation, asked=asked, why=sentences.operator(said.why))
+        turn.log(
+            "not known",
+            conversation=question.conversation,
+            asked=asked,
+            why=sentences.operator(said.why),
+        )
     outgoing_messages.answer(turn, question, said)
     return _soft(memory, overlays=overlays, question=None, held=False)
 

@@ -1,7 +1,9 @@
-"""Beliefs of km at a time, and their sources, from the messages it received and sent; as an RDF dataset for questions.
+"""Beliefs of km at a time, and their sources, from the messages it received and sent; as an RDF
+dataset for questions.
 
-Each observation makes facts true and ends others; a fact's source is the observation since which it has been true.
-Made by km's own functions from a recording, without km. Must not know: where messages come from, SPARQL.
+Each observation makes facts true and ends others; a fact's source is the observation since which it
+has been true. Made by km's own functions from a recording, without km. Must not know: where
+messages come from, SPARQL.
 """
 
 from collections.abc import Iterable, Iterator
@@ -22,9 +24,11 @@ from services.knowledge.subjects import TYPE, Subject, differing, node, read, su
 
 
 class Source(msgspec.Struct, frozen=True):
-    """Source and time [unix s] of an observation or a hypothetical state of km; `name`: subject with version, or state.
+    """Source and time [unix s] of an observation or a hypothetical state of km; `name`: subject
+    with version, or state.
 
-    `about`: key of the subject (services.knowledge.observe.subject_of); `parent`: what a state was made from.
+    `about`: key of the subject (services.knowledge.observe.subject_of); `parent`: what a state was
+    made from.
     """
 
     name: str
@@ -35,7 +39,8 @@ class Source(msgspec.Struct, frozen=True):
 
 
 class Beliefs:
-    """`scene`: the observed world; `sources`: observations in the order they came; `facts`: triple -> its source.
+    """`scene`: the observed world; `sources`: observations in the order they came; `facts`: triple
+    -> its source.
 
     `overlays`: the hypothetical states there are; `states`: their sources.
     """
@@ -49,7 +54,9 @@ class Beliefs:
         self._asked: dict[str, tuple[wm.HypotheticalState | wm.DropStates, Source]] = {}
 
     def hear(self, one: Heard) -> None:
-        """Take what km received or sent next; contents that cannot be read are left out, as km does."""
+        """Take what km received or sent next; contents that cannot be read are left out, as km
+        does.
+        """
         if not one.wire:
             self.overlays, self.states, self._asked = Overlays(), {}, {}
             return
@@ -65,7 +72,10 @@ class Beliefs:
                 told = Source(name, communicate.sender, one.at, parent=parent)
                 self._asked[communicate.conversation] = content, told
             case wm.DropStates(prefix=prefix):
-                self._asked[communicate.conversation] = content, Source(prefix, communicate.sender, one.at)
+                self._asked[communicate.conversation] = (
+                    content,
+                    Source(prefix, communicate.sender, one.at),
+                )
             case wm.Made():
                 self._made(communicate.conversation)
 
@@ -110,14 +120,15 @@ def believed(heard: Iterable[Heard]) -> Beliefs:
     return beliefs
 
 
-# --- as an RDF dataset ------------------------------------------------------------------------------------------------
+# --- as an RDF dataset ----------------------------------------------------------------------------
 
 
 def dataset(beliefs: Beliefs, begin: float) -> ox.Store:
     """Everything believed, in memory; times are seconds since `begin` [unix s].
 
-    Default graph: O_RoCo, all that is believed, and who told what when. Named graphs: one per observation with the
-    facts that have been true since it, one per hypothetical state with all that would be so in it.
+    Default graph: O_RoCo, all that is believed, and who told what when. Named graphs: one per
+    observation with the facts that have been true since it, one per hypothetical state with all
+    that would be so in it.
     """
     triples = ox.Store()
     triples.load(read().serialize(format="nt").encode(), format=ox.RdfFormat.N_TRIPLES)
@@ -164,7 +175,9 @@ def _about(key: str) -> ox.NamedNode:
 
 
 def _observation(source: Source) -> ox.NamedNode:
-    """`said:ta.object.jar_1.1.8` for object/jar_1@1.8 of ta: a name that SPARQL takes after a prefix."""
+    """`said:ta.object.jar_1.1.8` for object/jar_1@1.8 of ta: a name that SPARQL takes after a
+    prefix.
+    """
     return node("said", f"{source.by}.{source.name}".replace("/", ".").replace("@", "."))
 
 

@@ -1,7 +1,9 @@
-"""Rigid transforms and overlap of convex shapes in plain Python: enough for relations and volumes, no robot.
+"""Rigid transforms and overlap of convex shapes in plain Python: enough for relations and volumes,
+no robot.
 
-Poses are `T_A_B` (companion.languages.values), metres, quaternions w first. `overlap` is GJK on support functions
-(Gilbert, Johnson, Keerthi 1988): for convex shapes, true where they share a point. Must not know: facts, queries.
+Poses are `T_A_B` (companion.languages.values), metres, quaternions w first. `overlap` is GJK on
+support functions (Gilbert, Johnson, Keerthi 1988): for convex shapes, true where they share a
+point. Must not know: facts, queries.
 """
 
 import math
@@ -11,7 +13,8 @@ from companion.languages.values import Box, Cylinder, Pose, Shape, Sphere, Vecto
 from companion.quaternions import Quat, conjugate, product
 
 Bounds = tuple[Vector, Vector]
-# GJK needs a few iterations for such shapes; undecided after these, they count as touching (safe side).
+# GJK needs a few iterations for such shapes; undecided after these, they count as touching (safe
+# side).
 ROUNDS = 32
 # Squared length below which a direction counts as zero: a nanometre, far below any measurement.
 _SAME = 1e-18
@@ -54,11 +57,17 @@ def half_sizes(shape: Shape) -> Vector:
 
 
 def bounds(shape: Shape, pose: Pose) -> Bounds:
-    """Return the lowest and highest coordinates of the box around a shape of an object at `pose`."""
+    """Return the lowest and highest coordinates of the box around a shape of an object at
+    `pose`.
+    """
     at = compose(pose, shape.at)
     a, b, c = half_sizes(shape)
     p, q, r = (rotate(at.quat_wxyz, edge) for edge in ((a, 0, 0), (0, b, 0), (0, 0, c)))
-    reach = (abs(p[0]) + abs(q[0]) + abs(r[0]), abs(p[1]) + abs(q[1]) + abs(r[1]), abs(p[2]) + abs(q[2]) + abs(r[2]))
+    reach = (
+        abs(p[0]) + abs(q[0]) + abs(r[0]),
+        abs(p[1]) + abs(q[1]) + abs(r[1]),
+        abs(p[2]) + abs(q[2]) + abs(r[2]),
+    )
     return _minus(at.xyz, reach), _minus(at.xyz, _negative(reach))
 
 
@@ -90,7 +99,9 @@ def overlap(one: Shape, at: Pose, other: Shape, there: Pose) -> bool:
     if _dot(direction, direction) < _SAME:
         return True
     for _ in range(ROUNDS):
-        point = _minus(_support(one, first, direction), _support(other, second, _negative(direction)))
+        point = _minus(
+            _support(one, first, direction), _support(other, second, _negative(direction))
+        )
         if _dot(point, direction) < 0:
             return False
         simplex.append(point)
@@ -108,7 +119,11 @@ def _support(shape: Shape, at: Pose, direction: Vector) -> Vector:
             local = (math.copysign(a / 2, x), math.copysign(b / 2, y), math.copysign(c / 2, z))
         case Cylinder(radius=r, length=length):
             flat = math.hypot(x, y)
-            local = (r * x / flat if flat else 0.0, r * y / flat if flat else 0.0, math.copysign(length / 2, z))
+            local = (
+                r * x / flat if flat else 0.0,
+                r * y / flat if flat else 0.0,
+                math.copysign(length / 2, z),
+            )
         case Sphere(radius=r):
             norm = math.sqrt(x * x + y * y + z * z)
             local = (r * x / norm, r * y / norm, r * z / norm)
@@ -116,7 +131,8 @@ def _support(shape: Shape, at: Pose, direction: Vector) -> Vector:
 
 
 def _nearest(simplex: list[Vector]) -> tuple[list[Vector], Vector]:
-    """Return the part of a simplex (newest point last) that faces the origin, and the direction to the origin.
+    """Return the part of a simplex (newest point last) that faces the origin, and the direction to
+    the origin.
 
     A zero direction means that the origin is in it.
     """

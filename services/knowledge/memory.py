@@ -1,4 +1,6 @@
-"""Memory of km between two steps: the observed scene, what waits for the next state; conditions of the design."""
+"""Memory of km between two steps: the observed scene, what waits for the next state; conditions of
+the design.
+"""
 
 import msgspec
 
@@ -24,10 +26,11 @@ class News(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """Memory that is lost with the process: hypothetical states, the subscription and the incarnation it is for, what
-    was just taken.
+    """Memory that is lost with the process: hypothetical states, the subscription and the
+    incarnation it is for, what was just taken.
 
-    `agreed`: the observer agreed to the subscription. `held`: the next question has waited long enough.
+    `agreed`: the observer agreed to the subscription. `held`: the next question has waited long
+    enough.
     """
 
     overlays: Overlays = Overlays()
@@ -40,7 +43,9 @@ class Soft(msgspec.Struct, frozen=True):
 
 
 class Memory(msgspec.Struct, frozen=True):
-    """The observed scene. `patient`: questions wait for a look around. `blind`: why the look around showed nothing."""
+    """The observed scene. `patient`: questions wait for a look around. `blind`: why the look around
+    showed nothing.
+    """
 
     scene: Scene = Scene()
     patient: bool = True
@@ -55,7 +60,9 @@ class Mirror(msgspec.Struct, frozen=True):
 
 
 CONDITIONS = {
-    "message_taken": lambda memory: memory.soft.question is not None or memory.soft.news is not None,
+    "message_taken": lambda memory: (
+        memory.soft.question is not None or memory.soft.news is not None
+    ),
     "question_waits": lambda memory: memory.soft.question is not None,
     "observation_waits": lambda memory: memory.soft.news is not None,
     "question_answered": lambda memory: memory.soft.question is None,

@@ -1,4 +1,5 @@
-"""Observations become facts: the newest one of a subject counts, older ones are ignored; poses that agree are fused.
+"""Observations become facts: the newest one of a subject counts, older ones are ignored; poses that
+agree are fused.
 
 Pure: a scene in, a scene out. Must not know: who observed, protocols.
 """
@@ -43,12 +44,15 @@ def subject_of(observation: wm.AnySight) -> str:
 
 
 def observed(scene: Scene, observation: wm.AnySight, version: Version, now: float = 0.0) -> Scene:
-    """Return the scene with this observation, or the same object if the scene is as new or newer for this subject.
+    """Return the scene with this observation, or the same object if the scene is as new or newer
+    for this subject.
 
     `now`: time of observations that do not carry one themselves [s].
     """
     subject = subject_of(observation)
-    if any(version <= scene.versions[known] for known in (subject, WORLD) if known in scene.versions):
+    if any(
+        version <= scene.versions[known] for known in (subject, WORLD) if known in scene.versions
+    ):
         return scene
     at = observation.at if isinstance(observation, wm.SeenObject | wm.PlacedObject) else now
     stamped = msgspec.structs.replace(
@@ -58,7 +62,9 @@ def observed(scene: Scene, observation: wm.AnySight, version: Version, now: floa
 
 
 def forgotten(scene: Scene, version: Version) -> Scene:
-    """Return a scene of which nothing is known, after the loss of the world; the same object if that is old news."""
+    """Return a scene of which nothing is known, after the loss of the world; the same object if
+    that is old news.
+    """
     if version <= max(scene.versions.values(), default=(0, 0)):
         return scene
     return Scene(reserved=scene.reserved, versions={**scene.versions, WORLD: version})
@@ -67,7 +73,8 @@ def forgotten(scene: Scene, version: Version) -> Scene:
 def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
     match observation:
         case wm.SeenObject(object=name, model=model, pose=pose, content=content):
-            # A held object moves with the hand: its pose is valid only at the moment of the observation.
+            # A held object moves with the hand: its pose is valid only at the moment of the
+            # observation.
             exact = scene.holder(name) is None
             kept = scene.things.get(name, SceneObject(name, model, pose))
             origin = None if _moved_by_others(kept, pose) else kept.origin
@@ -75,15 +82,21 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
             pose, uncertainty = fused((kept.pose, sure), (pose, observation.uncertainty))
             content = kept.content if content is None else content
             told = {"pose": pose, "uncertainty": uncertainty, "content": content}
-            seen = msgspec.structs.replace(kept, model=model, at=at, exact=exact, origin=origin, **told)
+            seen = msgspec.structs.replace(
+                kept, model=model, at=at, exact=exact, origin=origin, **told
+            )
             return related(scene.with_object(seen), at, name)
         case wm.PlacedObject(object=name, model=model, pose=pose):
             kept = scene.things.get(name, SceneObject(name, model, pose))
-            left = msgspec.structs.replace(kept, model=model, pose=pose, at=at, exact=False, uncertainty=None)
+            left = msgspec.structs.replace(
+                kept, model=model, pose=pose, at=at, exact=False, uncertainty=None
+            )
             return related(scene.with_object(left), at, name)
         case wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose):
             before = scene.hands.get(side, Held()).object
-            return related(_taken(scene, name).with_hand(side, Held(name, grasp, pose)), at, before, name)
+            return related(
+                _taken(scene, name).with_hand(side, Held(name, grasp, pose)), at, before, name
+            )
         case wm.LostObject(object=name, side=side):
             return scene.without(name, side)
         case wm.GivenObject(object=name, side=side):
@@ -105,7 +118,9 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
 
 
 def _taken(scene: Scene, name: str) -> Scene:
-    """Return the scene in which an object that is now in a hand has its origin, if it was seen where it stood."""
+    """Return the scene in which an object that is now in a hand has its origin, if it was seen
+    where it stood.
+    """
     object = scene.things.get(name)
     if object is None or object.origin is not None or not object.exact:
         return scene
@@ -113,5 +128,7 @@ def _taken(scene: Scene, name: str) -> Scene:
 
 
 def _moved_by_others(object: SceneObject, pose: Pose) -> bool:
-    """Whether an object that was seen where it stood is now seen elsewhere, and no hand of the robot had it between."""
+    """Whether an object that was seen where it stood is now seen elsewhere, and no hand of the
+    robot had it between.
+    """
     return object.exact and math.dist(object.pose.xyz, pose.xyz) > ELSEWHERE_M

@@ -17,7 +17,9 @@ NOT_YET = wm.Unknown((fact(Kind.LOOK_NOT_OVER),), later=True)
 def answer(turn: Turn, question: Question, said: wm.AnyAnswer) -> None:
     """Answer a question; what is not known is a failure."""
     unknown = isinstance(said, wm.Unknown | wm.UnknownState)
-    turn.say(question.conversation, Performative.FAILURE if unknown else Performative.INFORM_REF, said)
+    turn.say(
+        question.conversation, Performative.FAILURE if unknown else Performative.INFORM_REF, said
+    )
 
 
 def subscribe(turn: Turn) -> str:

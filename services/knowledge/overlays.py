@@ -1,8 +1,10 @@
-"""Hypothetical states: the world as it would be after a part of a plan. In memory only, lost with the process.
+"""Hypothetical states: the world as it would be after a part of a plan. In memory only, lost with
+the process.
 
-A hypothesis is the observed world, or another hypothesis, with changes. pl chooses its id, so making it twice has no
-effect. Their number is bounded; the oldest is dropped first, and a query for a dropped one is answered UnknownState.
-All are immutable values: making and dropping return a new `Overlays`. Must not know: the store.
+A hypothesis is the observed world, or another hypothesis, with changes. pl chooses its id, so
+making it twice has no effect. Their number is bounded; the oldest is dropped first, and a query for
+a dropped one is answered UnknownState. All are immutable values: making and dropping return a new
+`Overlays`. Must not know: the store.
 """
 
 import msgspec
@@ -46,13 +48,18 @@ class Overlays(msgspec.Struct, frozen=True):
         return found.scene if found else None
 
     def make(self, query: wm.HypotheticalState, observed: Scene) -> "tuple[Overlays, wm.AnyAnswer]":
-        """Make a state, unless the same query has made it already; return the overlays and the answer."""
+        """Make a state, unless the same query has made it already; return the overlays and the
+        answer.
+        """
         if query.id == "":
-            return self, wm.Unknown((fact(Kind.UNKNOWN_TO_KM, "id"),))  # "" is the world as observed
+            # "" is the world as observed
+            return self, wm.Unknown((fact(Kind.UNKNOWN_TO_KM, "id"),))
         known = self.states.get(query.id)
         if known is not None:
             same = (known.parent, known.changes) == (query.state, query.changes)
-            return self, wm.Made(query.id) if same else wm.Unknown((fact(Kind.UNKNOWN_TO_KM, query.id),))
+            return self, wm.Made(query.id) if same else wm.Unknown(
+                (fact(Kind.UNKNOWN_TO_KM, query.id),)
+            )
         parent = self.scene(query.state, observed)
         if parent is None:
             return self, wm.UnknownState(query.state)
@@ -60,7 +67,9 @@ class Overlays(msgspec.Struct, frozen=True):
             scene = changed(parent, query.changes)
         except Impossible as error:
             return self, wm.Unknown(error.why)
-        return self._with(query.id, Hypothesis(query.state, query.changes, scene)), wm.Made(query.id)
+        return self._with(query.id, Hypothesis(query.state, query.changes, scene)), wm.Made(
+            query.id
+        )
 
     def drop(self, prefix: str) -> "Overlays":
         """Return the overlays without all states whose id has this prefix."""
@@ -88,7 +97,12 @@ def _changed(scene: Scene, change: wm.AnyChange) -> Scene:
         case wm.Grasped(object=name, side=side, grasp=grasp, pose=pose):
             _require(scene, name)
             before = scene.hands.get(side, Held()).object
-            return related(scene.with_hand(side, Held(name, grasp, pose)), scene.things[name].related_at, before, name)
+            return related(
+                scene.with_hand(side, Held(name, grasp, pose)),
+                scene.things[name].related_at,
+                before,
+                name,
+            )
         case wm.Released(side=side):
             before = scene.hands.get(side, Held()).object
             return related(scene.with_hand(side, Held()), 0.0, before)
@@ -97,7 +111,9 @@ def _changed(scene: Scene, change: wm.AnyChange) -> Scene:
                 raise Impossible(fact(Kind.UNKNOWN_TO_KM, part))
             return msgspec.structs.replace(scene, joints={**scene.joints, part: q})
         case wm.Reserved(name=name, volume=None):
-            return msgspec.structs.replace(scene, reserved={k: v for k, v in scene.reserved.items() if k != name})
+            return msgspec.structs.replace(
+                scene, reserved={k: v for k, v in scene.reserved.items() if k != name}
+            )
         case wm.Reserved(name=name, volume=volume):
             return msgspec.structs.replace(scene, reserved={**scene.reserved, name: volume})
         case wm.Poured(source=source, destination=destination):
@@ -109,7 +125,9 @@ def _changed(scene: Scene, change: wm.AnyChange) -> Scene:
 def _moved(scene: Scene, change: wm.Moved) -> Scene:
     """Move an object. What pl says it stands on overrides what geometry finds."""
     _require(scene, change.object)
-    object = msgspec.structs.replace(scene.things[change.object], pose=change.pose, exact=change.exact)
+    object = msgspec.structs.replace(
+        scene.things[change.object], pose=change.pose, exact=change.exact
+    )
     after = related(scene.with_object(object), object.related_at, object.id)
     if not change.on:
         return after

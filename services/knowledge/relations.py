@@ -14,20 +14,26 @@ from services.knowledge import geometry
 from services.knowledge.extents import TOUCH_M, cells_of
 from services.knowledge.scene import Scene, SceneObject
 
-# The foot of an object is taken this far above its base, so that an object on a roof is not inside; estimate.
+# The foot of an object is taken this far above its base, so that an object on a roof is not inside;
+# estimate.
 INSIDE_M = 0.01
 
 
 def related(scene: Scene, now: float, *touched: str) -> Scene:
-    """Return the scene with its relations computed again, after the objects `touched` were moved, taken or released.
+    """Return the scene with its relations computed again, after the objects `touched` were moved,
+    taken or released.
 
     `now`: time of the newest observation [s]. Relations between objects that stayed are kept.
     """
     objects = scene.marked
     moved = [objects[name] for name in touched if name in objects]
     near = {name for one in moved for name in (one.id, *objects.upon(one.id), *_near(scene, one))}
-    concerned = (objects[name] for name in near if any(_concerns(one, objects[name]) for one in moved))
-    renewed = [after for object in concerned if (after := _related(scene, object, now)) is not object]
+    concerned = (
+        objects[name] for name in near if any(_concerns(one, objects[name]) for one in moved)
+    )
+    renewed = [
+        after for object in concerned if (after := _related(scene, object, now)) is not object
+    ]
     return msgspec.structs.replace(scene, things=objects.having(renewed)) if renewed else scene
 
 
@@ -41,7 +47,9 @@ def _concerns(moved: SceneObject, object: SceneObject) -> bool:
         return True
     if moved.known is None or object.known is None:
         return False
-    return _is_in(object, object.known, moved, moved.known) or bool(_support(object, object.known, [moved]))
+    return _is_in(object, object.known, moved, moved.known) or bool(
+        _support(object, object.known, [moved])
+    )
 
 
 def relate(scene: Scene, object: SceneObject) -> tuple[str, tuple[str, ...]]:
@@ -52,7 +60,13 @@ def relate(scene: Scene, object: SceneObject) -> tuple[str, tuple[str, ...]]:
     if scene.holder(object.id) is not None:
         return "", ()  # it moves with the hand
     others = [scene.things[name] for name in _near(scene, object) if name != object.id]
-    inside = tuple(sorted(other.id for other in others if other.known and _is_in(object, model, other, other.known)))
+    inside = tuple(
+        sorted(
+            other.id
+            for other in others
+            if other.known and _is_in(object, model, other, other.known)
+        )
+    )
     return _support(object, model, others), inside
 
 

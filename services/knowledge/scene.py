@@ -1,8 +1,8 @@
 """A state of the world as km knows it: immutable, typed records by id.
 
-The observed world is one Scene, each hypothetical state another. A change makes a new Scene that shares all other
-records, so a hypothesis needs only the memory of its changes. It is encoded whole into the journal. Must not know:
-stores, agents, queries.
+The observed world is one Scene, each hypothetical state another. A change makes a new Scene that
+shares all other records, so a hypothesis needs only the memory of its changes. It is encoded whole
+into the journal. Must not know: stores, agents, queries.
 """
 
 from collections.abc import Iterable, Mapping, Set
@@ -18,19 +18,23 @@ PARTS = {"torso": 1, "right_arm": 7, "left_arm": 7, "head": 2, "right_hand": 4, 
 
 
 class Origin(msgspec.Struct, frozen=True):
-    """Place of an object before the robot took it: its pose, and what it was on ("" if that is not known)."""
+    """Place of an object before the robot took it: its pose, and what it was on ("" if that is not
+    known).
+    """
 
     pose: Pose
     on: str
 
 
 class SceneObject(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An object, with the pose where it was last seen, where a hand let go of it, or where it is predicted to be.
+    """An object, with the pose where it was last seen, where a hand let go of it, or where it is
+    predicted to be.
 
-    `exact`: it was seen there. `on`, `inside`: computed from poses and shapes. `at`: time of that observation,
-    `related_at`: of the newest observation behind its relations [s, observer's clock]. `origin`: of the first time that
-    the robot took it; None before, and after somebody else moved it. `content`: mass of what was seen in it [kg] when
-    it was looked into last, None if it never was. `uncertainty`: of the pose where it was seen; None: it is not known.
+    `exact`: it was seen there. `on`, `inside`: computed from poses and shapes. `at`: time of that
+    observation, `related_at`: of the newest observation behind its relations [s, observer's clock].
+    `origin`: of the first time that the robot took it; None before, and after somebody else moved
+    it. `content`: mass of what was seen in it [kg] when it was looked into last, None if it never
+    was. `uncertainty`: of the pose where it was seen; None: it is not known.
     """
 
     id: str
@@ -60,7 +64,9 @@ class SceneObject(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 Mark = tuple[int, int] | str | None
-"""A cell that an object reaches, None for any cell; or the id of another object, which it is on or in."""
+"""A cell that an object reaches, None for any cell; or the id of another object, which it is on or
+in.
+"""
 
 
 class SceneObjects(dict[str, SceneObject]):
@@ -112,7 +118,13 @@ def _marks(object: SceneObject | None) -> frozenset[Mark]:
     if object is None:
         return frozenset()
     cells = cells_of(object.model, object.pose)
-    return frozenset((*((None,) if cells is None else cells), *object.inside, *((object.on,) if object.on else ())))
+    return frozenset(
+        (
+            *((None,) if cells is None else cells),
+            *object.inside,
+            *((object.on,) if object.on else ()),
+        )
+    )
 
 
 class Held(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -124,8 +136,8 @@ class Held(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Lost(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An object whose place is unknown: its class in the ontology, and the hand that lost it, or gave it to a person
-    (`given`); None: it was missing where it should have been.
+    """An object whose place is unknown: its class in the ontology, and the hand that lost it, or
+    gave it to a person (`given`); None: it was missing where it should have been.
     """
 
     kind: str
@@ -134,12 +146,13 @@ class Lost(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Objects, hands, joints [rad] per part of the body, spaces kept free, contents poured (source -> destination).
+    """Objects, hands, joints [rad] per part of the body, spaces kept free, contents poured (source
+    -> destination).
 
     `lost`: objects that left a hand, or were missing where they should be, and were not seen since.
 
-    `versions`: the newest observation of each subject; `times`: when it was made, or when it arrived if it carries no
-    time. A missing hand or part was never observed.
+    `versions`: the newest observation of each subject; `times`: when it was made, or when it
+    arrived if it carries no time. A missing hand or part was never observed.
     """
 
     things: dict[str, SceneObject] = {}
@@ -153,7 +166,8 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def __post_init__(self) -> None:
         """Mark the objects."""
-        kind = SceneObjects if self.things else dict  # omit_defaults leaves only a plain empty dict out
+        # omit_defaults leaves only a plain empty dict out
+        kind = SceneObjects if self.things else dict
         if type(self.things) is not kind:
             msgspec.structs.force_setattr(self, "things", kind(self.things))
 
@@ -169,18 +183,31 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
         return msgspec.structs.replace(self, things=self.marked.having((object,)), lost=lost)
 
     def without(self, name: str, side: Side | None, *, given: bool = False) -> "Scene":
-        """The scene after the hand `side` lost this object, or gave it to a person, or it was missing (None)."""
+        """The scene after the hand `side` lost this object, or gave it to a person, or it was
+        missing (None).
+        """
         known = self.things.get(name) or self.lost.get(name)
         kind = known.kind if known is not None else "PhysicalObject"
-        hands = {where: Held() if held.object == name else held for where, held in self.hands.items()}
+        hands = {
+            where: Held() if held.object == name else held for where, held in self.hands.items()
+        }
         lost = {**self.lost, name: Lost(kind, side, given)}
-        return msgspec.structs.replace(self, things=self.marked.without(name), hands=hands, lost=lost)
+        return msgspec.structs.replace(
+            self, things=self.marked.without(name), hands=hands, lost=lost
+        )
 
     def with_hand(self, side: Side, held: Held) -> "Scene":
-        """The scene with this hand; an object in it leaves the other hand, and its pose is not exact."""
+        """The scene with this hand; an object in it leaves the other hand, and its pose is not
+        exact.
+        """
         hands = {
-            other: Held() if held.object and what.object == held.object else what for other, what in self.hands.items()
+            other: Held() if held.object and what.object == held.object else what
+            for other, what in self.hands.items()
         }
         scene = msgspec.structs.replace(self, hands={**hands, side: held})
         object = self.things.get(held.object)
-        return scene.with_object(msgspec.structs.replace(object, exact=False, on="")) if object else scene
+        return (
+            scene.with_object(msgspec.structs.replace(object, exact=False, on=""))
+            if object
+            else scene
+        )

@@ -1,11 +1,12 @@
-"""The observed world in a triple store (pyoxigraph), in the terms of O_RoCo, in memory or on disk: the device of km.
+"""The observed world in a triple store (pyoxigraph), in the terms of O_RoCo, in memory or on disk:
+the device of km.
 
-The agent tells the store each observed scene, for SPARQL and export, and never reads it: the journal is the truth, and
-after a death the store is made equal to it again.
+The agent tells the store each observed scene, for SPARQL and export, and never reads it: the
+journal is the truth, and after a death the store is made equal to it again.
 
-`scene` is the same as typed records. A write replaces all triples of each changed subject, with its version, in one
-transaction, so after a death the store has an observation whole or not at all. Only one process can own a store on
-disk. Must not know: queries, hypothetical states.
+`scene` is the same as typed records. A write replaces all triples of each changed subject, with its
+version, in one transaction, so after a death the store has an observation whole or not at all. Only
+one process can own a store on disk. Must not know: queries, hypothetical states.
 """
 
 from pathlib import Path
@@ -33,7 +34,9 @@ class Store:
 
     @classmethod
     def open(cls, path: Path | None = None) -> "Store":
-        """The store in the folder `path`, or an empty one in memory. Raises OSError if another process has it open."""
+        """The store in the folder `path`, or an empty one in memory. Raises OSError if another
+        process has it open.
+        """
         triples = ox.Store(str(path)) if path is not None else ox.Store()
         if not any(triples.quads_for_pattern(None, None, None)):
             triples.load(text().encode(), format=ox.RdfFormat.TURTLE)
@@ -49,7 +52,9 @@ class Store:
         gone = [quad for subject in before for quad in self._about(subject.node)]
         come = [quad for subject in after for quad in subject.quads]
         if gone or come:
-            self._triples.update(f"DELETE DATA {{ {_lines(gone)} }} ; INSERT DATA {{ {_lines(come)} }}")
+            self._triples.update(
+                f"DELETE DATA {{ {_lines(gone)} }} ; INSERT DATA {{ {_lines(come)} }}"
+            )
         self._scene = scene
 
     def graph(self) -> Graph:
@@ -60,7 +65,9 @@ class Store:
         return Graph(store=OxigraphStore(store=self._triples), identifier=DATASET_DEFAULT_GRAPH_ID)
 
     def _about(self, node: ox.NamedNode) -> list[ox.Quad]:
-        """The written triples of a subject; what else stands on a part of the robot is the ontology's."""
+        """The written triples of a subject; what else stands on a part of the robot is the
+        ontology's.
+        """
         part = node.value.startswith(str(ROCO))
         found = self._triples.quads_for_pattern(node, None, None)
         return [quad for quad in found if not part or quad.predicate in _OF_PARTS]
@@ -105,7 +112,14 @@ def _read(triples: ox.Store) -> Scene:
         for found in triples.quads_for_pattern(quad.subject, OBSERVED, None):
             times[key] = float(_text(found))
     ordered = {part: joints[part] for part in PARTS if part in joints}
-    return Scene(things=objects, hands=hands, joints=ordered, contents=contents, versions=versions, times=times)
+    return Scene(
+        things=objects,
+        hands=hands,
+        joints=ordered,
+        contents=contents,
+        versions=versions,
+        times=times,
+    )
 
 
 class StoreDevice:

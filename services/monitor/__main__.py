@@ -1,4 +1,6 @@
-"""`python -m services.monitor`: the monitor of any system (operate.recording), bound to this one."""
+"""`python -m services.monitor`: the monitor of any system (operate.recording), bound to this
+one.
+"""
 
 import os
 

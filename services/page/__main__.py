@@ -1,4 +1,6 @@
-"""The person's page as a process: `python -m services.page --help`. Browsers reach it as docs/page.md says."""
+"""The person's page as a process: `python -m services.page --help`. Browsers reach it as
+docs/page.md says.
+"""
 
 import asyncio
 import contextlib
@@ -28,13 +30,17 @@ from services.page.pairing import Pairs
 from services.page.robot import RobotEye, RobotWord
 
 WAIT_S = 10.0
-"""hi holds the answer so long, until there is something to tell; what only a file tells is seen by the page itself."""
+"""hi holds the answer so long, until there is something to tell; what only a file tells is seen by
+the page itself.
+"""
 AGAIN_S = 0.5
 MOST_NEWS = 60
 
 
 class Following:
-    """Calls `told(tasks, news)` after each change, `told(None, ())` when hi has gone; from its own thread."""
+    """Calls `told(tasks, news)` after each change, `told(None, ())` when hi has gone; from its own
+    thread.
+    """
 
     def __init__(self, hi: Hi, told: Callable[[Tasks | None, tuple[HiEvent, ...]], None]) -> None:
         self._hi, self._told = hi, told
@@ -68,15 +74,17 @@ NAME = "page"
 LOOK_S = 0.2
 """Between two looks at the stop flag, which `roco stop` sets, too."""
 PATIENCE_S = 6.0
-"""Longest wait for hi, which answers within 5 s, be it that it is busy; a person has a browser before them."""
+"""Longest wait for hi, which answers within 5 s, be it that it is busy; a person has a browser
+before them.
+"""
 PAIRED_FILE = "page.paired"
 
 
 def serve(options: Options) -> int:
     """Run until a signal; return the exit code.
 
-    ROCO_PAGE says where browsers reach it (default: loopback, a free port). ROCO_HI_DIR: the folder of hi.json, where
-    that is not the run folder; ROCO_HI: the host of hi.
+    ROCO_PAGE says where browsers reach it (default: loopback, a free port). ROCO_HI_DIR: the folder
+    of hi.json, where that is not the run folder; ROCO_HI: the host of hi.
     """
     try:
         host, port = listen_at(os.environ.get("ROCO_PAGE", ""))
@@ -86,7 +94,9 @@ def serve(options: Options) -> int:
     make_run(options.run_dir)
     before = _before(options.run_dir)
     listening = _listening(host, port, before)
-    address = PageAddress(listening.getsockname()[1], before.token if before else secrets.token_urlsafe(24))
+    address = PageAddress(
+        listening.getsockname()[1], before.token if before else secrets.token_urlsafe(24)
+    )
     write_secret(options.run_dir / PAGE_FILE, msgspec.json.encode(address))
     with listening:
         asyncio.run(_serve(options, listening, address))
@@ -94,7 +104,9 @@ def serve(options: Options) -> int:
 
 
 def _before(run: Path) -> PageAddress | None:
-    """The address of the process before this one: browsers that are open find the page there again."""
+    """The address of the process before this one: browsers that are open find the page there
+    again.
+    """
     try:
         return msgspec.json.decode((run / PAGE_FILE).read_bytes(), type=PageAddress)
     except (OSError, msgspec.DecodeError):
@@ -112,7 +124,11 @@ def _listening(host: str, port: int, before: PageAddress | None) -> socket.socke
 async def _serve(options: Options, listening: socket.socket, address: PageAddress) -> None:
     run = options.run_dir
     log = Log(NAME, options.log_level, run / "logs" / f"{NAME}.jsonl")
-    hi = Hi(Path(os.environ.get("ROCO_HI_DIR") or run) / HI_FILE, os.environ.get("ROCO_HI") or HERE, PATIENCE_S)
+    hi = Hi(
+        Path(os.environ.get("ROCO_HI_DIR") or run) / HI_FILE,
+        os.environ.get("ROCO_HI") or HERE,
+        PATIENCE_S,
+    )
     stop, pairs, loop = RobotStop(run), Pairs(run / PAIRED_FILE), asyncio.get_running_loop()
     page = Page(hi, stop, RobotWord(options), pairs, address.port, address.token)
 
@@ -126,7 +142,9 @@ async def _serve(options: Options, listening: socket.socket, address: PageAddres
 
     following = Following(hi, told)
     eye = RobotEye(
-        options, lambda *picture: soon(partial(page.see, *picture)), lambda mode: soon(partial(page.hear, mode=mode))
+        options,
+        lambda *picture: soon(partial(page.see, *picture)),
+        lambda mode: soon(partial(page.hear, mode=mode)),
     )
     server = Server(Guard(page.app(), address.port, pairs))
 
@@ -158,4 +176,6 @@ async def _serve(options: Options, listening: socket.socket, address: PageAddres
 
 
 if __name__ == "__main__":
-    cli.run(NAME, "page: shows people what the robot does, and takes their words, in a browser.", serve)
+    cli.run(
+        NAME, "page: shows people what the robot does, and takes their words, in a browser.", serve
+    )

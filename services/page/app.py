@@ -1,8 +1,9 @@
-"""The answers of the page (starlette): its files, the stream of what changes, and what a person does.
+"""The answers of the page (starlette): its files, the stream of what changes, and what a person
+does.
 
-Every action is one of hi's (docs/http.md), but for two. The stop: where the robot's loop shares this run folder its
-flag is set here first, whatever hi does. "Go on": ta is told to begin the act that waits. Must not know: Zenoh, threads
-of others.
+Every action is one of hi's (docs/http.md), but for two. The stop: where the robot's loop shares
+this run folder its flag is set here first, whatever hi does. "Go on": ta is told to begin the act
+that waits. Must not know: Zenoh, threads of others.
 """
 
 import asyncio
@@ -22,7 +23,13 @@ import anyio.to_thread
 import msgspec
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response, StreamingResponse
+from starlette.responses import (
+    HTMLResponse,
+    JSONResponse,
+    RedirectResponse,
+    Response,
+    StreamingResponse,
+)
 from starlette.routing import Route
 
 from companion import commands
@@ -37,11 +44,14 @@ from services.page.pairing import CODE_S, KEPT_S, Pairs
 from services.page.robot import RobotWord
 from services.page.view import LANGUAGES, say
 
-# --- Server-sent events that tell browsers of changes; the newest wins, so that a slow reader costs no memory --------
+# --- Server-sent events that tell browsers of changes; the newest wins, so that a slow reader costs
+# no memory
 
 
 BEAT_S = 3.0
-"""Between two beats when nothing changes: a browser that misses three says that it has lost the page (page.js)."""
+"""Between two beats when nothing changes: a browser that misses three says that it has lost the
+page (page.js).
+"""
 MOST = 24
 """Streams; another one ends the oldest (estimate: some browsers with some tabs)."""
 
@@ -75,7 +85,8 @@ class Streams:
         self._listeners[woken] = None
         if len(self._listeners) > MOST:
             oldest = next(iter(self._listeners))
-            del self._listeners[oldest]  # it ends later: of many that come at once each must end another one
+            # it ends later: of many that come at once each must end another one
+            del self._listeners[oldest]
             self._ended.add(oldest)
             oldest.set()
         try:
@@ -107,7 +118,7 @@ def sse(event: str, data: bytes) -> bytes:
     return b"event: " + event.encode() + b"\ndata: " + data + b"\n\n"
 
 
-# --- Sentences as sound, by espeak-ng where it is installed: a WAV file of each. Nothing is kept ---------------------
+# --- Sentences as sound, by espeak-ng where it is installed: a WAV file of each. Nothing is kept --
 
 
 PROGRAM = "espeak-ng"
@@ -126,12 +137,15 @@ def available() -> bool:
 
 
 async def wav(text: str, language: str) -> bytes | None:
-    """Return the sound of a text, in a language of the catalogue; None where it cannot be made in time."""
+    """Return the sound of a text, in a language of the catalogue; None where it cannot be made in
+    time.
+    """
     async with _room:
         try:
             process = await asyncio.create_subprocess_exec(
                 PROGRAM, "-v", language, "-s", WORDS_A_MINUTE, "--stdin", "--stdout",
-                stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.DEVNULL,
+                stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.DEVNULL,
             )  # fmt: skip
         except OSError:
             return None
@@ -146,14 +160,16 @@ async def wav(text: str, language: str) -> bytes | None:
         return sound if process.returncode == 0 and sound else None
 
 
-# --- The answers of the page (starlette) ------------------------------------------------------------------------------
+# --- The answers of the page (starlette) ----------------------------------------------------------
 
 
 LANGUAGE_COOKIE = "velma-language"
 BROWSER = "browser"
 """The field with the name of the browser that sent a form; the page itself fills it in."""
 HI_AT_ONCE = 6
-"""Requests to hi at the same time, but for a stop's; estimate: hi answers in milliseconds, or hangs."""
+"""Requests to hi at the same time, but for a stop's; estimate: hi answers in milliseconds, or
+hangs.
+"""
 MOST_URGENT = 9
 STATIC = {
     "page.css": "text/css",
@@ -161,13 +177,17 @@ STATIC = {
     "pair.js": "text/javascript",
     "icon.svg": "image/svg+xml",
 }
-_FILES = {name: resources.files(__package__).joinpath("static", name).read_bytes() for name in STATIC}
+_FILES = {
+    name: resources.files(__package__).joinpath("static", name).read_bytes() for name in STATIC
+}
 
 
 class Page:
     """The page at `port`. `token`: of page.json, which `roco page` has."""
 
-    def __init__(self, hi: Hi, stop: RobotStop, word: RobotWord, pairs: Pairs, port: int, token: str) -> None:
+    def __init__(
+        self, hi: Hi, stop: RobotStop, word: RobotWord, pairs: Pairs, port: int, token: str
+    ) -> None:
         self.streams = Streams()
         self.heard = view.Heard()
         self._hi, self._stop, self._word = hi, stop, word
@@ -176,7 +196,9 @@ class Page:
         self._stopping = anyio.CapacityLimiter(HI_AT_ONCE)
         self._kept: set[asyncio.Task[None]] = set()
         self._documents = {
-            (name, language): _document(name, language) for name in ("index", "pair") for language in LANGUAGES
+            (name, language): _document(name, language)
+            for name in ("index", "pair")
+            for language in LANGUAGES
         }
 
     def app(self) -> Starlette:
@@ -197,17 +219,22 @@ class Page:
                 Route("/speech", self._speech),
                 Route("/static/{name}", self._static),
                 Route("/code", self._code, methods=["POST"]),
-                *(Route(path, _answering(act), methods=["POST"]) for path, act in (posts | held).items()),
+                *(
+                    Route(path, _answering(act), methods=["POST"])
+                    for path, act in (posts | held).items()
+                ),
             ]
         )
 
-    # --- what is shown ------------------------------------------------------------------------------------------------
+    # --- what is shown ----------------------------------------------------------------------------
 
     def hear(self, **news: object) -> None:
         """Take what has changed, and tell all browsers."""
         self.heard = msgspec.structs.replace(self.heard, **news)
         for language in LANGUAGES:
-            self.streams.tell(language, "view", msgspec.json.encode(view.view(self.heard, language)))
+            self.streams.tell(
+                language, "view", msgspec.json.encode(view.view(self.heard, language))
+            )
 
     def see(self, name: str, url: str) -> None:
         """Show a picture; `name`: PICTURE or ROOM of the view, `url`: what is in it."""
@@ -218,7 +245,9 @@ class Page:
         name = "index" if request.scope["paired"] else "pair"
         answer = HTMLResponse(self._documents[name, language])
         if request.query_params.get("language") == language:
-            answer.set_cookie(LANGUAGE_COOKIE, language, max_age=int(KEPT_S), httponly=True, samesite="strict")
+            answer.set_cookie(
+                LANGUAGE_COOKIE, language, max_age=int(KEPT_S), httponly=True, samesite="strict"
+            )
         return answer
 
     async def _door(self, request: Request) -> Response:
@@ -233,14 +262,16 @@ class Page:
     async def _events(self, request: Request) -> Response:
         language = request.query_params.get("language", "")
         channel = language if language in LANGUAGES else LANGUAGES[0]
-        return StreamingResponse(self.streams.listen(channel, *view.PICTURES), media_type="text/event-stream")
+        return StreamingResponse(
+            self.streams.listen(channel, *view.PICTURES), media_type="text/event-stream"
+        )
 
     async def _speech(self, request: Request) -> Response:
         text, language = request.query_params.get("text", ""), _language(request)
         sound = await wav(text, language) if text else None
         return Response(sound, media_type="audio/wav") if sound else Response(status_code=404)
 
-    # --- what a person does -------------------------------------------------------------------------------------------
+    # --- what a person does -----------------------------------------------------------------------
 
     async def _say(self, fields: dict[str, str], language: str) -> Response:
         text = fields.get("text", "").strip()
@@ -250,20 +281,28 @@ class Page:
         return await self._ask(partial(self._hi.send, said), language)
 
     async def _answers(self, text: str, browser: str) -> tuple[str, ...]:
-        """The answers to what hi has asked in a browser, if the text may be one, and hi says so at once."""
+        """The answers to what hi has asked in a browser, if the text may be one, and hi says so at
+        once.
+        """
         if may_answer(text):
             with anyio.move_on_after(AT_ONCE_S), suppress(HiError):
                 call = partial(self._hi.answers, browser)
-                return await anyio.to_thread.run_sync(call, abandon_on_cancel=True, limiter=self._stopping)
+                return await anyio.to_thread.run_sync(
+                    call, abandon_on_cancel=True, limiter=self._stopping
+                )
         return ()
 
     async def _stop_in_words(self, text: str, language: str) -> Response:
-        """Stop the robot. If the text calls for help and hi answers, the answer lists what can be said."""
+        """Stop the robot. If the text calls for help and hi answers, the answer lists what can be
+        said.
+        """
         if not calls_for_help(text):
             return await self._hold(True, {}, language)
         if self._flag(True):
             self.hear(held=True)
-        call = partial(anyio.to_thread.run_sync, partial(self._hi.send, Say(text)), limiter=self._stopping)
+        call = partial(
+            anyio.to_thread.run_sync, partial(self._hi.send, Say(text)), limiter=self._stopping
+        )
         try:
             return await _of_hi(call, language)
         except Refused:
@@ -293,8 +332,12 @@ class Page:
         return await self._ask(partial(self._hi.cancel, fields.get("task", ""), language), language)
 
     async def _hold(self, held: bool, fields: dict[str, str], language: str) -> Response:
-        """Stop the robot, or let it go: by its flag, then hi is told; where the flag is elsewhere, by hi."""
-        told = partial(anyio.to_thread.run_sync, partial(self._hi.hold, held), limiter=self._stopping)
+        """Stop the robot, or let it go: by its flag, then hi is told; where the flag is elsewhere,
+        by hi.
+        """
+        told = partial(
+            anyio.to_thread.run_sync, partial(self._hi.hold, held), limiter=self._stopping
+        )
         if not self._flag(held):
             return await _of_hi(told, language)
         self.hear(held=held)
@@ -304,7 +347,9 @@ class Page:
         return JSONResponse({"state": "stopped" if held else "released", "text": "", "replies": []})
 
     def _flag(self, held: bool) -> bool:
-        """Set the flag. Return whether the robot's loop reads it; hi is to be asked where it does not."""
+        """Set the flag. Return whether the robot's loop reads it; hi is to be asked where it does
+        not.
+        """
         try:
             return self._stop.hold(held)
         except OSError:
@@ -313,42 +358,59 @@ class Page:
     async def _ask(self, call: Callable[[], TaskLine], language: str) -> Response:
         return await _of_hi(partial(anyio.to_thread.run_sync, call, limiter=self._room), language)
 
-    # --- pairing ------------------------------------------------------------------------------------------------------
+    # --- pairing ----------------------------------------------------------------------------------
 
     async def _pair(self, fields: dict[str, str], language: str) -> Response:
         cookie = self._pairs.pair(fields.get("code", "").strip(), time.time())
         if cookie is None:
             raise Refused(403, say(language, "pair_wrong"))
         answer = JSONResponse({"state": "paired", "text": "", "replies": []})
-        answer.set_cookie(cookie_name(self._port), cookie, max_age=int(KEPT_S), httponly=True, samesite="strict")
+        answer.set_cookie(
+            cookie_name(self._port), cookie, max_age=int(KEPT_S), httponly=True, samesite="strict"
+        )
         return answer
 
     async def _code(self, request: Request) -> Response:
         """A new code for who has the token of page.json; a browser has no business here."""
         if "origin" in request.headers or not has_token(request.headers, self._token):
-            return JSONResponse({"error": "wrong or missing token; `roco page` has that of page.json"}, 401)
+            return JSONResponse(
+                {"error": "wrong or missing token; `roco page` has that of page.json"}, 401
+            )
         code = Pairing(self._pairs.new_code(time.time()), CODE_S)
         return Response(msgspec.json.encode(code), media_type="application/json")
 
 
 def _document(name: str, language: str) -> str:
     """A page in a language; page.js finds its words in it."""
-    words = view.WORDS[language] | {"speak_hint": say(language, "speak_hint", commands.example(language))}
-    text = Template(resources.files(__package__).joinpath("static", f"{name}.html").read_text(encoding="utf-8"))
+    words = view.WORDS[language] | {
+        "speak_hint": say(language, "speak_hint", commands.example(language))
+    }
+    text = Template(
+        resources.files(__package__).joinpath("static", f"{name}.html").read_text(encoding="utf-8")
+    )
     told = json.dumps({**words, "voice": available()}).replace("<", "\\u003c")
-    says = ((html.escape(one), html.escape(one[:1].upper() + one[1:])) for one in commands.buttons(language))
-    buttons = "\n".join(f'<button type="button" data-say="{one}">{label}</button>' for one, label in says)
+    says = (
+        (html.escape(one), html.escape(one[:1].upper() + one[1:]))
+        for one in commands.buttons(language)
+    )
+    buttons = "\n".join(
+        f'<button type="button" data-say="{one}">{label}</button>' for one, label in says
+    )
     return text.substitute(words, words=told, buttons=buttons)
 
 
 def _language(request: Request) -> str:
     asked = request.query_params.get("language") or request.cookies.get(LANGUAGE_COOKIE, "")
-    return asked if asked in LANGUAGES else view.preferred(request.headers.get("accept-language", ""))
+    return (
+        asked if asked in LANGUAGES else view.preferred(request.headers.get("accept-language", ""))
+    )
 
 
-def _answering(act: Callable[[dict[str, str], str], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
-    """An action as a route: its form is read within bounds, its refusal is a sentence, and a browser without scripts
-    gets the page again.
+def _answering(
+    act: Callable[[dict[str, str], str], Awaitable[Response]],
+) -> Callable[[Request], Awaitable[Response]]:
+    """An action as a route: its form is read within bounds, its refusal is a sentence, and a
+    browser without scripts gets the page again.
     """
 
     async def route(request: Request) -> Response:
@@ -383,14 +445,19 @@ def _east_min(fields: dict[str, str]) -> int | None:
 
 
 async def _of_hi(call: Callable[[], Awaitable[TaskLine]], language: str) -> Response:
-    """Return hi's answer. Raise Refused with the sentence of hi's error, or that nothing reached it."""
+    """Return hi's answer. Raise Refused with the sentence of hi's error, or that nothing reached
+    it.
+    """
     try:
         line = await call()
     except HiError as error:
         raise Refused(
-            error.status if error.status >= 400 else 503, str(error) if error.status else say(language, "unreached")
+            error.status if error.status >= 400 else 503,
+            str(error) if error.status else say(language, "unreached"),
         ) from error
-    return JSONResponse({"task": line.task, "state": line.state, "text": plain(line.text), "replies": line.replies})
+    return JSONResponse(
+        {"task": line.task, "state": line.state, "text": plain(line.text), "replies": line.replies}
+    )
 
 
 async def _quietly(call: Callable[[], Awaitable[object]]) -> None:

@@ -1,7 +1,8 @@
 """Access check before anything else looks at a request: an ASGI layer around the page.
 
-Host names this machine's loopback (a page of elsewhere reaches the robot by no rebound name), a POST comes from this
-page itself (its Origin), and all but the door needs the cookie of a paired browser. `docs/page.md` says why.
+Host names this machine's loopback (a page of elsewhere reaches the robot by no rebound name), a
+POST comes from this page itself (its Origin), and all but the door needs the cookie of a paired
+browser. `docs/page.md` says why.
 """
 
 import time
@@ -16,14 +17,20 @@ from companion.loopback_server import Refused, check_host
 from services.page.pairing import Bucket, Pairs, digest_of
 
 OPEN_TO_ALL = ("/", "/pair", "/code", "/static/page.css", "/static/pair.js", "/static/icon.svg")
-"""The door: it shows nothing of the robot. /code wants the token of page.json instead of a cookie."""
+"""The door: it shows nothing of the robot. /code wants the token of page.json instead of a
+cookie.
+"""
 BURST, PER_S = 12.0, 2.0
-"""Requests of a browser: at once, then per second (estimate: a person clicks less). A stop is not counted."""
+"""Requests of a browser: at once, then per second (estimate: a person clicks less). A stop is not
+counted.
+"""
 PAIR_BURST, PAIR_PER_S = 6.0, 0.5
 """Tries of codes, of all who are not paired together."""
 HEADERS = {
-    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
-    "media-src 'self'; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'",
+    "content-security-policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; media-src"
+        " 'self'; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+    ),
     "referrer-policy": "same-origin",  # no-referrer would make the Origin of forms "null"
     "x-content-type-options": "nosniff",
     "x-frame-options": "DENY",
@@ -35,7 +42,9 @@ HEADERS = {
 
 
 class Guard:
-    """`app` for who is let in. `port`: where the page is; `wall`, `clock`: unix time, and one that only grows [s]."""
+    """`app` for who is let in. `port`: where the page is; `wall`, `clock`: unix time, and one that
+    only grows [s].
+    """
 
     def __init__(
         self,
@@ -75,7 +84,10 @@ class Guard:
         host = headers["host"]
         if scope["method"] == "POST" and path != "/code" and not _same(headers, f"http://{host}"):
             return 403, f"Origin must be http://{host}: only this page may ask for that"
-        if path not in OPEN_TO_ALL and headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
+        if path not in OPEN_TO_ALL and headers.get("sec-fetch-site", "none") not in (
+            "same-origin",
+            "none",
+        ):
             return 403, "this is for the page alone, not for another site"
         cookie = cookie_of(headers, self._cookie)
         scope["paired"] = bool(cookie) and self._pairs.known(cookie, self._wall())
@@ -109,8 +121,13 @@ def cookie_of(headers: Mapping[str, str], name: str) -> str:
 
 
 def _same(headers: Headers, origin: str) -> bool:
-    """Whether a POST comes from this origin. Sec-Fetch-Site may only add a doubt: not every request has it."""
-    return headers.getlist("origin") == [origin] and headers.get("sec-fetch-site", "same-origin") == "same-origin"
+    """Whether a POST comes from this origin. Sec-Fetch-Site may only add a doubt: not every request
+    has it.
+    """
+    return (
+        headers.getlist("origin") == [origin]
+        and headers.get("sec-fetch-site", "same-origin") == "same-origin"
+    )
 
 
 _HEADERS = [(name.encode(), value.encode()) for name, value in HEADERS.items()]

@@ -1,7 +1,8 @@
-"""Pairing of browsers with the page: a code pairs one browser, once; afterwards its cookie is known. No clock, no HTTP.
+"""Pairing of browsers with the page: a code pairs one browser, once; afterwards its cookie is
+known. No clock, no HTTP.
 
-Six digits are enough as five wrong ones end a code: one guess in 200,000 is right. Only digests of cookies are kept,
-in a file, so that a browser stays paired when the page restarts.
+Six digits are enough as five wrong ones end a code: one guess in 200,000 is right. Only digests of
+cookies are kept, in a file, so that a browser stays paired when the page restarts.
 """
 
 import hashlib
@@ -17,7 +18,9 @@ CODE_S = 300.0
 """Life of a code [s]; estimate: to walk to another room."""
 TRIES = 5
 KEPT_S = 30 * 86_400.0
-"""Time that a browser stays paired [s] (estimate); the run folder, where this is kept, seldom lives as long."""
+"""Time that a browser stays paired [s] (estimate); the run folder, where this is kept, seldom lives
+as long.
+"""
 MOST = 32
 """Paired browsers; another one ends the oldest (estimate: a household has some)."""
 
@@ -30,7 +33,9 @@ class Paired(msgspec.Struct, frozen=True):
 
 
 class Code(msgspec.Struct, frozen=True):
-    """A code that was given out: until when it can be used [unix s], and how many tries are left."""
+    """A code that was given out: until when it can be used [unix s], and how many tries are
+    left.
+    """
 
     digits: str
     until: float
@@ -51,7 +56,8 @@ class Pairs:
         return self._code.digits
 
     def pair(self, digits: str, now: float) -> str | None:
-        """Return the cookie of a newly paired browser; None for a code that is wrong, used, or too old. Raise OSError.
+        """Return the cookie of a newly paired browser; None for a code that is wrong, used, or too
+        old. Raise OSError.
 
         A wrong one costs the code that can be used a try.
         """
@@ -70,7 +76,9 @@ class Pairs:
     def known(self, cookie: str, now: float) -> bool:
         """Whether this cookie is of a paired browser."""
         digest = digest_of(cookie)
-        return any(hmac.compare_digest(one.digest, digest) and now < one.until for one in self._paired)
+        return any(
+            hmac.compare_digest(one.digest, digest) and now < one.until for one in self._paired
+        )
 
 
 class Bucket:
@@ -81,7 +89,9 @@ class Bucket:
         self._left, self._at = burst, 0.0
 
     def take(self, now: float) -> bool:
-        """Whether one more is within the bound; then it counts [now: s, of any clock that only grows]."""
+        """Whether one more is within the bound; then it counts [now: s, of any clock that only
+        grows].
+        """
         self._left = min(self._burst, self._left + max(0.0, now - self._at) * self._per_s)
         self._at = now
         if self._left < 1.0:

@@ -1,4 +1,5 @@
-"""The robot as the page reaches it over Zenoh, with the identity `page`: it may hear the telemetry, and order ta.
+"""The robot as the page reaches it over Zenoh, with the identity `page`: it may hear the telemetry,
+and order ta.
 
 Calls of what is heard come from threads of Zenoh. The word to ta blocks: for threads only.
 """
@@ -28,10 +29,15 @@ ROUTER_S = 3.0
 
 
 class RobotEye:
-    """Gives each picture (its name, a data URL) to `on_picture`, each change of the loop's mode to `on_mode`."""
+    """Gives each picture (its name, a data URL) to `on_picture`, each change of the loop's mode to
+    `on_mode`.
+    """
 
     def __init__(
-        self, options: Options, on_picture: Callable[[str, str], None], on_mode: Callable[[str], None]
+        self,
+        options: Options,
+        on_picture: Callable[[str, str], None],
+        on_mode: Callable[[str], None],
     ) -> None:
         self._options = options
         self._on_picture, self._on_mode = on_picture, on_mode
@@ -75,11 +81,15 @@ def data_url(jpeg: bytes) -> str:
 
 
 class RobotWord:
-    """Sender of the operator's word. What hi tells next shows whether ta took it; a repeated word does nothing."""
+    """Sender of the operator's word. What hi tells next shows whether ta took it; a repeated word
+    does nothing.
+    """
 
     def __init__(self, options: Options) -> None:
         self._options = options
-        self._key = DESIGN.signal_key(KIND, system=options.system, owner=IDENTITY, peer=AgentName.TA)
+        self._key = DESIGN.signal_key(
+            KIND, system=options.system, owner=IDENTITY, peer=AgentName.TA
+        )
 
     def go(self, at: str) -> bool:
         """Let the act at this path of the plan begin. Return whether the router took the word."""
@@ -89,6 +99,10 @@ class RobotWord:
         if session is None:
             return False
         order = SetParameter(STEP, str(Permission(Verb.GO, at)))
-        sessions.put(session, self._key, msgspec.msgpack.encode(Command(f"page-{secrets.token_hex(8)}", order)))
+        sessions.put(
+            session,
+            self._key,
+            msgspec.msgpack.encode(Command(f"page-{secrets.token_hex(8)}", order)),
+        )
         close(session)
         return True

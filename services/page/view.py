@@ -1,4 +1,6 @@
-"""View that a browser shows, in its language, made from hi and the robot's telemetry. Pure. Must not know: HTTP."""
+"""View that a browser shows, in its language, made from hi and the robot's telemetry. Pure. Must
+not know: HTTP.
+"""
 
 import math
 
@@ -10,7 +12,7 @@ from companion.languages.facts import Kind, fact
 from companion.run_files import HiEvent, InWords, TaskLine, Wish
 from companion.sentences import Reader, catalogue, failure, person, place, please, state, step
 
-# --- The words of the page, from the catalogue of its language (companion.sentences) ---------------------------------
+# --- The words of the page, from the catalogue of its language (companion.sentences) --------------
 
 
 LANGUAGES = ("en", "pl")
@@ -23,14 +25,16 @@ def say(language: str, row: str, *parts: object) -> str:
 
 
 def preferred(accepted: str) -> str:
-    """Return the language for an Accept-Language header: the first in it that is known, English where none is."""
+    """Return the language for an Accept-Language header: the first in it that is known, English
+    where none is.
+    """
     for one in accepted.lower().split(","):
         if (language := one.strip()[:2]) in LANGUAGES:
             return language
     return LANGUAGES[0]
 
 
-# --- View that a browser shows, in its language, made from hi and the robot's telemetry -------------------------------
+# --- View that a browser shows, in its language, made from hi and the robot's telemetry -----------
 
 
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
@@ -41,7 +45,9 @@ PICTURES = PICTURE, ROOM = "picture", "room"
 
 
 class Heard(msgspec.Struct, frozen=True):
-    """Knowledge of the page. `hi`: whether hi answers; `mode`: of the control loop, "" where nobody told."""
+    """Knowledge of the page. `hi`: whether hi answers; `mode`: of the control loop, "" where nobody
+    told.
+    """
 
     hi: bool = False
     held: bool = False
@@ -52,9 +58,9 @@ class Heard(msgspec.Struct, frozen=True):
 
 
 class TaskView(msgspec.Struct, frozen=True):
-    """A task. `why`: the reason of its state. `asks`: the state of its plan that waits for a person, `asks_says` in
-    words. `deadline` [unix s]: shown by a browser by its own clock. `unchecked`: what nobody has checked of a task that
-    was done.
+    """A task. `why`: the reason of its state. `asks`: the state of its plan that waits for a
+    person, `asks_says` in words. `deadline` [unix s]: shown by a browser by its own clock.
+    `unchecked`: what nobody has checked of a task that was done.
     """
 
     task: str
@@ -84,7 +90,9 @@ class Announcement(msgspec.Struct, frozen=True):
 
 
 class View(msgspec.Struct, frozen=True):
-    """All that a browser shows but the picture. `please`: what the person is asked to do, which is also spoken."""
+    """All that a browser shows but the picture. `please`: what the person is asked to do, which is
+    also spoken.
+    """
 
     hi: bool
     held: bool
@@ -121,7 +129,8 @@ def view(heard: Heard, language: str) -> View:
 
 
 def _order(line: TaskLine) -> tuple[bool, int, float]:
-    """Return the sort key of a task: active first, then as the coordinator takes them, by urgency and deadline.
+    """Return the sort key of a task: active first, then as the coordinator takes them, by urgency
+    and deadline.
 
     Of equal keys the sort keeps the order in which they were said.
     """
@@ -154,7 +163,9 @@ def _steps(line: TaskLine, language: str) -> tuple[str, str]:
         return step(at, Reader(language)), ""
     after = line.steps[line.number : line.number + 1]
     now = say(language, "step", line.number, len(line.steps), step(at, Reader(language)))
-    return now, say(language, "next", step(after[0], Reader(language))) if after else say(language, "last_step")
+    return now, say(language, "next", step(after[0], Reader(language))) if after else say(
+        language, "last_step"
+    )
 
 
 def _task(line: TaskLine, language: str) -> TaskView:
@@ -173,7 +184,9 @@ def _task(line: TaskLine, language: str) -> TaskView:
 
 
 def _why(line: TaskLine, language: str) -> str:
-    """What the person is told of a task; of one that is done what its own acts tell, not how long it took."""
+    """What the person is told of a task; of one that is done what its own acts tell, not how long
+    it took.
+    """
     if line.state == TaskState.FAILED:
         return failure(line.why, language)
     done = line.state == TaskState.DONE
@@ -201,12 +214,16 @@ def in_language(words: InWords, language: str) -> str:
 def _object_views(wishes: tuple[Wish, ...], language: str) -> tuple[ThingView, ...]:
     found: dict[str, list[str]] = {}
     for one in wishes:
-        found.setdefault(in_language(one.thing, language), []).append(in_language(one.says, language))
+        found.setdefault(in_language(one.thing, language), []).append(
+            in_language(one.says, language)
+        )
     return tuple(ThingView(thing, tuple(says)) for thing, says in found.items())
 
 
 def _announcement(heard: Heard, language: str) -> Announcement:
-    """The last event that is worth a word: of a task that it enters a state, not each step of its plan."""
+    """The last event that is worth a word: of a task that it enters a state, not each step of its
+    plan.
+    """
     says = {line.task: _says(line, language) for line in heard.tasks}
     before: dict[str, str] = {}
     told = Announcement()

@@ -10,7 +10,9 @@ from services.planner.search_device import SearchDevice
 
 def serve(options: Options) -> int:
     """Run until a signal; return the exit code."""
-    return shell.run(agent(options.seed), wiring(AgentName.PL, options.system), options, SearchDevice)
+    return shell.run(
+        agent(options.seed), wiring(AgentName.PL, options.system), options, SearchDevice
+    )
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
-"""The behaviours of pl, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
+"""The behaviours of pl, bound by name to the states of the design (paper, section 5.5, Tables 3 to
+6).
 
-The agent only forwards: queries of its search to km, answers back, the result to co. So no step computes for long, and
-a cancel is taken at once. The problem is in the journal. The search and the hypothetical states at km are soft: after
-the death of either, the search starts again. Must not know: geometry, the domain.
+The agent only forwards: queries of its search to km, answers back, the result to co. So no step
+computes for long, and a cancel is taken at once. The problem is in the journal. The search and the
+hypothetical states at km are soft: after the death of either, the search starts again. Must not
+know: geometry, the domain.
 """
 
 from msgspec.structs import replace
@@ -26,11 +28,16 @@ ATTEMPTS = "attempts"
 
 def agent(seed: int = 1) -> Agent[Memory]:
     """The agent pl; `seed` of the random numbers in its searches."""
-    behaviours = {state.__name__: state for state in (await_problem, initialize_problem, search_plan, answer_problem)}
-    return bind(AgentName.PL, Memory(seed=seed), behaviours, CONDITIONS, local=device_messages.Local)
+    behaviours = {
+        state.__name__: state
+        for state in (await_problem, initialize_problem, search_plan, answer_problem)
+    }
+    return bind(
+        AgentName.PL, Memory(seed=seed), behaviours, CONDITIONS, local=device_messages.Local
+    )
 
 
-# --- idle -------------------------------------------------------------------------------------------------------------
+# --- idle -----------------------------------------------------------------------------------------
 
 
 def await_problem(memory: Memory, turn: Turn) -> Memory:
@@ -46,8 +53,12 @@ def _received(memory: Memory, turn: Turn) -> Memory:
     match turn.event:
         case Received(content=hfsm.GroundTaskNetwork() as network) as received:
             messages.agree(turn, received.conversation, network)
-            return replace(memory, waiting=(*memory.waiting, Problem(received.conversation, network)))
-        case Received(communicate=message, conversation=name) if message.performative is Performative.CANCEL:
+            return replace(
+                memory, waiting=(*memory.waiting, Problem(received.conversation, network))
+            )
+        case Received(communicate=message, conversation=name) if (
+            message.performative is Performative.CANCEL
+        ):
             known = (*memory.waiting, *((memory.problem,) if memory.problem else ()))
             network = next(one.network.id for one in known if one.conversation == name)
             messages.cancelled(turn, name, network)
@@ -62,14 +73,18 @@ def _forgotten(memory: Memory, conversation: str) -> Memory:
     """Drop a problem that nobody waits for any more."""
     if memory.problem is not None and memory.problem.conversation == conversation:
         return replace(memory, cancelled=True)
-    return replace(memory, waiting=tuple(one for one in memory.waiting if one.conversation != conversation))
+    return replace(
+        memory, waiting=tuple(one for one in memory.waiting if one.conversation != conversation)
+    )
 
 
-# --- initialize -------------------------------------------------------------------------------------------------------
+# --- initialize -----------------------------------------------------------------------------------
 
 
 def initialize_problem(memory: Memory, turn: Turn) -> Memory:
-    """State initialize: drop the hypothetical states of an earlier attempt; this also shows that km is there."""
+    """State initialize: drop the hypothetical states of an earlier attempt; this also shows that km
+    is there.
+    """
     if turn.event is None:
         if memory.begun >= turn.parameter(ATTEMPTS, int):
             return _no_plan(memory, fact(Kind.STATES_LOST))
@@ -78,7 +93,9 @@ def initialize_problem(memory: Memory, turn: Turn) -> Memory:
     if memory.cancelled:
         return memory
     match turn.event:
-        case Received(content=wm.Unknown(later=True, why=why), conversation=name) if name == memory.soft.question:
+        case Received(content=wm.Unknown(later=True, why=why), conversation=name) if (
+            name == memory.soft.question
+        ):
             return _no_plan(replace(memory, soft=Soft()), *why, later=True)
         case Received(conversation=name) if name == memory.soft.question:
             return replace(memory, ready=True, soft=Soft())
@@ -95,7 +112,9 @@ def _drop(memory: Memory, turn: Turn) -> Memory:
 
 def _ask(memory: Memory, turn: Turn, query: wm.AnyQuery) -> Memory:
     assert memory.problem is not None
-    return replace(memory, soft=replace(memory.soft, question=messages.ask(turn, memory.problem, query)))
+    return replace(
+        memory, soft=replace(memory.soft, question=messages.ask(turn, memory.problem, query))
+    )
 
 
 def _unanswered(memory: Memory, turn: Turn) -> Memory:
@@ -115,7 +134,7 @@ def _no_plan(memory: Memory, *why: Fact, later: bool = False) -> Memory:
     return replace(memory, result=hfsm.NoPlan(memory.problem.network.id, why, later))
 
 
-# --- search -----------------------------------------------------------------------------------------------------------
+# --- search ---------------------------------------------------------------------------------------
 
 
 def search_plan(memory: Memory, turn: Turn) -> Memory:
@@ -154,7 +173,7 @@ def _answered(memory: Memory, turn: Turn, content: wm.AnyAnswer) -> Memory:
     return replace(memory, soft=Soft())
 
 
-# --- finalize ---------------------------------------------------------------------------------------------------------
+# --- finalize -------------------------------------------------------------------------------------
 
 
 def answer_problem(memory: Memory, turn: Turn) -> Memory:
@@ -167,6 +186,7 @@ def answer_problem(memory: Memory, turn: Turn) -> Memory:
         turn.drop(memory.soft.question)
     if turn.holds(problem.conversation) and memory.result is not None:
         messages.tell(turn, problem, memory.result)
-    if not (isinstance(memory.result, hfsm.NoPlan) and memory.result.later):  # later: no state was made, and km is busy
+    # later: no state was made, and km is busy
+    if not (isinstance(memory.result, hfsm.NoPlan) and memory.result.later):
         messages.ask(turn, problem, messages.drop(problem), messages.DROP_WITHIN_S)
     return Memory(seed=memory.seed, waiting=memory.waiting, attempt=memory.attempt)

@@ -1,6 +1,7 @@
 """Messages between pl and its search process. None is a communicate, none leaves the computer.
 
-A message names the attempt that it belongs to, so that messages of a killed process are not taken for the next one's.
+A message names the attempt that it belongs to, so that messages of a killed process are not taken
+for the next one's.
 """
 
 import msgspec

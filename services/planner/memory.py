@@ -1,4 +1,6 @@
-"""Memory of pl between two steps: the problem being planned, those that wait, the result; the design's conditions."""
+"""Memory of pl between two steps: the problem being planned, those that wait, the result; the
+design's conditions.
+"""
 
 import msgspec
 
@@ -13,14 +15,18 @@ class Problem(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """Memory lost with the process: the conversation of the query under way; `lost`: the search must start again."""
+    """Memory lost with the process: the conversation of the query under way; `lost`: the search
+    must start again.
+    """
 
     question: str = ""
     lost: bool = False
 
 
 class Memory(msgspec.Struct, frozen=True):
-    """Problem, waiting problems, result. `attempt` counts all searches, `begun` those of this problem."""
+    """Problem, waiting problems, result. `attempt` counts all searches, `begun` those of this
+    problem.
+    """
 
     seed: int = 1
     problem: Problem | None = None
@@ -39,5 +45,7 @@ CONDITIONS = {
     "world_known": lambda memory: memory.ready,
     "search_stopped": lambda memory: memory.cancelled or memory.result is not None,
     "search_ended": lambda memory: memory.result is not None or memory.soft.lost,
-    "hypothesis_lost": lambda memory: memory.soft.lost and memory.result is None and not memory.cancelled,
+    "hypothesis_lost": lambda memory: (
+        memory.soft.lost and memory.result is None and not memory.cancelled
+    ),
 }

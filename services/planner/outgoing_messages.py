@@ -7,11 +7,12 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from services.planner.memory import Problem
 
-ANSWER_WITHIN_S = 30.0  # estimate: km holds a question for 5 s, answers in ms, comes back in seconds
+# estimate: km holds a question for 5 s, answers in ms, comes back in seconds
+ANSWER_WITHIN_S = 30.0
 DROP_WITHIN_S = 5.0  # if the drop is lost, km forgets the oldest states by itself
 
 
-# --- to co ------------------------------------------------------------------------------------------------------------
+# --- to co ----------------------------------------------------------------------------------------
 
 
 def agree(turn: Turn, conversation: str, network: hfsm.GroundTaskNetwork) -> None:
@@ -30,13 +31,17 @@ def cancelled(turn: Turn, conversation: str, network: str) -> None:
     turn.say(conversation, Performative.INFORM, hfsm.NoPlan(network, why), kind=Kind.CANCEL)
 
 
-# --- to km ------------------------------------------------------------------------------------------------------------
+# --- to km ----------------------------------------------------------------------------------------
 
 
 def ask(turn: Turn, problem: Problem, query: wm.AnyQuery, within_s: float = ANSWER_WITHIN_S) -> str:
-    """Ask km for a problem; the conversation in which the answer comes, if it does within `within_s` [s]."""
+    """Ask km for a problem; the conversation in which the answer comes, if it does within
+    `within_s` [s].
+    """
     asked = Performative.QUERY_REF
-    return turn.open(AgentName.KM, "query", asked, query, reply_by_s=within_s, parent=problem.conversation)
+    return turn.open(
+        AgentName.KM, "query", asked, query, reply_by_s=within_s, parent=problem.conversation
+    )
 
 
 def drop(problem: Problem) -> wm.DropStates:

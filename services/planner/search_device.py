@@ -1,7 +1,8 @@
-"""The device of pl: a child process that searches, or waits for the next request with everything loaded.
+"""The device of pl: a child process that searches, or waits for the next request with everything
+loaded.
 
-Loading the geometry takes some seconds, so the child does it before it is needed. Stop kills the searching child at
-once; the next child is started in its place.
+Loading the geometry takes some seconds, so the child does it before it is needed. Stop kills the
+searching child at once; the next child is started in its place.
 """
 
 from agent_runtime.io.devices import Post

@@ -1,4 +1,5 @@
-"""The search as a child process of pl, which can be killed: it sends Ask, which is answered by Answer, or Found.
+"""The search as a child process of pl, which can be killed: it sends Ask, which is answered by
+Answer, or Found.
 
 The search with its geometry is loaded in the child only.
 """

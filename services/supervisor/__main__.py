@@ -1,4 +1,6 @@
-"""`python -m services.supervisor`: the supervisor of any system (operate.supervisor), bound to this one."""
+"""`python -m services.supervisor`: the supervisor of any system (operate.supervisor), bound to this
+one.
+"""
 
 import os
 

@@ -1,7 +1,9 @@
-"""Acts requested of ex: one at a time, each with its key. The observations in an outcome go to km first.
+"""Acts requested of ex: one at a time, each with its key. The observations in an outcome go to km
+first.
 
-The request is durable, in the same record as the position in the plan. A late reply does not end the wait: ta sends a
-cancel, and the act ends with the last message of ex (delivery: request with cancel, initiator).
+The request is durable, in the same record as the position in the plan. A late reply does not end
+the wait: ta sends a cancel, and the act ends with the last message of ex (delivery: request with
+cancel, initiator).
 """
 
 from msgspec.structs import replace
@@ -18,8 +20,10 @@ from services.task.memory import Memory, RunningAct
 from services.task.outgoing_messages import known_after, observations, subject
 
 OBSERVER = AgentName.KM
-AGREE_WITHIN_S = 60.0  # estimate: ex computes a skill in seconds; a path that it plans itself takes longer
-SLACK, MARGIN_S = "slack", 10.0  # an act may last slack x its expected duration + 10 s (ruling with the design)
+# estimate: ex computes a skill in seconds; a path that it plans itself takes longer
+AGREE_WITHIN_S = 60.0
+# an act may last slack x its expected duration + 10 s (ruling with the design)
+SLACK, MARGIN_S = "slack", 10.0
 PATIENCE = "act"
 STOPPED_S = 20.0  # estimate: ex brakes in a second and comes back in seconds
 UNANSWERED = (fact(Kind.NOT_ANSWERING, AgentName.EX),)
@@ -29,7 +33,14 @@ Outcome = rc.Done | rc.NotDone
 def begin(memory: Memory, turn: Turn, command: rc.Command) -> Memory:
     """Request an act of ex."""
     for_plan = memory.conversation
-    name = turn.open(AgentName.EX, "request", Performative.REQUEST, command, reply_by_s=AGREE_WITHIN_S, parent=for_plan)
+    name = turn.open(
+        AgentName.EX,
+        "request",
+        Performative.REQUEST,
+        command,
+        reply_by_s=AGREE_WITHIN_S,
+        parent=for_plan,
+    )
     return replace(memory, act=RunningAct(name, command))
 
 
@@ -43,7 +54,9 @@ def stop(memory: Memory, turn: Turn) -> Memory:
 
 
 def hear(memory: Memory, turn: Turn) -> tuple[Memory, Outcome | None]:
-    """Take an event of the act under way; its outcome, if it is there. The act is None after its end."""
+    """Take an event of the act under way; its outcome, if it is there. The act is None after its
+    end.
+    """
     act = memory.act
     if act is None:
         return memory, None
@@ -72,7 +85,9 @@ def overdue(memory: Memory, turn: Turn) -> bool:
 
 
 def unanswered(memory: Memory, turn: Turn) -> bool:
-    """Whether this event means that ex does not answer the cancel; its answer is waited for all the same."""
+    """Whether this event means that ex does not answer the cancel; its answer is waited for all the
+    same.
+    """
     act = memory.act
     match turn.event:
         case Late(conversation=name):
@@ -81,7 +96,9 @@ def unanswered(memory: Memory, turn: Turn) -> bool:
             return False
 
 
-def _answered(memory: Memory, turn: Turn, act: RunningAct, received: Received) -> tuple[Memory, Outcome | None]:
+def _answered(
+    memory: Memory, turn: Turn, act: RunningAct, received: Received
+) -> tuple[Memory, Outcome | None]:
     content = received.content
     if isinstance(content, rc.Accepted):
         turn.wake(PATIENCE, turn.now + turn.parameter(SLACK, float) * content.duration + MARGIN_S)
@@ -92,7 +109,9 @@ def _answered(memory: Memory, turn: Turn, act: RunningAct, received: Received) -
         outcome = content
         memory = _observed(memory, turn, act.command, outcome)
     elif ended and not act.stopped:
-        turn.log("act refused", level="warning", why=content.text if isinstance(content, Reason) else "")
+        turn.log(
+            "act refused", level="warning", why=content.text if isinstance(content, Reason) else ""
+        )
         understood = received.communicate.performative is not Performative.NOT_UNDERSTOOD
         why = fact(Kind.NO_REASON if understood else Kind.NOT_UNDERSTOOD, AgentName.EX)
         outcome = rc.NotDone(act.command.key, rc.NotDoneKind.FAILED, (why,))
@@ -133,5 +152,7 @@ def nothing_seen(turn: Turn, why: Facts) -> None:
 
 
 def look_owed(turn: Turn) -> bool:
-    """Whether the posture, which ends a look around, is still queued for km, so that no other look is needed."""
+    """Whether the posture, which ends a look around, is still queued for km, so that no other look
+    is needed.
+    """
     return (OBSERVER, "body") in turn.due

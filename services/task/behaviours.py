@@ -1,8 +1,9 @@
-"""The behaviours of ta outside the plan, bound by name to the states of the design (paper, section 5.5, Tables 3 to 6).
+"""The behaviours of ta outside the plan, bound by name to the states of the design (paper, section
+5.5, Tables 3 to 6).
 
-idle -> running (the machine of the plan: running.py) -> closing -> finished -> idle; with waiting where an act waits
-for the operator, with stopping and securing before closing if a plan is cancelled or an act is late. Must
-not know: pl, geometry.
+idle -> running (the machine of the plan: running.py) -> closing -> finished -> idle; with waiting
+where an act waits for the operator, with stopping and securing before closing if a plan is
+cancelled or an act is late. Must not know: pl, geometry.
 """
 
 import msgspec
@@ -27,7 +28,8 @@ from services.task.outgoing_messages import SURVEY
 
 SURVEYS = 3  # tries of a look around; estimate: ex may still be starting at the first
 AGAIN_S, AGAIN = 2.0, "survey again"
-BARRIER_S, BARRIER = 30.0, "barrier"  # estimate: km is restarted within seconds, or it is gone for good
+# estimate: km is restarted within seconds, or it is gone for good
+BARRIER_S, BARRIER = 30.0, "barrier"
 NOBODY = "nobody came"  # wake-up at the end of the wait for an operator
 REASON_BYTES = 200  # with the evidence; a report must stay within its 400 bytes
 
@@ -46,7 +48,7 @@ def agent() -> Agent[Memory]:
     return bind(AgentName.TA, Memory(), behaviours, CONDITIONS)
 
 
-# --- idle and surveying -----------------------------------------------------------------------------------------------
+# --- idle and surveying ---------------------------------------------------------------------------
 
 
 def await_plan(memory: Memory, turn: Turn) -> Memory:
@@ -73,7 +75,9 @@ def _taken(memory: Memory, turn: Turn, conversation: str, plan: hfsm.Hierarchica
 
 
 def _between_plans(memory: Memory) -> Memory:
-    """The memory that is kept from plan to plan; of the evidence, what hands hold, and what nobody has checked yet."""
+    """The memory that is kept from plan to plan; of the evidence, what hands hold, and what nobody
+    has checked yet.
+    """
     kept = tuple(one for one in memory.evidence if one.claim is Claim.HELD or not one.by)
     return Memory(hands=memory.hands, evidence=kept, acts=memory.acts)
 
@@ -112,17 +116,20 @@ def _look_around(memory: Memory, turn: Turn) -> Memory:
     if memory.act is not None:
         return memory
     number = memory.acts + 1
-    return acts.begin(replace(memory, acts=number), turn, replace(SURVEY, key=f"{SURVEY.key}-{number}"))
+    return acts.begin(
+        replace(memory, acts=number), turn, replace(SURVEY, key=f"{SURVEY.key}-{number}")
+    )
 
 
-# --- waiting ----------------------------------------------------------------------------------------------------------
+# --- waiting --------------------------------------------------------------------------------------
 
 
 def await_operator(memory: Memory, turn: Turn) -> Memory:
-    """State waiting: tell co what waits; go on when the operator says so, end where nobody does or the plan is
-    cancelled.
+    """State waiting: tell co what waits; go on when the operator says so, end where nobody does or
+    the plan is cancelled.
 
-    ta waits between two leaves, with no act under way. Putting down what a cancelled plan holds waits for nobody.
+    ta waits between two leaves, with no act under way. Putting down what a cancelled plan holds
+    waits for nobody.
     """
     if turn.event is None:
         turn.wake(NOBODY, turn.now + WAIT_S)
@@ -156,17 +163,21 @@ def _ordered(memory: Memory, turn: Turn) -> Memory:
         if isinstance(following, hfsm.Outcome):
             return replace(memory, end=running.ENDS[following], why=orders.WANTED, pending=UNSET)
         return replace(memory, pending=Pending(following, let=True))
-    free = verb is Verb.GO or not orders.asks(memory, turn, plans.leaf(memory.machine, memory.asked))
+    free = verb is Verb.GO or not orders.asks(
+        memory, turn, plans.leaf(memory.machine, memory.asked)
+    )
     return replace(memory, pending=Pending(memory.asked, let=True)) if free else memory
 
 
-# --- stopping ---------------------------------------------------------------------------------------------------------
+# --- stopping -------------------------------------------------------------------------------------
 
 
 def stop_act(memory: Memory, turn: Turn) -> Memory:
-    """State stopping: wait for the last message of ex after a cancel; take what crossed it; tell co where it is late.
+    """State stopping: wait for the last message of ex after a cancel; take what crossed it; tell co
+    where it is late.
 
-    The wait goes on, since before its end nobody knows what the robot did. co gives the plan up at its reply-by.
+    The wait goes on, since before its end nobody knows what the robot did. co gives the plan up at
+    its reply-by.
     """
     memory = running.always(memory, turn)
     if acts.unanswered(memory, turn):
@@ -175,11 +186,13 @@ def stop_act(memory: Memory, turn: Turn) -> Memory:
     return memory
 
 
-# --- closing and finished ---------------------------------------------------------------------------------------------
+# --- closing and finished -------------------------------------------------------------------------
 
 
 def close_plan(memory: Memory, turn: Turn) -> Memory:
-    """State closing: send the final report when km has all observations it depends on (the barrier)."""
+    """State closing: send the final report when km has all observations it depends on (the
+    barrier).
+    """
     memory = running.always(memory, turn)
     assert memory.end is not None
     pending = any(peer == acts.OBSERVER for peer, _ in turn.due)
@@ -199,7 +212,11 @@ def _report(memory: Memory, turn: Turn, why: Facts) -> Memory:
     if turn.holds(memory.conversation):
         told = facts.fitting(facts.different(why), REASON_BYTES)
         known = evidence.fitting(memory.evidence, REASON_BYTES - len(msgspec.msgpack.encode(told)))
-        turn.say(memory.conversation, Performative.INFORM, sw.Report(memory.end, why=told, evidence=known))
+        turn.say(
+            memory.conversation,
+            Performative.INFORM,
+            sw.Report(memory.end, why=told, evidence=known),
+        )
     return replace(memory, reported=True)
 
 

@@ -1,4 +1,6 @@
-"""Memory of ta between two steps: the plan and the position in it, the act under way; conditions of the design."""
+"""Memory of ta between two steps: the plan and the position in it, the act under way; conditions of
+the design.
+"""
 
 from collections.abc import Callable
 
@@ -29,20 +31,24 @@ class Pending(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct, frozen=True):
-    """Memory that is lost with the process: the conversation of the query under way; the query is asked again."""
+    """Memory that is lost with the process: the conversation of the query under way; the query is
+    asked again.
+    """
 
     question: str = ""
 
 
 class Memory(msgspec.Struct, frozen=True):
-    """`conversation`: with co, about `plan`. `safe`: the machine that runs instead after the plan is cancelled.
+    """`conversation`: with co, about `plan`. `safe`: the machine that runs instead after the plan
+    is cancelled.
 
-    `at`: position in the running machine. `act`: the act under way. `looking`: that act is a look, because the outcome
-    of the act before is unknown. `secured`: number of tries to put down what is held. `end`: how the plan ends, None
-    before, and `why`. `hands`: what each hand holds by the last outcome. `survey`: tries left of a look around.
-    `evidence`: what the acts of the plan made true, and which senses told. `told`: what acts before the present one are
-    to tell the person at the end, UNSET if nothing.
-    `acts`: counts the acts outside plans, for their keys. `pending`: UNSET unless an operator is asked.
+    `at`: position in the running machine. `act`: the act under way. `looking`: that act is a look,
+    because the outcome of the act before is unknown. `secured`: number of tries to put down what is
+    held. `end`: how the plan ends, None before, and `why`. `hands`: what each hand holds by the
+    last outcome. `survey`: tries left of a look around. `evidence`: what the acts of the plan made
+    true, and which senses told. `told`: what acts before the present one are to tell the person at
+    the end, UNSET if nothing. `acts`: counts the acts outside plans, for their keys. `pending`:
+    UNSET unless an operator is asked.
     """
 
     conversation: str = ""
@@ -73,17 +79,30 @@ class Memory(msgspec.Struct, frozen=True):
     @property
     def asked(self) -> plans.Position:
         """The position that waits for the operator; () where none does."""
-        return self.pending.position if isinstance(self.pending, Pending) and not self.pending.let else ()
+        return (
+            self.pending.position
+            if isinstance(self.pending, Pending) and not self.pending.let
+            else ()
+        )
 
     @property
     def let(self) -> plans.Position:
         """The position that the operator has let begin; () where there is none."""
-        return self.pending.position if isinstance(self.pending, Pending) and self.pending.let else ()
+        return (
+            self.pending.position if isinstance(self.pending, Pending) and self.pending.let else ()
+        )
 
 
 def something_to_secure(memory: Memory) -> bool:
-    """Whether a cancelled plan left something in a hand, knows how to put it down, and has not tried yet."""
-    return memory.cancelled and not memory.secured and bool(memory.hands) and way_to_safety(memory) is not None
+    """Whether a cancelled plan left something in a hand, knows how to put it down, and has not
+    tried yet.
+    """
+    return (
+        memory.cancelled
+        and not memory.secured
+        and bool(memory.hands)
+        and way_to_safety(memory) is not None
+    )
 
 
 def way_to_safety(memory: Memory) -> hfsm.Machine | None:

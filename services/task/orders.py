@@ -1,4 +1,6 @@
-"""Orders of the operator about a plan: which acts wait for one, and what an order says (levels: companion.autonomy)."""
+"""Orders of the operator about a plan: which acts wait for one, and what an order says (levels:
+companion.autonomy).
+"""
 
 import msgspec
 
@@ -13,20 +15,29 @@ from companion.languages.hfsm import Place
 from services.task import plan as plans
 from services.task.memory import Memory
 
-NAME_CHARS, STEP_BYTES = 40, 60  # of a place: the ends of names, no longer step; a report must stay within 400 bytes
+# of a place: the ends of names, no longer step; a report must stay within 400 bytes
+NAME_CHARS, STEP_BYTES = 40, 60
 WANTED = (fact(Kind.OPERATOR_WANTS_A_PLAN),)
 
 
 def asks(memory: Memory, turn: Turn, leaf: plans.Leaf) -> bool:
-    """Whether a leaf waits for the operator at the present level; what makes a cancelled plan safe never does."""
+    """Whether a leaf waits for the operator at the present level; what makes a cancelled plan safe
+    never does.
+    """
     if memory.safe is not None or not isinstance(leaf, hfsm.ActState):
         return False
     return autonomy.asks(turn.parameter(LEVEL, str), type(leaf.command))
 
 
 def replan_wanted(memory: Memory, turn: Turn) -> bool:
-    """Whether this event is the operator's order to end the act under way, which is none of looking around."""
-    return memory.act is not None and not memory.looking and verb_about(turn, place(memory)) is Verb.REPLAN
+    """Whether this event is the operator's order to end the act under way, which is none of looking
+    around.
+    """
+    return (
+        memory.act is not None
+        and not memory.looking
+        and verb_about(turn, place(memory)) is Verb.REPLAN
+    )
 
 
 def verb_about(turn: Turn, at: Place | None) -> Verb | None:
@@ -39,7 +50,9 @@ def verb_about(turn: Turn, at: Place | None) -> Verb | None:
             here = at.id if at is not None else ""
             if order is not None and order.at == here:
                 return order.verb
-            turn.log("word of the operator about another leaf", at=here, word=str(command.order.value))
+            turn.log(
+                "word of the operator about another leaf", at=here, word=str(command.order.value)
+            )
     return None
 
 
@@ -55,4 +68,6 @@ def place(memory: Memory) -> Place | None:
     act = type(command).__name__ if command is not None else ""
     step = hfsm.step_of(first)
     short = step if len(msgspec.msgpack.encode(step)) <= STEP_BYTES else None
-    return Place(tuple(name[-NAME_CHARS:] for name in path), short, act, getattr(command, "side", None))
+    return Place(
+        tuple(name[-NAME_CHARS:] for name in path), short, act, getattr(command, "side", None)
+    )

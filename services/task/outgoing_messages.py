@@ -1,4 +1,6 @@
-"""Messages of ta: observations to km, one per subject (paper, step 6: observing the environment); a look around."""
+"""Messages of ta: observations to km, one per subject (paper, step 6: observing the environment); a
+look around.
+"""
 
 from collections.abc import Iterator
 
@@ -12,9 +14,12 @@ SURVEY = rc.Look(key="survey", at=POINTS)
 """The look around for a new observer of the world."""
 
 
-def observations(outcome: rc.Done | rc.NotDone, known: tuple[Evidence, ...] = ()) -> Iterator[wm.AnySight]:
-    """Yield what is nowhere any more, the posture, what each hand holds, then everything seen or put down that no hand
-    holds. `known`: evidence after the act."""
+def observations(
+    outcome: rc.Done | rc.NotDone, known: tuple[Evidence, ...] = ()
+) -> Iterator[wm.AnySight]:
+    """Yield what is nowhere any more, the posture, what each hand holds, then everything seen or
+    put down that no hand holds. `known`: evidence after the act.
+    """
     by = {one.of: one.by for one in known if one.claim is Claim.HELD}
     for name in outcome.missing:
         yield wm.MissingObject(object=name)
@@ -34,23 +39,33 @@ def observations(outcome: rc.Done | rc.NotDone, known: tuple[Evidence, ...] = ()
             yield wm.SeenHand(side, name, grasp, pose, by.get(name, ()))
     for seen in outcome.seen:
         if seen.object not in in_hand:
-            yield wm.SeenObject(seen.object, seen.model, seen.pose, seen.at, seen.content, seen.uncertainty)
+            yield wm.SeenObject(
+                seen.object, seen.model, seen.pose, seen.at, seen.content, seen.uncertainty
+            )
     for one in outcome.placed:
         yield wm.PlacedObject(object=one.object, model=one.model, pose=one.pose, at=one.at)
 
 
 def known_after(known: tuple[Evidence, ...], outcome: rc.Done | rc.NotDone) -> tuple[Evidence, ...]:
-    """The evidence after an act. An object that stands where it was put is checked by any act that sees it: ex
-    would have told that it fell over or is elsewhere. Whether a hand holds what its wrist does not feel is not checked.
+    """The evidence after an act. An object that stands where it was put is checked by any act that
+    sees it: ex would have told that it fell over or is elsewhere. Whether a hand holds what its
+    wrist does not feel is not checked.
     """
     held = {name for name, _, _ in outcome.held.values()}
     put = {one.of for one in known if one.claim is Claim.STANDS}
     seen = (one for one in outcome.seen if one.object in put and one.object not in held)
-    within = {one.object: one.uncertainty.deviation if one.uncertainty else 0.0 for one in outcome.seen}
-    stands = (Evidence(Claim.STANDS, one.object, (Sense.EYES,), one.at, within[one.object]) for one in seen)
+    within = {
+        one.object: one.uncertainty.deviation if one.uncertainty else 0.0 for one in outcome.seen
+    }
+    stands = (
+        Evidence(Claim.STANDS, one.object, (Sense.EYES,), one.at, within[one.object])
+        for one in seen
+    )
     if isinstance(outcome, rc.Done):
         return newest((*known, *stands), outcome.evidence, held)
-    doubted = (Evidence(Claim.HELD, one.things[0]) for one in outcome.why if one.kind is Kind.WRIST_DOUBTED)
+    doubted = (
+        Evidence(Claim.HELD, one.things[0]) for one in outcome.why if one.kind is Kind.WRIST_DOUBTED
+    )
     return newest(known, doubted, held)
 
 

@@ -1,8 +1,9 @@
-"""Execution of a plan (an HFSM): the next leaf, the end, the machine that makes it safe. Pure functions of the plan.
+"""Execution of a plan (an HFSM): the next leaf, the end, the machine that makes it safe. Pure
+functions of the plan.
 
-A position is the path of names from a child of the root to a leaf; ta remembers nothing else of a running plan (paper,
-Table 6: running is the super-state defined by the HFSM). A plan that passed `check` ends: its arcs lead to later states
-only, so no leaf is entered twice.
+A position is the path of names from a child of the root to a leaf; ta remembers nothing else of a
+running plan (paper, Table 6: running is the super-state defined by the HFSM). A plan that passed
+`check` ends: its arcs lead to later states only, so no leaf is entered twice.
 """
 
 from companion.languages import hfsm
@@ -12,12 +13,16 @@ Leaf = hfsm.ActState | hfsm.AskState | hfsm.EndState
 
 
 class PlanError(ValueError):
-    """A plan with a wrong arc: `where` (a state or machine) leads to `name`, which is not in `known`."""
+    """A plan with a wrong arc: `where` (a state or machine) leads to `name`, which is not in
+    `known`.
+    """
 
     def __init__(self, where: str, name: str, known: tuple[str, ...]) -> None:
         self.where, self.name, self.known = where, name, known
         states = ", ".join(known) or "nothing"
-        super().__init__(f"plan: {where} leads to {name!r}, but can lead to {states}; the plan must be redone")
+        super().__init__(
+            f"plan: {where} leads to {name!r}, but can lead to {states}; the plan must be redone"
+        )
 
 
 def first(machine: hfsm.Machine) -> Position:
@@ -35,7 +40,8 @@ def leaf(root: hfsm.Machine, position: Position) -> Leaf:
 
 
 def after(root: hfsm.Machine, position: Position, outcome: hfsm.Outcome) -> Position | hfsm.Outcome:
-    """Where an outcome of the leaf at `position` leads: the next position, or the outcome of the plan.
+    """Where an outcome of the leaf at `position` leads: the next position, or the outcome of the
+    plan.
 
     A state without an arc for the outcome passes it up to its machine (hfsm.Machine).
     """
@@ -61,12 +67,18 @@ def safe(root: hfsm.Machine, position: Position) -> hfsm.Machine | None:
 
 
 def check(root: hfsm.Machine) -> None:
-    """Raise PlanError unless sibling names are unique, initial states exist, and every arc leads to a later state."""
+    """Raise PlanError unless sibling names are unique, initial states exist, and every arc leads to
+    a later state.
+    """
     names = _names(root.states)
     _child(root, root.initial, root.name)
     for number, state in enumerate(root.states, start=1):
         if state.name in names[number:]:
-            raise PlanError(root.name, state.name, (f"one state of that name only, not {names.count(state.name)}",))
+            raise PlanError(
+                root.name,
+                state.name,
+                (f"one state of that name only, not {names.count(state.name)}",),
+            )
         for arc in _arcs(state):
             if arc.to and arc.to not in names[number:]:
                 raise PlanError(state.name, arc.to, names[number:])

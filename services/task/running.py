@@ -1,7 +1,8 @@
-"""The super-state of ta: the state machine of the plan, or the one that makes a cancelled plan safe (paper, Table 6).
+"""The super-state of ta: the state machine of the plan, or the one that makes a cancelled plan safe
+(paper, Table 6).
 
-Only the position in the plan is kept; plan.py says where an outcome leads. Every change of state is reported to co,
-which confirms it; ta waits only for the last confirm.
+Only the position in the plan is kept; plan.py says where an outcome leads. Every change of state is
+reported to co, which confirms it; ta waits only for the last confirm.
 """
 
 from collections.abc import Callable
@@ -24,7 +25,8 @@ from services.task.outgoing_messages import SURVEY, ill, not_checked
 
 ASK_WITHIN_S = 20.0  # estimate: km answers in ms and comes back in seconds
 WHY_BYTES = 200  # of a report on the way, which must stay within its 400 bytes with its place
-ATTEMPTS = 2  # to put down what is held: the second one starts elsewhere, with newer observations (estimate)
+# to put down what is held: the second one starts elsewhere, with newer observations (estimate)
+ATTEMPTS = 2
 Outcome = hfsm.Outcome
 
 ENDS = {
@@ -36,11 +38,15 @@ ENDS = {
 No = rc.NotDoneKind
 LOOK_FIRST = (No.UNKNOWN, No.NEW_WORLD, No.LOST, No.EMPTY, No.MISSING, No.BLOCKED)
 PLAN_AGAIN = (No.REPLAN, No.SLIPPED, No.BUSY, No.INTERRUPTED, *LOOK_FIRST)
-"""Kinds of NotDone after which a new plan may succeed: the world is not as planned, or the machine failed."""
+"""Kinds of NotDone after which a new plan may succeed: the world is not as planned, or the machine
+failed.
+"""
 
 
 def always(memory: Memory, turn: Turn) -> Memory:
-    """Take what may come in every state of a plan: a new observer, the end of the conversation with co."""
+    """Take what may come in every state of a plan: a new observer, the end of the conversation with
+    co.
+    """
     observed(turn)
     match turn.event:
         case Broken(conversation=name) if name == memory.conversation and memory.end is None:
@@ -56,7 +62,7 @@ def observed(turn: Turn) -> None:
             acts.nothing_seen(turn, (fact(Kind.NO_LOOK_IN_A_PLAN),))
 
 
-# --- running ----------------------------------------------------------------------------------------------------------
+# --- running --------------------------------------------------------------------------------------
 
 
 def run_plan(memory: Memory, turn: Turn) -> Memory:
@@ -70,7 +76,11 @@ def run_plan(memory: Memory, turn: Turn) -> Memory:
         return memory
     match turn.event:
         case Received(communicate=message, conversation=name) if name == memory.conversation:
-            return preempted(memory, turn, ()) if message.performative is Performative.CANCEL else memory
+            return (
+                preempted(memory, turn, ())
+                if message.performative is Performative.CANCEL
+                else memory
+            )
         case Ordered() if orders.replan_wanted(memory, turn):
             return replace(acts.stop(memory, turn), end=sw.WorkerState.REPLAN, why=orders.WANTED)
         case _:
@@ -87,21 +97,29 @@ def preempted(memory: Memory, turn: Turn, why: Facts) -> Memory:
 
 
 def _finish(memory: Memory, outcome: Outcome, why: Facts) -> Memory:
-    """End the plan. If no other follows, say what nobody has checked: an object may stand though no look shows it."""
+    """End the plan. If no other follows, say what nobody has checked: an object may stand though no
+    look shows it.
+    """
     if outcome is Outcome.REPLAN:
         return replace(memory, end=ENDS[outcome], why=why)
-    return replace(memory, end=ENDS[outcome], why=(*(memory.told or ()), *why, *not_checked(memory.evidence)))
+    return replace(
+        memory, end=ENDS[outcome], why=(*(memory.told or ()), *why, *not_checked(memory.evidence))
+    )
 
 
-# --- securing ---------------------------------------------------------------------------------------------------------
+# --- securing -------------------------------------------------------------------------------------
 
 
 def make_safe(memory: Memory, turn: Turn) -> Memory:
-    """State securing: put down what is held as the plan says, with two tries; a second cancel changes nothing."""
+    """State securing: put down what is held as the plan says, with two tries; a second cancel
+    changes nothing.
+    """
     if turn.event is None:
         safe = way_to_safety(memory)
         assert safe is not None
-        return enter(replace(memory, safe=safe, secured=1, end=None), turn, plans.first(safe), _secured)
+        return enter(
+            replace(memory, safe=safe, secured=1, end=None), turn, plans.first(safe), _secured
+        )
     memory = _go_on(always(memory, turn), turn, _secured)
     if memory.end is not None and memory.hands and memory.secured < ATTEMPTS:
         memory = replace(memory, secured=memory.secured + 1, end=None, why=())
@@ -118,15 +136,21 @@ def _secured(memory: Memory, outcome: Outcome, why: Facts) -> Memory:
     return replace(memory, end=sw.WorkerState.FAILED, why=(held,))
 
 
-# --- both -------------------------------------------------------------------------------------------------------------
+# --- both -----------------------------------------------------------------------------------------
 
 Finish = Callable[[Memory, Outcome, Facts], Memory]
 
 
 def enter(
-    memory: Memory, turn: Turn, position: plans.Position, finish: Finish | None = None, *, let: bool = False
+    memory: Memory,
+    turn: Turn,
+    position: plans.Position,
+    finish: Finish | None = None,
+    *,
+    let: bool = False,
 ) -> Memory:
-    """Enter the leaf at `position`: report it, and start its act or query; or have it wait for the operator.
+    """Enter the leaf at `position`: report it, and start its act or query; or have it wait for the
+    operator.
 
     `let`: the operator let it begin.
     """
@@ -136,7 +160,8 @@ def enter(
     memory = replace(memory, at=position)
     tell(memory, turn, sw.WorkerState.RUNNING)
     if isinstance(leaf, hfsm.ActState):
-        again = f".{memory.secured}" if memory.secured > 1 else ""  # a new key if it is requested again
+        # a new key if it is requested again
+        again = f".{memory.secured}" if memory.secured > 1 else ""
         return acts.begin(memory, turn, replace(leaf.command, key=f"{leaf.command.key}{again}"))
     if isinstance(leaf, hfsm.AskState):
         return _ask(memory, turn, leaf)
@@ -155,7 +180,9 @@ def _go_on(memory: Memory, turn: Turn, finish: Finish) -> Memory:
     """Take an event that the present leaf waits for."""
     if acts.overdue(memory, turn):
         end = sw.WorkerState.FAILED if memory.cancelled else sw.WorkerState.REPLAN
-        return replace(acts.stop(memory, turn), end=end, why=(fact(Kind.TOOK_TOO_LONG, AgentName.EX),))
+        return replace(
+            acts.stop(memory, turn), end=end, why=(fact(Kind.TOOK_TOO_LONG, AgentName.EX),)
+        )
     if memory.soft.question or isinstance(turn.event, Started):
         return _answered(memory, turn, finish)
     memory, outcome = acts.hear(memory, turn)
@@ -169,27 +196,42 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
         return finish(replace(memory, looking=False), Outcome.REPLAN, (*memory.why, *ill(outcome)))
     if isinstance(outcome, rc.Done):
         if outcome.missing and outcome.arrived is None and memory.safe is None:
-            return _look(memory, turn, outcome.key, tuple(fact(Kind.NOT_WHERE_IT_WAS, one) for one in outcome.missing))
+            return _look(
+                memory,
+                turn,
+                outcome.key,
+                tuple(fact(Kind.NOT_WHERE_IT_WAS, one) for one in outcome.missing),
+            )
         return _done(memory, turn, outcome, finish)
-    turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=operator(outcome.why))
+    turn.log(
+        "act not done",
+        level="warning",
+        key=outcome.key,
+        kind=outcome.kind,
+        reason=operator(outcome.why),
+    )
     if memory.safe is not None:
         memory = replace(memory, why=memory.why or outcome.why)
     if outcome.kind in LOOK_FIRST and memory.safe is None:
         return _look(memory, turn, outcome.key, outcome.why)
     why = (*outcome.why, *ill(outcome))
-    return leave(memory, turn, Outcome.REPLAN if outcome.kind in PLAN_AGAIN else Outcome.FAILED, why, finish)
+    return leave(
+        memory, turn, Outcome.REPLAN if outcome.kind in PLAN_AGAIN else Outcome.FAILED, why, finish
+    )
 
 
 def _look(memory: Memory, turn: Turn, key: str, why: Facts) -> Memory:
-    """Look around after an act that left the world unknown, without moving an arm; then plan again. Say why at once."""
+    """Look around after an act that left the world unknown, without moving an arm; then plan again.
+    Say why at once.
+    """
     memory = replace(memory, looking=True, why=why)
     tell(memory, turn, sw.WorkerState.ERROR, fitting(why, WHY_BYTES))
     return acts.begin(memory, turn, replace(SURVEY, key=f"{key}.look"))
 
 
 def _done(memory: Memory, turn: Turn, done: rc.Done, finish: Finish) -> Memory:
-    """Leave the leaf whose act is done. It failed if it did not do what it is for, or if no sense told a claim that it
-    needs; an ex of another version tells of less.
+    """Leave the leaf whose act is done. It failed if it did not do what it is for, or if no sense
+    told a claim that it needs; an ex of another version tells of less.
     """
     leaf = plans.leaf(memory.machine, memory.at)
     assert isinstance(leaf, hfsm.ActState)
@@ -202,12 +244,14 @@ def _done(memory: Memory, turn: Turn, done: rc.Done, finish: Finish) -> Memory:
     return leave(memory, turn, end, (*(told or not_checked(lacking)), *ill(done)), finish)
 
 
-# --- questions --------------------------------------------------------------------------------------------------------
+# --- questions ------------------------------------------------------------------------------------
 
 
 def _ask(memory: Memory, turn: Turn, leaf: hfsm.AskState) -> Memory:
     query, plan = Performative.QUERY_REF, memory.conversation
-    name = turn.open(acts.OBSERVER, "query", query, leaf.query, reply_by_s=ASK_WITHIN_S, parent=plan)
+    name = turn.open(
+        acts.OBSERVER, "query", query, leaf.query, reply_by_s=ASK_WITHIN_S, parent=plan
+    )
     return replace(memory, soft=Soft(name))
 
 

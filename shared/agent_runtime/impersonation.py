@@ -1,8 +1,10 @@
-"""A person in an agent's place: a life of the agent without its behaviour, or a mere voice beside it.
+"""A person in an agent's place: a life of the agent without its behaviour, or a mere voice beside
+it.
 
-A stand-in holds the agent's own journal, so that it numbers its streams on from the agent's last life, and the agent's
-next life from it: no peer sees a number twice or misses one. What is said to it, it takes and receipts, and the agent
-will not see it. It keeps no conversation: the agent's next life knows of none.
+A stand-in holds the agent's own journal, so that it numbers its streams on from the agent's last
+life, and the agent's next life from it: no peer sees a number twice or misses one. What is said to
+it, it takes and receipts, and the agent will not see it. It keeps no conversation: the agent's next
+life knows of none.
 """
 
 import time
@@ -25,9 +27,24 @@ from agent_runtime.core.wiring import Delivery, Wiring, communicate_key, parse_l
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.journal import Journal, journal_file, new_name
 from agent_runtime.io.one_reader import OneReaderQueue
-from agent_runtime.io.sessions import Links, free_endpoint, open_client, open_links, open_router, put
+from agent_runtime.io.sessions import (
+    Links,
+    free_endpoint,
+    open_client,
+    open_links,
+    open_router,
+    put,
+)
 from agent_runtime.io.zenoh_wire import NAMELESS, Bytes, Ping, ReceiptBytes, Token, ZenohWire
-from fipa_codec.communicate import UNREADABLE, Communicate, decode, decode_strictly, encode, encode_strictly, number_of
+from fipa_codec.communicate import (
+    UNREADABLE,
+    Communicate,
+    decode,
+    decode_strictly,
+    encode,
+    encode_strictly,
+    number_of,
+)
 from fipa_codec.errors import FipaError, MalformedError
 
 FIRST_MEMORY = msgspec.Raw(b"\x80")
@@ -45,19 +62,29 @@ class StandInError(RuntimeFault):
 
 
 class Voice:
-    """Puts communicates on keys and hears what is said on others. No agent: it has no token, number or journal."""
+    """Puts communicates on keys and hears what is said on others. No agent: it has no token, number
+    or journal.
+    """
 
     def __init__(
-        self, endpoint: str, keys: tuple[str, ...], *, patience_s: float = 5.0, tls: dict[str, Any] | None = None
+        self,
+        endpoint: str,
+        keys: tuple[str, ...],
+        *,
+        patience_s: float = 5.0,
+        tls: dict[str, Any] | None = None,
     ) -> None:
-        """Dial a router, or the agent that is to hear. `tls`: secured.client_tls of whose voice it is.
+        """Dial a router, or the agent that is to hear. `tls`: secured.client_tls of whose voice it
+        is.
 
         Raises StandInError where nobody answers in time.
         """
         self._session = opened(endpoint, patience_s, tls)
         self._heard = OneReaderQueue[bytes]()
         self._declared = [
-            self._session.declare_subscriber(key, lambda sample: self._heard.put(sample.payload.to_bytes()))
+            self._session.declare_subscriber(
+                key, lambda sample: self._heard.put(sample.payload.to_bytes())
+            )
             for key in keys
         ]
 
@@ -81,7 +108,9 @@ class Voice:
 
 
 class StandIn:
-    """A life of the agent of `wiring`; `start` is its first state, for a journal that is not there yet."""
+    """A life of the agent of `wiring`; `start` is its first state, for a journal that is not there
+    yet.
+    """
 
     def __init__(
         self,
@@ -94,9 +123,11 @@ class StandIn:
         patience_s: float = 5.0,
         tls: dict[str, Any] | None = None,
     ) -> None:
-        """`links`: the agent's own; `router`: where groups of the design are spoken to, with the keys `tls`.
+        """`links`: the agent's own; `router`: where groups of the design are spoken to, with the
+        keys `tls`.
 
-        Raises JournalError where the agent's process has the journal, StandInError where it lives elsewhere.
+        Raises JournalError where the agent's process has the journal, StandInError where it lives
+        elsewhere.
         """
         self._wiring, self._inbox, self._early = wiring, Inbox(), deque[Any]()
         self._session = _linked(links, wiring.agent)
@@ -111,7 +142,9 @@ class StandIn:
         self._record = _record(self._journal.last, wiring.agent, start)
         self._record.incarnation += 1
         self._keep()
-        self._wire = ZenohWire(self._session, wiring, self._record.incarnation, self._inbox, self._record.journal)
+        self._wire = ZenohWire(
+            self._session, wiring, self._record.incarnation, self._inbox, self._record.journal
+        )
         self._wire.knows(self._record.journals)
         self._due = 0.0
         if router and wiring.groups:
@@ -133,7 +166,9 @@ class StandIn:
         return len(self._record.outbox.get(peer, ()))
 
     def say(self, communicate: Communicate, *, labelled: bool) -> Communicate:
-        """Say it, with an id and the time put in; `labelled`: its m_w is its id. On the disk before it leaves."""
+        """Say it, with an id and the time put in; `labelled`: its m_w is its id. On the disk before
+        it leaves.
+        """
         link = self._wiring.required(communicate.receiver, communicate.protocol)
         peer, durable = communicate.receiver, link.delivery is Delivery.DURABLE
         number = self._record.issued.get(peer, 0) + 1
@@ -150,12 +185,15 @@ class StandIn:
         return one
 
     def hear(self, until: float, *, unless_receipted: str = "") -> Iterator[Communicate]:
-        """Messages to the agent, each once, until then [unix s]; meanwhile it pongs, receipts and sends again.
+        """Messages to the agent, each once, until then [unix s]; meanwhile it pongs, receipts and
+        sends again.
 
         `unless_receipted`: no longer than this peer owes a receipt.
         """
         seen: set[tuple[str, str]] = set()
-        while (left := until - time.time()) > 0 and (not unless_receipted or self.unreceipted(unless_receipted)):
+        while (left := until - time.time()) > 0 and (
+            not unless_receipted or self.unreceipted(unless_receipted)
+        ):
             wait = min(left, max(0.0, self._due - time.time()) or left)
             item = self._early.popleft() if self._early else self._inbox.get(wait)
             match item:
@@ -173,9 +211,15 @@ class StandIn:
             self._resend()
 
     def _meet(self, until: float) -> None:
-        """Wait until all neighbours are linked. A volatile message that is said before reaches nobody."""
+        """Wait until all neighbours are linked. A volatile message that is said before reaches
+        nobody.
+        """
         missing = set(self._wiring.peers) - self._wiring.groups
-        while missing and (left := until - time.time()) > 0 and (item := self._inbox.get(left)) is not None:
+        while (
+            missing
+            and (left := until - time.time()) > 0
+            and (item := self._inbox.get(left)) is not None
+        ):
             self._early.append(item)
             if isinstance(item, Token) and item.alive:
                 missing.discard(item.agent)
@@ -199,13 +243,18 @@ class StandIn:
 
     def _fits(self, peer: str, journals: tuple[str, str]) -> bool:
         """Whether something is between the present journals of both."""
-        return journals == NAMELESS or journals == (self._record.journals.get(peer), self._record.journal)
+        return journals == NAMELESS or journals == (
+            self._record.journals.get(peer),
+            self._record.journal,
+        )
 
     def _keep(self) -> None:
         self._journal.append(msgspec.msgpack.encode(self._record))
 
     def _taken(self, item: Bytes) -> Communicate | None:
-        """A communicate of a volatile kind, or the next one of a durable stream, which is receipted."""
+        """A communicate of a volatile kind, or the next one of a durable stream, which is
+        receipted.
+        """
         try:
             one = decode_strictly(item.data)
         except MalformedError:
@@ -250,14 +299,20 @@ class StandIn:
         if time.time() >= self._due:
             for sent in self._record.outbox.values():
                 for outgoing in sent:
-                    self._wire.send(outgoing.communicate, *preceding(self._record, outgoing.communicate))
+                    self._wire.send(
+                        outgoing.communicate, *preceding(self._record, outgoing.communicate)
+                    )
             self._due = time.time() + RESEND_FIRST
 
 
 def living(session: zenoh.Session, system: str, agent: str) -> list[int]:
     """The incarnations of an agent whose tokens are there."""
     replies = session.liveliness().get(service_key(system, "alive", agent, "*"), timeout=LOOK_S)
-    lives = [parse_life(str(reply.ok.key_expr).rsplit("/", 1)[-1]) for reply in replies if reply.ok is not None]
+    lives = [
+        parse_life(str(reply.ok.key_expr).rsplit("/", 1)[-1])
+        for reply in replies
+        if reply.ok is not None
+    ]
     return [one[0] for one in lives if one is not None]
 
 
@@ -280,14 +335,18 @@ def _linked(links: Links, agent: str) -> zenoh.Session:
 def _record(last: bytes | None, agent: str, start: str) -> Record:
     if last is not None:
         return msgspec.msgpack.decode(last, type=Record)
-    return Record(agent=agent, incarnation=0, counter=0, state=start, memory=FIRST_MEMORY, journal=new_name())
+    return Record(
+        agent=agent, incarnation=0, counter=0, state=start, memory=FIRST_MEMORY, journal=new_name()
+    )
 
 
-# --- Other agents played from a script --------------------------------------------------------------------------------
-# One real agent finds its peers there: they hear it, receipt what it says, and say what they are told to.
+# --- Other agents played from a script ------------------------------------------------------------
+# One real agent finds its peers there: they hear it, receipt what it says, and say what they are
+# told to.
 #
-# One session is linked with the agent for all of them; groups speak at the router. They have tokens, answer pings and
-# number their durable streams, but no behaviour, no memory and no journal. `Stage` is the router: nobody else's.
+# One session is linked with the agent for all of them; groups speak at the router. They have
+# tokens, answer pings and number their durable streams, but no behaviour, no memory and no journal.
+# `Stage` is the router: nobody else's.
 
 
 FIRST_LIFE = "1"
@@ -299,31 +358,45 @@ class LivingError(RuntimeFault):
     def __init__(self, system: str, agents: tuple[str, ...], where: str) -> None:
         self.system, self.agents = system, agents
         super().__init__(
-            f"{', '.join(agents)} live in system {system!r} at {where}: what is replayed there would be taken for"
-            " their peers' words and move the robot; name another --system, or leave --connect away"
+            f"{', '.join(agents)} live in system {system!r} at {where}: what is replayed there"
+            " would be taken for their peers' words and move the robot; name another --system, or"
+            " leave --connect away"
         )
 
 
 class Stage:
-    """A system's keys on a router: one of its own, on a free loopback port, or the one at `endpoint`."""
+    """A system's keys on a router: one of its own, on a free loopback port, or the one at
+    `endpoint`.
+    """
 
     def __init__(self, system: str, endpoint: str = "", *, patience_s: float = 5.0) -> None:
-        """Raises StandInError where no router answers in time, LivingError where agents live in this system."""
+        """Raises StandInError where no router answers in time, LivingError where agents live in
+        this system.
+        """
         self.system, self.endpoint = system, endpoint or free_endpoint()
         self._router = None if endpoint else open_router(self.endpoint)
         self._session = session = opened(self.endpoint, patience_s)
         self._born = OneReaderQueue[str]()
-        self._watch = session.liveliness().declare_subscriber(service_key(system, "alive", "*", "*"), self._seen)
+        self._watch = session.liveliness().declare_subscriber(
+            service_key(system, "alive", "*", "*"), self._seen
+        )
         there = tuple(sorted(set(self._tokens())))
         if there:
             self.close()
             raise LivingError(system, there, self.endpoint)
 
     def put(self, key: str, data: bytes) -> None:
-        """Say it. `key`: without the first two chunks. Raises LivingError if an agent of the system started."""
+        """Say it. `key`: without the first two chunks. Raises LivingError if an agent of the system
+        started.
+        """
         if len(self._born):
             raise LivingError(self.system, (self._born.get(),), self.endpoint)
-        put(self._session, f"roco/{self.system}/{key}", data, congestion_control=zenoh.CongestionControl.BLOCK)
+        put(
+            self._session,
+            f"roco/{self.system}/{key}",
+            data,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
 
     def close(self) -> None:
         """End it, and the own router."""
@@ -332,7 +405,9 @@ class Stage:
                 session.close()  # type: ignore[no-untyped-call]
 
     def _tokens(self) -> list[str]:
-        replies = self._session.liveliness().get(service_key(self.system, "alive", "*", "*"), timeout=1.0)
+        replies = self._session.liveliness().get(
+            service_key(self.system, "alive", "*", "*"), timeout=1.0
+        )
         return [str(reply.ok.key_expr).split("/")[4] for reply in replies if reply.ok is not None]
 
     def _seen(self, sample: zenoh.Sample) -> None:
@@ -341,16 +416,22 @@ class Stage:
 
 
 class Cast:
-    """The peers of the agent of `wiring`. `agents`: the endpoints with which that agent is to be started."""
+    """The peers of the agent of `wiring`. `agents`: the endpoints with which that agent is to be
+    started.
+    """
 
     def __init__(self, wiring: Wiring, router: str, *, patience_s: float = 5.0) -> None:
-        """Raises StandInError where no router answers in time: the groups of a design speak there."""
+        """Raises StandInError where no router answers in time: the groups of a design speak
+        there.
+        """
         at, own = free_endpoint(), free_endpoint()
         self.agents = dict.fromkeys(wiring.peers, at) | {wiring.agent: own}
         self._wiring = wiring
         linked = open_links(at, (own,))
         routed = opened(router, patience_s) if wiring.groups else linked
-        self._sessions = {peer: routed if peer in wiring.groups else linked for peer in wiring.peers}
+        self._sessions = {
+            peer: routed if peer in wiring.groups else linked for peer in wiring.peers
+        }
         self._heard = OneReaderQueue[Communicate]()
         self._numbers = dict.fromkeys(wiring.peers, 0)
         self._taken = dict.fromkeys(wiring.peers, 0)
@@ -380,7 +461,9 @@ class Cast:
             id = str(self._numbers[peer])
             label = id if one.reply_with == one.id else one.reply_with
             one = msgspec.structs.replace(one, id=id, reply_with=label)
-        key = communicate_key(self._wiring.system, link.channel, peer, one.receiver, one.protocol, one.performative)
+        key = communicate_key(
+            self._wiring.system, link.channel, peer, one.receiver, one.protocol, one.performative
+        )
         data = encode(one)
         if link.delivery is Delivery.DURABLE:
             self._outbox[peer][self._numbers[peer]] = (key, data)
@@ -389,7 +472,9 @@ class Cast:
         return one
 
     def hear(self, timeout_s: float) -> Communicate | None:
-        """The agent's next message, each once and in the order of each stream; None: nothing in time."""
+        """The agent's next message, each once and in the order of each stream; None: nothing in
+        time.
+        """
         until = time.monotonic() + timeout_s
         while True:
             left = until - time.monotonic()
@@ -409,7 +494,9 @@ class Cast:
             session.close()  # type: ignore[no-untyped-call]
 
     def _fresh(self, one: Communicate) -> bool:
-        """Whether it is the next of its stream, or none of a stream; receipts what wants a receipt."""
+        """Whether it is the next of its stream, or none of a stream; receipts what wants a
+        receipt.
+        """
         peer, me = one.receiver, self._wiring.agent
         link = self._wiring.link(peer, one.protocol)
         if link is None:
@@ -441,7 +528,7 @@ class Cast:
     def _put(self, peer: str, key: str, data: bytes) -> None:
         put(self._sessions[peer], key, data, congestion_control=zenoh.CongestionControl.BLOCK)
 
-    # --- on Zenoh's threads -------------------------------------------------------------------------------------------
+    # --- on Zenoh's threads -----------------------------------------------------------------------
 
     def _on_said(self, sample: zenoh.Sample) -> None:
         try:
@@ -451,7 +538,11 @@ class Cast:
 
     def _on_ping(self, sample: zenoh.Sample) -> None:
         peer = str(sample.key_expr).split("/")[5]
-        self._put(peer, service_key(self._wiring.system, "pong", peer, self._wiring.agent), sample.payload.to_bytes())
+        self._put(
+            peer,
+            service_key(self._wiring.system, "pong", peer, self._wiring.agent),
+            sample.payload.to_bytes(),
+        )
 
     def _on_receipt(self, sample: zenoh.Sample) -> None:
         peer = str(sample.key_expr).split("/")[5]

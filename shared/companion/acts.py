@@ -1,4 +1,5 @@
-"""All acts of the robot: the general ones and those of the tasks (companion.tasks, part `done`), with their rows.
+"""All acts of the robot: the general ones and those of the tasks (companion.tasks, part `done`),
+with their rows.
 
 The union `AnyAct` and the contents of RC are made from them.
 """
@@ -31,7 +32,8 @@ GENERAL = (
     ActRow(rc.Home, (THERE,)),
 )
 ACTS: dict[type[rc.Command], ActRow] = {
-    row.act: row for row in (*GENERAL, *(row for part in parts("done") for row in getattr(part, "ACTS", ())))
+    row.act: row
+    for row in (*GENERAL, *(row for part in parts("done") for row in getattr(part, "ACTS", ())))
 }
 
 if TYPE_CHECKING:
@@ -44,4 +46,8 @@ else:
 
 def needed(act: type[rc.Command]) -> frozenset[AnyClaim]:
     """The claims about things without which an act fails: a sense must have told of each."""
-    return frozenset(one.claim for one in ACTS[act].checks if one.otherwise is Otherwise.FAILED and one.claim.kept)
+    return frozenset(
+        one.claim
+        for one in ACTS[act].checks
+        if one.otherwise is Otherwise.FAILED and one.claim.kept
+    )

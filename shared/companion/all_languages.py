@@ -1,4 +1,6 @@
-"""The six content languages of the Robot Companion by name (paper, section 5.6), with the contents that tasks add."""
+"""The six content languages of the Robot Companion by name (paper, section 5.6), with the contents
+that tasks add.
+"""
 
 from typing import TYPE_CHECKING, Union
 
@@ -15,13 +17,26 @@ else:
 
 def _kind_of_report(content: object) -> Kind:
     """In coordinate an inform is one on the way or the last one; the worker's state tells which."""
-    return Kind.FINAL if isinstance(content, sw.Report) and content.state in sw.FINAL else Kind.PROGRESS
+    return (
+        Kind.FINAL
+        if isinstance(content, sw.Report) and content.state in sw.FINAL
+        else Kind.PROGRESS
+    )
 
 
 def _kind_of_task(content: object) -> Kind:
     """In request an inform tells progress or the result; the task's state tells which."""
-    going_on = (cmd.TaskState.WAITING, cmd.TaskState.PLANNING, cmd.TaskState.RUNNING, cmd.TaskState.SUSPENDED)
-    return Kind.PROGRESS if isinstance(content, cmd.TaskReport) and content.state in going_on else Kind.PLAIN
+    going_on = (
+        cmd.TaskState.WAITING,
+        cmd.TaskState.PLANNING,
+        cmd.TaskState.RUNNING,
+        cmd.TaskState.SUSPENDED,
+    )
+    return (
+        Kind.PROGRESS
+        if isinstance(content, cmd.TaskReport) and content.state in going_on
+        else Kind.PLAIN
+    )
 
 
 HFSM = Language("HFSM", hfsm.Content)

@@ -1,6 +1,8 @@
-"""A question in SPARQL to what km was told: what `roco ask` and the process that answers it exchange, in msgpack.
+"""A question in SPARQL to what km was told: what `roco ask` and the process that answers it
+exchange, in msgpack.
 
-The process is `python -m services.knowledge.asked`: it can be ended, and only it needs the extra `knowledge`.
+The process is `python -m services.knowledge.asked`: it can be ended, and only it needs the extra
+`knowledge`.
 """
 
 import msgspec
@@ -25,20 +27,23 @@ PREFIXES = {
     "cora": "http://purl.org/ieee1872-owl/cora-bare#",
     "pos": "http://purl.org/ieee1872-owl/pos#",
 }
-"""Filled in for each question. Of ours: terms of O_RoCo, things, what was in a thing, models and their grasps, agents,
-observations, hypothetical states.
+"""Filled in for each question. Of ours: terms of O_RoCo, things, what was in a thing, models and
+their grasps, agents, observations, hypothetical states.
 """
 
 
 class Heard(msgspec.Struct, frozen=True):
-    """A communicate from or to km; `at`: when it was heard [unix s]. Without bytes: another life of km began."""
+    """A communicate from or to km; `at`: when it was heard [unix s]. Without bytes: another life of
+    km began.
+    """
 
     at: float
     wire: bytes = b""
 
 
 class Question(msgspec.Struct, frozen=True):
-    """SPARQL, what km heard and said until the time it is asked of, and the bounds: time [s] of the query, rows.
+    """SPARQL, what km heard and said until the time it is asked of, and the bounds: time [s] of the
+    query, rows.
 
     `begin`: when the first communicate of the run was heard [unix s].
     """
@@ -51,7 +56,9 @@ class Question(msgspec.Struct, frozen=True):
 
 
 class Term(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A value, as the W3C's "SPARQL 1.2 Query Results JSON Format" writes it; `type`: uri, bnode, literal or triple."""
+    """A value, as the W3C's "SPARQL 1.2 Query Results JSON Format" writes it; `type`: uri, bnode,
+    literal or triple.
+    """
 
     type: str
     value: "str | Triple"

@@ -1,6 +1,7 @@
 """Words between an operator and ta: which acts wait for the operator, and what lets one begin.
 
-Both are parameters of ta in the design (docs/parameters.md). A leaf of a plan is named by its path, as in reports.
+Both are parameters of ta in the design (docs/parameters.md). A leaf of a plan is named by its path,
+as in reports.
 """
 
 from enum import StrEnum
@@ -13,7 +14,9 @@ from companion.languages import rc
 LEVEL, STEP = "autonomy", "step"
 """Names of the parameters: the level of autonomy, and the operator's last word."""
 WAIT_S = 600.0
-"""Longest that a plan waits for the operator [s]; estimate: who does not come within ten minutes has gone."""
+"""Longest that a plan waits for the operator [s]; estimate: who does not come within ten minutes
+has gone.
+"""
 
 
 class Level(StrEnum):
@@ -30,14 +33,18 @@ def asks(level: str, act: type[rc.Command]) -> bool:
 
 
 class Verb(StrEnum):
-    """`go`: begin the act that waits. `replan`: end the act under way, or give up the one that waits; plan again."""
+    """`go`: begin the act that waits. `replan`: end the act under way, or give up the one that
+    waits; plan again.
+    """
 
     GO = "go"
     REPLAN = "replan"
 
 
 class Permission(msgspec.Struct, frozen=True):
-    """Word of the operator to the leaf `at` and to no other one, so that a word that comes late does nothing."""
+    """Word of the operator to the leaf `at` and to no other one, so that a word that comes late
+    does nothing.
+    """
 
     verb: Verb
     at: str

@@ -1,6 +1,8 @@
-"""agent_runtime.core.binding for this system: agents and wirings of design.toml, in the languages of this room.
+"""agent_runtime.core.binding for this system: agents and wirings of design.toml, in the languages
+of this room.
 
-Must not know: what any agent does, Zenoh. The only module of this room that sees agent_runtime, and only its tables.
+Must not know: what any agent does, Zenoh. The only module of this room that sees agent_runtime, and
+only its tables.
 """
 
 from collections.abc import Mapping
@@ -30,7 +32,9 @@ def bind(
     design: Design = DESIGN,
 ) -> Agent[M]:
     """The agent `name` of the design; see agent_runtime.core.binding.bind."""
-    return binding.bind(name, memory, behaviours, conditions, design=design, takes=takes, local=local)
+    return binding.bind(
+        name, memory, behaviours, conditions, design=design, takes=takes, local=local
+    )
 
 
 def wiring(name: str, system: str, design: Design = DESIGN) -> Wiring:

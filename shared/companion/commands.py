@@ -1,7 +1,8 @@
 """Registry of what a person may ask: the command of each task, and the sentences that ask for it.
 
-They are in the folder of the task: `command.py` has its ROW; `phrases.toml` has patterns of sentences for hi's grammar
-(`services/human_interface/catalogue.toml` explains patterns), and what hi and the page say.
+They are in the folder of the task: `command.py` has its ROW; `phrases.toml` has patterns of
+sentences for hi's grammar (`services/human_interface/catalogue.toml` explains patterns), and what
+hi and the page say.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,11 +16,15 @@ from companion import tasks
 from companion.languages.cmd import Command
 
 Make = Callable[[tuple[str, ...], str], Command]
-"""Make a command of the things that a sentence names, in the order of its pattern, and a side, "" for none."""
+"""Make a command of the things that a sentence names, in the order of its pattern, and a side, ""
+for none.
+"""
 
 
 class Offer(StrEnum):
-    """Buttons for a wish: none, one for the wish without a thing, or one for each thing that was seen and fits."""
+    """Buttons for a wish: none, one for the wish without a thing, or one for each thing that was
+    seen and fits.
+    """
 
     NONE = ""
     ALONE = "alone"
@@ -29,9 +34,9 @@ class Offer(StrEnum):
 class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row [[wish]]: sentences of these patterns mean the same.
 
-    `uses`: what the things in it must be good for, in the order of the pattern (`can` of hi's [[thing]]). `lacking`:
-    patterns in which something is left out, to which the answer is the `example`. `can`: its entry in the list of what
-    is understood. These three by language.
+    `uses`: what the things in it must be good for, in the order of the pattern (`can` of hi's
+    [[thing]]). `lacking`: patterns in which something is left out, to which the answer is the
+    `example`. `can`: its entry in the list of what is understood. These three by language.
     """
 
     does: str
@@ -45,11 +50,13 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Phrases(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A file phrases.toml. `rank`: where the task comes in lists for people, lowest first. All tables by language.
+    """A file phrases.toml. `rank`: where the task comes in lists for people, lowest first. All
+    tables by language.
 
-    `rule`: rules that its patterns share. `say`: sentences; the one that `Command.says` names is understood as it is
-    written, and its blanks are fields of the command: `{object:1}` the genitive, `:2` the accusative. `cannot_USE` is
-    said of a thing that is not good for a use, `itself_USE` where one is named twice.
+    `rule`: rules that its patterns share. `say`: sentences; the one that `Command.says` names is
+    understood as it is written, and its blanks are fields of the command: `{object:1}` the
+    genitive, `:2` the accusative. `cannot_USE` is said of a thing that is not good for a use,
+    `itself_USE` where one is named twice.
     """
 
     rank: int
@@ -85,29 +92,39 @@ def wishes() -> tuple[tuple[Row, Wish], ...]:
 
 
 def maker(row: Row, wish: Wish) -> Make:
-    """The function that makes the command of a wish. Raises ValueError if its row has none of that name."""
+    """The function that makes the command of a wish. Raises ValueError if its row has none of that
+    name.
+    """
     if wish.does not in row.make:
         named = ", ".join(row.make)
         raise ValueError(
-            f"phrases of {row.content.__name__}: does = {wish.does!r}, but its ROW makes {named}; one name for both"
+            f"phrases of {row.content.__name__}: does = {wish.does!r}, but its ROW makes {named};"
+            " one name for both"
         )
     return row.make[wish.does]
 
 
 def table(name: str, language: str, general: dict[str, str]) -> dict[str, str]:
-    """A table of Phrases with the rows of all tasks behind the general ones. Raises ValueError if two agree."""
+    """A table of Phrases with the rows of all tasks behind the general ones. Raises ValueError if
+    two agree.
+    """
     found = dict(general)
     for row in rows():
         more: dict[str, str] = getattr(row.phrases, name).get(language, {})
         if twice := sorted(found.keys() & more.keys()):
-            raise ValueError(f"phrases of {row.content.__name__}: another [{name}.{language}] has {', '.join(twice)}")
+            raise ValueError(
+                f"phrases of {row.content.__name__}: another [{name}.{language}] has"
+                f" {', '.join(twice)}"
+            )
         found |= more
     return found
 
 
 def buttons(language: str) -> tuple[str, ...]:
     """The sentences that need no thing, as they are offered at any time."""
-    alone = ((row, row.make[wish.does]((), "")) for row, wish in wishes() if wish.offer is Offer.ALONE)
+    alone = (
+        (row, row.make[wish.does]((), "")) for row, wish in wishes() if wish.offer is Offer.ALONE
+    )
     return tuple(row.phrases.say[language][command.says] for row, command in alone)
 
 

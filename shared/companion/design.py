@@ -1,7 +1,8 @@
-"""The design of the Robot Companion, read once from design.toml; every agent, tool and document gets it here.
+"""The design of the Robot Companion, read once from design.toml; every agent, tool and document
+gets it here.
 
-`DESIGN.key(system, communicate)`, `DESIGN.rule(communicate)`, `DESIGN.agent("co")` ... are in topdown.model.design.
-Must not know: agents' code, Zenoh.
+`DESIGN.key(system, communicate)`, `DESIGN.rule(communicate)`, `DESIGN.agent("co")` ... are in
+topdown.model.design. Must not know: agents' code, Zenoh.
 """
 
 from enum import StrEnum
@@ -31,7 +32,8 @@ class AgentName(StrEnum):
     EX = "ex"
 
 
-# The languages of the design (and the one of reasons, which everybody reads): class of a content -> its language.
+# The languages of the design (and the one of reasons, which everybody reads): class of a content ->
+# its language.
 _SPOKEN: dict[type, Language] = {
     kind: language
     for language in (REASON, *(LANGUAGES.named(entry.name) for entry in DESIGN.file.language))

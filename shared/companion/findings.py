@@ -1,4 +1,5 @@
-"""Inconsistencies in the design of the Robot Companion, or between it and its languages, for tools and tests.
+"""Inconsistencies in the design of the Robot Companion, or between it and its languages, for tools
+and tests.
 
 Apart from companion.design, so that no agent loads the checks when it starts.
 """
@@ -33,7 +34,12 @@ def agreement_findings(design: Design) -> tuple[Finding, ...]:
     lost = [one for one in wm.Query.__subclasses__() if one not in get_args(wm.AnyQuery)]
     return (
         *(
-            Finding(Kind.UNUSED, f"WM.{one.__name__}", "a query that is not in WM", "name it in AnyQuery")
+            Finding(
+                Kind.UNUSED,
+                f"WM.{one.__name__}",
+                "a query that is not in WM",
+                "name it in AnyQuery",
+            )
             for one in lost
         ),
         *agreement.check_languages(design, classes),

@@ -1,7 +1,8 @@
 """Fusing of two sights of a thing: by how far each may be off, and whether they agree.
 
-Errors of sights by the same camera repeat: two of them are not worth more than the better one. Covariance intersection
-(Julier and Uhlmann, 1997) never claims more than is known then, however the errors depend on each other. Pure.
+Errors of sights by the same camera repeat: two of them are not worth more than the better one.
+Covariance intersection (Julier and Uhlmann, 1997) never claims more than is known then, however the
+errors depend on each other. Pure.
 """
 
 import math
@@ -10,7 +11,9 @@ from companion.languages.values import Pose, Uncertainty, Vector
 from companion.quaternions import conjugate, product
 
 AGREE = 18.5
-"""Squared deviation, by both covariances, that 99.9 % of true pairs have at most: chi-squared, 4 degrees of freedom."""
+"""Squared deviation, by both covariances, that 99.9 % of true pairs have at most: chi-squared, 4
+degrees of freedom.
+"""
 TILT = math.radians(2.0)
 """Between two sights of a thing that stands; estimate: five times what the eyes err."""
 SHARES = tuple(share / 32 for share in range(33))
@@ -23,7 +26,9 @@ Sight = tuple[Pose, Uncertainty | None]
 
 
 def fused(kept: Sight, seen: Sight) -> Sight:
-    """Both sights as one; `seen`, the newer one, alone where they do not agree or one is of unknown quality."""
+    """Both sights as one; `seen`, the newer one, alone where they do not agree or one is of unknown
+    quality.
+    """
     (before, sure), (now, unsure) = kept, seen
     if sure is None or unsure is None:
         return seen
@@ -43,7 +48,9 @@ def fused(kept: Sight, seen: Sight) -> Sight:
 
 
 def _about_vertical(before: Pose, now: Pose) -> float | None:
-    """The rotation about the vertical between two poses [rad]; None where it is about another axis, too."""
+    """The rotation about the vertical between two poses [rad]; None where it is about another axis,
+    too.
+    """
     turned, x, y, about = product(now.quat_wxyz, conjugate(before.quat_wxyz))
     tilt = math.hypot(x, y)
     if 2.0 * math.asin(min(1.0, tilt)) > TILT:
@@ -51,8 +58,12 @@ def _about_vertical(before: Pose, now: Pose) -> float | None:
     return math.remainder(2.0 * math.atan2(about, turned), math.tau)
 
 
-def _intersected(a: Vector, of_a: Symmetric, b: Vector, of_b: Symmetric) -> tuple[Vector, Symmetric]:
-    """Place and covariance by the weights that leave the smallest ellipsoid, or the most even of equal ones."""
+def _intersected(
+    a: Vector, of_a: Symmetric, b: Vector, of_b: Symmetric
+) -> tuple[Vector, Symmetric]:
+    """Place and covariance by the weights that leave the smallest ellipsoid, or the most even of
+    equal ones.
+    """
     known_a, known_b = _inverse(of_a), _inverse(of_b)
     sizes = {share: _determinant(_mixed(share, known_a, known_b)) for share in SHARES}
     good = (share for share, size in sizes.items() if size >= (1.0 - EQUAL) * max(sizes.values()))

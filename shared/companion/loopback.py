@@ -1,4 +1,6 @@
-"""Clients of hi (docs/http.md) and of the page, which let in who has the token. They block: for threads."""
+"""Clients of hi (docs/http.md) and of the page, which let in who has the token. They block: for
+threads.
+"""
 
 import http.client
 import time
@@ -9,7 +11,16 @@ from urllib.parse import urlencode
 
 import msgspec
 
-from companion.run_files import Cancel, Events, HiAddress, PageAddress, Problem, Say, TaskLine, Tasks
+from companion.run_files import (
+    Cancel,
+    Events,
+    HiAddress,
+    PageAddress,
+    Problem,
+    Say,
+    TaskLine,
+    Tasks,
+)
 from companion.stop_words import AT_ONCE_S
 
 HERE = "127.0.0.1"
@@ -27,7 +38,8 @@ def answered(
     host: str = HERE,
     patience_s: float,
 ) -> tuple[int, bytes]:
-    """Status and body of the answer. `host`: where it listens if not here; it is asked by the name it expects.
+    """Status and body of the answer. `host`: where it listens if not here; it is asked by the name
+    it expects.
 
     Raise OSError or http.client.HTTPException where nobody answers within `patience_s` [s].
     """
@@ -38,7 +50,9 @@ def answered(
         "Host": f"{HERE}:{address.port}",
     }
     try:
-        connection.request(verb, path, msgspec.json.encode(body) if body is not None else b"", headers)
+        connection.request(
+            verb, path, msgspec.json.encode(body) if body is not None else b"", headers
+        )
         answer = connection.getresponse()
         return answer.status, answer.read()
     finally:
@@ -54,14 +68,18 @@ class HiError(Exception):
 
 
 class Hi:
-    """hi at an address, or at that in a file, which is read for each request: hi may have come back at another one.
+    """hi at an address, or at that in a file, which is read for each request: hi may have come back
+    at another one.
 
-    Every call raises HiError, or the one of a sub-class: status 0 where nobody answers, else what hi said.
+    Every call raises HiError, or the one of a sub-class: status 0 where nobody answers, else what
+    hi said.
     """
 
     error: Callable[[int, str], Exception] = HiError
 
-    def __init__(self, address: HiAddress | Path, host: str = HERE, patience_s: float = ANSWER_S) -> None:
+    def __init__(
+        self, address: HiAddress | Path, host: str = HERE, patience_s: float = ANSWER_S
+    ) -> None:
         self._address, self._host, self._patience_s = address, host, patience_s
 
     def send(self, said: Say) -> TaskLine:
@@ -69,7 +87,9 @@ class Hi:
         return self._ask("POST", "/say", TaskLine, said)
 
     def answers(self, asker: str) -> tuple[str, ...]:
-        """Sentences that answer what hi has asked of somebody: none if it does not say so at once."""
+        """Sentences that answer what hi has asked of somebody: none if it does not say so at
+        once.
+        """
         return self._ask("GET", "/tasks", Tasks, patience_s=AT_ONCE_S).answers(asker, time.time())
 
     def cancel(self, task: str = "", language: str = "en") -> TaskLine:
@@ -94,7 +114,12 @@ class Hi:
         return self._ask("GET", f"/events?{query}", Events, patience_s=self._patience_s + wait_s)
 
     def _ask(
-        self, verb: str, path: str, kind: type[T], body: msgspec.Struct | None = None, patience_s: float = 0.0
+        self,
+        verb: str,
+        path: str,
+        kind: type[T],
+        body: msgspec.Struct | None = None,
+        patience_s: float = 0.0,
     ) -> T:
         at, address = "", self._address
         try:
@@ -102,9 +127,13 @@ class Hi:
                 address = msgspec.json.decode(address.read_bytes(), type=HiAddress)
             at = f" on port {address.port}"
             patience_s = patience_s or self._patience_s
-            status, data = answered(address, verb, path, body, host=self._host, patience_s=patience_s)
+            status, data = answered(
+                address, verb, path, body, host=self._host, patience_s=patience_s
+            )
         except (OSError, http.client.HTTPException, msgspec.DecodeError) as error:
-            raise self.error(0, f"the human interface does not answer{at} ({error}); see `roco status`") from error
+            raise self.error(
+                0, f"the human interface does not answer{at} ({error}); see `roco status`"
+            ) from error
         if status != http.client.OK:
             try:
                 reason = msgspec.json.decode(data, type=Problem).error
@@ -114,4 +143,6 @@ class Hi:
         try:
             return msgspec.json.decode(data, type=kind)
         except msgspec.DecodeError as error:
-            raise self.error(status, f"{path} answered something else than {kind.__name__}: {error}") from error
+            raise self.error(
+                status, f"{path} answered something else than {kind.__name__}: {error}"
+            ) from error

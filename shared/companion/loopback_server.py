@@ -1,8 +1,10 @@
-"""The HTTP server of what people use on this machine, hi and the page: who may connect, how long and how much.
+"""The HTTP server of what people use on this machine, hi and the page: who may connect, how long
+and how much.
 
-h11 bounds a head only while it is not whole: one that comes in one piece may be as long as the piece. uvicorn waits for
-ever for a head that does not end, and for a client that does not read. All of this is ended here. The figures are
-estimates for programs and browsers of this machine, which take milliseconds. Must not know: what is asked.
+h11 bounds a head only while it is not whole: one that comes in one piece may be as long as the
+piece. uvicorn waits for ever for a head that does not end, and for a client that does not read. All
+of this is ended here. The figures are estimates for programs and browsers of this machine, which
+take milliseconds. Must not know: what is asked.
 """
 
 import asyncio
@@ -25,18 +27,22 @@ from agent_runtime.io.fleet_processes import set_stop
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD
 from companion.run_files import SLOTS_FILE, Problem
 
-# --- Bounds on connections: no head and no reader keeps a place for long ----------------------------------------------
+# --- Bounds on connections: no head and no reader keeps a place for long --------------------------
 
 LOOK_S = 3.0
 """Between two looks at a connection without a request; the second one that finds it so ends it."""
 READS_S = 5.0
 """Longest that what was written may lie unread."""
 MOST = 128
-"""Connections; beyond that the oldest without a request goes. 24 streams and a few requests of each browser."""
+"""Connections; beyond that the oldest without a request goes. 24 streams and a few requests of each
+browser.
+"""
 HEAD_BYTES = 8192
 """Of a request before its body, up to the blank line; a browser's has 1000, that of `roco` 200."""
 SENT_BYTES = 131_072
-"""That may wait in the system for one browser: some pictures; what is older than that, nobody wants (estimate)."""
+"""That may wait in the system for one browser: some pictures; what is older than that, nobody wants
+(estimate).
+"""
 GRACE_S = 2
 """Longest for requests in hand at the end."""
 _END = re.compile(rb"\n\r?\n")
@@ -54,14 +60,21 @@ class BoundedProtocol(H11Protocol):
         self._look: asyncio.TimerHandle | None = self.loop.call_later(LOOK_S, self._looked)
         if len(self.connections) <= MOST:
             return
-        # Those that are ended leave `connections` later: of many that come at once each must end another one.
-        there = [one for one in self.connections if isinstance(one, BoundedProtocol) and not one.transport.is_closing()]
+        # Those that are ended leave `connections` later: of many that come at once each must end
+        # another one.
+        there = [
+            one
+            for one in self.connections
+            if isinstance(one, BoundedProtocol) and not one.transport.is_closing()
+        ]
         idle = [one for one in there if one.idle] if len(there) > MOST else []
         if idle:
             min(idle, key=lambda one: one._since).transport.abort()
 
     def handle_events(self) -> None:
-        """Serve what has come; a head that is too long is refused, also one behind another request."""
+        """Serve what has come; a head that is too long is refused, also one behind another
+        request.
+        """
         waiting, _ = self.conn.trailing_data
         end = _END.search(waiting)
         if self.conn.their_state is h11.IDLE and (end.end() if end else len(waiting)) > HEAD_BYTES:
@@ -74,7 +87,9 @@ class BoundedProtocol(H11Protocol):
         super().send_400_response(msgspec.json.encode(Problem(msg)).decode())
 
     def _should_upgrade(self) -> bool:
-        """To nothing: whoever asks for it gets the answer of a usual request, and no warning in the log."""
+        """To nothing: whoever asks for it gets the answer of a usual request, and no warning in the
+        log.
+        """
         return False
 
     @property
@@ -118,9 +133,12 @@ class Server(uvicorn.Server):
     def __init__(self, app: ASGIApp) -> None:
         super().__init__(
             uvicorn.Config(
-                app, http=BoundedProtocol, ws="none", lifespan="off", server_header=False, access_log=False,
-                log_config=None, log_level="error",  # whoever connects can send what is worth a warning
-                h11_max_incomplete_event_size=HEAD_BYTES, timeout_keep_alive=5, timeout_graceful_shutdown=GRACE_S,
+                app, http=BoundedProtocol, ws="none", lifespan="off", server_header=False,
+                access_log=False,
+                # whoever connects can send what is worth a warning
+                log_config=None, log_level="error",
+                h11_max_incomplete_event_size=HEAD_BYTES, timeout_keep_alive=5,
+                timeout_graceful_shutdown=GRACE_S,
             )
         )  # fmt: skip
 
@@ -131,7 +149,9 @@ class Server(uvicorn.Server):
 
 
 def listener(host: str, port: int, variable: str) -> socket.socket:
-    """Return a socket that listens there, port 0 for a free one; `variable` names the address. Raise OSError."""
+    """Return a socket that listens there, port 0 for a free one; `variable` names the address.
+    Raise OSError.
+    """
     made = socket.socket()
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENT_BYTES)
@@ -140,21 +160,28 @@ def listener(host: str, port: int, variable: str) -> socket.socket:
         made.listen(MOST)
     except OSError as error:
         made.close()
-        why = f"{host}:{port} cannot be listened at: {error.strerror}; {variable} names another address"
+        why = (
+            f"{host}:{port} cannot be listened at: {error.strerror}; {variable} names another"
+            " address"
+        )
         raise OSError(error.errno, why) from error
     return made
 
 
-# --- Requests: who may ask, and how much ------------------------------------------------------------------------------
+# --- Requests: who may ask, and how much ----------------------------------------------------------
 
 LONGEST_BODY = 4096
 DRAINED = 65536
-"""Bytes of a body that is too long that are read and dropped, so that its sender reads the answer (estimate)."""
+"""Bytes of a body that is too long that are read and dropped, so that its sender reads the answer
+(estimate).
+"""
 BODY_S = 5.0
 
 
 class Refused(Exception):
-    """A request that is answered by a status and a sentence. `whole`: it was read; else its connection ends."""
+    """A request that is answered by a status and a sentence. `whole`: it was read; else its
+    connection ends.
+    """
 
     def __init__(self, status: int, text: str, *, whole: bool = True) -> None:
         self.status, self.headers = status, {} if whole else {"connection": "close"}
@@ -162,7 +189,9 @@ class Refused(Exception):
 
 
 def check_host(headers: Headers, port: int) -> None:
-    """Raise Refused for a request that was sent to another name: no page of elsewhere gets here by one that it made."""
+    """Raise Refused for a request that was sent to another name: no page of elsewhere gets here by
+    one that it made.
+    """
     hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
     if len(sent := headers.getlist("host")) != 1 or sent[0] not in hosts:
         raise Refused(403, f"Host must be {' or '.join(hosts)}")
@@ -170,7 +199,9 @@ def check_host(headers: Headers, port: int) -> None:
 
 def has_token(headers: Headers, token: str) -> bool:
     """Whether a request shows the token of the address file."""
-    return hmac.compare_digest(headers.get("authorization", "").encode(), f"Bearer {token}".encode())
+    return hmac.compare_digest(
+        headers.get("authorization", "").encode(), f"Bearer {token}".encode()
+    )
 
 
 async def whole_body(request: Request) -> bytes:
@@ -192,11 +223,12 @@ async def whole_body(request: Request) -> bytes:
     return data
 
 
-# --- The stop flag: a byte in the run folder (docs/run-folder.md), which the robot's loop reads -----------------------
+# --- The stop flag: a byte in the run folder (docs/run-folder.md), which the robot's loop reads ---
 
 
 class RobotStop:
-    """The stop flag of the robot whose control loop shares this run folder, if one does: no agent or key is needed.
+    """The stop flag of the robot whose control loop shares this run folder, if one does: no agent
+    or key is needed.
 
     In containers and across hosts the loop has another run folder, and its flag is out of reach.
     """
@@ -205,9 +237,11 @@ class RobotStop:
         self._run = run
 
     def hold(self, held: bool) -> bool:
-        """Stop the robot, or let it go. Return whether its loop reads the flag; raise OSError if it cannot be written.
+        """Stop the robot, or let it go. Return whether its loop reads the flag; raise OSError if it
+        cannot be written.
 
-        Where a supervisor made a flag it is written even if there is no loop yet, which then begins with it.
+        Where a supervisor made a flag it is written even if there is no loop yet, which then begins
+        with it.
         """
         if (self._run / STOP_FILE).exists() or self.here:
             set_stop(self._run, held)

@@ -1,7 +1,7 @@
 """Object models and grasps: what is known about kinds of things before any of them is seen.
 
-`MODELS` by model name, `GRASPS` by model name, `REACH` by side, read once from models.toml and grasps.json, where the
-numbers have their sources. Must not know: agents, where any thing is.
+`MODELS` by model name, `GRASPS` by model name, `REACH` by side, read once from models.toml and
+grasps.json, where the numbers have their sources. Must not know: agents, where any thing is.
 """
 
 import math
@@ -22,13 +22,19 @@ ACROSS = {
     "lying": (_HALF, 0.0, -_HALF, 0.0),
     "lying_turned": (0.0, _HALF, 0.0, _HALF),
 }
-"""Turn of a thing in a grasp across its axis: its z is the grip's -x, as where it stands (grasps.json, jar), or x."""
+"""Turn of a thing in a grasp across its axis: its z is the grip's -x, as where it stands
+(grasps.json, jar), or x.
+"""
 HANDLE = "handle"
 """Kind of the grasps of a leaf by the bar of its handle: the leaf is turned by them, not taken."""
 ALONG = (("down", (_HALF, 0.0, _HALF, 0.0), -1.0), ("up", (0.0, _HALF, 0.0, _HALF), 1.0))
-"""Name of a grasp of a handle, T_leaf_grip with the grip's z along the leaf's x, and whether the grip's x points up."""
+"""Name of a grasp of a handle, T_leaf_grip with the grip's z along the leaf's x, and whether the
+grip's x points up.
+"""
 UPRIGHT = math.cos(math.radians(15.0))
-"""Of the axis of a thing to the vertical: farther tilted, it lies (as velma.kinematics.frames has it)."""
+"""Of the axis of a thing to the vertical: farther tilted, it lies (as velma.kinematics.frames has
+it).
+"""
 BEFORE_M = 0.15
 """Way of the hand to a thing (grasps.json, jar)."""
 KNOWN_AS = {"bowl": "bowl_high", "cabinet": "cabinet_no_door"}
@@ -51,7 +57,9 @@ class Base(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Flat(msgspec.Struct, frozen=True, array_like=True):
-    """A horizontal rectangle of an object: centre in its frame, edge lengths along its x and y [m]."""
+    """A horizontal rectangle of an object: centre in its frame, edge lengths along its x and y
+    [m].
+    """
 
     x: float
     y: float
@@ -74,7 +82,9 @@ class Solid(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Flared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An open vessel with a slanted wall of `boxes` boards around a disc; outer radii at rim and base [m]."""
+    """An open vessel with a slanted wall of `boxes` boards around a disc; outer radii at rim and
+    base [m].
+    """
 
     rim: float
     base: float
@@ -84,8 +94,8 @@ class Flared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     boxes: int
 
     def shapes(self) -> tuple[Shape, ...]:
-        """The disc and the boards. A board's outer face is a tangent of the wall at mid height; neighbours meet at
-        the rim.
+        """The disc and the boards. A board's outer face is a tangent of the wall at mid height;
+        neighbours meet at the rim.
         """
         z0 = self.floor / 2
         slant = math.atan2(self.rim - self.base, self.height - z0)
@@ -97,7 +107,10 @@ class Flared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         for k in range(self.boxes):  # turned about y by the slant, then about z to its place
             a = 2 * math.pi * k / self.boxes
             ca, sa = math.cos(a / 2), math.sin(a / 2)
-            at = Pose((radius * math.cos(a), radius * math.sin(a), z), (ca * cs, -sa * ss, ca * ss, sa * cs))
+            at = Pose(
+                (radius * math.cos(a), radius * math.sin(a), z),
+                (ca * cs, -sa * ss, ca * ss, sa * cs),
+            )
             found.append(Box(size, at))
         return tuple(found)
 
@@ -139,12 +152,12 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
 
 
 class Handle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How a hand takes a leaf by the bar of its handle. The bar is upright, parallel to the hinge; the fingers close
-    across it, and the hand's approach is slanted to the panel.
+    """How a hand takes a leaf by the bar of its handle. The bar is upright, parallel to the hinge;
+    the fingers close across it, and the hand's approach is slanted to the panel.
 
-    The bar in the leaf's frame [m]; `depth`: its distance from the grip frame, `before`: way of the hand to it [m].
-    Fingers before they close, and where one stops that meets nothing [rad]; squeeze and speed as of a grasp; slants of
-    the hand against the panel, best first.
+    The bar in the leaf's frame [m]; `depth`: its distance from the grip frame, `before`: way of the
+    hand to it [m]. Fingers before they close, and where one stops that meets nothing [rad]; squeeze
+    and speed as of a grasp; slants of the hand against the panel, best first.
     """
 
     model: str
@@ -162,7 +175,8 @@ class Handle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         squeeze, found = math.radians(self.squeeze_deg), []
         for name, turn, up in ALONG:
             for slant in self.slants_deg:
-                # T_grip_leaf with the bar so deep before the grip. The slant brings the hand from the hinge's side.
+                # T_grip_leaf with the bar so deep before the grip. The slant brings the hand from
+                # the hinge's side.
                 yaw = math.pi - math.radians(slant) * math.copysign(1.0, self.bar[1])
                 c, s = math.cos(yaw), math.sin(yaw)
                 x, y, z = self.bar
@@ -172,7 +186,15 @@ class Handle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                     wm.GraspStep(Pose((-up * z, -across, depth - ahead), quat), self.fingers)
                     for depth in (self.depth + self.before, self.depth)
                 )
-                grasp = (f"{name}_{slant:g}", tuple(steps), self.closed, squeeze, self.speed, self.before, HANDLE)
+                grasp = (
+                    f"{name}_{slant:g}",
+                    tuple(steps),
+                    self.closed,
+                    squeeze,
+                    self.speed,
+                    self.before,
+                    HANDLE,
+                )
                 found.append(wm.GraspDef(*grasp))
         return tuple(found)
 
@@ -185,8 +207,9 @@ class GraspKind(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Lying(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How a hand takes an object that lies on its side: distance of its axis from the palm's grip frame [m], fingers
-    before they close [rad], the way out [m]."""
+    """How a hand takes an object that lies on its side: distance of its axis from the palm's grip
+    frame [m], fingers before they close [rad], the way out [m].
+    """
 
     squeeze_deg: float
     depth: float
@@ -236,7 +259,9 @@ class _GraspsFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def fitting(known: tuple[wm.GraspDef, ...], pose: Pose) -> tuple[wm.GraspDef, ...]:
-    """The grasps that fit an object as it is: those of one that lies, if it does and there are some."""
+    """The grasps that fit an object as it is: those of one that lies, if it does and there are
+    some.
+    """
     _, x, y, _ = pose.quat_wxyz
     lying = tuple(grasp for grasp in known if grasp.kind == LYING)
     lies = 1.0 - 2.0 * (x * x + y * y) < UPRIGHT
@@ -244,7 +269,9 @@ def fitting(known: tuple[wm.GraspDef, ...], pose: Pose) -> tuple[wm.GraspDef, ..
 
 
 def _step(row: tuple[float, ...], deeper: float) -> wm.GraspStep:
-    """x y z w x y z finger -> a step, `deeper` towards the palm (the grip frame's z points away from it)."""
+    """x y z w x y z finger -> a step, `deeper` towards the palm (the grip frame's z points away
+    from it).
+    """
     x, y, z, w, i, j, k, fingers = row
     norm = math.sqrt(w * w + i * i + j * j + k * k)
     return wm.GraspStep(Pose((x, y, z - deeper), (w / norm, i / norm, j / norm, k / norm)), fingers)
@@ -267,8 +294,12 @@ def _grasps(closing: Closing, entry: _GraspSet) -> tuple[wm.GraspDef, ...]:
     if (lies := closing.lying) is not None:
         depths, squeeze = (lies.depth + BEFORE_M, lies.depth), math.radians(lies.squeeze_deg)
         for name, turn in ACROSS.items():
-            steps = tuple(wm.GraspStep(Pose((0.0, 0.0, depth), turn), lies.fingers) for depth in depths)
-            found.append(wm.GraspDef(name, steps, entry.closed, squeeze, closing.speed, lies.out, LYING))
+            steps = tuple(
+                wm.GraspStep(Pose((0.0, 0.0, depth), turn), lies.fingers) for depth in depths
+            )
+            found.append(
+                wm.GraspDef(name, steps, entry.closed, squeeze, closing.speed, lies.out, LYING)
+            )
     return tuple(found)
 
 
@@ -283,5 +314,6 @@ GRASPS: dict[str, tuple[wm.GraspDef, ...]] = {
     **{handle.model: handle.grasps() for handle in _models.handle},
 }
 REACH: dict[Side, wm.Reach] = {
-    side: wm.Reach(_models.reach.near, _models.reach.far, (getattr(_models.reach, side),)) for side in Side
+    side: wm.Reach(_models.reach.near, _models.reach.far, (getattr(_models.reach, side),))
+    for side in Side
 }

@@ -1,4 +1,5 @@
-"""Rows by which a task describes its act, to the agents (part `done`) and to the tools (part `shown`).
+"""Rows by which a task describes its act, to the agents (part `done`) and to the tools (part
+`shown`).
 
 The tables of all acts are companion.acts and companion.tools.shown.
 """
@@ -25,12 +26,13 @@ def held(of: str, otherwise: Otherwise = Otherwise.SAID) -> Check:
 class ActRow(msgspec.Struct, frozen=True):
     """What the agents must know of an act.
 
-    `checks`: what must be true after it. `rest_s`: its duration beside its first motion [s, simulated], an estimate for
-    time-outs alone. `handles`: it handles an object, which may wait for the operator.
+    `checks`: what must be true after it. `rest_s`: its duration beside its first motion [s,
+    simulated], an estimate for time-outs alone. `handles`: it handles an object, which may wait for
+    the operator.
 
-    For an act that was done: `fulfilled` tells whether it did what it is for, `outcome_facts` what was seen or felt in
-    it, and `sights` what km is told first, beside what an outcome of any act tells. `remembered`: these facts are said
-    at the end of the plan, though other acts follow.
+    For an act that was done: `fulfilled` tells whether it did what it is for, `outcome_facts` what
+    was seen or felt in it, and `sights` what km is told first, beside what an outcome of any act
+    tells. `remembered`: these facts are said at the end of the plan, though other acts follow.
     """
 
     act: type[Command]
@@ -46,9 +48,10 @@ class ActRow(msgspec.Struct, frozen=True):
 class ShownRow(msgspec.Struct, frozen=True):
     """How the tools show an act.
 
-    `word` and `colour` (#rrggbb) name it in figures. `says`: what the robot does meanwhile. `event`: the name of what
-    has happened when it is done, and `of` which fields of the command; "" for no event. `points_on`: the field with the
-    thing in whose frame its field `approach` stands; "" where it has none.
+    `word` and `colour` (#rrggbb) name it in figures. `says`: what the robot does meanwhile.
+    `event`: the name of what has happened when it is done, and `of` which fields of the command; ""
+    for no event. `points_on`: the field with the thing in whose frame its field `approach` stands;
+    "" where it has none.
     """
 
     act: type[Command]

@@ -1,6 +1,8 @@
-"""The files of a run folder that only this system has: the loop's slots, a_hi's address; and a_hi's words over HTTP.
+"""The files of a run folder that only this system has: the loop's slots, a_hi's address; and a_hi's
+words over HTTP.
 
-docs/http.md is the contract of a_hi, docs/run-folder.md says which process writes which file. Names and types only.
+docs/http.md is the contract of a_hi, docs/run-folder.md says which process writes which file. Names
+and types only.
 """
 
 from typing import Annotated
@@ -16,7 +18,9 @@ PAGE_FILE = "page.json"
 REFUSED = "refused"
 """The state of a line on a sentence that never became a task."""
 QUESTION, ANSWERED = "question", "answered"
-"""The state of a line that asks back, so that no task came of the sentence yet, and of one that answers a question."""
+"""The state of a line that asks back, so that no task came of the sentence yet, and of one that
+answers a question.
+"""
 STOPPED, RELEASED = "stopped", "released"
 """The state of a line on a stop, which no agent needs to hear of, and on its end."""
 HELD = "stopped: the loop holds the robot until `roco release`"
@@ -25,7 +29,8 @@ LONGEST_WITHIN_S = 86_400.0
 """Until the deadline of a task, or its time to begin; estimate: who says more means neither."""
 MOST_EAST_MIN = 24 * 60  # no place is so far ahead of UTC, or behind it
 SLOTS_FILE = "loop.slots"  # where ex's agent and its loop meet
-DISTURBANCES_FILE = "disturbances.json"  # faults of simulated senses and things, for the simulator alone
+# faults of simulated senses and things, for the simulator alone
+DISTURBANCES_FILE = "disturbances.json"
 
 
 class HiAddress(msgspec.Struct, frozen=True):
@@ -36,26 +41,31 @@ class HiAddress(msgspec.Struct, frozen=True):
 
 
 class PageAddress(msgspec.Struct, frozen=True):
-    """page.json (mode 0600), written by the person's page once it listens on 127.0.0.1; `token` is for `roco page`."""
+    """page.json (mode 0600), written by the person's page once it listens on 127.0.0.1; `token` is
+    for `roco page`.
+    """
 
     port: int
     token: str
 
 
 class Pairing(msgspec.Struct, frozen=True):
-    """Answer of the page to POST /code: a code that pairs one browser, once, and how long it can [s]."""
+    """Answer of the page to POST /code: a code that pairs one browser, once, and how long it can
+    [s].
+    """
 
     code: str
     within_s: float
 
 
 class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """POST /say: a sentence. `urgency`: higher comes first; `within_s`, `later_s`: seconds until it should be done, and
-    until it may begin, 0 for none.
+    """POST /say: a sentence. `urgency`: higher comes first; `within_s`, `later_s`: seconds until it
+    should be done, and until it may begin, 0 for none.
 
-    `instead`: a task that is cancelled as soon as the new one is asked for, such as the same one with less urgency.
-    `asker`: the browser or terminal that says it; only the one that hi asked can answer its question. `east_min`: how
-    far its clock is ahead of UTC [min]; None: as far as hi's. Of hours named in the sentence.
+    `instead`: a task that is cancelled as soon as the new one is asked for, such as the same one
+    with less urgency. `asker`: the browser or terminal that says it; only the one that hi asked can
+    answer its question. `east_min`: how far its clock is ahead of UTC [min]; None: as far as hi's.
+    Of hours named in the sentence.
     """
 
     text: str
@@ -68,7 +78,9 @@ class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """POST /cancel: this task, or with "" the oldest one that has not ended. `language`: of the answer."""
+    """POST /cancel: this task, or with "" the oldest one that has not ended. `language`: of the
+    answer.
+    """
 
     task: str = ""
     language: Annotated[str, msgspec.Meta(pattern="^(en|pl)$")] = "en"
@@ -82,16 +94,18 @@ class InWords(msgspec.Struct, frozen=True):
 
 
 class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A task as hi knows it. `state`: a companion.languages.cmd.TaskState, or one of the words above.
+    """A task as hi knows it. `state`: a companion.languages.cmd.TaskState, or one of the words
+    above.
 
-    `then`: the tasks that follow, where a sentence has several wishes. `accepted`: the coordinator took it. `wish`: a
-    sentence from which this task alone is understood. `replies`: sentences that answer a question. `steps`: what its
-    plan does, one after the other. `urgency`, `deadline` [unix s]: as it was said.
+    `then`: the tasks that follow, where a sentence has several wishes. `accepted`: the coordinator
+    took it. `wish`: a sentence from which this task alone is understood. `replies`: sentences that
+    answer a question. `steps`: what its plan does, one after the other. `urgency`, `deadline` [unix
+    s]: as it was said.
 
-    `why`: reason of its state; `at`: where its plan is, or waits; `number`: of the step there, the first is 1, 0 for
-    none of the steps. `asks`: the id of that place, if it waits for an operator. `text` is for a terminal: `why` and
-    `at` in the operator's words, or hi's own words; no program reads it. `evidence`: at the end, what is true now and
-    which senses told.
+    `why`: reason of its state; `at`: where its plan is, or waits; `number`: of the step there, the
+    first is 1, 0 for none of the steps. `asks`: the id of that place, if it waits for an operator.
+    `text` is for a terminal: `why` and `at` in the operator's words, or hi's own words; no program
+    reads it. `evidence`: at the end, what is true now and which senses told.
     """
 
     task: str
@@ -114,7 +128,9 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Wish(msgspec.Struct, frozen=True):
-    """A sentence that could be said now: what it does (a row of hi's catalogue), and with which thing."""
+    """A sentence that could be said now: what it does (a row of hi's catalogue), and with which
+    thing.
+    """
 
     does: str
     thing: InWords
@@ -122,7 +138,9 @@ class Wish(msgspec.Struct, frozen=True):
 
 
 class Question(msgspec.Struct, frozen=True):
-    """A question of hi's: to whom, until when it can be answered [unix s], and by which sentences, in each language."""
+    """A question of hi's: to whom, until when it can be answered [unix s], and by which sentences,
+    in each language.
+    """
 
     asker: str
     until: float
@@ -130,9 +148,11 @@ class Question(msgspec.Struct, frozen=True):
 
 
 class Tasks(msgspec.Struct, frozen=True, omit_defaults=True):
-    """GET /tasks: all tasks of this run, oldest first. `held`: the stop flag of hi's run folder is set.
+    """GET /tasks: all tasks of this run, oldest first. `held`: the stop flag of hi's run folder is
+    set.
 
-    `wishes`: what could be done with the things that were seen, or talked of. `questions`: hi's open questions.
+    `wishes`: what could be done with the things that were seen, or talked of. `questions`: hi's
+    open questions.
     """
 
     tasks: tuple[TaskLine, ...]
@@ -141,12 +161,18 @@ class Tasks(msgspec.Struct, frozen=True, omit_defaults=True):
     questions: tuple[Question, ...] = ()
 
     def answers(self, asker: str, now: float) -> tuple[str, ...]:
-        """The sentences that answer what was asked of somebody; none where nothing was, or it is too late."""
-        return next((one.replies for one in self.questions if one.asker == asker and now < one.until), ())
+        """The sentences that answer what was asked of somebody; none where nothing was, or it is
+        too late.
+        """
+        return next(
+            (one.replies for one in self.questions if one.asker == asker and now < one.until), ()
+        )
 
 
 class HiEvent(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Something hi tells people; `n` counts from 1 without gaps. `t`: unix time [s]; `text`: as of a TaskLine."""
+    """Something hi tells people; `n` counts from 1 without gaps. `t`: unix time [s]; `text`: as of
+    a TaskLine.
+    """
 
     n: int
     t: float

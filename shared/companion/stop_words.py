@@ -1,7 +1,9 @@
-"""The words that stop the robot, in English and Polish: looked for before any grammar, in whatever else is said.
+"""The words that stop the robot, in English and Polish: looked for before any grammar, in whatever
+else is said.
 
-stop_words.toml has the rows and their reasons. They err towards stopping: a robot that stood still for nothing is let
-go by `roco release`, one that went on is not made good. Must not know: the robot, HTTP, which tasks there are.
+stop_words.toml has the rows and their reasons. They err towards stopping: a robot that stood still
+for nothing is let go by `roco release`, one that went on is not made good. Must not know: the
+robot, HTTP, which tasks there are.
 """
 
 import re
@@ -17,7 +19,9 @@ from companion.letters import fold
 
 LANGUAGES = ("en", "pl")
 AT_ONCE_S = 1.0
-"""A "no" waits so long for hi to say that it answers a question; then it stops the robot (estimate: hi takes ms)."""
+"""A "no" waits so long for hi to say that it answers a question; then it stops the robot (estimate:
+hi takes ms).
+"""
 LONGEST = 10_000  # characters that are looked through (estimate: hi takes bodies of 4096 bytes)
 
 
@@ -30,7 +34,9 @@ class Harmless(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Group(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A group of rows that stop the robot. `where` they count; `helps`: what can be said is shown, too."""
+    """A group of rows that stop the robot. `where` they count; `helps`: what can be said is shown,
+    too.
+    """
 
     reason: str
     en: str
@@ -60,7 +66,9 @@ class Rows(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     stop: tuple[Group, ...]
 
 
-ROWS = msgspec.toml.decode(resources.files(__package__).joinpath("stop_words.toml").read_bytes(), type=Rows)
+ROWS = msgspec.toml.decode(
+    resources.files(__package__).joinpath("stop_words.toml").read_bytes(), type=Rows
+)
 _NOT = (
     "do",
     "does",
@@ -78,7 +86,19 @@ _NOT = (
     "had",
     "need",
 )
-_IS = ("it", "that", "there", "here", "what", "who", "he", "she", "somebody", "someone", "something")
+_IS = (
+    "it",
+    "that",
+    "there",
+    "here",
+    "what",
+    "who",
+    "he",
+    "she",
+    "somebody",
+    "someone",
+    "something",
+)
 _SHORT = (
     {"can't": "can not", "cannot": "can not", "won't": "will not", "ain't": "is not", "i'm": "i am"}
     | {f"{one}n't": f"{one} not" for one in _NOT}
@@ -93,7 +113,8 @@ _OTHERWISE = frozenset({"ill", "well", "hell", "shell", "were"})
 
 
 def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
-    """The words of a sentence that stop the robot; "" where it has none, or is one of the answers to a question.
+    """The words of a sentence that stop the robot; "" where it has none, or is one of the answers
+    to a question.
 
     Never raises.
     """
@@ -110,7 +131,9 @@ def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
 
 
 def may_answer(sentence: str) -> bool:
-    """Whether a sentence that stops the robot can be the answer to a question; then it stops unless one was asked."""
+    """Whether a sentence that stops the robot can be the answer to a question; then it stops unless
+    one was asked.
+    """
     return f" {' '.join(_as_in_rows(sentence))} " in _table().answer
 
 
@@ -135,13 +158,18 @@ def _forms(row: str) -> Iterator[str]:
         yield from _forms(row[: group.start()] + choice + row[group.end() :])
 
 
-# --- words ------------------------------------------------------------------------------------------------------------
+# --- words ----------------------------------------------------------------------------------------
 
 
 def _as_in_rows(sentence: str) -> list[str]:
-    """The words as rows have them; loose letters, and words with digits, as the word of a row that they look like."""
-    shapes = _table().shapes  # loose letters are the word that they are, such as h e l p, if they are one
-    text = _LOOSE.sub(lambda at: shapes.get(_shape(at[0].replace(" ", "")), at[0]), _plain(sentence))
+    """The words as rows have them; loose letters, and words with digits, as the word of a row that
+    they look like.
+    """
+    # loose letters are the word that they are, such as h e l p, if they are one
+    shapes = _table().shapes
+    text = _LOOSE.sub(
+        lambda at: shapes.get(_shape(at[0].replace(" ", "")), at[0]), _plain(sentence)
+    )
     return [_known(word) for word in _at_length(text).split()]
 
 
@@ -152,7 +180,11 @@ def _plain(text: str) -> str:
 
 def _once(text: str) -> str:
     """The text with repeated letters once; "off" and "too" stay, beside "of" and "to"."""
-    return re.sub(r"\b(o+ff+)\b|\b(t+oo+)\b|([^\W\d])\3+", lambda at: at[3] or ("off" if at[1] else "too"), text)
+    return re.sub(
+        r"\b(o+ff+)\b|\b(t+oo+)\b|([^\W\d])\3+",
+        lambda at: at[3] or ("off" if at[1] else "too"),
+        text,
+    )
 
 
 def _at_length(text: str) -> str:
@@ -165,7 +197,11 @@ def _known(word: str) -> str:
     if word.isalpha() or word.isdecimal():
         return word
     shape = _shape(word)
-    stem = max((one for looks, one in _table().stems.items() if shape.startswith(looks)), key=len, default=word)
+    stem = max(
+        (one for looks, one in _table().stems.items() if shape.startswith(looks)),
+        key=len,
+        default=word,
+    )
     return _table().shapes.get(shape, stem)
 
 
@@ -195,7 +231,7 @@ _LONG = {
 _LONG_FORM = re.compile(rf"(?<!\S)(?:{'|'.join(_LONG)})(?!\S)")
 
 
-# --- the rows as they are looked for ----------------------------------------------------------------------------------
+# --- the rows as they are looked for --------------------------------------------------------------
 
 
 class _Table(NamedTuple):
@@ -224,18 +260,31 @@ def _table() -> _Table:
     at = {where: _rows(*(one for one in ROWS.stop if one.where == where)) for where in _WHERE}
     stops = [row for where in _WHERE for row in at[where]]
     helps = [one for one in ROWS.stop if one.helps]
-    fillers = "|".join(sorted((row.strip() for row in _bounded(ROWS.fillers)), key=len, reverse=True))
-    part = {name: _once(fold(getattr(ROWS.time, name).replace("\n", ""))) for name in Time.__struct_fields__}
+    fillers = "|".join(
+        sorted((row.strip() for row in _bounded(ROWS.fillers)), key=len, reverse=True)
+    )
+    part = {
+        name: _once(fold(getattr(ROWS.time, name).replace("\n", "")))
+        for name in Time.__struct_fields__
+    }
     half = rf"(?: (?:{part['half']}))?"
     span = rf"(?:(?:{part['number']}|\d+(?: \d+)?){half} )?(?:{part['unit']}){half}"
-    time = rf" (?:(?:{part['before']}) {span}(?: (?:{part['behind']}))?|{span} (?:{part['behind']}))(?= )"
+    time = (
+        rf" (?:(?:{part['before']}) {span}(?: (?:{part['behind']}))?|{span}"
+        rf" (?:{part['behind']}))(?= )"
+    )
     near = {slip for row in _bounded(ROWS.near) for slip in _slips(row.strip())}
     return _Table(
         anywhere=at["anywhere"],
         opening=at["opening"],
         alone=(*at["alone"], *at["answer"]),
         answer=frozenset(at["answer"]),
-        helps={row: language for one in helps for language in LANGUAGES for row in _bounded(getattr(one, language))},
+        helps={
+            row: language
+            for one in helps
+            for language in LANGUAGES
+            for row in _bounded(getattr(one, language))
+        },
         harmless=_rows(*ROWS.harmless),
         shapes={_shape(word): word for row in stops for word in row.split()},
         stems={_shape(row.split()[-1]): row.split()[-1] for row in stops if not row.endswith(" ")},
@@ -251,7 +300,9 @@ _WHERE = ("anywhere", "opening", "alone", "answer")
 
 def _rows(*groups: Harmless | Group) -> tuple[str, ...]:
     """What the rows of groups stand for, the longest first."""
-    found = {row for one in groups for language in LANGUAGES for row in _bounded(getattr(one, language))}
+    found = {
+        row for one in groups for language in LANGUAGES for row in _bounded(getattr(one, language))
+    }
     return tuple(sorted(found, key=len, reverse=True))
 
 

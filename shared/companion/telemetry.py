@@ -1,10 +1,12 @@
-"""Telemetry of ex for people about the robot and, from the simulation, the truth; not communicates, newest wins.
+"""Telemetry of ex for people about the robot and, from the simulation, the truth; not communicates,
+newest wins.
 
-`RobotState` goes to `DESIGN.signal_key("telemetry", owner="ex")`, `TrueState` to the key of kind "truth", both as
-msgpack, at `RATE_HZ` while anything changes and twice a second while nothing does. A `Picture` goes to the first key,
-too, at most once in `PICTURE_S`, told apart by its tag: who knows `RobotState` only finds fields missing. Only
-recorders and screens read them, no agent decides by them. Arrays are in the order of velma.names; poses are in the
-world frame (torso_base). Must not know: Zenoh, MuJoCo.
+`RobotState` goes to `DESIGN.signal_key("telemetry", owner="ex")`, `TrueState` to the key of kind
+"truth", both as msgpack, at `RATE_HZ` while anything changes and twice a second while nothing does.
+A `Picture` goes to the first key, too, at most once in `PICTURE_S`, told apart by its tag: who
+knows `RobotState` only finds fields missing. Only recorders and screens read them, no agent decides
+by them. Arrays are in the order of velma.names; poses are in the world frame (torso_base). Must not
+know: Zenoh, MuJoCo.
 """
 
 import msgspec
@@ -26,7 +28,8 @@ class Lateness(msgspec.Struct, frozen=True):
 
 
 class PageFaults(msgspec.Struct, frozen=True):
-    """Page faults of the loop during motions: the page was in memory (`minor`), or had to be read (`major`).
+    """Page faults of the loop during motions: the page was in memory (`minor`), or had to be read
+    (`major`).
 
     `late`: missed cycles with a major one.
     """
@@ -39,11 +42,12 @@ class PageFaults(msgspec.Struct, frozen=True):
 class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
     """The measured robot and what its loop does.
 
-    `body`: 15 joints (velma.names.BODY), `head`: pan, tilt, `spread`: right, left, `proximal` and `distal`: fingers
-    one, two, three of the right hand, then of the left [rad]. `act`: key of the act under way, "" for none; `skill`:
-    what it is in a word. `work_J`: work of the body joints since the start. `lateness_us` is all zeros where nothing
-    paces the loop (it runs as fast as it can); `realtime`: it has the kernel's real-time priority. `saturated`: cycles
-    whose torque was cut to what the robot accepts.
+    `body`: 15 joints (velma.names.BODY), `head`: pan, tilt, `spread`: right, left, `proximal` and
+    `distal`: fingers one, two, three of the right hand, then of the left [rad]. `act`: key of the
+    act under way, "" for none; `skill`: what it is in a word. `work_J`: work of the body joints
+    since the start. `lateness_us` is all zeros where nothing paces the loop (it runs as fast as it
+    can); `realtime`: it has the kernel's real-time priority. `saturated`: cycles whose torque was
+    cut to what the robot accepts.
     """
 
     sim_time_s: float
@@ -69,7 +73,9 @@ class RobotState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Contact(msgspec.Struct, frozen=True, array_like=True):
-    """Contact of the robot with a thing [m] and the force on the thing [N], both in the world frame."""
+    """Contact of the robot with a thing [m] and the force on the thing [N], both in the world
+    frame.
+    """
 
     at: Vector
     force_N: Vector
@@ -78,12 +84,14 @@ class Contact(msgspec.Struct, frozen=True, array_like=True):
 class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
     """True state of the simulation; the fields are those of velma.sim.truth.Truth.
 
-    `grains_in`, `tilt_deg`, `at` by vessel id: grains inside, angle between axis and vertical, origin [m].
-    `fingers_on`: vessel id -> side -> number of links of that hand that touch it. `poses` of all things by id,
-    furniture too, and `models`: thing id -> kind (velma.model.kinds.Model); `grains_at`: centres of the grains [m].
-    These three are for pictures, and so are: `contacts` of the robot with things; `torque_Nm` of the drives of the body
-    (velma.names.BODY), the arms' own weight in it; `wrench` by side: force [N] and torque [Nm] of the arm on the
-    hand and what it holds, in the frame of the sensor in the wrist: at rest it carries their weight.
+    `grains_in`, `tilt_deg`, `at` by vessel id: grains inside, angle between axis and vertical,
+    origin [m]. `fingers_on`: vessel id -> side -> number of links of that hand that touch it.
+    `poses` of all things by id, furniture too, and `models`: thing id -> kind
+    (velma.model.kinds.Model); `grains_at`: centres of the grains [m]. These three are for pictures,
+    and so are: `contacts` of the robot with things; `torque_Nm` of the drives of the body
+    (velma.names.BODY), the arms' own weight in it; `wrench` by side: force [N] and torque [Nm] of
+    the arm on the hand and what it holds, in the frame of the sensor in the wrist: at rest it
+    carries their weight.
     """
 
     time_s: float
@@ -103,8 +111,9 @@ class TrueState(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Found(msgspec.Struct, frozen=True, array_like=True):
-    """A marker that was found in a picture: the thing it is on, its number, x and y of its four corners, in pixels from
-    the picture's upper left corner."""
+    """A marker that was found in a picture: the thing it is on, its number, x and y of its four
+    corners, in pixels from the picture's upper left corner.
+    """
 
     thing: str
     number: int
@@ -112,9 +121,11 @@ class Found(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Picture(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
-    """A state of the simulation in pictures, as JPEG files: `jpeg` by the head camera, `room` from a place in the room.
+    """A state of the simulation in pictures, as JPEG files: `jpeg` by the head camera, `room` from
+    a place in the room.
 
-    `markers`: those that the eyes find in the first one at full size and with the camera's noise, which it is without.
+    `markers`: those that the eyes find in the first one at full size and with the camera's noise,
+    which it is without.
     """
 
     sim_time_s: float
@@ -138,5 +149,7 @@ def decoded(data: bytes) -> RobotState | Picture:
     """What stands on the key of telemetry. Raises msgspec.MsgspecError for anything else."""
     tag = _tagged.decode(data).type
     if tag not in _decoders:
-        raise msgspec.ValidationError(f"telemetry of type {tag!r}; there are {', '.join(map(repr, _decoders))}")
+        raise msgspec.ValidationError(
+            f"telemetry of type {tag!r}; there are {', '.join(map(repr, _decoders))}"
+        )
     return _decoders[tag].decode(data)

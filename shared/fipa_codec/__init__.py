@@ -12,7 +12,13 @@ No I/O, no clock, no agent of a particular system. Requires msgspec and the stan
 
 from fipa_codec.communicate import Communicate, decode, decode_strictly, encode, encode_strictly
 from fipa_codec.conversation import Conversation
-from fipa_codec.errors import ContentError, FipaError, LocalProtocolError, MalformedError, RemoteProtocolError
+from fipa_codec.errors import (
+    ContentError,
+    FipaError,
+    LocalProtocolError,
+    MalformedError,
+    RemoteProtocolError,
+)
 from fipa_codec.interfaces import ClassInterfaceInfo
 from fipa_codec.languages import REASON, Kind, Language, Languages, Reason
 from fipa_codec.multicast import Multicast

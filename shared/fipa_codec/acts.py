@@ -1,9 +1,10 @@
-"""Content of the 22 communicative acts (FIPA SC00037J): for each performative the classes of its expressions.
+"""Content of the 22 communicative acts (FIPA SC00037J): for each performative the classes of its
+expressions.
 
     A  action expression     C  proposition     D  descriptor     M  embedded message
 
-In the language `fipa-expressions` the content of a communicate is a list of such expressions, as in FIPA SL.
-Independent of protocols and of any system's vocabulary.
+In the language `fipa-expressions` the content of a communicate is a list of such expressions, as in
+FIPA SL. Independent of protocols and of any system's vocabulary.
 """
 
 import math
@@ -18,10 +19,10 @@ from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.languages import Kind, Language
 from fipa_codec.performatives import Performative as P
 
-# --- Expressions of contents (FIPA SC00037J): actions, propositions, descriptors, embedded messages ------------------
-# They have the structure that the definitions of the acts need; FIPA SL (SC00008I) has the same three sorts and more
-# connectives. The tables below say which act carries which. Independent of the meaning of acts and of any system's
-# vocabulary.
+# --- Expressions of contents (FIPA SC00037J): actions, propositions, descriptors, embedded messages
+# They have the structure that the definitions of the acts need; FIPA SL (SC00008I) has the same
+# three sorts and more connectives. The tables below say which act carries which. Independent of the
+# meaning of acts and of any system's vocabulary.
 
 
 MAX_DEPTH = 32
@@ -42,7 +43,9 @@ class Quantifier(StrEnum):
     """The set of all of them."""
 
 
-class _Expression(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
+class _Expression(
+    msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True
+):
     """Base class: a tagged Struct."""
 
 
@@ -61,7 +64,9 @@ class Action(_Expression, frozen=True):
 
 
 class Proposition(_Expression, frozen=True):
-    """A proposition (class C): `predicate` holds of `terms`, or not. A statement, a condition or a reason."""
+    """A proposition (class C): `predicate` holds of `terms`, or not. A statement, a condition or a
+    reason.
+    """
 
     predicate: Symbol
     terms: tuple["Term", ...] = ()
@@ -69,7 +74,9 @@ class Proposition(_Expression, frozen=True):
 
 
 class Descriptor(_Expression, frozen=True):
-    """A descriptor (class D): the object or objects `variable` for which the proposition `such_that` holds."""
+    """A descriptor (class D): the object or objects `variable` for which the proposition
+    `such_that` holds.
+    """
 
     quantifier: Quantifier
     variable: Symbol
@@ -106,12 +113,14 @@ def denotes(descriptor: Descriptor, value: Term) -> Proposition:
 def check_expression(expression: Expression) -> None:
     """Raise ContentError if the expression is invalid.
 
-    That is: it is nested too deeply, has a number that is not finite or an unbound variable, or the proposition of a
-    descriptor does not use its variable.
+    That is: it is nested too deeply, has a number that is not finite or an unbound variable, or the
+    proposition of a descriptor does not use its variable.
     """
     free = _free(expression, 0)
     if free:
-        raise ContentError("content", f"variable {min(free)!r} is not bound by an enclosing descriptor")
+        raise ContentError(
+            "content", f"variable {min(free)!r} is not bound by an enclosing descriptor"
+        )
 
 
 def _free(term: Term, depth: int) -> frozenset[str]:
@@ -126,7 +135,9 @@ def _free(term: Term, depth: int) -> frozenset[str]:
     if isinstance(term, Descriptor):
         if term.variable not in free:
             where = f"descriptor {term.quantifier} {term.variable}"
-            raise ContentError("content", f"{where}: {term.such_that.predicate!r} does not use {term.variable!r}")
+            raise ContentError(
+                "content", f"{where}: {term.such_that.predicate!r} does not use {term.variable!r}"
+            )
         return free - {term.variable}
     return free
 
@@ -140,7 +151,7 @@ def _parts(term: Term) -> Iterator[Term]:
         yield term.such_that
 
 
-# --- Content of the 22 communicative acts (FIPA SC00037J) -------------------------------------------------------------
+# --- Content of the 22 communicative acts (FIPA SC00037J) -----------------------------------------
 
 
 Shape = tuple[tuple[type, ...], ...]
@@ -185,15 +196,21 @@ _CLASS_NAMES: Mapping[type, str] = {
 }
 
 
-class Content(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """The expressions of one act. `last` marks the last of several informs, for protocols that need it (brokering)."""
+class Content(
+    msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True
+):
+    """The expressions of one act. `last` marks the last of several informs, for protocols that need
+    it (brokering).
+    """
 
     expressions: tuple[Expression, ...]
     last: bool = False
 
 
 def content_of(performative: P, *expressions: Expression, last: bool = False) -> Content:
-    """The content of an outgoing act. Raise LocalProtocolError if the act does not carry these expressions."""
+    """The content of an outgoing act. Raise LocalProtocolError if the act does not carry these
+    expressions.
+    """
     content = Content(expressions, last)
     try:
         check_content(performative, content)
@@ -203,16 +220,21 @@ def content_of(performative: P, *expressions: Expression, last: bool = False) ->
 
 
 def check_content(performative: P, content: Content | None) -> None:
-    """Raise ContentError (answer: not-understood) if the act does not carry these classes or an expression is invalid.
+    """Raise ContentError (answer: not-understood) if the act does not carry these classes or an
+    expression is invalid.
 
     A cancel may be without content: its conversation says what it cancels.
     """
     if content is None:
         if performative is not P.CANCEL:
-            raise ContentError("content", f"is absent; {performative} carries {_shape_text(SHAPES[performative])}")
+            raise ContentError(
+                "content", f"is absent; {performative} carries {_shape_text(SHAPES[performative])}"
+            )
         return
     shape, found = SHAPES[performative], content.expressions
-    if len(found) != len(shape) or any(type(one) not in allowed for one, allowed in zip(found, shape, strict=False)):
+    if len(found) != len(shape) or any(
+        type(one) not in allowed for one, allowed in zip(found, shape, strict=False)
+    ):
         given = ", ".join(_CLASS_NAMES[type(one)] for one in found) or "nothing"
         raise ContentError("content", f"is {given}; {performative} carries {_shape_text(shape)}")
     for one in found:
@@ -229,4 +251,6 @@ EXPRESSIONS = Language(
     kind=lambda content: Kind.FINAL if content.last else Kind.PLAIN,
     check=check_content,
 )
-"""The language of these contents; `Languages.read` checks a received content against its performative."""
+"""The language of these contents; `Languages.read` checks a received content against its
+performative.
+"""

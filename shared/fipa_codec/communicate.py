@@ -1,13 +1,15 @@
-"""The communicate M = <V, Z, L, O, I, t_b, m_w, m_t, m_c> (paper, section 3.3) with sender, receiver, id and sent time.
+"""The communicate M = <V, Z, L, O, I, t_b, m_w, m_t, m_c> (paper, section 3.3) with sender,
+receiver, id and sent time.
 
-On the wire it is a MessagePack map with the paper's letters as keys; fields with default values are left out. The
-content stays undecoded (`msgspec.Raw`): only the language named in L can decode it. Independent of protocols, transport
-and clocks.
+On the wire it is a MessagePack map with the paper's letters as keys; fields with default values are
+left out. The content stays undecoded (`msgspec.Raw`): only the language named in L can decode it.
+Independent of protocols, transport and clocks.
 
-`encode` and `decode` check the form: each accepts what the other produces, times are finite, and content is exactly one
-MessagePack value. The characters of words and labels are checked by `is_word`, `is_label` and `check_text`, where text
-enters a program: own names where they are declared (languages, wirings), ids and labels in `Conversation`, and every
-field in programs that print or translate messages of others (`decode_strictly`, `encode_strictly`).
+`encode` and `decode` check the form: each accepts what the other produces, times are finite, and
+content is exactly one MessagePack value. The characters of words and labels are checked by
+`is_word`, `is_label` and `check_text`, where text enters a program: own names where they are
+declared (languages, wirings), ids and labels in `Conversation`, and every field in programs that
+print or translate messages of others (`decode_strictly`, `encode_strictly`).
 """
 
 import re
@@ -31,17 +33,22 @@ MAX_CONTENT_BYTES = MAX_BYTES - 1024
 The other fields (five words, four labels, times) fit in the remaining 1024.
 """
 LONGEST_LABEL = 128
-"""Length limit of a label [characters]; labels are only compared. Estimate; keeps logs and journals small."""
+"""Length limit of a label [characters]; labels are only compared. Estimate; keeps logs and journals
+small.
+"""
 MOST_DIGITS = 18
 """Digits of a number in an id or a key: the largest fits into 63 bits."""
 MAX_CHECKED = 4096
-"""Size limit of the caches of checked words. Estimate: a system uses some hundred combinations; bounds the memory that
-foreign messages can take."""
+"""Size limit of the caches of checked words. Estimate: a system uses some hundred combinations;
+bounds the memory that foreign messages can take.
+"""
 _FINITE = 1.7976931348623157e308
 
 Seconds = Annotated[float, msgspec.Meta(ge=-_FINITE, le=_FINITE)]
 WORD = r"[A-Za-z][A-Za-z0-9_.@-]{0,63}"
-"""FIPA's Word (SC00070I), restricted: words are used in addresses and file names, so without blanks and separators."""
+"""FIPA's Word (SC00070I), restricted: words are used in addresses and file names, so without blanks
+and separators.
+"""
 LABEL = rf"[!-~]{{1,{LONGEST_LABEL}}}"
 
 _LETTERS = {
@@ -62,7 +69,13 @@ _LETTERS = {
 
 
 class Communicate(
-    msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, forbid_unknown_fields=True, gc=False, rename=_LETTERS
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    omit_defaults=True,
+    forbid_unknown_fields=True,
+    gc=False,
+    rename=_LETTERS,
 ):
     """One message. An empty string means: absent. Times are in unix seconds.
 
@@ -94,7 +107,9 @@ _checked: set[tuple[str, str, str, str, str]] = set()
 
 
 def encode(communicate: Communicate) -> bytes:
-    """The bytes of a communicate. Raise LocalProtocolError if the receiver could not decode them."""
+    """The bytes of a communicate. Raise LocalProtocolError if the receiver could not decode
+    them.
+    """
     try:
         data = _encode(communicate)
         times = communicate.sent + (communicate.reply_by or 0.0)
@@ -117,7 +132,9 @@ def decode(data: bytes) -> Communicate:
     """
     try:
         if len(data) > MAX_BYTES:
-            raise MalformedError("communicate", f"has {len(data)} bytes, at most {MAX_BYTES} are accepted")
+            raise MalformedError(
+                "communicate", f"has {len(data)} bytes, at most {MAX_BYTES} are accepted"
+            )
         return _decode(data)
     except MalformedError:
         raise
@@ -129,7 +146,9 @@ def decode(data: bytes) -> Communicate:
 
 
 def encode_strictly(communicate: Communicate) -> bytes:
-    """What `encode` returns. Raise LocalProtocolError also for text that is not a valid word or label."""
+    """What `encode` returns. Raise LocalProtocolError also for text that is not a valid word or
+    label.
+    """
     try:
         check_text(communicate)
     except MalformedError as error:
@@ -150,8 +169,8 @@ def decode_strictly(data: bytes) -> Communicate:
 def check_text(communicate: Communicate) -> None:
     """Raise MalformedError with the first field whose text is not a valid word or label.
 
-    A regular expression costs more than decoding. So combinations of words that were valid before are cached, and the
-    labels are checked together: their concatenation is valid only if each is.
+    A regular expression costs more than decoding. So combinations of words that were valid before
+    are cached, and the labels are checked together: their concatenation is valid only if each is.
     """
     one = communicate
     words = (one.language, one.ontology, one.protocol, one.sender, one.receiver)
@@ -164,7 +183,9 @@ def check_text(communicate: Communicate) -> None:
                 shown = repr(text[:LONGEST_LABEL])
                 if len(text) > LONGEST_LABEL:
                     shown += f"... ({len(text)} characters)"
-                raise MalformedError(f"{name} ({_LETTERS[name]})", f"is {shown}, must match {pattern}")
+                raise MalformedError(
+                    f"{name} ({_LETTERS[name]})", f"is {shown}, must match {pattern}"
+                )
     if len(_checked) >= MAX_CHECKED:
         _checked.clear()
     _checked.add(words)
@@ -178,11 +199,14 @@ def is_word(text: str) -> bool:
 
 def is_label(text: str) -> bool:
     """Whether the text is a valid id, label or conversation id: printable ASCII without blanks."""
-    return 0 < len(text) <= LONGEST_LABEL and text.isascii() and text.isprintable() and " " not in text
+    return (
+        0 < len(text) <= LONGEST_LABEL and text.isascii() and text.isprintable() and " " not in text
+    )
 
 
 def number_of(text: str) -> int | None:
-    """The number that ASCII digits say; None for other text, and for more digits than a counter ever has.
+    """The number that ASCII digits say; None for other text, and for more digits than a counter
+    ever has.
 
     int() takes other digits too, and raises ValueError beyond 4300.
     """
@@ -195,14 +219,17 @@ def envelope_size(communicate: Communicate) -> int:
 
 
 UNREADABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError, MemoryError)
-"""Errors that msgspec raises on foreign bytes: malformed, nested too deeply, not UTF-8, wrong lengths."""
+"""Errors that msgspec raises on foreign bytes: malformed, nested too deeply, not UTF-8, wrong
+lengths.
+"""
 
 
 def explain(error: Exception, whole: str, letters: dict[str, str] | None = None) -> tuple[str, str]:
     """Field and reason of an exception that msgspec raised on foreign bytes.
 
-    `letters` maps attribute names to wire names. Besides its own errors msgspec passes on RecursionError (nesting),
-    UnicodeDecodeError and MemoryError (wrong lengths); all are the sender's fault.
+    `letters` maps attribute names to wire names. Besides its own errors msgspec passes on
+    RecursionError (nesting), UnicodeDecodeError and MemoryError (wrong lengths); all are the
+    sender's fault.
     """
     if isinstance(error, RecursionError):
         return whole, "is nested too deeply"
@@ -213,6 +240,10 @@ def explain(error: Exception, whole: str, letters: dict[str, str] | None = None)
     text, _, path = str(error).partition(" - at `")
     # Missing and unknown fields have no path: msgspec names them in the text.
     named = text.partition("required field `")[2] or text.partition("unknown field `")[2]
-    field = path.removesuffix("`").removeprefix("$").removeprefix(".") or named.removesuffix("`") or whole
+    field = (
+        path.removesuffix("`").removeprefix("$").removeprefix(".")
+        or named.removesuffix("`")
+        or whole
+    )
     names = {wire: name for name, wire in (letters or {}).items()}
     return (f"{names[field]} ({field})" if field in names else field), text

@@ -1,12 +1,14 @@
-"""A conversation of one agent with one peer: its state, and which messages it allows. No I/O, no clock.
+"""A conversation of one agent with one peer: its state, and which messages it allows. No I/O, no
+clock.
 
-A `Conversation` is immutable: `receive` and `send` return the next one. It has its protocol by name, and otherwise
-strings and numbers only, so it can be encoded in a journal and decoded to an equal one. Deadlines are data; the caller
-compares them with its clock.
+A `Conversation` is immutable: `receive` and `send` return the next one. It has its protocol by
+name, and otherwise strings and numbers only, so it can be encoded in a journal and decoded to an
+equal one. Deadlines are data; the caller compares them with its clock.
 
-The kind of a message (`Kind`) is determined in three ways: a reply to the cancel by m_t; a confirm by the message that
-it confirms; any other message by the language of its content. The last one is passed by the caller as `kind` (from
-`Languages.read` for received messages, from `Language.kind` for outgoing ones).
+The kind of a message (`Kind`) is determined in three ways: a reply to the cancel by m_t; a confirm
+by the message that it confirms; any other message by the language of its content. The last one is
+passed by the caller as `kind` (from `Languages.read` for received messages, from `Language.kind`
+for outgoing ones).
 """
 
 from enum import StrEnum
@@ -22,10 +24,11 @@ from fipa_codec.performatives import Performative
 from fipa_codec.protocols import named
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Row, Table, Way
 
-# --- Rules for reply-with and in-reply-to of a message: one table for agents and for judges. Pure --------------------
-# A label is what a message has as reply-with. FIPA lets any message carry one (SC00061G), and each may be answered as
-# long as the conversation goes on. Both sides choose their own labels, so one label can stand for a message of either
-# side. Of FIPA's protocols every label at every step is explored with both (tests/topdown/test_labels_explored.py).
+# --- Rules for reply-with and in-reply-to of a message: one table for agents and for judges. Pure -
+# A label is what a message has as reply-with. FIPA lets any message carry one (SC00061G), and each
+# may be answered as long as the conversation goes on. Both sides choose their own labels, so one
+# label can stand for a message of either side. Of FIPA's protocols every label at every step is
+# explored with both (tests/topdown/test_labels_explored.py).
 
 
 class Needs(StrEnum):
@@ -34,7 +37,9 @@ class Needs(StrEnum):
     NOTHING = "nothing"
     """It may have one (SC00061G: the parameter is optional)."""
     OWN = "own"
-    """It may have one, but none of an earlier round or of a failed cancel, whose copy it would be."""
+    """It may have one, but none of an earlier round or of a failed cancel, whose copy it would
+    be.
+    """
     SAME = "same"
     """Said again, it has that of the first time: it is the same question."""
     ANY = "any"
@@ -45,10 +50,11 @@ class Needs(StrEnum):
 
 @lru_cache(maxsize=1024)
 def needs(protocol: Protocol, performative: Performative) -> Needs:
-    """What a message of this protocol needs; looked up once for each act, since it is asked of every message.
+    """What a message of this protocol needs; looked up once for each act, since it is asked of
+    every message.
 
-    FIPA requires a reply-with of no act (SC00061G): a cfp may have none. So may a cancel, or it has that of the opening
-    it cancels: JADE's SubscriptionInitiator sends both kinds.
+    FIPA requires a reply-with of no act (SC00061G): a cfp may have none. So may a cancel, or it has
+    that of the opening it cancels: JADE's SubscriptionInitiator sends both kinds.
     """
     if performative is Performative.CANCEL:
         return Needs.OWN
@@ -59,30 +65,36 @@ def needs(protocol: Protocol, performative: Performative) -> Needs:
     return Needs.SAME if performative in protocol.openings else Needs.NOTHING
 
 
-# --- A conversation of one agent with one peer ------------------------------------------------------------------------
+# --- A conversation of one agent with one peer ----------------------------------------------------
 
 
 # Before Python 3.12 access to a member by its class takes 0.1 us; a message needs about twenty.
-_ACT_NOT_UNDERSTOOD, _CONFIRM, _CANCEL = Performative.NOT_UNDERSTOOD, Performative.CONFIRM, Performative.CANCEL
+_ACT_NOT_UNDERSTOOD, _CONFIRM, _CANCEL = (
+    Performative.NOT_UNDERSTOOD,
+    Performative.CONFIRM,
+    Performative.CANCEL,
+)
 _INFORM, _FAILURE = Performative.INFORM, Performative.FAILURE
 _PLAIN, _OF_CANCEL = Kind.PLAIN, Kind.CANCEL
 _INITIATOR, _PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 _NOTHING, _SAME, _NEW, _ANY = Needs.NOTHING, Needs.SAME, Needs.NEW, Needs.ANY
 MOST_HEARD = 16
-"""Labels of the peer that are kept to be answered. Estimate: of the numbered messages of a long subscription nobody
-answers an older one."""
+"""Labels of the peer that are kept to be answered. Estimate: of the numbered messages of a long
+subscription nobody answers an older one.
+"""
 
 
 class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One side of a conversation (m_c = `id`): that of agent `me` in `role`.
 
-    `deadline`: reply-by of the last message that waits for an answer, of either side [unix s], or None. It applies to
-    the next message only: after an agree there is none unless a message sets one (SC00061G). The deadline of a cancel
-    applies until the cancel is answered. `asked`: m_w of the opening. `cancel`: m_w of the pending cancel, "" if there
-    is none or it has none. `unconfirmed`: m_w and kind of the messages not yet confirmed, oldest first. `past`: m_w of
-    earlier rounds, and of cancels that failed without ending the conversation, but for that of the opening; a message
-    with one of these is a copy. `heard`: m_w of the peer's other messages, oldest first, at most MOST_HEARD: each may
-    be answered (SC00061G).
+    `deadline`: reply-by of the last message that waits for an answer, of either side [unix s], or
+    None. It applies to the next message only: after an agree there is none unless a message sets
+    one (SC00061G). The deadline of a cancel applies until the cancel is answered. `asked`: m_w of
+    the opening. `cancel`: m_w of the pending cancel, "" if there is none or it has none.
+    `unconfirmed`: m_w and kind of the messages not yet confirmed, oldest first. `past`: m_w of
+    earlier rounds, and of cancels that failed without ending the conversation, but for that of the
+    opening; a message with one of these is a copy. `heard`: m_w of the peer's other messages,
+    oldest first, at most MOST_HEARD: each may be answered (SC00061G).
     """
 
     id: str
@@ -102,8 +114,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     def open(cls, protocol: str | Protocol, role: Role, *, id: str, me: str, peer: str) -> Self:
         """A conversation before its first message.
 
-        Raise LocalProtocolError if the protocol is unknown, `id` is not a label, or `me` or `peer` (if not "") is not a
-        word.
+        Raise LocalProtocolError if the protocol is unknown, `id` is not a label, or `me` or `peer`
+        (if not "") is not a word.
         """
         if not is_label(id):
             raise LocalProtocolError("conversation", f"is {id!r}, must match {LABEL}")
@@ -115,11 +127,13 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     @classmethod
     def answering(cls, communicate: Communicate, me: str) -> Self:
-        """The participant's conversation for a communicate of no known conversation; then `receive` it.
+        """The participant's conversation for a communicate of no known conversation; then `receive`
+        it.
 
-        For openings, and for a cancel that came too late (`request`: answer failure; `coordinate`: drop it). Raise
-        RemoteProtocolError if m_c, the sender or a known protocol is missing, MalformedError for text that is not a
-        valid word or label: this conversation takes over names chosen by the peer.
+        For openings, and for a cancel that came too late (`request`: answer failure; `coordinate`:
+        drop it). Raise RemoteProtocolError if m_c, the sender or a known protocol is missing,
+        MalformedError for text that is not a valid word or label: this conversation takes over
+        names chosen by the peer.
         """
         check_text(communicate)
         if not (communicate.conversation and communicate.sender and communicate.protocol):
@@ -130,7 +144,13 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             name = named(communicate.protocol).name
         except LocalProtocolError as error:
             raise RemoteProtocolError(error.field, error.reason) from error
-        return cls(id=communicate.conversation, protocol=name, role=_PARTICIPANT, me=me, peer=communicate.sender)
+        return cls(
+            id=communicate.conversation,
+            protocol=name,
+            role=_PARTICIPANT,
+            me=me,
+            peer=communicate.sender,
+        )
 
     @property
     def table(self) -> Table:
@@ -139,21 +159,33 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     @property
     def ended(self) -> bool:
-        """Whether this side has nothing more to send; late messages that the table allows may still arrive."""
-        # Without `table`, here and in `owes`: one call less per message, 0.9 % of a get (nine runs, alternating).
-        return self.state == NOT_UNDERSTOOD or self.state in named(self.protocol).tables[self.role].ended
+        """Whether this side has nothing more to send; late messages that the table allows may still
+        arrive.
+        """
+        # Without `table`, here and in `owes`: one call less per message, 0.9 % of a get (nine runs,
+        # alternating).
+        return (
+            self.state == NOT_UNDERSTOOD
+            or self.state in named(self.protocol).tables[self.role].ended
+        )
 
     @property
     def owes(self) -> bool:
-        """Whether this side must send (a confirm, the failure of a late cancel) in the same step, before receiving."""
+        """Whether this side must send (a confirm, the failure of a late cancel) in the same step,
+        before receiving.
+        """
         return self.state in named(self.protocol).tables[self.role].urgent
 
     def late(self, now: float) -> bool:
-        """Whether the deadline has passed at `now` [unix s]; equal is in time, no deadline never passes (SC00061G)."""
+        """Whether the deadline has passed at `now` [unix s]; equal is in time, no deadline never
+        passes (SC00061G).
+        """
         return self.deadline is not None and now > self.deadline
 
     def allowed(self, way: Way) -> tuple[str, ...]:
-        """The messages that this side may send, or must accept, in this state, as words for people."""
+        """The messages that this side may send, or must accept, in this state, as words for
+        people.
+        """
         return tuple(row.word for row in self.table.allowed(self.state, way))
 
     def takes(self, communicate: Communicate, kind: Kind = _PLAIN) -> bool:
@@ -165,32 +197,40 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return True
 
     def receive(self, communicate: Communicate, kind: Kind = _PLAIN) -> Self:
-        """The conversation after a message of the peer; `kind` is the kind by the content's language.
+        """The conversation after a message of the peer; `kind` is the kind by the content's
+        language.
 
-        It has no clock, and takes a late answer like any other: ask `late(now)` before. A not-understood ends the
-        conversation, or in reply to the cancel only fails that (SC00037J); after it everything is taken and ignored.
+        It has no clock, and takes a late answer like any other: ask `late(now)` before. A
+        not-understood ends the conversation, or in reply to the cancel only fails that (SC00037J);
+        after it everything is taken and ignored.
 
-        Raise RemoteProtocolError, with the performative to answer with, if conversation-id, protocol, sender or
-        receiver are not those of this conversation, no row of the protocol's table allows the act in this state, the
-        reply-with is missing or that of an earlier message, or in-reply-to names no message that waits for an answer
-        (SC00061G). Raise LocalProtocolError if this side `owes` a message, or the act is not a Performative.
+        Raise RemoteProtocolError, with the performative to answer with, if conversation-id,
+        protocol, sender or receiver are not those of this conversation, no row of the protocol's
+        table allows the act in this state, the reply-with is missing or that of an earlier message,
+        or in-reply-to names no message that waits for an answer (SC00061G). Raise
+        LocalProtocolError if this side `owes` a message, or the act is not a Performative.
         """
         self._require_mine(communicate)
         if self.state == NOT_UNDERSTOOD:
             return self
         performative, reply_to = communicate.performative, communicate.in_reply_to
         if type(performative) is not Performative:
-            raise LocalProtocolError("performative", f"is {performative!r}, must be a Performative; decode() gives one")
+            raise LocalProtocolError(
+                "performative", f"is {performative!r}, must be a Performative; decode() gives one"
+            )
         if performative is _ACT_NOT_UNDERSTOOD:
             return self._after_not_understood(RECEIVE, reply_to)
         protocol = named(self.protocol)
         table = protocol.tables[self.role]
         if self.state in table.urgent:
             raise LocalProtocolError(
-                "performative", f"{self._here} must send {', '.join(self.allowed(SEND))} before it receives"
+                "performative",
+                f"{self._here} must send {', '.join(self.allowed(SEND))} before it receives",
             )
         try:
-            row = self._row(table, RECEIVE, performative, self.kind_of(performative, reply_to, kind))
+            row = self._row(
+                table, RECEIVE, performative, self.kind_of(performative, reply_to, kind)
+            )
             need = needs(protocol, performative)
             self._require_labels(need, RECEIVE, performative, communicate.reply_with, reply_to)
         except LocalProtocolError as error:
@@ -210,23 +250,28 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         in_reply_to: str | None = None,
         reply_by: float | None = None,
     ) -> tuple[Self, Communicate]:
-        """The conversation after a message of this side, and the message, which the caller transmits.
+        """The conversation after a message of this side, and the message, which the caller
+        transmits.
 
-        `id` is the message's label, and its reply-with if it needs one. `now`: when it is sent; `reply_by`: until when
-        its answer should come (SC00061G) [unix s, UTC]. `content` is encoded, in `language`. `in_reply_to` None: the
-        newest message of the peer that has a reply-with; for a confirm the oldest unconfirmed message; the cancel if
-        `kind` is CANCEL or only the cancel can be answered in this state.
+        `id` is the message's label, and its reply-with if it needs one. `now`: when it is sent;
+        `reply_by`: until when its answer should come (SC00061G) [unix s, UTC]. `content` is
+        encoded, in `language`. `in_reply_to` None: the newest message of the peer that has a
+        reply-with; for a confirm the oldest unconfirmed message; the cancel if `kind` is CANCEL or
+        only the cancel can be answered in this state.
 
-        Raise LocalProtocolError if no row of the protocol's table allows the act in this state, `id` is not a label or
-        that of an earlier round, `in_reply_to` names no message that waits for an answer, the performative is not one
-        of SC00037J, or a not-understood would be said in a conversation that has ended.
+        Raise LocalProtocolError if no row of the protocol's table allows the act in this state,
+        `id` is not a label or that of an earlier round, `in_reply_to` names no message that waits
+        for an answer, the performative is not one of SC00037J, or a not-understood would be said in
+        a conversation that has ended.
         """
         if type(performative) is not Performative:
             performative = _act(performative)
         protocol = named(self.protocol)
         table = protocol.tables[self.role]
         need = needs(protocol, performative)
-        reply_to = self._default_reply(need, performative, kind) if in_reply_to is None else in_reply_to
+        reply_to = (
+            self._default_reply(need, performative, kind) if in_reply_to is None else in_reply_to
+        )
         communicate = Communicate(
             performative=performative,
             content=msgspec.UNSET if content is None else content,
@@ -245,7 +290,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         if performative is _ACT_NOT_UNDERSTOOD:
             if self.ended:
                 raise LocalProtocolError(
-                    "performative", f"{self._here} has ended; drop what came, or two agents answer each other for ever"
+                    "performative",
+                    f"{self._here} has ended; drop what came, or two agents answer each other for"
+                    " ever",
                 )
             return self._after_not_understood(SEND, reply_to), communicate
         row = self._row(table, SEND, performative, self.kind_of(performative, reply_to, kind))
@@ -254,7 +301,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     @property
     def _here(self) -> str:
-        return f"conversation {self.id} ({self.protocol}, {self.role} {self.me!r}, state {self.state})"
+        return (
+            f"conversation {self.id} ({self.protocol}, {self.role} {self.me!r}, state {self.state})"
+        )
 
     def _row(self, table: Table, way: Way, performative: Performative, kind: Kind) -> Row:
         row = table.find(self.state, way, performative, kind)
@@ -262,31 +311,44 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             verb, may = ("got", "accepts") if way is RECEIVE else ("cannot send", "may send")
             word = f"{performative}[{kind}]" if kind else performative
             allowed = ", ".join(self.allowed(way)) or "nothing"
-            raise LocalProtocolError("performative", f"{self._here} {verb} {word}; this state {may} {allowed}")
+            raise LocalProtocolError(
+                "performative", f"{self._here} {verb} {word}; this state {may} {allowed}"
+            )
         return row
 
     def kind_of(self, performative: Performative, reply_to: str, kind: Kind) -> Kind:
         """The kind of the row for a message. Only informs are distinguished by their content."""
         if performative is _CONFIRM:
-            # First: each side chooses its own labels, so the confirmed message may have the label of the cancel.
+            # First: each side chooses its own labels, so the confirmed message may have the label
+            # of the cancel.
             known = dict(self.unconfirmed)
             if reply_to not in known:
                 expected = ", ".join(known) or "nothing"
                 raise LocalProtocolError(
-                    "in_reply_to", f"{self._here}: {reply_to!r} is not one of the unconfirmed: {expected}"
+                    "in_reply_to",
+                    f"{self._here}: {reply_to!r} is not one of the unconfirmed: {expected}",
                 )
             return known[reply_to]
-        if kind is _OF_CANCEL and reply_to != self.cancel:  # "": a cancel without a label, or none: the tables know
-            raise LocalProtocolError("in_reply_to", f"{self._here}: is {reply_to!r}, the cancel is {self.cancel!r}")
-        if kind is _OF_CANCEL or (reply_to and reply_to == self.cancel and not self._means_the_opening(performative)):
+        # "": a cancel without a label, or none: the tables know
+        if kind is _OF_CANCEL and reply_to != self.cancel:
+            raise LocalProtocolError(
+                "in_reply_to", f"{self._here}: is {reply_to!r}, the cancel is {self.cancel!r}"
+            )
+        if kind is _OF_CANCEL or (
+            reply_to and reply_to == self.cancel and not self._means_the_opening(performative)
+        ):
             return _OF_CANCEL
         return kind if performative is _INFORM else _PLAIN
 
     def _require_mine(self, communicate: Communicate) -> None:
-        """Raise RemoteProtocolError if sender, receiver, m_c or protocol is not that of this conversation."""
+        """Raise RemoteProtocolError if sender, receiver, m_c or protocol is not that of this
+        conversation.
+        """
         same = communicate.conversation == self.id and communicate.protocol == self.protocol
         if same and communicate.sender == self.peer and communicate.receiver == self.me:
-            return  # the usual case; otherwise find the wrong field, unless only an alias of the protocol is used
+            # the usual case; otherwise find the wrong field, unless only an alias of the protocol
+            # is used
+            return
         names = (named(self.protocol).name, *named(self.protocol).aliases)
         checks = (
             ("conversation", communicate.conversation, (self.id,)),
@@ -296,19 +358,24 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         )
         for field, value, wanted in checks:
             if value not in wanted:
-                raise RemoteProtocolError(field, f"{self._here} got {value!r}, expected {wanted[0]!r}")
+                raise RemoteProtocolError(
+                    field, f"{self._here} got {value!r}, expected {wanted[0]!r}"
+                )
 
     def _require_labels(
         self, need: Needs, way: Way, performative: Performative, reply_with: str, reply_to: str
     ) -> None:
-        """Raise LocalProtocolError if m_w is missing or was used before, or m_t is not an m_w of the other side."""
+        """Raise LocalProtocolError if m_w is missing or was used before, or m_t is not an m_w of
+        the other side.
+        """
         if need is not _NOTHING:
             self._require_label(need, performative, reply_with)
         if not reply_to or reply_to == self.cancel or reply_to in self._answerable(way):
             return
         if all(reply_to != label for label, _ in self.unconfirmed):
             raise LocalProtocolError(
-                "in_reply_to", f"{self._here}: {reply_to!r} is not a message that waits for an answer"
+                "in_reply_to",
+                f"{self._here}: {reply_to!r} is not a message that waits for an answer",
             )
 
     def _require_label(self, need: Needs, performative: Performative, reply_with: str) -> None:
@@ -320,8 +387,14 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         elif not is_label(reply_with) and (reply_with or need is _ANY):
             what = f"a {performative} needs one that matches {LABEL}, so that it can be answered"
             raise LocalProtocolError("reply_with", f"{self._here}: {what}")
-        elif need is not _ANY and reply_with and reply_with in (*self.past, self.asked if need is _NEW else ""):
-            raise LocalProtocolError("reply_with", f"{self._here}: {reply_with!r} was used before, this is a copy")
+        elif (
+            need is not _ANY
+            and reply_with
+            and reply_with in (*self.past, self.asked if need is _NEW else "")
+        ):
+            raise LocalProtocolError(
+                "reply_with", f"{self._here}: {reply_with!r} was used before, this is a copy"
+            )
 
     def _answerable(self, way: Way) -> tuple[str, ...]:
         """M_w that a message of the sender may answer: those of the other side."""
@@ -330,19 +403,27 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return (self.asked,) if self.role is _INITIATOR else ()
 
     def _means_the_opening(self, performative: Performative) -> bool:
-        """Whether an answer to the cancel's label answers the opening, which has the same: as the state allows."""
+        """Whether an answer to the cancel's label answers the opening, which has the same: as the
+        state allows.
+        """
         return self.cancel == self.asked and not self._answers_only_cancel(performative, _PLAIN)
 
     def _label(self, need: Needs, id: str) -> str:
-        """M_w, "" if nothing will refer to the message; a repeated opening has that of the first one."""
+        """M_w, "" if nothing will refer to the message; a repeated opening has that of the first
+        one.
+        """
         if not is_label(id):
-            raise LocalProtocolError("id", f"{self._here}: a message needs an id that matches {LABEL}, not {id!r}")
+            raise LocalProtocolError(
+                "id", f"{self._here}: a message needs an id that matches {LABEL}, not {id!r}"
+            )
         if need is _SAME:
             return self.asked or id
         return "" if need is _NOTHING else id
 
     def _default_reply(self, need: Needs, performative: Performative, kind: Kind) -> str:
-        """M_t. In coordinate the paper leaves it empty in request, inform and cancel, and sets it in confirm."""
+        """M_t. In coordinate the paper leaves it empty in request, inform and cancel, and sets it
+        in confirm.
+        """
         if kind is _OF_CANCEL or (self.cancel and self._answers_only_cancel(performative, kind)):
             return self.cancel
         if performative is _CONFIRM:
@@ -365,7 +446,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         if need is _ANY:
             unconfirmed = (*unconfirmed, (label, row.kind))
         elif performative is _CONFIRM:
-            unconfirmed = tuple(entry for entry in unconfirmed if entry[0] != communicate.in_reply_to)
+            unconfirmed = tuple(
+                entry for entry in unconfirmed if entry[0] != communicate.in_reply_to
+            )
         opens = need is _NEW or (need is _SAME and self.state == START)
         state, deadline = str(row.to), None if row.to in table.ended else communicate.reply_by
         if deadline is None and row.to not in table.ended:
@@ -391,7 +474,9 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         )
 
     def _cancel_after(self, row: Row) -> str:
-        """M_w of the pending cancel; none after a cancel that failed without ending the conversation."""
+        """M_w of the pending cancel; none after a cancel that failed without ending the
+        conversation.
+        """
         return "" if row.kind is _OF_CANCEL and row.to not in self.table.ended else self.cancel
 
     def _past_after(self, row: Row, opens: bool) -> tuple[str, ...]:
@@ -410,14 +495,18 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         return self.deadline if cancelling or repeats else None
 
     def _after_not_understood(self, way: Way, reply_to: str) -> Self:
-        """Apply the rule outside the tables: it ends the conversation; in reply to a cancel, only the cancel fails."""
+        """Apply the rule outside the tables: it ends the conversation; in reply to a cancel, only
+        the cancel fails.
+        """
         if self.ended:
             return self
         if reply_to and reply_to == self.cancel:
             row = self.table.find(self.state, way, _FAILURE, _OF_CANCEL)
             if row is not None:
                 cancel, past = self._cancel_after(row), self._past_after(row, opens=False)
-                return msgspec.structs.replace(self, state=str(row.to), deadline=None, cancel=cancel, past=past)
+                return msgspec.structs.replace(
+                    self, state=str(row.to), deadline=None, cancel=cancel, past=past
+                )
         return msgspec.structs.replace(self, state=NOT_UNDERSTOOD, deadline=None, unconfirmed=())
 
 
@@ -429,4 +518,6 @@ def _act(performative: Performative | str) -> Performative:
         return Performative(performative)
     except ValueError:
         acts = ", ".join(Performative)
-        raise LocalProtocolError("performative", f"is {performative!r}, must be one of {acts}") from None
+        raise LocalProtocolError(
+            "performative", f"is {performative!r}, must be one of {acts}"
+        ) from None

@@ -14,11 +14,16 @@ from fipa_codec.performatives import Performative
 
 
 class FipaError(Exception):
-    """Base class. `field` is the wrong part of the message, or ""; `reason` says what is wrong with it."""
+    """Base class. `field` is the wrong part of the message, or ""; `reason` says what is wrong with
+    it.
+    """
 
     def __init__(self, field: str, reason: str) -> None:
         if type(self) is FipaError:
-            raise TypeError("FipaError does not say whose fault it is; raise LocalProtocolError or RemoteProtocolError")
+            raise TypeError(
+                "FipaError does not say whose fault it is; raise LocalProtocolError or"
+                " RemoteProtocolError"
+            )
         self.field = field
         self.reason = reason
         super().__init__(f"{field}: {reason}" if field else reason)
@@ -29,15 +34,21 @@ class LocalProtocolError(FipaError):
 
 
 class RemoteProtocolError(FipaError):
-    """The peer sent something illegal. Answer with `performative`; `reason` can be the content of the answer."""
+    """The peer sent something illegal. Answer with `performative`; `reason` can be the content of
+    the answer.
+    """
 
-    def __init__(self, field: str, reason: str, performative: Performative = Performative.NOT_UNDERSTOOD) -> None:
+    def __init__(
+        self, field: str, reason: str, performative: Performative = Performative.NOT_UNDERSTOOD
+    ) -> None:
         super().__init__(field, reason)
         self.performative = performative
 
 
 class MalformedError(RemoteProtocolError):
-    """Bytes that are not a communicate. Its sender may be unknown, so an answer is not always possible."""
+    """Bytes that are not a communicate. Its sender may be unknown, so an answer is not always
+    possible.
+    """
 
 
 class ContentError(RemoteProtocolError):

@@ -1,9 +1,10 @@
 """Exhaustive exploration of a protocol: both roles, connected by two bounded FIFO channels.
 
-A configuration is the state of each role and the messages in transit to each. From every reachable configuration the
-end (both roles ended or resting, channels empty) must be reachable without free steps, since nobody may wait for a
-cancel, a repetition or another report. A full channel blocks its sender. Content, time and faults of the transport are
-not modelled (durable streams hide the latter).
+A configuration is the state of each role and the messages in transit to each. From every reachable
+configuration the end (both roles ended or resting, channels empty) must be reachable without free
+steps, since nobody may wait for a cancel, a repetition or another report. A full channel blocks its
+sender. Content, time and faults of the transport are not modelled (durable streams hide the
+latter).
 """
 
 from collections import deque
@@ -63,9 +64,11 @@ class Finding(NamedTuple):
 
 
 class Exploration(NamedTuple):
-    """The result. `unspecified`: receptions without a row; `stuck`: configurations from which the end is unreachable.
+    """The result. `unspecified`: receptions without a row; `stuck`: configurations from which the
+    end is unreachable.
 
-    `unreachable`: states in no configuration; `unused`: rows in no step (not an error by themselves).
+    `unreachable`: states in no configuration; `unused`: rows in no step (not an error by
+    themselves).
     """
 
     configurations: int
@@ -76,12 +79,16 @@ class Exploration(NamedTuple):
 
     @property
     def sound(self) -> bool:
-        """Whether there is no unspecified reception, no stuck configuration and no unreachable state."""
+        """Whether there is no unspecified reception, no stuck configuration and no unreachable
+        state.
+        """
         return not (self.unspecified or self.stuck or self.unreachable)
 
 
 def explore(protocol: Protocol, capacity: int = CAPACITY) -> Exploration:
-    """Explore one conversation with at most `capacity` messages in transit to each role; return the result."""
+    """Explore one conversation with at most `capacity` messages in transit to each role; return the
+    result.
+    """
     search = _Search(protocol, capacity)
     seen = {(role, c.state(role)) for c in search.parents for role in Role}
     used = {step for steps in search.edges.values() for step, _ in steps}
@@ -90,18 +97,24 @@ def explore(protocol: Protocol, capacity: int = CAPACITY) -> Exploration:
         configurations=len(search.parents),
         unspecified=tuple(search.unspecified()),
         stuck=tuple(search.stuck()),
-        unreachable=tuple(sorted((role, str(s)) for role, t in tables for s in t.states if (role, s) not in seen)),
+        unreachable=tuple(
+            sorted((role, str(s)) for role, t in tables for s in t.states if (role, s) not in seen)
+        ),
         unused=tuple((role, row) for role, t in tables for row in t if Step(role, row) not in used),
     )
 
 
-def edges(protocol: Protocol, capacity: int = CAPACITY) -> dict[Configuration, list[tuple[Step, Configuration]]]:
+def edges(
+    protocol: Protocol, capacity: int = CAPACITY
+) -> dict[Configuration, list[tuple[Step, Configuration]]]:
     """Every reachable configuration, the initial one first, with its steps and their successors."""
     return _Search(protocol, capacity).edges
 
 
 def shortest(protocol: Protocol) -> tuple[Step, ...]:
-    """The steps of a shortest conversation to the end: both ended or resting, no message in transit."""
+    """The steps of a shortest conversation to the end: both ended or resting, no message in
+    transit.
+    """
     search = _Search(protocol, 1)
     first = next(iter(search.parents))
     end = next((here for here in search.parents if here != first and search._finished(here)), None)
@@ -111,8 +124,9 @@ def shortest(protocol: Protocol) -> tuple[Step, ...]:
 def with_not_understood(protocol: Protocol) -> Protocol:
     """The protocol with the rule of not-understood as rows, so that it can be explored too.
 
-    Either role may send not-understood once the conversation is open. It ends the conversation for its sender, who
-    ignores what is still in transit, and for its receiver. A conversation that has ended keeps its state.
+    Either role may send not-understood once the conversation is open. It ends the conversation for
+    its sender, who ignores what is still in transit, and for its receiver. A conversation that has
+    ended keeps its state.
     """
     return protocol.with_tables(
         initiator=_table_with_not_understood(protocol, Role.INITIATOR),
@@ -124,16 +138,23 @@ def _table_with_not_understood(protocol: Protocol, role: Role) -> Table:
     old, peer = protocol.tables[role], protocol.tables[role.other]
     not_understood = (Performative.NOT_UNDERSTOOD, Kind.PLAIN)
     ignored = {(row.performative, row.kind) for row in peer if row.way is SEND} | {not_understood}
-    rows = [*old, *(Row(NOT_UNDERSTOOD, RECEIVE, *message, NOT_UNDERSTOOD) for message in sorted(ignored))]
+    rows = [
+        *old,
+        *(Row(NOT_UNDERSTOOD, RECEIVE, *message, NOT_UNDERSTOOD) for message in sorted(ignored)),
+    ]
     for state in sorted(old.states - {START}):
-        rows.append(Row(state, RECEIVE, *not_understood, state if state in old.ended else NOT_UNDERSTOOD))
+        rows.append(
+            Row(state, RECEIVE, *not_understood, state if state in old.ended else NOT_UNDERSTOOD)
+        )
         if state not in old.ended | old.urgent:
             rows.append(Row(state, SEND, *not_understood, NOT_UNDERSTOOD))
     return Table(rows, ended=(*old.ended, NOT_UNDERSTOOD), urgent=old.urgent, resting=old.resting)
 
 
 class _Search:
-    """Breadth-first search from the start: `edges` of each configuration, `parents` on a shortest path."""
+    """Breadth-first search from the start: `edges` of each configuration, `parents` on a shortest
+    path.
+    """
 
     def __init__(self, protocol: Protocol, capacity: int) -> None:
         self.protocol, self.capacity = protocol, capacity
@@ -155,28 +176,41 @@ class _Search:
             if len(outbound) < self.capacity:
                 for row in table.allowed(here.state(role), SEND):
                     sent = (*outbound, (row.performative, row.kind))
-                    yield Step(role, row), _configuration(role, row.to, inbound, here.state(role.other), sent)
+                    yield (
+                        Step(role, row),
+                        _configuration(role, row.to, inbound, here.state(role.other), sent),
+                    )
             received = self._reception(here, role)
             if received:
                 yield (
                     Step(role, received),
-                    _configuration(role, received.to, inbound[1:], here.state(role.other), outbound),
+                    _configuration(
+                        role, received.to, inbound[1:], here.state(role.other), outbound
+                    ),
                 )
 
     def _reception(self, here: Configuration, role: Role) -> Row | None:
         """The row for the first message in transit; None also while the role must send first."""
         table, state, inbound = self.protocol.tables[role], here.state(role), here.inbound(role)
-        return table.find(state, RECEIVE, *inbound[0]) if inbound and state not in table.urgent else None
+        return (
+            table.find(state, RECEIVE, *inbound[0])
+            if inbound and state not in table.urgent
+            else None
+        )
 
     def unspecified(self) -> Iterator[Finding]:
-        """Yield the configurations in which a role that may receive has no row for the next message."""
+        """Yield the configurations in which a role that may receive has no row for the next
+        message.
+        """
         for here in self.edges:
             for role, table in self.protocol.tables.items():
                 state, inbound = here.state(role), here.inbound(role)
                 if inbound and state not in table.urgent and self._reception(here, role) is None:
                     performative, kind = inbound[0]
                     word = f"{performative}[{kind}]" if kind else performative
-                    yield Finding(here, f"{role} in state {state} has no row for {word}", self._path_to(here))
+                    yield Finding(
+                        here, f"{role} in state {state} has no row for {word}", self._path_to(here)
+                    )
 
     def stuck(self) -> Iterator[Finding]:
         """Yield the configurations from which the end is not reachable without free steps."""
@@ -193,13 +227,18 @@ class _Search:
             waiting.extend(found)
         for here in self.edges:
             if here not in good:
-                text = f"from initiator {here.initiator}, participant {here.participant} the end is unreachable"
+                text = (
+                    f"from initiator {here.initiator}, participant {here.participant} the end is"
+                    " unreachable"
+                )
                 yield Finding(here, text, self._path_to(here))
 
     def _finished(self, here: Configuration) -> bool:
         tables = self.protocol.tables.items()
         quiet = not (here.to_initiator or here.to_participant)
-        return quiet and all(here.state(role) in table.ended | table.resting for role, table in tables)
+        return quiet and all(
+            here.state(role) in table.ended | table.resting for role, table in tables
+        )
 
     def _path_to(self, here: Configuration) -> tuple[Step, ...]:
         steps: list[Step] = []

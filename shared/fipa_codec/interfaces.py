@@ -1,9 +1,10 @@
-"""Interfaces of an agent in the paper's form (section 5.6), checked against the language of the channel.
+"""Interfaces of an agent in the paper's form (section 5.6), checked against the language of the
+channel.
 
     ClassInterfaceInfo([("request", "generatePlan", [GroundTaskNetwork], HierarchicalPlan)])
 
-The entry has performative, query name, argument classes and answer class. A message with one argument has it as its
-content: its class identifies the entry, and the name is not sent.
+The entry has performative, query name, argument classes and answer class. A message with one
+argument has it as its content: its class identifies the entry, and the name is not sent.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,7 +16,9 @@ from fipa_codec.performatives import Performative
 
 
 class Entry(NamedTuple):
-    """One service: `arguments` are the argument classes in order, `answers` the classes of possible answers."""
+    """One service: `arguments` are the argument classes in order, `answers` the classes of possible
+    answers.
+    """
 
     performative: Performative
     name: str
@@ -31,23 +34,27 @@ class Entry(NamedTuple):
 class ClassInterfaceInfo:
     """The services that one side of a channel offers.
 
-    Each entry is (performative, name, [argument classes], answer class). The answer may be a union of classes, or None
-    if there is no answer. Raise LocalProtocolError for an unknown performative, and for two entries with the same name,
-    or with the same performative and one argument of the same class.
+    Each entry is (performative, name, [argument classes], answer class). The answer may be a union
+    of classes, or None if there is no answer. Raise LocalProtocolError for an unknown performative,
+    and for two entries with the same name, or with the same performative and one argument of the
+    same class.
     """
 
     def __init__(self, entries: Iterable[tuple[str, str, Sequence[type], Any]]) -> None:
         self._named: dict[str, Entry] = {}
         self._by_class: dict[tuple[Performative, type], Entry] = {}
         for performative, name, arguments, answer in entries:
-            classes = () if answer is None else tuple(get_args(answer) or (answer,))  # of a union, or one
+            # of a union, or one
+            classes = () if answer is None else tuple(get_args(answer) or (answer,))
             entry = Entry(_performative(performative), name, tuple(arguments), classes)
             if self._named.setdefault(name, entry) is not entry:
                 raise LocalProtocolError("interface", f"two entries are named {name!r}")
             if len(entry.arguments) == 1:
                 key = (entry.performative, entry.arguments[0])
                 if self._by_class.setdefault(key, entry) is not entry:
-                    raise LocalProtocolError("interface", f"{entry} and {self._by_class[key]} have the same argument")
+                    raise LocalProtocolError(
+                        "interface", f"{entry} and {self._by_class[key]} have the same argument"
+                    )
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(self._named.values())
@@ -56,28 +63,42 @@ class ClassInterfaceInfo:
         return len(self._named)
 
     def named(self, name: str) -> Entry:
-        """The entry of this name. Raise LocalProtocolError, with the known names, if there is none."""
+        """The entry of this name. Raise LocalProtocolError, with the known names, if there is
+        none.
+        """
         if name not in self._named:
-            raise LocalProtocolError("interface", f"{name!r} is unknown, known are {', '.join(sorted(self._named))}")
+            raise LocalProtocolError(
+                "interface", f"{name!r} is unknown, known are {', '.join(sorted(self._named))}"
+            )
         return self._named[name]
 
     def check_language(self, language: Language, answers: Language | None = None) -> None:
-        """Check that `language` has every argument class, and `answers` (None: the same language) every answer class.
+        """Check that `language` has every argument class, and `answers` (None: the same language)
+        every answer class.
 
         Raise LocalProtocolError with the entry, the class and the language.
         """
         for entry in self:
-            for classes, used in ((entry.arguments, language), (entry.answers, answers or language)):
+            for classes, used in (
+                (entry.arguments, language),
+                (entry.answers, answers or language),
+            ):
                 for wanted in classes:
                     if wanted not in used.classes:
-                        raise LocalProtocolError("interface", f"{entry}: {wanted.__name__} is not in {used.name}")
+                        raise LocalProtocolError(
+                            "interface", f"{entry}: {wanted.__name__} is not in {used.name}"
+                        )
 
     def entry_for(self, performative: Performative, content: object) -> Entry:
-        """The entry for a received sentence. Raise ContentError (answer: refuse) if there is none."""
+        """The entry for a received sentence. Raise ContentError (answer: refuse) if there is
+        none.
+        """
         entry = self._by_class.get((performative, type(content)))
         if entry is None:
             offered = "; ".join(str(e) for e in self if e.performative is performative) or "nothing"
-            reason = f"{performative} {type(content).__name__} is not supported, supported is {offered}"
+            reason = (
+                f"{performative} {type(content).__name__} is not supported, supported is {offered}"
+            )
             raise ContentError("content", reason, Performative.REFUSE)
         return entry
 
@@ -92,12 +113,17 @@ class ClassInterfaceInfo:
             raise ContentError("content", reason, Performative.REFUSE)
         for position, (argument, wanted) in enumerate(zip(arguments, entry.arguments, strict=True)):
             if type(argument) is not wanted:
-                reason = f"argument {position} is {type(argument).__name__}, {entry} takes {wanted.__name__}"
+                reason = (
+                    f"argument {position} is {type(argument).__name__}, {entry} takes"
+                    f" {wanted.__name__}"
+                )
                 raise ContentError("content", reason, Performative.REFUSE)
         return entry
 
     def check_answer(self, entry: Entry, content: object) -> None:
-        """Raise ContentError (answer: not-understood) if the content (None: empty) is not an answer of this entry."""
+        """Raise ContentError (answer: not-understood) if the content (None: empty) is not an answer
+        of this entry.
+        """
         expected = entry.answers or (type(None),)
         if type(content) not in expected:
             raise ContentError("content", f"{type(content).__name__} does not answer {entry}")
@@ -107,4 +133,6 @@ def _performative(word: str) -> Performative:
     try:
         return Performative(word)
     except ValueError:
-        raise LocalProtocolError("performative", f"{word!r} is not one of the 22 acts of SC00037J") from None
+        raise LocalProtocolError(
+            "performative", f"{word!r} is not one of the 22 acts of SC00037J"
+        ) from None

@@ -1,7 +1,8 @@
-"""Content languages: a name and a union of tagged Structs, its sentences (L of the paper's communicate).
+"""Content languages: a name and a union of tagged Structs, its sentences (L of the paper's
+communicate).
 
-A language may also classify sentences (progress, final), for protocols that distinguish uses of `inform`. Independent
-of protocols and of the languages of any system.
+A language may also classify sentences (progress, final), for protocols that distinguish uses of
+`inform`. Independent of protocols and of the languages of any system.
 """
 
 from collections.abc import Callable, Iterable
@@ -32,19 +33,23 @@ _PLAIN = Kind.PLAIN  # before Python 3.12 access by the class takes 0.1 us
 
 
 class Reason(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A reason: content of not-understood, and of refuse and failure where a language has no sentence of its own."""
+    """A reason: content of not-understood, and of refuse and failure where a language has no
+    sentence of its own.
+    """
 
     text: str
     field: str = ""
 
 
 class Language:
-    """A content language: `name` (L of the communicate), `classes` of its sentences, encoder and decoder.
+    """A content language: `name` (L of the communicate), `classes` of its sentences, encoder and
+    decoder.
 
-    `union` is a Struct class, a union of tagged Structs, or a union of other types that msgspec can distinguish. `kind`
-    returns the kind of a sentence; default: PLAIN. `check(performative, content)` raises ContentError if the act does
-    not carry the sentence (None: no content); default: every act carries every sentence. Raise LocalProtocolError if
-    the name is not a valid word.
+    `union` is a Struct class, a union of tagged Structs, or a union of other types that msgspec can
+    distinguish. `kind` returns the kind of a sentence; default: PLAIN. `check(performative,
+    content)` raises ContentError if the act does not carry the sentence (None: no content);
+    default: every act carries every sentence. Raise LocalProtocolError if the name is not a valid
+    word.
     """
 
     def __init__(
@@ -70,13 +75,14 @@ class Language:
     def encode(self, content: object, performative: Performative | None = None) -> msgspec.Raw:
         """A sentence as content of a communicate.
 
-        Raise LocalProtocolError if its class is not in this language, if `performative` (where given) does not carry
-        it, or if it is too long. Checked here, before an agent journals the message, since it would re-send it for
-        ever.
+        Raise LocalProtocolError if its class is not in this language, if `performative` (where
+        given) does not carry it, or if it is too long. Checked here, before an agent journals the
+        message, since it would re-send it for ever.
         """
         if type(content) not in self.classes:
             raise LocalProtocolError(
-                "content", f"{type(content).__name__} is not a class of {self.name}: {self._known()}"
+                "content",
+                f"{type(content).__name__} is not a class of {self.name}: {self._known()}",
             )
         if performative is not None and self.check:
             try:
@@ -86,9 +92,14 @@ class Language:
         try:
             data = _encoder.encode(content)
         except Exception as error:
-            raise LocalProtocolError("content", f"cannot be encoded in {self.name}: {error}") from error
+            raise LocalProtocolError(
+                "content", f"cannot be encoded in {self.name}: {error}"
+            ) from error
         if len(data) > MAX_CONTENT_BYTES:
-            reason = f"has {len(data)} bytes in {self.name}, at most {MAX_CONTENT_BYTES} are sent; send it in parts"
+            reason = (
+                f"has {len(data)} bytes in {self.name}, at most {MAX_CONTENT_BYTES} are sent; send"
+                " it in parts"
+            )
             raise LocalProtocolError("content", reason)
         return msgspec.Raw(data)
 
@@ -114,7 +125,9 @@ class Language:
 
 
 REASON = Language("reason", Reason)
-"""The language that every agent understands: any agent may receive a not-understood with its reason."""
+"""The language that every agent understands: any agent may receive a not-understood with its
+reason.
+"""
 
 _encoder = msgspec.msgpack.Encoder()
 
@@ -131,19 +144,26 @@ class Languages:
         return tuple(sorted(self._named))
 
     def named(self, name: str) -> Language:
-        """The language of this name. Raise LocalProtocolError, with the known names, if there is none."""
+        """The language of this name. Raise LocalProtocolError, with the known names, if there is
+        none.
+        """
         if name not in self._named:
-            raise LocalProtocolError("language", f"{name!r} is unknown, known are {', '.join(self.names)}")
+            raise LocalProtocolError(
+                "language", f"{name!r} is unknown, known are {', '.join(self.names)}"
+            )
         return self._named[name]
 
     def read(self, communicate: Communicate) -> tuple[Any, Kind]:
-        """Content (None if absent) and kind of a received communicate, decoded in the language it names.
+        """Content (None if absent) and kind of a received communicate, decoded in the language it
+        names.
 
         Raise ContentError if the language is unknown or absent, or the content does not fit it.
         """
         if communicate.language and communicate.language not in self._named:
             known = ", ".join(self.names)
-            raise ContentError("language", f"{communicate.language!r} is unknown, known are {known}")
+            raise ContentError(
+                "language", f"{communicate.language!r} is unknown, known are {known}"
+            )
         if communicate.content is msgspec.UNSET:
             check = self._named[communicate.language].check if communicate.language else None
             if check:

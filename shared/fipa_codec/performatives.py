@@ -1,8 +1,8 @@
 """The 22 communicative acts of FIPA (SC00037J).
 
-`inform-done` and `inform-result` of FIPA's protocol diagrams are uses of `inform`, not acts. `inform-if` and
-`inform-ref` are macro acts, which are not sent in FIPA; here they can be, since the paper answers a query with
-`inform-ref`.
+`inform-done` and `inform-result` of FIPA's protocol diagrams are uses of `inform`, not acts.
+`inform-if` and `inform-ref` are macro acts, which are not sent in FIPA; here they can be, since the
+paper answers a query with `inform-ref`.
 """
 
 from enum import StrEnum

@@ -1,10 +1,10 @@
 """FIPA's interaction protocols as tables, in two profiles.
 
-Where the paper's agents do what the specification does, there is one protocol: its name is the paper's, FIPA's token
-(`fipa-contract-net`) is an alias. Where they differ there are two: `request`, `query` and `subscribe` are the paper's,
-`fipa-request`, `fipa-query` and `fipa-subscribe` those of the specifications. A conversation has the rules of the name
-it is opened with. Tests explore every protocol exhaustively in both roles (`exploration.py`). Independent of agents,
-languages and time.
+Where the paper's agents do what the specification does, there is one protocol: its name is the
+paper's, FIPA's token (`fipa-contract-net`) is an alias. Where they differ there are two: `request`,
+`query` and `subscribe` are the paper's, `fipa-request`, `fipa-query` and `fipa-subscribe` those of
+the specifications. A conversation has the rules of the name it is opened with. Tests explore every
+protocol exhaustively in both roles (`exploration.py`). Independent of agents, languages and time.
 """
 
 from collections.abc import Iterable, Mapping
@@ -45,14 +45,14 @@ __all__ = [
 PLAIN, PROGRESS, FINAL, CANCEL = Kind.PLAIN, Kind.PROGRESS, Kind.FINAL, Kind.CANCEL
 
 
-# --- States -----------------------------------------------------------------------------------------------------------
+# --- States ---------------------------------------------------------------------------------------
 
 
 class State(StrEnum):
     """States of both roles. A final state is named after the outcome.
 
-    `cancelling-x`: initiator in x with a pending cancel. `stopping-x`: participant in x that has not answered a
-    received cancel.
+    `cancelling-x`: initiator in x with a pending cancel. `stopping-x`: participant in x that has
+    not answered a received cancel.
     """
 
     START = START
@@ -117,15 +117,18 @@ class State(StrEnum):
 S = State  # for short tables
 
 
-# --- FIPA's cancel meta-protocol: tables of both roles from the arrows of a protocol diagram --------------------------
-# The cancel meta-protocol is the same in all specifications (SC00026H to SC00036H): only the initiator may cancel, at
-# any time between the opening and the end; the participant answers the cancel with inform (cancelled) or failure (not
-# cancelled). The diagrams do not show messages that cross. Exploration of both roles (`exploration.py`) requires:
+# --- FIPA's cancel meta-protocol: tables of both roles from the arrows of a protocol diagram ------
+# The cancel meta-protocol is the same in all specifications (SC00026H to SC00036H): only the
+# initiator may cancel, at any time between the opening and the end; the participant answers the
+# cancel with inform (cancelled) or failure (not cancelled). The diagrams do not show messages that
+# cross. Exploration of both roles (`exploration.py`) requires:
 #
-# - the initiator accepts messages that cross its cancel; if one ends the protocol, the answer to the cancel still
-# follows;
-# - a participant that has ended answers a late cancel with failure; it needs no memory of the conversation;
-# - while it stops, a participant may still end or send messages that change no state, but it must not advance.
+# - the initiator accepts messages that cross its cancel; if one ends the protocol, the answer to
+# the cancel still follows;
+# - a participant that has ended answers a late cancel with failure; it needs no memory of the
+# conversation;
+# - while it stops, a participant may still end or send messages that change no state, but it must
+# not advance.
 
 
 class Pending(NamedTuple):
@@ -158,15 +161,17 @@ def cancellable(
 ) -> Protocol:
     """The protocol of a diagram (`rows`, from the view of the initiator) with cancel.
 
-    `ended`: final states of the diagram. `pending`: its open states after the opening. `failure_ends`: whether a failed
-    cancel ends the conversation too; otherwise the conversation continues in its state. `resting`: open states that may
-    last for ever.
+    `ended`: final states of the diagram. `pending`: its open states after the opening.
+    `failure_ends`: whether a failed cancel ends the conversation too; otherwise the conversation
+    continues in its state. `resting`: open states that may last for ever.
     """
     arrows, ends, rests = tuple(rows), tuple(ended), tuple(resting)
     mirror, over = mirrored(arrows), (*ends, S.CANCELLED, S.SETTLED)
     return Protocol(
         name,
-        initiator=Table((*arrows, *_initiator(arrows, pending, failure_ends)), ended=over, resting=rests),
+        initiator=Table(
+            (*arrows, *_initiator(arrows, pending, failure_ends)), ended=over, resting=rests
+        ),
         participant=Table(
             (*mirror, *_participant(mirror, ends, pending, failure_ends)),
             ended=over,
@@ -178,7 +183,9 @@ def cancellable(
     )
 
 
-def _initiator(arrows: tuple[Row, ...], pending: Mapping[S, Pending], failure_ends: bool) -> Iterable[Row]:
+def _initiator(
+    arrows: tuple[Row, ...], pending: Mapping[S, Pending], failure_ends: bool
+) -> Iterable[Row]:
     for state, (cancelling, _) in pending.items():
         yield Row(state, SEND, P.CANCEL, PLAIN, cancelling)
         for row in arrows:
@@ -200,14 +207,15 @@ def _participant(
                 yield row._replace(state=stopping, to=stopping if row.to == state else S.TOO_LATE)
         yield Row(stopping, SEND, P.INFORM, CANCEL, S.CANCELLED)
         yield Row(stopping, SEND, P.FAILURE, CANCEL, S.CANCELLED if failure_ends else state)
-    # A cancel that crossed the last message of the participant, or (start) of a forgotten conversation.
+    # A cancel that crossed the last message of the participant, or (start) of a forgotten
+    # conversation.
     reached = {row.to for row in arrows if row.way is SEND}
     for state in (S.START, *(end for end in ends if end in reached)):
         yield Row(state, RECEIVE, P.CANCEL, PLAIN, S.TOO_LATE)
     yield Row(S.TOO_LATE, SEND, P.FAILURE, CANCEL, S.SETTLED)
 
 
-# --- Request: of the specification (SC00026H) and the paper's; request-when (SC00028H) --------------------------------
+# --- Request: of the specification (SC00026H) and the paper's; request-when (SC00028H) ------------
 
 
 ANSWERS = (
@@ -218,7 +226,9 @@ ANSWERS = (
     Row(S.AGREED, RECEIVE, P.FAILURE, PLAIN, S.FAILED),
     Row(S.AGREED, RECEIVE, P.INFORM, PLAIN, S.DONE),
 )
-"""Rows of the answers to a request or a query (SC00026H, SC00027H), from the view of the initiator."""
+"""Rows of the answers to a request or a query (SC00026H, SC00027H), from the view of the
+initiator.
+"""
 ENDED = (S.DONE, S.FAILED, S.REFUSED)
 """States after the last of them."""
 OPEN = {
@@ -229,10 +239,13 @@ OPEN = {
 
 _OPENING = Row(S.START, SEND, P.REQUEST, PLAIN, S.ASKED)
 
-FIPA_REQUEST = register(cancellable("fipa-request", [_OPENING, *ANSWERS], ended=ENDED, pending=OPEN))
+FIPA_REQUEST = register(
+    cancellable("fipa-request", [_OPENING, *ANSWERS], ended=ENDED, pending=OPEN)
+)
 """Request (SC00026H).
 
-agree may be omitted if the result is immediate. The result is the only inform: progress is told by a subscription.
+agree may be omitted if the result is immediate. The result is the only inform: progress is told by
+a subscription.
 """
 
 REQUEST = register(
@@ -246,8 +259,8 @@ REQUEST = register(
 )
 """The paper's request: inform[progress] between agree and result is added.
 
-A failure in reply to the cancel ends the conversation too, since the act is over: a participant that cannot stop its
-act completes it first and then answers the cancel.
+A failure in reply to the cancel ends the conversation too, since the act is over: a participant
+that cannot stop its act completes it first and then answers the cancel.
 """
 
 REQUEST_WHEN = register(
@@ -271,21 +284,30 @@ The act is performed once, when the condition holds. The agree is required befor
 """
 
 
-# --- Query: whether a proposition holds (query-if), which object a descriptor denotes (query-ref) ---------------------
-# `fipa-query` is that of the specification (SC00027H). `query` is the paper's. There the answer is immediate, so there
-# is neither agree nor cancel; an initiator that needs no answer any more ignores it. The query may be repeated with the
-# same m_w until it is answered: each copy may be answered, and later answers are ignored. The paper answers with
-# `inform-ref` (Table 8), a macro act that the specification does not send (SC00037J); `query` has rows for it and for
-# inform.
+# --- Query: whether a proposition holds (query-if), which object a descriptor denotes (query-ref) -
+# `fipa-query` is that of the specification (SC00027H). `query` is the paper's. There the answer is
+# immediate, so there is neither agree nor cancel; an initiator that needs no answer any more
+# ignores it. The query may be repeated with the same m_w until it is answered: each copy may be
+# answered, and later answers are ignored. The paper answers with `inform-ref` (Table 8), a macro
+# act that the specification does not send (SC00037J); `query` has rows for it and for inform.
 
 
-_ANSWERS = ((P.INFORM, S.DONE), (P.INFORM_REF, S.DONE), (P.REFUSE, S.REFUSED), (P.FAILURE, S.FAILED))
+_ANSWERS = (
+    (P.INFORM, S.DONE),
+    (P.INFORM_REF, S.DONE),
+    (P.REFUSE, S.REFUSED),
+    (P.FAILURE, S.FAILED),
+)
 _QUERIES = (P.QUERY_REF, P.QUERY_IF)
 _QUERY_ENDED = (S.DONE, S.REFUSED, S.FAILED)
 
 _query_initiator = Table(
     [
-        *(Row(state, SEND, query, PLAIN, S.ASKED) for query in _QUERIES for state in (S.START, S.ASKED)),
+        *(
+            Row(state, SEND, query, PLAIN, S.ASKED)
+            for query in _QUERIES
+            for state in (S.START, S.ASKED)
+        ),
         *(Row(S.ASKED, RECEIVE, answer, PLAIN, end) for answer, end in _ANSWERS),
         *(Row(end, RECEIVE, answer, PLAIN, end) for answer, _ in _ANSWERS for end in _QUERY_ENDED),
     ],
@@ -294,7 +316,11 @@ _query_initiator = Table(
 
 _query_participant = Table(
     [
-        *(Row(state, RECEIVE, q, PLAIN, S.ASKED) for q in _QUERIES for state in (S.START, S.ASKED, *_QUERY_ENDED)),
+        *(
+            Row(state, RECEIVE, q, PLAIN, S.ASKED)
+            for q in _QUERIES
+            for state in (S.START, S.ASKED, *_QUERY_ENDED)
+        ),
         *(Row(S.ASKED, SEND, answer, PLAIN, end) for answer, end in _ANSWERS),
     ],
     ended=_QUERY_ENDED,
@@ -314,10 +340,10 @@ FIPA_QUERY = register(
 """Query (SC00027H); agree may be omitted if the answer is immediate."""
 
 
-# --- Subscription: of the specification (SC00035H) and the paper's, which is soft state -------------------------------
-# A live subscription may last for ever. In the paper's the initiator repeats subscribe, with the same m_w, until it is
-# answered; the participant then repeats its answer. A participant answers the cancel in the same step, and a failed
-# cancel ends the subscription.
+# --- Subscription: of the specification (SC00035H) and the paper's, which is soft state -----------
+# A live subscription may last for ever. In the paper's the initiator repeats subscribe, with the
+# same m_w, until it is answered; the participant then repeats its answer. A participant answers the
+# cancel in the same step, and a failed cancel ends the subscription.
 
 
 _subscribe_initiator = Table(
@@ -384,7 +410,9 @@ _subscribe_participant = Table(
     resting=(S.LIVE,),
 )
 
-SUBSCRIBE = register(Protocol("subscribe", initiator=_subscribe_initiator, participant=_subscribe_participant))
+SUBSCRIBE = register(
+    Protocol("subscribe", initiator=_subscribe_initiator, participant=_subscribe_participant)
+)
 """The paper's subscription."""
 
 FIPA_SUBSCRIBE = register(
@@ -410,9 +438,10 @@ FIPA_SUBSCRIBE = register(
 """Subscribe (SC00035H); agree may be omitted if the first notification is immediate."""
 
 
-# --- Contract net (SC00029H), iterated contract net (SC00030H) and propose (SC00036H) ---------------------------------
-# A table describes the conversation with one participant; `multicast.py` combines several, whose proposals compete. A
-# call for proposals has a reply-by; later proposals are rejected. An accepted proposal is binding.
+# --- Contract net (SC00029H), iterated contract net (SC00030H) and propose (SC00036H) -------------
+# A table describes the conversation with one participant; `multicast.py` combines several, whose
+# proposals compete. A call for proposals has a reply-by; later proposals are rejected. An accepted
+# proposal is binding.
 
 
 _CALL = (
@@ -428,7 +457,9 @@ _NEW_ROUND = Row(S.OFFERED, SEND, P.CFP, PLAIN, S.CALLED)
 _ENDED = (S.DONE, S.FAILED, S.REFUSED, S.REJECTED)
 _OPEN = pending(S.CALLED, S.OFFERED, S.AWARDED)
 
-CFP = register(cancellable("cfp", _CALL, ended=_ENDED, pending=_OPEN, aliases=("fipa-contract-net",)))
+CFP = register(
+    cancellable("cfp", _CALL, ended=_ENDED, pending=_OPEN, aliases=("fipa-contract-net",))
+)
 """Contract net (SC00029H)."""
 
 ICFP = register(
@@ -462,10 +493,11 @@ PROPOSE = register(
 """Propose (SC00036H). The performance of an accepted proposal is not part of this protocol."""
 
 
-# --- Brokering (SC00033H) and recruiting (SC00034H), and the one message propagate (SC00037J) -------------------------
-# The participant is the broker. Its messages to the target agents are another conversation, with another id, in the
-# protocol of the embedded message; `proxying.py` connects the two. A broker relays the answers of the targets; in
-# recruiting they answer the initiator, or the receiver that it designated, directly.
+# --- Brokering (SC00033H) and recruiting (SC00034H), and the one message propagate (SC00037J) -----
+# The participant is the broker. Its messages to the target agents are another conversation, with
+# another id, in the protocol of the embedded message; `proxying.py` connects the two. A broker
+# relays the answers of the targets; in recruiting they answer the initiator, or the receiver that
+# it designated, directly.
 
 
 _SEARCH = (
@@ -491,8 +523,8 @@ BROKERING = register(
 )
 """Brokering (SC00033H).
 
-The standard says that answers are relayed, but not which one is the last: inform[final] is added. A broker that does
-not send it continues until the initiator cancels.
+The standard says that answers are relayed, but not which one is the last: inform[final] is added. A
+broker that does not send it continues until the initiator cancels.
 """
 
 RECRUITING = register(
@@ -516,15 +548,28 @@ PROPAGATE = register(
 )
 """The single message of a recruiter to a target; not a protocol of FIPA.
 
-The target treats the embedded message as sent by the sender of that message, and answers that agent.
+The target treats the embedded message as sent by the sender of that message, and answers that
+agent.
 """
 
 
-# --- All of them, in two profiles -------------------------------------------------------------------------------------
+# --- All of them, in two profiles -----------------------------------------------------------------
 
 
-FIPA = (FIPA_REQUEST, REQUEST_WHEN, FIPA_QUERY, FIPA_SUBSCRIBE, CFP, ICFP, PROPOSE, BROKERING, RECRUITING)
-"""The interaction protocols of SC00026H to SC00036H without the auctions, which remained experimental."""
+FIPA = (
+    FIPA_REQUEST,
+    REQUEST_WHEN,
+    FIPA_QUERY,
+    FIPA_SUBSCRIBE,
+    CFP,
+    ICFP,
+    PROPOSE,
+    BROKERING,
+    RECRUITING,
+)
+"""The interaction protocols of SC00026H to SC00036H without the auctions, which remained
+experimental.
+"""
 
 PAPER = (REQUEST, REQUEST_WHEN, QUERY, SUBSCRIBE, CFP, ICFP, PROPOSE, BROKERING, RECRUITING)
 """The same, as the paper's agents have them."""
@@ -534,9 +579,13 @@ PROTOCOLS = tuple(dict.fromkeys((*FIPA, *PAPER)))
 
 
 class Profile(StrEnum):
-    """Owner of the protocols that FIPA's tokens (`fipa-request`) mean in a text of another platform."""
+    """Owner of the protocols that FIPA's tokens (`fipa-request`) mean in a text of another
+    platform.
+    """
 
     FIPA = "fipa"
     """Those of the specifications."""
     PAPER = "paper"
-    """Those of the paper: `fipa-request` is read as `request`, and a query is answered with inform-ref."""
+    """Those of the paper: `fipa-request` is read as `request`, and a query is answered with
+    inform-ref.
+    """

@@ -1,8 +1,10 @@
-"""Protocols as data: a table per role, (state, way, performative, kind) -> next state; and the registry of their names.
+"""Protocols as data: a table per role, (state, way, performative, kind) -> next state; and the
+registry of their names.
 
-The tables alone decide whether a communicate is in sequence: a message without a row is an error. They do not depend on
-which agent has the role. One rule is outside the tables, that of not-understood (SC00037J: at any point, about any
-message, ends the interaction); it is in `conversation.py`. Independent of content, time and transport.
+The tables alone decide whether a communicate is in sequence: a message without a row is an error.
+They do not depend on which agent has the role. One rule is outside the tables, that of
+not-understood (SC00037J: at any point, about any message, ends the interaction); it is in
+`conversation.py`. Independent of content, time and transport.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -43,7 +45,9 @@ SEND, RECEIVE = Way.SEND, Way.RECEIVE
 
 
 class Row(NamedTuple):
-    """A transition: in `state` the role may send, or must accept, `performative` of `kind`; its next state is `to`."""
+    """A transition: in `state` the role may send, or must accept, `performative` of `kind`; its
+    next state is `to`.
+    """
 
     state: str
     way: Way
@@ -58,7 +62,9 @@ class Row(NamedTuple):
 
     @property
     def free(self) -> bool:
-        """Whether the role may never send this: a cancel, a not-understood, a message without a change of state."""
+        """Whether the role may never send this: a cancel, a not-understood, a message without a
+        change of state.
+        """
         choice = self.performative in (Performative.CANCEL, Performative.NOT_UNDERSTOOD)
         return self.way is SEND and (choice or self.to == self.state)
 
@@ -66,20 +72,32 @@ class Row(NamedTuple):
 class Table:
     """The rows of one role.
 
-    `ended`: states in which the conversation is over for this role; they may have rows (a late cancel is answered, a
-    repeated answer dropped). `urgent`: states in which the role must send in the same step and accepts nothing.
-    `resting`: states that may last for ever although the conversation is open (a live subscription). Raise
-    LocalProtocolError for two rows of one message in one state, and for a state without a row.
+    `ended`: states in which the conversation is over for this role; they may have rows (a late
+    cancel is answered, a repeated answer dropped). `urgent`: states in which the role must send in
+    the same step and accepts nothing. `resting`: states that may last for ever although the
+    conversation is open (a live subscription). Raise LocalProtocolError for two rows of one message
+    in one state, and for a state without a row.
     """
 
     def __init__(
-        self, rows: Iterable[Row], *, ended: Iterable[str], urgent: Iterable[str] = (), resting: Iterable[str] = ()
+        self,
+        rows: Iterable[Row],
+        *,
+        ended: Iterable[str],
+        urgent: Iterable[str] = (),
+        resting: Iterable[str] = (),
     ) -> None:
         self._rows: dict[tuple[str, Way, Performative, Kind], Row] = {}
         for row in rows:
             if self._rows.setdefault(row[:4], row) is not row:
-                raise LocalProtocolError("rows", f"two rows for {row.word} ({row.way}) in state {row.state}")
-        self.ended, self.urgent, self.resting = frozenset(ended), frozenset(urgent), frozenset(resting)
+                raise LocalProtocolError(
+                    "rows", f"two rows for {row.word} ({row.way}) in state {row.state}"
+                )
+        self.ended, self.urgent, self.resting = (
+            frozenset(ended),
+            frozenset(urgent),
+            frozenset(resting),
+        )
         known = self.states
         for state in self.ended | self.urgent | self.resting:
             if state not in known:
@@ -98,7 +116,9 @@ class Table:
         mine = (self._rows, self.ended, self.urgent, self.resting)
         return mine == (other._rows, other.ended, other.urgent, other.resting)
 
-    def find(self, state: str, way: Way, performative: Performative, kind: Kind = Kind.PLAIN) -> Row | None:
+    def find(
+        self, state: str, way: Way, performative: Performative, kind: Kind = Kind.PLAIN
+    ) -> Row | None:
         """The row, or None if the message is not allowed in this state."""
         return self._rows.get((state, way, performative, kind))
 
@@ -106,32 +126,46 @@ class Table:
         """All rows of a state in one way."""
         return tuple(row for row in self if row.state == state and row.way is way)
 
-    def without(self, state: str, way: Way, performative: Performative, kind: Kind = Kind.PLAIN) -> "Table":
+    def without(
+        self, state: str, way: Way, performative: Performative, kind: Kind = Kind.PLAIN
+    ) -> "Table":
         """The table without one row. Raise LocalProtocolError if there is no such row."""
         gone = self.find(state, way, performative, kind)
         if gone is None:
-            raise LocalProtocolError("rows", f"no row for {performative}[{kind}] ({way}) in state {state}")
+            raise LocalProtocolError(
+                "rows", f"no row for {performative}[{kind}] ({way}) in state {state}"
+            )
         return self.only(row for row in self if row is not gone)
 
     def with_rows(self, *rows: Row) -> "Table":
-        """The table with these rows; each replaces the row of the same message and state, if there is one."""
+        """The table with these rows; each replaces the row of the same message and state, if there
+        is one.
+        """
         merged = self._rows | {row[:4]: row for row in rows}
         return self.only(merged.values())
 
     def only(self, rows: Iterable[Row]) -> "Table":
-        """The table with these rows in place of its own; the marks of states without a row go with them."""
+        """The table with these rows in place of its own; the marks of states without a row go with
+        them.
+        """
         kept = tuple(rows)
         states = {state for row in kept for state in (row.state, row.to)}
-        return Table(kept, ended=self.ended & states, urgent=self.urgent & states, resting=self.resting & states)
+        return Table(
+            kept,
+            ended=self.ended & states,
+            urgent=self.urgent & states,
+            resting=self.resting & states,
+        )
 
 
 class Protocol:
     """A name and a table per role.
 
-    `aliases`: other names on the wire (`fipa-request`). `confirmed`: performatives each of whose messages is answered
-    by a confirm (informs of coordinate); the confirm has the kind of the message it confirms. `rounds`: openings that
-    start a new round with a new m_w when sent again (cfp of icfp); any other opening sent again is a repetition.
-    `openings`: performatives that start a conversation.
+    `aliases`: other names on the wire (`fipa-request`). `confirmed`: performatives each of whose
+    messages is answered by a confirm (informs of coordinate); the confirm has the kind of the
+    message it confirms. `rounds`: openings that start a new round with a new m_w when sent again
+    (cfp of icfp); any other opening sent again is a repetition. `openings`: performatives that
+    start a conversation.
     """
 
     def __init__(
@@ -146,7 +180,10 @@ class Protocol:
     ) -> None:
         self.name, self.aliases, self.confirmed = name, aliases, frozenset(confirmed)
         self.rounds = frozenset(rounds)
-        self.tables: Mapping[Role, Table] = {Role.INITIATOR: initiator, Role.PARTICIPANT: participant}
+        self.tables: Mapping[Role, Table] = {
+            Role.INITIATOR: initiator,
+            Role.PARTICIPANT: participant,
+        }
         self.openings = frozenset(row.performative for row in initiator.allowed(START, SEND))
 
     def __repr__(self) -> str:
@@ -156,9 +193,13 @@ class Protocol:
         """Whether both have the same names, tables and rules."""
         mine = (self.name, self.aliases, self.confirmed, self.rounds)
         alike = mine == (other.name, other.aliases, other.confirmed, other.rounds)
-        return alike and all(table.same_as(other.tables[role]) for role, table in self.tables.items())
+        return alike and all(
+            table.same_as(other.tables[role]) for role, table in self.tables.items()
+        )
 
-    def with_tables(self, *, initiator: Table | None = None, participant: Table | None = None) -> Self:
+    def with_tables(
+        self, *, initiator: Table | None = None, participant: Table | None = None
+    ) -> Self:
         """The protocol with other tables: a variant to be explored, not to be registered."""
         return type(self)(
             self.name,
@@ -172,12 +213,15 @@ class Protocol:
 
 class _Registry(dict[str, Protocol]):
     def __missing__(self, name: str) -> Protocol:
-        raise LocalProtocolError("protocol", f"{name!r} is unknown, known are {', '.join(sorted(self))}")
+        raise LocalProtocolError(
+            "protocol", f"{name!r} is unknown, known are {', '.join(sorted(self))}"
+        )
 
 
 _registered = _Registry()
 named: Callable[[str], Protocol] = _registered.__getitem__
-"""The protocol of a name or alias. Raise LocalProtocolError, with the known names, if there is none.
+"""The protocol of a name or alias. Raise LocalProtocolError, with the known names, if there is
+none.
 
 The protocol of a system is known once the module that registers it is imported."""
 
@@ -188,10 +232,11 @@ def known() -> tuple[Protocol, ...]:
 
 
 def register(protocol: Protocol) -> Protocol:
-    """Make a protocol known by its name and aliases, for conversations read from a wire or a journal; return it.
+    """Make a protocol known by its name and aliases, for conversations read from a wire or a
+    journal; return it.
 
-    One that is registered again, since its module was read twice, is the same. Raise LocalProtocolError if another
-    protocol has one of the names.
+    One that is registered again, since its module was read twice, is the same. Raise
+    LocalProtocolError if another protocol has one of the names.
     """
     for name in (protocol.name, *protocol.aliases):
         if not _registered.setdefault(name, protocol).same_as(protocol):

@@ -1,4 +1,6 @@
-"""faults.jsonl: whole lines of bytes in, faults out, the last line of each id; and what is new in the file."""
+"""faults.jsonl: whole lines of bytes in, faults out, the last line of each id; and what is new in
+the file.
+"""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -17,7 +19,9 @@ def encoded(fault: Fault) -> bytes:
 
 
 def read(data: bytes) -> Iterator[Fault]:
-    """Yield the faults of whole lines in their order; a line that is torn or of another version is left out."""
+    """Yield the faults of whole lines in their order; a line that is torn or of another version is
+    left out.
+    """
     for line in data[: data.rfind(b"\n") + 1].splitlines():
         try:
             yield _decoder.decode(line)
@@ -36,13 +40,17 @@ def done(faults: Iterable[Fault]) -> tuple[Fault, ...]:
 
 
 class FaultFile:
-    """The file of a run. Lines up to `known` [unix s] were recorded by a recorder before this one."""
+    """The file of a run. Lines up to `known` [unix s] were recorded by a recorder before this
+    one.
+    """
 
     def __init__(self, run: Path, known: float = 0.0) -> None:
         self._path, self._known, self._offset = run / FAULTS_FILE, known, 0
 
     def new(self) -> list[Fault]:
-        """Return the faults whose lines were written since the last look; a line not whole yet comes later."""
+        """Return the faults whose lines were written since the last look; a line not whole yet
+        comes later.
+        """
         try:
             with self._path.open("rb") as file:
                 file.seek(self._offset)

@@ -1,6 +1,8 @@
-"""Filters of communicates: by channel, agent, protocol, performative. For tools that show, record or replay them.
+"""Filters of communicates: by channel, agent, protocol, performative. For tools that show, record
+or replay them.
 
-Of one kind any name may fit, of the kinds all must. Pure; must not know where communicates come from.
+Of one kind any name may fit, of the kinds all must. Pure; must not know where communicates come
+from.
 """
 
 from collections.abc import Iterable

@@ -1,4 +1,5 @@
-"""Processes of this machine, or of a container, as Linux tells of them (man 5 proc): the only reader of their files.
+"""Processes of this machine, or of a container, as Linux tells of them (man 5 proc): the only
+reader of their files.
 
 What processes were started with is in agent_runtime.io.fleet_processes.
 """
@@ -13,11 +14,15 @@ PROC = Path("/proc")
 TICK_S = 1.0 / os.sysconf("SC_CLK_TCK")
 PAGE = os.sysconf("SC_PAGE_SIZE")
 FROZEN, ENDED = "T", "Z"
-"""State of a process that was stopped by a signal, and of one that has ended unknown to its parent."""
+"""State of a process that was stopped by a signal, and of one that has ended unknown to its
+parent.
+"""
 
 
 class Stat(msgspec.Struct, frozen=True):
-    """A line of /proc/PID/stat, as far as it is wanted. `start`: when the process started [ticks after boot]."""
+    """A line of /proc/PID/stat, as far as it is wanted. `start`: when the process started [ticks
+    after boot].
+    """
 
     pid: int
     parent: int
@@ -28,9 +33,11 @@ class Stat(msgspec.Struct, frozen=True):
 
 
 class Used(msgspec.Struct, frozen=True):
-    """A process and those below it: processor time [s] so far, resident memory [bytes]; `frozen`: it may not run.
+    """A process and those below it: processor time [s] so far, resident memory [bytes]; `frozen`:
+    it may not run.
 
-    `start`: when the process itself started [ticks after boot]: another one under the same pid started later.
+    `start`: when the process itself started [ticks after boot]: another one under the same pid
+    started later.
     """
 
     cpu_s: float
@@ -48,7 +55,9 @@ def stats(lines: Iterable[str]) -> dict[int, Stat]:
         if len(fields) > 21:
             pid = int(head.split(" ", 1)[0])
             ticks = int(fields[11]) + int(fields[12])
-            found[pid] = Stat(pid, int(fields[1]), fields[0], ticks, int(fields[21]), int(fields[19]))
+            found[pid] = Stat(
+                pid, int(fields[1]), fields[0], ticks, int(fields[21]), int(fields[19])
+            )
     return found
 
 
@@ -76,7 +85,9 @@ def started(pid: int) -> int:
 
 
 def command_line(pid: int) -> tuple[str, ...]:
-    """What a process was called with; () of one that is not there, or has ended and its parent has not looked."""
+    """What a process was called with; () of one that is not there, or has ended and its parent has
+    not looked.
+    """
     return next((called for _, called in every_words(pid)), ())
 
 

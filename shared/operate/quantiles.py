@@ -5,7 +5,9 @@ from collections.abc import Sequence
 
 
 def quantile(values: Sequence[float], share: float) -> float | None:
-    """Return the smallest value that at least `share` of them do not exceed (the nearest rank); None of none."""
+    """Return the smallest value that at least `share` of them do not exceed (the nearest rank);
+    None of none.
+    """
     return sorted(values)[_rank(len(values), share)] if values else None
 
 
@@ -15,7 +17,9 @@ def tail(values: Sequence[float], share: float) -> float | None:
 
 
 def enough(count: int, share: float) -> bool:
-    """Whether the quantile of `count` values is below the largest: 20 are enough for 95 %, 100 for 99 %."""
+    """Whether the quantile of `count` values is below the largest: 20 are enough for 95 %, 100 for
+    99 %.
+    """
     return _rank(count, share) < count - 1
 
 

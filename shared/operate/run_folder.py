@@ -11,7 +11,8 @@ import msgspec
 
 LATEST = "latest"  # runs/latest: symbolic link to the newest run folder
 FLEET_FILE = "fleet.json"
-LOCK_FILE = "supervisor.lock"  # held (flock) by the supervisor as long as it lives, with its pid in it
+# held (flock) by the supervisor as long as it lives, with its pid in it
+LOCK_FILE = "supervisor.lock"
 LIVE_FILE = "live.jsonl"
 VERDICTS_FILE = "verdicts.jsonl"
 TRAFFIC_FILE = "traffic.mcap"
@@ -20,7 +21,8 @@ REPORT_FILE = "report.json"
 RRD_FILE = "run.rrd"
 VIEW_FILE = "view.json"
 FAULTS_FILE = "faults.jsonl"
-OFF_SUFFIX = ".off"  # <name>.off: the supervisor keeps this process down as long as the file is there
+# <name>.off: the supervisor keeps this process down as long as the file is there
+OFF_SUFFIX = ".off"
 
 
 S = TypeVar("S", bound=msgspec.Struct)
@@ -43,10 +45,11 @@ class _Line(msgspec.Struct, frozen=True, tag_field="kind", tag=True, omit_defaul
 
 
 class Sent(_Line, frozen=True):
-    """A communicate went by; `bytes`: its whole size; `text`: its content in a few words, where that helps a person.
+    """A communicate went by; `bytes`: its whole size; `text`: its content in a few words, where
+    that helps a person.
 
-    `id` to `use` are what it can be judged by afterwards: m_w, m_t, t_b, LANGUAGE.Class of its content, and which use
-    of its performative that makes.
+    `id` to `use` are what it can be judged by afterwards: m_w, m_t, t_b, LANGUAGE.Class of its
+    content, and which use of its performative that makes.
     """
 
     channel: str
@@ -77,7 +80,9 @@ class Again(_Line, frozen=True):
 
 
 class Against(_Line, frozen=True):
-    """A communicate that is not as designed: `verdict` (topdown.judge.verdicts.Verdict), and why."""
+    """A communicate that is not as designed: `verdict` (topdown.judge.verdicts.Verdict), and
+    why.
+    """
 
     verdict: str
     channel: str
@@ -104,10 +109,11 @@ class Task(msgspec.Struct, frozen=True):
 
 
 class Step(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A state of a plan. `path`: names of states from below the root to it, an id that nobody takes apart.
+    """A state of a plan. `path`: names of states from below the root to it, an id that nobody takes
+    apart.
 
-    `does`: what is done there, with which `things` and which hand (`side`); "" where it is no step. `act`: class of the
-    act by which a leaf does it; "" for none.
+    `does`: what is done there, with which `things` and which hand (`side`); "" where it is no step.
+    `act`: class of the act by which a leaf does it; "" for none.
     """
 
     path: tuple[str, ...]
@@ -133,7 +139,8 @@ class PlanAt(_Line, frozen=True):
 
 
 class Happened(_Line, frozen=True):
-    """An event worth a line for a person: what happened, to which things, numbers or outcomes; `text`: why.
+    """An event worth a line for a person: what happened, to which things, numbers or outcomes;
+    `text`: why.
 
     `again`: other lines tell it, too.
     """
@@ -148,11 +155,12 @@ LiveLine = Sent | Again | Against | AgentIn | PlanSeen | PlanAt | Happened
 
 
 class Judged(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One line of verdicts.jsonl, written by the monitor: a communicate as it was judged (topdown.judge.verdicts).
+    """One line of verdicts.jsonl, written by the monitor: a communicate as it was judged
+    (topdown.judge.verdicts).
 
-    `t`: when it was heard [unix s]; a line may come later than others that were heard later. `initiator` and
-    `participant`: their states after it. `text`: its content in a few words. `key`: only where it is not the design's.
-    `violation`: the verdict is against the design.
+    `t`: when it was heard [unix s]; a line may come later than others that were heard later.
+    `initiator` and `participant`: their states after it. `text`: its content in a few words. `key`:
+    only where it is not the design's. `violation`: the verdict is against the design.
     """
 
     t: float
@@ -190,11 +198,14 @@ class Dead(StrEnum):
     NOT_HEARD = "not heard"
     """A volatile one, sent, that never reached its receiver."""
     NOT_RECEIPTED = "not receipted"
-    """A durable one that its sender still keeps: it was not taken up to now, or up to the end of the run."""
+    """A durable one that its sender still keeps: it was not taken up to now, or up to the end of
+    the run.
+    """
 
 
 class DeadLetter(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A communicate that nobody took. `t`: when it was sent, or turned away [unix s]; `why`: in words.
+    """A communicate that nobody took. `t`: when it was sent, or turned away [unix s]; `why`: in
+    words.
 
     `bytes` 0: not known. `text`: its content in a few words.
     """
@@ -214,14 +225,16 @@ class DeadLetter(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Fault(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
-    """One line of faults.jsonl, written by `roco fault`: a fault on purpose. A later line replaces those of its id.
+    """One line of faults.jsonl, written by `roco fault`: a fault on purpose. A later line replaces
+    those of its id.
 
-    `t`: when the line was written; `began`: 0 while it waits for its moment `at`; `ended`: None while it goes on [unix
-    s]. `text`: what came of it. `pid`, `start`: the process that was hit, and when that started [ticks after boot].
-    `by`, `by_start`: the command that heals it, likewise; where it is gone, the next `roco fault list` or `heal` does.
-    `amount`, `speaker`: of kinds that have one (docs/faults.md). `neighbour`: of a fault of one link, whom that leads
-    to. `what`: of a kind that only this system has, what is
-    done to which part, in words; `target` is then the process that does it.
+    `t`: when the line was written; `began`: 0 while it waits for its moment `at`; `ended`: None
+    while it goes on [unix s]. `text`: what came of it. `pid`, `start`: the process that was hit,
+    and when that started [ticks after boot]. `by`, `by_start`: the command that heals it, likewise;
+    where it is gone, the next `roco fault list` or `heal` does. `amount`, `speaker`: of kinds that
+    have one (docs/faults.md). `neighbour`: of a fault of one link, whom that leads to. `what`: of a
+    kind that only this system has, what is done to which part, in words; `target` is then the
+    process that does it.
     """
 
     id: str
@@ -243,7 +256,9 @@ class Fault(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
 
     @property
     def wire(self) -> str:
-        """The name of the wires that it is done to: all of the target, or its link with a neighbour, as co-pl."""
+        """The name of the wires that it is done to: all of the target, or its link with a
+        neighbour, as co-pl.
+        """
         return f"{self.target}-{self.neighbour}" if self.neighbour else self.target
 
     @property
@@ -284,8 +299,8 @@ class ProcessStatus(msgspec.Struct, frozen=True, omit_defaults=True):
 class Fleet(msgspec.Struct, frozen=True):
     """fleet.json, rewritten whole by the supervisor whenever something changes.
 
-    `entry`, `project`: the system (operate.system): `module:NAME`, and the folder it is imported from. `agents`: where
-    each agent is reached.
+    `entry`, `project`: the system (operate.system): `module:NAME`, and the folder it is imported
+    from. `agents`: where each agent is reached.
     """
 
     system: str
@@ -299,15 +314,18 @@ class Fleet(msgspec.Struct, frozen=True):
 
 
 class ViewAddress(msgspec.Struct, frozen=True):
-    """view.json, written by the monitor: where Rerun's pictures of this run are served (gRPC), and its page (HTTP)."""
+    """view.json, written by the monitor: where Rerun's pictures of this run are served (gRPC), and
+    its page (HTTP).
+    """
 
     grpc: int
     web: int
 
 
 class ExperimentSetting(msgspec.Struct, frozen=True):
-    """experiment.json: what is repeated, with which seeds, and where. `timeout_s`: wall time of one run; `most_load`: a
-    run waits until the machine's load is not above it, 0: it does not. A file of another version may lack a field.
+    """experiment.json: what is repeated, with which seeds, and where. `timeout_s`: wall time of one
+    run; `most_load`: a run waits until the machine's load is not above it, 0: it does not. A file
+    of another version may lack a field.
     """
 
     task: str = ""

@@ -1,13 +1,15 @@
-"""A system as the tools see it: one object that a project names `module:NAME`, and how the tools find it.
+"""A system as the tools see it: one object that a project names `module:NAME`, and how the tools
+find it.
 
-Nothing in this package knows a certain system. A tool gets a `System` as argument; the command line and the services
-find it once, by `of_run` or `here`. A project names its own in pyproject.toml:
+Nothing in this package knows a certain system. A tool gets a `System` as argument; the command line
+and the services find it once, by `of_run` or `here`. A project names its own in pyproject.toml:
 
     [tool.roco]
     system = "depot.system:SYSTEM"
 
-An installed one is named by an entry point of the group `roco.system`. docs/design-your-own-robot.md shows both.
-Code of a project is imported only where nobody but the caller and root can change it (operate.trust).
+An installed one is named by an entry point of the group `roco.system`.
+docs/design-your-own-robot.md shows both. Code of a project is imported only where nobody but the
+caller and root can change it (operate.trust).
 """
 
 import os
@@ -31,7 +33,9 @@ from topdown.model import design as designs
 from topdown.model.errors import TopdownError
 
 ENTRY_VARIABLE, PROJECT_VARIABLE = "ROCO_ENTRY", "ROCO_PROJECT"
-"""The processes of a fleet find their system by these: `module:NAME`, and the folder that Python imports it from."""
+"""The processes of a fleet find their system by these: `module:NAME`, and the folder that Python
+imports it from.
+"""
 COMPLETING_VARIABLE = "_ROCO_COMPLETE"
 """The shell sets it where it asks for names to complete."""
 GROUP = "roco.system"
@@ -44,23 +48,27 @@ class NoSystemError(Exception):
 
 
 class UntrustedError(NoSystemError):
-    """A file names a system whose code others can change. `by`: the file; `why`: who can change what."""
+    """A file names a system whose code others can change. `by`: the file; `why`: who can change
+    what.
+    """
 
     def __init__(self, named: "Named", why: str, trusting: tuple[Path, ...]) -> None:
         self.by, self.why = named.by, why
         where = f" in {named.project}" if named.project else ""
         super().__init__(
-            f"{named.by} names the system {named.entry!r}{where}, whose code would run here as {_caller()}; but {why}."
-            f" Read that code; where you trust it, set {TRUST_VARIABLE}={os.pathsep.join(map(str, trusting))}"
+            f"{named.by} names the system {named.entry!r}{where}, whose code would run here as"
+            f" {_caller()}; but {why}. Read that code; where you trust it, set"
+            f" {TRUST_VARIABLE}={os.pathsep.join(map(str, trusting))}"
         )
 
 
 class Job(msgspec.Struct, frozen=True, kw_only=True):
     """The usual task of a system, which `roco chaos` disturbs.
 
-    `command`: words of `roco` that do it in a fleet of its own; they take --seed, --speed, --out and --faults.
-    `phases`: name -> when it begins, as --at of a fault has it; {}: the states of the agents. `rests`: agent ->
-    the state in which it is when it is done. `timeout_s`: a run that takes longer is stuck.
+    `command`: words of `roco` that do it in a fleet of its own; they take --seed, --speed, --out
+    and --faults. `phases`: name -> when it begins, as --at of a fault has it; {}: the states of the
+    agents. `rests`: agent -> the state in which it is when it is done. `timeout_s`: a run that
+    takes longer is stuck.
     """
 
     command: tuple[str, ...] = ("up", "--for", "20")
@@ -70,24 +78,28 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Additions(msgspec.Struct, frozen=True, kw_only=True):
-    """Additions of a system to the tools, each as "module:NAME", imported when it is used; "": nothing.
+    """Additions of a system to the tools, each as "module:NAME", imported when it is used; "":
+    nothing.
 
-    `verbs`: rows for the table of `roco` (operate.cli.verbs.VERBS has the form). `options`: a function of names of
-    processes, scene file and seed, called before anything is started; it raises ValueError. `findings`: a function of a
-    Design that gives further findings of `roco design check`. `live`: a class without arguments with `lines(record)`,
-    which gives further lines of live.jsonl. `events`: a function of a History that gives what happened, each with a
-    `name`. `report`: a function of a History that gives the figures of report.json, `page`: one of History, figures and
-    the run's name that gives report.html. `drawers`: a function of a Sheet that gives further
-    operate.pictures.stage.Drawer, `blueprint`: one of the length of the run that gives the layout of the viewer.
-    `telemetry`: kind of a signal -> decoder, a mapping. `tasks`: a function of a Target that gives what people asked
-    for, as lines of operate.cli.fleet.tasks.Task; it raises ConsoleError. `checks`: an operate.cli.fleet.checkup.Checks
-    for `roco doctor`. `untouchable`: a function of a Target that gives why `roco fault` must leave it alone (a real
-    robot moves there), "" where it need not. `promises`: a function of a History that gives, in sentences, those that
-    are broken (operate.judging.invariants). `measures`: an operate.experiments.measures.Measures for experiments and
-    comparisons. `why`: a function of an operate.recording.run.Run and a task of it (a Span) that gives further
-    Passages of `roco why`; `believed`: one of a Run, a name and a time [s, None: the end] that gives what is believed
-    of a thing of that name, as a Why, or None where there is none. `faults`: kind of a fault that its own
-    verbs do -> operate.cli.faults.kinds.Kind, which heals one whose command is gone.
+    `verbs`: rows for the table of `roco` (operate.cli.verbs.VERBS has the form). `options`: a
+    function of names of processes, scene file and seed, called before anything is started; it
+    raises ValueError. `findings`: a function of a Design that gives further findings of `roco
+    design check`. `live`: a class without arguments with `lines(record)`, which gives further lines
+    of live.jsonl. `events`: a function of a History that gives what happened, each with a `name`.
+    `report`: a function of a History that gives the figures of report.json, `page`: one of History,
+    figures and the run's name that gives report.html. `drawers`: a function of a Sheet that gives
+    further operate.pictures.stage.Drawer, `blueprint`: one of the length of the run that gives the
+    layout of the viewer. `telemetry`: kind of a signal -> decoder, a mapping. `tasks`: a function
+    of a Target that gives what people asked for, as lines of operate.cli.fleet.tasks.Task; it
+    raises ConsoleError. `checks`: an operate.cli.fleet.checkup.Checks for `roco doctor`.
+    `untouchable`: a function of a Target that gives why `roco fault` must leave it alone (a real
+    robot moves there), "" where it need not. `promises`: a function of a History that gives, in
+    sentences, those that are broken (operate.judging.invariants). `measures`: an
+    operate.experiments.measures.Measures for experiments and comparisons. `why`: a function of an
+    operate.recording.run.Run and a task of it (a Span) that gives further Passages of `roco why`;
+    `believed`: one of a Run, a name and a time [s, None: the end] that gives what is believed of a
+    thing of that name, as a Why, or None where there is none. `faults`: kind of a fault that its
+    own verbs do -> operate.cli.faults.kinds.Kind, which heals one whose command is gone.
     """
 
     verbs: str = ""
@@ -111,16 +123,18 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class System(msgspec.Struct, frozen=True, kw_only=True):
-    """A system: its design, its languages, the processes that make it up, and what it adds to the tools.
+    """A system: its design, its languages, the processes that make it up, and what it adds to the
+    tools.
 
-    `name`: prefix of its keys where none is given. `about`: a content of one of its languages in a few words, `why`:
-    the reason that it gives. `plain`: a text with its ids as people say them. `step` and `happened`: a step of a plan,
-    and an event (its name, and of what), in words. `says`: process that is not an agent ->
-    state -> what it does, in words; of an agent the design has them. `unreplaced`: agent -> why `roco replay --replace`
-    cannot run it alone. `variables`: what its processes get in their environment, `{run}` standing for the run folder.
-    `contents`: version of what its messages contain; a recording of another version is refused.
-    `job`: its usual task. `entry`: where this object is, `project`: the folder that Python imports it from, "" where it
-    is installed.
+    `name`: prefix of its keys where none is given. `about`: a content of one of its languages in a
+    few words, `why`: the reason that it gives. `plain`: a text with its ids as people say them.
+    `step` and `happened`: a step of a plan, and an event (its name, and of what), in words. `says`:
+    process that is not an agent -> state -> what it does, in words; of an agent the design has
+    them. `unreplaced`: agent -> why `roco replay --replace` cannot run it alone. `variables`: what
+    its processes get in their environment, `{run}` standing for the run folder. `contents`: version
+    of what its messages contain; a recording of another version is refused. `job`: its usual task.
+    `entry`: where this object is, `project`: the folder that Python imports it from, "" where it is
+    installed.
     """
 
     name: str
@@ -146,12 +160,15 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
         return wording.short(": ".join(filter(None, (self.about(content), self.why(content)))))
 
     def addition(self, kind: str) -> Any:
-        """Return the object named at this place of `additions`, imported; None where the system adds nothing there."""
+        """Return the object named at this place of `additions`, imported; None where the system
+        adds nothing there.
+        """
         place = getattr(self.additions, kind)
         return resolved(place) if place else None
 
     def environment(self, run: Path) -> dict[str, str]:
-        """Return what a process of a run needs: its own variables, and those by which `here` finds this system.
+        """Return what a process of a run needs: its own variables, and those by which `here` finds
+        this system.
 
         Raise NoSystemError where Python could not be told the project's folder.
         """
@@ -170,12 +187,14 @@ def resolved(place: str) -> Any:
     try:
         return getattr(import_module(module), name)
     except (ImportError, AttributeError, ValueError) as error:
-        raise NoSystemError(f"nothing is at {place!r} ({error}); write package.module:NAME") from error
+        raise NoSystemError(
+            f"nothing is at {place!r} ({error}); write package.module:NAME"
+        ) from error
 
 
 class Named(NamedTuple):
-    """A system as it is named, with nothing of it imported. `by`: the file that names it; None: the caller does, by
-    the environment, or an installed distribution.
+    """A system as it is named, with nothing of it imported. `by`: the file that names it; None: the
+    caller does, by the environment, or an installed distribution.
     """
 
     entry: str
@@ -189,27 +208,32 @@ def load(entry: str, project: str = "") -> System:
         sys.path.insert(0, project)
     found = resolved(entry)
     if not isinstance(found, System):
-        raise NoSystemError(f"{entry} is {type(found).__name__}; it must be an operate.system.System")
+        raise NoSystemError(
+            f"{entry} is {type(found).__name__}; it must be an operate.system.System"
+        )
     return msgspec.structs.replace(found, entry=entry, project=project)
 
 
 def here(folder: Path | None = None) -> System:
-    """The system that is meant where no run tells: of the environment, else of the project that `folder` (the current
-    one) is in, else the installed one. Raise NoSystemError where there is none, or several are installed, and
-    UntrustedError where others can change the project.
+    """The system that is meant where no run tells: of the environment, else of the project that
+    `folder` (the current one) is in, else the installed one. Raise NoSystemError where there is
+    none, or several are installed, and UntrustedError where others can change the project.
     """
     return _imported(_named_here(folder))
 
 
 def of_run(run: Path) -> System:
-    """The system of a run folder, or of a file in it, as its fleet.json names it; `here` where none does."""
+    """The system of a run folder, or of a file in it, as its fleet.json names it; `here` where none
+    does.
+    """
     return _imported(_named_by(run))
 
 
 def design_shown(run: Path | None = None) -> designs.Design:
     """The design of `here`, or of a run, for help and completion: nothing of a project is imported.
 
-    A project's is the file that `[tool.roco] design` names. Raise NoSystemError where there is none.
+    A project's is the file that `[tool.roco] design` names. Raise NoSystemError where there is
+    none.
     """
     named = _named_here() if run is None else _named_by(run)
     if _is_installed(named):
@@ -218,20 +242,26 @@ def design_shown(run: Path | None = None) -> designs.Design:
     own = _table(Path(named.project) / PROJECT_FILE).get("design", "") if named.project else ""
     if not own:
         raise NoSystemError(
-            f"help and completion import nothing of a project, and {named.project or named.entry} names no design file"
-            f' that they could read; add to [tool.roco] in its {PROJECT_FILE}: design = "package/design.toml"'
+            f"help and completion import nothing of a project, and {named.project or named.entry}"
+            " names no design file"
+            f" that they could read; add to [tool.roco] in its {PROJECT_FILE}: design ="
+            ' "package/design.toml"'
         )
     return of_design(Path(named.project) / str(own)).design
 
 
 def installed_here() -> System | None:
-    """The system of `here` where an installed distribution has it; None where a project has, which is not imported."""
+    """The system of `here` where an installed distribution has it; None where a project has, which
+    is not imported.
+    """
     named = _named_here()
     return load(named.entry) if _is_installed(named) else None
 
 
 def of_design(file: Path) -> System:
-    """The system of a design file alone: contents are not read. Raise NoSystemError where it cannot be read."""
+    """The system of a design file alone: contents are not read. Raise NoSystemError where it cannot
+    be read.
+    """
     try:
         design = designs.load(file)
     except (TopdownError, OSError) as error:
@@ -240,14 +270,17 @@ def of_design(file: Path) -> System:
 
 
 def languages_at(place: str) -> Languages:
-    """The Languages at "module:NAME", which the caller named; the folder here is looked in behind all others, so that
-    no file of it is taken for a library. Raise NoSystemError where there are none.
+    """The Languages at "module:NAME", which the caller named; the folder here is looked in behind
+    all others, so that no file of it is taken for a library. Raise NoSystemError where there are
+    none.
     """
     if str(Path.cwd()) not in sys.path:
         sys.path.append(str(Path.cwd()))
     found = resolved(place)
     if not isinstance(found, Languages):
-        raise NoSystemError(f"{place} is {type(found).__name__}; give a fipa_codec.languages.Languages")
+        raise NoSystemError(
+            f"{place} is {type(found).__name__}; give a fipa_codec.languages.Languages"
+        )
     return found
 
 
@@ -274,24 +307,33 @@ def _named_by(run: Path) -> Named:
 def _imported(named: Named) -> System:
     if not _is_installed(named):
         if os.environ.get(COMPLETING_VARIABLE):
-            raise NoSystemError(f"completion imports nothing of {named.project or named.entry}; call the verb itself")
+            raise NoSystemError(
+                f"completion imports nothing of {named.project or named.entry}; call the verb"
+                " itself"
+            )
         _refuse_strangers(named)
     return load(named.entry, named.project)
 
 
 def _refuse_strangers(named: Named) -> None:
-    """Raise UntrustedError where others can change the file that names the system, or its project."""
+    """Raise UntrustedError where others can change the file that names the system, or its
+    project.
+    """
     if named.by is None:
         return
     places = [named.by, *([Path(named.project)] if named.project else [])]
     found = [(place, why) for place in places if (why := changeable(place))]
     if found:
         trusting = {place if place.is_dir() else place.parent: None for place, _ in found}
-        raise UntrustedError(named, "; ".join(dict.fromkeys(why for _, why in found)), tuple(trusting))
+        raise UntrustedError(
+            named, "; ".join(dict.fromkeys(why for _, why in found)), tuple(trusting)
+        )
 
 
 def _regular(file: Path) -> bytes:
-    """Read a file as it should be; one that another user put there may be a pipe, which would never end."""
+    """Read a file as it should be; one that another user put there may be a pipe, which would never
+    end.
+    """
     with os.fdopen(os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as opened:
         if not stat.S_ISREG(os.fstat(opened.fileno()).st_mode):
             raise OSError(f"{file} is no regular file")
@@ -315,8 +357,14 @@ def _installed() -> Named:
     found = _points()
     if len(found) == 1:
         return Named(found.pop())
-    what = f"several systems are installed: {', '.join(sorted(found))}" if found else "no system is installed here"
-    raise NoSystemError(f'{what}; name one in pyproject.toml: [tool.roco] system = "package.module:NAME"')
+    what = (
+        f"several systems are installed: {', '.join(sorted(found))}"
+        if found
+        else "no system is installed here"
+    )
+    raise NoSystemError(
+        f'{what}; name one in pyproject.toml: [tool.roco] system = "package.module:NAME"'
+    )
 
 
 def _points() -> set[str]:

@@ -1,7 +1,8 @@
-"""Whose code may run: a file or a folder is trusted where only the caller and root can change what it holds.
+"""Whose code may run: a file or a folder is trusted where only the caller and root can change what
+it holds.
 
-A run's fleet.json and a project's pyproject.toml name Python code. Root who looks at a user's run, or anybody below a
-folder that others write to, would run theirs.
+A run's fleet.json and a project's pyproject.toml name Python code. Root who looks at a user's run,
+or anybody below a folder that others write to, would run theirs.
 """
 
 import grp
@@ -11,21 +12,29 @@ import stat
 from pathlib import Path
 
 TRUST_VARIABLE = "ROCO_TRUST"
-"""Folders that the caller trusts whoever owns them, a colon between, with all that is below them."""
+"""Folders that the caller trusts whoever owns them, a colon between, with all that is below
+them.
+"""
 ACCESS_LIST = "system.posix_acl_access"
 
 
 def changeable(place: Path) -> str:
-    """Say who besides the caller and root could change this file, or what is in this folder; "" where nobody could.
+    """Say who besides the caller and root could change this file, or what is in this folder; ""
+    where nobody could.
 
-    The folders above count, too: who can rename one of them can put another in its place. In one with the sticky bit,
-    as /tmp, only the owner of an entry can.
+    The folders above count, too: who can rename one of them can put another in its place. In one
+    with the sticky bit, as /tmp, only the owner of an entry can.
     """
     place = place.resolve()
-    trusted = [Path(one).resolve() for one in os.environ.get(TRUST_VARIABLE, "").split(os.pathsep) if one]
+    trusted = [
+        Path(one).resolve() for one in os.environ.get(TRUST_VARIABLE, "").split(os.pathsep) if one
+    ]
     if any(place.is_relative_to(one) for one in trusted):
         return ""
-    return next((why for one in (place, *place.parents) if (why := _changeable(one, sticky=one != place))), "")
+    return next(
+        (why for one in (place, *place.parents) if (why := _changeable(one, sticky=one != place))),
+        "",
+    )
 
 
 def _changeable(place: Path, sticky: bool) -> str:
@@ -50,7 +59,9 @@ def _safe() -> set[int]:
 
 
 def _alone(gid: int) -> bool:
-    """Whether a group has nobody but the caller and root in it, as a user's own group where the umask is 002."""
+    """Whether a group has nobody but the caller and root in it, as a user's own group where the
+    umask is 002.
+    """
     try:
         members = {pwd.getpwnam(name).pw_uid for name in grp.getgrgid(gid).gr_mem}
     except KeyError:  # nobody has written down who is in it

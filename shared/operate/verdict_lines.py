@@ -42,8 +42,12 @@ def line(judgement: Judgement, system: System | None) -> Judged:
 
 
 def sides(design: Design, protocol: str, one: str, other: str) -> tuple[str, str]:
-    """Return initiator and participant of a conversation of two agents by the design, else `one` (who began) first."""
-    uses = {(use.initiator, use.participant) for use in design.file.protocol if use.follows == protocol}
+    """Return initiator and participant of a conversation of two agents by the design, else `one`
+    (who began) first.
+    """
+    uses = {
+        (use.initiator, use.participant) for use in design.file.protocol if use.follows == protocol
+    }
     return (other, one) if (other, one) in uses and (one, other) not in uses else (one, other)
 
 
@@ -53,19 +57,34 @@ def ended(design: Design, protocol: str, states: tuple[str, str]) -> bool:
 
 
 def outcome(verdicts: Mapping[str, int]) -> str:
-    """Return in words how communicates stand to the design: counts by verdict, none of them a violation."""
-    total = sum(count for verdict, count in verdicts.items() if verdict != Verdict.NOT_TAKEN)  # it has one besides
+    """Return in words how communicates stand to the design: counts by verdict, none of them a
+    violation.
+    """
+    # it has one besides
+    total = sum(count for verdict, count in verdicts.items() if verdict != Verdict.NOT_TAKEN)
     words = {
         Verdict.SLOW: "slow",
         Verdict.NOT_JUDGED: "could not be judged",
         Verdict.NOT_TAKEN: "taken by nobody",
     }
-    apart = [f"{verdicts[one]} of {total} communicates {word}" for one, word in words.items() if verdicts.get(one)]
-    return "; ".join(("nothing against the design", *apart)) if apart else f"all {total} communicates as designed"
+    apart = [
+        f"{verdicts[one]} of {total} communicates {word}"
+        for one, word in words.items()
+        if verdicts.get(one)
+    ]
+    return (
+        "; ".join(("nothing against the design", *apart))
+        if apart
+        else f"all {total} communicates as designed"
+    )
 
 
 def _text(one: Communicate, system: System | None) -> str:
     try:
-        return one_line(system.words(system.languages.read(one)[0])) if system is not None and system.languages else ""
+        return (
+            one_line(system.words(system.languages.read(one)[0]))
+            if system is not None and system.languages
+            else ""
+        )
     except FipaError:
         return ""

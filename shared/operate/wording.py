@@ -1,4 +1,6 @@
-"""A content of any language in a few words, for people; text that others wrote, as a terminal may have it."""
+"""A content of any language in a few words, for people; text that others wrote, as a terminal may
+have it.
+"""
 
 import re
 from collections.abc import Callable
@@ -10,20 +12,29 @@ from operate.run_folder import Step, Task
 LENGTH = 80
 REASONS = ("reason", "why", "text")
 """Fields of a content that hold words for people."""
-OBEYED = re.compile("(?!\r\n)[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u206f\ud800-\udfff]")
-"""What terminals obey in place of showing it (C0 and C1 controls but tab, newline, and CSV's line end), what turns the
-direction of text around, line ends of Unicode, and halves of characters, which cannot be written.
+OBEYED = re.compile(
+    "(?!\r\n)[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u206f\ud800-\udfff]"
+)
+"""What terminals obey in place of showing it (C0 and C1 controls but tab, newline, and CSV's line
+end), what turns the direction of text around, line ends of Unicode, and halves of characters, which
+cannot be written.
 """
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
 def about(content: object) -> str:
-    """Return the class of a content, spaced, and its short values but no reason: `offer ox 12.5`; "" for none."""
+    """Return the class of a content, spaced, and its short values but no reason: `offer ox 12.5`;
+    "" for none.
+    """
     if content is None:
         return ""
     fields = content.__struct_fields__ if isinstance(content, msgspec.Struct) else ()
     values = [getattr(content, name) for name in fields if name not in REASONS]
-    told = [f"{one:g}" if isinstance(one, float) else str(one) for one in values if isinstance(one, str | int | float)]
+    told = [
+        f"{one:g}" if isinstance(one, float) else str(one)
+        for one in values
+        if isinstance(one, str | int | float)
+    ]
     return " ".join((_HUMP.sub(" ", type(content).__name__).lower(), *filter(None, told)))
 
 
@@ -56,7 +67,8 @@ def short(text: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """Return a text in which nothing is left that a terminal obeys: \\u001b in place of an escape character.
+    """Return a text in which nothing is left that a terminal obeys: \\u001b in place of an escape
+    character.
 
     The form is that of JSON, so that a line of JSON stays one, and means the same.
     """
@@ -64,7 +76,9 @@ def escaped(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return a text without line ends: who writes a name must not write a line of its own below it."""
+    """Return a text without line ends: who writes a name must not write a line of its own below
+    it.
+    """
     return text.replace("\n", "\\u000a")
 
 

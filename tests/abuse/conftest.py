@@ -1,4 +1,6 @@
-"""Attacks on a real router and fleet; makes the modules of tests/zenoh importable (tests have no packages)."""
+"""Attacks on a real router and fleet; makes the modules of tests/zenoh importable (tests have no
+packages).
+"""
 
 import sys
 from collections.abc import Iterator

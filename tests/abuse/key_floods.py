@@ -1,4 +1,6 @@
-"""Floods of a rightful key: what it puts, and a peer of the flooded agent that wants an answer meanwhile."""
+"""Floods of a rightful key: what it puts, and a peer of the flooded agent that wants an answer
+meanwhile.
+"""
 
 import json
 import threading
@@ -16,7 +18,8 @@ from fipa_codec.performatives import Performative
 
 REQUEST = f"roco/{SYSTEM}/C2/hi/co/request/request"
 PATIENCE_S = 20.0
-"""For an answer amid a flood, which takes some ms (benchmarks/floods.py), on a machine that is busy with much else.
+"""For an answer amid a flood, which takes some ms (benchmarks/floods.py), on a machine that is busy
+with much else.
 
 What found no room in time is dropped, so the question is asked again as agents do.
 """
@@ -44,12 +47,18 @@ def co(router: Fleet) -> None:
 
 def log(router: Fleet) -> list[dict[str, object]]:
     """The lines of co's log."""
-    return [json.loads(line) for line in (router.run / "logs" / "co.jsonl").read_text().splitlines()]
+    return [
+        json.loads(line) for line in (router.run / "logs" / "co.jsonl").read_text().splitlines()
+    ]
 
 
 def memory_mb(pid: int) -> float:
     """Memory of a process now."""
-    line = next(line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("VmRSS"))
+    line = next(
+        line
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines()
+        if line.startswith("VmRSS")
+    )
     return int(line.split()[1]) / 1024
 
 
@@ -68,7 +77,9 @@ class Peer:
         return any(self._asked() for _ in range(round(PATIENCE_S / HEARTBEAT_S)))
 
     def _asked(self) -> bool:
-        self._session.put(f"roco/{SYSTEM}/_/ping/ta/co", b"C1", congestion_control=zenoh.CongestionControl.BLOCK)
+        self._session.put(
+            f"roco/{SYSTEM}/_/ping/ta/co", b"C1", congestion_control=zenoh.CongestionControl.BLOCK
+        )
         return self._answered.wait(HEARTBEAT_S)
 
     def close(self) -> None:
@@ -78,7 +89,9 @@ class Peer:
 
 
 @contextmanager
-def flooding(thief: zenoh.Session, key: str, said: Callable[[int], bytes], at_least: int) -> Iterator[None]:
+def flooding(
+    thief: zenoh.Session, key: str, said: Callable[[int], bytes], at_least: int
+) -> Iterator[None]:
     """Put as fast as possible, until the end of it, and at least that many."""
     over, put = threading.Event(), 0
 

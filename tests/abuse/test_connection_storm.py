@@ -1,4 +1,6 @@
-"""Attacks without a key, from a place in the network: connections that never become a session, many a second."""
+"""Attacks without a key, from a place in the network: connections that never become a session, many
+a second.
+"""
 
 import os
 import signal
@@ -44,12 +46,16 @@ class Host:
 
     def beat(self, name: str) -> Heartbeat:
         """The agent's last heartbeat."""
-        return msgspec.json.decode((self.run / f"{name}.heartbeat.json").read_bytes(), type=Heartbeat)
+        return msgspec.json.decode(
+            (self.run / f"{name}.heartbeat.json").read_bytes(), type=Heartbeat
+        )
 
     def in_reach(self) -> bool:
         """Whether both agents live and reach each other."""
         with suppress(OSError):
-            return all(other in self.beat(name).peers for name, other in (("co", "hi"), ("hi", "co")))
+            return all(
+                other in self.beat(name).peers for name, other in (("co", "hi"), ("hi", "co"))
+            )
         return False
 
     def own_address(self) -> str:
@@ -104,13 +110,23 @@ def host(tmp_path: Path) -> Iterator[Host]:
 
 
 def test_agents_of_the_routers_host_come_back_amid_a_storm(host: Host) -> None:
-    """At the open port nobody gets in. An agent that is killed is back at once, by the listener on loopback."""
+    """At the open port nobody gets in. An agent that is killed is back at once, by the listener on
+    loopback.
+    """
     assert host.comes_in(host.open_address)
     before = host.beat("co")
     with host.stormed():
-        assert not host.comes_in(host.open_address), "the storm locks nobody out: this test shows nothing"
+        assert not host.comes_in(host.open_address), (
+            "the storm locks nobody out: this test shows nothing"
+        )
         assert host.comes_in(host.own_address())
         os.kill(before.pid, signal.SIGKILL)
-        wait_for(lambda: host.beat("co").incarnation > before.incarnation and host.in_reach(), "co is back")
-        wait_for(lambda: host.beat("hi").peers.get("co") == host.beat("co").incarnation, "hi reaches the new co")
+        wait_for(
+            lambda: host.beat("co").incarnation > before.incarnation and host.in_reach(),
+            "co is back",
+        )
+        wait_for(
+            lambda: host.beat("hi").peers.get("co") == host.beat("co").incarnation,
+            "hi reaches the new co",
+        )
         assert not host.comes_in(host.open_address), "the storm was over before"

@@ -15,12 +15,18 @@ pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(180)]
 MANY = 20_000
 ASKED = 20
 ROOM_MB = 80
-"""Memory of a sender's waiting messages, per lane and decoded [MB]: estimate. Unbounded, they took all there was."""
+"""Memory of a sender's waiting messages, per lane and decoded [MB]: estimate. Unbounded, they took
+all there was.
+"""
 FLOODS: dict[str, tuple[str, Callable[[int], bytes], int]] = {
     "of no communicate": (REQUEST, lambda n: b"\xc1" * 200, MANY),
     "in another's name": (REQUEST, lambda n: request(n, "ta"), MANY),
     "taken before": (REQUEST, lambda n: request(1), MANY),
-    "of other words under a number that was taken": (REQUEST, lambda n: request(1, "hi", f"hi-1-{n}"), MANY),
+    "of other words under a number that was taken": (
+        REQUEST,
+        lambda n: request(1, "hi", f"hi-1-{n}"),
+        MANY,
+    ),
     "of gaps": (REQUEST, lambda n: request(1_000_000 + n), MANY),
     "of long messages": (REQUEST, lambda n: b"\xc1" * (MAX_BYTES // 2), 100),
     "of receipts": (f"roco/{SYSTEM}/_/receipt/hi/co", lambda n: b"no receipt", MANY),
@@ -43,7 +49,9 @@ def peer(router: Fleet) -> Iterator[Peer]:
 @pytest.mark.parametrize(
     "kind", [pytest.param(kind, marks=pytest.mark.long if kind in SLOW else ()) for kind in FLOODS]
 )
-def test_a_flood_takes_little_memory_and_disk_and_holds_no_peer_up(router: Fleet, peer: Peer, kind: str) -> None:
+def test_a_flood_takes_little_memory_and_disk_and_holds_no_peer_up(
+    router: Fleet, peer: Peer, kind: str
+) -> None:
     """The agent answers others; the log has the first of each kind, then sums."""
     key, said, many = FLOODS[kind]
     pid = router.processes["co"].pid
@@ -54,20 +62,32 @@ def test_a_flood_takes_little_memory_and_disk_and_holds_no_peer_up(router: Fleet
     assert peer.asks()
     told = log(router)[lines:]
     assert "peer" not in {line["event"] for line in told}, "no neighbour was lost"
-    worst = Counter((line["event"], line.get("key"), line.get("sender")) for line in told).most_common(1)
+    worst = Counter(
+        (line["event"], line.get("key"), line.get("sender")) for line in told
+    ).most_common(1)
     assert not worst or worst[0][1] < MANY / 50
     assert len(told) < MANY / 20
 
 
 def test_what_is_no_channel_of_theirs_is_not_said_back(router: Fleet, peer: Peer) -> None:
-    """A ping of 4 MB would be a pong of 4 MB: who floods with one byte's right would flood its peers, too."""
+    """A ping of 4 MB would be a pong of 4 MB: who floods with one byte's right would flood its
+    peers, too.
+    """
     heard = list[zenoh.Sample]()
     with session(router, "hi", "co") as thief:
         declared = thief.declare_subscriber(f"roco/{SYSTEM}/_/pong/co/hi", heard.append)
-        thief.put(f"roco/{SYSTEM}/_/ping/hi/co", bytes(MAX_BYTES), congestion_control=zenoh.CongestionControl.BLOCK)
+        thief.put(
+            f"roco/{SYSTEM}/_/ping/hi/co",
+            bytes(MAX_BYTES),
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
 
         def asked() -> bool:
-            thief.put(f"roco/{SYSTEM}/_/ping/hi/co", b"C2", congestion_control=zenoh.CongestionControl.BLOCK)
+            thief.put(
+                f"roco/{SYSTEM}/_/ping/hi/co",
+                b"C2",
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
             return bool(heard)
 
         wait_for(asked, "co answers on a channel that is there")

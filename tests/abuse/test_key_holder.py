@@ -37,7 +37,11 @@ ALL_PRIORITIES = (
 
 def peak_mb(pid: int) -> float:
     """Most memory of a process so far."""
-    line = next(line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("VmHWM"))
+    line = next(
+        line
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines()
+        if line.startswith("VmHWM")
+    )
     return int(line.split()[1]) / 1024
 
 
@@ -47,7 +51,9 @@ class Pair:
     def __init__(self, fleet: Fleet) -> None:
         self.heard, self.said = list[int](), 0
         self._speaker, self._listener = session(fleet, "ta"), session(fleet, "console")
-        self._declared = self._listener.declare_subscriber(MINE, lambda one: self.heard.append(int(bytes(one.payload))))
+        self._declared = self._listener.declare_subscriber(
+            MINE, lambda one: self.heard.append(int(bytes(one.payload)))
+        )
         wait_for(self._through, "the console hears ta")
         wait_for(lambda: self.heard[-1] == self.said - 1, "the console has heard all")
         self.heard.clear()
@@ -87,17 +93,25 @@ def thief(router: Fleet) -> Iterator[zenoh.Session]:
 def throw(thief: zenoh.Session, priority: Any) -> None:
     """Large messages on a key without the right, which Zenoh sends in pieces between others'."""
     for _ in range(TIMES):
-        thief.put(DENIED, bytes(LARGE), priority=priority, congestion_control=zenoh.CongestionControl.BLOCK)
+        thief.put(
+            DENIED,
+            bytes(LARGE),
+            priority=priority,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )
 
 
-@pytest.mark.parametrize("priorities", [ALL_PRIORITIES[4:5], ALL_PRIORITIES], ids=["one", "all at once"])
+@pytest.mark.parametrize(
+    "priorities", [ALL_PRIORITIES[4:5], ALL_PRIORITIES], ids=["one", "all at once"]
+)
 def test_large_messages_take_no_memory_and_cut_nobody_off(
     router: Fleet, pair: Pair, thief: zenoh.Session, priorities: tuple[Any, ...]
 ) -> None:
-    """The router drops them, keeps at most LONGEST of each priority meanwhile, and what others say arrives in order.
+    """The router drops them, keeps at most LONGEST of each priority meanwhile, and what others say
+    arrives in order.
 
-    Throwing at higher priorities delays others' words but does not stop them: some arrive before it ends. How many
-    depends on the machine's load.
+    Throwing at higher priorities delays others' words but does not stop them: some arrive before it
+    ends. How many depends on the machine's load.
     """
     pid = router.processes["router"].pid
     before = peak_mb(pid)
@@ -144,11 +158,17 @@ def comes_in(router: Fleet) -> bool:
 
 
 def test_both_ends_put_no_more_together_than_they_must(router: Fleet) -> None:
-    """The longest communicate fits, with some room; without rights the router does not know who there is."""
+    """The longest communicate fits, with some room; without rights the router does not know who
+    there is.
+    """
     keys = router.run / KEYS_FOLDER
     rights = rights_of(keys, SYSTEM).access_control
     at_router = router_config(router.endpoint, router_tls(keys), rights)
     for config in (at_router, client_config(router.endpoint, client_tls(keys, "co"))):
-        assert MAX_BYTES < json.loads(config.get_json("transport/link/rx/max_message_size")) == 8_000_000
+        assert (
+            MAX_BYTES
+            < json.loads(config.get_json("transport/link/rx/max_message_size"))
+            == 8_000_000
+        )
     places = json.loads(at_router.get_json("transport/unicast/max_sessions"))
     assert len(rights["subjects"]) < places < 64

@@ -1,6 +1,8 @@
-"""A pour beside the holder of an agent's key, who says all it may say with it: the pour ends, or fails in words.
+"""A pour beside the holder of an agent's key, who says all it may say with it: the pour ends, or
+fails in words.
 
-Garbage, words without content under numbers that the agent has used, will use next, or never reaches, on every key.
+Garbage, words without content under numbers that the agent has used, will use next, or never
+reaches, on every key.
 """
 
 import itertools
@@ -23,7 +25,9 @@ pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(700)]
 
 SYSTEM = "roco"
 EVERY_S = 0.002
-"""500 a second: what one sender may say of each kind is more (agent_runtime.io.inbox), and other work goes on here."""
+"""500 a second: what one sender may say of each kind is more (agent_runtime.io.inbox), and other
+work goes on here.
+"""
 POUR_S = 400.0
 """At a load of 15 a pour beside a thief was half done after 180 s."""
 USED = 300
@@ -58,7 +62,11 @@ def thief(fleet: RocoFleet, identity: str) -> Iterator[None]:
         for number, family in zip(itertools.count(), itertools.cycle(keys), strict=False):
             if over.wait(EVERY_S):
                 return
-            session.put(family.key, word(family, number // len(keys)), congestion_control=zenoh.CongestionControl.BLOCK)
+            session.put(
+                family.key,
+                word(family, number // len(keys)),
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
 
     with fleet.session(identity) as session:
         saying = threading.Thread(target=say, args=(session,))

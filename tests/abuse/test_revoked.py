@@ -1,4 +1,6 @@
-"""A key that is known to be stolen: router and agents deny it everything, without new keys for all."""
+"""A key that is known to be stolen: router and agents deny it everything, without new keys for
+all.
+"""
 
 from collections.abc import Iterator
 
@@ -38,7 +40,9 @@ class Thief:
     def speaks(self) -> None:
         """Put what is counted at co where it gets through, and a ping."""
         self._session.put(REQUEST, request(0), congestion_control=zenoh.CongestionControl.BLOCK)
-        self._session.put(f"roco/{SYSTEM}/_/ping/hi/co", b"C2", congestion_control=zenoh.CongestionControl.BLOCK)
+        self._session.put(
+            f"roco/{SYSTEM}/_/ping/hi/co", b"C2", congestion_control=zenoh.CongestionControl.BLOCK
+        )
 
     def close(self) -> None:
         """End the session."""
@@ -92,7 +96,9 @@ def test_a_revoked_key_is_of_no_use_and_all_others_go_on(router: Fleet, peer: Pe
 
 
 def test_new_keys_for_all_end_a_revocation(router: Fleet) -> None:
-    """The stolen key is of another authority then; who is so named rightfully has a key of its own again."""
+    """The stolen key is of another authority then; who is so named rightfully has a key of its own
+    again.
+    """
     folder = router.run / KEYS_FOLDER
     roco("keys", "revoke", "hi", "--keys", str(folder))
     issuing.issue(folder, DESIGN, (SYSTEM,))

@@ -17,7 +17,9 @@ class Life:
     def __init__(self, fleet: Fleet, identity: str = "hi") -> None:
         self.session = session(fleet, identity, "co")
         self.receipts = list[zenoh.Sample]()
-        self._heard = self.session.declare_subscriber(f"roco/{SYSTEM}/_/receipt/co/hi", self.receipts.append)
+        self._heard = self.session.declare_subscriber(
+            f"roco/{SYSTEM}/_/receipt/co/hi", self.receipts.append
+        )
         self._tokens = dict[int, zenoh.LivelinessToken]()
 
     def lives(self, incarnation: int) -> None:
@@ -50,8 +52,12 @@ def hi(router: Fleet) -> Iterator[Life]:
     one.close()
 
 
-def test_a_higher_life_that_falls_silent_does_not_make_a_peer_gone_for_good(router: Fleet, hi: Life) -> None:
-    """With hi's own key stolen: the thief's life is believed while it lasts, then hi's, which never ended."""
+def test_a_higher_life_that_falls_silent_does_not_make_a_peer_gone_for_good(
+    router: Fleet, hi: Life
+) -> None:
+    """With hi's own key stolen: the thief's life is believed while it lasts, then hi's, which never
+    ended.
+    """
     thief = Life(router)
     thief.lives(999)
     wait_for(lambda: router.beat("co").peers.get("hi") == 999, "co believes the thief")
@@ -60,7 +66,9 @@ def test_a_higher_life_that_falls_silent_does_not_make_a_peer_gone_for_good(rout
 
 
 def test_no_other_key_declares_a_life_or_takes_a_number(router: Fleet, hi: Life) -> None:
-    """co's rules let only the name hi do so: ta's token and ta's word under hi's next number never reach co."""
+    """co's rules let only the name hi do so: ta's token and ta's word under hi's next number never
+    reach co.
+    """
     thief = Life(router, "ta")
     thief.lives(999)
     thief.says(1)

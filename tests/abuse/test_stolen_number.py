@@ -1,4 +1,6 @@
-"""Words of a holder of hi's key under its next numbers: co takes hi's task all the same, and both tell of it."""
+"""Words of a holder of hi's key under its next numbers: co takes hi's task all the same, and both
+tell of it.
+"""
 
 import json
 
@@ -27,16 +29,22 @@ def record(fleet: Fleet, name: str) -> Record:
 
 def lines(fleet: Fleet, name: str, event: str) -> list[dict[str, object]]:
     """The lines of an agent's log that have this event."""
-    every = [json.loads(line) for line in (fleet.run / "logs" / f"{name}.jsonl").read_text().splitlines()]
+    every = [
+        json.loads(line) for line in (fleet.run / "logs" / f"{name}.jsonl").read_text().splitlines()
+    ]
     return [line for line in every if line["event"] == event]
 
 
 class Thief:
-    """A session with hi's key; it says requests in hi's name, as hi's journal says them, or as another one."""
+    """A session with hi's key; it says requests in hi's name, as hi's journal says them, or as
+    another one.
+    """
 
     def __init__(self, fleet: Fleet, journal: str = "") -> None:
         self._fleet, self._session, self._journal = fleet, session(fleet, "hi", "co"), journal
-        self._names = f"{journal or record(fleet, 'hi').journal}/{record(fleet, 'co').journal}".encode()
+        self._names = (
+            f"{journal or record(fleet, 'hi').journal}/{record(fleet, 'co').journal}".encode()
+        )
         self._heard: list[object] = []
 
     def says(self, number: int) -> None:
@@ -60,7 +68,9 @@ class Thief:
             taken = msgspec.msgpack.decode(sample.payload.to_bytes())["taken"]
             self.says(taken + 1)
 
-        self._heard.append(self._session.declare_subscriber(f"roco/{SYSTEM}/_/receipt/co/hi", answer))
+        self._heard.append(
+            self._session.declare_subscriber(f"roco/{SYSTEM}/_/receipt/co/hi", answer)
+        )
 
     def close(self) -> None:
         """End the session."""
@@ -80,19 +90,31 @@ def hi(router: Fleet) -> Hi:
 
 def task_is_known(fleet: Fleet, task: str) -> bool:
     """Whether co took the request of the task, and hi has its answer."""
-    return all(any(line["conversation"] == task for line in lines(fleet, name, "received")) for name in ("co", "hi"))
+    return all(
+        any(line["conversation"] == task for line in lines(fleet, name, "received"))
+        for name in ("co", "hi")
+    )
 
 
 @pytest.mark.parametrize("stolen", [1, 40], ids=["one number", "more than co remembers"])
-def test_words_under_his_next_numbers_do_not_lose_his_task(router: Fleet, hi: Hi, stolen: int) -> None:
-    """Said before hi's own: hi learns of them by their receipts, and tells; its task has the next number then."""
+def test_words_under_his_next_numbers_do_not_lose_his_task(
+    router: Fleet, hi: Hi, stolen: int
+) -> None:
+    """Said before hi's own: hi learns of them by their receipts, and tells; its task has the next
+    number then.
+    """
     thief = Thief(router)
     for number in range(1, stolen + 1):
         thief.says(number)
-    wait_for(lambda: record(router, "co").taken.get("hi") == stolen, "co has taken the thief's words")
+    wait_for(
+        lambda: record(router, "co").taken.get("hi") == stolen, "co has taken the thief's words"
+    )
     wait_for(lambda: lines(router, "hi", TOLD), "hi tells that somebody else has its key")
     assert "roco keys revoke hi" in str(lines(router, "hi", TOLD)[0]["why"])
-    wait_for(lambda: router.beat("hi").counts.get(TOLD) == stolen, "the heartbeat counts them: hi has all receipts")
+    wait_for(
+        lambda: router.beat("hi").counts.get(TOLD) == stolen,
+        "the heartbeat counts them: hi has all receipts",
+    )
     task = hi.say("look around").task
     wait_for(lambda: task_is_known(router, task), f"co has hi's task\n{router.logs()}")
     assert record(router, "co").taken["hi"] == stolen + 1
@@ -111,12 +133,16 @@ def test_words_said_while_he_was_away_do_not_lose_his_task(router: Fleet, hi: Hi
     serve(router, "hi", "services.human_interface")
     wait_for(lambda: (router.run / HI_FILE).exists(), "hi listens")
     again = Hi(msgspec.json.decode((router.run / HI_FILE).read_bytes(), type=HiAddress))
-    wait_for(lambda: "co" in router.beat("hi").peers and router.beat("hi").incarnation == 2, "hi sees co")
+    wait_for(
+        lambda: "co" in router.beat("hi").peers and router.beat("hi").incarnation == 2, "hi sees co"
+    )
     task = again.say("look around").task
     wait_for(lambda: task_is_known(router, task), f"co has hi's task\n{router.logs()}")
     assert "two words under its number 1" in str(lines(router, "co", TOLD)[0]["why"])
     assert "is said again as 3" in str(lines(router, "hi", TOLD)[0]["why"])
-    assert len([line for line in lines(router, "co", "received") if line["conversation"] == task]) == 1
+    assert (
+        len([line for line in lines(router, "co", "received") if line["conversation"] == task]) == 1
+    )
     thief.close()
 
 
@@ -136,7 +162,10 @@ def test_a_life_of_another_journal_does_not_keep_him_out(router: Fleet, hi: Hi) 
     thief = Thief(router, "another")
     thief.lives()
     thief.says(1)
-    wait_for(lambda: lines(router, "co", "of another journal"), "co has the thief's token, and its word after it")
+    wait_for(
+        lambda: lines(router, "co", "of another journal"),
+        "co has the thief's token, and its word after it",
+    )
     task = hi.say("look around").task
     wait_for(lambda: task_is_known(router, task), f"co has hi's task\n{router.logs()}")
     assert record(router, "co").journals["hi"] == record(router, "hi").journal

@@ -1,4 +1,6 @@
-"""A core stepped by hand, and agents that do what a test says: no wires, no clock, each step in view."""
+"""A core stepped by hand, and agents that do what a test says: no wires, no clock, each step in
+view.
+"""
 
 from typing import Any
 
@@ -41,7 +43,9 @@ class Driven:
         while following is not None:
             before = pack(self.core.record(self.state))
             after, effects = self.core.step(self.state, following, self.now)
-            assert pack(self.core.record(self.state)) == before, "a step must not change the state it is given"
+            assert pack(self.core.record(self.state)) == before, (
+                "a step must not change the state it is given"
+            )
             self.state, following = after, Next() if effects.more else None
             self.out.append(effects)
         return self.out[0]
@@ -51,7 +55,9 @@ class Driven:
         """Words told to the own side in the last step and those that followed it."""
         return [word for effects in self.out for word in effects.tells]
 
-    def hears(self, sender: str, protocol: str, act: P, content: Any = None, *, talk: str, **fields: Any) -> Effects:
+    def hears(
+        self, sender: str, protocol: str, act: P, content: Any = None, *, talk: str, **fields: Any
+    ) -> Effects:
         """Step with a communicate of a peer, the next of its stream where the link is durable."""
         wiring = self.core.wiring
         durable = wiring.required(sender, protocol).delivery is Delivery.DURABLE
@@ -62,8 +68,15 @@ class Driven:
             fields = {"content": Raw(language.encode(content)), "language": language.name} | fields
         elif content is not None:
             fields = {"content": content} | fields
-        parts = {"sender": sender, "receiver": wiring.agent, "id": str(number), "reply_with": f"r{number}"} | fields
-        return self.step(Arrived(Communicate(performative=act, protocol=protocol, conversation=talk, **parts)))
+        parts = {
+            "sender": sender,
+            "receiver": wiring.agent,
+            "id": str(number),
+            "reply_with": f"r{number}",
+        } | fields
+        return self.step(
+            Arrived(Communicate(performative=act, protocol=protocol, conversation=talk, **parts))
+        )
 
     def state_wake(self) -> float:
         """Return the time at which the last step wanted to be woken."""
@@ -75,7 +88,9 @@ class Driven:
         return [decode(encode(one)) for effects in self.out for one in effects.sends]
 
 
-def recording(*, said: Any = None, takes: Any = None, name: str = "server", local: Any = Want) -> Agent[Seen]:
+def recording(
+    *, said: Any = None, takes: Any = None, name: str = "server", local: Any = Want
+) -> Agent[Seen]:
     """An agent that notes what it sees; `said(turn)` may speak."""
 
     def transition(memory: Seen, turn: Turn) -> Seen:
@@ -88,7 +103,9 @@ def recording(*, said: Any = None, takes: Any = None, name: str = "server", loca
 
 
 def quiet(said: Any, *, name: str = "server", local: Any = Want) -> Agent[Seen]:
-    """An agent that does what `said(turn)` does and remembers nothing: no step is durable for its memory's sake."""
+    """An agent that does what `said(turn)` does and remembers nothing: no step is durable for its
+    memory's sake.
+    """
 
     def transition(memory: Seen, turn: Turn) -> Seen:
         said(turn)
@@ -97,13 +114,27 @@ def quiet(said: Any, *, name: str = "server", local: Any = Want) -> Agent[Seen]:
     return Agent(name, "s", Seen(), {"s": Behaviour(transition)}, local=local)
 
 
-def request(number: int, *, conversation: str = "asker-1-1", content: Any = None, **fields: Any) -> Arrived:
+def request(
+    number: int, *, conversation: str = "asker-1-1", content: Any = None, **fields: Any
+) -> Arrived:
     """A request of the asker as it comes off the wire."""
     raw = Raw(pack(Double(3))) if content is None else content
-    parts = {"performative": P.REQUEST, "content": raw, "language": "SUM", "reply_with": str(number), "sender": "asker"}
+    parts = {
+        "performative": P.REQUEST,
+        "content": raw,
+        "language": "SUM",
+        "reply_with": str(number),
+        "sender": "asker",
+    }
     parts |= fields
     return Arrived(
-        Communicate(protocol="request", conversation=conversation, receiver="server", id=str(number), **parts)
+        Communicate(
+            protocol="request",
+            conversation=conversation,
+            receiver="server",
+            id=str(number),
+            **parts,
+        )
     )
 
 

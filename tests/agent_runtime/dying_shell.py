@@ -1,7 +1,9 @@
-"""A shell that dies before a chosen line of its step's code, in a process of its own: `python dying_shell.py <folder>`.
+"""A shell that dies before a chosen line of its step's code, in a process of its own: `python
+dying_shell.py <folder>`.
 
-Prints a JSON list, an object for each line it died at: where; what had left the agent; what the journal had; and the
-same after a second life, to which the peer said again what it had no receipt for.
+Prints a JSON list, an object for each line it died at: where; what had left the agent; what the
+journal had; and the same after a second life, to which the peer said again what it had no receipt
+for.
 """
 
 import json
@@ -41,7 +43,9 @@ class World:
 
     def send(self, communicate: Communicate, after: bytes = b"", heard: int = 0) -> int:
         """Note it."""
-        self._note(["said", int(communicate.id), str(communicate.performative), communicate.conversation])
+        self._note(
+            ["said", int(communicate.id), str(communicate.performative), communicate.conversation]
+        )
         return 1
 
     def knows(self, journals: Any) -> None:
@@ -68,7 +72,9 @@ def left(run: Path) -> list[Any]:
 
 
 def life(run: Path, die_at: int) -> None:
-    """One life in this process: requests without a receipt come; it dies before the nth line, 0: not at all."""
+    """One life in this process: requests without a receipt come; it dies before the nth line, 0:
+    not at all.
+    """
     world = World(run / "world")
     nowhere = dict.fromkeys(("server", "asker"), "tcp/127.0.0.1:1")
     options = Options(run_dir=run, system="toy", log_level="error", agents=nowhere)
@@ -125,7 +131,11 @@ def journalled(run: Path) -> dict[str, Any]:
     record = msgspec.msgpack.decode(last, type=Record)
     memory = msgspec.msgpack.decode(record.memory)
     worked = len(memory["agreed"]) + len(memory["done"])
-    return {"taken": record.taken.get("asker", 0), "issued": record.issued.get("asker", 0), "worked": worked}
+    return {
+        "taken": record.taken.get("asker", 0),
+        "issued": record.issued.get("asker", 0),
+        "worked": worked,
+    }
 
 
 def main(folder: Path) -> None:
@@ -140,7 +150,9 @@ def main(folder: Path) -> None:
         died = {"left": left(run), "journal": journalled(run)}
         line = (run / "line").read_text() if status == 9 else ""
         again = forked(run)
-        found.append({"line": line, "status": status, "died": died, "again": again, "left": left(run)})
+        found.append(
+            {"line": line, "status": status, "died": died, "again": again, "left": left(run)}
+        )
         found[-1]["journal"] = journalled(run)
     print(json.dumps(found))
 

@@ -1,12 +1,14 @@
-"""Agents that play FIPA's protocols, with content as SC00037J has it: two in every story, a crowd, a broker's parties.
+"""Agents that play FIPA's protocols, with content as SC00037J has it: two in every story, a crowd,
+a broker's parties.
 
-- `alice` opens each story of each protocol and `bob` answers: both know the script, each message is said only when the
-  one before it has come, and one that should not come is kept in the memory as `wrong`.
-- `caller` and a crowd in an iterated contract net: one call to all, a second round for the best, one award. `eager`
-  proposes at once and wins, `modest` proposes and is rejected, `unwilling` refuses, `slow` proposes after the reply-by
-  and is rejected for it.
-- `asker` wants to know a weight, `broker` knows who weighs, two scales: first by brokering, then by recruiting, where
-  the scales answer the asker themselves.
+- `alice` opens each story of each protocol and `bob` answers: both know the script, each message is
+  said only when the one before it has come, and one that should not come is kept in the memory as
+  `wrong`.
+- `caller` and a crowd in an iterated contract net: one call to all, a second round for the best,
+  one award. `eager` proposes at once and wins, `modest` proposes and is rejected, `unwilling`
+  refuses, `slow` proposes after the reply-by and is rejected for it.
+- `asker` wants to know a weight, `broker` knows who weighs, two scales: first by brokering, then by
+  recruiting, where the scales answer the asker themselves.
 """
 
 import sys
@@ -66,7 +68,12 @@ def spoken(story: Story) -> bool:
     return all(word[1] == ":" and "[progress]" not in word for word in story.words)
 
 
-SCRIPT = tuple((protocol.name, story) for protocol in PROTOCOLS for story in stories_of(protocol.name) if spoken(story))
+SCRIPT = tuple(
+    (protocol.name, story)
+    for protocol in PROTOCOLS
+    for story in stories_of(protocol.name)
+    if spoken(story)
+)
 
 
 class Played(msgspec.Struct, frozen=True):
@@ -97,7 +104,9 @@ def gone_on(played: Played, talk: Conversation) -> Played:
     if word < len(story.words):
         return msgspec.structs.replace(played, word=word, talk=talk.id, state=talk.state)
     ends = (*played.ends, talk.state)
-    return msgspec.structs.replace(played, story=played.story + 1, word=0, talk="", state="", ends=ends)
+    return msgspec.structs.replace(
+        played, story=played.story + 1, word=0, talk="", state="", ends=ends
+    )
 
 
 def say(played: Played, turn: Turn, peer: str) -> Played:
@@ -105,17 +114,31 @@ def say(played: Played, turn: Turn, peer: str) -> Played:
     _, _, performative, kind = parsed(played.next)
     assert performative is not None
     if played.word == 0:
-        name = turn.open(peer, SCRIPT[played.story][0], performative, content(performative, kind), reply_by_s=60.0)
+        name = turn.open(
+            peer,
+            SCRIPT[played.story][0],
+            performative,
+            content(performative, kind),
+            reply_by_s=60.0,
+        )
         return gone_on(played, turn.conversation(name))
     cancel = Kind.CANCEL if kind is Kind.CANCEL else None
-    return gone_on(played, turn.say(played.talk, performative, content(performative, kind), kind=cancel))
+    return gone_on(
+        played, turn.say(played.talk, performative, content(performative, kind), kind=cancel)
+    )
 
 
 def heard(played: Played, event: Received, mine: str) -> Played:
     """One word of the other."""
     _, _, performative, _ = parsed(played.next) if played.next else (None, "", None, None)
-    if event.communicate.performative is not performative or played.next.startswith(mine) or event.talk is None:
-        return msgspec.structs.replace(played, wrong=f"{event.communicate.performative}, expected {played.next!r}")
+    if (
+        event.communicate.performative is not performative
+        or played.next.startswith(mine)
+        or event.talk is None
+    ):
+        return msgspec.structs.replace(
+            played, wrong=f"{event.communicate.performative}, expected {played.next!r}"
+        )
     return gone_on(played, event.talk)
 
 
@@ -136,7 +159,9 @@ def player(name: str, mine: str, peer: str) -> Agent[Played]:
             played = say(played, turn, peer)
         return played
 
-    return Agent(name=name, start="playing", memory=Played(), behaviours={"playing": Behaviour(play)})
+    return Agent(
+        name=name, start="playing", memory=Played(), behaviours={"playing": Behaviour(play)}
+    )
 
 
 def alice() -> Agent[Played]:
@@ -155,7 +180,7 @@ def wanted(role: Role) -> tuple[str, ...]:
     return tuple(story.ends[place] for _, story in SCRIPT)
 
 
-# --- a caller and a crowd ---------------------------------------------------------------------------------------------
+# --- a caller and a crowd -------------------------------------------------------------------------
 
 
 CROWD = ("eager", "modest", "slow", "unwilling")
@@ -184,7 +209,9 @@ class Calling(msgspec.Struct, frozen=True):
 
 
 def call(memory: Calling, turn: Turn) -> Calling:
-    """The caller's only behaviour: it calls when all are there, since reply-by runs from the call."""
+    """The caller's only behaviour: it calls when all are there, since reply-by runs from the
+    call.
+    """
     match turn.event:
         case Started() | PeerChanged() if memory.group is None and turn.peers.keys() >= set(CROWD):
             group = turn.open_all(CROWD, "icfp", P.CFP, CONTENTS[P.CFP], reply_by_s=REPLY_BY_S)
@@ -192,7 +219,9 @@ def call(memory: Calling, turn: Turn) -> Calling:
         case Received(talk=talk) if talk is not None and memory.group is not None:
             return decide(memory, memory.group.noted(talk, turn.now), turn)
         case Late(peer=peer) if memory.group is not None:
-            return decide(msgspec.structs.replace(memory, late=(*memory.late, peer)), memory.group, turn)
+            return decide(
+                msgspec.structs.replace(memory, late=(*memory.late, peer)), memory.group, turn
+            )
         case Broken(peer=peer) if memory.group is not None:
             return decide(memory, memory.group.broken(peer), turn)
         case _:
@@ -200,14 +229,18 @@ def call(memory: Calling, turn: Turn) -> Calling:
 
 
 def decide(memory: Calling, group: Multicast, turn: Turn) -> Calling:
-    """Reject what came late; when all have had their time call the first that offered again, then award it."""
+    """Reject what came late; when all have had their time call the first that offered again, then
+    award it.
+    """
     group, rounds = tell(group, group.rejections, turn), memory.rounds
     if not group.awaited(turn.now) and group.offers and not group.awarded:
         if rounds == 1:
             group, rounds = tell(group, group.call_again(group.offers[0]), turn), 2
         else:
             group = tell(group, group.award(group.offers[0]), turn)
-    outcomes = {peer: group.outcome(peer, turn.now) for peer in CROWD} if group.over(turn.now) else {}
+    outcomes = (
+        {peer: group.outcome(peer, turn.now) for peer in CROWD} if group.over(turn.now) else {}
+    )
     return msgspec.structs.replace(memory, group=group, rounds=rounds, outcomes=outcomes)
 
 
@@ -222,7 +255,9 @@ def tell(group: Multicast, told: Outgoing, turn: Turn) -> Multicast:
 
 def caller() -> Agent[Calling]:
     """The initiator."""
-    return Agent(name="caller", start="calling", memory=Calling(), behaviours={"calling": Behaviour(call)})
+    return Agent(
+        name="caller", start="calling", memory=Calling(), behaviours={"calling": Behaviour(call)}
+    )
 
 
 class Working(msgspec.Struct, frozen=True):
@@ -237,7 +272,10 @@ def worker(name: str) -> Agent[Working]:
     def work(memory: Working, turn: Turn) -> Working:
         match turn.event:
             case Received(communicate=heard, talk=talk) if talk is not None:
-                answer = {P.CFP: P.REFUSE if name == "unwilling" else P.PROPOSE, P.ACCEPT_PROPOSAL: P.INFORM}
+                answer = {
+                    P.CFP: P.REFUSE if name == "unwilling" else P.PROPOSE,
+                    P.ACCEPT_PROPOSAL: P.INFORM,
+                }
                 if name == "slow" and heard.performative is P.CFP:
                     turn.wake(talk.id, turn.now + TOO_SLOW_S)
                 elif act := answer.get(heard.performative):
@@ -248,7 +286,9 @@ def worker(name: str) -> Agent[Working]:
             case _:
                 return memory
 
-    return Agent(name=name, start="working", memory=Working(), behaviours={"working": Behaviour(work)})
+    return Agent(
+        name=name, start="working", memory=Working(), behaviours={"working": Behaviour(work)}
+    )
 
 
 OUTCOMES = {"eager": "done", "modest": "rejected", "slow": "refused", "unwilling": "refused"}
@@ -257,7 +297,7 @@ ENDS = {"eager": "done", "modest": "rejected", "slow": "rejected", "unwilling": 
 """Final states of the participants."""
 
 
-# --- a broker and its parties -----------------------------------------------------------------------------------------
+# --- a broker and its parties ---------------------------------------------------------------------
 
 
 SCALES = ("left-scale", "right-scale")
@@ -281,17 +321,24 @@ class Asking(msgspec.Struct, frozen=True):
 def ask(memory: Asking, turn: Turn) -> Asking:
     """First brokering, then recruiting."""
     match turn.event:
-        case Started() | PeerChanged() if not memory.proxy and turn.peers.keys() >= {"broker", *SCALES}:
+        case Started() | PeerChanged() if not memory.proxy and turn.peers.keys() >= {
+            "broker",
+            *SCALES,
+        }:
             return proxy(memory, turn, "brokering")
         case Received(communicate=heard, content=content, talk=talk) if talk is not None:
             if heard.sender != "broker":
-                memory = msgspec.structs.replace(memory, answered=(*memory.answered, weighed(heard)))
+                memory = msgspec.structs.replace(
+                    memory, answered=(*memory.answered, weighed(heard))
+                )
                 if len(memory.answered) == len(SCALES):
                     turn.leave(memory.direct)
             elif answer := proxying.relayed_answer(content):
                 memory = msgspec.structs.replace(memory, relayed=(*memory.relayed, weighed(answer)))
             if talk.ended and heard.sender == "broker":
-                memory = msgspec.structs.replace(memory, ends=(*memory.ends, f"{talk.protocol} {talk.state}"))
+                memory = msgspec.structs.replace(
+                    memory, ends=(*memory.ends, f"{talk.protocol} {talk.state}")
+                )
                 return proxy(memory, turn, "recruiting") if talk.protocol == "brokering" else memory
     return memory
 
@@ -311,7 +358,9 @@ def proxy(memory: Asking, turn: Turn, protocol: str) -> Asking:
     )
     if protocol == "recruiting":
         turn.join(proxying.receiver_conversation(message, ""))
-    asked = turn.open("broker", protocol, P.PROXY, proxying.proxy_content(P.PROXY, SCALE, message, TRUE))
+    asked = turn.open(
+        "broker", protocol, P.PROXY, proxying.proxy_content(P.PROXY, SCALE, message, TRUE)
+    )
     return msgspec.structs.replace(memory, proxy=asked, direct=name)
 
 
@@ -331,17 +380,23 @@ class Broking(msgspec.Struct, frozen=True):
 def broke(memory: Broking, turn: Turn) -> Broking:
     """Find the scales: ask them in brokering, pass the message on in recruiting."""
     match turn.event:
-        case Received(communicate=heard, content=Content() as content, talk=talk) if talk is not None:
+        case Received(communicate=heard, content=Content() as content, talk=talk) if (
+            talk is not None
+        ):
             if heard.performative is P.PROXY:
                 return found(memory, turn, proxying.proxy_request(content), talk.id, heard.protocol)
             if memory.inner is not None:
                 group = memory.inner.noted(talk, turn.now)
-                turn.say(memory.outer, P.INFORM, proxying.relay_content(heard, last=group.over(turn.now)))
+                turn.say(
+                    memory.outer, P.INFORM, proxying.relay_content(heard, last=group.over(turn.now))
+                )
                 return Broking() if group.over(turn.now) else Broking(memory.outer, group)
     return memory
 
 
-def found(memory: Broking, turn: Turn, errand: proxying.ProxyRequest, outer: str, protocol: str) -> Broking:
+def found(
+    memory: Broking, turn: Turn, errand: proxying.ProxyRequest, outer: str, protocol: str
+) -> Broking:
     """All scales fit."""
     message = errand.message
     turn.say(outer, P.AGREE, AGREED)
@@ -351,7 +406,9 @@ def found(memory: Broking, turn: Turn, errand: proxying.ProxyRequest, outer: str
         turn.say(outer, P.INFORM, PROXIED)
         return Broking(outer, inner)
     for name in SCALES:
-        passed = proxying.proxy_content(P.PROPAGATE, errand.targets, proxying.addressed(message, name), TRUE)
+        passed = proxying.proxy_content(
+            P.PROPAGATE, errand.targets, proxying.addressed(message, name), TRUE
+        )
         turn.open(name, "propagate", P.PROPAGATE, passed)
     turn.say(outer, P.INFORM, PROXIED)
     return memory
@@ -368,41 +425,61 @@ def scale(name: str) -> Agent[Weighing]:
 
     def weigh(memory: Weighing, turn: Turn) -> Weighing:
         match turn.event:
-            case Received(communicate=heard, content=Content() as content, talk=talk) if talk is not None:
+            case Received(communicate=heard, content=Content() as content, talk=talk) if (
+                talk is not None
+            ):
                 if heard.performative is P.PROPAGATE:
-                    talk = proxying.target_conversation(proxying.proxy_request(content).message, turn.me)
+                    talk = proxying.target_conversation(
+                        proxying.proxy_request(content).message, turn.me
+                    )
                     turn.join(talk)
                 turn.say(talk.id, P.INFORM, content_of(P.INFORM, denotes(WEIGHT, WEIGHTS[name])))
                 return Weighing((*memory.told, talk.peer))
         return memory
 
-    return Agent(name=name, start="weighing", memory=Weighing(), behaviours={"weighing": Behaviour(weigh)})
+    return Agent(
+        name=name, start="weighing", memory=Weighing(), behaviours={"weighing": Behaviour(weigh)}
+    )
 
 
 def asker() -> Agent[Asking]:
     """The initiator, and the receiver of the answers."""
-    return Agent(name="asker", start="asking", memory=Asking(), behaviours={"asking": Behaviour(ask)})
+    return Agent(
+        name="asker", start="asking", memory=Asking(), behaviours={"asking": Behaviour(ask)}
+    )
 
 
 def broker() -> Agent[Broking]:
     """Return the agent that knows the scales."""
-    return Agent(name="broker", start="broking", memory=Broking(), behaviours={"broking": Behaviour(broke)})
+    return Agent(
+        name="broker", start="broking", memory=Broking(), behaviours={"broking": Behaviour(broke)}
+    )
 
 
-# --- all of them ------------------------------------------------------------------------------------------------------
+# --- all of them ----------------------------------------------------------------------------------
 
 
 USES = [
     *(("caller", name, "T1", "icfp", Delivery.DURABLE) for name in CROWD),
-    *(("asker", "broker", "asker-broker", protocol, Delivery.DURABLE) for protocol in ("brokering", "recruiting")),
-    *(("broker", name, f"broker-{name}", use, Delivery.DURABLE) for name in SCALES for use in ("query", "propagate")),
+    *(
+        ("asker", "broker", "asker-broker", protocol, Delivery.DURABLE)
+        for protocol in ("brokering", "recruiting")
+    ),
+    *(
+        ("broker", name, f"broker-{name}", use, Delivery.DURABLE)
+        for name in SCALES
+        for use in ("query", "propagate")
+    ),
     *(("asker", name, f"asker-{name}", "query", Delivery.DURABLE) for name in SCALES),
 ]
 
 
 def wiring(name: str, *, query: Delivery = Delivery.DURABLE) -> Wiring:
     """Of each agent by name; between alice and bob all protocols on one channel."""
-    uses = [("alice", "bob", "T1", one.name, query if one.name == "query" else Delivery.DURABLE) for one in PROTOCOLS]
+    uses = [
+        ("alice", "bob", "T1", one.name, query if one.name == "query" else Delivery.DURABLE)
+        for one in PROTOCOLS
+    ]
     return wired(name, [*uses, *USES], LANGUAGES, "fipa")
 
 

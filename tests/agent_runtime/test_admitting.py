@@ -1,4 +1,6 @@
-"""Admission of an arriving communicate: each stream for itself, the newest of a subject, one copy of a question."""
+"""Admission of an arriving communicate: each stream for itself, the newest of a subject, one copy
+of a question.
+"""
 
 from typing import Any
 
@@ -37,14 +39,27 @@ def nothing(memory: Any, event: Any) -> bool:
 
 def query(id: str, **fields: Any) -> Arrived:
     """A question of toy_observers' asker to the knower."""
-    parts = {"conversation": f"q-{id}", "sender": "asker", "receiver": "knower", "protocol": "query"} | fields
+    parts = {
+        "conversation": f"q-{id}",
+        "sender": "asker",
+        "receiver": "knower",
+        "protocol": "query",
+    } | fields
     raw = Raw(pack(WhatOf("jar")))
-    return Arrived(Communicate(performative=P.QUERY_REF, content=raw, language="OBS", reply_with=id, id=id, **parts))
+    return Arrived(
+        Communicate(
+            performative=P.QUERY_REF, content=raw, language="OBS", reply_with=id, id=id, **parts
+        )
+    )
 
 
 def waiting(one: Driven) -> list[str]:
     """Ids of the communicates in the inbox."""
-    return [entry.event.communicate.id for entry in one.state.soft.inbox if isinstance(entry.event, Arrived)]
+    return [
+        entry.event.communicate.id
+        for entry in one.state.soft.inbox
+        if isinstance(entry.event, Arrived)
+    ]
 
 
 def test_a_copy_of_what_waits_is_told_how_far_the_stream_is() -> None:
@@ -77,7 +92,8 @@ def test_of_one_stream_only_so_many_wait() -> None:
 def test_streams_do_not_hold_each_other_up() -> None:
     """Waiting communicates of one peer do not affect another's numbers."""
     links = [
-        Link(peer, "T1", "request", Role.PARTICIPANT, Delivery.DURABLE, silent="SUM") for peer in ("asker", "other")
+        Link(peer, "T1", "request", Role.PARTICIPANT, Delivery.DURABLE, silent="SUM")
+        for peer in ("asker", "other")
     ]
     one = Driven(recording(takes=only_local), Wiring("toy", "server", tuple(links), LANGUAGES))
     one.step(request(1))
@@ -105,7 +121,9 @@ def observation(subject: str, version: str, name: str, reply_with: str = "") -> 
 
 
 def subscriber(takes: Any = None) -> tuple[Driven, str, str]:
-    """A knower that has subscribed and is agreed to, and takes no observation but where `takes` says so."""
+    """A knower that has subscribed and is agreed to, and takes no observation but where `takes`
+    says so.
+    """
 
     def said(turn: Turn) -> None:
         if isinstance(turn.event, PeerChanged):
@@ -130,7 +148,13 @@ def subscriber(takes: Any = None) -> tuple[Driven, str, str]:
 def test_of_a_subject_only_the_newest_waits() -> None:
     """An older one that waits makes room, one that comes later is nothing; other subjects stay."""
     one, *name = subscriber(takes=lambda memory, event: getattr(event, "content", None) is None)
-    for subject, version in (("jar", "1.1"), ("bowl", "1.2"), ("jar", "1.3"), ("jar", "1.1"), ("jar", "1.3")):
+    for subject, version in (
+        ("jar", "1.1"),
+        ("bowl", "1.2"),
+        ("jar", "1.3"),
+        ("jar", "1.1"),
+        ("jar", "1.3"),
+    ):
         one.step(observation(subject, version, *name))
     assert waiting(one) == ["bowl@1.2", "jar@1.3"]
 
@@ -138,7 +162,9 @@ def test_of_a_subject_only_the_newest_waits() -> None:
 def test_an_observation_is_taken_once_and_receipted_as_often_as_it_comes() -> None:
     """The same or an older version changes nothing."""
     one, *name = subscriber()
-    assert one.step(observation("jar", "1.3", *name)).receipts == (Receipt("watcher", subject="jar", version=(1, 3)),)
+    assert one.step(observation("jar", "1.3", *name)).receipts == (
+        Receipt("watcher", subject="jar", version=(1, 3)),
+    )
     seen = one.state.memory.seen
     for version in ("1.3", "1.2"):
         counter = int(version[-1])

@@ -1,4 +1,6 @@
-"""The bench for one agent: its peers hold real conversations, so only what is in sequence gets through."""
+"""The bench for one agent: its peers hold real conversations, so only what is in sequence gets
+through.
+"""
 
 import pytest
 import toy_agents as toy

@@ -1,4 +1,6 @@
-"""Somebody else speaks with an agent's key: no word is lost in silence, none is taken twice, order is kept."""
+"""Somebody else speaks with an agent's key: no word is lost in silence, none is taken twice, order
+is kept.
+"""
 
 from typing import Any
 
@@ -21,10 +23,12 @@ TOLD = "another speaker"
 
 def told(effects: Effects) -> list[str]:
     """Return the reason of each line that says that two speak with one key."""
-    return [line.fields["why"] for line in effects.logs if line.event == TOLD and line.level == "error"]
+    return [
+        line.fields["why"] for line in effects.logs if line.event == TOLD and line.level == "error"
+    ]
 
 
-# --- the receiver -----------------------------------------------------------------------------------------------------
+# --- the receiver ---------------------------------------------------------------------------------
 
 
 def serving(**how: Any) -> Driven:
@@ -48,7 +52,9 @@ def agree(turn: Turn) -> None:
 
 
 def test_another_word_under_a_number_that_was_taken_is_refused_and_told() -> None:
-    """Not taken, not receipted as taken; the sender learns which word was refused, and how far the stream is."""
+    """Not taken, not receipted as taken; the sender learns which word was refused, and how far the
+    stream is.
+    """
     one = serving(said=agree)
     effects = one.step(of(other := request(1, conversation="b")))
     assert effects.handled is None
@@ -76,7 +82,9 @@ def test_another_word_under_a_number_that_waits_is_told() -> None:
 
 
 def test_no_more_is_remembered_than_an_outbox_holds_and_what_is_older_is_not_known() -> None:
-    """Of an older number the receiver does not say that another word was taken: it does not know."""
+    """Of an older number the receiver does not say that another word was taken: it does not
+    know.
+    """
     one = serving(said=agree)
     for number in range(2, KEPT + 3):
         one.step(of(request(number, conversation=f"c-{number}")))
@@ -96,22 +104,31 @@ def test_a_word_is_not_taken_before_the_one_it_follows() -> None:
     again = request(4, conversation="b")
     assert one.step(of(third, digest_of(again.communicate))).handled is None
     assert one.step(of(again)).handled.conversation == "b"
-    assert one.step(of(request(5, conversation="c"), digest_of(again.communicate))).handled.conversation == "c"
+    assert (
+        one.step(
+            of(request(5, conversation="c"), digest_of(again.communicate))
+        ).handled.conversation
+        == "c"
+    )
 
 
 @pytest.mark.parametrize(("farther", "taken"), [(1, True), (JUMP, True), (JUMP + 1, False)])
 def test_numbers_may_be_left_out_but_not_many(farther: int, taken: bool) -> None:
-    """A number too far on is refused, with the number that the stream is at; test programs' words are not."""
+    """A number too far on is refused, with the number that the stream is at; test programs' words
+    are not.
+    """
     one = serving(said=agree)
     far = request(1 + farther, conversation="b")
     effects = one.step(of(far))
     assert (effects.handled is not None) == taken
-    assert [receipt.refused for receipt in effects.receipts] == [b"" if taken else digest_of(far.communicate)]
+    assert [receipt.refused for receipt in effects.receipts] == [
+        b"" if taken else digest_of(far.communicate)
+    ]
     stranger = serving(said=agree)
     assert (stranger.step(far).handled is not None) == (farther == 1)
 
 
-# --- the sender -------------------------------------------------------------------------------------------------------
+# --- the sender -----------------------------------------------------------------------------------
 
 
 def asking() -> Driven:
@@ -149,11 +166,17 @@ def test_a_word_under_whose_number_another_was_taken_is_said_again() -> None:
 
 
 def test_the_same_words_after_a_death() -> None:
-    """Words repeated by the next life have the same digest: an honest agent is never taken for a thief."""
+    """Words repeated by the next life have the same digest: an honest agent is never taken for a
+    thief.
+    """
     one = asking()
     word = one.state.outbox["server"][0].communicate
     state = restored(one.core.agent, one.core.record(one.state))
-    assert digest_of(state.outbox["server"][0].communicate) == digest_of(word) == digest_of(decode(encode(word)))
+    assert (
+        digest_of(state.outbox["server"][0].communicate)
+        == digest_of(word)
+        == digest_of(decode(encode(word)))
+    )
 
 
 def test_a_refusal_of_a_thiefs_word_changes_nothing() -> None:
@@ -174,7 +197,9 @@ def test_words_taken_in_its_name_are_told_while_it_says_nothing() -> None:
 
 
 def test_tries_lie_farther_and_farther_ahead_and_are_not_made_at_once_for_ever() -> None:
-    """A thief who always says the next number is passed; one who cannot be passed does not set the pace."""
+    """A thief who always says the next number is passed; one who cannot be passed does not set the
+    pace.
+    """
     one, gaps, at_once = asking(), [], 0
     for _ in range(8):
         taken = outbox(one)[0]
@@ -198,7 +223,9 @@ def test_a_number_that_none_could_follow_is_not_believed(taken: int) -> None:
 
 
 def test_a_number_too_far_on_is_taken_back() -> None:
-    """A thief with the receiver's key had it chosen; the receiver says at which number the stream is."""
+    """A thief with the receiver's key had it chosen; the receiver says at which number the stream
+    is.
+    """
     one = asking()
     word = digest_of(one.state.outbox["server"][0].communicate)
     one.step(receipted(10**9, refused=word))
@@ -215,14 +242,18 @@ def test_where_it_is_not_known_the_conversation_is_lost_and_the_behaviour_told()
     seen = [effects.handled for effects in one.out]
     assert any(isinstance(event, Broken) and "does not know" in event.reason for event in seen)
     assert told(effects)
-    assert all(outgoing.number > 40 for outgoing in one.state.outbox["server"]), "the asker asks anew"
+    assert all(outgoing.number > 40 for outgoing in one.state.outbox["server"]), (
+        "the asker asks anew"
+    )
 
 
 def test_each_word_says_which_one_it_follows() -> None:
     """By its digest while that one is not receipted, else by its number."""
     one = asking()
     (first,) = one.state.outbox["server"]
-    second = msgspec.structs.replace(first, number=2, communicate=msgspec.structs.replace(first.communicate, id="2"))
+    second = msgspec.structs.replace(
+        first, number=2, communicate=msgspec.structs.replace(first.communicate, id="2")
+    )
     one.state.outbox["server"] = (first, second)
     assert preceding(one.state, first.communicate) == (b"", 0)
     assert preceding(one.state, second.communicate) == (digest_of(first.communicate), 0)
@@ -233,6 +264,12 @@ def test_each_word_says_which_one_it_follows() -> None:
 def test_the_digest_of_a_word_is_of_all_it_says() -> None:
     """Each field counts, its number too."""
     word = request(1).communicate
-    for field, value in {"id": "2", "conversation": "b", "sent": 5.0, "performative": P.AGREE, "reply_by": 3.0}.items():
+    for field, value in {
+        "id": "2",
+        "conversation": "b",
+        "sent": 5.0,
+        "performative": P.AGREE,
+        "reply_by": 3.0,
+    }.items():
         assert digest_of(msgspec.structs.replace(word, **{field: value})) != digest_of(word)
     assert len(digest_of(word)) == duplicate_digests.DIGEST_BYTES

@@ -1,4 +1,6 @@
-"""request with cancel over faulty wires: whatever crosses what, both sides end, and each cancel has its answer."""
+"""request with cancel over faulty wires: whatever crosses what, both sides end, and each cancel has
+its answer.
+"""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -50,10 +52,16 @@ def ask_and_cancel(memory: Client, turn: Turn) -> Client:
 
 
 def _asked(turn: Turn, received: Received) -> str:
-    """m_w of the opening; an ended conversation is held no more, and then the lower number was the opening's."""
+    """m_w of the opening; an ended conversation is held no more, and then the lower number was the
+    opening's.
+    """
     if turn.holds(received.conversation):
         return turn.conversation(received.conversation).asked
-    return received.communicate.in_reply_to if received.communicate.performative is not P.FAILURE else ""
+    return (
+        received.communicate.in_reply_to
+        if received.communicate.performative is not P.FAILURE
+        else ""
+    )
 
 
 def cancel(memory: Client, turn: Turn, name: str) -> Client:
@@ -105,8 +113,12 @@ def over(memory: Server, name: str, how: str) -> Server:
     crash=st.sampled_from([0.0, 0.05]),
 )
 @settings(max_examples=150, deadline=None)
-def test_every_cancel_ends(numbers: list[int], seed: int, loss: float, delay: float, crash: float) -> None:
-    """All conversations end on both sides, nobody misunderstands, each is done or cancelled exactly once."""
+def test_every_cancel_ends(
+    numbers: list[int], seed: int, loss: float, delay: float, crash: float
+) -> None:
+    """All conversations end on both sides, nobody misunderstands, each is done or cancelled exactly
+    once.
+    """
     wires = fleet(
         (Agent("asker", "c", Client(), {"c": Behaviour(ask_and_cancel)}, local=Want), TO_SERVER),
         (Agent("server", "s", Server(), {"s": Behaviour(work)}), TO_CLIENT),
@@ -142,8 +154,8 @@ def test_every_cancel_ends(numbers: list[int], seed: int, loss: float, delay: fl
 
 
 def test_a_volatile_cancel_is_asked_again_though_an_agree_crossed_it() -> None:
-    """A word that crosses a cancel is not an answer to it: else one lost cancel would leave its sender waiting for
-    ever.
+    """A word that crosses a cancel is not an answer to it: else one lost cancel would leave its
+    sender waiting for ever.
     """
     ours, theirs = wirings(Delivery.VOLATILE)
     client = Core(Agent("asker", "c", Client(), {"c": Behaviour(ask_and_cancel)}, local=Want), ours)

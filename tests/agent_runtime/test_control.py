@@ -1,4 +1,6 @@
-"""Orders of the operator: what is set counts from the next step on, is journalled, kept, and replayed."""
+"""Orders of the operator: what is set counts from the next step on, is journalled, kept, and
+replayed.
+"""
 
 import dataclasses
 from pathlib import Path
@@ -38,10 +40,16 @@ def reading(*entries: Parameter, name: str = "speed", kind: type = float) -> Age
     """An agent with parameters, which reads one at each step."""
 
     def transition(memory: Read, turn: Turn) -> Read:
-        return replace(memory, seen=(*memory.seen, turn.parameter(name, kind))) if turn.event else memory
+        return (
+            replace(memory, seen=(*memory.seen, turn.parameter(name, kind)))
+            if turn.event
+            else memory
+        )
 
     parameters = Parameters(Entry("server", parameter=entries))
-    return Agent("server", "idle", Read(), {"idle": Behaviour(transition)}, local=Want, parameters=parameters)
+    return Agent(
+        "server", "idle", Read(), {"idle": Behaviour(transition)}, local=Want, parameters=parameters
+    )
 
 
 def with_parameters(agent: Agent[Any], *entries: Parameter) -> Agent[Any]:
@@ -61,14 +69,17 @@ def reborn(one: Driven, agent: Agent[Any]) -> CoreState:
     return Core(agent, TO_ASKER).boot(one.core.record(one.state))
 
 
-# --- pause ------------------------------------------------------------------------------------------------------------
+# --- pause ----------------------------------------------------------------------------------------
 
 
 def test_a_paused_agent_takes_nothing_and_then_all_in_its_order() -> None:
     """Messages, words of its own side and wake-ups wait; a resume takes them, each once."""
     one = Driven(recording(said=agree), TO_ASKER)
     told(one, Pause())
-    assert [one.step(request(number, conversation=f"c{number}")).receipts for number in (1, 2)] == [(), ()]
+    assert [one.step(request(number, conversation=f"c{number}")).receipts for number in (1, 2)] == [
+        (),
+        (),
+    ]
     one.state.wakes["alarm"] = one.now - 1
     one.step(Local(Want(1)))
     assert one.step(Tick()).more is False
@@ -115,7 +126,7 @@ def test_the_record_of_an_agent_that_nobody_ordered_is_as_before() -> None:
     assert b"settings" not in one.core.record(one.state)
 
 
-# --- parameters -------------------------------------------------------------------------------------------------------
+# --- parameters -----------------------------------------------------------------------------------
 
 
 def test_a_step_reads_the_default_and_then_what_was_set() -> None:
@@ -132,11 +143,23 @@ def test_a_step_reads_the_default_and_then_what_was_set() -> None:
     ("order", "why"),
     [
         (SetParameter("speed", 4.5), "speed of server cannot be 4.5; it is a number from 0.5 to 4"),
-        (SetParameter("speed", "fast"), "speed of server cannot be 'fast'; it is a number from 0.5 to 4"),
-        (SetParameter("speed", float("nan")), "speed of server cannot be nan; it is a number from 0.5 to 4"),
+        (
+            SetParameter("speed", "fast"),
+            "speed of server cannot be 'fast'; it is a number from 0.5 to 4",
+        ),
+        (
+            SetParameter("speed", float("nan")),
+            "speed of server cannot be nan; it is a number from 0.5 to 4",
+        ),
         (SetParameter("tries", 2.5), "tries of server cannot be 2.5; it is an integer from 1 to 9"),
-        (SetParameter("tries", True), "tries of server cannot be True; it is an integer from 1 to 9"),
-        (SetParameter("sped", 2.0), "agent server has no parameter 'sped'; its parameters: speed, tries"),
+        (
+            SetParameter("tries", True),
+            "tries of server cannot be True; it is an integer from 1 to 9",
+        ),
+        (
+            SetParameter("sped", 2.0),
+            "agent server has no parameter 'sped'; its parameters: speed, tries",
+        ),
         (SetLevel("loud"), "log level 'loud' is none of debug, info, warning, error"),
     ],
 )
@@ -150,9 +173,15 @@ def test_an_order_that_does_not_fit_is_refused_in_words(order: Order, why: str) 
 
 
 def test_a_behaviour_is_told_once_of_a_value_and_of_no_other_order() -> None:
-    """Not of a copy, though the agent obeys that again; not of what was refused. While paused it waits."""
+    """Not of a copy, though the agent obeys that again; not of what was refused. While paused it
+    waits.
+    """
     one = Driven(with_parameters(recording(), SPEED), TO_ASKER)
-    for order, id in ((SetParameter("speed", 2.0), "1"), (SetParameter("speed", 2.0), "1"), (SetLevel("info"), "2")):
+    for order, id in (
+        (SetParameter("speed", 2.0), "1"),
+        (SetParameter("speed", 2.0), "1"),
+        (SetLevel("info"), "2"),
+    ):
         assert told(one, order, id) == ""
     told(one, SetParameter("speed", 9.0), "3")
     assert one.state.memory.seen == ("Ordered",)
@@ -176,7 +205,9 @@ def test_a_value_outlives_a_restart_and_a_change_of_the_design_where_it_still_fi
 
 def test_a_behaviour_that_reads_what_is_not_there_is_told_what_is() -> None:
     """Or what it is, where it reads it as another type."""
-    with pytest.raises(BehaviourError, match=r"parameter 'sped' is not in the design.*there are speed"):
+    with pytest.raises(
+        BehaviourError, match=r"parameter 'sped' is not in the design.*there are speed"
+    ):
         Driven(reading(SPEED, name="sped"), TO_ASKER).step(Local(Want(1)))
     with pytest.raises(BehaviourError, match=r"parameter 'speed' was read as int.*it is float"):
         Driven(reading(SPEED, kind=int), TO_ASKER).step(Local(Want(1)))
@@ -189,7 +220,11 @@ def test_orders_replay_to_the_same_bytes(tmp_path: Path) -> None:
     state = core.boot(None)
     log.boot(state.incarnation, b"", 0.0)
     orders = (SetParameter("speed", 2), Pause(), Resume(), SetParameter("speed", "x"))
-    events = [Local(Want(1)), *(Ordered(Command(str(n), order)) for n, order in enumerate(orders)), Local(Want(2))]
+    events = [
+        Local(Want(1)),
+        *(Ordered(Command(str(n), order)) for n, order in enumerate(orders)),
+        Local(Want(2)),
+    ]
     for event in events:
         state, effects = core.step(state, event, 1.0)
         log.write([steplog.noted(state.incarnation, state.soft.step, 1.0, event, effects)])

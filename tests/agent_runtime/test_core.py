@@ -1,4 +1,6 @@
-"""The pure core, step by step: slips of peers are answered and counted, our own raise, nothing is out of turn."""
+"""The pure core, step by step: slips of peers are answered and counted, our own raise, nothing is
+out of turn.
+"""
 
 import dataclasses
 from itertools import pairwise
@@ -39,7 +41,7 @@ from fipa_codec.performatives import Performative as P
 TO_SERVER, TO_ASKER = wirings()
 
 
-# --- streams ----------------------------------------------------------------------------------------------------------
+# --- streams --------------------------------------------------------------------------------------
 
 
 def test_taken_in_order_and_once() -> None:
@@ -56,9 +58,16 @@ def test_taken_in_order_and_once() -> None:
 
 
 def test_not_taken_waits_unreceipted_and_holds_its_stream_up() -> None:
-    """A message that is not taken gets no receipt, and none behind it is taken, but the own side is."""
+    """A message that is not taken gets no receipt, and none behind it is taken, but the own side
+    is.
+    """
     wanting = {"go": False}
-    one = Driven(recording(said=agree, takes=lambda memory, event: isinstance(event, Local) or wanting["go"]), TO_ASKER)
+    one = Driven(
+        recording(
+            said=agree, takes=lambda memory, event: isinstance(event, Local) or wanting["go"]
+        ),
+        TO_ASKER,
+    )
     assert one.step(request(1)).receipts == ()
     assert one.step(request(2, conversation="b")).receipts == ()
     assert one.step(request(1)).record is None
@@ -70,7 +79,9 @@ def test_not_taken_waits_unreceipted_and_holds_its_stream_up() -> None:
 
 
 def test_a_message_behind_one_that_is_not_taken_is_not_taken_either() -> None:
-    """Though it could be: a receipt for the second would say that the first was taken, and it would be lost."""
+    """Though it could be: a receipt for the second would say that the first was taken, and it would
+    be lost.
+    """
     wanting = {"go": False}
 
     def takes(memory: Seen, event: Any) -> bool:
@@ -108,14 +119,22 @@ def test_back_pressure() -> None:
         )
     )
     one.step(answer)
-    result = replace(answer.communicate, performative=P.INFORM, id="2", content=Raw(pack(Doubled(0))), language="SUM")
+    result = replace(
+        answer.communicate,
+        performative=P.INFORM,
+        id="2",
+        content=Raw(pack(Doubled(0))),
+        language="SUM",
+    )
     one.step(Arrived(result))
     assert one.state.taken == {"server": 2}
     assert len(one.state.outbox["server"]) == OUTBOX_BOUND + 1  # the next number is asked for
 
 
 def test_resending_backs_off_and_ends_with_the_receipt() -> None:
-    """0.2 s, doubled up to 2 s; at once on the peer's return; never while the router is away or after the receipt."""
+    """0.2 s, doubled up to 2 s; at once on the peer's return; never while the router is away or
+    after the receipt.
+    """
     one = Driven(asker(1), TO_SERVER)
     times = [one.step(Started()).wake_at]
     for _ in range(4):
@@ -170,7 +189,7 @@ def test_late_comes_once_and_ends_nothing() -> None:
     assert one.state.memory.answers == ((1, 2),)
 
 
-# --- slips of peers ---------------------------------------------------------------------------------------------------
+# --- slips of peers -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -183,11 +202,17 @@ def test_late_comes_once_and_ends_nothing() -> None:
     ],
 )
 def test_unreadable_requests_are_answered(fields: dict[str, Any]) -> None:
-    """Content that no language reads: not-understood with the reason, receipted, counted; no behaviour sees it."""
+    """Content that no language reads: not-understood with the reason, receipted, counted; no
+    behaviour sees it.
+    """
     one = Driven(recording(), TO_ASKER)
     effects = one.step(request(1, **fields))
     (answer,) = one.sends()
-    assert (answer.performative, answer.in_reply_to, answer.conversation) == (P.NOT_UNDERSTOOD, "1", "asker-1-1")
+    assert (answer.performative, answer.in_reply_to, answer.conversation) == (
+        P.NOT_UNDERSTOOD,
+        "1",
+        "asker-1-1",
+    )
     assert REASON.decode(answer.content).text  # type: ignore[arg-type]
     assert [r.taken for r in effects.receipts] == [1]
     assert one.state.counts == {"not understood": 1}
@@ -195,9 +220,13 @@ def test_unreadable_requests_are_answered(fields: dict[str, Any]) -> None:
     assert not one.state.conversations
 
 
-@pytest.mark.parametrize("fields", [{"conversation": "a b"}, {"reply_with": "a\n"}, {"conversation": "x" * 129}])
+@pytest.mark.parametrize(
+    "fields", [{"conversation": "a b"}, {"reply_with": "a\n"}, {"conversation": "x" * 129}]
+)
 def test_labels_that_are_none_are_answered(fields: dict[str, Any]) -> None:
-    """An opening whose labels have blanks, control characters or no end: as one that nobody can read."""
+    """An opening whose labels have blanks, control characters or no end: as one that nobody can
+    read.
+    """
     one = Driven(recording(), TO_ASKER)
     one.step(request(1, **fields))
     (answer,) = one.sends()
@@ -208,7 +237,9 @@ def test_labels_that_are_none_are_answered(fields: dict[str, Any]) -> None:
 
 
 def test_out_of_sequence_breaks_the_conversation() -> None:
-    """A second request in a conversation: not-understood, the conversation is over, and the behaviour is told."""
+    """A second request in a conversation: not-understood, the conversation is over, and the
+    behaviour is told.
+    """
     one = Driven(recording(said=agree), TO_ASKER)
     one.step(request(1))
     one.step(request(2))
@@ -231,7 +262,9 @@ def test_what_cannot_be_read_breaks_a_volatile_conversation_too() -> None:
 
 
 def test_a_late_cancel_is_answered_by_the_core() -> None:
-    """A cancel for a conversation that ended or never was gets its failure; the behaviour does not see it."""
+    """A cancel for a conversation that ended or never was gets its failure; the behaviour does not
+    see it.
+    """
     one = Driven(recording(said=stop), TO_ASKER)
     one.step(request(1, performative=P.CANCEL, content=None, language="SUM"))
     (answer,) = one.sends()
@@ -250,10 +283,18 @@ def test_cancel_in_time() -> None:
 
 @pytest.mark.parametrize(
     "fields",
-    [{"sender": "stranger"}, {"receiver": "somebody"}, {"protocol": "query"}, {"id": "first"}, {"id": "-1"}],
+    [
+        {"sender": "stranger"},
+        {"receiver": "somebody"},
+        {"protocol": "query"},
+        {"id": "first"},
+        {"id": "-1"},
+    ],
 )
 def test_strangers_are_dropped(fields: dict[str, str]) -> None:
-    """A message for others, of no known link, or without a number on a stream is counted; no receipt, no answer."""
+    """A message for others, of no known link, or without a number on a stream is counted; no
+    receipt, no answer.
+    """
     one = Driven(recording(), TO_ASKER)
     effects = one.step(Arrived(replace(request(1).communicate, **fields)))
     assert (effects.sends, effects.receipts, effects.record) == ((), (), None)
@@ -269,7 +310,9 @@ def test_a_stray_not_understood_is_never_answered() -> None:
 
 
 def test_only_the_same_question_is_answered_again() -> None:
-    """Volatile: another one in its conversation is a stray, and so is one of the side that only answers."""
+    """Volatile: another one in its conversation is a stray, and so is one of the side that only
+    answers.
+    """
     to_server, to_asker = wirings(Delivery.VOLATILE)
     one = Driven(recording(said=agree), to_asker)
     (agreed,) = one.step(request(1)).sends
@@ -283,7 +326,7 @@ def test_only_the_same_question_is_answered_again() -> None:
     assert one.state.counts == {"stray": 1}
 
 
-# --- the design -------------------------------------------------------------------------------------------------------
+# --- the design -----------------------------------------------------------------------------------
 
 
 class Strict:
@@ -308,7 +351,9 @@ def test_every_step_outside_the_design_is_told_and_those_within_are_looked_up_on
     one = Driven(dataclasses.replace(recording(said=agree), rows=rows), TO_ASKER)
     for number in (1, 2):
         effects = one.step(request(number, conversation=f"asker-1-{number}"))
-        assert [line.fields["why"] for line in effects.logs if line.event == OUTSIDE] == ["nothing is to be said"]
+        assert [line.fields["why"] for line in effects.logs if line.event == OUTSIDE] == [
+            "nothing is to be said"
+        ]
     assert one.state.counts[OUTSIDE] == 2
     asked = len(rows.asked)
     for _ in range(3):
@@ -317,7 +362,9 @@ def test_every_step_outside_the_design_is_told_and_those_within_are_looked_up_on
 
 
 def test_what_no_row_names_waits_however_often_it_is_looked_at() -> None:
-    """A cancel that the design does not take in this state is not taken at the second look either."""
+    """A cancel that the design does not take in this state is not taken at the second look
+    either.
+    """
     one = Driven(dataclasses.replace(recording(), rows=Strict()), TO_ASKER)
     one.step(request(1))
     one.step(request(2, performative=P.CANCEL))
@@ -326,7 +373,7 @@ def test_what_no_row_names_waits_however_often_it_is_looked_at() -> None:
     assert [waiting.number for waiting in one.state.soft.inbox] == [2]
 
 
-# --- our own slips ----------------------------------------------------------------------------------------------------
+# --- our own slips --------------------------------------------------------------------------------
 
 
 def test_what_is_owed_must_be_said() -> None:
@@ -337,13 +384,17 @@ def test_what_is_owed_must_be_said() -> None:
     two = Driven(recording(said=lambda turn: turn.say("nowhere", P.AGREE)), TO_ASKER)
     with pytest.raises(BehaviourError, match=r"'nowhere' is not open; open are none"):
         two.step(Started())
-    three = Driven(recording(said=lambda turn: turn.open("moon", "request", P.REQUEST, Double(1))), TO_ASKER)
+    three = Driven(
+        recording(said=lambda turn: turn.open("moon", "request", P.REQUEST, Double(1))), TO_ASKER
+    )
     with pytest.raises(LocalProtocolError, match="moon"):
         three.step(Started())
 
 
 def test_half_an_answer_raises() -> None:
-    """An agent that refuses a request cancelled meanwhile owes the cancel its failure, in the same step."""
+    """An agent that refuses a request cancelled meanwhile owes the cancel its failure, in the same
+    step.
+    """
 
     def refuse(turn: Turn) -> None:
         if isinstance(turn.event, Received) and turn.event.communicate.performative is P.CANCEL:
@@ -373,7 +424,8 @@ def test_an_end_without_an_arc_raises() -> None:
 
 
 @pytest.mark.parametrize(
-    ("start", "arc"), [("x", Arc("a", "a")), ("a", Arc("a", "x")), ("a", Arc("x", "a")), ("a", Arc("a", "a", "x"))]
+    ("start", "arc"),
+    [("x", Arc("a", "a")), ("a", Arc("a", "x")), ("a", Arc("x", "a")), ("a", Arc("a", "a", "x"))],
 )
 def test_a_table_with_a_hole_is_refused(start: str, arc: Arc) -> None:
     """Unknown start, source, target or condition: said when the agent is built."""
@@ -381,7 +433,7 @@ def test_a_table_with_a_hole_is_refused(start: str, arc: Arc) -> None:
         Agent("server", start, Seen(), {"a": Behaviour(lambda memory, turn: memory)}, (arc,))
 
 
-# --- records ----------------------------------------------------------------------------------------------------------
+# --- records --------------------------------------------------------------------------------------
 
 
 class Mixed(Struct, frozen=True):
@@ -392,7 +444,9 @@ class Mixed(Struct, frozen=True):
 
 
 def test_soft_memory_costs_no_record_and_dies() -> None:
-    """Changes of the soft field write nothing; the journal brings back the hard part and a fresh soft one."""
+    """Changes of the soft field write nothing; the journal brings back the hard part and a fresh
+    soft one.
+    """
 
     def transition(memory: Mixed, turn: Turn) -> Mixed:
         if isinstance(turn.event, Woken):
@@ -410,7 +464,9 @@ def test_soft_memory_costs_no_record_and_dies() -> None:
 
 
 def test_a_restored_core_goes_on() -> None:
-    """From its record an agent knows its conversations, numbers, outbox and wake-ups, under the next incarnation."""
+    """From its record an agent knows its conversations, numbers, outbox and wake-ups, under the
+    next incarnation.
+    """
     one = Driven(server(), TO_ASKER)
     record = one.step(request(1)).record
     assert record is not None
@@ -445,7 +501,9 @@ def test_a_memory_that_cannot_be_journalled_is_refused() -> None:
         thing: object = object()
 
     with pytest.raises(AgentTableError, match="cannot be journalled"):
-        Core(Agent("server", "s", Opaque(), {"s": Behaviour(lambda memory, turn: memory)}), TO_ASKER)
+        Core(
+            Agent("server", "s", Opaque(), {"s": Behaviour(lambda memory, turn: memory)}), TO_ASKER
+        )
 
 
 def test_a_question_left_unanswered_is_forgotten() -> None:

@@ -1,4 +1,6 @@
-"""An agent without behaviours declines: in every protocol, by its mildest word, and that is the end."""
+"""An agent without behaviours declines: in every protocol, by its mildest word, and that is the
+end.
+"""
 
 import pytest
 from msgspec import Struct
@@ -28,7 +30,9 @@ ALONE = [
 
 def stub(protocol: str, says: dict[P, tuple[str, ...]] | None = None) -> Alone:
     """An agent with one behaviour that is not filled in, as the participant of a protocol."""
-    agent = Agent("a", "s", Memory(), {"s": Behaviour(lambda memory, turn: unfilled(memory, turn, "work"))})
+    agent = Agent(
+        "a", "s", Memory(), {"s": Behaviour(lambda memory, turn: unfilled(memory, turn, "work"))}
+    )
     delivery = Delivery.LATEST if protocol == "subscribe" else Delivery.DURABLE
     if protocol == "query":
         delivery = Delivery.VOLATILE
@@ -41,7 +45,9 @@ OPENINGS = [(protocol.name, act) for protocol in ALONE for act in sorted(protoco
 
 @pytest.mark.parametrize(("protocol", "act"), OPENINGS)
 def test_whatever_is_asked_is_declined_and_over(protocol, act):
-    """The answer comes in the same step, says which behaviour is missing, and leaves no conversation open."""
+    """The answer comes in the same step, says which behaviour is missing, and leaves no
+    conversation open.
+    """
     one = stub(protocol)
     name = one.ask("b", protocol, act, Say())
     (answer,) = [said for said in one.said if said.conversation == name]

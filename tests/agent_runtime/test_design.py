@@ -1,4 +1,6 @@
-"""Wirings made from the system's own design: keys are the design's, and its interfaces are checked both ways."""
+"""Wirings made from the system's own design: keys are the design's, and its interfaces are checked
+both ways.
+"""
 
 import pytest
 from msgspec import Struct
@@ -32,7 +34,10 @@ def test_keys_are_those_of_the_design(name: str) -> None:
     for rule in DESIGN.rules.values():
         if rule.sender == name:
             message = Communicate(
-                performative=rule.performative, protocol=rule.protocol, sender=rule.sender, receiver=rule.receiver
+                performative=rule.performative,
+                protocol=rule.protocol,
+                sender=rule.sender,
+                receiver=rule.receiver,
             )
             assert mine.key(message) == DESIGN.key("velma", message)
     for peer, channel in DESIGN.peers(name).items():
@@ -40,7 +45,9 @@ def test_keys_are_those_of_the_design(name: str) -> None:
 
 
 def test_a_group_is_not_awaited() -> None:
-    """Nobody runs it, so an agent is ready without its answer; its peers that are agents are awaited."""
+    """Nobody runs it, so an agent is ready without its answer; its peers that are agents are
+    awaited.
+    """
     left = tuple(agent for agent in DESIGN.file.agent if agent.name != "km")
     made = Design(replace(DESIGN.file, agent=left, group=(elements.Group("km"),)))
     links = binding.wiring("pl", "velma", design=made, languages=LANGUAGES).links
@@ -48,7 +55,9 @@ def test_a_group_is_not_awaited() -> None:
 
 
 def test_the_interface_is_checked_both_ways() -> None:
-    """A class of a known language in the wrong act: our own raises, the peer's is not understood."""
+    """A class of a known language in the wrong act: our own raises, the peer's is not
+    understood.
+    """
 
     def speak(memory: Memory, turn: Turn) -> Memory:
         turn.open("km", "query", P.QUERY_REF, wm.Objects(()))

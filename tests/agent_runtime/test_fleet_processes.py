@@ -1,4 +1,6 @@
-"""A fleet is its living processes: found by their variables, and reached where the run folder is gone."""
+"""A fleet is its living processes: found by their variables, and reached where the run folder is
+gone.
+"""
 
 import os
 import shutil

@@ -1,4 +1,6 @@
-"""The fork server with real processes: what it makes runs as if an interpreter of its own ran it, or not at all."""
+"""The fork server with real processes: what it makes runs as if an interpreter of its own ran it,
+or not at all.
+"""
 
 import os
 import queue
@@ -24,7 +26,8 @@ pytestmark = pytest.mark.process
 HERE = str(Path(__file__).parent)
 TELLS = """
 import os, sys, threading
-print(__name__, sys.argv[1:], os.environ.get("WORD"), os.getcwd(), threading.active_count(), flush=True)
+word, threads = os.environ.get("WORD"), threading.active_count()
+print(__name__, sys.argv[1:], word, os.getcwd(), threads, flush=True)
 print("read", os.read(int(sys.argv[1]), 9), file=sys.stderr)
 """
 ENDS = """
@@ -48,7 +51,12 @@ class Forks:
         self.code = folder / "code"
         self.code.mkdir()
         self.log = folder / "log"
-        for name, text in (("tells", TELLS), ("ends", ENDS), ("waits", WAITS), ("kept", "WORD = 1\n")):
+        for name, text in (
+            ("tells", TELLS),
+            ("ends", ENDS),
+            ("waits", WAITS),
+            ("kept", "WORD = 1\n"),
+        ):
             (self.code / f"{name}.py").write_text(text)
         self.environment = os.environ | {
             RUN_FOLDER_VARIABLE: str(self.run),
@@ -57,7 +65,14 @@ class Forks:
             "OMP_NUM_THREADS": "1",
             "PYTHONUNBUFFERED": "1",
         }
-        command = [sys.executable, "-m", "agent_runtime.io.fork_server", "kept", "nowhere", "worker_entries"]
+        command = [
+            sys.executable,
+            "-m",
+            "agent_runtime.io.fork_server",
+            "kept",
+            "nowhere",
+            "worker_entries",
+        ]
         self.server = subprocess.Popen(command, env=self.environment, stdin=subprocess.DEVNULL)
         until(lambda: (self.run / "forks.ready").exists())
 
@@ -65,7 +80,9 @@ class Forks:
         """Ask for a process that writes into the log."""
         with self.log.open("ab") as log:
             hand = [Handed(log.fileno(), 1), Handed(log.fileno(), 2)]
-            return fork(module, *arguments, environment=self.environment | more, hand=hand, session=True)
+            return fork(
+                module, *arguments, environment=self.environment | more, hand=hand, session=True
+            )
 
     def close(self) -> None:
         """End it."""
@@ -96,13 +113,17 @@ def made(one: Forked | None) -> Forked:
 def test_what_is_forked_runs_as_if_it_was_started(
     forks: Forks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Arguments, environment, folder and files are those asked for; the module is the main one; one thread runs."""
+    """Arguments, environment, folder and files are those asked for; the module is the main one; one
+    thread runs.
+    """
     monkeypatch.chdir(tmp_path)
     inside, outside = os.pipe()
     os.write(outside, b"a word")
     with forks.log.open("ab") as log:
         hand = [Handed(log.fileno(), 1), Handed(log.fileno(), 2), Handed(inside, 40)]
-        one = made(fork("tells", "40", "two", environment=forks.environment | {"WORD": "here"}, hand=hand))
+        one = made(
+            fork("tells", "40", "two", environment=forks.environment | {"WORD": "here"}, hand=hand)
+        )
     os.close(inside)
     os.close(outside)
     assert one.wait() == 0
@@ -116,14 +137,19 @@ def test_words_that_are_not_utf_8_arrive(forks: Forks) -> None:
     assert one.wait() == 1
     assert forks.log.read_text() == "no such scene\n"
     assert made(forks.fork("tells", "1", word, WORD=word)).wait() == 1
-    assert f"__main__ ['1', {word!r}] {word} ".encode(errors="surrogateescape") in forks.log.read_bytes()
+    assert (
+        f"__main__ ['1', {word!r}] {word} ".encode(errors="surrogateescape")
+        in forks.log.read_bytes()
+    )
 
 
 @pytest.mark.parametrize("how", ["killed", "raises", "text", "none", "0", "3"])
 def test_it_ends_as_one_that_was_started(how: str, forks: Forks) -> None:
     """Exit code and last words are those of `python -m`."""
     one = made(forks.fork("ends", how))
-    alone = subprocess.run([sys.executable, "-m", "ends", how], env=forks.environment, capture_output=True, text=True)
+    alone = subprocess.run(
+        [sys.executable, "-m", "ends", how], env=forks.environment, capture_output=True, text=True
+    )
     assert one.wait() == alone.returncode
     assert forks.log.read_text().splitlines()[-1:] == alone.stderr.splitlines()[-1:]
 
@@ -131,7 +157,9 @@ def test_it_ends_as_one_that_was_started(how: str, forks: Forks) -> None:
 def test_it_is_called_by_its_module(forks: Forks) -> None:
     """The tools tell a process by its command line and its run folder."""
     one = made(forks.fork("waits", "a", "b"))
-    words, settings = (Path(f"/proc/{one.pid}/{file}").read_bytes() for file in ("cmdline", "environ"))
+    words, settings = (
+        Path(f"/proc/{one.pid}/{file}").read_bytes() for file in ("cmdline", "environ")
+    )
     assert words.rstrip(b"\0").split(b"\0") == [
         word.encode() for word in (sys.executable, "-P", "-m", "waits", "a", "b")
     ]
@@ -150,7 +178,9 @@ def test_a_file_that_changed_is_not_run_from_memory(forks: Forks) -> None:
     assert forks.server.poll() is None
 
 
-@pytest.mark.parametrize("variable", ["LD_PRELOAD", "PYTHONHASHSEED", "OMP_NUM_THREADS", "GLIBC_TUNABLES"])
+@pytest.mark.parametrize(
+    "variable", ["LD_PRELOAD", "PYTHONHASHSEED", "OMP_NUM_THREADS", "GLIBC_TUNABLES"]
+)
 def test_what_counts_at_the_start_only_is_not_lost(variable: str, forks: Forks) -> None:
     """A library to be loaded first, such as a clock of its own, needs an interpreter of its own."""
     assert forks.fork("ends", "0", **{variable: "7"}) is None
@@ -193,7 +223,9 @@ def test_nonsense_does_not_end_the_server(forks: Forks) -> None:
     assert made(forks.fork("ends", "3")).wait() == 3
 
 
-def test_a_worker_is_forked_where_there_is_a_server(forks: Forks, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_is_forked_where_there_is_a_server(
+    forks: Forks, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It talks and ends as one that was started, and it is a child of the server."""
     for name, value in forks.environment.items():
         monkeypatch.setenv(name, value)
@@ -222,4 +254,7 @@ def test_without_a_server_nothing_is_forked(tmp_path: Path) -> None:
     """Then the process is started in the usual way."""
     assert fork("ends", environment={}, hand=[]) is None
     assert fork("ends", environment={FORKS_VARIABLE: str(tmp_path / "forks.sock")}, hand=[]) is None
-    assert fork("ends", environment={FORKS_VARIABLE: str(tmp_path / "no" / "forks.sock")}, hand=[]) is None
+    assert (
+        fork("ends", environment={FORKS_VARIABLE: str(tmp_path / "no" / "forks.sock")}, hand=[])
+        is None
+    )

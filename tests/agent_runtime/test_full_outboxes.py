@@ -1,4 +1,6 @@
-"""Agents that ask each other more than an outbox holds come to an end of it, whatever the wires do."""
+"""Agents that ask each other more than an outbox holds come to an end of it, whatever the wires
+do.
+"""
 
 import msgspec
 import pytest
@@ -22,7 +24,11 @@ LIMIT_S = 300.0
 def ring(count: int, *, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
     """So many agents."""
     members = RING[:count]
-    return fleet(*((ring_agent(me, members), ring_wiring(me, members)) for me in members), seed=seed, faults=faults)
+    return fleet(
+        *((ring_agent(me, members), ring_wiring(me, members)) for me in members),
+        seed=seed,
+        faults=faults,
+    )
 
 
 def expect_all_answered(wires: MemoryBus, wanted: tuple[int, ...]) -> None:
@@ -35,7 +41,10 @@ def expect_all_answered(wires: MemoryBus, wanted: tuple[int, ...]) -> None:
             longest[0] = max(longest[0], *map(len, state.outbox.values()), 0)
 
     wires.on_step = look
-    wires.run(lambda: all(len(wires.memory(name).answers) == len(wanted) for name in wires.nodes), limit_s=LIMIT_S)
+    wires.run(
+        lambda: all(len(wires.memory(name).answers) == len(wanted) for name in wires.nodes),
+        limit_s=LIMIT_S,
+    )
     for name in wires.nodes:
         memory = wires.memory(name)
         assert sorted(memory.answers) == sorted((number, 2 * number) for number in wanted)
@@ -46,7 +55,9 @@ def expect_all_answered(wires: MemoryBus, wanted: tuple[int, ...]) -> None:
 @pytest.mark.parametrize("count", [2, 3])
 @pytest.mark.parametrize("at_once", [1, 5, 12, 16])
 def test_a_ring_of_questions_ends(count: int, at_once: int) -> None:
-    """Twelve at once in both directions filled both outboxes, and then neither took what would have emptied them."""
+    """Twelve at once in both directions filled both outboxes, and then neither took what would have
+    emptied them.
+    """
     wires = ring(count)
     wanted = tuple(range(48))
     for first in range(0, len(wanted), at_once):
@@ -78,8 +89,12 @@ def test_a_ring_of_chains_ends(count: int) -> None:
     at_once=st.integers(1, 16),
 )
 @settings(max_examples=25, deadline=None)
-def test_a_ring_of_questions_ends_under_faults(faults: Faults, seed: int, count: int, at_once: int) -> None:
-    """Each question that an agent has asked is answered; a death may take a person's word that it has not read."""
+def test_a_ring_of_questions_ends_under_faults(
+    faults: Faults, seed: int, count: int, at_once: int
+) -> None:
+    """Each question that an agent has asked is answered; a death may take a person's word that it
+    has not read.
+    """
     wires = ring(count, seed=seed)
     for first in range(0, 24, at_once):
         for name in wires.nodes:
@@ -91,20 +106,25 @@ def test_a_ring_of_questions_ends_under_faults(faults: Faults, seed: int, count:
     wires.run(lambda: at_rest(wires), limit_s=LIMIT_S)
     for name in wires.nodes:
         memory = wires.memory(name)
-        assert sorted(memory.answers) == [(number, 2 * number) for number in sorted(dict(memory.answers))]
+        assert sorted(memory.answers) == [
+            (number, 2 * number) for number in sorted(dict(memory.answers))
+        ]
 
 
 def at_rest(wires: MemoryBus) -> bool:
     """Whether all live, and nothing is asked, owed or on its way."""
     states = [node.state for node in wires.nodes.values()]
     return all(
-        state is not None and not (state.memory.asked or state.memory.owed or state.outbox or state.soft.inbox)
+        state is not None
+        and not (state.memory.asked or state.memory.owed or state.outbox or state.soft.inbox)
         for state in states
     )
 
 
 def test_new_questions_wait_while_the_outbox_is_full() -> None:
-    """A peer that is away holds the next questions back, and nothing else: what others ask is agreed to."""
+    """A peer that is away holds the next questions back, and nothing else: what others ask is
+    agreed to.
+    """
     wires = ring(3)
     wires.run_for(1.0)
     wires.crash("two", restart_s=30.0)
@@ -122,10 +142,12 @@ def test_new_questions_wait_while_the_outbox_is_full() -> None:
 
 
 @pytest.mark.parametrize(
-    ("held", "own", "peers"), [(OUTBOX_BOUND, 1, 1), (ANSWERS_BOUND, 0, 1), (2 * ANSWERS_BOUND, 0, 0)]
+    ("held", "own", "peers"),
+    [(OUTBOX_BOUND, 1, 1), (ANSWERS_BOUND, 0, 1), (2 * ANSWERS_BOUND, 0, 0)],
 )
 def test_room_for_answers_ends_too(held: int, own: int, peers: int) -> None:
-    """Beyond the bound news that nobody asked for wait; beyond twice the bound so does the peer that brings it about.
+    """Beyond the bound news that nobody asked for wait; beyond twice the bound so does the peer
+    that brings it about.
 
     What is held back is taken when there is room.
     """
@@ -138,7 +160,9 @@ def test_room_for_answers_ends_too(held: int, own: int, peers: int) -> None:
     one = Driven(quiet(said), wirings()[1])
     one.step(request(1))
     kept = one.state.outbox["asker"][0]
-    one.state.outbox["asker"] = tuple(Outgoing(number, kept.communicate) for number in range(1, held + 1))
+    one.state.outbox["asker"] = tuple(
+        Outgoing(number, kept.communicate) for number in range(1, held + 1)
+    )
     one.state.issued["asker"] = held
     one.step(Local(Want(1)))
     assert len(one.state.outbox["asker"]) == held + own
@@ -154,7 +178,13 @@ def test_a_wake_up_and_a_wait_that_is_over_are_held_back_too() -> None:
 
     def said(turn: Turn) -> None:
         if isinstance(turn.event, Local):
-            turn.open("server", "request", P.REQUEST, Double(1), reply_by_s=1.0 if turn.event.content.number else None)
+            turn.open(
+                "server",
+                "request",
+                P.REQUEST,
+                Double(1),
+                reply_by_s=1.0 if turn.event.content.number else None,
+            )
             turn.wake("again", turn.now + 1.0)
         elif isinstance(turn.event, Late | Woken):
             turn.open("server", "request", P.REQUEST, Double(2))

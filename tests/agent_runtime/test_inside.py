@@ -1,4 +1,6 @@
-"""Memory of an agent as its heartbeat's file tells it: waiting messages, open conversations, last steps."""
+"""Memory of an agent as its heartbeat's file tells it: waiting messages, open conversations, last
+steps.
+"""
 
 from collections import deque
 
@@ -55,8 +57,16 @@ def test_open_conversations_are_told_until_they_end() -> None:
 
 def test_a_step_is_told_in_the_words_of_the_design() -> None:
     """The step tells the word taken, the word said with its guard, and the state it led to."""
-    deed = Deed("idle", "Received", ("order", P.REQUEST, Kind.PLAIN), (("order", P.INFORM, Kind.CANCEL),), "busy")
+    deed = Deed(
+        "idle",
+        "Received",
+        ("order", P.REQUEST, Kind.PLAIN),
+        (("order", P.INFORM, Kind.CANCEL),),
+        "busy",
+    )
     one = Driven(recording(), TO_ASKER)
-    steps = looked_into(one.state, deque([(1.0, deed), (2.0, Deed("busy", "Woken", None, (), "idle"))])).steps
+    steps = looked_into(
+        one.state, deque([(1.0, deed), (2.0, Deed("busy", "Woken", None, (), "idle"))])
+    ).steps
     assert (steps[0].event, steps[0].said) == ("order request", ("order inform[cancel]",))
     assert [(step.before, step.event, step.after) for step in steps][1] == ("busy", "Woken", "idle")

@@ -1,4 +1,6 @@
-"""Certificates and their places; valid ones are kept, and an incomplete set never passes for a whole one."""
+"""Certificates and their places; valid ones are kept, and an incomplete set never passes for a
+whole one.
+"""
 
 import datetime as dt
 import shutil
@@ -10,7 +12,14 @@ import pytest
 from cryptography import x509
 
 from agent_runtime.io.issuing import Seat, issue, revoke, seats
-from agent_runtime.io.secured import AUTHORITY, ROUTER, certificate_file, key_file, revoked, rights_of
+from agent_runtime.io.secured import (
+    AUTHORITY,
+    ROUTER,
+    certificate_file,
+    key_file,
+    revoked,
+    rights_of,
+)
 from companion.design import DESIGN
 from topdown.model.rights import identities
 
@@ -24,12 +33,20 @@ def common_name(file: Path) -> str:
 
 
 def test_apart_each_folder_has_its_own_and_no_more(tmp_path: Path) -> None:
-    """A process that sees its folder alone has the authority's certificate and its own key; the router the rights."""
+    """A process that sees its folder alone has the authority's certificate and its own key; the
+    router the rights.
+    """
     issue(tmp_path, DESIGN, ("roco",), apart=True)
     assert {one.name for one in tmp_path.iterdir()} == set(identities(DESIGN))
     for name in identities(DESIGN):
         there = {one.name for one in (tmp_path / name).iterdir()}
-        more = {"rights.json"} if name == "router" else {f"{name}.links.json"} if name in DESIGN.agents else set()
+        more = (
+            {"rights.json"}
+            if name == "router"
+            else {f"{name}.links.json"}
+            if name in DESIGN.agents
+            else set()
+        )
         assert there == {"authority.pem", f"{name}.pem", f"{name}.key"} | more
         assert (tmp_path / name).stat().st_mode & 0o777 == 0o700
         assert {one.stat().st_mode & 0o777 for one in (tmp_path / name).iterdir()} == {0o600}
@@ -74,16 +91,23 @@ def test_a_key_is_revoked_at_each_agent_that_has_a_folder_of_its_own(tmp_path: P
     """New keys end it everywhere."""
     issue(tmp_path, DESIGN, ("roco",), apart=True)
     revoke(tmp_path, "pl")
-    assert {name for name in identities(DESIGN) if revoked(tmp_path / name)} == {"router", *DESIGN.agents}
+    assert {name for name in identities(DESIGN) if revoked(tmp_path / name)} == {
+        "router",
+        *DESIGN.agents,
+    }
     issue(tmp_path, DESIGN, ("roco",), apart=True)
     assert not [name for name in identities(DESIGN) if revoked(tmp_path / name)]
 
 
 SPOILED: dict[str, Callable[[Path, Path], object]] = {
     "a key is gone": lambda made, other: (made / "ta.key").unlink(),
-    "a certificate is of another authority": lambda made, other: shutil.copy(other / "ta.pem", made / "ta.pem"),
+    "a certificate is of another authority": lambda made, other: shutil.copy(
+        other / "ta.pem", made / "ta.pem"
+    ),
     "a certificate is another's": lambda made, other: shutil.copy(made / "pl.pem", made / "ta.pem"),
-    "the authority is another": lambda made, other: shutil.copy(other / "authority.pem", made / "authority.pem"),
+    "the authority is another": lambda made, other: shutil.copy(
+        other / "authority.pem", made / "authority.pem"
+    ),
     "the rights are gone": lambda made, other: (made / "rights.json").unlink(),
     "the rights are wider": lambda made, other: (made / "rights.json").write_bytes(
         (made / "rights.json").read_bytes().replace(b'"deny"', b'"allow"')
@@ -102,8 +126,12 @@ def test_what_lacks_anything_is_made_anew(tmp_path: Path, how: str) -> None:
     assert not issue(tmp_path / "made", DESIGN, ("roco",), keep_days=1.0).made_now
 
 
-@pytest.mark.parametrize("change", [{"systems": ("velma1",)}, {"hosts": ("localhost", "robot.lan")}])
-def test_what_is_for_another_use_is_made_anew(tmp_path: Path, change: dict[str, tuple[str, ...]]) -> None:
+@pytest.mark.parametrize(
+    "change", [{"systems": ("velma1",)}, {"hosts": ("localhost", "robot.lan")}]
+)
+def test_what_is_for_another_use_is_made_anew(
+    tmp_path: Path, change: dict[str, tuple[str, ...]]
+) -> None:
     """Another system, or a host that the router's certificate does not name."""
     issue(tmp_path, DESIGN, ("roco",))
     asked = {"systems": ("roco",), "hosts": ("localhost",)} | change
@@ -111,19 +139,27 @@ def test_what_is_for_another_use_is_made_anew(tmp_path: Path, change: dict[str, 
 
 
 def context(seat: Seat, way: int) -> ssl.SSLContext:
-    """Of one side, with its certificate; it verifies the other's strictly, which is the default since Python 3.13."""
+    """Of one side, with its certificate; it verifies the other's strictly, which is the default
+    since Python 3.13.
+    """
     found = ssl.SSLContext(way)
     found.verify_mode = ssl.CERT_REQUIRED
     found.verify_flags |= ssl.VERIFY_X509_STRICT
     found.load_verify_locations(seat.folder / AUTHORITY)
-    found.load_cert_chain(certificate_file(seat.folder, seat.identity), key_file(seat.folder, seat.identity))
+    found.load_cert_chain(
+        certificate_file(seat.folder, seat.identity), key_file(seat.folder, seat.identity)
+    )
     return found
 
 
 def shake_hands(listens: Seat, connects: Seat) -> None:
-    """A handshake in memory. Raises ssl.SSLError where either does not take the other's certificate."""
+    """A handshake in memory. Raises ssl.SSLError where either does not take the other's
+    certificate.
+    """
     there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
-    client = context(connects, ssl.PROTOCOL_TLS_CLIENT).wrap_bio(back, there, server_hostname="localhost")
+    client = context(connects, ssl.PROTOCOL_TLS_CLIENT).wrap_bio(
+        back, there, server_hostname="localhost"
+    )
     server = context(listens, ssl.PROTOCOL_TLS_SERVER).wrap_bio(there, back, server_side=True)
     open_sides = [client, server]
     while open_sides:
@@ -135,8 +171,12 @@ def shake_hands(listens: Seat, connects: Seat) -> None:
 
 
 @pytest.mark.parametrize("systems", [("roco",), ("velma1", "velma2")], ids=len)
-def test_both_sides_take_each_certificate_strictly(tmp_path: Path, systems: tuple[str, ...]) -> None:
-    """The router with each client of it, and an agent with each other one, on any Python version."""
+def test_both_sides_take_each_certificate_strictly(
+    tmp_path: Path, systems: tuple[str, ...]
+) -> None:
+    """The router with each client of it, and an agent with each other one, on any Python
+    version.
+    """
     issue(tmp_path, DESIGN, systems)
     every = seats(tmp_path, DESIGN, systems)
     (router,) = [seat for seat in every if seat.identity == ROUTER]
@@ -157,10 +197,14 @@ def test_those_of_older_versions_are_made_anew(
         older.setattr(
             x509.CertificateBuilder,
             "add_extension",
-            lambda self, one, critical: self if isinstance(one, lacks) else add(self, one, critical),
+            lambda self, one, critical: (
+                self if isinstance(one, lacks) else add(self, one, critical)
+            ),
         )
         issue(tmp_path, DESIGN, ("roco",))
-    co, router = (seat for seat in seats(tmp_path, DESIGN, ("roco",)) if seat.identity in ("co", "router"))
+    co, router = (
+        seat for seat in seats(tmp_path, DESIGN, ("roco",)) if seat.identity in ("co", "router")
+    )
     with pytest.raises(ssl.SSLError, match=r"(?i)missing .* key identifier"):
         shake_hands(router, co)
     assert issue(tmp_path, DESIGN, ("roco",), keep_days=1.0).made_now

@@ -1,4 +1,6 @@
-"""The journal: whatever byte a kill stops it at, what is read back is the state before or the state after."""
+"""The journal: whatever byte a kill stops it at, what is read back is the state before or the state
+after.
+"""
 
 import errno
 import os
@@ -63,7 +65,9 @@ def test_a_spoilt_byte_is_never_believed(records: list[bytes], data: st.DataObje
 
 
 def test_opening_compacts(tmp_path: Path) -> None:
-    """After an opening the file holds the last record only; past the bound an append does the same."""
+    """After an opening the file holds the last record only; past the bound an append does the
+    same.
+    """
     path = tmp_path / "a.journal"
     written(path, *(b"x" * 1000 for _ in range(50)), b"last")
     book = Journal(path)
@@ -102,18 +106,22 @@ def test_another_file_is_left_alone(tmp_path: Path) -> None:
     assert path.read_bytes() == b"a letter to a friend"
 
 
-# --- damaged, and of another version ----------------------------------------------------------------------------------
+# --- damaged, and of another version --------------------------------------------------------------
 
 
 @pytest.mark.parametrize("middle", range(len(frame(b"second"))))
 def test_a_damaged_record_before_a_whole_one_is_refused(tmp_path: Path, middle: int) -> None:
-    """Whichever of its bytes is spoilt: in words that name file, offset and verb; the file stays as it is."""
+    """Whichever of its bytes is spoilt: in words that name file, offset and verb; the file stays as
+    it is.
+    """
     path = tmp_path / "ta.journal"
     whole = bytearray(written(path, b"first", b"second", b"third"))
     at = whole.index(frame(b"second"))
     whole[at + middle] ^= 0x10
     path.write_bytes(whole)
-    with pytest.raises(JournalError, match=rf"ta.journal: the record at byte {at} is .*roco agent repair ta"):
+    with pytest.raises(
+        JournalError, match=rf"ta.journal: the record at byte {at} is .*roco agent repair ta"
+    ):
         Journal(path)
     assert path.read_bytes() == whole
     done = repair(path)
@@ -134,7 +142,9 @@ def test_whatever_is_behind_the_last_record_is_a_torn_tail(junk: bytes, cut: int
 
 
 def test_repair_of_a_lost_end_begins_the_streams_again(tmp_path: Path) -> None:
-    """Peers may know of what is lost: memory is kept, the journal's name is new, conversations end by Broken."""
+    """Peers may know of what is lost: memory is kept, the journal's name is new, conversations end
+    by Broken.
+    """
     one = Driven(quiet(ask, name="asker"), wirings()[0])
     one.state = one.core.boot(one.core.first("old"))
     one.step(PeerChanged("server", 1, "peer"))
@@ -150,7 +160,9 @@ def test_repair_of_a_lost_end_begins_the_streams_again(tmp_path: Path) -> None:
     book.close()
     assert state.journal not in ("", "old")
     assert (state.conversations, state.outbox, state.issued) == ({}, {}, {})
-    assert [(lost.held.conversation.id, lost.told) for lost in state.lost.values()] == [("asker-1-1", False)]
+    assert [(lost.held.conversation.id, lost.told) for lost in state.lost.values()] == [
+        ("asker-1-1", False)
+    ]
     one.state = state
     assert type(one.step(Started(first=False)).handled).__name__ == "Broken"
 
@@ -162,12 +174,17 @@ def ask(turn: Turn) -> None:
 
 
 def test_repair_keeps_every_damaged_file_and_refuses_a_living_agent(tmp_path: Path) -> None:
-    """Nothing readable: begin with nothing; a whole file is left alone; who holds it is not disturbed."""
+    """Nothing readable: begin with nothing; a whole file is left alone; who holds it is not
+    disturbed.
+    """
     path = tmp_path / "a.journal"
     for _ in range(2):
         path.write_bytes(b"#" * 40)
         assert "everything" in repair(path).lost
-    assert {one.name for one in tmp_path.glob("*damaged*")} == {"a.journal.damaged", "a.journal.damaged-1"}
+    assert {one.name for one in tmp_path.glob("*damaged*")} == {
+        "a.journal.damaged",
+        "a.journal.damaged-1",
+    }
     assert repair(path).kept == ""
     book = Journal(path)
     with pytest.raises(JournalError, match="another process holds it"):
@@ -181,12 +198,16 @@ def test_another_format_is_refused_in_words(tmp_path: Path, number: int) -> None
     path = tmp_path / "a.journal"
     path.write_bytes(data := b"roco-journal-%d\nwhatever" % number)
     for use in (Journal, repair):
-        with pytest.raises(JournalError, match=f"of format {number}, this version of the software reads format 3"):
+        with pytest.raises(
+            JournalError, match=f"of format {number}, this version of the software reads format 3"
+        ):
             use(path)
     assert path.read_bytes() == data
 
 
-def test_a_failed_write_leaves_the_file_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_write_leaves_the_file_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A part came through, then the disk was full: the next record follows the last whole one."""
     path = tmp_path / "a.journal"
     book = Journal(path)

@@ -1,4 +1,6 @@
-"""The last word of a subscription: said again until the subscriber has it or is gone; nobody is subscribed for ever."""
+"""The last word of a subscription: said again until the subscriber has it or is gone; nobody is
+subscribed for ever.
+"""
 
 from typing import Any
 
@@ -83,7 +85,11 @@ def test_a_failure_said_while_the_router_is_away_is_said_when_it_is_back() -> No
 
 def test_it_ends_with_its_subscriber() -> None:
     """A subscriber that is gone, or has a new life, knows nothing of that conversation."""
-    for change in (PeerChanged("knower", None), PeerChanged("knower", 2), PeerChanged("knower", 1, "another")):
+    for change in (
+        PeerChanged("knower", None),
+        PeerChanged("knower", 2),
+        PeerChanged("knower", 1, "another"),
+    ):
         one = subscribed()
         one.state = msgspec.structs.replace(one.state, journals={"knower": "old"})
         one.step(Local(Finish()))
@@ -140,14 +146,19 @@ def test_they_are_bounded() -> None:
     at_s=st.floats(0.0, 3.0),
     away_s=st.sampled_from([0.0, 1.0, 30.0]),
 )
-@example(seed=200, loss=0.0, duplication=0.3, delay=0.4, at_s=0.0, away_s=0.0)  # copies come after the receipt
+# copies come after the receipt
+@example(seed=200, loss=0.0, duplication=0.3, delay=0.4, at_s=0.0, away_s=0.0)
 @settings(max_examples=150, deadline=None)
 def test_nobody_is_subscribed_for_ever(
     seed: int, loss: float, duplication: float, delay: float, at_s: float, away_s: float
 ) -> None:
-    """Whatever is lost: once the observed ended what it had agreed to, the subscriber knows, and nothing is left."""
+    """Whatever is lost: once the observed ended what it had agreed to, the subscriber knows, and
+    nothing is left.
+    """
     agents = ((watcher(), wiring("watcher")), (knower(), wiring("knower")))
-    wires = fleet(*agents, seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay))
+    wires = fleet(
+        *agents, seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay)
+    )
     agreed = lambda: wires.up("watcher") and bool(wires.nodes["watcher"].state.soft.conversations)  # noqa: E731
     wires.run(agreed, limit_s=3600.0)
     wires.run_for(at_s)
@@ -158,7 +169,9 @@ def test_nobody_is_subscribed_for_ever(
 
     def over() -> bool:
         states = [node.state for node in wires.nodes.values()]
-        return wires.memory("knower").ended == 1 and not any(one.soft.last or one.soft.conversations for one in states)
+        return wires.memory("knower").ended == 1 and not any(
+            one.soft.last or one.soft.conversations for one in states
+        )
 
     wires.run(over, limit_s=3600.0)
     wires.run_for(5.0)

@@ -1,4 +1,6 @@
-"""A deleted journal: nothing is taken for what it is not, what was open ends on both sides, numbers begin at 1."""
+"""A deleted journal: nothing is taken for what it is not, what was open ends on both sides, numbers
+begin at 1.
+"""
 
 from typing import Any
 
@@ -53,7 +55,9 @@ def agree_first(turn: Turn) -> None:
 
 
 def test_a_new_journals_first_message_is_not_taken_for_an_old_one() -> None:
-    """Its number was taken before, of another journal: taken in its turn, and receipted as number 1."""
+    """Its number was taken before, of another journal: taken in its turn, and receipted as number
+    1.
+    """
     one = serving(said=agree_first)
     one.step(PeerChanged("asker", 1, "new"))
     effects = one.step(of("new", request(1, conversation="asker-1-7")))
@@ -63,7 +67,9 @@ def test_a_new_journals_first_message_is_not_taken_for_an_old_one() -> None:
 
 
 def test_what_means_another_journal_is_neither_taken_nor_receipted() -> None:
-    """From a journal that is not the peer's present one, or to one that is not ours: the same, before and after."""
+    """From a journal that is not the peer's present one, or to one that is not ours: the same,
+    before and after.
+    """
     one = serving(said=agree_first)
     for stray in (
         of("new", request(2)),
@@ -85,7 +91,10 @@ def test_a_late_receipt_of_a_lost_journal_deletes_nothing() -> None:
     one.step(PeerChanged("server", 1, "new"))
     one.step(Local(Want(2)))
     assert [sent.number for sent in one.state.outbox["server"]] == [1]
-    for late in (Receipted("server", 9, journal="old", believed="own"), Receipted("server", 9, journal="new")):
+    for late in (
+        Receipted("server", 9, journal="old", believed="own"),
+        Receipted("server", 9, journal="new"),
+    ):
         one.step(late)
         assert [sent.number for sent in one.state.outbox["server"]] == [1]
     one.step(Receipted("server", 1, journal="new", believed="own"))
@@ -100,7 +109,9 @@ def ask(turn: Turn) -> None:
 
 @pytest.mark.parametrize("dies", [False, True])
 def test_open_conversations_end_with_the_reason_once(dies: bool) -> None:
-    """The behaviour hears of each, also if it dies between; the log says it in one line; nothing is left to send."""
+    """The behaviour hears of each, also if it dies between; the log says it in one line; nothing is
+    left to send.
+    """
     told: list[Broken] = []
 
     def said(turn: Turn) -> None:
@@ -113,7 +124,16 @@ def test_open_conversations_end_with_the_reason_once(dies: bool) -> None:
         one.step(Local(Want(number)))
     assert len(one.state.conversations) == len(one.state.outbox["server"]) == 3
     after, effects = one.core.step(one.state, PeerChanged("server", 1, "new"), 0.0)
-    assert len([line for line in effects.logs if "begin" in line.fields.get("why", "") or "numbered" in str(line)]) == 1
+    assert (
+        len(
+            [
+                line
+                for line in effects.logs
+                if "begin" in line.fields.get("why", "") or "numbered" in str(line)
+            ]
+        )
+        == 1
+    )
     one.state = one.core.boot(effects.record) if dies else after
     one.step(PeerChanged("server", 1, "new"))
     assert [(one.conversation, one.reason.partition(":")[0]) for one in told] == [
@@ -154,7 +174,9 @@ def test_what_is_remembered_of_lost_journals_is_bounded() -> None:
 
 
 def test_a_subscriber_renews_when_the_observer_lost_its_memory() -> None:
-    """The subscription breaks; observations of the new journal are news, though their versions are lower."""
+    """The subscription breaks; observations of the new journal are news, though their versions are
+    lower.
+    """
     one = Named(toy_observers.knower(), toy_observers.wiring("knower"), "watcher")
     first = one.state.memory.soft.conversation
     seen = observation(first, "jar@5.9")
@@ -167,18 +189,32 @@ def test_a_subscriber_renews_when_the_observer_lost_its_memory() -> None:
 
 def agreed(talk: str) -> Communicate:
     """The watcher agrees to a subscription."""
-    parts = {"protocol": "subscribe", "conversation": talk, "sender": "watcher", "receiver": "knower"}
+    parts = {
+        "protocol": "subscribe",
+        "conversation": talk,
+        "sender": "watcher",
+        "receiver": "knower",
+    }
     return Communicate(performative=P.AGREE, id="w1", in_reply_to=talk, **parts)
 
 
 def observation(talk: str, id: str) -> Arrived:
     """Return the watcher's observation."""
-    content = toy_observers.wiring("knower").languages.named("OBS").encode(toy_observers.Seen("jar", 1))
-    parts = {"protocol": "subscribe", "conversation": talk, "sender": "watcher", "receiver": "knower"}
-    return Arrived(Communicate(performative=P.INFORM, id=id, content=content, language="OBS", **parts))
+    content = (
+        toy_observers.wiring("knower").languages.named("OBS").encode(toy_observers.Seen("jar", 1))
+    )
+    parts = {
+        "protocol": "subscribe",
+        "conversation": talk,
+        "sender": "watcher",
+        "receiver": "knower",
+    }
+    return Arrived(
+        Communicate(performative=P.INFORM, id=id, content=content, language="OBS", **parts)
+    )
 
 
-# --- two agents on wires ----------------------------------------------------------------------------------------------
+# --- two agents on wires --------------------------------------------------------------------------
 
 
 def at_rest(wires: MemoryBus, wanted: int) -> bool:
@@ -204,7 +240,9 @@ def test_a_journal_lost_at_any_moment(victim: str, after_s: float) -> None:
 @pytest.mark.parametrize("back", [1, 2, 3, 5, 8])
 @pytest.mark.parametrize("after_s", [0.0018, 0.05, 0.1018, 0.1523, 0.21])
 def test_a_journal_whose_end_is_lost(victim: str, back: int, after_s: float) -> None:
-    """All is answered in the end, and nothing stays open on either side; who forgot what it had taken says so."""
+    """All is answered in the end, and nothing stays open on either side; who forgot what it had
+    taken says so.
+    """
     wires = toys(1, 2, 3)
     kept = records(wires)
     wires.run_for(after_s)
@@ -215,9 +253,15 @@ def test_a_journal_whose_end_is_lost(victim: str, back: int, after_s: float) -> 
     assert wires.memory("asker").answers == ((1, 2), (2, 4), (3, 6))
     other = "server" if victim == "asker" else "asker"
     forgot = after.taken.get(other, 0) < before.taken.get(other, 0)
-    counts = {name: node.state.counts for name, node in wires.nodes.items() if node.state is not None}
+    counts = {
+        name: node.state.counts for name, node in wires.nodes.items() if node.state is not None
+    }
     assert lineage.SHORTENED not in counts[other]
-    assert counts[victim].get(lineage.SHORTENED, 0) == counts[other].get("peer lost its memory", 0) == forgot
+    assert (
+        counts[victim].get(lineage.SHORTENED, 0)
+        == counts[other].get("peer lost its memory", 0)
+        == forgot
+    )
 
 
 def records(wires: MemoryBus) -> dict[str, list[bytes]]:
@@ -242,7 +286,11 @@ def records(wires: MemoryBus) -> dict[str, list[bytes]]:
         crash=st.sampled_from([0.0, 0.05]),
     ),
     lost=st.lists(
-        st.tuples(st.sampled_from(["asker", "server"]), st.floats(0.0, 0.6), st.none() | st.integers(1, 12)),
+        st.tuples(
+            st.sampled_from(["asker", "server"]),
+            st.floats(0.0, 0.6),
+            st.none() | st.integers(1, 12),
+        ),
         min_size=1,
         max_size=4,
     ),
@@ -251,7 +299,9 @@ def records(wires: MemoryBus) -> dict[str, list[bytes]]:
 def test_lost_and_shortened_journals_among_other_faults(
     seed: int, faults: Faults, lost: list[tuple[str, float, int | None]]
 ) -> None:
-    """No other fault makes anybody wait for ever for a peer that knows nothing, or less than it knew."""
+    """No other fault makes anybody wait for ever for a peer that knows nothing, or less than it
+    knew.
+    """
     wires = toys(1, 2, 3, seed=seed, faults=faults)
     kept = records(wires)
     for victim, pause_s, back in lost:

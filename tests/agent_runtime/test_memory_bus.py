@@ -1,4 +1,6 @@
-"""Two toy agents in memory: whatever is lost, doubled, reordered, killed or forged, each request is answered once."""
+"""Two toy agents in memory: whatever is lost, doubled, reordered, killed or forged, each request is
+answered once.
+"""
 
 from functools import partial
 
@@ -73,7 +75,9 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
     """A run is repeatable: no clock and no chance but the seed's goes in."""
 
     def run() -> list[object]:
-        wires = toys(*range(4), seed=3, faults=Faults(loss=0.2, duplication=0.2, delay=0.3, crash=0.05))
+        wires = toys(
+            *range(4), seed=3, faults=Faults(loss=0.2, duplication=0.2, delay=0.3, crash=0.05)
+        )
         wires.run(lambda: len(answers(wires)) == 4, limit_s=3600.0)
         return [(c.id, c.conversation, c.sent) for c in wires.traffic]
 
@@ -100,8 +104,12 @@ def steal(wires: MemoryBus, ahead: int) -> None:
     thefts=st.lists(st.tuples(st.floats(0.0, 3.0), st.integers(-1, 3)), max_size=KEPT - 2),
 )
 @settings(max_examples=150, deadline=None)
-def test_exactly_once_under_faults(seed: int, faults: Faults, thefts: list[tuple[float, int]]) -> None:
-    """Each request is worked on and answered once, in order, whatever strikes and whatever a thief of the key says."""
+def test_exactly_once_under_faults(
+    seed: int, faults: Faults, thefts: list[tuple[float, int]]
+) -> None:
+    """Each request is worked on and answered once, in order, whatever strikes and whatever a thief
+    of the key says.
+    """
     wires = toys(*range(6), seed=seed, faults=faults)
     for at, ahead in thefts:
         wires.call(at, partial(steal, wires, ahead))

@@ -1,4 +1,6 @@
-"""The queue and the event of one reader: nothing lost, nothing out of order, waits end, safe in signal handlers."""
+"""The queue and the event of one reader: nothing lost, nothing out of order, waits end, safe in
+signal handlers.
+"""
 
 import itertools
 import signal
@@ -60,7 +62,9 @@ def test_writers_wake_the_reader(timeout_s: float | None) -> None:
     sys.setswitchinterval(1e-6)
     try:
         writers = [
-            threading.Thread(target=lambda name=name: [queue.put((name, number)) for number in range(each)])
+            threading.Thread(
+                target=lambda name=name: [queue.put((name, number)) for number in range(each)]
+            )
             for name in range(4)
         ]
         for writer in writers:
@@ -80,11 +84,19 @@ def test_writers_wake_the_reader(timeout_s: float | None) -> None:
     st.lists(st.sampled_from([0.0, 1e-7, 1e-4, 20.0]), min_size=1, max_size=6),
 )
 @settings(max_examples=60)
-def test_nothing_is_lost_whatever_threads_put_and_however_long_is_waited(puts: list[int], waits: list[float]) -> None:
-    """Each thread puts its numbers; the reader waits by turns for these times, and is told of what it did not get."""
+def test_nothing_is_lost_whatever_threads_put_and_however_long_is_waited(
+    puts: list[int], waits: list[float]
+) -> None:
+    """Each thread puts its numbers; the reader waits by turns for these times, and is told of what
+    it did not get.
+    """
     queue, got = OneReaderQueue[tuple[int, int]](), list[tuple[int, int]]()
     writers = [
-        threading.Thread(target=lambda name=name, each=each: [queue.put((name, number)) for number in range(each)])
+        threading.Thread(
+            target=lambda name=name, each=each: [
+                queue.put((name, number)) for number in range(each)
+            ]
+        )
         for name, each in enumerate(puts)
     ]
     for writer in writers:
@@ -102,7 +114,9 @@ def test_nothing_is_lost_whatever_threads_put_and_however_long_is_waited(puts: l
 
 
 def test_a_signal_handler_puts_amid_put_and_get() -> None:
-    """The handler runs in the thread that puts, gets and waits; nothing stands still and nothing is lost."""
+    """The handler runs in the thread that puts, gets and waits; nothing stands still and nothing is
+    lost.
+    """
     queue, put = OneReaderQueue[str](), []
 
     def handler(*_: object) -> None:
@@ -130,7 +144,9 @@ def test_a_signal_handler_puts_amid_put_and_get() -> None:
 
 
 def lines_of_a_wait(event: OneReaderEvent, interrupted_at: int) -> int:
-    """Wait for an event that a signal's handler sets; the signal comes at this line of the wait. Return its lines."""
+    """Wait for an event that a signal's handler sets; the signal comes at this line of the wait.
+    Return its lines.
+    """
     count = 0
 
     def trace(frame: FrameType, what: str, _: object) -> object:

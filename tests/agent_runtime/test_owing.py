@@ -1,4 +1,6 @@
-"""Words an agent owes its peers: said at once, again after growing waits, and no more once receipted."""
+"""Words an agent owes its peers: said at once, again after growing waits, and no more once
+receipted.
+"""
 
 import pytest
 from driven import Driven, recording
@@ -10,7 +12,15 @@ from toy_agents import asker as doubler
 from toy_agents import wirings
 from toy_observers import Seen, Topic, WhatOf, asker, watcher, wiring
 
-from agent_runtime.core.events import Arrived, LinkChanged, Local, PeerChanged, Receipted, Started, Tick
+from agent_runtime.core.events import (
+    Arrived,
+    LinkChanged,
+    Local,
+    PeerChanged,
+    Receipted,
+    Started,
+    Tick,
+)
 from agent_runtime.core.streams import RESEND_FIRST, observation_id, parse_observation
 from fipa_codec.communicate import MOST_DIGITS, Communicate
 from fipa_codec.performatives import Performative as P
@@ -37,8 +47,12 @@ def subscribe(name: str = "knower-1-1") -> Arrived:
 
 
 def ids(one: Driven) -> list[str]:
-    """Return the ids of words said in the last step; for words other than observations the performative."""
-    return [sent.id if sent.performative is P.INFORM else str(sent.performative) for sent in one.sends()]
+    """Return the ids of words said in the last step; for words other than observations the
+    performative.
+    """
+    return [
+        sent.id if sent.performative is P.INFORM else str(sent.performative) for sent in one.sends()
+    ]
 
 
 def version(one: Driven, subject: str) -> tuple[int, int]:
@@ -56,7 +70,9 @@ def observer() -> Driven:
 
 
 def test_what_is_due_follows_the_agree_at_once() -> None:
-    """Observed before anybody subscribed: it is owed to the subscriber, and sent within the subscription."""
+    """Observed before anybody subscribed: it is owed to the subscriber, and sent within the
+    subscription.
+    """
     one = Driven(watcher(), wiring("watcher"))
     one.step(Local(Seen("jar", 1)))
     assert ids(one) == []
@@ -129,9 +145,16 @@ def test_a_receipt_starts_the_wait_for_the_rest_anew(observer: Driven) -> None:
 
 
 def test_only_the_last_receipt_of_observations_settles() -> None:
-    """It reaches the behaviour whatever it takes; a stream without anything out any more, or a copy, does not."""
-    said = lambda turn: isinstance(turn.event, Local) and turn.observe("knower", "jar", Seen("jar", 1))  # noqa: E731
-    takes = lambda memory, event: isinstance(event, Local)  # noqa: E731
+    """It reaches the behaviour whatever it takes; a stream without anything out any more, or a
+    copy, does not.
+    """
+
+    def said(turn):
+        return isinstance(turn.event, Local) and turn.observe("knower", "jar", Seen("jar", 1))
+
+    def takes(memory, event):
+        return isinstance(event, Local)
+
     one = Driven(recording(said=said, takes=takes, name="watcher", local=Seen), wiring("watcher"))
     one.step(Local(Seen("jar", 1)))
     one.step(Receipted("knower", taken=7))
@@ -145,7 +168,7 @@ def test_only_the_last_receipt_of_observations_settles() -> None:
     assert stream.state.outbox == {}
 
 
-# --- a peer that comes back -------------------------------------------------------------------------------------------
+# --- a peer that comes back -----------------------------------------------------------------------
 
 
 @pytest.fixture(params=["stream", "question"])
@@ -160,7 +183,9 @@ def waiting(request: pytest.FixtureRequest) -> tuple[Driven, str]:
     return one, "knower"
 
 
-def test_what_was_just_said_is_not_said_again_for_a_peer_that_appears(waiting: tuple[Driven, str]) -> None:
+def test_what_was_just_said_is_not_said_again_for_a_peer_that_appears(
+    waiting: tuple[Driven, str],
+) -> None:
     """It is on its way; the wait for it ends when it would have."""
     one, peer = waiting
     assert len(one.sends()) == 1
@@ -176,7 +201,9 @@ def test_what_was_just_said_is_not_said_again_for_a_peer_that_appears(waiting: t
     assert one.sends() == []
 
 
-def test_what_was_said_long_ago_is_said_at_once_and_the_wait_starts_anew(waiting: tuple[Driven, str]) -> None:
+def test_what_was_said_long_ago_is_said_at_once_and_the_wait_starts_anew(
+    waiting: tuple[Driven, str],
+) -> None:
     """Only to the peer that appeared."""
     one, peer = waiting
     for _ in range(4):
@@ -215,7 +242,7 @@ def test_waits_double_up_to_two_seconds(waiting: tuple[Driven, str]) -> None:
     assert sum(one.state.counts.values()) == 5
 
 
-# --- ids --------------------------------------------------------------------------------------------------------------
+# --- ids ------------------------------------------------------------------------------------------
 
 SUBJECTS = st.text(st.characters(codec="ascii", exclude_categories=["Cc", "Zs"]), min_size=1)
 VERSIONS = st.integers(0, 10**MOST_DIGITS - 1)
@@ -227,7 +254,9 @@ def test_an_id_tells_subject_and_version(subject: str, version: tuple[int, int])
     assert parse_observation(observation_id(subject, version)) == (subject, version)
 
 
-@pytest.mark.parametrize("id", ["", "7", "jar", "@1.1", "jar@", "jar@1", "jar@1.", "jar@.1", "jar@1.x", "jar@x.1"])
+@pytest.mark.parametrize(
+    "id", ["", "7", "jar", "@1.1", "jar@", "jar@1", "jar@1.", "jar@.1", "jar@1.x", "jar@x.1"]
+)
 def test_other_ids_are_none(id: str) -> None:
     """A part is missing, or no number; foreign digits are none either."""
     assert parse_observation(id) is None

@@ -1,4 +1,6 @@
-"""Death of a peer and links that were closed here are told apart, whatever order the news comes in."""
+"""Death of a peer and links that were closed here are told apart, whatever order the news comes
+in.
+"""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -53,7 +55,9 @@ def test_after_the_return_who_does_not_come_back_is_dead() -> None:
 
 
 def test_a_new_incarnation_outlives_the_old_token() -> None:
-    """The old token's end, before or after the new token's beginning, does not kill the new incarnation."""
+    """The old token's end, before or after the new token's beginning, does not kill the new
+    incarnation.
+    """
     peers = living("a")
     peers.token("a", 1, False, 10.0)
     assert peers.token("a", 2, True, 10.01) == [PeerChanged("a", 2)]
@@ -68,7 +72,9 @@ def test_strangers_are_nobody() -> None:
 
 
 def test_a_life_that_is_not_the_peers_own_does_not_make_it_gone_for_good() -> None:
-    """A thief's higher incarnation is believed while its token is there; then the peer's own counts again."""
+    """A thief's higher incarnation is believed while its token is there; then the peer's own counts
+    again.
+    """
     peers = living("a")
     assert peers.token("a", 999, True, 10.0) == [PeerChanged("a", 999)]
     assert peers.token("a", 999, False, 20.0) == []
@@ -76,7 +82,9 @@ def test_a_life_that_is_not_the_peers_own_does_not_make_it_gone_for_good() -> No
 
 
 def test_a_peer_whose_last_tokens_vanish_while_its_news_waits_is_dead() -> None:
-    """The higher life is believed, and vanishes with the other one within the pause between two news."""
+    """The higher life is believed, and vanishes with the other one within the pause between two
+    news.
+    """
     peers = living("a")
     peers.token("a", 2, True, 10.0)
     peers.token("a", 2, False, 10.01)
@@ -109,7 +117,9 @@ def test_another_journal_counts_when_the_believed_one_is_gone() -> None:
 
 
 def test_after_the_links_were_closed_the_believed_journal_is_awaited() -> None:
-    """Tokens may come before the links are told to be open: another name counts only when this one stays away."""
+    """Tokens may come before the links are told to be open: another name counts only when this one
+    stays away.
+    """
     for early in (True, False):
         for back in (True, False):
             peers = living_of("mine")
@@ -132,9 +142,15 @@ def living_of(journal: str) -> Peers:
     return peers
 
 
-@given(st.lists(st.tuples(st.sampled_from(["thief", "links", "wait"]), st.integers(0, 5)), max_size=30))
-def test_no_other_journal_is_believed_while_the_believed_ones_token_comes_back(done: list[tuple[str, int]]) -> None:
-    """This holds for any tokens with other names that come and go, also where the links are opened again."""
+@given(
+    st.lists(st.tuples(st.sampled_from(["thief", "links", "wait"]), st.integers(0, 5)), max_size=30)
+)
+def test_no_other_journal_is_believed_while_the_believed_ones_token_comes_back(
+    done: list[tuple[str, int]],
+) -> None:
+    """This holds for any tokens with other names that come and go, also where the links are opened
+    again.
+    """
     peers, now, there, news = living_of("mine"), 10.0, set[tuple[str, int]](), []
     for what, number in done:
         now += 0.1 * number
@@ -165,7 +181,9 @@ TOKENS_SEEN = st.lists(st.tuples(st.booleans(), st.integers(1, 5)), max_size=30)
 def test_whatever_was_declared_a_token_that_is_there_is_a_peer_that_lives(
     declared: list[tuple[bool, int]], links: list[bool]
 ) -> None:
-    """After any tokens of others, and links opened again, whoever is there in the end lives, as the highest."""
+    """After any tokens of others, and links opened again, whoever is there in the end lives, as the
+    highest.
+    """
     peers, now, there = living("a"), 10.0, {1}
     for alive, incarnation in declared:
         now += 0.01

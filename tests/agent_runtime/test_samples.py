@@ -51,7 +51,9 @@ def test_every_class_of_the_companion_has_a_sample_that_travels(name):
 
 
 def test_fields_of_each_kind_are_filled_and_defaults_are_kept():
-    """Bounds of numbers hold, the first word and the first colour are taken, None where it may be."""
+    """Bounds of numbers hold, the first word and the first colour are taken, None where it may
+    be.
+    """
     made = sample(Outer)
     assert made == Outer(Inner(2.0), Colour.RED, "a", (0, "x"), (), None)
     assert made.kept == 7

@@ -1,4 +1,6 @@
-"""The shell carries a step's effects out in the promised order, and logs the step, whatever the step was."""
+"""The shell carries a step's effects out in the promised order, and logs the step, whatever the
+step was.
+"""
 
 import time
 from pathlib import Path
@@ -63,7 +65,11 @@ class Order:
 
 def options(run: Path, wires: Wiring) -> Options:
     """Nobody listens at these endpoints."""
-    return Options(run_dir=run, system="toy", agents=dict.fromkeys((wires.agent, *wires.peers), "tcp/127.0.0.1:1"))
+    return Options(
+        run_dir=run,
+        system="toy",
+        agents=dict.fromkeys((wires.agent, *wires.peers), "tcp/127.0.0.1:1"),
+    )
 
 
 class Stepped:
@@ -118,7 +124,9 @@ def test_receipts_come_between_record_and_communicates(tmp_path: Path) -> None:
     one.happen(PeerChanged("watcher", 1))
     (name,) = one.shell._state.soft.conversations
     language = wiring("knower").languages.named("OBS")
-    talk = Conversation.answering(said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher"), "watcher")
+    talk = Conversation.answering(
+        said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher"), "watcher"
+    )
     seen = Communicate(
         performative=P.INFORM,
         content=language.encode(Seen("jar", 1)),
@@ -141,14 +149,18 @@ def test_receipts_come_between_record_and_communicates(tmp_path: Path) -> None:
     )
     one.happen(Arrived(agreed))
     assert one.happen(Arrived(seen)) == ["record", "receipt"]
-    assert one.happen(Arrived(seen)) == ["receipt"], "what is in the journal already is receipted again, not written"
+    assert one.happen(Arrived(seen)) == ["receipt"], (
+        "what is in the journal already is receipted again, not written"
+    )
     one.shell._close()
 
 
 def test_a_question_is_answered_without_a_record(tmp_path: Path) -> None:
     """Nothing durable happened, so nothing is synced."""
     one = Stepped(knower(), tmp_path)
-    assert one.happen(Arrived(said("query", P.QUERY_REF, WhatOf("jar"), "asker", "knower"))) == ["inform-ref"]
+    assert one.happen(Arrived(said("query", P.QUERY_REF, WhatOf("jar"), "asker", "knower"))) == [
+        "inform-ref"
+    ]
     one.shell._close()
 
 
@@ -169,8 +181,12 @@ def written(run: Path) -> int:
     return len(list(steplog.read(run / "steps" / "watcher.steps")))
 
 
-def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(watching: Stepped, tmp_path: Path) -> None:
-    """Nobody who asks waits for the disk; of many steps without a pause only the last few are not written yet."""
+def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(
+    watching: Stepped, tmp_path: Path
+) -> None:
+    """Nobody who asks waits for the disk; of many steps without a pause only the last few are not
+    written yet.
+    """
     before = written(tmp_path)
     watching.shell._serving = True
     watching.shell._beat_at = time.time() + 100.0
@@ -226,7 +242,9 @@ def test_much_that_was_heard_is_let_go_at_once(
     watching.shell._recorder.write()
     assert written(tmp_path) == before + 2
     for number in range(3, 3 * step_recorder.MOST_UNWRITTEN):
-        watching.happen(Arrived(msgspec.structs.replace(subscribed, conversation=f"knower-1-{number}")))
+        watching.happen(
+            Arrived(msgspec.structs.replace(subscribed, conversation=f"knower-1-{number}"))
+        )
         assert before + number - written(tmp_path) < step_recorder.MOST_UNWRITTEN
 
 
@@ -237,7 +255,11 @@ def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> No
     one.happen(Started(first=True))
     one.happen(Local(Seen("jar", 1)))
     one.shell._close()
-    assert [step.kind for step in steplog.read(tmp_path / "steps" / "watcher.steps")] == ["boot", "Started", "Local"]
+    assert [step.kind for step in steplog.read(tmp_path / "steps" / "watcher.steps")] == [
+        "boot",
+        "Started",
+        "Local",
+    ]
 
 
 def test_what_a_step_says_leaves_before_the_step_is_compared_and_written(watching: Stepped) -> None:
@@ -260,7 +282,9 @@ def test_what_a_step_says_leaves_before_the_step_is_compared_and_written(watchin
 def test_much_that_may_wait_goes_behind_the_rest(
     monkeypatch: pytest.MonkeyPatch, delivery: Delivery, size: int, priority: object
 ) -> None:
-    """A large answer delays nobody; a stream keeps one priority, so that nothing in it overtakes."""
+    """A large answer delays nobody; a stream keeps one priority, so that nothing in it
+    overtakes.
+    """
     session = MagicMock()
     session.is_closed.return_value = False
     session.declare_keyexpr.side_effect = lambda key: key

@@ -1,4 +1,6 @@
-"""Observations and questions: the newest value arrives, the barrier holds, questions end, whatever is lost."""
+"""Observations and questions: the newest value arrives, the barrier holds, questions end, whatever
+is lost.
+"""
 
 import pytest
 from hypothesis import example, given, settings
@@ -51,14 +53,18 @@ def test_the_barrier_holds_while_the_subscriber_is_away() -> None:
     delay=st.sampled_from([0.0, 0.4]),
     crash=st.sampled_from([0.0, 0.05]),
 )
-@example(seed=56653, loss=0.3, delay=0.4, crash=0.05)  # a late copy of an older subscribe came after the newer one
+# a late copy of an older subscribe came after the newer one
+@example(seed=56653, loss=0.3, delay=0.4, crash=0.05)
 @settings(max_examples=100, deadline=None)
 def test_latest_value_under_faults(seed: int, loss: float, delay: float, crash: float) -> None:
-    """The knower holds the newest value once the watcher finished; its store never went back to an older one."""
+    """The knower holds the newest value once the watcher finished; its store never went back to an
+    older one.
+    """
     faults = Faults(loss=loss, duplication=0.2, delay=delay, crash=0.0)
     wires = observers(seed=seed, faults=faults)
     for value in range(1, 6):
-        # What the receptor says may be lost with the process, so it is said without crashes; they strike afterwards.
+        # What the receptor says may be lost with the process, so it is said without crashes; they
+        # strike afterwards.
         wires.post("watcher", Seen("jar", value), delay_s=0.05 * value)
         wires.post("watcher", Seen("bowl", 10 * value), delay_s=0.05 * value)
     wires.run_for(0.5)
@@ -93,10 +99,16 @@ def test_a_subscriber_that_lost_its_journal_is_served_again() -> None:
     wires.run(lambda: store(wires) == {"jar": 1}, limit_s=5.0)
 
 
-@given(seed=st.integers(0, 2**32), loss=st.sampled_from([0.0, 0.3, 0.6]), crash=st.sampled_from([0.0, 0.05]))
+@given(
+    seed=st.integers(0, 2**32),
+    loss=st.sampled_from([0.0, 0.3, 0.6]),
+    crash=st.sampled_from([0.0, 0.05]),
+)
 @settings(max_examples=50, deadline=None)
 def test_who_knows_the_last_one_knows_the_others(seed: int, loss: float, crash: float) -> None:
-    """Of a group of observations the one that is to be the last arrives last, whatever is lost and whoever dies."""
+    """Of a group of observations the one that is to be the last arrives last, whatever is lost and
+    whoever dies.
+    """
     wires = observers(seed=seed, faults=Faults(loss=loss, duplication=0.2, delay=0.3))
     wires.run_for(1.0)
     for subject in ("jar", "bowl", "table", "all-told"):
@@ -108,7 +120,9 @@ def test_who_knows_the_last_one_knows_the_others(seed: int, loss: float, crash: 
 
 
 def test_a_late_copy_of_an_older_subscription_is_dropped() -> None:
-    """Observations go on in the newest subscription, whatever comes late from one that was given up."""
+    """Observations go on in the newest subscription, whatever comes late from one that was given
+    up.
+    """
     wires = observers()
     wires.run_for(1.0)
     (old,) = [one for one in wires.traffic if one.performative is Performative.SUBSCRIBE]
@@ -141,7 +155,9 @@ def test_questions_write_no_record() -> None:
     wires = observers()
     wires.run_for(1.0)
     records: list[str] = []
-    wires.on_step = lambda agent, effects: records.append(agent) if effects.record is not None else None
+    wires.on_step = lambda agent, effects: (
+        records.append(agent) if effects.record is not None else None
+    )
     for _ in range(20):
         wires.post("asker", WhatOf("jar"))
     wires.run(lambda: len(wires.memory("asker").answers) == 20)
@@ -162,7 +178,9 @@ def test_an_unanswered_question_is_late_once() -> None:
 
 
 def test_a_server_killed_in_the_middle_is_asked_again() -> None:
-    """The knower dies with the question; the answer comes from its next life, from what it stored."""
+    """The knower dies with the question; the answer comes from its next life, from what it
+    stored.
+    """
     wires = observers()
     wires.post("watcher", Seen("jar", 4))
     wires.run(lambda: store(wires) == {"jar": 4})

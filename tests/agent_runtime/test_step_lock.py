@@ -1,4 +1,6 @@
-"""Only the holder of the floor steps: one at a time, in order, on the thread that heard if nothing waits before it."""
+"""Only the holder of the floor steps: one at a time, in order, on the thread that heard if nothing
+waits before it.
+"""
 
 import math
 import threading
@@ -15,7 +17,9 @@ HEARD = Class.STREAM
 
 
 class Steps:
-    """A floor whose steps write down what was taken on which thread; `then(item)` runs within each."""
+    """A floor whose steps write down what was taken on which thread; `then(item)` runs within
+    each.
+    """
 
     def __init__(self) -> None:
         self.inbox = Inbox()
@@ -79,14 +83,18 @@ def test_before_it_is_open_and_after_it_is_closed_all_waits_for_the_loop() -> No
 
 def test_what_is_heard_during_a_step_waits_its_turn(steps: Steps) -> None:
     """The thread that hears never waits for the step of another."""
-    steps.then = lambda item: elsewhere(lambda: steps.floor.put(HEARD, "second")) if item == "first" else None
+    steps.then = lambda item: (
+        elsewhere(lambda: steps.floor.put(HEARD, "second")) if item == "first" else None
+    )
     steps.floor.put(HEARD, "first")
     assert steps.done == ["first"]
     assert steps.rest() == ["second"]
 
 
 def test_nothing_overtakes_what_waits_or_what_the_loop_has_in_hand(steps: Steps) -> None:
-    """Between the loop's taking an entry out and its step, the floor is free and the inbox empty: still its turn."""
+    """Between the loop's taking an entry out and its step, the floor is free and the inbox empty:
+    still its turn.
+    """
     steps.inbox.put(HEARD, 1)
     steps.floor.put(HEARD, 2)
     assert steps.done == [], "1 waits"
@@ -111,8 +119,12 @@ def test_a_signal_in_hand_holds_nobody_up(steps: Steps) -> None:
         assert steps.inbox.idle
 
 
-def test_what_the_own_side_posts_in_a_step_follows_it_at_once_but_not_for_ever(steps: Steps) -> None:
-    """Its words are taken on the same thread; what they lead to waits, so that others have their turn."""
+def test_what_the_own_side_posts_in_a_step_follows_it_at_once_but_not_for_ever(
+    steps: Steps,
+) -> None:
+    """Its words are taken on the same thread; what they lead to waits, so that others have their
+    turn.
+    """
     steps.then = lambda item: steps.floor.post(item + 1)
     hearing = elsewhere(lambda: steps.floor.put(HEARD, 1))
     assert (steps.done, steps.threads) == ([1, 2], [hearing, hearing])
@@ -144,7 +156,9 @@ def test_a_step_that_fails_where_it_was_heard_ends_on_the_loop_thread(steps: Ste
 
 
 def test_the_loop_is_woken_where_a_step_wants_something_sooner(steps: Steps) -> None:
-    """Once: an entry without content, so that the loop looks at the time; later wishes need no wake."""
+    """Once: an entry without content, so that the loop looks at the time; later wishes need no
+    wake.
+    """
     steps.at = 20.0
     with steps.floor.held():
         pass
@@ -164,7 +178,9 @@ def test_the_loop_is_woken_where_a_step_wants_something_sooner(steps: Steps) -> 
 
 
 def test_the_loop_has_the_floor_next_when_it_wants_it(steps: Steps) -> None:
-    """However fast others hear: else its times would pass, heartbeats and questions to be asked again."""
+    """However fast others hear: else its times would pass, heartbeats and questions to be asked
+    again.
+    """
 
     def look() -> None:
         with steps.floor.held():
@@ -183,12 +199,16 @@ def test_the_loop_has_the_floor_next_when_it_wants_it(steps: Steps) -> None:
     for number in range(1, 1000):
         steps.floor.put(Class.OWN, number)
     loop.join(timeout=10.0)
-    assert steps.done == [1, "the loop"], "the rest waits behind 2, which was heard while the loop wanted the floor"
+    assert steps.done == [1, "the loop"], (
+        "the rest waits behind 2, which was heard while the loop wanted the floor"
+    )
     assert steps.rest() == list(range(2, 1000))
 
 
 def test_many_threads_that_hear_keep_their_order_and_lose_nothing(steps: Steps) -> None:
-    """A loop and four that hear: one step at a time, each one's words in their order, all of them taken."""
+    """A loop and four that hear: one step at a time, each one's words in their order, all of them
+    taken.
+    """
     count, writers = 200, 4
     inside, most = threading.Semaphore(1), []
     over = threading.Event()
@@ -211,7 +231,10 @@ def test_many_threads_that_hear_keep_their_order_and_lose_nothing(steps: Steps) 
                     steps.floor.step(item)
 
     steps.then = then
-    threads = [threading.Thread(target=loop), *(threading.Thread(target=hear, args=(n,)) for n in range(writers))]
+    threads = [
+        threading.Thread(target=loop),
+        *(threading.Thread(target=hear, args=(n,)) for n in range(writers)),
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:

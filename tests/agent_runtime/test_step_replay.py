@@ -1,4 +1,6 @@
-"""An agent run again from its log: the same bytes, or the first step that puts out something else."""
+"""An agent run again from its log: the same bytes, or the first step that puts out something
+else.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,10 @@ from fipa_codec.communicate import encode
 from fipa_codec.performatives import Performative as P
 
 _, TO_ASKER = wirings()
-LIVES = ((Started(), PeerChanged("asker", 1), request(1), Local(Want(1))), (Started(first=False), Local(Want(2))))
+LIVES = (
+    (Started(), PeerChanged("asker", 1), request(1), Local(Want(1))),
+    (Started(first=False), Local(Want(2))),
+)
 """Inputs of two lives of an agent, the second one from the first one's last record."""
 
 
@@ -29,7 +34,9 @@ def answering(turn: Turn) -> None:
         turn.say(turn.event.conversation, P.REFUSE)
 
 
-def logged(path: Path, agent: Agent[Any], lives: tuple[tuple[AnyEvent, ...], ...] = LIVES) -> list[bytes]:
+def logged(
+    path: Path, agent: Agent[Any], lives: tuple[tuple[AnyEvent, ...], ...] = LIVES
+) -> list[bytes]:
     """Write the log of an agent that lived so; what it said, as on the wire."""
     core, log, record, said = Core(agent, TO_ASKER), StepLog(path), b"", []
     for number, events in enumerate(lives, 1):
@@ -51,7 +58,11 @@ def rerun(agent: Agent[Any], path: Path) -> Again:
 
 def rewritten(path: Path, *left_out: int) -> None:
     """Leave lines of a log out."""
-    lines = [msgspec.msgpack.encode(one) for number, one in enumerate(read(path)) if number not in left_out]
+    lines = [
+        msgspec.msgpack.encode(one)
+        for number, one in enumerate(read(path))
+        if number not in left_out
+    ]
     path.write_bytes(b"".join(HEAD.pack(len(line)) + line for line in lines))
 
 
@@ -61,7 +72,11 @@ def test_all_lives_put_out_the_same(tmp_path: Path) -> None:
     found = rerun(recording(said=answering), tmp_path / "a.steps")
     assert (found.lives, found.steps, found.parted) == (2, 6, None)
     assert [one.digest for one in found.said] == [digest(wire) for wire in said]
-    assert (found.said[0].incarnation, found.said[0].step, found.said[0].receiver) == (1, 3, "asker")
+    assert (found.said[0].incarnation, found.said[0].step, found.said[0].receiver) == (
+        1,
+        3,
+        "asker",
+    )
 
 
 def test_the_first_step_that_differs_is_named(tmp_path: Path) -> None:
@@ -130,7 +145,9 @@ def test_a_tail_that_a_kill_took_is_no_difference(tmp_path: Path) -> None:
     assert (found.lives, found.steps, found.parted) == (2, 5, None)
 
 
-def test_a_service_runs_again_instead_of_serving(tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]) -> None:
+def test_a_service_runs_again_instead_of_serving(
+    tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]
+) -> None:
     """No router, no journal, no device: only what it prints."""
     logged(tmp_path / "a.steps", recording())
     run = tmp_path / "run"

@@ -1,4 +1,6 @@
-"""The step log where much is said: hashes tell apart whatever differs, and what came is read as it came."""
+"""The step log where much is said: hashes tell apart whatever differs, and what came is read as it
+came.
+"""
 
 import tempfile
 from pathlib import Path
@@ -19,7 +21,11 @@ from fipa_codec.performatives import Performative
 def saying(*contents: str, record: bytes | None = None) -> Effects:
     """A step that says one text after the other."""
     acts = [
-        Communicate(performative=Performative.INFORM, content=msgspec.Raw(msgspec.msgpack.encode(text)), id=str(number))
+        Communicate(
+            performative=Performative.INFORM,
+            content=msgspec.Raw(msgspec.msgpack.encode(text)),
+            id=str(number),
+        )
         for number, text in enumerate(contents)
     ]
     return Effects(record, sends=tuple(acts))
@@ -29,7 +35,9 @@ SIZES = st.sampled_from([10, MUCH_BYTES - 10, MUCH_BYTES, 3 * MUCH_BYTES])
 
 
 @given(SIZES, st.data())
-def test_one_character_elsewhere_in_what_was_said_gives_another_hash(size: int, data: st.DataObject) -> None:
+def test_one_character_elsewhere_in_what_was_said_gives_another_hash(
+    size: int, data: st.DataObject
+) -> None:
     """At any place of a text of any size; the same text gives the same."""
     text, at = "x" * size, data.draw(st.integers(0, size - 1))
     other = f"{text[:at]}y{text[at + 1 :]}"
@@ -42,14 +50,20 @@ def test_what_was_said_to_whom_and_in_which_order_counts(one: int, other: int) -
     """Also where the contents are so much that only their checksums go in."""
     both = saying("x" * one, "y" * other)
     turned = msgspec.structs.replace(both, sends=both.sends[::-1])
-    elsewhere = msgspec.structs.replace(both, sends=tuple(msgspec.structs.replace(s, receiver="b") for s in both.sends))
+    elsewhere = msgspec.structs.replace(
+        both, sends=tuple(msgspec.structs.replace(s, receiver="b") for s in both.sends)
+    )
     found = {fingerprint(effects) for effects in (both, turned, elsewhere, saying("x" * one))}
     assert len(found) == 4
-    assert len({fingerprint(saying("x" * one, record=record)) for record in (None, b"1", b"2")}) == 3
+    assert (
+        len({fingerprint(saying("x" * one, record=record)) for record in (None, b"1", b"2")}) == 3
+    )
 
 
 @given(st.lists(SIZES, min_size=1, max_size=3), st.floats(0.0, 1.0))
-def test_what_came_is_read_as_it_came_up_to_where_the_log_is_torn(sizes: list[int], share: float) -> None:
+def test_what_came_is_read_as_it_came_up_to_where_the_log_is_torn(
+    sizes: list[int], share: float
+) -> None:
     """Its content stands in the line or behind it; a line whose content is not whole is none."""
     came = [Arrived(saying("x" * size).sends[0]) for size in sizes]
     with tempfile.TemporaryDirectory() as folder:
@@ -80,6 +94,8 @@ def test_whatever_waits_the_file_ends_with_a_whole_line(sizes: list[int]) -> Non
             there, lines = path.stat().st_size, list(read(path))
             assert log.waiting <= 200
             assert [step.step for step in lines] == list(range(len(lines)))
-            assert sum(4 + len(msgspec.msgpack.encode(step)) for step in lines) == there, "nothing after the last one"
+            assert sum(4 + len(msgspec.msgpack.encode(step)) for step in lines) == there, (
+                "nothing after the last one"
+            )
         log.close()
         assert len(list(read(path))) == len(sizes)

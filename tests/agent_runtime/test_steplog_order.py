@@ -16,7 +16,10 @@ from topdown.prove.paths import Follower
 
 ROOT = Path(__file__).parents[2]
 DESIGN = load(next((ROOT / "examples" / "depot").rglob("design.toml")))
-LOGS = {path.stem: list(read(path)) for path in (ROOT / "tests/histories/verified_depot/steps").glob("*.steps")}
+LOGS = {
+    path.stem: list(read(path))
+    for path in (ROOT / "tests/histories/verified_depot/steps").glob("*.steps")
+}
 """A recorded run of five agents in an order that is a path of the model."""
 
 seconds = st.floats(-3600, 3600).map(lambda value: round(value, 3))
@@ -50,9 +53,15 @@ def ordered(folder: Path, by: dict[str, float]) -> list[tuple[str, object]]:
 @settings(max_examples=10, deadline=None)
 @example(by=[60.0, -60.0, 5.0, 0.0, -0.02])
 @given(by=st.lists(seconds, min_size=len(LOGS), max_size=len(LOGS)))
-def test_clocks_that_are_wrong_change_no_cause(tmp_path_factory: pytest.TempPathFactory, by: list[float]) -> None:
-    """The run stays a path of the model: nothing is taken before it is said; each agent's steps keep their order."""
+def test_clocks_that_are_wrong_change_no_cause(
+    tmp_path_factory: pytest.TempPathFactory, by: list[float]
+) -> None:
+    """The run stays a path of the model: nothing is taken before it is said; each agent's steps
+    keep their order.
+    """
     done = ordered(tmp_path_factory.mktemp("steps"), dict(zip(sorted(LOGS), by, strict=True)))
     for agent, steps in LOGS.items():
-        assert [deed for who, deed in done if who == agent] == [step.deed for step in steps if step.deed is not None]
+        assert [deed for who, deed in done if who == agent] == [
+            step.deed for step in steps if step.deed is not None
+        ]
     assert Follower(DESIGN).follow(done) is None

@@ -1,7 +1,9 @@
-"""The running `Core.step` itself, of two toy agents, in everything a wire and deaths can do to a few messages.
+"""The running `Core.step` itself, of two toy agents, in everything a wire and deaths can do to a
+few messages.
 
-States are whole agents with their journals and what is on its way. What grows and decides nothing is made canonical:
-times (a step happens at 0, a tick 1 s later, and clocks are set back), step counters, counts, incarnations.
+States are whole agents with their journals and what is on its way. What grows and decides nothing
+is made canonical: times (a step happens at 0, a tick 1 s later, and clocks are set back), step
+counters, counts, incarnations.
 """
 
 from typing import Any, NamedTuple
@@ -30,12 +32,14 @@ JOURNALS = ("a", "s")
 STOLEN = 9
 """The number that a thief wants doubled."""
 LATER = 1.0
-"""A tick is this much after its step [s]: all that is to be sent again is due, reply-by (5 s) is not."""
+"""A tick is this much after its step [s]: all that is to be sent again is due, reply-by (5 s) is
+not.
+"""
 
 
 class Side(NamedTuple):
-    """An agent: numbers of its state and its journal; it has more to take; it wants a tick; something was out of
-    sequence.
+    """An agent: numbers of its state and its journal; it has more to take; it wants a tick;
+    something was out of sequence.
     """
 
     state: int
@@ -46,7 +50,8 @@ class Side(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Both agents, and what is on its way: (to whom, number of the event), sorted; a set, since copies are alike.
+    """Both agents, and what is on its way: (to whom, number of the event), sorted; a set, since
+    copies are alike.
 
     `thefts`: words that a thief may still say in the asker's name.
     """
@@ -57,30 +62,40 @@ class Place(NamedTuple):
 
 
 Stepped = tuple[int, int, Effects, list[tuple[int, int]]]
-"""Numbers of the state after a step and of its record (0: none), the effects, and what they put on the way."""
+"""Numbers of the state after a step and of its record (0: none), the effects, and what they put on
+the way.
+"""
 
 
 class Running:
-    """The model: each distinct state, journal and event has a number, and each step is computed once.
+    """The model: each distinct state, journal and event has a number, and each step is computed
+    once.
 
-    `room`: messages and receipts on their way to one agent at a time. `thefts`: how many words a thief says in the name
-    of `thief`, each under whatever number of the first ones.
+    `room`: messages and receipts on their way to one agent at a time. `thefts`: how many words a
+    thief says in the name of `thief`, each under whatever number of the first ones.
     """
 
-    def __init__(self, wanted: tuple[int, ...] = WANTED, room: int = 2, thefts: int = 0, thief: int = ASKER) -> None:
+    def __init__(
+        self, wanted: tuple[int, ...] = WANTED, room: int = 2, thefts: int = 0, thief: int = ASKER
+    ) -> None:
         self.wanted, self.room = wanted, room
         self.thief = thefts > 0
         self.cores: tuple[Core[Any], Core[Any]] = tuple(
-            Core(agent, wiring) for agent, wiring in zip((asker(*wanted), server()), wirings(), strict=True)
+            Core(agent, wiring)
+            for agent, wiring in zip((asker(*wanted), server()), wirings(), strict=True)
         )
         self.things: list[Any] = [None]
         self.numbers: dict[Any, int] = {None: 0}
         self.taken: dict[tuple[int, int], int] = {}
         self.steps: dict[Any, Stepped] = {}
         first = [self._first(who) for who in (ASKER, SERVER)]
-        place = Place((Side(0, first[0], False, False), Side(0, first[1], False, False)), thefts=thefts)
+        place = Place(
+            (Side(0, first[0], False, False), Side(0, first[1], False, False)), thefts=thefts
+        )
         words = [stolen(thief, number) for number in range(1, 2 + thefts)]
-        self.stolen = [(1 - thief, self._number(("stolen", one.communicate.id), one)) for one in words]
+        self.stolen = [
+            (1 - thief, self._number(("stolen", one.communicate.id), one)) for one in words
+        ]
         for who in (ASKER, SERVER):
             place = self._restored(place, who)
         self.start = place
@@ -92,7 +107,7 @@ class Running:
         record.journals = {NAMES[1 - who]: JOURNALS[1 - who]}
         return self._number(("first", who), core.record(record))
 
-    # --- steps --------------------------------------------------------------------------------------------------------
+    # --- steps ------------------------------------------------------------------------------------
 
     def _number(self, key: Any, thing: Any) -> int:
         if key not in self.numbers:
@@ -102,25 +117,39 @@ class Running:
 
     def _step(self, who: int, state: int, event: AnyEvent) -> "Stepped":
         """The step, computed once."""
-        key = (who, state, id(event) if isinstance(event, Arrived) else event)  # those of `things` live on
+        # those of `things` live on
+        key = (who, state, id(event) if isinstance(event, Arrived) else event)
         if key not in self.steps:
             now = LATER if isinstance(event, Tick) else 0.0
             try:
                 after, effects = self.cores[who].step(self.things[state], event, now)
             except BehaviourError as error:
-                after, effects = self.things[state], Effects(logs=(LogLine(str(error), {}, "error"),))
+                after, effects = (
+                    self.things[state],
+                    Effects(logs=(LogLine(str(error), {}, "error"),)),
+                )
             after = canonical(after)
             record = self.cores[who].record(after)
             soft = msgspec.msgpack.encode(
                 [after.soft.inbox, after.soft.resend, after.soft.conversations, after.soft.over]
             )
             number = self._number((who, record, soft), after)
-            outputs = [self._on_way(1 - who, output, after) for output in (*effects.receipts, *effects.sends)]
-            self.steps[key] = number, self._number(record, record) if effects.record else 0, effects, outputs
+            outputs = [
+                self._on_way(1 - who, output, after)
+                for output in (*effects.receipts, *effects.sends)
+            ]
+            self.steps[key] = (
+                number,
+                self._number(record, record) if effects.record else 0,
+                effects,
+                outputs,
+            )
         return self.steps[key]
 
     def _after(self, place: Place, who: int, event: AnyEvent, *, said: int | None = None) -> Place:
-        """The place after a step whose record is on disk, and of whose outputs only the first `said` went out."""
+        """The place after a step whose record is on disk, and of whose outputs only the first
+        `said` went out.
+        """
         old = place.sides[who]
         state, record, effects, outputs = self._step(who, old.state, event)
         stray = out_of_order(self.things[old.state], effects, thief=self.thief)
@@ -131,7 +160,9 @@ class Running:
     def _on_way(self, to: int, output: Any, state: CoreState) -> tuple[int, int]:
         names = JOURNALS[1 - to], JOURNALS[to]
         if isinstance(output, Receipt):
-            return to, self._number(("receipt", to, output), receipted(NAMES[1 - to], output, *names))
+            return to, self._number(
+                ("receipt", to, output), receipted(NAMES[1 - to], output, *names)
+            )
         behind = preceding(state, output)
         return to, self._number((encode(output), behind), Arrived(output, *names, *behind))
 
@@ -144,10 +175,12 @@ class Running:
         first = place.sides[who].journal == self.numbers["first", who]
         return self._after(place._replace(sides=sides), who, Started(first=first))
 
-    # --- the model ----------------------------------------------------------------------------------------------------
+    # --- the model --------------------------------------------------------------------------------
 
     def moves(self, place: Place) -> Any:
-        """Return all next events: arrivals, time, and deaths; an agent that has more to take does that first."""
+        """Return all next events: arrivals, time, and deaths; an agent that has more to take does
+        that first.
+        """
         for who, side in enumerate(place.sides):
             if side.more:
                 yield from self._happens(place, who, Next(), "takes the next one")
@@ -173,7 +206,12 @@ class Running:
         if effects.record is not None:
             for said in range(len(effects.receipts) + len(effects.sends)):
                 dead = self._restored(self._after(place, who, event, said=said), who)
-                yield Move(NAMES[who], f"{what}, dies after {said} outputs and is restored", dead, fault=True)
+                yield Move(
+                    NAMES[who],
+                    f"{what}, dies after {said} outputs and is restored",
+                    dead,
+                    fault=True,
+                )
 
     def at_rest(self, place: Place) -> bool:
         """All answered, nothing kept to be sent again, nothing on its way."""
@@ -184,18 +222,27 @@ class Running:
         return quiet and len(states[ASKER].memory.answers) == len(self.wanted)
 
     def wrong(self, place: Place) -> str:
-        """Effects once and in order; receipts for what is journalled only; nothing out of sequence."""
+        """Effects once and in order; receipts for what is journalled only; nothing out of
+        sequence.
+        """
         memories = [self.things[side.state].memory for side in place.sides]
         done = tuple(one for one in memories[SERVER].done if one != STOLEN)
         if done != self.wanted[: len(done)]:
             return f"the server worked on {memories[SERVER].done}"
-        if memories[ASKER].answers != tuple((n, 2 * n) for n in self.wanted)[: len(memories[ASKER].answers)]:
+        if (
+            memories[ASKER].answers
+            != tuple((n, 2 * n) for n in self.wanted)[: len(memories[ASKER].answers)]
+        ):
             return f"the asker was answered {memories[ASKER].answers}"
         for to, number in place.way:
             event = self.things[number]
             if isinstance(event, Receipted) and event.taken > self._journalled(place, 1 - to):
                 return f"{NAMES[1 - to]} receipted {event.taken}, and has not journalled it"
-        strays = [f"{name}: {side.stray}" for name, side in zip(NAMES, place.sides, strict=True) if side.stray]
+        strays = [
+            f"{name}: {side.stray}"
+            for name, side in zip(NAMES, place.sides, strict=True)
+            if side.stray
+        ]
         return ", ".join(strays)
 
     def _journalled(self, place: Place, who: int) -> int:
@@ -208,10 +255,14 @@ class Running:
     def describe(self, place: Place) -> dict[str, str]:
         """State and memory of both."""
         states = [self.things[side.state] for side in place.sides]
-        return {name: f"{state.state} {state.memory}" for name, state in zip(NAMES, states, strict=True)}
+        return {
+            name: f"{state.state} {state.memory}" for name, state in zip(NAMES, states, strict=True)
+        }
 
 
-def crowded(way: tuple[tuple[int, int], ...], outputs: list[tuple[int, int]], room: int) -> tuple[tuple[int, int], ...]:
+def crowded(
+    way: tuple[tuple[int, int], ...], outputs: list[tuple[int, int]], room: int
+) -> tuple[tuple[int, int], ...]:
     """Return the words on their way with these outputs: those beyond the room are lost."""
     found = set(way)
     for output in outputs:
@@ -232,7 +283,11 @@ def canonical(state: CoreState) -> CoreState:
 
 def stolen(who: int, number: int) -> Arrived:
     """A thief's word in an agent's name, under this number."""
-    said = (Performative.REQUEST, Double(STOLEN)) if who == ASKER else (Performative.INFORM, Doubled(STOLEN))
+    said = (
+        (Performative.REQUEST, Double(STOLEN))
+        if who == ASKER
+        else (Performative.INFORM, Doubled(STOLEN))
+    )
     word = Communicate(
         performative=said[0],
         sender=NAMES[who],
@@ -248,8 +303,8 @@ def stolen(who: int, number: int) -> Arrived:
 
 
 def out_of_order(before: CoreState, effects: Effects, *, thief: bool) -> str:
-    """Return in words the part of a step that breaks the order of a stream; beside a thief's words numbers may be left
-    out.
+    """Return in words the part of a step that breaks the order of a stream; beside a thief's words
+    numbers may be left out.
     """
     handled = effects.handled
     if isinstance(handled, Received) and not thief:
@@ -262,41 +317,66 @@ def out_of_order(before: CoreState, effects: Effects, *, thief: bool) -> str:
 
 def of_a_thief(line: LogLine) -> bool:
     """Whether a line tells of a thief, or of what only the thief said."""
-    return line.event == "another speaker" or str(line.fields.get("conversation")).startswith("thief")
+    return line.event == "another speaker" or str(line.fields.get("conversation")).startswith(
+        "thief"
+    )
 
 
 def words(event: Any) -> str:
     """An event on its way."""
     if isinstance(event, Receipted):
-        return f"receipt {event.taken}" + (f", {event.refused.hex()} refused" if event.refused else "")
+        return f"receipt {event.taken}" + (
+            f", {event.refused.hex()} refused" if event.refused else ""
+        )
     return f"{event.communicate.performative} {event.communicate.id}"
 
 
 def explored(
-    wanted: tuple[int, ...] = WANTED, *, room: int = 2, thefts: int = 0, thief: int = ASKER, **limits: Any
+    wanted: tuple[int, ...] = WANTED,
+    *,
+    room: int = 2,
+    thefts: int = 0,
+    thief: int = ASKER,
+    **limits: Any,
 ) -> Exploration:
     """Everything that can happen."""
     return explore(Running(wanted, room, thefts, thief), **limits)
 
 
 def test_soft_state_is_all_in_the_key() -> None:
-    """State lost in a death is told apart by its inbox, re-sending, open and finished conversations, or is not used
-    here.
+    """State lost in a death is told apart by its inbox, re-sending, open and finished
+    conversations, or is not used here.
     """
     used = {"inbox", "resend", "conversations", "over"}
-    unused = {"step", "up", "full", "held", "asks", "peers", "parameters", "answer", "last", "renumbered", "untold"}
+    unused = {
+        "step",
+        "up",
+        "full",
+        "held",
+        "asks",
+        "peers",
+        "parameters",
+        "answer",
+        "last",
+        "renumbered",
+        "untold",
+    }
     assert set(Soft.__struct_fields__) == used | unused
 
 
 def test_one_request_under_any_faults() -> None:
-    """Worked on once, answered, receipted only when journalled, nothing out of sequence; rest in reach from all."""
+    """Worked on once, answered, receipted only when journalled, nothing out of sequence; rest in
+    reach from all.
+    """
     found = explored((1,))
     assert found.holds, str(found.findings)
 
 
 @pytest.mark.parametrize("thief", [ASKER, SERVER])
 def test_one_request_beside_a_thief_under_any_faults(thief: int) -> None:
-    """A thief says a word in an agent's name, whenever, under whatever number: the agent's own are taken once, too."""
+    """A thief says a word in an agent's name, whenever, under whatever number: the agent's own are
+    taken once, too.
+    """
     found = explored((1,), room=1, thefts=1, thief=thief)
     assert found.holds, str(found.findings)
 
@@ -305,7 +385,9 @@ def test_one_request_beside_a_thief_under_any_faults(thief: int) -> None:
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("thief", [ASKER, SERVER])
 @pytest.mark.parametrize(("wanted", "room", "thefts"), [((1,), 2, 1), (WANTED, 1, 1), ((1,), 1, 2)])
-def test_requests_beside_a_thief_under_any_faults(wanted: tuple[int, ...], room: int, thefts: int, thief: int) -> None:
+def test_requests_beside_a_thief_under_any_faults(
+    wanted: tuple[int, ...], room: int, thefts: int, thief: int
+) -> None:
     """With more on the way, more wanted, more stolen."""
     found = explored(wanted, room=room, thefts=thefts, thief=thief)
     assert found.holds, str(found.findings)
@@ -318,7 +400,7 @@ def test_two_requests_under_any_faults() -> None:
     assert found.holds, str(found.findings)
 
 
-# --- the runtime, spoilt ----------------------------------------------------------------------------------------------
+# --- the runtime, spoilt --------------------------------------------------------------------------
 
 
 def receipt_on_arrival(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -374,7 +456,15 @@ def gaps_taken(monkeypatch: pytest.MonkeyPatch) -> None:
         number = int(communicate.id)
         if number > state.taken.get(communicate.sender, 0) and not state.soft.inbox:
             word = reception.digest_of(communicate)
-            reception._wait(state, wiring, link, communicate, peer=communicate.sender, number=number, digest=word)
+            reception._wait(
+                state,
+                wiring,
+                link,
+                communicate,
+                peer=communicate.sender,
+                number=number,
+                digest=word,
+            )
         else:
             admit(state, out, wiring, link, arrived)
 
@@ -382,7 +472,9 @@ def gaps_taken(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Take any word under a taken number for a copy, and any receipt for the word with its number."""
+    """Take any word under a taken number for a copy, and any receipt for the word with its
+    number.
+    """
 
     def copied(state: Any, out: Any, communicate: Any, number: int) -> None:
         out.receipts.append(Receipt(communicate.sender, taken=state.taken[communicate.sender]))
@@ -436,9 +528,12 @@ def test_a_runtime_that_a_thief_could_spoil_is_found_out(
     ],
     ids=lambda one: getattr(one, "__name__", ""),
 )
-def test_a_spoilt_runtime_is_found_out(monkeypatch: pytest.MonkeyPatch, spoil: Any, kind: str, most_steps: int) -> None:
+def test_a_spoilt_runtime_is_found_out(
+    monkeypatch: pytest.MonkeyPatch, spoil: Any, kind: str, most_steps: int
+) -> None:
     """Each by a way no longer than one would tell the story in."""
-    monkeypatch.setattr(streams, "ANSWERS_BOUND", streams.OUTBOX_BOUND // 2)  # else too much is said in vain
+    # else too much is said in vain
+    monkeypatch.setattr(streams, "ANSWERS_BOUND", streams.OUTBOX_BOUND // 2)
     spoil(monkeypatch)
     findings = explored((1,), first=False).findings
     print(*findings, sep="\n")

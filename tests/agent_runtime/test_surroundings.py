@@ -20,7 +20,9 @@ from agent_runtime.io.zenoh_wire import KNOWN_KEYS, ZenohWire
 
 
 def test_a_log_line_is_json_in_the_file_and_short_on_the_console(tmp_path: Path) -> None:
-    """The file has every line with its fields; the console what the level asks for, conversation last."""
+    """The file has every line with its fields; the console what the level asks for, conversation
+    last.
+    """
     console = io.StringIO()
     log = Log("ta", "info", tmp_path / "logs" / "ta.jsonl", console)
     log.write("sent", performative="inform", peer="co", bytes=None, conversation="co-1-4")
@@ -38,9 +40,13 @@ def test_a_log_line_is_json_in_the_file_and_short_on_the_console(tmp_path: Path)
 
 
 def test_the_inbox_is_bounded_for_each_sender_and_class() -> None:
-    """Beyond its bound a sender's is dropped and counted, others' is not; the own side's never; taking makes room."""
+    """Beyond its bound a sender's is dropped and counted, others' is not; the own side's never;
+    taking makes room.
+    """
     inbox = Inbox()
-    taken = [inbox.put(Class.STREAM, number, "a") for number in range(BOUNDS[Class.STREAM].waiting + 2)]
+    taken = [
+        inbox.put(Class.STREAM, number, "a") for number in range(BOUNDS[Class.STREAM].waiting + 2)
+    ]
     assert taken.count(False) == 2
     assert inbox.dropped == {"stream of a": 2}
     assert inbox.put(Class.STREAM, "b's", "b")
@@ -59,7 +65,9 @@ def test_long_messages_take_bounded_memory() -> None:
 
 
 def test_senders_are_served_in_turns() -> None:
-    """A flood waits behind itself: another's first is taken second, each in the order in which it was said."""
+    """A flood waits behind itself: another's first is taken second, each in the order in which it
+    was said.
+    """
     inbox = Inbox()
     for number in range(50):
         inbox.put(Class.STREAM, ("flood", number), "a")
@@ -95,7 +103,9 @@ def test_a_sender_within_its_rate_is_admitted_and_beyond_it_not() -> None:
 
 
 def test_a_flood_of_reproaches_is_told_as_a_sum(tmp_path: Path) -> None:
-    """The first of each kind singly, the rest as a number; what reproaches nobody, and other kinds, are all there."""
+    """The first of each kind singly, the rest as a number; what reproaches nobody, and other kinds,
+    are all there.
+    """
     file = tmp_path / "ta.jsonl"
     log = Log("ta", "warning", file, io.StringIO())
     for number in range(10_000):
@@ -111,7 +121,9 @@ def test_a_flood_of_reproaches_is_told_as_a_sum(tmp_path: Path) -> None:
 
 
 def test_a_log_takes_bounded_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A full file becomes FILE.1, and no line is lost before that is replaced; a later start goes on in the same."""
+    """A full file becomes FILE.1, and no line is lost before that is replaced; a later start goes
+    on in the same.
+    """
     monkeypatch.setattr(logs, "MOST_BYTES", 10_000)
     file = tmp_path / "ta.jsonl"
     for start in range(2):
@@ -125,7 +137,9 @@ def test_a_log_takes_bounded_space(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     lines = (logs.before(file).read_bytes() + file.read_bytes()).decode().splitlines()
     log.close()
     assert sum(one.stat().st_size for one in tmp_path.iterdir()) < 21_000
-    assert [json.loads(line)["id"] for line in lines][-100:] == [str(number) for number in range(900, 1000)]
+    assert [json.loads(line)["id"] for line in lines][-100:] == [
+        str(number) for number in range(900, 1000)
+    ]
 
 
 def test_an_empty_inbox_gives_none_in_time() -> None:
@@ -134,7 +148,9 @@ def test_an_empty_inbox_gives_none_in_time() -> None:
 
 
 def test_what_comes_on_a_key_is_classed_by_its_link_and_strangers_fill_no_memory() -> None:
-    """Durable links are streams, all else may be dropped sooner; the number of kept keys is bounded."""
+    """Durable links are streams, all else may be dropped sooner; the number of kept keys is
+    bounded.
+    """
     for delivery, kind in ((Delivery.DURABLE, Class.STREAM), (Delivery.VOLATILE, Class.VOLATILE)):
         _, to_asker = wirings(delivery)
         (link,) = to_asker.links
@@ -146,7 +162,10 @@ def test_what_comes_on_a_key_is_classed_by_its_link_and_strangers_fill_no_memory
         assert set(inbox._lanes) == {(kind, link.peer)}
         assert len(wire._known) == KNOWN_KEYS
         wire._on_communicate(
-            MagicMock(key_expr=f"roco/toy/{link.channel}/stranger/{to_asker.agent}/x/request", attachment=None)
+            MagicMock(
+                key_expr=f"roco/toy/{link.channel}/stranger/{to_asker.agent}/x/request",
+                attachment=None,
+            )
         )
         assert inbox._lanes[Class.VOLATILE, "stranger"]
 
@@ -157,7 +176,9 @@ def _no_variables(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(f"ROCO_{name}", raising=False)
 
 
-def parsed(arguments: list[str], environment: dict[str, str] | None = None) -> tuple[int, Options | None]:
+def parsed(
+    arguments: list[str], environment: dict[str, str] | None = None
+) -> tuple[int, Options | None]:
     """Exit status, and what a service would get."""
     got: list[Options] = []
     result = CliRunner().invoke(cli.app("x", "A service.", got.append), arguments, env=environment)
@@ -169,14 +190,18 @@ def test_defaults_variables_and_options() -> None:
     assert parsed([]) == (0, Options())
     variables = {"ROCO_SYSTEM": "robot1", "ROCO_SPEED": "max", "ROCO_SEED": "7", "ROCO_SCENE": ""}
     assert parsed([], variables) == (0, Options(system="robot1", speed="max", seed=7))
-    status, options = parsed(["--system", "robot2", "--run-dir", "r", "--scene", "s.toml"], variables)
+    status, options = parsed(
+        ["--system", "robot2", "--run-dir", "r", "--scene", "s.toml"], variables
+    )
     assert (status, options) == (
         0,
         Options(system="robot2", speed="max", seed=7, run_dir=Path("r"), scene=Path("s.toml")),
     )
 
 
-@pytest.mark.parametrize("arguments", [["--speed", "fast"], ["--seed", "x"], ["--nothing"], ["--log-level", "loud"]])
+@pytest.mark.parametrize(
+    "arguments", [["--speed", "fast"], ["--seed", "x"], ["--nothing"], ["--log-level", "loud"]]
+)
 def test_a_wrong_option_is_status_2(arguments: list[str]) -> None:
     """Status 2 is one that no supervisor retries."""
     assert parsed(arguments) == (2, None)

@@ -52,14 +52,16 @@ def joined(turn: Turn) -> None:
 
 def observing(to: str, subject: str, name: str = "watcher") -> Driven:
     """One that owes an observation at each word of its own side."""
-    return Driven(quiet(lambda turn: turn.observe(to, subject, Seen("x", 1)), name=name), observers(name))
+    return Driven(
+        quiet(lambda turn: turn.observe(to, subject, Seen("x", 1)), name=name), observers(name)
+    )
 
 
 def nothing(turn: Turn) -> None:
     """Says nothing."""
 
 
-# --- what is kept -----------------------------------------------------------------------------------------------------
+# --- what is kept ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -83,21 +85,24 @@ def test_what_others_count_on_has_a_record(said: Callable[[Turn], Any], durable:
 def test_an_observation_owed_has_a_record() -> None:
     """Though nobody is subscribed."""
     one = Driven(
-        quiet(lambda turn: turn.observe("knower", "jar", Seen("jar", 1)), name="watcher"), observers("watcher")
+        quiet(lambda turn: turn.observe("knower", "jar", Seen("jar", 1)), name="watcher"),
+        observers("watcher"),
     )
     assert one.step(Local(Want(1))).record is not None
 
 
 def test_that_a_durable_one_is_late_has_a_record() -> None:
     """It is told once, over all lives."""
-    one = Driven(quiet(lambda turn: isinstance(turn.event, Local) and opened(turn), name="asker"), TO_SERVER)
+    one = Driven(
+        quiet(lambda turn: isinstance(turn.event, Local) and opened(turn), name="asker"), TO_SERVER
+    )
     one.step(Local(Want(1)))
     one.now = 106.0
     assert one.step(Tick()).record is not None
     assert one.state.counts["late"] == 1
 
 
-# --- Late -------------------------------------------------------------------------------------------------------------
+# --- Late -----------------------------------------------------------------------------------------
 
 
 def cancels(turn: Turn) -> None:
@@ -147,7 +152,7 @@ def test_late_comes_for_a_conversation_that_was_joined_with_a_peer(peer: str, la
     assert one.state.memory.seen.count("Late") == late
 
 
-# --- what is refused --------------------------------------------------------------------------------------------------
+# --- what is refused ------------------------------------------------------------------------------
 
 
 def test_a_durable_conversation_is_not_dropped() -> None:
@@ -172,7 +177,8 @@ def test_a_volatile_one_that_is_dropped_is_not_asked_again() -> None:
 def test_a_subject_is_a_word(subject: str) -> None:
     """Of printable ASCII."""
     one = Driven(
-        quiet(lambda turn: turn.observe("knower", subject, Seen("x", 1)), name="watcher"), observers("watcher")
+        quiet(lambda turn: turn.observe("knower", subject, Seen("x", 1)), name="watcher"),
+        observers("watcher"),
     )
     with pytest.raises(BehaviourError, match="subject"):
         one.step(Local(Want(1)))
@@ -202,12 +208,14 @@ def test_the_ontology_of_a_link_is_said() -> None:
 
 def test_an_answer_to_nothing_that_was_asked_is_refused() -> None:
     """in_reply_to is said as it was given."""
-    one = Driven(quiet(lambda turn: turn.say("asker-1-1", P.AGREE, in_reply_to="nothing")), TO_ASKER)
+    one = Driven(
+        quiet(lambda turn: turn.say("asker-1-1", P.AGREE, in_reply_to="nothing")), TO_ASKER
+    )
     with pytest.raises(LocalProtocolError, match="nothing"):
         one.step(request(1))
 
 
-# --- what a turn shows ------------------------------------------------------------------------------------------------
+# --- what a turn shows ----------------------------------------------------------------------------
 
 
 def test_conversations_are_found_by_peer_and_protocol() -> None:
@@ -224,7 +232,14 @@ def test_conversations_are_found_by_peer_and_protocol() -> None:
     one = Driven(recording(said=said, name="knower"), observers("knower"))
     one.step(PeerChanged("watcher", 1))
     raw = Raw(pack(WhatOf("jar")))
-    ask = Communicate(performative=P.QUERY_REF, content=raw, language="OBS", protocol="query", conversation="q", id="q")
+    ask = Communicate(
+        performative=P.QUERY_REF,
+        content=raw,
+        language="OBS",
+        protocol="query",
+        conversation="q",
+        id="q",
+    )
     one.step(Arrived(replace(ask, sender="asker", receiver="knower", reply_with="q")))
     mine, theirs = ["watcher"], ["asker"]
     assert {place: talks for place, talks in found.items() if talks} == {
@@ -264,13 +279,22 @@ def test_a_wake_up_that_is_unwanted_does_not_come() -> None:
 def test_a_line_names_the_conversation_it_is_about() -> None:
     """That of the message, none of a word of the own side."""
     one = Driven(
-        quiet(lambda turn: (turn.log("x"), isinstance(turn.event, Received) and turn.say("c", P.AGREE))), TO_ASKER
+        quiet(
+            lambda turn: (
+                turn.log("x"),
+                isinstance(turn.event, Received) and turn.say("c", P.AGREE),
+            )
+        ),
+        TO_ASKER,
     )
     lines = [*one.step(request(1, conversation="c")).logs, *one.step(Local(Want(1))).logs]
-    assert [line.fields for line in lines if line.event == "x"] == [{"conversation": "c"}, {"conversation": ""}]
+    assert [line.fields for line in lines if line.event == "x"] == [
+        {"conversation": "c"},
+        {"conversation": ""},
+    ]
 
 
-# --- what reaches a behaviour -----------------------------------------------------------------------------------------
+# --- what reaches a behaviour ---------------------------------------------------------------------
 
 
 def test_what_happened_to_the_agent_reaches_it_whatever_it_takes() -> None:
@@ -291,7 +315,9 @@ def test_bytes_that_are_nothing_are_counted(forged: bool, counted: str) -> None:
 
 def test_a_start_says_again_what_was_not_receipted() -> None:
     """At once, not when it would have been due in the life before."""
-    one = Driven(quiet(lambda turn: isinstance(turn.event, Local) and opened(turn), name="asker"), TO_SERVER)
+    one = Driven(
+        quiet(lambda turn: isinstance(turn.event, Local) and opened(turn), name="asker"), TO_SERVER
+    )
     record = one.step(Local(Want(1))).record
     one.state = one.core.boot(record)
     one.now += 0.01
@@ -302,7 +328,11 @@ def test_a_start_says_again_what_was_not_receipted() -> None:
 def test_a_full_outbox_is_said_once_each_time_it_fills() -> None:
     """However often it is looked at."""
     one = Driven(
-        quiet(lambda turn: isinstance(turn.event, Local) and opened(turn, reply_by_s=None), name="asker"), TO_SERVER
+        quiet(
+            lambda turn: isinstance(turn.event, Local) and opened(turn, reply_by_s=None),
+            name="asker",
+        ),
+        TO_SERVER,
     )
     for _ in range(OUTBOX_BOUND):
         one.step(Local(Want(1)))
@@ -322,7 +352,9 @@ def test_a_deed_is_told_in_the_words_of_the_design() -> None:
             turn.say(turn.event.conversation, P.AGREE)
 
     to_asker, to_server = (
-        Wiring("toy", side.agent, tuple(replace(link, use="deal") for link in side.links), LANGUAGES)
+        Wiring(
+            "toy", side.agent, tuple(replace(link, use="deal") for link in side.links), LANGUAGES
+        )
         for side in (TO_ASKER, TO_SERVER)
     )
     one = Driven(quiet(said), to_asker)
@@ -333,7 +365,9 @@ def test_a_deed_is_told_in_the_words_of_the_design() -> None:
     assert one.step(PeerChanged("asker", None)).deed == Deed("s", "PeerChanged", None, (), "s")
     wrong = request(2, performative=P.INFORM)
     assert one.step(wrong).deed == Deed("s", "Broken deal", None, (), "s")
-    asking = Driven(quiet(lambda turn: isinstance(turn.event, Local) and opened(turn), name="asker"), to_server)
+    asking = Driven(
+        quiet(lambda turn: isinstance(turn.event, Local) and opened(turn), name="asker"), to_server
+    )
     asking.step(Local(Want(1)))
     asking.now = 106.0
     assert asking.step(Tick()).deed == Deed("s", "Late deal", None, (), "s")

@@ -9,7 +9,12 @@ from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
 
 ONE = Communicate(
-    performative=Performative.REQUEST, protocol="request", conversation="c", sender="asker", receiver="server", id="1"
+    performative=Performative.REQUEST,
+    protocol="request",
+    conversation="c",
+    sender="asker",
+    receiver="server",
+    id="1",
 )
 SAID, PINGED, ASKED = (PATIENCE_S[what] for what in ("said", "pinged", "asked"))
 NOBODY: frozenset[tuple[str, bytes]] = frozenset()
@@ -75,8 +80,12 @@ def test_a_channel_without_an_answered_ping_is_told(watch: Watch, peers: Peers) 
     """That is why the agent is not ready."""
     pings = {("server", b"T1")}
     assert watch.look(saying(), pings, peers, 10.0) == []
-    assert watch.look(saying(), pings, peers, 10.0 + PINGED) == [(Unheard("server", "T1", "pinged", 10.0), True)]
-    assert watch.look(saying(), NOBODY, peers, 30.0) == [(Unheard("server", "T1", "pinged", 10.0), False)]
+    assert watch.look(saying(), pings, peers, 10.0 + PINGED) == [
+        (Unheard("server", "T1", "pinged", 10.0), True)
+    ]
+    assert watch.look(saying(), NOBODY, peers, 30.0) == [
+        (Unheard("server", "T1", "pinged", 10.0), False)
+    ]
 
 
 def test_a_question_without_an_answer_is_told_late(watch: Watch, peers: Peers) -> None:
@@ -101,10 +110,14 @@ def test_the_words_name_both_and_the_channel() -> None:
 
 
 def test_who_receipts_but_does_not_take_it_yet_hears(watch: Watch, peers: Peers) -> None:
-    """A peer may wait with a message that is not its turn; it says how far it is, and that is a sign of life enough."""
+    """A peer may wait with a message that is not its turn; it says how far it is, and that is a
+    sign of life enough.
+    """
     for second in range(60):
         assert watch.look(saying(1), NOBODY, peers, float(second)) == []
         if second % 2:
             watch.receipted("server")
     assert watch.look(saying(1), NOBODY, peers, 60.0) == []
-    assert watch.look(saying(1), NOBODY, peers, 60.0 + SAID) == [(Unheard("server", "T1", "said", 60.0), True)]
+    assert watch.look(saying(1), NOBODY, peers, 60.0 + SAID) == [
+        (Unheard("server", "T1", "said", 60.0), True)
+    ]

@@ -36,7 +36,9 @@ def test_all_room_is_there_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """After several threads put and one took everything."""
     monkeypatch.setattr(tap, "MOST_BYTES", 3000)
     one = Waiting()
-    threads = [threading.Thread(target=lambda: [one.put(sample(3)) for _ in range(500)]) for _ in range(4)]
+    threads = [
+        threading.Thread(target=lambda: [one.put(sample(3)) for _ in range(500)]) for _ in range(4)
+    ]
     for thread in threads:
         thread.start()
     taken = 0

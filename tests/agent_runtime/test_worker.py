@@ -1,4 +1,6 @@
-"""Worker processes: killable at any moment, ended with their parent, and usable as a device on the pretend wires."""
+"""Worker processes: killable at any moment, ended with their parent, and usable as a device on the
+pretend wires.
+"""
 
 import os
 import queue
@@ -53,7 +55,9 @@ def test_talks_and_ends() -> None:
 
 
 def test_tell_never_blocks() -> None:
-    """Ten megabytes to a child that does not listen are taken at once, and a kill still is at once."""
+    """Ten megabytes to a child that does not listen are taken at once, and a kill still is at
+    once.
+    """
     heard: queue.Queue[Any] = queue.Queue()
     worker = Worker("worker_entries:spin", answers=At, on_message=heard.put)
     heard.get(timeout=20)
@@ -78,7 +82,9 @@ def test_tell_never_blocks() -> None:
 def test_why_a_child_ended_is_told(entry: str, reason: str) -> None:
     """By its exception in a line of bounded length, else by how the process ended."""
     ends: queue.Queue[str] = queue.Queue()
-    worker = Worker(f"worker_entries:{entry}", answers=At, on_message=lambda _: None, on_end=ends.put)
+    worker = Worker(
+        f"worker_entries:{entry}", answers=At, on_message=lambda _: None, on_end=ends.put
+    )
     told = ends.get(timeout=20)
     assert told.startswith(reason)
     assert len(told) <= REASON_CHARS
@@ -94,11 +100,14 @@ def test_a_malformed_entry_is_our_own_error() -> None:
 def test_dies_with_its_parent() -> None:
     """kill -9 of the parent ends the busy child too."""
     code = (
-        "import time, worker_entries as e; from agent_runtime.io.worker import Worker;"
-        "Worker('worker_entries:spin', answers=e.At, on_message=lambda m: print(m.number, flush=True)); time.sleep(60)"
+        "import time, worker_entries as e; from agent_runtime.io.worker import"
+        " Worker;Worker('worker_entries:spin', answers=e.At, on_message=lambda m: print(m.number,"
+        " flush=True)); time.sleep(60)"
     )
     environment = os.environ | {"PYTHONPATH": HERE}
-    with subprocess.Popen([sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True) as parent:
+    with subprocess.Popen(
+        [sys.executable, "-c", code], env=environment, stdout=subprocess.PIPE, text=True
+    ) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
         assert runs(child)

@@ -1,8 +1,9 @@
 """Toy agents for the runtime's tests, and the example of how an agent is written.
 
-`asker` asks `server` to double numbers, one durable request at a time; `server` agrees and answers, and counts in its
-memory how often it worked on each number: the effect that must happen exactly once. Agents of a ring do both. Those of
-the soft kinds are in toy_observers, those that play FIPA's protocols in fipa_agents.
+`asker` asks `server` to double numbers, one durable request at a time; `server` agrees and answers,
+and counts in its memory how often it worked on each number: the effect that must happen exactly
+once. Agents of a ring do both. Those of the soft kinds are in toy_observers, those that play FIPA's
+protocols in fipa_agents.
 """
 
 from collections.abc import Iterable, Sequence
@@ -45,24 +46,34 @@ Use = tuple[str, str, str, str, Delivery]
 """Initiator, participant, channel, protocol, delivery."""
 
 
-def wired(agent: str, uses: Iterable[Use], languages: Languages = LANGUAGES, system: str = "toy") -> Wiring:
+def wired(
+    agent: str, uses: Iterable[Use], languages: Languages = LANGUAGES, system: str = "toy"
+) -> Wiring:
     """The wiring of an agent in a system with these uses and one language of its own."""
     silent, links = next(name for name in languages.names if name != REASON.name), []
     for initiator, participant, channel, protocol, delivery in uses:
         if agent == initiator:
-            links.append(Link(participant, channel, protocol, Role.INITIATOR, delivery, silent=silent))
+            links.append(
+                Link(participant, channel, protocol, Role.INITIATOR, delivery, silent=silent)
+            )
         elif agent == participant:
-            links.append(Link(initiator, channel, protocol, Role.PARTICIPANT, delivery, silent=silent))
+            links.append(
+                Link(initiator, channel, protocol, Role.PARTICIPANT, delivery, silent=silent)
+            )
     return Wiring(system, agent, tuple(links), languages)
 
 
-def wirings(delivery: Delivery = Delivery.DURABLE, protocol: str = "request") -> tuple[Wiring, Wiring]:
+def wirings(
+    delivery: Delivery = Delivery.DURABLE, protocol: str = "request"
+) -> tuple[Wiring, Wiring]:
     """The asker's and the server's side of one channel."""
     use = ("asker", "server", "T1", protocol, delivery)
     return wired("asker", [use]), wired("server", [use])
 
 
-def fleet(*agents: tuple[Agent[Any], Wiring], seed: int = 0, faults: Faults | None = None) -> MemoryBus:
+def fleet(
+    *agents: tuple[Agent[Any], Wiring], seed: int = 0, faults: Faults | None = None
+) -> MemoryBus:
     """These agents in memory."""
     wires = MemoryBus(seed=seed, faults=faults)
     for agent, wiring in agents:
@@ -70,7 +81,7 @@ def fleet(*agents: tuple[Agent[Any], Wiring], seed: int = 0, faults: Faults | No
     return wires
 
 
-# --- the asker --------------------------------------------------------------------------------------------------------
+# --- the asker ------------------------------------------------------------------------------------
 
 
 class AskerMemory(msgspec.Struct, frozen=True):
@@ -93,11 +104,16 @@ def ask(memory: AskerMemory, turn: Turn) -> AskerMemory:
     """Behaviour of `asking`: request on entry, then take what comes until the answer is there."""
     match turn.event:
         case None:
-            name = turn.open("server", "request", Performative.REQUEST, Double(memory.wanted[0]), reply_by_s=5.0)
+            name = turn.open(
+                "server", "request", Performative.REQUEST, Double(memory.wanted[0]), reply_by_s=5.0
+            )
             return msgspec.structs.replace(memory, asking=name)
         case Received(content=Doubled(number=number)):
             return msgspec.structs.replace(
-                memory, asking="", wanted=memory.wanted[1:], answers=(*memory.answers, (memory.wanted[0], number))
+                memory,
+                asking="",
+                wanted=memory.wanted[1:],
+                answers=(*memory.answers, (memory.wanted[0], number)),
             )
         case Broken():
             return msgspec.structs.replace(memory, asking="")  # it is asked again
@@ -118,7 +134,8 @@ def asker(*wanted: int) -> Agent[AskerMemory]:
             "asking": Behaviour(
                 ask,
                 terminal=lambda memory: not memory.asking,
-                takes=lambda memory, event: not isinstance(event, Local),  # the person waits till we are idle
+                # the person waits till we are idle
+                takes=lambda memory, event: not isinstance(event, Local),
             ),
         },
         arcs=(Arc("idle", "asking", "work"), Arc("asking", "idle")),
@@ -127,11 +144,13 @@ def asker(*wanted: int) -> Agent[AskerMemory]:
     )
 
 
-# --- the server -------------------------------------------------------------------------------------------------------
+# --- the server -----------------------------------------------------------------------------------
 
 
 class ServerMemory(msgspec.Struct, frozen=True):
-    """Number of times each number was worked on (the effect), and the conversations agreed to and not answered yet."""
+    """Number of times each number was worked on (the effect), and the conversations agreed to and
+    not answered yet.
+    """
 
     done: tuple[int, ...] = ()
     agreed: tuple[tuple[str, int], ...] = ()
@@ -143,7 +162,9 @@ def serve(memory: ServerMemory, turn: Turn) -> ServerMemory:
         case Received(content=Double(number=number)) as received:
             turn.say(received.conversation, Performative.AGREE)
             turn.wake(received.conversation, turn.now + 0.1)
-            return msgspec.structs.replace(memory, agreed=(*memory.agreed, (received.conversation, number)))
+            return msgspec.structs.replace(
+                memory, agreed=(*memory.agreed, (received.conversation, number))
+            )
         case Started(first=False):
             return memory  # wake-ups survive
         case _:
@@ -164,7 +185,12 @@ def answer_due(memory: ServerMemory, turn: Turn) -> ServerMemory:
 
 def server() -> Agent[ServerMemory]:
     """One state that never ends."""
-    return Agent(name="server", start="serving", memory=ServerMemory(), behaviours={"serving": Behaviour(serve)})
+    return Agent(
+        name="server",
+        start="serving",
+        memory=ServerMemory(),
+        behaviours={"serving": Behaviour(serve)},
+    )
 
 
 def toys(*wanted: int, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
@@ -183,7 +209,8 @@ def nobody(*_: Any) -> bool:
     return False
 
 
-# --- a ring: each asks its successor to double numbers, all at once, and doubles those of its predecessor -------------
+# --- a ring: each asks its successor to double numbers, all at once, and doubles those of its
+# predecessor
 # Two of them ask each other. What is asked is agreed to at once and answered when a wake-up comes.
 
 
@@ -193,14 +220,18 @@ WORK_S = 0.1
 
 
 class Order(msgspec.Struct, frozen=True, tag=True):
-    """A person's word: ask for all these in one step, and for one of the `rest` with each answer."""
+    """A person's word: ask for all these in one step, and for one of the `rest` with each
+    answer.
+    """
 
     numbers: tuple[int, ...]
     rest: tuple[int, ...] = ()
 
 
 class Mutual(msgspec.Struct, frozen=True):
-    """`rest`: to be asked; questions and debts by conversation; answers; numbers worked on; ends without an answer."""
+    """`rest`: to be asked; questions and debts by conversation; answers; numbers worked on; ends
+    without an answer.
+    """
 
     rest: tuple[int, ...] = ()
     asked: dict[str, int] = {}
@@ -215,9 +246,12 @@ def live(memory: Mutual, turn: Turn, successor: str, protocol: str) -> Mutual:
     match turn.event:
         case Local(content=Order(numbers=numbers, rest=rest)):
             opened = {
-                turn.open(successor, protocol, Performative.REQUEST, Double(number)): number for number in numbers
+                turn.open(successor, protocol, Performative.REQUEST, Double(number)): number
+                for number in numbers
             }
-            return msgspec.structs.replace(memory, asked=memory.asked | opened, rest=memory.rest + rest)
+            return msgspec.structs.replace(
+                memory, asked=memory.asked | opened, rest=memory.rest + rest
+            )
         case Received(content=Double(number=number), conversation=name):
             turn.say(name, Performative.AGREE)
             turn.wake(name, turn.now + WORK_S)
@@ -229,8 +263,13 @@ def live(memory: Mutual, turn: Turn, successor: str, protocol: str) -> Mutual:
             )
         case Received(content=Doubled(number=number), conversation=name):
             answer, asked = (memory.asked[name], number), without(memory.asked, name)
-            asked |= {turn.open(successor, protocol, Performative.REQUEST, Double(one)): one for one in memory.rest[:1]}
-            return msgspec.structs.replace(memory, asked=asked, rest=memory.rest[1:], answers=(*memory.answers, answer))
+            asked |= {
+                turn.open(successor, protocol, Performative.REQUEST, Double(one)): one
+                for one in memory.rest[:1]
+            }
+            return msgspec.structs.replace(
+                memory, asked=asked, rest=memory.rest[1:], answers=(*memory.answers, answer)
+            )
         case Broken(conversation=name):
             return msgspec.structs.replace(
                 memory,
@@ -251,15 +290,21 @@ def ring_agent(me: str, ring: Sequence[str]) -> Agent[Mutual]:
     """One state that takes everything."""
     successor, protocol = ring[(ring.index(me) + 1) % len(ring)], protocol_of(me)
     behaviour = Behaviour[Mutual](lambda memory, turn: live(memory, turn, successor, protocol))
-    return Agent(name=me, start="living", memory=Mutual(), behaviours={"living": behaviour}, local=Order)
+    return Agent(
+        name=me, start="living", memory=Mutual(), behaviours={"living": behaviour}, local=Order
+    )
 
 
 def protocol_of(asker: str) -> str:
-    """Two agents that ask each other need two protocols: a protocol between two has one initiator."""
+    """Two agents that ask each other need two protocols: a protocol between two has one
+    initiator.
+    """
     return "request" if asker == RING[0] else "fipa-request"
 
 
 def ring_wiring(me: str, ring: Sequence[str]) -> Wiring:
     """Both sides of an agent."""
     pairs = zip(ring, (*ring[1:], ring[0]), strict=True)
-    return wired(me, [(one, other, "T1", protocol_of(one), Delivery.DURABLE) for one, other in pairs])
+    return wired(
+        me, [(one, other, "T1", protocol_of(one), Delivery.DURABLE) for one, other in pairs]
+    )

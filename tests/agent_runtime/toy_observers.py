@@ -1,4 +1,5 @@
-"""Toy agents for the soft kinds: `watcher` owes its observations to `knower`, who subscribes and can be asked.
+"""Toy agents for the soft kinds: `watcher` owes its observations to `knower`, who subscribes and
+can be asked.
 
 `asker` puts questions to the knower; they are volatile: asked again until answered.
 """
@@ -81,7 +82,9 @@ def watch(memory: WatcherMemory, turn: Turn) -> WatcherMemory:
 
 def watcher() -> Agent[WatcherMemory]:
     """The observing agent."""
-    return Agent("watcher", "watching", WatcherMemory(), {"watching": Behaviour(watch)}, local=Seen | Finish)
+    return Agent(
+        "watcher", "watching", WatcherMemory(), {"watching": Behaviour(watch)}, local=Seen | Finish
+    )
 
 
 class Subscription(msgspec.Struct, frozen=True):
@@ -111,7 +114,11 @@ def know(memory: KnowerMemory, turn: Turn) -> KnowerMemory:
             store = dict(memory.store) | {seen.subject: seen.value}
             return replace(memory, store=tuple(store.items()), history=(*memory.history, seen))
         case Received(content=WhatOf(subject=subject)) as received:
-            turn.say(received.conversation, Performative.INFORM_REF, Known(dict(memory.store).get(subject, -1)))
+            turn.say(
+                received.conversation,
+                Performative.INFORM_REF,
+                Known(dict(memory.store).get(subject, -1)),
+            )
     return memory
 
 

@@ -1,4 +1,6 @@
-"""Functions that the workers of the tests run in their child process, and what a parent says to them."""
+"""Functions that the workers of the tests run in their child process, and what a parent says to
+them.
+"""
 
 import os
 import signal
@@ -39,7 +41,9 @@ def count(link: Link) -> None:
 
 
 def counting(worker: Worker, heard: Queue[Any], task: Count) -> Iterator[int]:
-    """Have a worker that runs `count` do the task; yield each number that it says, before it goes on."""
+    """Have a worker that runs `count` do the task; yield each number that it says, before it goes
+    on.
+    """
     worker.tell(task)
     for number in range(task.end):
         assert heard.get(timeout=20) == At(number, task.pad)

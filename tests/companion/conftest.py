@@ -1,4 +1,5 @@
-"""Robots in the states that tests of skills begin with, each made once and copied; `robot` is importable.
+"""Robots in the states that tests of skills begin with, each made once and copied; `robot` is
+importable.
 
 It is imported by the first test that needs it: no other test here needs the simulator.
 """

@@ -43,8 +43,12 @@ def test_the_language_has_all_acts() -> None:
 def test_the_design_lists_the_acts() -> None:
     """In the interface of ex, each by its name and with one answer."""
     entries = next(one.entries for one in DESIGN.file.interface if one.name == "acts")
-    assert {entry.name for entry in entries} == {act.__name__[0].lower() + act.__name__[1:] for act in ACTS}
-    assert {name for entry in entries for name in entry.arguments} == {f"RC.{act.__name__}" for act in ACTS}
+    assert {entry.name for entry in entries} == {
+        act.__name__[0].lower() + act.__name__[1:] for act in ACTS
+    }
+    assert {name for entry in entries for name in entry.arguments} == {
+        f"RC.{act.__name__}" for act in ACTS
+    }
     assert all(entry.answers == ("RC.Done",) for entry in entries)
 
 
@@ -82,7 +86,8 @@ NEEDLESS = """
 import sys
 for name in ("numpy", "velma", "pinocchio", "mujoco", "matplotlib", "operate"):
     sys.modules[name] = None
-import companion.acts, companion.all_languages, companion.autonomy, companion.sentences, companion.telemetry
+import companion.acts, companion.all_languages, companion.autonomy
+import companion.sentences, companion.telemetry
 from companion.tasks import parts
 assert parts("done") and parts("shown")
 companion.sentences.catalogue(companion.sentences.Reader.POLISH)

@@ -1,4 +1,6 @@
-"""The paper's `coordinate`: walked in both roles; what its text leaves out is found when its row is taken away."""
+"""The paper's `coordinate`: walked in both roles; what its text leaves out is found when its row is
+taken away.
+"""
 
 from enum import StrEnum
 
@@ -41,7 +43,9 @@ PLAIN, PROGRESS, FINAL = Kind.PLAIN, Kind.PROGRESS, Kind.FINAL
 
 
 class Fleet:
-    """co and ta with a wire of bytes each way; content is really said in SW, and its kind read from it."""
+    """co and ta with a wire of bytes each way; content is really said in SW, and its kind read from
+    it.
+    """
 
     def __init__(self):
         co = Conversation.open("coordinate", CO, id="co-3-12", me="co", peer="ta")
@@ -120,25 +124,41 @@ def spoilt(table, role):
         (S.STOPPING, P.CONFIRM, PROGRESS),
         (S.RUNNING, P.CONFIRM, PROGRESS),
     ],
-    ids=["cancel meets refuse", "cancel crosses the final report", "late confirm", "confirm while stopping", "confirm"],
+    ids=[
+        "cancel meets refuse",
+        "cancel crosses the final report",
+        "late confirm",
+        "confirm while stopping",
+        "confirm",
+    ],
 )
 def test_rows_that_the_papers_text_leaves_out_are_needed_at_ta(state, performative, kind):
     """Without the row the message stands at the head of the queue for ever, without any fault."""
     found = spoilt(COORDINATE.tables[TA].without(state, RECEIVE, performative, kind), TA)
-    assert any(f"participant in state {state} has no row for {performative}" in f.text for f in found.unspecified)
+    assert any(
+        f"participant in state {state} has no row for {performative}" in f.text
+        for f in found.unspecified
+    )
     assert found.stuck
 
 
 @pytest.mark.parametrize("state", [S.RUNNING, S.CANCELLING])
-@pytest.mark.parametrize(("performative", "kind"), [(P.INFORM, PROGRESS), (P.INFORM, FINAL), (P.REFUSE, PLAIN)])
+@pytest.mark.parametrize(
+    ("performative", "kind"), [(P.INFORM, PROGRESS), (P.INFORM, FINAL), (P.REFUSE, PLAIN)]
+)
 def test_every_word_of_ta_is_taken_by_co_also_after_its_cancel(state, performative, kind):
     """Reports and the refuse may cross the cancel."""
     found = spoilt(COORDINATE.tables[CO].without(state, RECEIVE, performative, kind), CO)
-    assert any(f"initiator in state {state} has no row for {performative}" in f.text for f in found.unspecified)
+    assert any(
+        f"initiator in state {state} has no row for {performative}" in f.text
+        for f in found.unspecified
+    )
 
 
 def test_a_report_with_the_label_of_the_cancel_is_confirmed(running):
-    """Each side numbers its own messages, so ta's final report may have co's cancel's label; both ends are reached."""
+    """Each side numbers its own messages, so ta's final report may have co's cancel's label; both
+    ends are reached.
+    """
     running.send(CO, P.CANCEL, id="7")
     running.send(TA, P.INFORM, WorkerState.SUCCEEDED, id="7")
     running.take(CO)
@@ -158,24 +178,38 @@ def waiting_ta():
 def test_ta_must_not_wait_for_a_confirm():
     """The cancel may come before the confirm, and stands at the head of the queue."""
     found = spoilt(waiting_ta(), TA)
-    assert {f.text for f in found.unspecified} == {"participant in state unconfirmed has no row for cancel"}
-    assert [step.row.word for step in found.unspecified[0].steps if step.row.way is SEND][:2] == ["request", "cancel"]
+    assert {f.text for f in found.unspecified} == {
+        "participant in state unconfirmed has no row for cancel"
+    }
+    assert [step.row.word for step in found.unspecified[0].steps if step.row.way is SEND][:2] == [
+        "request",
+        "cancel",
+    ]
 
 
 def test_ta_that_waits_and_co_that_stops_confirming_block_each_other():
-    """co confirms no more once it has cancelled, ta waits for the confirm: a deadlock without any fault."""
-    co = COORDINATE.tables[CO].with_rows(Row(S.CANCELLING, RECEIVE, P.INFORM, PROGRESS, S.CANCELLING))
+    """co confirms no more once it has cancelled, ta waits for the confirm: a deadlock without any
+    fault.
+    """
+    co = COORDINATE.tables[CO].with_rows(
+        Row(S.CANCELLING, RECEIVE, P.INFORM, PROGRESS, S.CANCELLING)
+    )
     found = explore(COORDINATE.with_tables(initiator=co, participant=waiting_ta()))
-    assert (S.CANCELLING, "unconfirmed") in {(c.initiator, c.participant) for c, _, _ in found.stuck}
+    assert (S.CANCELLING, "unconfirmed") in {
+        (c.initiator, c.participant) for c, _, _ in found.stuck
+    }
 
 
 def test_final_report_must_be_confirmed():
     """co that ends with the final report and confirms nothing leaves ta in `finished` for ever."""
     old = COORDINATE.tables[CO].with_rows(
-        Row(S.RUNNING, RECEIVE, P.INFORM, FINAL, S.DONE), Row(S.CANCELLING, RECEIVE, P.INFORM, FINAL, S.DONE)
+        Row(S.RUNNING, RECEIVE, P.INFORM, FINAL, S.DONE),
+        Row(S.CANCELLING, RECEIVE, P.INFORM, FINAL, S.DONE),
     )
     co = Table(
-        [row for row in old if row.state != S.CONCLUDED], ended=old.ended, urgent=(S.REPORTED, S.CANCELLING_REPORTED)
+        [row for row in old if row.state != S.CONCLUDED],
+        ended=old.ended,
+        urgent=(S.REPORTED, S.CANCELLING_REPORTED),
     )
     found = spoilt(co, CO)
     assert (S.DONE, S.FINISHED) in {(c.initiator, c.participant) for c, _, _ in found.stuck}
@@ -193,7 +227,9 @@ def test_plan_with_a_report_in_between(running):
 
 
 def test_fields_are_those_of_the_paper(running):
-    """request, inform and cancel have m_w and m_c and no m_t; confirm has the inform's m_w as m_t."""
+    """request, inform and cancel have m_w and m_c and no m_t; confirm has the inform's m_w as
+    m_t.
+    """
     inform = running.say(TA, P.INFORM, WorkerState.RUNNING)
     confirm = running.say(CO, P.CONFIRM)
     cancel = running.say(CO, P.CANCEL)
@@ -291,7 +327,9 @@ def test_report_without_kind_or_label_is_an_error(running):
 
 
 def test_reply_by_of_the_request_is_met_by_the_first_report():
-    """Then co sets its own watch, or a new reply-by with a cancel, which stands until the final report."""
+    """Then co sets its own watch, or a new reply-by with a cancel, which stands until the final
+    report.
+    """
     fleet = Fleet()
     fleet.say(CO, P.REQUEST, reply_by=1.76e9 + 5)
     assert fleet.sides[CO].late(1.76e9 + 6)
@@ -313,11 +351,21 @@ REPORTS = {PROGRESS: [s for s in WorkerState if s not in FINAL_STATES], FINAL: s
 
 @given(st.data())
 def test_whatever_is_sent_in_sequence_is_taken(data):
-    """Any walk of the real conversations: no message meets a state without a row, confirms find their reports."""
+    """Any walk of the real conversations: no message meets a state without a row, confirms find
+    their reports.
+    """
     fleet = Fleet()
     for _ in range(30):
-        choices = [("take", r) for r in Role if fleet.wires[r] and not (r in fleet.sides and fleet.sides[r].owes)]
-        choices += [("send", r, row) for r, s in fleet.sides.items() for row in s.table.allowed(s.state, SEND)]
+        choices = [
+            ("take", r)
+            for r in Role
+            if fleet.wires[r] and not (r in fleet.sides and fleet.sides[r].owes)
+        ]
+        choices += [
+            ("send", r, row)
+            for r, s in fleet.sides.items()
+            for row in s.table.allowed(s.state, SEND)
+        ]
         if not choices:
             break
         action, role, *rows = data.draw(st.sampled_from(choices))
@@ -328,7 +376,9 @@ def test_whatever_is_sent_in_sequence_is_taken(data):
             fleet.send(
                 role,
                 row.performative,
-                data.draw(st.sampled_from(REPORTS[row.kind])) if row.performative is P.INFORM else None,
+                data.draw(st.sampled_from(REPORTS[row.kind]))
+                if row.performative is P.INFORM
+                else None,
             )
     for side in fleet.sides.values():
         assert side.state != S.DONE or side.unconfirmed == ()

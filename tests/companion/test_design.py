@@ -33,11 +33,15 @@ STATES = {
 
 def said(sender: str, receiver: str, protocol: str, performative: P) -> Communicate:
     """A communicate as far as its address goes."""
-    return Communicate(sender=sender, receiver=receiver, protocol=protocol, performative=performative)
+    return Communicate(
+        sender=sender, receiver=receiver, protocol=protocol, performative=performative
+    )
 
 
 def test_the_design_is_consistent() -> None:
-    """Neither in itself nor with the languages, the protocols' rows and the kinds of queries is there a finding."""
+    """Neither in itself nor with the languages, the protocols' rows and the kinds of queries is
+    there a finding.
+    """
     assert [str(finding) for finding in findings()] == []
 
 
@@ -45,7 +49,11 @@ def test_six_channels_join_the_agents_as_in_the_paper() -> None:
     """The steps, walked, end in the paper's figure."""
     found = {channel.id: set(channel.ends) for channel in DESIGN.channels.values()}
     assert found.items() >= CHANNELS.items()
-    assert {name.value for name in AgentName} <= set(DESIGN.agents) == set(DESIGN.decomposition.last.groups)
+    assert (
+        {name.value for name in AgentName}
+        <= set(DESIGN.agents)
+        == set(DESIGN.decomposition.last.groups)
+    )
 
 
 def test_every_state_of_the_paper_is_there_and_reachable() -> None:
@@ -60,15 +68,22 @@ def test_a_communicate_travels_on_the_key_of_the_design() -> None:
     key = DESIGN.key("lab", said("co", "ta", "coordinate", P.REQUEST))
     assert key == "roco/lab/C1/co/ta/coordinate/request"
     assert DESIGN.keys_to("lab", "ta") == "roco/lab/*/*/ta/*/*"
-    assert DESIGN.signal_key("alive", system="lab", owner="ta", incarnation=3) == "roco/lab/_/alive/ta/3"
+    assert (
+        DESIGN.signal_key("alive", system="lab", owner="ta", incarnation=3)
+        == "roco/lab/_/alive/ta/3"
+    )
 
 
 def test_what_is_no_communicate_travels_on_the_key_of_the_design() -> None:
-    """The runtime makes these keys by the same rule, so a right given by the design is a right to what is sent."""
+    """The runtime makes these keys by the same rule, so a right given by the design is a right to
+    what is sent.
+    """
     for signal in DESIGN.signals.values():
         names = {"owner": "ta", "peer": "co", "incarnation": "3"}
         rest = [names[name] for name in ("peer", "incarnation") if f"{{{name}}}" in signal.key]
-        assert DESIGN.signal_key(signal.kind, system="lab", **names) == service_key("lab", signal.kind, "ta", *rest)
+        assert DESIGN.signal_key(signal.kind, system="lab", **names) == service_key(
+            "lab", signal.kind, "ta", *rest
+        )
     runtime = {"alive", "receipt", "ping", "pong", "state", "control", "want", "steps"}
     assert set(DESIGN.signals) == runtime | {"telemetry", "truth"}
 
@@ -103,7 +118,9 @@ def test_queries_are_small_and_answers_may_be_large() -> None:
     assert rule.sizes["WM.ObjectPose"] == 250
     assert rule.sizes["WM.HypotheticalState"] > 250
     assert DESIGN.rule(said("km", "pl", "query", P.INFORM_REF)).bytes == 1_000_000
-    assert "WM.HypotheticalState" not in DESIGN.rule(said("ta", "km", "query", P.QUERY_REF)).contents
+    assert (
+        "WM.HypotheticalState" not in DESIGN.rule(said("ta", "km", "query", P.QUERY_REF)).contents
+    )
 
 
 def test_durable_are_the_channels_of_the_main_line() -> None:

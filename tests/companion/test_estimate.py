@@ -1,7 +1,8 @@
-"""The companion's estimate, made of one recorded pour, is right beside others; every run shows its requirements.
+"""The companion's estimate, made of one recorded pour, is right beside others; every run shows its
+requirements.
 
-`pours/`: what was said in two pours of other seeds (`python -m services.monitor observations`), the first on a free
-machine, the second while others worked on it, so that planning took twice as long.
+`pours/`: what was said in two pours of other seeds (`python -m services.monitor observations`), the
+first on a free machine, the second while others worked on it, so that planning took twice as long.
 """
 
 from pathlib import Path
@@ -33,8 +34,10 @@ def compared(name: str) -> tuple[Measured, ...]:
 
 @pytest.mark.parametrize("run", ["pour_seed_3.json", "pour_seed_11.json"])
 def test_a_pour_is_as_it_was_estimated_on_any_machine(run: str) -> None:
-    """Counts and bytes of every channel are within the error. It breaks nothing but latencies: every communicate is the
-    design's, within its size. It shows every requirement that a run can show."""
+    """Counts and bytes of every channel are within the error. It breaks nothing but latencies:
+    every communicate is the design's, within its size. It shows every requirement that a run can
+    show.
+    """
     figures = [one for one in compared(run) if one.what in COUNTED]
     assert {one.where for one in figures} == set(DESIGN.channels)
     assert all(one.error is not None and abs(one.error) <= WITHIN for one in figures), figures
@@ -45,8 +48,14 @@ def test_a_pour_is_as_it_was_estimated_on_any_machine(run: str) -> None:
 
 
 def test_time_and_bandwidth_are_within_the_error_on_a_free_machine() -> None:
-    """Latencies of milliseconds are the machine's and not the design's: they are told, and not promised."""
-    figures = [one for one in compared("pour_seed_3.json") if one.what in ("time", "mean bandwidth", "busy bandwidth")]
+    """Latencies of milliseconds are the machine's and not the design's: they are told, and not
+    promised.
+    """
+    figures = [
+        one
+        for one in compared("pour_seed_3.json")
+        if one.what in ("time", "mean bandwidth", "busy bandwidth")
+    ]
     assert len(figures) == 1 + 2 * len(DESIGN.channels)
     assert all(one.error is not None and abs(one.error) <= WITHIN for one in figures), figures
 
@@ -63,8 +72,12 @@ def test_every_test_named_as_evidence_is_there() -> None:
     root = Path(__file__).resolve().parents[2]
 
     def exists(path: str, name: str) -> bool:
-        return (root / path).is_file() and f"def {name}(" in (root / path).read_text(encoding="utf-8")
+        return (root / path).is_file() and f"def {name}(" in (root / path).read_text(
+            encoding="utf-8"
+        )
 
-    tests = [one for leaf in trace(DESIGN, None, exists) for one in leaf.evidence if one.kind == "test"]
+    tests = [
+        one for leaf in trace(DESIGN, None, exists) for one in leaf.evidence if one.kind == "test"
+    ]
     assert tests
     assert all(one.shown is Shown.SEEN for one in tests), tests

@@ -1,4 +1,6 @@
-"""Facts and their sentences: each kind has its parts and its three rows, and no sentence has a word of the program."""
+"""Facts and their sentences: each kind has its parts and its three rows, and no sentence has a word
+of the program.
+"""
 
 import ast
 import importlib
@@ -64,9 +66,11 @@ def test_of_a_failed_task_a_person_is_told_what_to_do() -> None:
     assert sentences.failure((), "en") == ""
 
 
-# --- facts as hypothesis draws them -----------------------------------------------------------------------------------
+# --- facts as hypothesis draws them ---------------------------------------------------------------
 
-THINGS = st.sampled_from([f"{kind}_{n}" for kind in ("jar", "bowl", "box", "door", "table", "cabinet") for n in (1, 2)])
+THINGS = st.sampled_from(
+    [f"{kind}_{n}" for kind in ("jar", "bowl", "box", "door", "table", "cabinet") for n in (1, 2)]
+)
 NUMBERS = st.floats(-1e3, 1e3)
 LISTS: dict[str, list[str]] = {
     "claim": CLAIMS,
@@ -89,7 +93,9 @@ def drawn(kind: AnyKind, because: st.SearchStrategy[tuple[Fact, ...]]) -> st.Sea
     return st.tuples(*parts).map(lambda found: fact(kind, *itertools.chain(*found)))
 
 
-def _part(part: str, before: tuple[str, ...], because: st.SearchStrategy[tuple[Fact, ...]]) -> st.SearchStrategy[Any]:
+def _part(
+    part: str, before: tuple[str, ...], because: st.SearchStrategy[tuple[Fact, ...]]
+) -> st.SearchStrategy[Any]:
     name, _, of = part.partition(":")
     match name:
         case "things":
@@ -106,7 +112,9 @@ def _part(part: str, before: tuple[str, ...], because: st.SearchStrategy[tuple[F
             return st.tuples(st.sampled_from(LISTS.get(of, OTHER_WORDS)))
 
 
-REASONS = st.lists(st.sampled_from(KINDS).flatmap(lambda kind: drawn(kind, st.just(()))), max_size=2).map(tuple)
+REASONS = st.lists(
+    st.sampled_from(KINDS).flatmap(lambda kind: drawn(kind, st.just(()))), max_size=2
+).map(tuple)
 FACTS = st.sampled_from(KINDS).flatmap(lambda kind: drawn(kind, REASONS))
 
 
@@ -115,19 +123,50 @@ def few(examples: int) -> settings:
     return settings(max_examples=examples, deadline=None)
 
 
-# --- rows -------------------------------------------------------------------------------------------------------------
+# --- rows -----------------------------------------------------------------------------------------
 
 
 def test_each_catalogue_has_a_row_for_each_word_and_no_other_one() -> None:
-    """Kinds, claims, sensors, tasks, steps and acts of plans; a sentence that asks for something says please."""
-    of_operator, steps, acts = catalogue(Reader.OPERATOR), _steps_of_plans(), {act.__name__ for act in ACTS}
+    """Kinds, claims, sensors, tasks, steps and acts of plans; a sentence that asks for something
+    says please.
+    """
+    of_operator, steps, acts = (
+        catalogue(Reader.OPERATOR),
+        _steps_of_plans(),
+        {act.__name__ for act in ACTS},
+    )
     for reader in Reader:
         rows = catalogue(reader)
-        lacking, unknown = registry.tasks().keys() - rows.task.keys(), rows.task.keys() - registry.tasks().keys()
-        assert not lacking, f"sentences.toml in companion/tasks/TASK: [{reader}.task] lacks {lacking}"
+        lacking, unknown = (
+            registry.tasks().keys() - rows.task.keys(),
+            rows.task.keys() - registry.tasks().keys(),
+        )
+        assert not lacking, (
+            f"sentences.toml in companion/tasks/TASK: [{reader}.task] lacks {lacking}"
+        )
         assert not unknown, f"[{reader}.task] names {unknown}, which no plan.py has in `tasks`"
-        found = (rows.fact, rows.claim, rows.sensor, rows.fault, rows.agent, rows.side, rows.part, rows.step, rows.leaf)
-        wanted = (KINDS, CLAIMS, rc.Sensor, rc.Fault, AgentName, Side, of_operator.part, steps, acts)
+        found = (
+            rows.fact,
+            rows.claim,
+            rows.sensor,
+            rows.fault,
+            rows.agent,
+            rows.side,
+            rows.part,
+            rows.step,
+            rows.leaf,
+        )
+        wanted = (
+            KINDS,
+            CLAIMS,
+            rc.Sensor,
+            rc.Fault,
+            AgentName,
+            Side,
+            of_operator.part,
+            steps,
+            acts,
+        )
         for table, words in zip(found, wanted, strict=True):
             assert set(table) == set(words), reader
     for reader, word in ((Reader.ENGLISH, "please"), (Reader.POLISH, "proszę")):
@@ -150,23 +189,33 @@ def test_both_persons_have_words_for_the_same() -> None:
     assert set(english.thing) == set(polish.thing)
     assert set(english.furniture) == set(polish.furniture)
     assert set(english.unit) == set(polish.unit) >= set(catalogue(Reader.OPERATOR).unit)
-    assert [kind for kind in KINDS if not english.fact[kind]] == [kind for kind in KINDS if not polish.fact[kind]]
+    assert [kind for kind in KINDS if not english.fact[kind]] == [
+        kind for kind in KINDS if not polish.fact[kind]
+    ]
 
 
-# --- steps of plans ---------------------------------------------------------------------------------------------------
+# --- steps of plans -------------------------------------------------------------------------------
 
 
 def _steps_of_plans() -> set[str]:
-    """Return what steps of plans can do, read off each call of hfsm.Step in the code that makes them."""
+    """Return what steps of plans can do, read off each call of hfsm.Step in the code that makes
+    them.
+    """
     found = set()
     for file in ROOT.glob("shared/companion/**/*.py"):
         for call in ast.walk(ast.parse(file.read_text())):
-            if isinstance(call, ast.Call) and ast.unparse(call.func) in ("hfsm.Step", "Step") and call.args:
+            if (
+                isinstance(call, ast.Call)
+                and ast.unparse(call.func) in ("hfsm.Step", "Step")
+                and call.args
+            ):
                 does = call.args[0]
                 if isinstance(does, ast.Constant):
                     found.add(does.value)
                 elif ast.unparse(call.func) == "hfsm.Step":
-                    raise AssertionError(f"{file}: line {call.lineno}: what a step does is to be written there")
+                    raise AssertionError(
+                        f"{file}: line {call.lineno}: what a step does is to be written there"
+                    )
     return found
 
 
@@ -177,7 +226,9 @@ def _steps_of_plans() -> set[str]:
     side=st.sampled_from(Side),
     act=st.sampled_from(list(ACTS)),
 )
-def test_a_place_in_a_plan_is_said_in_words(does: str, things: list[str], side: Side, act: type[rc.Command]) -> None:
+def test_a_place_in_a_plan_is_said_in_words(
+    does: str, things: list[str], side: Side, act: type[rc.Command]
+) -> None:
     """With its things and its hand, and no word of the program."""
     step = hfsm.Step(does, tuple(things), side)
     for reader in Reader:
@@ -185,7 +236,12 @@ def test_a_place_in_a_plan_is_said_in_words(does: str, things: list[str], side: 
         text = sentences.place(hfsm.Place(("x", "y"), step, act.__name__, side), reader)
         assert text == f"{sentences.step(step, reader)} ({catalogue(reader).leaf[act.__name__]})"
         assert row.count("{") == catalogue(Reader.OPERATOR).step[does].count("{")
-        wrong = [*ID.findall(text), *CLASSES.findall(text), *BADLY_SET.findall(text), *re.findall("[{}]", text)]
+        wrong = [
+            *ID.findall(text),
+            *CLASSES.findall(text),
+            *BADLY_SET.findall(text),
+            *re.findall("[{}]", text),
+        ]
         assert not wrong, (reader, text)
 
 
@@ -198,7 +254,7 @@ def test_what_this_version_does_not_know_is_said_by_its_name() -> None:
         assert sentences.place(hfsm.Place(("x",)), reader) == ""
 
 
-# --- sentences --------------------------------------------------------------------------------------------------------
+# --- sentences ------------------------------------------------------------------------------------
 
 
 def test_a_sentence_has_no_word_of_the_program() -> None:
@@ -213,8 +269,14 @@ def _has_no_word_of_the_program(one: Fact) -> None:
     for reader, text in texts.items():
         wrong = [*ID.findall(text), *CLASSES.findall(text), *EXPONENT.findall(text)]
         wrong += [word for word in INTERNAL if word in text]
-        wrong += [number for number in NUMBER.findall(text) if len(re.sub("[.,]", "", number).strip("0")) > 3]
-        wrong += re.findall(rf"\ba_({AGENTS})\b" if reader is Reader.POLISH else rf"\b(a_)?({AGENTS})\b", text)
+        wrong += [
+            number
+            for number in NUMBER.findall(text)
+            if len(re.sub("[.,]", "", number).strip("0")) > 3
+        ]
+        wrong += re.findall(
+            rf"\ba_({AGENTS})\b" if reader is Reader.POLISH else rf"\b(a_)?({AGENTS})\b", text
+        )
         wrong += BADLY_SET.findall(text)
         assert not wrong, (reader, text)
         assert not re.search(r"[{}]", text.replace("left {hand}", "")), (reader, text)
@@ -230,7 +292,9 @@ def _has_no_word_of_the_program(one: Fact) -> None:
 def test_an_operator_reads_which_fault_a_sensor_has() -> None:
     """Each has its own sentence; the number is in that of an offset."""
     for sense in rc.Sensor:
-        texts = {fault: sentences.operator((fact(Kind.ILL, sense, fault, 0.05),)) for fault in rc.Fault}
+        texts = {
+            fault: sentences.operator((fact(Kind.ILL, sense, fault, 0.05),)) for fault in rc.Fault
+        }
         assert len(set(texts.values())) == len(rc.Fault)
         assert [fault for fault, text in texts.items() if "0.05 rad" in text] == [rc.Fault.OFF]
 
@@ -254,50 +318,75 @@ def test_a_fact_with_other_parts_than_those_of_its_kind_is_told_all_the_same(one
 
 
 def test_numbers_stand_as_a_person_writes_them() -> None:
-    """Long times in minutes, an operator's in seconds; the form of a unit that its number asks for, of which Polish has
-    four, each in two cases; a comma in Polish; never an exponent, nor a zero with a sign."""
-    for seconds, english, of_operator in ((45.3, "45 seconds", "45.3 s"), (119.0, "120 seconds", "119 s"),
+    """Long times in minutes, an operator's in seconds; the form of a unit that its number asks for,
+    of which Polish has four, each in two cases; a comma in Polish; never an exponent, nor a zero
+    with a sign.
+    """
+    for seconds, english, of_operator in ((45.3, "45 seconds", "45.3 s"),
+                                          (119.0, "120 seconds", "119 s"),
                                           (187.3, "3 minutes", "187 s")):  # fmt: skip
         begins = (fact(Kind.BEGINS_IN, seconds),)
         assert sentences.operator(begins) == f"it begins in {of_operator}"
         assert sentences.person(begins, "en") == f"I begin in {english}."
     for count, english, polish in ((1, "1 minute", "1 minutę"), (2, "2 minutes", "2 minuty"),
                                    (5, "5 minutes", "5 minut"), (12, "12 minutes", "12 minut"),
-                                   (22, "22 minutes", "22 minuty"), (1.5, "1.5 minutes", "1,5 minuty")):  # fmt: skip
+                                   (22, "22 minutes", "22 minuty"),
+                                   (1.5, "1.5 minutes", "1,5 minuty")):  # fmt: skip
         why = (fact(Kind.NOBODY_CAME, count),)
-        assert sentences.person(why, "en") == f"I waited for you for {english}, then stopped waiting."
+        assert (
+            sentences.person(why, "en") == f"I waited for you for {english}, then stopped waiting."
+        )
         assert sentences.person(why, "pl") == f"Czekałam {polish} i przestałam czekać."
     for seconds, polish in ((1.0, "1 sekundy"), (3.0, "3 sekund"), (30.0, "30 sekund")):
-        assert sentences.person((fact(Kind.PLAN_TAKES, 1, seconds),), "pl") == f"To potrwa około {polish}."
+        assert (
+            sentences.person((fact(Kind.PLAN_TAKES, 1, seconds),), "pl")
+            == f"To potrwa około {polish}."
+        )
     moved = (fact(Kind.MOVED, "jar_1", 0.015),)
     assert sentences.person(moved, "en") == "The jar was moved by 1.5 cm."
     assert sentences.person(moved, "pl") == "Ktoś przesunął słoik o 1,5 cm."
     assert sentences.operator((fact(Kind.MOVED, "bowl_1", 2e6),)) == "bowl was moved by 2000000 m"
-    assert sentences.operator((fact(Kind.FEELS_LITTLE, Side.LEFT, -0.0),)) == "the left hand feels 0 g: lost"
+    assert (
+        sentences.operator((fact(Kind.FEELS_LITTLE, Side.LEFT, -0.0),))
+        == "the left hand feels 0 g: lost"
+    )
 
 
 def test_polish_things_stand_in_the_case_of_their_sentence() -> None:
     """A list of things, too."""
-    assert sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1", "box_2"),), "pl") == "Widzę słoik, miskę i pudełko 2."
-    assert sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1"),), "en") == "I see the jar and the bowl."
+    assert (
+        sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1", "box_2"),), "pl")
+        == "Widzę słoik, miskę i pudełko 2."
+    )
+    assert (
+        sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1"),), "en")
+        == "I see the jar and the bowl."
+    )
 
 
 def test_who_reads_of_two_tasks_knows_which_one_is_meant() -> None:
     """A task that names no thing leaves no gap."""
     first = fact(Kind.COMES_BEFORE, "look_around", fact(Kind.MORE_URGENT))
     place = (fact(Kind.TASKS_BEFORE, 1, first),)
-    assert sentences.operator(place) == "tasks that come before it: 1: look around: it is more urgent"
-    assert sentences.person(place, "en") == "Before this one: 1 task. Another task comes first. It is more urgent."
+    assert (
+        sentences.operator(place) == "tasks that come before it: 1: look around: it is more urgent"
+    )
+    assert (
+        sentences.person(place, "en")
+        == "Before this one: 1 task. Another task comes first. It is more urgent."
+    )
 
 
-# --- facts ------------------------------------------------------------------------------------------------------------
+# --- facts ----------------------------------------------------------------------------------------
 
 
 @few(300)
 @given(st.sampled_from(KINDS), st.data())
 def test_a_fact_has_the_parts_of_its_kind(kind: AnyKind, data: st.DataObject) -> None:
     """Without a part, with one too many, or with a reason that is no fact it is none."""
-    parts = data.draw(st.tuples(*(_part(part, kind.parts[:n], REASONS) for n, part in enumerate(kind.parts))))
+    parts = data.draw(
+        st.tuples(*(_part(part, kind.parts[:n], REASONS) for n, part in enumerate(kind.parts)))
+    )
     with pytest.raises(ValueError, match=f"{kind} takes"):
         fact(kind, *itertools.chain(*parts), 7.0)
     if any(part not in ("things", "because") for part in kind.parts):
@@ -305,7 +394,9 @@ def test_a_fact_has_the_parts_of_its_kind(kind: AnyKind, data: st.DataObject) ->
             fact(kind)
 
 
-@pytest.mark.parametrize(("kind", "parts"), [(Kind.HOLDS, ("jar_1", Side.LEFT)), (Kind.MOVED, (0.1, "jar_1"))])
+@pytest.mark.parametrize(
+    ("kind", "parts"), [(Kind.HOLDS, ("jar_1", Side.LEFT)), (Kind.MOVED, (0.1, "jar_1"))]
+)
 def test_parts_in_another_order_are_none(kind: AnyKind, parts: tuple[Any, ...]) -> None:
     """What is no hand is no hand, and what is no number is no number."""
     with pytest.raises(ValueError):  # noqa: PT011 -- of Side and of float, which say it in their own words
@@ -334,30 +425,38 @@ def test_an_unknown_kind_is_refused() -> None:
 
 
 def test_a_kind_of_a_task_has_its_sentences_in_the_task() -> None:
-    """Each table of kinds is the general one or in the part `done` of a task, and so are its rows."""
+    """Each table of kinds is the general one or in the part `done` of a task, and so are its
+    rows.
+    """
     for table in AnyKind.__subclasses__():
         if table is Kind:
             continue
         room, _, part = table.__module__.rpartition(".")
         assert (room.rpartition(".")[0], part) == (tasks.__name__, "done")
-        rows = msgspec.toml.decode(Path(str(importlib.import_module(room).__path__[0]), "sentences.toml").read_bytes())
+        rows = msgspec.toml.decode(
+            Path(str(importlib.import_module(room).__path__[0]), "sentences.toml").read_bytes()
+        )
         assert all(set(rows[reader]["fact"]) == set(table) for reader in Reader)
 
 
 @given(st.lists(FACTS, max_size=4).map(tuple), st.integers(0, 400))
 def test_facts_are_cut_to_the_room_for_them(told: tuple[Fact, ...], room: int) -> None:
-    """The first of them, whole; the last of these may have fewer reasons. More room never says less."""
+    """The first of them, whole; the last of these may have fewer reasons. More room never says
+    less.
+    """
     kept = facts.fitting(told, room)
     assert sum(len(msgspec.msgpack.encode(one)) for one in kept) <= room
     assert kept[:-1] == told[: len(kept)][:-1]
     for one, whole in zip(kept[-1:], told[len(kept) - 1 :], strict=False):
-        assert msgspec.structs.replace(one, because=()) == msgspec.structs.replace(whole, because=())
+        assert msgspec.structs.replace(one, because=()) == msgspec.structs.replace(
+            whole, because=()
+        )
         assert len(one.because) <= len(whole.because)
     assert facts.fitting(told, 100_000) == told
     assert len(facts.fitting(told, room + 50)) >= len(kept)
 
 
-# --- the programs -----------------------------------------------------------------------------------------------------
+# --- the programs ---------------------------------------------------------------------------------
 
 
 def _named(node: ast.AST) -> tuple[str, str] | None:
@@ -371,7 +470,11 @@ def _named(node: ast.AST) -> tuple[str, str] | None:
 def _made(tree: ast.AST) -> Iterator[tuple[ast.Call, tuple[str, str]]]:
     """Calls of fact() with the names of their kinds."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("fact", "facts.fact") and node.args:
+        if (
+            isinstance(node, ast.Call)
+            and ast.unparse(node.func) in ("fact", "facts.fact")
+            and node.args
+        ):
             kinds = node.args[0]
             for one in (kinds.body, kinds.orelse) if isinstance(kinds, ast.IfExp) else (kinds,):
                 if name := _named(one):
@@ -387,7 +490,9 @@ def _fits(table: str, name: str, given: int) -> bool:
 
 
 def _programs() -> list[Path]:
-    return [one for folder in ("services", "shared/companion") for one in (ROOT / folder).rglob("*.py")]
+    return [
+        one for folder in ("services", "shared/companion") for one in (ROOT / folder).rglob("*.py")
+    ]
 
 
 def test_each_kind_is_said_by_a_program() -> None:
@@ -400,7 +505,9 @@ def test_each_kind_is_said_by_a_program() -> None:
 def test_each_fact_is_made_with_the_parts_of_its_kind() -> None:
     """Wherever a program makes one without a star."""
     files = _programs()
-    calls = [(path, call, name) for path in files for call, name in _made(ast.parse(path.read_text()))]
+    calls = [
+        (path, call, name) for path in files for call, name in _made(ast.parse(path.read_text()))
+    ]
     wrong = [
         f"{path.relative_to(ROOT)}:{call.lineno}: {ast.unparse(call)}"
         for path, call, name in calls

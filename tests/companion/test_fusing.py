@@ -1,4 +1,6 @@
-"""Two sights as one: never surer than is known, whatever their errors share; only where they agree."""
+"""Two sights as one: never surer than is known, whatever their errors share; only where they
+agree.
+"""
 
 import math
 
@@ -17,8 +19,12 @@ UPPER = np.triu_indices(3)
 TINY_M = 1e-7
 """Between two sights: within every gate."""
 numbers = st.floats(-1.0, 1.0)
-squares = st.lists(numbers, min_size=9, max_size=9).map(lambda values: np.array(values).reshape(3, 3))
-roots = st.tuples(squares, st.floats(2e-4, 5e-3)).map(lambda given: given[1] * (given[0] + 3.0 * np.eye(3)) / 3.0)
+squares = st.lists(numbers, min_size=9, max_size=9).map(
+    lambda values: np.array(values).reshape(3, 3)
+)
+roots = st.tuples(squares, st.floats(2e-4, 5e-3)).map(
+    lambda given: given[1] * (given[0] + 3.0 * np.eye(3)) / 3.0
+)
 """Square roots of covariances: some 0.1 mm to 1 cm, in any direction."""
 
 
@@ -41,7 +47,9 @@ def whole(upper: tuple[float, ...]) -> Array:
 
 
 def gain(a: Array, b: Array) -> tuple[Array, Array]:
-    """The share (3, 3) of a deviation between two sights by which the fused one follows the newer; its covariance."""
+    """The share (3, 3) of a deviation between two sights by which the fused one follows the newer;
+    its covariance.
+    """
     columns = []
     for axis in np.eye(3):
         one, known = fused((pose(AT), uncertain(a)), (pose(AT + TINY_M * axis), uncertain(b)))
@@ -51,7 +59,9 @@ def gain(a: Array, b: Array) -> tuple[Array, Array]:
 
 @given(roots, roots, squares)
 def test_it_is_never_surer_than_what_is_known(root_a: Array, root_b: Array, shared: Array) -> None:
-    """Whatever correlation the errors of both have: the error of the fused place is within the told covariance."""
+    """Whatever correlation the errors of both have: the error of the fused place is within the told
+    covariance.
+    """
     a, b = root_a @ root_a.T, root_b @ root_b.T
     follow, told = gain(a, b)
     stay = np.eye(3) - follow
@@ -110,11 +120,19 @@ def test_the_surer_rotation_counts(about: float, off: float, sure: float, unsure
         ((pose(AT), uncertain(1e-6 * np.eye(3))), (pose(AT + 0.001), None)),
         ((pose(AT), uncertain(np.zeros((3, 3)))), (pose(AT), uncertain(1e-6 * np.eye(3)))),
         ((pose(AT), uncertain(-1e-6 * np.eye(3))), (pose(AT), uncertain(1e-6 * np.eye(3)))),
-        ((pose(AT), uncertain(1e-6 * np.eye(3))), (pose(AT, tilt=0.1), uncertain(1e-6 * np.eye(3)))),
-        ((pose(AT), uncertain(1e-6 * np.eye(3))), (pose(AT + 5e-4, 0.1), uncertain(1e-6 * np.eye(3)))),
+        (
+            (pose(AT), uncertain(1e-6 * np.eye(3))),
+            (pose(AT, tilt=0.1), uncertain(1e-6 * np.eye(3))),
+        ),
+        (
+            (pose(AT), uncertain(1e-6 * np.eye(3))),
+            (pose(AT + 5e-4, 0.1), uncertain(1e-6 * np.eye(3))),
+        ),
     ],
     ids=["before unknown", "now unknown", "nothing", "no covariance", "tipped", "turned"],
 )
-def test_the_newer_one_counts_alone(kept: tuple[Pose, Uncertainty], seen: tuple[Pose, Uncertainty]) -> None:
+def test_the_newer_one_counts_alone(
+    kept: tuple[Pose, Uncertainty], seen: tuple[Pose, Uncertainty]
+) -> None:
     """Where there is nothing to weigh by, or it stands otherwise."""
     assert fused(kept, seen) == seen

@@ -1,4 +1,6 @@
-"""One form of a text's letters: whatever a keyboard or a recogniser wrote, a word is the same word."""
+"""One form of a text's letters: whatever a keyboard or a recogniser wrote, a word is the same
+word.
+"""
 
 import string
 import subprocess
@@ -34,16 +36,27 @@ def test_what_looks_like_a_letter_is_read_as_it():
     others, wrong = {"ſ": "s", "ʋ": "v", "ᶌ": "v", "ͺ": " "}, []
     for letter in string.ascii_lowercase:
         same = {letter, *({"0"} if letter == "o" else {"1", "i", "l"} if letter in "il" else ())}
-        alike = (row["c"] for one in (letter, letter.upper()) for row in confusables_data.get(one, ()))
+        alike = (
+            row["c"] for one in (letter, letter.upper()) for row in confusables_data.get(one, ())
+        )
         for one in alike:
-            if len(one) == 1 and one.isalnum() and not one.isascii() and fold(one) not in same | {others.get(one)}:
+            if (
+                len(one) == 1
+                and one.isalnum()
+                and not one.isascii()
+                and fold(one) not in same | {others.get(one)}
+            ):
                 wrong.append(f"{one} {unicodedata.name(one)}")
     assert wrong == []
 
 
 def test_apostrophes_are_those_of_unicode():
     """Every sign that its table calls confusable with one."""
-    signs = {one for one, rows in confusables_data.items() if len(one) == 1 and any(row["c"] == "'" for row in rows)}
+    signs = {
+        one
+        for one, rows in confusables_data.items()
+        if len(one) == 1 and any(row["c"] == "'" for row in rows)
+    }
     assert set(APOSTROPHES) == signs | {"'"}
 
 
@@ -54,11 +67,15 @@ def test_any_text_has_a_form_which_is_its_own_form(text):
 
 
 def test_the_table_is_loaded_by_a_letter_of_another_alphabet_alone():
-    """Polish, quotation marks and emoji do not cost its memory and time; agents at rest have none of it."""
+    """Polish, quotation marks and emoji do not cost its memory and time; agents at rest have none
+    of it.
+    """
     program = (
         "import sys; from companion.letters import fold; fold('„Weź słoik”… don’t 🛑');"
         "before = 'confusable_homoglyphs' in sys.modules; fold('ѕтор');"
         "print(before, 'confusable_homoglyphs' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=True
+    )
     assert done.stdout.split() == ["False", "True"]

@@ -26,13 +26,20 @@ def turned(pose: Pose, v: tuple[float, float, float]) -> tuple[float, ...]:
 
 
 def test_there_are_as_many_grasps_as_were_published() -> None:
-    """96 for the jar, 32 for the bowl; boxes 24, 16, 8. Two of a jar that lies, and those of handles, are of trials."""
-    counts = {name: sum(one.kind not in (LYING, HANDLE) for one in grasps) for name, grasps in GRASPS.items()}
+    """96 for the jar, 32 for the bowl; boxes 24, 16, 8. Two of a jar that lies, and those of
+    handles, are of trials.
+    """
+    counts = {
+        name: sum(one.kind not in (LYING, HANDLE) for one in grasps)
+        for name, grasps in GRASPS.items()
+    }
     assert [counts.pop(name) for name in ("door_left", "door_right")] == [0, 0]
     assert counts == {"jar": 96, "bowl_high": 32, "box1": 24, "box2": 16, "box3": 8}
-    assert {name: len(GRASPS[name]) - count for name, count in counts.items() if len(GRASPS[name]) > count} == {
-        "jar": 2
-    }
+    assert {
+        name: len(GRASPS[name]) - count
+        for name, count in counts.items()
+        if len(GRASPS[name]) > count
+    } == {"jar": 2}
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi))
@@ -49,7 +56,9 @@ def test_grasps_fit_a_thing_as_it_stands_or_lies(yaw: float, pitch: float, roll:
 
 @pytest.mark.parametrize("model", GRASPS)
 def test_a_grasp_comes_nearer_with_every_step(model: str) -> None:
-    """From the outermost step on the object comes closer to the hand, with unit quaternions and names of its own."""
+    """From the outermost step on the object comes closer to the hand, with unit quaternions and
+    names of its own.
+    """
     assert len({grasp.id for grasp in GRASPS[model]}) == len(GRASPS[model])
     for grasp in GRASPS[model]:
         distances = [step.pose.xyz[2] for step in grasp.steps]
@@ -60,7 +69,8 @@ def test_a_grasp_comes_nearer_with_every_step(model: str) -> None:
 
 
 def test_the_jar_sits_deeper_in_the_hand_than_published() -> None:
-    """Published at 0.02 in front of the grip; closing drags it to the palm from there, so 18 mm less.
+    """Published at 0.02 in front of the grip; closing drags it to the palm from there, so 18 mm
+    less.
 
     One that lies is 35 mm before it, or the fingers would meet the table.
     """
@@ -76,7 +86,9 @@ def test_the_jars_axis_is_across_the_approach() -> None:
 
 
 def test_the_hands_close_as_the_trials_say() -> None:
-    """The jar is squeezed hard and the bowl hardly at all, closed upon slowly and taken less far out."""
+    """The jar is squeezed hard and the bowl hardly at all, closed upon slowly and taken less far
+    out.
+    """
     jar, bowl = GRASPS["jar"][0], GRASPS["bowl_high"][0]
     assert (math.degrees(jar.squeeze), jar.speed, jar.out) == (pytest.approx(40.0), 0.6, 0.28)
     assert (math.degrees(bowl.squeeze), bowl.speed, bowl.out) == (pytest.approx(0.8), 0.3, 0.22)
@@ -89,7 +101,9 @@ def test_the_hands_close_as_the_trials_say() -> None:
 
 
 def test_the_bowls_boards_lean_from_its_base_to_its_rim() -> None:
-    """Twenty boards; the top of each is near the rim radius, the bottom near the base radius, all outwards alike."""
+    """Twenty boards; the top of each is near the rim radius, the bottom near the base radius, all
+    outwards alike.
+    """
     boards = [shape for shape in MODELS["bowl_high"].shapes if isinstance(shape, Box)]
     assert len(boards) == 20
     for board in boards:
@@ -115,14 +129,22 @@ def test_a_model_says_where_it_is_from_and_has_shapes() -> None:
 
 def test_arms_reach_from_their_own_shoulder() -> None:
     """Left is where y is positive."""
-    assert {side.value: reach.shoulders[0][1] > 0 for side, reach in REACH.items()} == {"left": True, "right": False}
+    assert {side.value: reach.shoulders[0][1] > 0 for side, reach in REACH.items()} == {
+        "left": True,
+        "right": False,
+    }
 
 
 @pytest.mark.parametrize("model", ["door_left", "door_right"])
 def test_a_hand_at_a_handle_has_the_bar_between_its_fingers(model: str) -> None:
-    """The bar is upright in the hand's x, in the middle of its y, and as far before the grip at every slant; the hand
-    comes from the front, and each grasp is another one."""
-    bar = next(shape.at.xyz for shape in MODELS[model].shapes if isinstance(shape, Box) and shape.size[2] == 0.136)
+    """The bar is upright in the hand's x, in the middle of its y, and as far before the grip at
+    every slant; the hand comes from the front, and each grasp is another one.
+    """
+    bar = next(
+        shape.at.xyz
+        for shape in MODELS[model].shapes
+        if isinstance(shape, Box) and shape.size[2] == 0.136
+    )
     depth, found = turned(GRASPS[model][0].steps[-1].pose, bar)[2], set()
     for grasp in GRASPS[model]:
         at = [turned(step.pose, bar) for step in grasp.steps]
@@ -130,7 +152,9 @@ def test_a_hand_at_a_handle_has_the_bar_between_its_fingers(model: str) -> None:
         assert np.abs(along) == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
         assert [x for x, _, _ in at] + [y for _, y, _ in at] == pytest.approx([0.0] * 4, abs=1e-9)
         assert at[0][2] > at[-1][2] == pytest.approx(depth)
-        outwards = np.subtract(turned(grasp.steps[-1].pose, (1.0, 0.0, 0.0)), grasp.steps[-1].pose.xyz)
+        outwards = np.subtract(
+            turned(grasp.steps[-1].pose, (1.0, 0.0, 0.0)), grasp.steps[-1].pose.xyz
+        )
         assert outwards[2] < -0.7
         found.add(tuple(np.round([*along, *outwards], 6)))
     assert len(found) == len(GRASPS[model])

@@ -31,14 +31,18 @@ REFUSED = "execute_plan refuse"
 def without(agent: str, event: str) -> Design:
     """The design less an agent's rows for an event."""
     agents = tuple(
-        replace(one, row=tuple(row for row in one.row if row.on != event)) if one.name == agent else one
+        replace(one, row=tuple(row for row in one.row if row.on != event))
+        if one.name == agent
+        else one
         for one in DESIGN.file.agent
     )
     return Design(replace(DESIGN.file, agent=agents), DESIGN.path)
 
 
 def takes_a_refuse(agent: Agent) -> bool:
-    """Whether co, whose plan runs, takes ta's refuse: else it stays in the inbox, without a receipt."""
+    """Whether co, whose plan runs, takes ta's refuse: else it stays in the inbox, without a
+    receipt.
+    """
     core = Core(agent, wiring("co", "test"))
     state, _ = core.step(core.boot(None), Started(), 0.0)
     talk = Conversation.open(COORDINATE, Role.INITIATOR, id="co-1-1", me="co", peer="ta")
@@ -48,7 +52,13 @@ def takes_a_refuse(agent: Agent) -> bool:
     names = {"protocol": "coordinate", "conversation": talk.id, "sender": "ta", "receiver": "co"}
     content = SW.encode(sw.Report(sw.WorkerState.FAILED))
     answer = Communicate(
-        performative=P.REFUSE, content=content, language="SW", in_reply_to=asked.reply_with, id="1", sent=1.0, **names
+        performative=P.REFUSE,
+        content=content,
+        language="SW",
+        in_reply_to=asked.reply_with,
+        id="1",
+        sent=1.0,
+        **names,
     )
     _, effects = core.step(state, Arrived(answer), 1.0)
     return bool(effects.receipts)
@@ -63,8 +73,12 @@ def test_an_agents_rows() -> None:
 
 
 def test_a_protocols_rows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the row by which ta takes a cancel that crossed its final report conversation, walk and fleet change."""
-    talk = Conversation(id="c", protocol="coordinate", role=Role.PARTICIPANT, me="ta", peer="co", state="finished")
+    """Without the row by which ta takes a cancel that crossed its final report conversation, walk
+    and fleet change.
+    """
+    talk = Conversation(
+        id="c", protocol="coordinate", role=Role.PARTICIPANT, me="ta", peer="co", state="finished"
+    )
     names = {"protocol": "coordinate", "conversation": "c", "sender": "co", "receiver": "ta"}
     cancel = Communicate(performative=P.CANCEL, reply_with="2", id="2", **names)
     assert talk.takes(cancel)

@@ -17,7 +17,9 @@ KINDS = (OWL.Class, OWL.ObjectProperty, OWL.DatatypeProperty)
 def graph() -> Graph:
     """The ontology that the design names."""
     (entry,) = DESIGN.file.ontology
-    return Graph().parse(data=resources.files("companion").joinpath(entry.file).read_text("utf-8"), format="turtle")
+    return Graph().parse(
+        data=resources.files("companion").joinpath(entry.file).read_text("utf-8"), format="turtle"
+    )
 
 
 def test_every_term_has_a_label_and_a_comment(graph: Graph) -> None:
@@ -31,7 +33,9 @@ def test_every_term_has_a_label_and_a_comment(graph: Graph) -> None:
 
 def test_every_term_that_is_used_is_defined(graph: Graph) -> None:
     """No misspelt term of our own, in any place of a triple."""
-    defined = {term for kind in (*KINDS, OWL.NamedIndividual) for term in graph.subjects(RDF.type, kind)}
+    defined = {
+        term for kind in (*KINDS, OWL.NamedIndividual) for term in graph.subjects(RDF.type, kind)
+    }
     named = {s for s in graph.subjects() if isinstance(s, URIRef)}
     for triple in graph:
         for node in triple:
@@ -47,7 +51,9 @@ def test_nothing_is_imported(graph: Graph) -> None:
 def test_every_model_is_of_a_class_of_the_ontology(graph: Graph) -> None:
     """And that class is a physical object."""
     for model in MODELS.values():
-        assert ROCO.PhysicalObject in set(graph.transitive_objects(ROCO[model.kind], RDFS.subClassOf))
+        assert ROCO.PhysicalObject in set(
+            graph.transitive_objects(ROCO[model.kind], RDFS.subClassOf)
+        )
 
 
 def test_our_top_classes_stand_below_foreign_ones(graph: Graph) -> None:

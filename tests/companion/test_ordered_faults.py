@@ -44,7 +44,9 @@ def refused(fleet: Local, one: Disturbance) -> str:
 
 
 def test_a_fleet_without_faults_is_left_alone(tmp_path: Path) -> None:
-    assert "was started without --faults; start the fleet with `roco up --faults`" in refused(FleetWith(tmp_path), ZERO)
+    assert "was started without --faults; start the fleet with `roco up --faults`" in refused(
+        FleetWith(tmp_path), ZERO
+    )
 
 
 def test_where_there_is_nothing_that_could_fail(run: Path) -> None:
@@ -84,9 +86,14 @@ def test_words() -> None:
 
 def test_faults_of_several_commands_stand_beside_each_other(run: Path) -> None:
     """Each takes back its own; what has ended by itself is left out."""
-    fleet, kinds = FleetWith(run), {name: fault._kind(Disturbance(name, Of.WRIST, Kind.ZERO), 60.0) for name in "ab"}
+    fleet, kinds = (
+        FleetWith(run),
+        {name: fault._kind(Disturbance(name, Of.WRIST, Kind.ZERO), 60.0) for name in "ab"},
+    )
     noted = {name: Fault(id=name, kind="sensor", target="loop", t=0.0) for name in "ab"}
-    disturbances.write(run / DISTURBANCES_FILE, (Disturbance("old", Of.WRIST, Kind.NAN, until=1.0),))
+    disturbances.write(
+        run / DISTURBANCES_FILE, (Disturbance("old", Of.WRIST, Kind.NAN, until=1.0),)
+    )
     for name, kind in kinds.items():
         kind.begin(fleet, noted[name])
     assert [one.id for one in disturbances.read(run / DISTURBANCES_FILE)] == ["a", "b"]

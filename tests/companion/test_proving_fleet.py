@@ -19,7 +19,9 @@ Rows = tuple[elements.Row, ...]
 
 def with_rows(agent: str, change: Callable[[Rows], Rows]) -> Design:
     """The design with other rows of an agent."""
-    agents = tuple(replace(one, row=change(one.row)) if one.name == agent else one for one in DESIGN.file.agent)
+    agents = tuple(
+        replace(one, row=change(one.row)) if one.name == agent else one for one in DESIGN.file.agent
+    )
     return Design(replace(DESIGN.file, agent=agents), DESIGN.path)
 
 
@@ -27,7 +29,11 @@ def without(agent: str, **wanted: str) -> Design:
     """The design less the rows of an agent whose fields hold these words; at least one must."""
 
     def change(rows: Rows) -> Rows:
-        left = tuple(row for row in rows if not all(word in str(getattr(row, name)) for name, word in wanted.items()))
+        left = tuple(
+            row
+            for row in rows
+            if not all(word in str(getattr(row, name)) for name, word in wanted.items())
+        )
         assert len(left) < len(rows), f"no row of {agent} has {wanted}"
         return left
 
@@ -56,13 +62,15 @@ def holds(faults: Faults) -> None:
     assert result.findings == ()
 
 
-# --- the design as it is ----------------------------------------------------------------------------------------------
+# --- the design as it is --------------------------------------------------------------------------
 
 
 def test_the_fleet_holds() -> None:
-    """No deadlock, nothing unforeseen, rest in reach from everywhere, no act twice, no planning on a stale world.
+    """No deadlock, nothing unforeseen, rest in reach from everywhere, no act twice, no planning on
+    a stale world.
 
-    And every row is used: one that no path takes is one that nobody needs, or one whose guard is wrong.
+    And every row is used: one that no path takes is one that nobody needs, or one whose guard is
+    wrong.
     """
     holds(Faults(0))
     fleet = Fleet(DESIGN, Faults(1))
@@ -98,7 +106,11 @@ UNUSED = {
     "km": {"observe_world refuse", "observe_world failure"},
     "ex": {"watch_robot subscribe"},
     # the answer of which nobody waits (`may`)
-    "pl idle": {"ask_for_planning inform-ref", "ask_for_planning failure", "ask_for_planning refuse"},
+    "pl idle": {
+        "ask_for_planning inform-ref",
+        "ask_for_planning failure",
+        "ask_for_planning refuse",
+    },
     # a look around takes one death, its end or wait that crosses a cancel needs a second fault
     "ta surveying": {
         "act inform",
@@ -122,10 +134,15 @@ def no_barrier() -> Design:
     """ta reports the end of its plan though km does not know yet what its acts changed."""
 
     def now(way: elements.Onward) -> elements.Onward:
-        return replace(way, when=tuple(guard for guard in way.when if not guard.startswith("observe_world")))
+        return replace(
+            way, when=tuple(guard for guard in way.when if not guard.startswith("observe_world"))
+        )
 
     ta = DESIGN.agent("ta")
-    choices = (replace(one, ways=tuple(now(way) for way in one.ways if way.to != "closing")) for one in ta.choice)
+    choices = (
+        replace(one, ways=tuple(now(way) for way in one.ways if way.to != "closing"))
+        for one in ta.choice
+    )
     agent = replace(ta, choice=tuple(choices))
     agents = tuple(agent if one.name == "ta" else one for one in DESIGN.file.agent)
     return Design(replace(DESIGN.file, agent=agents), DESIGN.path)
@@ -137,7 +154,9 @@ def co_forgets() -> Design:
     def change(rows: Rows) -> Rows:
         late = {"say": ("execute_command failure",), "when": ("execute_command agreed",)}
         kept = (replace(row, **late) if row.on == "late execute_plan" else row for row in rows)
-        return tuple(replace(row, when=()) if row.on == "execute_command request" else row for row in kept)
+        return tuple(
+            replace(row, when=()) if row.on == "execute_command request" else row for row in kept
+        )
 
     return with_rows("co", change)
 
@@ -159,17 +178,33 @@ NAIVE: dict[str, tuple[Callable[[], Design], int, str]] = {
         1,
         STUCK,
     ),
-    "pl forgets the request it agreed to": (lambda: in_place("pl", "restart", say=(), to="idle"), 1, STUCK),
+    "pl forgets the request it agreed to": (
+        lambda: in_place("pl", "restart", say=(), to="idle"),
+        1,
+        STUCK,
+    ),
     "ex forgets its act": (lambda: in_place("ex", "restart", to="idle"), 1, STUCK),
-    "ex begins its act again": (lambda: in_place("ex", "restart", to="acting", moves="act"), 1, "twice"),
-    "ta does not ask again after a death": (lambda: without("ta", on="restart", say="query-ref"), 1, STUCK),
+    "ex begins its act again": (
+        lambda: in_place("ex", "restart", to="acting", moves="act"),
+        1,
+        "twice",
+    ),
+    "ta does not ask again after a death": (
+        lambda: without("ta", on="restart", say="query-ref"),
+        1,
+        STUCK,
+    ),
     "co gives up a late plan and forgets it": (co_forgets, 1, "no row"),
     "ex takes no cancel once it has stopped to act": (
         lambda: in_place("ex", "act cancel", in_=("preparing", "acting")),
         0,
         STUCK,
     ),
-    "co drops a failure of pl": (lambda: in_place("co", "generate_plan failure", say=()), 0, "no row"),
+    "co drops a failure of pl": (
+        lambda: in_place("co", "generate_plan failure", say=()),
+        0,
+        "no row",
+    ),
     "co forgets a task that it put aside": (
         lambda: with_rows("co", lambda rows: tuple(replace(row, waits=()) for row in rows)),
         0,
@@ -192,7 +227,9 @@ NAIVE: dict[str, tuple[Callable[[], Design], int, str]] = {
         lambda: with_rows(
             "co",
             lambda rows: tuple(
-                row for row in rows if row.on != "execute_command cancel" or "execute_command waiting" not in row.when
+                row
+                for row in rows
+                if row.on != "execute_command cancel" or "execute_command waiting" not in row.when
             ),
         ),
         0,
@@ -218,7 +255,9 @@ def test_naive(name: str) -> None:
 
 
 def test_co_waits_for_ever_for_a_robot_that_is_gone() -> None:
-    """Without the rows by which a wait of co is over, a person's wish never ends when ta dies for good."""
+    """Without the rows by which a wait of co is over, a person's wish never ends when ta dies for
+    good.
+    """
 
     def change(rows: Rows) -> Rows:
         return tuple(row for row in rows if not row.on.startswith("late "))
@@ -240,7 +279,9 @@ def test_what_is_owed_stands_in_ram(monkeypatch: pytest.MonkeyPatch) -> None:
     right = Agent._restarted
 
     def forgetful(self, local):
-        return tuple(one._replace(there=one.there._replace(owed=frozenset())) for one in right(self, local))
+        return tuple(
+            one._replace(there=one.there._replace(owed=frozenset())) for one in right(self, local)
+        )
 
     monkeypatch.setattr(Agent, "_restarted", forgetful)
     result = found(DESIGN, Faults(1))

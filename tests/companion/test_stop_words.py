@@ -12,32 +12,55 @@ from companion.stop_words import LONGEST, ROWS, calls_for_help, forms, may_answe
 STOPS = """
 stop|STOP!!!|Stop it.|please stop|stop stop stop|stooooop
 S T O P|s.t.o.p.|stpo|sotp|stp|stopp!|halt|HALT!|freeze|freeeze
-emergency stop|e-stop|emergency!|stop the robot|stop moving|can you stop please|robot, stop|Velma stop now
-careful|be careful|careful with that|hang on|hang on a second|hold on|hold it|wait|wait a minute|wait, not that one
-no|nie|no don't|no, don’t|dont|do not|don't touch that|don't pour the milk|please don't do that|you must not take it
-no no|no no no|no, wait|whoa|woah|watch out|look out!|ouch|that hurts|you are hurting me|it is falling|pause|abort
-that's enough|enough|back off|hands off|let go of me|leave me alone|not so fast|slow down|stand still|stay where you are
-cut it out|just a second|one moment!|a moment, please|take the jar, no, stop|pour the jar into the bowl... careful!
+emergency stop|e-stop|emergency!|stop the robot|stop moving|can you stop please|robot, stop
+Velma stop now
+careful|be careful|careful with that|hang on|hang on a second|hold on|hold it|wait|wait a minute
+wait, not that one
+no|nie|no don't|no, don’t|dont|do not|don't touch that|don't pour the milk|please don't do that
+you must not take it
+no no|no no no|no, wait|whoa|woah|watch out|look out!|ouch|that hurts|you are hurting me
+it is falling|pause|abort
+that's enough|enough|back off|hands off|let go of me|leave me alone|not so fast|slow down
+stand still|stay where you are
+cut it out|just a second|one moment!|a moment, please|take the jar, no, stop
+pour the jar into the bowl... careful!
 don't stop|danger|How do I stop you? Stop!|in a second, stop|I don't know, wait
-stój|STÓJ!|stoj|zatrzymaj się|Zatrzymaj to natychmiast|przestań|czekaj|poczekaj chwilę|uważaj|ostrożnie|nie rób tego
-nie ruszaj się|nie, nie|dość|wystarczy|chwila|zostaw to|weź słoik, nie, czekaj|nie lej mleka|niebezpiecznie|chwileczkę
-help|help, I've fallen|can you help me|it burns|I can't breathe|let go!|please let go now|ow|that hurt|get away from me
-oh no please|you've spilled it|ała|auć|ściskasz mi palce|parzy mnie|puść mnie|duszę się|pomóż mi|pomocy|pomoc
-proszę nie bierz tego|proszę, nie|cant breathe|youve spilled it|can t breathe|its burning|ur hurting me
-my hair is caught|fire!|call an ambulance|I'm stuck|you dropped it|there's a child|get your hands off|I don't want that
-rozlałeś mleko|pali się!|dzwoń po karetkę|krew mi leci|nie mogę oddychać|odsuń się ode mnie|upuściłaś słoik|boję się
-st0p|ha1t|b1eeding|HE1P|fa11ing|h e l p|s t 0 p|stop_it|ѕтор|ＳＴＯＰ|s\u200btop|ﬁre|🛑|✋🏽|🖐️ velma|🆘
+stój|STÓJ!|stoj|zatrzymaj się|Zatrzymaj to natychmiast|przestań|czekaj|poczekaj chwilę|uważaj
+ostrożnie|nie rób tego
+nie ruszaj się|nie, nie|dość|wystarczy|chwila|zostaw to|weź słoik, nie, czekaj|nie lej mleka
+niebezpiecznie|chwileczkę
+help|help, I've fallen|can you help me|it burns|I can't breathe|let go!|please let go now|ow
+that hurt|get away from me
+oh no please|you've spilled it|ała|auć|ściskasz mi palce|parzy mnie|puść mnie|duszę się|pomóż mi
+pomocy|pomoc
+proszę nie bierz tego|proszę, nie|cant breathe|youve spilled it|can t breathe|its burning
+ur hurting me
+my hair is caught|fire!|call an ambulance|I'm stuck|you dropped it|there's a child
+get your hands off|I don't want that
+rozlałeś mleko|pali się!|dzwoń po karetkę|krew mi leci|nie mogę oddychać|odsuń się ode mnie
+upuściłaś słoik|boję się
+st0p|ha1t|b1eeding|HE1P|fa11ing|h e l p|s t 0 p|stop_it|ѕтор|ＳＴＯＰ|s\u200btop|ﬁre
+🛑|✋🏽|🖐️ velma|🆘
 """
 NO_STOPS = """
-take the jar|pour the content of the jar into the bowl|put down the jar|put the jar on the table|look around|cancel
-status|take the jar carefully|hold the jar|take the jar and hold it|what do you see?|why have you stopped?|I don't know
-never mind|forget it|take the one with the lid|step|the shop|I do not see the jar|why don't you take the jar?|now
-can't you take the jar|take the jar with the left hand|undo that|what are you waiting for|the bowl, not the jar
-weź słoik|postaw słoik na stole|rozejrzyj się|nie wiem|co widzisz?|weź słoik ostrożnie|anuluj|stół|sto
-how do I stop you?|How can I stop the robot?|why did you stop?|what happens if I stop you?|nie szkodzi
-nie ma za co|jak cię zatrzymać?|Jak mogę cię zatrzymać?|dlaczego się zatrzymałeś?|nie ma sprawy|nie martw się
-don't worry|no thank you|take the jar in one minute|in a second|take the jar in a second|take the jar in just a moment
-weź słoik za chwilę|za chwilę|take the jar one minute from now|weź słoik za chwileczkę|za moment weź słoik
+take the jar|pour the content of the jar into the bowl|put down the jar|put the jar on the table
+look around|cancel
+status|take the jar carefully|hold the jar|take the jar and hold it|what do you see?
+why have you stopped?|I don't know
+never mind|forget it|take the one with the lid|step|the shop|I do not see the jar
+why don't you take the jar?|now
+can't you take the jar|take the jar with the left hand|undo that|what are you waiting for
+the bowl, not the jar
+weź słoik|postaw słoik na stole|rozejrzyj się|nie wiem|co widzisz?|weź słoik ostrożnie|anuluj|stół
+sto
+how do I stop you?|How can I stop the robot?|why did you stop?|what happens if I stop you?
+nie szkodzi
+nie ma za co|jak cię zatrzymać?|Jak mogę cię zatrzymać?|dlaczego się zatrzymałeś?|nie ma sprawy
+nie martw się
+don't worry|no thank you|take the jar in one minute|in a second|take the jar in a second
+take the jar in just a moment
+weź słoik za chwilę|za chwilę|take the jar one minute from now|weź słoik za chwileczkę
+za moment weź słoik
 w ciągu minuty weź słoik|what can you do|what can I say?|how can you help me?|co umiesz
 w czym możesz mi pomóc?|let go of the jar|drop it|take the one in front of me|hi-1-10
 take jar 10|put it on table 1|open the jam jar
@@ -60,15 +83,25 @@ def test_these_do_not():
     assert [one for one in said(NO_STOPS) if stop_words(one)] == []
 
 
-# --- every row in every form ------------------------------------------------------------------------------------------
+# --- every row in every form ----------------------------------------------------------------------
 
 ROWS_OF = {
-    where: sorted({form for one in ROWS.stop if one.where == where for form in forms(f"{one.en},{one.pl}")})
+    where: sorted(
+        {form for one in ROWS.stop if one.where == where for form in forms(f"{one.en},{one.pl}")}
+    )
     for where in ("anywhere", "opening", "alone", "answer")
 }
 FILLERS = [*forms(ROWS.fillers)]
-INVISIBLE = "\u200b\u200c\u200d\u2060\ufeff\u00ad\u200e\u202e\u2066\ufe0f\U000e0101\u034f\u180e\u3164"
-SHORT = {"can not": "can't", "do not": "don't", "must not": "mustn't", "should not": "shouldn't", "will": "'ll"}
+INVISIBLE = (
+    "\u200b\u200c\u200d\u2060\ufeff\u00ad\u200e\u202e\u2066\ufe0f\U000e0101\u034f\u180e\u3164"
+)
+SHORT = {
+    "can not": "can't",
+    "do not": "don't",
+    "must not": "mustn't",
+    "should not": "shouldn't",
+    "will": "'ll",
+}
 ALIKE = {
     letter: [
         one["c"]
@@ -85,18 +118,25 @@ DIGITS = {"i": "1", "l": "1"}
 @st.composite
 def written(draw, row):
     """A row as people, keyboards and recognisers write it."""
-    text = row.removesuffix("*") + (draw(st.sampled_from(["", "ing", "aś", "o"])) if row.endswith("*") else "")
+    text = row.removesuffix("*") + (
+        draw(st.sampled_from(["", "ing", "aś", "o"])) if row.endswith("*") else ""
+    )
     for whole, short in SHORT.items():
         if f" {whole} " in f" {text} " and short[0] != "'" and draw(st.booleans()):
-            text = text.replace(whole, short.replace("'", draw(st.sampled_from([*APOSTROPHES, "", " "]))))
+            text = text.replace(
+                whole, short.replace("'", draw(st.sampled_from([*APOSTROPHES, "", " "])))
+            )
     at = draw(st.integers(0, len(text) - 1))
     sign = text[at]
-    how = draw(st.sampled_from(["capitals", "invisible", "alike", "digit", "repeated", "plain", "accents"]))
+    how = draw(
+        st.sampled_from(["capitals", "invisible", "alike", "digit", "repeated", "plain", "accents"])
+    )
     if how == "capitals":
         text = text.upper()
     elif how == "invisible":
         text = text[:at] + draw(st.sampled_from(INVISIBLE)) + text[at:]
-    elif how == "repeated" and sign.isalpha() and not {"of", "to"} & set(text.split()):  # "off", "too" are others
+    # "off", "too" are others
+    elif how == "repeated" and sign.isalpha() and not {"of", "to"} & set(text.split()):
         text = text[:at] + sign * draw(st.integers(2, 9)) + text[at + 1 :]
     elif how == "alike" and ALIKE.get(sign):
         text = text[:at] + draw(st.sampled_from(ALIKE[sign])) + text[at + 1 :]
@@ -114,7 +154,9 @@ def _inside(text, at):
 
 def test_every_row_stops_as_it_stands():
     """Each row counts."""
-    assert [row for rows in ROWS_OF.values() for row in rows if not stop_words(row.removesuffix("*"))] == []
+    assert [
+        row for rows in ROWS_OF.values() for row in rows if not stop_words(row.removesuffix("*"))
+    ] == []
 
 
 @settings(max_examples=400, deadline=None)
@@ -148,7 +190,8 @@ def test_every_opening_stops_at_the_beginning(row, data, before, after):
     row=st.sampled_from(ROWS_OF["alone"] + ROWS_OF["answer"]),
     data=st.data(),
     before=st.sampled_from(["", *FILLERS]),
-    after=st.sampled_from(["", *(one for one in FILLERS if one not in ("thank you", "dziękuję"))]),  # an answer
+    # an answer
+    after=st.sampled_from(["", *(one for one in FILLERS if one not in ("thank you", "dziękuję"))]),
 )
 def test_every_whole_sentence_stops_between_fillers(row, data, before, after):
     """Nothing else is said."""
@@ -159,11 +202,13 @@ def test_every_whole_sentence_stops_between_fillers(row, data, before, after):
 def test_every_group_has_a_reason_and_no_row_is_there_twice():
     """A row that stands in two groups has two reasons, one of which is wrong."""
     assert all(one.reason.endswith(".") for one in (*ROWS.stop, *ROWS.harmless))
-    rows = [form for one in ROWS.stop if one.where == "anywhere" for form in forms(f"{one.en},{one.pl}")]
+    rows = [
+        form for one in ROWS.stop if one.where == "anywhere" for form in forms(f"{one.en},{one.pl}")
+    ]
     assert sorted(row for row in set(rows) if rows.count(row) > 1) == []
 
 
-# --- answers, calls for help ------------------------------------------------------------------------------------------
+# --- answers, calls for help ----------------------------------------------------------------------
 
 
 def test_an_answer_of_a_question_stops_nothing():
@@ -177,7 +222,14 @@ def test_an_answer_of_a_question_stops_nothing():
         assert not may_answer(other)
 
 
-CALLS = {"help": "en", "Help me!": "en", "help, I've fallen": "en", "pomocy!": "pl", "pomoc": "pl", "pomóż mi": "pl"}
+CALLS = {
+    "help": "en",
+    "Help me!": "en",
+    "help, I've fallen": "en",
+    "pomocy!": "pl",
+    "pomoc": "pl",
+    "pomóż mi": "pl",
+}
 NO_CALLS = ("stop", "how can you help me", "w czym możesz mi pomóc", "co umiesz", "take the jar")
 
 
@@ -188,7 +240,7 @@ def test_a_call_for_help_has_a_language():
     assert [one for one in NO_CALLS if calls_for_help(one)] == []
 
 
-# --- any text ---------------------------------------------------------------------------------------------------------
+# --- any text -------------------------------------------------------------------------------------
 
 
 @given(st.text(max_size=300))
@@ -197,12 +249,16 @@ def test_whatever_is_said_is_looked_through(sentence):
     assert isinstance(stop_words(sentence), str)
 
 
-LONG = ("a" * 10**6, "no " * 10**6, "do not " * 10**6, "ﷺ" * LONGEST, "x" * LONGEST + " stop", "a b " * LONGEST,
-        "in one minute " * LONGEST, "please " * LONGEST, "st0p1 " * LONGEST, "( " * LONGEST)  # fmt: skip
+LONG = ("a" * 10**6, "no " * 10**6, "do not " * 10**6, "ﷺ" * LONGEST, "x" * LONGEST + " stop",
+        "a b " * LONGEST,
+        "in one minute " * LONGEST, "please " * LONGEST, "st0p1 " * LONGEST,
+        "( " * LONGEST)  # fmt: skip
 
 
 def test_the_longest_sentence_takes_no_time():
-    """It is looked through in the thread that listens to people. The bound is an estimate: it takes some ms."""
+    """It is looked through in the thread that listens to people. The bound is an estimate: it takes
+    some ms.
+    """
     for sentence in LONG:
         begun = time.process_time()
         stop_words(sentence)

@@ -1,4 +1,6 @@
-"""deploy/compose.yaml says the same guards of every service, and the fleet it brings up is the supervisor's."""
+"""deploy/compose.yaml says the same guards of every service, and the fleet it brings up is the
+supervisor's.
+"""
 
 import re
 from pathlib import Path
@@ -69,7 +71,9 @@ def test_a_service_has_no_rights(name):
 
 @every_service
 def test_a_service_can_change_nothing_but_its_own_volume(name):
-    """One that no other service has; its keys it may only read. hi lends its address to the page."""
+    """One that no other service has; its keys it may only read. hi lends its address to the
+    page.
+    """
     lent = {"hi": ["address:/var/lib/roco-address"], "page": ["address:/var/lib/roco-address:ro"]}
     own = [f"{name}:/var/lib/roco", f"keys-{name}:/var/lib/roco-keys:ro"]
     assert SERVICES[name]["volumes"] == own + lent.get(name, [])
@@ -77,11 +81,16 @@ def test_a_service_can_change_nothing_but_its_own_volume(name):
 
 
 def test_the_keys_of_all_are_in_one_place_which_has_no_network():
-    """Each identity of the design and the router in a volume of its own, of which the image knows the owner."""
+    """Each identity of the design and the router in a volume of its own, of which the image knows
+    the owner.
+    """
     names = identities(DESIGN)
     assert sorted(KEEPER["volumes"]) == sorted(f"keys-{name}:/keys/{name}" for name in names)
     assert {f"/keys/{name}" for name in names} <= set(FOLDERS)
-    assert "from companion.tools.key_folders import FOLDERS" in DOCKERFILE.split(" AS agent\n")[1].split("\nFROM ")[0]
+    assert (
+        "from companion.tools.key_folders import FOLDERS"
+        in DOCKERFILE.split(" AS agent\n")[1].split("\nFROM ")[0]
+    )
     assert KEEPER["network_mode"] == "none"
     assert "networks" not in KEEPER
 
@@ -93,7 +102,9 @@ def test_nobody_speaks_without_a_key(name):
     assert environment["ROCO_TLS_DIR"] == "/var/lib/roco-keys"
     assert environment["ROCO_CONNECT"] == "tls/router:7447"
     ports = {"router": 7447, **dict.fromkeys(DESIGN.agents, 7448)}
-    assert environment.get("ROCO_LISTEN") == (f"tls/0.0.0.0:{ports[name]}" if name in ports else None)
+    assert environment.get("ROCO_LISTEN") == (
+        f"tls/0.0.0.0:{ports[name]}" if name in ports else None
+    )
 
 
 @every_service
@@ -106,7 +117,10 @@ def test_every_container_has_the_time_zone_of_who_starts_it(name):
 def test_each_agent_is_told_where_all_agents_listen(name):
     """At the port at which each listens, by the name of its service."""
     told = endpoints(SERVICES[name]["environment"].get("ROCO_AGENTS", ""))
-    listens = {one: SERVICES[one]["environment"]["ROCO_LISTEN"].replace("0.0.0.0", one) for one in DESIGN.agents}
+    listens = {
+        one: SERVICES[one]["environment"]["ROCO_LISTEN"].replace("0.0.0.0", one)
+        for one in DESIGN.agents
+    }
     assert told == (listens if name in DESIGN.agents else {})
 
 
@@ -117,7 +131,8 @@ def test_a_service_is_bounded(name):
     assert re.fullmatch(r"\d+[mg]", service["mem_limit"])
     assert service["pids_limit"] <= 256
     assert service["ulimits"] == {"core": 0, "nofile": 4096}
-    assert "deploy" not in service  # limits of both kinds: Compose v2 refuses the file, v1 one of the kinds
+    # limits of both kinds: Compose v2 refuses the file, v1 one of the kinds
+    assert "deploy" not in service
     assert service["logging"]["options"] == {"max-size": "10m", "max-file": "3"}
     assert service["stop_grace_period"] in ("15s", "60s")
     assert service["restart"] == "unless-stopped"
@@ -129,7 +144,9 @@ def test_what_is_built_is_not_pulled(file):
     services = yaml.safe_load((ROOT / "deploy" / file).read_text())["services"]
     assert services
     for service in services.values():
-        assert ("build" in service) == ("image" in service) == (service.get("pull_policy") == "build")
+        assert (
+            ("build" in service) == ("image" in service) == (service.get("pull_policy") == "build")
+        )
 
 
 @every_service
@@ -145,31 +162,42 @@ def test_health_starts_no_python(name):
 @every_service
 def test_agents_start_when_the_router_routes_and_the_monitor_taps(name):
     """As the supervisor's table says."""
-    wanted = {other for process in PROCESSES if process.name == name for other in process.after} - {"loop"}
+    wanted = {other for process in PROCESSES if process.name == name for other in process.after} - {
+        "loop"
+    }
     after = SERVICES[name].get("depends_on", {})
     assert set(after) == (wanted or {"keys"})
     assert all(condition == {"condition": "service_healthy"} for condition in after.values())
 
 
 def test_only_people_reach_in_and_nobody_reaches_out():
-    """Ports on loopback alone, the same inside and outside: hi compares it with the request's Host, and Rerun's page
-    asks for its data at the number it was given.
+    """Ports on loopback alone, the same inside and outside: hi compares it with the request's Host,
+    and Rerun's page asks for its data at the number it was given.
     """
     assert FILE["networks"]["fleet"] == {"internal": True}
-    inside = {"hi": ["ROCO_PORT"], "page": ["ROCO_PAGE_PORT"], "monitor": ["ROCO_VIEW_WEB", "ROCO_VIEW_GRPC"]}
+    inside = {
+        "hi": ["ROCO_PORT"],
+        "page": ["ROCO_PAGE_PORT"],
+        "monitor": ["ROCO_VIEW_WEB", "ROCO_VIEW_GRPC"],
+    }
     for name, service in FILE["services"].items():
         assert ("people" in service.get("networks", ())) == (name in inside)
         assert len(service.get("ports", ())) == len(inside.get(name, ()))
         for port, variable in zip(service.get("ports", ()), inside.get(name, ()), strict=True):
             assert re.fullmatch(r"127\.0\.0\.1:(\$\{" + variable + r":-\d+\}):\1", port)
-            told = service["environment"][{"hi": "ROCO_HTTP", "page": "ROCO_PAGE"}.get(name, variable)]
+            told = service["environment"][
+                {"hi": "ROCO_HTTP", "page": "ROCO_PAGE"}.get(name, variable)
+            ]
             assert (
-                told.removeprefix("0.0.0.0:") == port.removeprefix("127.0.0.1:")[: len(told.removeprefix("0.0.0.0:"))]
+                told.removeprefix("0.0.0.0:")
+                == port.removeprefix("127.0.0.1:")[: len(told.removeprefix("0.0.0.0:"))]
             )
 
 
 def test_nothing_needs_to_be_set():
-    """`docker compose up` is the first command: every variable has a default. `version` is ignored by Compose v2."""
+    """`docker compose up` is the first command: every variable has a default. `version` is ignored
+    by Compose v2.
+    """
     assert all(":-" in variable for variable in re.findall(r"\$\{[^}]*\}", TEXT))
     assert "version" not in FILE
 
@@ -183,9 +211,13 @@ def test_only_the_override_for_hard_timing_gives_rights():
 
 @pytest.mark.parametrize("stage", sorted({*map(target, SERVICES.values()), "recorder"}))
 def test_every_image_is_locked_checked_and_not_root(stage):
-    """Each ends with the imports of what it runs and another user than root; each install compares hashes."""
+    """Each ends with the imports of what it runs and another user than root; each install compares
+    hashes.
+    """
     text = DOCKERFILE.split(f" AS {stage}\n")[1].split("\nFROM ")[0]
-    assert re.search(r"^RUN (?:python [^']* && )?python -c '[^']*\bimport services\.", text, re.MULTILINE)
+    assert re.search(
+        r"^RUN (?:python [^']* && )?python -c '[^']*\bimport services\.", text, re.MULTILINE
+    )
     assert re.search(r"^USER roco$", text, re.MULTILINE)
     for name, service in SERVICES.items():
         if target(service) == stage or (name, stage) == ("monitor", "recorder"):
@@ -194,7 +226,9 @@ def test_every_image_is_locked_checked_and_not_root(stage):
 
 
 def test_images_are_compiled_when_they_are_built():
-    """No process writes byte code: Python's own library is compiled, and pip compiles what it installs."""
+    """No process writes byte code: Python's own library is compiled, and pip compiles what it
+    installs.
+    """
     base = DOCKERFILE.split(" AS base\n")[1].split("\nFROM ")[0]
     assert "PYTHONDONTWRITEBYTECODE=1" in base
     assert re.search(r"^RUN python3 -m compileall ", base, re.MULTILINE)
@@ -203,7 +237,11 @@ def test_images_are_compiled_when_they_are_built():
 
 def test_every_install_is_from_a_lock_file():
     """With hashes; but for the project itself, which is built from source."""
-    installs = [line for line in DOCKERFILE.replace("\\\n", " ").splitlines() if re.search(r"\bpip\b.* install ", line)]
+    installs = [
+        line
+        for line in DOCKERFILE.replace("\\\n", " ").splitlines()
+        if re.search(r"\bpip\b.* install ", line)
+    ]
     assert installs
     for line in installs:
         assert "--require-hashes" in line or "--no-deps --no-index --prefix /opt/project" in line

@@ -1,4 +1,6 @@
-"""scripts/compose-test where there is no Docker, and what it says of a command that fails or does not end."""
+"""scripts/compose-test where there is no Docker, and what it says of a command that fails or does
+not end.
+"""
 
 import importlib.util
 import os
@@ -39,7 +41,9 @@ def place(tmp_path, monkeypatch):
 def test_without_docker_it_says_loudly_that_nothing_is_tested(tmp_path):
     """A machine without Docker is not a failure."""
     done = subprocess.run(
-        [sys.executable, SCRIPTS / "compose-test"], env={**os.environ, "PATH": str(tmp_path)}, capture_output=True
+        [sys.executable, SCRIPTS / "compose-test"],
+        env={**os.environ, "PATH": str(tmp_path)},
+        capture_output=True,
     )
     assert done.returncode == 0
     assert done.stdout.decode().startswith("SKIPPED: ")
@@ -50,7 +54,9 @@ def test_a_new_client_without_its_plugin_is_passed_over(tmp_path, monkeypatch):
     folders = [tmp_path / "first", tmp_path / "second"]
     for folder, number in zip(folders, ("28.2.2", "20.10.24"), strict=True):
         folder.mkdir()
-        program(folder, "docker", f'case "$1" in version) echo {number};; buildx|compose) exit 1;; esac')
+        program(
+            folder, "docker", f'case "$1" in version) echo {number};; buildx|compose) exit 1;; esac'
+        )
     program(folders[1], "docker-compose", "")
     monkeypatch.setenv("PATH", os.pathsep.join(map(str, folders)))
     found = containers().find("p", {"ROCO_PORT": "1"})

@@ -1,4 +1,6 @@
-"""deploy/compose.faults.yaml: a wire for each agent, guarded as every service is, and nothing else changed."""
+"""deploy/compose.faults.yaml: a wire for each agent, guarded as every service is, and nothing else
+changed.
+"""
 
 from pathlib import Path
 
@@ -16,13 +18,22 @@ OWN = {"command", "environment", "volumes", "depends_on", "healthcheck", "mem_li
 
 
 def test_each_agent_reaches_the_router_and_its_neighbours_by_wires_of_its_own():
-    """The proxy listens for each where that one is told to connect, and goes on to where the other end listens."""
+    """The proxy listens for each where that one is told to connect, and goes on to where the other
+    end listens.
+    """
     own = WIRES["environment"]
     told = files.listed(own["ROCO_CONNECT"], endpoints(own["ROCO_AGENTS"]), own["ROCO_LISTEN"])
     assert told is not None
     assert told.bind == "0.0.0.0"
-    assert told.ends == {"router": ("router", 7447), **{name: (name, 7448) for name in DESIGN.agents}}
-    agents = {name: service["environment"] for name, service in OVER["services"].items() if name != "wires"}
+    assert told.ends == {
+        "router": ("router", 7447),
+        **{name: (name, 7448) for name in DESIGN.agents},
+    }
+    agents = {
+        name: service["environment"]
+        for name, service in OVER["services"].items()
+        if name != "wires"
+    }
     assert set(agents) == set(told.ports) == set(DESIGN.agents)
     for name, ports in told.ports.items():
         assert set(ports) == {"router", *DESIGN.peers(name)}

@@ -1,4 +1,6 @@
-"""deploy/healthy: a service is healthy when what it runs said so since the container's start and goes on saying so."""
+"""deploy/healthy: a service is healthy when what it runs said so since the container's start and
+goes on saying so.
+"""
 
 import os
 import subprocess
@@ -31,7 +33,11 @@ class Looks:
         """Its exit code and words; `told`: of its environment."""
         (self.place / "wall").write_text(f"{self.wall}\n")
         (self.place / "up").write_text(f"{self.up}\n")
-        places = {"TMPDIR": str(self.place), "CLOCKS": str(self.place), "PATH": f"{self.place}:{os.environ['PATH']}"}
+        places = {
+            "TMPDIR": str(self.place),
+            "CLOCKS": str(self.place),
+            "PATH": f"{self.place}:{os.environ['PATH']}",
+        }
         environment = {**os.environ, **places, "ROCO_RUN_DIR": str(self.run), **told}
         done = subprocess.run([HEALTHY, *names], env=environment, capture_output=True, timeout=20.0)
         assert done.stderr == b""
@@ -70,7 +76,9 @@ def test_what_never_said_so_is_not_ready(look):
 
 
 def test_in_a_swarm_a_heartbeat_is_enough(tmp_path, look):
-    """What is not healthy has no name there, and agents are ready only once they reached each other."""
+    """What is not healthy has no name there, and agents are ready only once they reached each
+    other.
+    """
     assert look("km", ROCO_HEALTHY="alive") == (1, "km: no heartbeat\n")
     write(tmp_path / "km.heartbeat.json")
     assert look("km", ROCO_HEALTHY="alive") == (0, "")
@@ -84,7 +92,9 @@ def test_ready_is_not_enough(tmp_path, look):
 
 
 def test_ready_from_before_this_start_does_not_count(tmp_path, look):
-    """A killed process leaves its files in the volume; /dev is made at each start of a container."""
+    """A killed process leaves its files in the volume; /dev is made at each start of a
+    container.
+    """
     write(tmp_path / "router.heartbeat.json")
     write(tmp_path / "router.ready", time.time() - os.stat("/dev").st_mtime + 10.0)
     assert look("router") == (1, "router: not ready yet\n")
@@ -117,12 +127,16 @@ def test_all_that_are_named_must_be_healthy(tmp_path, look):
 
 @pytest.fixture
 def sleeper(tmp_path):
-    """Starts processes that do nothing, under a name of ours or another, in this run folder or another."""
+    """Starts processes that do nothing, under a name of ours or another, in this run folder or
+    another.
+    """
     started = []
 
     def start(name, run=tmp_path):
         settings = {**os.environ, "ROCO_RUN_DIR": str(run)}
-        process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(50)", name], env=settings)
+        process = subprocess.Popen(
+            [sys.executable, "-c", "import time; time.sleep(50)", name], env=settings
+        )
         line = Path(f"/proc/{process.pid}/cmdline")
         while name.encode() not in line.read_bytes():  # Popen returns amid the exec
             time.sleep(0.001)
@@ -169,14 +183,17 @@ def test_a_slow_agent_is_not_ended(tmp_path, look, sleeper):
 
 @pytest.mark.parametrize("seconds", [3600, -3600])
 def test_a_wall_clock_that_is_set_ends_nobody(tmp_path, look, sleeper, seconds):
-    """The next heartbeat has the new time; until then the last one looks an hour old, or not written yet."""
+    """The next heartbeat has the new time; until then the last one looks an hour old, or not
+    written yet.
+    """
     agent = sleeper("services.knowledge")
     beats(tmp_path, agent.pid, 1.0)
     assert look("km") == (0, "")
     look.wall += seconds
     look.after(1)
     assert look("km") == (0, "")
-    for name in ("km.ready", "km.heartbeat.json"):  # it was restarted by a supervisor, or its clock only set
+    # it was restarted by a supervisor, or its clock only set
+    for name in ("km.ready", "km.heartbeat.json"):
         write(tmp_path / name, -seconds)
     look.after(1)
     assert look("km") == (0, "")
@@ -220,7 +237,9 @@ def test_an_agent_that_froze_before_it_was_ready_is_ended(tmp_path, look, sleepe
 
 @pytest.mark.parametrize("earlier", [False, True])
 def test_an_agent_that_froze_before_its_first_heartbeat_is_ended(tmp_path, look, sleeper, earlier):
-    """Also where an earlier process left one in the volume, with a number that is somebody else's now."""
+    """Also where an earlier process left one in the volume, with a number that is somebody else's
+    now.
+    """
     frozen, other = sleeper("services.knowledge"), sleeper("services.knowledge", tmp_path / "other")
     if earlier:
         beats(tmp_path, other.pid, time.time() - os.stat("/dev").st_mtime + 10.0)
@@ -242,5 +261,7 @@ def test_what_a_supervisor_keeps_is_left_to_it(tmp_path, look, sleeper):
     assert look("loop", "ex", "supervisor") == (1, "loop: not ready yet\nex: not ready yet\n")
     assert supervisor.poll() is None
     (tmp_path / "supervisor.heartbeat.json").unlink()
-    assert look("loop", "ex", "supervisor")[1].endswith("supervisor: ended, no heartbeat within 120 s\n")
+    assert look("loop", "ex", "supervisor")[1].endswith(
+        "supervisor: ended, no heartbeat within 120 s\n"
+    )
     assert supervisor.wait(timeout=10.0) == -9

@@ -1,4 +1,6 @@
-"""Packages left out of an image's lock are not needed by its programs: nothing else can be imported in these tests."""
+"""Packages left out of an image's lock are not needed by its programs: nothing else can be imported
+in these tests.
+"""
 
 import os
 import subprocess
@@ -14,7 +16,8 @@ BLOCK = """
 import re, sys
 from importlib.metadata import packages_distributions
 name = lambda text: re.sub(r"[-_.]+", "-", text).lower()
-locked = {name(line.split("==")[0]) for line in open(sys.argv[1]) if "==" in line} | {"robot-companion", "pip"}
+locked = {name(line.split("==")[0]) for line in open(sys.argv[1]) if "==" in line}
+locked |= {"robot-companion", "pip"}
 for package, owners in packages_distributions().items():
     if not locked & {name(owner) for owner in owners}:
         sys.modules[package] = None
@@ -56,7 +59,9 @@ def run(image: str, code: str, *words: str, code_expected: int = 0) -> str:
     """Run code with nothing to import but what an image's lock names."""
     command = [sys.executable, "-c", BLOCK + code, str(ROOT / f"requirements/{image}.txt"), *words]
     kept = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
-    done = subprocess.run(command, cwd=ROOT, env=kept, capture_output=True, text=True, timeout=110, check=False)
+    done = subprocess.run(
+        command, cwd=ROOT, env=kept, capture_output=True, text=True, timeout=110, check=False
+    )
     assert done.returncode == code_expected, done.stderr
     return done.stdout + done.stderr
 

@@ -14,7 +14,9 @@ TOOLS = ("bash", "mktemp", "rm")
 
 @pytest.fixture
 def bin(tmp_path: Path) -> Path:
-    """All programs there are: what the script needs of the shell, and a docker that notes what it was asked."""
+    """All programs there are: what the script needs of the shell, and a docker that notes what it
+    was asked.
+    """
     folder = tmp_path / "bin"
     folder.mkdir()
     for name in TOOLS:
@@ -37,7 +39,12 @@ def made(bin: Path) -> subprocess.CompletedProcess[str]:
     bash = shutil.which("bash")
     assert bash
     return subprocess.run(
-        [bash, SCRIPT, "a/base:1"], env=environment, capture_output=True, text=True, timeout=30, check=False
+        [bash, SCRIPT, "a/base:1"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
     )
 
 
@@ -56,7 +63,9 @@ def test_without_mmdebstrap_the_package_is_named(bin: Path) -> None:
 
 
 def test_no_image_of_half_a_system(bin: Path) -> None:
-    """mmdebstrap fails after it has written something: no image has the name, and no file is left."""
+    """mmdebstrap fails after it has written something: no image has the name, and no file is
+    left.
+    """
     program(bin / "mmdebstrap", 'for file; do :; done; echo half > "$file"; echo half; exit 25')
     done = made(bin)
     assert done.returncode == 1

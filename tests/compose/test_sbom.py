@@ -1,4 +1,6 @@
-"""scripts/sbom lists what an image's lock has, no more and no less, with licences and their texts."""
+"""scripts/sbom lists what an image's lock has, no more and no less, with licences and their
+texts.
+"""
 
 import json
 import re
@@ -26,7 +28,9 @@ def made(out: Path, image: str) -> tuple[dict[str, Any], str]:
     command = [sys.executable, str(SCRIPT), "--out", str(out), image]
     done = subprocess.run(command, capture_output=True, text=True, timeout=50, check=False)
     assert done.returncode == 0, done.stderr
-    return json.loads((out / f"{image}.cdx.json").read_text()), (out / f"{image}.notices.txt").read_text()
+    return json.loads((out / f"{image}.cdx.json").read_text()), (
+        out / f"{image}.notices.txt"
+    ).read_text()
 
 
 @pytest.mark.parametrize("image", ["planner", "recorder"])
@@ -69,7 +73,9 @@ def test_another_version_than_the_locked_one_is_refused() -> None:
     assert "the lock 0.0.1; scripts/demo --help installs it" in done.stderr
 
 
-@pytest.mark.parametrize("image", ["agent", "knowledge", "planner", "executor", "monitor", "recorder"])
+@pytest.mark.parametrize(
+    "image", ["agent", "knowledge", "planner", "executor", "monitor", "recorder"]
+)
 def test_an_image_says_what_it_is(image: str) -> None:
     """By the labels of OCI, with the project's own version and licence."""
     stage = (ROOT / "deploy/Dockerfile").read_text().split(f" AS {image}\n")[1].split("\nFROM ")[0]

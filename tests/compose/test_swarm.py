@@ -1,4 +1,6 @@
-"""deploy/compose.yaml without what is marked, and compose.swarm.yaml: what a swarm gets, and no key too many."""
+"""deploy/compose.yaml without what is marked, and compose.swarm.yaml: what a swarm gets, and no key
+too many.
+"""
 
 import os
 import re
@@ -26,7 +28,9 @@ def filtered():
     """The file as the script's own filter leaves it."""
     (filter_,) = re.findall(r"^    (sed .*)$", SCRIPT, re.MULTILINE)
     command = filter_.replace("$here", str(DEPLOY))
-    return subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True, timeout=20.0).stdout
+    return subprocess.run(
+        ["sh", "-c", command], capture_output=True, text=True, check=True, timeout=20.0
+    ).stdout
 
 
 STACK = yaml.safe_load(filtered())
@@ -34,7 +38,9 @@ every_service = pytest.mark.parametrize("name", STACK["services"])
 
 
 def test_all_services_are_there_but_the_keeper_of_the_keys_and_the_page():
-    """Secrets take the place of the one; the port of the other would be published on all addresses."""
+    """Secrets take the place of the one; the port of the other would be published on all
+    addresses.
+    """
     wanted = {process.name for process in PROCESSES} - {"loop", "page"}
     assert set(STACK["services"]) == set(OVERRIDE["services"]) == wanted
     assert set(STACK["volumes"]) == wanted
@@ -64,11 +70,17 @@ def test_a_service_gets_its_own_key_and_no_other(name):
     """As files that only its user reads, where it looks for them."""
     service = OVERRIDE["services"][name]
     targets = {secret["source"]: secret["target"] for secret in service["secrets"]}
-    own = {"authority": "authority.pem", f"{name}-certificate": f"{name}.pem", f"{name}-key": f"{name}.key"}
+    own = {
+        "authority": "authority.pem",
+        f"{name}-certificate": f"{name}.pem",
+        f"{name}-key": f"{name}.key",
+    }
     rules = {"rights": "rights.json"} if name == "router" else {}
     rules |= {f"{name}-links": f"{name}.links.json"} if name in DESIGN.agents else {}
     assert targets == own | rules
-    assert all(secret["uid"] == "10001" and secret["mode"] == 0o400 for secret in service["secrets"])
+    assert all(
+        secret["uid"] == "10001" and secret["mode"] == 0o400 for secret in service["secrets"]
+    )
     assert service["environment"] == {"ROCO_TLS_DIR": "/run/secrets", "ROCO_HEALTHY": "alive"}
     assert STACK["services"][name]["environment"]["ROCO_CONNECT"].startswith("tls/")
 
@@ -99,7 +111,9 @@ def test_without_a_labelled_node_nothing_is_deployed(tmp_path):
     docker.write_text(f'#!/bin/sh\necho "$@" >>{calls}\n{answers}\n')
     docker.chmod(0o755)
     environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    done = subprocess.run([DEPLOY / "swarm"], env=environment, capture_output=True, text=True, timeout=20.0)
+    done = subprocess.run(
+        [DEPLOY / "swarm"], env=environment, capture_output=True, text=True, timeout=20.0
+    )
     assert done.returncode == 2
     assert "docker node update --label-add roco-body=true NODE" in done.stderr
     assert "deploy" not in calls.read_text()

@@ -1,4 +1,6 @@
-"""deploy/compose.two.yaml: the second robot is as the first one, but for its name, its files, its keys and its port."""
+"""deploy/compose.two.yaml: the second robot is as the first one, but for its name, its files, its
+keys and its port.
+"""
 
 from pathlib import Path
 
@@ -30,9 +32,12 @@ def volumes(name, system=""):
 
 @pytest.mark.parametrize("name", AGENTS)
 def test_the_second_robot_is_as_the_first(name):
-    """Same image, guards, limits, health and order; its own volumes, and its own name in front of every key."""
+    """Same image, guards, limits, health and order; its own volumes, and its own name in front of
+    every key.
+    """
     second, first = TWO["services"][f"{name}2"], renamed(ONE["services"][name])
-    lent = ["address:/var/lib/roco-address"] if name == "hi" else []  # to the page, which the first one alone has
+    # to the page, which the first one alone has
+    lent = ["address:/var/lib/roco-address"] if name == "hi" else []
     assert first.pop("volumes") == volumes(name) + lent
     first["environment"].pop("ROCO_HI_DIR", None)
     assert second["volumes"] == volumes(name, "2")
@@ -42,21 +47,35 @@ def test_the_second_robot_is_as_the_first(name):
 
 
 def test_nothing_else_is_there_or_changed():
-    """The first robot gets its name, those that serve both get both names, the keeper the folders of all keys."""
+    """The first robot gets its name, those that serve both get both names, the keeper the folders
+    of all keys.
+    """
     services = TWO["services"]
     assert set(services) == {*SHARED, *AGENTS, "page", *(f"{name}2" for name in AGENTS)}
     for name in (*AGENTS, "page"):
         assert services[name] == {"environment": {"ROCO_SYSTEM": SYSTEMS[0]}}
     for name in SHARED:
         hosts = {"ROCO_HOSTS": " ".join(f"{one}2" for one in ONE["services"] if one in AGENTS)}
-        assert services[name]["environment"] == {"ROCO_SYSTEMS": ",".join(SYSTEMS)} | (hosts if name == "keys" else {})
-        assert set(services[name]) <= {"environment", "volumes", "ports", "mem_limit", "stop_grace_period"}
-    mounted = {volume.split(":")[0] for name in AGENTS for volume in services[f"{name}2"]["volumes"]}
+        assert services[name]["environment"] == {"ROCO_SYSTEMS": ",".join(SYSTEMS)} | (
+            hosts if name == "keys" else {}
+        )
+        assert set(services[name]) <= {
+            "environment",
+            "volumes",
+            "ports",
+            "mem_limit",
+            "stop_grace_period",
+        }
+    mounted = {
+        volume.split(":")[0] for name in AGENTS for volume in services[f"{name}2"]["volumes"]
+    }
     assert set(TWO["volumes"]) == mounted
 
 
 def test_the_keeper_of_the_keys_writes_each_where_its_agent_reads():
-    """Every folder that `roco keys make --apart` writes is a volume of its own, and is in the image for its owner."""
+    """Every folder that `roco keys make --apart` writes is a volume of its own, and is in the image
+    for its owner.
+    """
     kept = [*ONE["services"]["keys"]["volumes"], *TWO["services"]["keys"]["volumes"]]
     folders = {target: volume for volume, target in (one.split(":") for one in kept)}
     for seat in issuing.seats(Path("/keys"), DESIGN, SYSTEMS, apart=True):

@@ -33,7 +33,9 @@ class Nothing(msgspec.Struct, frozen=True):
 
 
 class Puppet:
-    """A partner of co. `answer(turn, received)` is called with each message, after it was noted in `heard`."""
+    """A partner of co. `answer(turn, received)` is called with each message, after it was noted in
+    `heard`.
+    """
 
     def __init__(self, name, answer=None):
         self.name, self.answer = name, answer or self.default
@@ -42,7 +44,11 @@ class Puppet:
     def default(self, turn, received):
         """Answer as a protocol wants at once: ta says Running."""
         if self.name == "ta" and received.communicate.performative is P.REQUEST:
-            turn.say(received.conversation, P.INFORM, sw.Report(sw.WorkerState.RUNNING, at=hfsm.Place(("end",))))
+            turn.say(
+                received.conversation,
+                P.INFORM,
+                sw.Report(sw.WorkerState.RUNNING, at=hfsm.Place(("end",))),
+            )
 
     def agent(self):
         """One state that never ends."""
@@ -69,7 +75,7 @@ class Scene:
         self.co = self.wires.add(agent(limits), wiring("co", "test"))
         self.settle()
 
-    # --- what the test says -------------------------------------------------------------------------------------------
+    # --- what the test says -----------------------------------------------------------------------
 
     def do(self, name, act):
         """Have a puppet act."""
@@ -108,10 +114,12 @@ class Scene:
         self.plan()
         return name
 
-    # --- what the test sees -------------------------------------------------------------------------------------------
+    # --- what the test sees -----------------------------------------------------------------------
 
     def heard(self, name, conversation=""):
-        """Return the words a puppet heard as (performative, content), of one conversation or of all."""
+        """Return the words a puppet heard as (performative, content), of one conversation or of
+        all.
+        """
         return [
             (one.communicate.performative, one.content)
             for one in self.puppets[name].heard
@@ -124,18 +132,27 @@ class Scene:
 
     def asked(self, name):
         """The last conversation co opened with a puppet."""
-        return [one.conversation for one in self.puppets[name].heard if one.communicate.performative is P.REQUEST][-1]
+        return [
+            one.conversation
+            for one in self.puppets[name].heard
+            if one.communicate.performative is P.REQUEST
+        ][-1]
 
     def said(self, task):
         """Return the reports to hi about a task as `performative state`, in order."""
-        return [f"{act} {getattr(content, 'state', 'reason')}" for act, content in self.heard("hi", task)]
+        return [
+            f"{act} {getattr(content, 'state', 'reason')}"
+            for act, content in self.heard("hi", task)
+        ]
 
     def last_why(self, task):
         """The facts of the last report on a task."""
         return [content.why for _, content in self.heard("hi", task)][-1]
 
     def ended(self, task, *last, why=None):
-        """Assert what hi was told last of a task, and why; that everybody rests, and the next command is served."""
+        """Assert what hi was told last of a task, and why; that everybody rests, and the next
+        command is served.
+        """
         assert self.said(task)[-len(last) :] == list(last)
         assert why is None or self.last_why(task) == why
         assert self.at_rest()
@@ -176,7 +193,9 @@ def a_plan(duration=100.0, suspend=0.0, resume=0.0):
     """A small plan, its schedule parameters those of its only state."""
     state = hfsm.EndState("end", hfsm.Outcome.SUCCEEDED)
     schedule = (hfsm.ScheduleParameters("end", duration, suspend, resume),)
-    return hfsm.HierarchicalPlan("p", "pour", hfsm.Machine("main", "end", (state,)), duration, 1, schedule)
+    return hfsm.HierarchicalPlan(
+        "p", "pour", hfsm.Machine("main", "end", (state,)), duration, 1, schedule
+    )
 
 
 def no_plan(*why):

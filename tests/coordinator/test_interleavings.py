@@ -1,4 +1,6 @@
-"""co under chance: partners that take their time and end as they like, wires that lose, a co that is killed."""
+"""co under chance: partners that take their time and end as they like, wires that lose, a co that
+is killed.
+"""
 
 import random
 
@@ -33,11 +35,14 @@ COMMANDS = (
     Take("box"),
 )
 ENDS = tuple(sw.FINAL)
-GRACE_S = 2000.0  # virtual time in which everything must have ended: a few planned durations, late ones included
+# virtual time in which everything must have ended: a few planned durations, late ones included
+GRACE_S = 2000.0
 
 
 class Chance:
-    """pl and ta that answer by chance, after a while; they obey their role tables and end everything they began."""
+    """pl and ta that answer by chance, after a while; they obey their role tables and end
+    everything they began.
+    """
 
     def __init__(self, scene, seed, slow):
         self.scene, self.chance, self.slow = scene, random.Random(seed), slow
@@ -72,7 +77,12 @@ class Chance:
             name, P.FAILURE, no_plan()
         )
         if turn.holds(name):
-            turn.say(name, P.FAILURE, no_plan(fact(Kind.TOOK_TOO_LONG, AgentName.PL)), kind=languages.Kind.CANCEL)
+            turn.say(
+                name,
+                P.FAILURE,
+                no_plan(fact(Kind.TOOK_TOO_LONG, AgentName.PL)),
+                kind=languages.Kind.CANCEL,
+            )
 
     def stop(self, turn, name):
         """Answer the cancel, unless the plan did so."""
@@ -94,7 +104,12 @@ class Chance:
     def work(self, turn, name):
         """One more state of the plan, or its end."""
         if self.chance.random() < 0.5:
-            self.report(turn, name, WorkerState.RUNNING, at=hfsm.Place(("main", f"{self.chance.randrange(9)}")))
+            self.report(
+                turn,
+                name,
+                WorkerState.RUNNING,
+                at=hfsm.Place(("main", f"{self.chance.randrange(9)}")),
+            )
             self.later("ta", lambda turn: self.work(turn, name))
         else:
             self.report(turn, name, self.chance.choice(ENDS), why=(SLIPS,))
@@ -126,12 +141,16 @@ def person(scene, words):
 
 
 def results(scene, task):
-    """Return the acts that ended a task for hi: refuse, failure, inform of an end; not the answer to a late cancel."""
+    """Return the acts that ended a task for hi: refuse, failure, inform of an end; not the answer
+    to a late cancel.
+    """
     return [act for act, content in scene.heard("hi", task) if is_end(act, content)]
 
 
 def is_end(act, content):
-    """A refuse, a failure or an end of a task; not the reason that answers a cancel that came too late."""
+    """A refuse, a failure or an end of a task; not the reason that answers a cancel that came too
+    late.
+    """
     return isinstance(content, cmd.TaskReport) and content.state in ("done", "failed", "cancelled")
 
 
@@ -142,7 +161,9 @@ def run_out(scene):
 
 
 words_of_hi = st.lists(
-    st.tuples(st.sampled_from((0.0, 0.001, 0.0015, 0.4, 3.0, 8.0, 40.0)), st.integers(0, 5), st.booleans()),
+    st.tuples(
+        st.sampled_from((0.0, 0.001, 0.0015, 0.4, 3.0, 8.0, 40.0)), st.integers(0, 5), st.booleans()
+    ),
     min_size=1,
     max_size=8,
 )
@@ -192,7 +213,9 @@ def test_loss_copies_delay_and_a_killed_co_change_nothing(words, seed):
 def test_co_killed_once_at_each_step_goes_on(point, step):
     """Before, in and after a step: the pour ends done."""
     scene = Scene()
-    scene.puppets["pl"].answer = lambda turn, received: turn.say(received.conversation, P.INFORM, a_plan())
+    scene.puppets["pl"].answer = lambda turn, received: turn.say(
+        received.conversation, P.INFORM, a_plan()
+    )
 
     def run_at_once(turn, received):
         if received.communicate.performative is P.REQUEST:
@@ -215,15 +238,21 @@ def test_a_peer_that_is_dead_for_good_leaves_no_command_open(dead):
     scene.wires.crash(dead, Point.BEFORE, restart_s=1e9)
     scene.do(dead, lambda turn: None)
     if dead == "ta":
-        scene.puppets["pl"].answer = lambda turn, received: turn.say(received.conversation, P.INFORM, a_plan(20.0))
+        scene.puppets["pl"].answer = lambda turn, received: turn.say(
+            received.conversation, P.INFORM, a_plan(20.0)
+        )
     tasks = [scene.command() for _ in range(3)]
     scene.settle(400.0)
     assert [len(results(scene, task)) for task in tasks] == [1, 1, 1]
     silent = fact(Kind.SAY_AGAIN_LATER, fact(Kind.NOT_ANSWERING, dead))
-    assert [scene.last_why(task) for task in tasks] == [(fact(Kind.NOT_ANSWERED, dead),), (silent,), (silent,)]
+    assert [scene.last_why(task) for task in tasks] == [
+        (fact(Kind.NOT_ANSWERED, dead),),
+        (silent,),
+        (silent,),
+    ]
 
 
-# --- the design -------------------------------------------------------------------------------------------------------
+# --- the design -----------------------------------------------------------------------------------
 
 
 def test_co_binds_exactly_the_names_of_the_design():
@@ -236,7 +265,9 @@ def test_the_arcs_of_the_design_are_taken(scene):
     """All of them, with a second task that waits while the first one runs."""
     taken = set()
     scene.wires.on_step = lambda agent, effects: taken.update(
-        (line.fields["old"], line.fields["new"]) for line in effects.logs if agent == "co" and line.event == "state"
+        (line.fields["old"], line.fields["new"])
+        for line in effects.logs
+        if agent == "co" and line.event == "state"
     )
     first = scene.command()
     scene.command(LookAround())
@@ -262,8 +293,13 @@ def test_memory_comes_back_from_the_journal_as_it_was(scene):
 
 
 def test_co_waits_longer_for_a_plan_than_ta_for_all_its_acts():
-    """By ta's own waits: where every act takes as long as it may, ta asks for a new plan before co gives up."""
-    act, ask = hfsm.ActState("act", rc.Home("k", side="left")), hfsm.AskState("ask", wm.ListObjects())
+    """By ta's own waits: where every act takes as long as it may, ta asks for a new plan before co
+    gives up.
+    """
+    act, ask = (
+        hfsm.ActState("act", rc.Home("k", side="left")),
+        hfsm.AskState("ask", wm.ListObjects()),
+    )
     inner = hfsm.Machine("inner", "act", (act, ask), safe=hfsm.Machine("safe", "act", (act,)))
     plan = hfsm.HierarchicalPlan("p", "pour", hfsm.Machine("main", "inner", (inner, act)), 100.0, 1)
     longest = 5.0 * plan.duration + 3 * acts.MARGIN_S

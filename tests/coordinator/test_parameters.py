@@ -1,4 +1,6 @@
-"""compSP: pl is asked for the schedule parameters of all tasks that wait, and `costs` decides with them."""
+"""compSP: pl is asked for the schedule parameters of all tasks that wait, and `costs` decides with
+them.
+"""
 
 import pytest
 from msgspec.structs import replace
@@ -57,7 +59,9 @@ def test_what_comes_after_another_task_is_not_asked_about(scene):
 
 
 def test_a_task_that_costs_less_to_do_first_replaces_the_running_one(scene):
-    """A look of 5 s and a pour of 100 s that nothing is held for: both hear why; the pour is planned again and done."""
+    """A look of 5 s and a pour of 100 s that nothing is held for: both hear why; the pour is
+    planned again and done.
+    """
     scene.puppets["pl"].answer = stop_planning
     pour = scene.running(POUR)
     look = scene.command(LOOK)
@@ -187,9 +191,14 @@ def test_the_order_of_those_that_wait_is_by_costs_once_all_are_known(scene):
 def test_a_later_leg_of_the_plan_has_its_own_parameters(scene):
     """A later leg has less work left, and leaving it costs as much as the things held then."""
     name = scene.command(POUR)
-    legs = (hfsm.ScheduleParameters("take jar_1", 60.0), hfsm.ScheduleParameters("pour jar_1", 20.0, 16.0, 12.0))
+    legs = (
+        hfsm.ScheduleParameters("take jar_1", 60.0),
+        hfsm.ScheduleParameters("pour jar_1", 20.0, 16.0, 12.0),
+    )
     state = hfsm.EndState("take jar_1", hfsm.Outcome.SUCCEEDED)
-    plan = hfsm.HierarchicalPlan("p", "pour", hfsm.Machine("main", "take jar_1", (state,)), 60.0, 1, legs)
+    plan = hfsm.HierarchicalPlan(
+        "p", "pour", hfsm.Machine("main", "take jar_1", (state,)), 60.0, 1, legs
+    )
     scene.pl(P.INFORM, plan)
     job = scene.memory.of_hi(name)
     assert job.parameters == legs[0]
@@ -197,7 +206,7 @@ def test_a_later_leg_of_the_plan_has_its_own_parameters(scene):
     assert scene.memory.of_hi(name).parameters == legs[1]
 
 
-# --- times to start ---------------------------------------------------------------------------------------------------
+# --- times to start -------------------------------------------------------------------------------
 
 
 def at(scene, seconds, task=LOOK):
@@ -206,7 +215,9 @@ def at(scene, seconds, task=LOOK):
 
 
 def test_a_task_that_begins_later_keeps_nobody_waiting(scene):
-    """It is told when it begins; what comes meanwhile is done, and it is planned when its time has come."""
+    """It is told when it begins; what comes meanwhile is done, and it is planned when its time has
+    come.
+    """
     later = scene.command(at(scene, 300.0, Take("jar", urgency=1)))
     (((begins,),),) = [told(scene, later)]
     assert begins.kind is Kind.BEGINS_IN
@@ -261,7 +272,7 @@ def test_tasks_that_begin_together_keep_their_order(scene):
     assert [kind for kind, _ in stages(scene)] == ["Take", "PutDown"]
 
 
-# --- numbers ----------------------------------------------------------------------------------------------------------
+# --- numbers --------------------------------------------------------------------------------------
 
 
 def test_a_robot_that_is_faster_offers_less_time():

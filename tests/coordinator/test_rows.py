@@ -3,7 +3,17 @@
 import msgspec
 import pytest
 from msgspec.structs import replace
-from partners_of_co import BUSY, CANCELLED, SLIPS, UNREACHED, Scene, a_plan, no_plan, refuse_plans, stop_planning
+from partners_of_co import (
+    BUSY,
+    CANCELLED,
+    SLIPS,
+    UNREACHED,
+    Scene,
+    a_plan,
+    no_plan,
+    refuse_plans,
+    stop_planning,
+)
 
 from agent_runtime.testing.memory_bus import Point
 from companion.design import AgentName
@@ -29,7 +39,9 @@ NOT_LOCALIZED = fact(Kind.NOT_LOCALIZED, "bowl_1")
 
 
 def told_in_log(scene, event="refused"):
-    """Return a list to which sentences of peers and runtime are added as co logs them, in lines of this event."""
+    """Return a list to which sentences of peers and runtime are added as co logs them, in lines of
+    this event.
+    """
     logged = []
     scene.wires.on_step = lambda agent, effects: logged.extend(
         line.fields["why"] for line in effects.logs if agent == "co" and line.event == event
@@ -37,7 +49,7 @@ def told_in_log(scene, event="refused"):
     return logged
 
 
-# --- the way through without trouble ----------------------------------------------------------------------------------
+# --- the way through without trouble --------------------------------------------------------------
 
 
 def test_a_command_is_agreed_planned_run_and_done(scene):
@@ -96,11 +108,15 @@ def test_the_plan_reaches_ta_with_its_reply_by(scene):
     """Five times the planned duration and 50 s from the handing over; the plan has no act."""
     scene.command()
     scene.plan(duration=100.0)
-    (request,) = [one.communicate for one in scene.puppets["ta"].heard if one.communicate.performative is P.REQUEST]
+    (request,) = [
+        one.communicate
+        for one in scene.puppets["ta"].heard
+        if one.communicate.performative is P.REQUEST
+    ]
     assert request.reply_by == pytest.approx(request.sent + 550.0)
 
 
-# --- running: ends ----------------------------------------------------------------------------------------------------
+# --- running: ends --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("state", [WorkerState.FAILED, WorkerState.PREEMPTED])
@@ -166,7 +182,9 @@ def test_replans_are_bounded():
 )
 @pytest.mark.parametrize("performative", [P.FAILURE, P.REFUSE])
 def test_no_plan_fails_the_task_with_the_reason(scene, performative, content, why):
-    """Refused or failed, told by pl in either language; a sentence is no reason, but stands in the log."""
+    """Refused or failed, told by pl in either language; a sentence is no reason, but stands in the
+    log.
+    """
     name, logged = scene.command(), told_in_log(scene)
     scene.pl(performative, content)
     assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", (why,))
@@ -182,7 +200,7 @@ def test_a_request_that_is_no_command_is_not_understood(scene, content):
     assert scene.serves()
 
 
-# --- cancel in each phase ---------------------------------------------------------------------------------------------
+# --- cancel in each phase -------------------------------------------------------------------------
 
 
 def test_cancel_of_a_waiting_task_ends_it_at_once(scene):
@@ -206,7 +224,9 @@ def test_cancel_while_planning_cancels_the_planning(scene):
     scene.ended(name, "inform cancelled")
 
 
-@pytest.mark.parametrize("crossing", [(P.INFORM, a_plan()), (P.FAILURE, no_plan()), (P.REFUSE, no_plan())])
+@pytest.mark.parametrize(
+    "crossing", [(P.INFORM, a_plan()), (P.FAILURE, no_plan()), (P.REFUSE, no_plan())]
+)
 def test_cancel_that_crosses_the_plan_ends_when_pl_answers_it(crossing):
     """The plan comes, then the failure in reply to the cancel: the plan is not run."""
     scene = Scene()
@@ -252,11 +272,13 @@ def test_cancel_that_meets_ta_s_refuse_ends_as_cancelled():
     scene.ended(name, "inform cancelled")
 
 
-# --- T: reply-by passes -----------------------------------------------------------------------------------------------
+# --- T: reply-by passes ---------------------------------------------------------------------------
 
 
 def test_a_late_planner_fails_the_task_and_is_cancelled(scene):
-    """hi is told at once; a new command is refused until pl has had its last word, then one is served."""
+    """hi is told at once; a new command is refused until pl has had its last word, then one is
+    served.
+    """
     name = scene.command()
     scene.settle(61.0)
     assert scene.said(name)[-1] == "failure failed"
@@ -323,7 +345,9 @@ def test_waiting_tasks_do_not_wait_for_ever_for_a_robot_that_is_late(scene):
     assert scene.said(waiting) == ["agree waiting"]
     scene.settle(61.0)
     assert scene.said(waiting)[-1] == "failure failed"
-    assert scene.last_why(waiting) == (fact(Kind.SAY_AGAIN_LATER, fact(Kind.NOT_ANSWERING, AgentName.TA)),)
+    assert scene.last_why(waiting) == (
+        fact(Kind.SAY_AGAIN_LATER, fact(Kind.NOT_ANSWERING, AgentName.TA)),
+    )
 
 
 def test_waiting_tasks_go_on_when_the_late_robot_is_back_in_time(scene):
@@ -338,7 +362,7 @@ def test_waiting_tasks_go_on_when_the_late_robot_is_back_in_time(scene):
     scene.ended(waiting, "inform done")
 
 
-# --- more than one task -----------------------------------------------------------------------------------------------
+# --- more than one task ---------------------------------------------------------------------------
 
 
 def test_two_tasks_are_done_one_after_the_other_in_order_of_arrival(scene):
@@ -365,7 +389,9 @@ def test_a_queue_that_is_full_refuses(scene):
 def test_each_task_of_a_full_queue_hears_how_many_come_before_it(scene):
     """With as many of them as there is room for in a report."""
     names = [scene.command(PourInto(f"{'jar' * 10}_{number}", "bowl_1")) for number in range(5)]
-    places = [next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in names]
+    places = [
+        next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in names
+    ]
     assert places[0] == (fact(Kind.IS_NEXT),)
     for before, (place,) in enumerate(places[1:], 1):
         assert (place.kind, place.numbers) == (Kind.TASKS_BEFORE, (before,))
@@ -374,13 +400,18 @@ def test_each_task_of_a_full_queue_hears_how_many_come_before_it(scene):
     assert [len(place.because) for (place,) in places[1:3]] == [1, 2]
 
 
-# --- peers that slip --------------------------------------------------------------------------------------------------
+# --- peers that slip ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("peer", ["pl", "ta"])
 def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
-    """The peer is told not-understood, hi a failure, and the next command is served; the log says what was wrong."""
-    name, logged = scene.running() if peer == "ta" else scene.command(), told_in_log(scene, "broken")
+    """The peer is told not-understood, hi a failure, and the next command is served; the log says
+    what was wrong.
+    """
+    name, logged = (
+        scene.running() if peer == "ta" else scene.command(),
+        told_in_log(scene, "broken"),
+    )
     protocol, conversation = {"pl": "request", "ta": "coordinate"}[peer], scene.asked(peer)
 
     def slip(turn):
@@ -409,8 +440,13 @@ def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
 def test_not_understood_of_a_peer_fails_the_task(scene, peer):
     """pl or ta did not understand the request; its words stand in the log."""
     name, logged = scene.running() if peer == "ta" else scene.command(), told_in_log(scene)
-    scene.do(peer, lambda turn: turn.say(scene.asked(peer), P.NOT_UNDERSTOOD, Reason("no such task")))
-    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", (fact(Kind.NOT_UNDERSTOOD, peer),))
+    scene.do(
+        peer, lambda turn: turn.say(scene.asked(peer), P.NOT_UNDERSTOOD, Reason("no such task"))
+    )
+    assert (scene.said(name)[-1], scene.last_why(name)) == (
+        "failure failed",
+        (fact(Kind.NOT_UNDERSTOOD, peer),),
+    )
     assert logged == ["no such task"]
     assert scene.at_rest()
 
@@ -446,7 +482,7 @@ def test_policy_stop_planning_is_what_pl_does(scene):
     assert scene.said(name)[-1] == "inform cancelled"
 
 
-# --- the world is still being looked at -------------------------------------------------------------------------------
+# --- the world is still being looked at -----------------------------------------------------------
 
 
 def still_looking(scene):
@@ -491,7 +527,9 @@ def test_a_cancel_while_a_plan_is_put_off():
 
 
 def test_a_plan_that_was_handed_over_is_not_kept(scene):
-    """It would be in every record of co; and what hi was told of an earlier plan is not said of the next."""
+    """It would be in every record of co; and what hi was told of an earlier plan is not said of the
+    next.
+    """
     name = scene.running()
     assert scene.memory.first.plan is None
     scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", "take")))

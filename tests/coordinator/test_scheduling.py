@@ -18,7 +18,15 @@ from companion.tasks.take.command import Take
 from fipa_codec.performatives import Performative as P
 from services.coordinator.memory import Choice, Job, Stage
 from services.coordinator.queue import queued
-from services.coordinator.scheduling import RULES, Decision, Offer, by_costs, by_deadline, first_come, in_order
+from services.coordinator.scheduling import (
+    RULES,
+    Decision,
+    Offer,
+    by_costs,
+    by_deadline,
+    first_come,
+    in_order,
+)
 
 seconds = st.floats(0.0, 500.0)
 offers = st.builds(
@@ -50,15 +58,20 @@ def test_a_decision_is_for_a_task_that_is_there_and_as_urgent_as_any(rule, runni
 @given(rules, several, st.floats(500.0, 1000.0))
 def test_the_order_has_each_task_once_and_keeps_those_that_come_after_another(rule, waiting, now):
     """Also where deadlines would have it otherwise; the more urgent one goes first all the same."""
-    chained = tuple(replace(one, after=tuple(two.task for two in waiting[:n])) for n, one in enumerate(waiting))
+    chained = tuple(
+        replace(one, after=tuple(two.task for two in waiting[:n])) for n, one in enumerate(waiting)
+    )
     order = in_order(chained, now, rule)
     assert sorted(order) == sorted(one.task for one in waiting)
-    by_urgency = sorted(waiting, key=lambda one: -one.urgency)  # a stable sort: in order of arrival otherwise
+    # a stable sort: in order of arrival otherwise
+    by_urgency = sorted(waiting, key=lambda one: -one.urgency)
     assert order == tuple(one.task for one in by_urgency)
 
 
 def test_a_switch_must_cost_less_than_nine_tenths_of_waiting():
-    """A second more of suspension decides; by hand: wait 40 + (40 + 10), switch (s + 10) + (s + 10 + 40)."""
+    """A second more of suspension decides; by hand: wait 40 + (40 + 10), switch (s + 10) + (s + 10
+    + 40).
+    """
     running, short = Offer("pour", 100.0, rest=40.0), Offer("look", 100.0, rest=10.0)
     for suspend, switch in ((10.0, True), (10.25, True), (10.75, False), (14.0, False)):
         decision = by_costs(replace(running, suspend=suspend), (short,), 100.0)
@@ -73,36 +86,59 @@ def test_a_deadline_that_would_pass_is_worth_a_switch():
     waiting = Offer("take", 0.0, rest=30.0)
     assert not by_costs(running, (waiting,), 0.0).switch
     assert by_costs(running, (replace(waiting, deadline=40.0),), 0.0).switch
-    assert not by_costs(replace(running, deadline=30.0), (replace(waiting, deadline=40.0),), 0.0).switch
+    assert not by_costs(
+        replace(running, deadline=30.0), (replace(waiting, deadline=40.0),), 0.0
+    ).switch
 
 
 def test_what_a_switch_costs_by_hand():
-    """Suspension and the other task first, then resumption and the rest; each second counts for both."""
-    running, short = Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0), Offer("look", 100.0, rest=10.0)
+    """Suspension and the other task first, then resumption and the rest; each second counts for
+    both.
+    """
+    running, short = (
+        Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0),
+        Offer("look", 100.0, rest=10.0),
+    )
     decision = by_costs(running, (short,), 100.0)
     assert decision.switch_cost == (4.0 + 10.0) + (4.0 + 10.0 + 6.0 + 100.0)
     assert decision.wait_cost == 100.0 + (100.0 + 10.0)
 
 
 def test_hands_that_a_task_leaves_full_are_emptied_before_the_other_goes_on():
-    """So what is taken meanwhile makes a switch dearer by that time, once: the other one alone waits for it."""
-    running, short = Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0), Offer("take", 100.0, rest=10.0)
-    costs = [by_costs(running, (replace(short, clear=clear),), 100.0).switch_cost for clear in (0.0, 15.0)]
+    """So what is taken meanwhile makes a switch dearer by that time, once: the other one alone
+    waits for it.
+    """
+    running, short = (
+        Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0),
+        Offer("take", 100.0, rest=10.0),
+    )
+    costs = [
+        by_costs(running, (replace(short, clear=clear),), 100.0).switch_cost
+        for clear in (0.0, 15.0)
+    ]
     assert costs[1] - costs[0] == 15.0
 
 
 def test_what_is_not_said_of_an_offer_costs_nothing():
     """Nor is it urgent; and a decision by urgency alone has no costs."""
     running, waiting = Offer("pour", 0.0), Offer("take", 0.0)
-    assert by_costs(running, (waiting,), 0.0) == Decision("pour", fact(Kind.WAIT_COSTS, 0.0, 0.0), rival="take")
+    assert by_costs(running, (waiting,), 0.0) == Decision(
+        "pour", fact(Kind.WAIT_COSTS, 0.0, 0.0), rival="take"
+    )
     urgent, other = replace(waiting, urgency=1), replace(waiting, urgency=0)
-    assert first_come(running, (urgent,), 0.0) == Decision("take", fact(Kind.MORE_URGENT), True, 0.0, 0.0, "pour")
-    assert first_come(running, (other,), 0.0) == Decision("pour", fact(Kind.RUNS_ALREADY), False, 0.0, 0.0)
+    assert first_come(running, (urgent,), 0.0) == Decision(
+        "take", fact(Kind.MORE_URGENT), True, 0.0, 0.0, "pour"
+    )
+    assert first_come(running, (other,), 0.0) == Decision(
+        "pour", fact(Kind.RUNS_ALREADY), False, 0.0, 0.0
+    )
     assert first_come(replace(running, urgency=0), (waiting,), 0.0).task == "pour"
 
 
 def test_a_second_costs_more_the_longer_a_task_has_waited():
-    """Twice as much after ten minutes; nothing less for a task whose arrival lies ahead by another clock."""
+    """Twice as much after ten minutes; nothing less for a task whose arrival lies ahead by another
+    clock.
+    """
     offer = Offer("pour", 0.0)
     assert [offer.cost(now, now + 30.0) for now in (0.0, 600.0, 1200.0)] == [30.0, 60.0, 90.0]
     assert replace(offer, arrived=50.0).cost(0.0, 30.0) == 30.0
@@ -140,22 +176,29 @@ def test_rules_differ_where_they_shall():
     early = Offer("early", 0.0, rest=50.0)
     due = Offer("due", 10.0, rest=50.0, deadline=150.0)
     short = Offer("short", 20.0, rest=5.0)
-    found = {rule: rule(None, (early, due, short), 30.0).task for rule in (first_come, by_deadline, by_costs)}
+    found = {
+        rule: rule(None, (early, due, short), 30.0).task
+        for rule in (first_come, by_deadline, by_costs)
+    }
     assert found == {first_come: "early", by_deadline: "due", by_costs: "short"}
 
 
-# --- the queue of co --------------------------------------------------------------------------------------------------
+# --- the queue of co ------------------------------------------------------------------------------
 
 commands = st.one_of(
     st.builds(Take, st.sampled_from(("jar", "jar_1", "bowl", "box")), urgency=st.integers(0, 1)),
-    st.builds(PutDown, st.sampled_from(("jar", "bowl")), deadline=st.sampled_from((0.0, 50.0, 90.0))),
+    st.builds(
+        PutDown, st.sampled_from(("jar", "bowl")), deadline=st.sampled_from((0.0, 50.0, 90.0))
+    ),
     st.builds(LookAround, deadline=st.sampled_from((0.0, 60.0))),
 )
 
 
 @given(st.lists(commands, max_size=6), st.booleans())
 def test_a_queue_loses_nothing_and_interrupts_nothing(said, planning):
-    """The running task stays first; of two about the same thing the later one waits, unless it is more urgent."""
+    """The running task stays first; of two about the same thing the later one waits, unless it is
+    more urgent.
+    """
     jobs = ()
     for n, command in enumerate(said):
         stage = Stage.PLANNING if planning and not n else Stage.WAITING
@@ -178,7 +221,9 @@ def order_of(*said):
 
 
 def test_tasks_wait_in_order_of_their_deadlines_unless_they_are_about_the_same_thing():
-    """One without a deadline comes last; jar and jar_1 may be the same one; a look is about nothing in particular."""
+    """One without a deadline comes last; jar and jar_1 may be the same one; a look is about nothing
+    in particular.
+    """
     take, put = Take("jar", deadline=90.0), PutDown("bowl", deadline=50.0)
     assert order_of(LookAround(), take, put) == [2, 1, 0]
     assert order_of(take, PutDown("jar_1", deadline=50.0)) == [0, 1]
@@ -207,11 +252,19 @@ def test_hands_are_swapped_in_the_order_of_what_was_said():
 
 
 def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
-    """co's own steps: the one under way goes on, the urgent one is the next, and hears how many come before it."""
+    """co's own steps: the one under way goes on, the urgent one is the next, and hears how many
+    come before it.
+    """
     scene = Scene()
     tasks = [scene.command(one) for one in (Take("jar"), PutDown("jar"), LookAround(urgency=1))]
-    assert [type(job.command).__name__ for job in scene.memory.jobs] == ["Take", "LookAround", "PutDown"]
-    agreed = [next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in tasks]
+    assert [type(job.command).__name__ for job in scene.memory.jobs] == [
+        "Take",
+        "LookAround",
+        "PutDown",
+    ]
+    agreed = [
+        next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in tasks
+    ]
     first = fact(Kind.COMES_BEFORE, "take", "jar", fact(Kind.UNDER_WAY))
     waits = (fact(Kind.TASKS_BEFORE, 1, first),)
     assert agreed == [(fact(Kind.IS_NEXT),), waits, waits]
@@ -222,13 +275,15 @@ def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
     assert told == (fact(Kind.TASKS_BEFORE, 3, first, urgent, other),)
 
 
-# --- a running task is left for a more urgent one ---------------------------------------------------------------------
+# --- a running task is left for a more urgent one -------------------------------------------------
 
 URGENT = LookAround(urgency=1)
 
 
 def test_a_running_task_is_left_for_a_more_urgent_one_and_done_afterwards(scene):
-    """ta leaves it as after a cancel; the person hears where it stands; it is planned again, and ends done."""
+    """ta leaves it as after a cancel; the person hears where it stands; it is planned again, and
+    ends done.
+    """
     pour = scene.running()
     urgent = scene.command(URGENT)
     assert scene.acts("ta").count(P.CANCEL) == 1

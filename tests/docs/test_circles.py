@@ -1,6 +1,8 @@
-"""No circle of imports between modules: each can be read, tested and loaded with only what stands below it.
+"""No circle of imports between modules: each can be read, tested and loaded with only what stands
+below it.
 
-Imports inside functions count: a circle that is only put off is one. What only the type checker reads does not.
+Imports inside functions count: a circle that is only put off is one. What only the type checker
+reads does not.
 """
 
 import sys
@@ -21,7 +23,9 @@ Edges = dict[str, set[str]]
 @cache
 def edges() -> Edges:
     """Return who imports whom directly."""
-    graph = grimp.build_graph(PACKAGES[0], *PACKAGES[1:], exclude_type_checking_imports=True, cache_dir=None)
+    graph = grimp.build_graph(
+        PACKAGES[0], *PACKAGES[1:], exclude_type_checking_imports=True, cache_dir=None
+    )
     return {module: graph.find_modules_directly_imported_by(module) for module in graph.modules}
 
 
@@ -36,11 +40,15 @@ def circles(graph: Edges) -> Iterator[list[str]]:
 
 
 def back_to(start: str, graph: Edges) -> list[str]:
-    """Return the shortest way from a module back to itself, without its repeated end; [] where there is none."""
+    """Return the shortest way from a module back to itself, without its repeated end; [] where
+    there is none.
+    """
     before: dict[str, str] = {}
     edge = [start]
     while edge and start not in before:
-        found = [(one, other) for one in edge for other in sorted(graph[one]) if other not in before]
+        found = [
+            (one, other) for one in edge for other in sorted(graph[one]) if other not in before
+        ]
         edge = []
         for one, other in found:
             if other not in before:
@@ -88,7 +96,9 @@ def test_imports_inside_functions_count_and_those_for_types_do_not(
     (package / "__init__.py").touch()
     (package / "a.py").write_text("def f():\n    from circling import b\n")
     (package / "b.py").write_text("from circling import a\n")
-    (package / "c.py").write_text("from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from circling import d\n")
+    (package / "c.py").write_text(
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from circling import d\n"
+    )
     (package / "d.py").write_text("from circling import c\n")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "circling", raising=False)

@@ -25,6 +25,7 @@ def test_each_test_named_exists() -> None:
     missing = [
         (file, test)
         for file, test in named
-        if not (ROOT / "tests" / file).is_file() or f"def {test}(" not in (ROOT / "tests" / file).read_text()
+        if not (ROOT / "tests" / file).is_file()
+        or f"def {test}(" not in (ROOT / "tests" / file).read_text()
     ]
     assert missing == []

@@ -14,7 +14,9 @@ SCRIPT = runpy.run_path(str(shown.ROOT / "scripts/errors"))
 
 @pytest.mark.timeout(180)  # all of the code is read
 def test_every_error_has_its_row_and_every_row_its_error() -> None:
-    """Exceptions, loud events of the logs, drops, kinds of acts, exit codes, verdicts, states; `scripts/errors`."""
+    """Exceptions, loud events of the logs, drops, kinds of acts, exit codes, verdicts, states;
+    `scripts/errors`.
+    """
     assert SCRIPT["differences"]() == []
     assert SCRIPT["PAGE"].read_text(encoding="utf-8") == SCRIPT["page"]()
 
@@ -22,8 +24,18 @@ def test_every_error_has_its_row_and_every_row_its_error() -> None:
 def test_errors_of_every_room_are_found() -> None:
     """Also those whose base is in another module, and those that nobody imports."""
     found = troubles.exceptions()
-    rooms = {one.where.split("/")[1 if one.where.startswith("shared") else 0] for one in found.values()}
-    assert rooms == {"fipa_codec", "agent_runtime", "topdown", "operate", "companion", "velma", "services"}
+    rooms = {
+        one.where.split("/")[1 if one.where.startswith("shared") else 0] for one in found.values()
+    }
+    assert rooms == {
+        "fipa_codec",
+        "agent_runtime",
+        "topdown",
+        "operate",
+        "companion",
+        "velma",
+        "services",
+    }
     assert {"AclSyntaxError", "KeysError", "NoRunError"} <= found.keys()
     assert found["SlotError"].message == "slot file …: …, expected …"
 
@@ -56,8 +68,14 @@ def test_a_new_loud_event_is_seen(room: Path) -> None:
         "def f(log): log.write('new' if x else 'old', level='error' if x else 'info')",
         "def f(log):\n    what = 'new'\n    log.write(what, level='error')",
         "def f(log):\n    level = 'info' if x else 'warning'\n    log.write('new', level=level)",
-        "def f(log):\n    why, level = ('w', 'warning') if x else ('i', 'info')\n    log.write('new', level=level)",
-        "def f(log):\n    words = ('old', 'info') if x else ('new', 'warning')\n    log.write(*words)",
+        (
+            "def f(log):\n    why, level = ('w', 'warning') if x else ('i', 'info')\n   "
+            " log.write('new', level=level)"
+        ),
+        (
+            "def f(log):\n    words = ('old', 'info') if x else ('new', 'warning')\n   "
+            " log.write(*words)"
+        ),
     ):
         assert "new" in seen(room, code, troubles.warnings), code
 
@@ -70,7 +88,9 @@ def seen(room: Path, code: str, find: Callable[[], dict[str, Any]]) -> dict[str,
 
 def test_a_quiet_event_is_none(room: Path) -> None:
     """An event logged as info is not an error."""
-    room.write_text("def f(log): log.write('new', level='info'); log.write('newer')", encoding="utf-8")
+    room.write_text(
+        "def f(log): log.write('new', level='info'); log.write('newer')", encoding="utf-8"
+    )
     assert troubles.warnings() == {}
 
 

@@ -1,4 +1,6 @@
-"""docs/extending.md: each recipe is carried out on a copy of the tree, and what it says of files and checks is true."""
+"""docs/extending.md: each recipe is carried out on a copy of the tree, and what it says of files
+and checks is true.
+"""
 
 import os
 import re
@@ -15,16 +17,30 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/extending.md").read_text(encoding="utf-8")
 TITLE = re.compile(r"^## (?P<title>\((?P<letter>\w)\) .*)$", re.MULTILINE)
 PART = re.compile(
-    r"^(?:In `(?P<file>[^`]+)`, (?P<how>before|after|in place of|at the end)(?: `(?P<line>[^\n]+)`)?:"
+    r"^(?:In `(?P<file>[^`]+)`, (?P<how>before|after|in place of|at the end)(?:"
+    r" `(?P<line>[^\n]+)`)?:"
     r"|New file `(?P<new>[^`]+)`(?P<empty>, empty)?[.:])\n"
     r"|^```console\n(?P<console>.*?)^```$",
     re.MULTILINE | re.DOTALL,
 )
 FENCED = re.compile(r"\n(?P<fence>`{3,})\w+\n(?P<code>.*?)^(?P=fence)$", re.MULTILINE | re.DOTALL)
 COUNTS = re.compile(r"^\| \[\((\w)\) .*\| (\d+) \| (\d+) \|$", re.MULTILINE)
-COUNTED = {letter: (int(old), int(new)) for letter, old, new in COUNTS.findall(PAGE.partition("## ")[0])}
+COUNTED = {
+    letter: (int(old), int(new)) for letter, old, new in COUNTS.findall(PAGE.partition("## ")[0])
+}
 """Letter of a recipe -> the files that it edits, and those that it adds, as the table says."""
-TREE = ("benchmarks", "deploy", "docs", "examples", "requirements", "scripts", "services", "shared", "tests", "velma")
+TREE = (
+    "benchmarks",
+    "deploy",
+    "docs",
+    "examples",
+    "requirements",
+    "scripts",
+    "services",
+    "shared",
+    "tests",
+    "velma",
+)
 COMMAND_S = 100.0
 
 
@@ -37,7 +53,9 @@ class Recipe(NamedTuple):
     def parts(self) -> Iterator[tuple[re.Match[str], str]]:
         """Its edits, each with the code below it, and its commands, from top to bottom."""
         for part in PART.finditer(self.text):
-            fenced = None if part["console"] or part["empty"] else FENCED.match(self.text, part.end())
+            fenced = (
+                None if part["console"] or part["empty"] else FENCED.match(self.text, part.end())
+            )
             assert part["console"] or part["empty"] or fenced, f"no code below {part[0]!r}"
             yield part, fenced["code"] if fenced else ""
 
@@ -59,7 +77,12 @@ class Copy:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         for name in TREE:
-            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"), symlinks=True)
+            shutil.copytree(
+                ROOT / name,
+                folder / name,
+                ignore=shutil.ignore_patterns("__pycache__"),
+                symlinks=True,
+            )
         for file in ROOT.glob("*.*"):
             if file.is_file():
                 shutil.copy(file, folder)
@@ -115,7 +138,9 @@ class Copy:
         for block in console.removeprefix("$ ").split("\n$ "):
             command, *lines = block.splitlines()
             said = self.run(command)
-            assert [line for line in lines if line not in said] == [], f"{command} says\n{said[-5000:]}"
+            assert [line for line in lines if line not in said] == [], (
+                f"{command} says\n{said[-5000:]}"
+            )
 
 
 def changed(text: str, how: str, line: str | None, code: str) -> str:
@@ -125,7 +150,11 @@ def changed(text: str, how: str, line: str | None, code: str) -> str:
     lines = text.splitlines(keepends=True)
     at = [number for number, one in enumerate(lines) if one.rstrip("\n") == line]
     assert len(at) == 1, f"{line!r} stands there {len(at)} times"
-    first, last = {"before": (at[0], at[0]), "after": (at[0] + 1, at[0] + 1), "in place of": (at[0], at[0] + 1)}[how]
+    first, last = {
+        "before": (at[0], at[0]),
+        "after": (at[0] + 1, at[0] + 1),
+        "in place of": (at[0], at[0] + 1),
+    }[how]
     return "".join((*lines[:first], code, *lines[last:]))
 
 
@@ -146,14 +175,18 @@ def followed(tmp_path_factory: pytest.TempPathFactory):
 
 def test_the_table_counts_the_files_of_every_recipe(followed) -> None:
     """Those that are edited by hand, and those that are new."""
-    assert {letter: (len(followed(letter).edited), len(followed(letter).added)) for letter in RECIPES} == COUNTED
+    assert {
+        letter: (len(followed(letter).edited), len(followed(letter).added)) for letter in RECIPES
+    } == COUNTED
 
 
 @pytest.mark.timeout(300)
 @pytest.mark.process
 @pytest.mark.parametrize("letter", RECIPES)
 def test_a_recipe_does_what_it_says(followed, letter: str) -> None:
-    """Its commands end with 0 and print what stands below them; ruff finds nothing in what is pasted."""
+    """Its commands end with 0 and print what stands below them; ruff finds nothing in what is
+    pasted.
+    """
     copy = followed(letter)
     for console in copy.console:
         copy.checked(console)

@@ -20,7 +20,9 @@ def names(path: Path) -> Iterator[str]:
 
 def file_of(module: str) -> Path | None:
     path = module.replace(".", "/") + ".py"
-    return next((folder / path for folder in (ROOT / "shared", ROOT) if (folder / path).exists()), None)
+    return next(
+        (folder / path for folder in (ROOT / "shared", ROOT) if (folder / path).exists()), None
+    )
 
 
 def test_what_the_glossary_names_is_in_the_code() -> None:

@@ -9,7 +9,14 @@ import verbs
 
 EVERY = [block for page in shown.PAGES for block in shown.blocks(page)]
 STATIC_PAGES = sorted({block.page for block in EVERY if block.order is None})
-MANY_COMMANDS = ("back-ends.md", "design/commands.md", "experiments.md", "faults.md", "roco.md", "traffic.md")
+MANY_COMMANDS = (
+    "back-ends.md",
+    "design/commands.md",
+    "experiments.md",
+    "faults.md",
+    "roco.md",
+    "traffic.md",
+)
 """Half of the processor's time of all pages: a long test each."""
 PAGE = """# A page
 
@@ -37,7 +44,9 @@ def found(path: Path, folder: Path) -> list[str]:
 def static_page(path: Path) -> Any:
     """Return the case of a page."""
     name = path.relative_to(shown.ROOT).as_posix()
-    return pytest.param(path, id=name, marks=pytest.mark.long if name.removeprefix("docs/") in MANY_COMMANDS else ())
+    return pytest.param(
+        path, id=name, marks=pytest.mark.long if name.removeprefix("docs/") in MANY_COMMANDS else ()
+    )
 
 
 @pytest.mark.process
@@ -54,7 +63,9 @@ def test_a_page_shows_what_its_commands_print(path: Path, tmp_path: Path) -> Non
 
 
 def test_every_verb_of_roco_is_shown_with_its_output() -> None:
-    """A new verb needs a block in a page: scripts/shown.py says how; `scripts/outputs --verbs` lists them."""
+    """A new verb needs a block in a page: scripts/shown.py says how; `scripts/outputs --verbs`
+    lists them.
+    """
     assert verbs.not_shown(EVERY) == []
 
 
@@ -69,7 +80,9 @@ def test_what_is_shown_elsewhere_is_there() -> None:
     """A verb is left out only where a page that is named shows it, and while it is a verb."""
     for verb, where in verbs.ELSEWHERE.items():
         assert verb in list(verbs.every())
-        assert f"scripts/{verb}" in (shown.ROOT / where.partition(";")[0]).read_text(encoding="utf-8")
+        assert f"scripts/{verb}" in (shown.ROOT / where.partition(";")[0]).read_text(
+            encoding="utf-8"
+        )
 
 
 def test_a_verb_counts_as_shown_by_its_whole_name_only(tmp_path: Path) -> None:
@@ -113,9 +126,11 @@ ALIKE = [
 
 @pytest.mark.timeout(60)
 def test_what_is_shown_otherwise_is_found(tmp_path: Path) -> None:
-    """Another word, number, line, order or exit code, as far as the block does not say that it may differ.
+    """Another word, number, line, order or exit code, as far as the block does not say that it may
+    differ.
 
-    Times, sizes, numbers of processes, folders and widths of columns may differ, only where the block says so.
+    Times, sizes, numbers of processes, folders and widths of columns may differ, only where the
+    block says so.
     """
     assert [row for row in OTHERWISE if not found(page(tmp_path, *row), tmp_path)] == []
     assert [row for row in ALIKE if found(page(tmp_path, *row), tmp_path)] == []
@@ -150,4 +165,6 @@ def test_no_page_tells_where_it_was_made() -> None:
     """Folders of the machine that ran the commands stand in no page."""
     for path in shown.PAGES:
         for block in shown.blocks(path):
-            assert not any(str(shown.ROOT) in one.text or "/tmp/" in one.text for one in block.shown), block.where
+            assert not any(
+                str(shown.ROOT) in one.text or "/tmp/" in one.text for one in block.shown
+            ), block.where

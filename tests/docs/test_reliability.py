@@ -32,7 +32,9 @@ def test_the_tables_are_those_of_the_results(name: str, monkeypatch: pytest.Monk
     monkeypatch.syspath_prepend(ROOT / "tests/fuzz")
     monkeypatch.syspath_prepend(ROOT / "tests/fleet")
     made = script(name)
-    assert f"{made.BEGIN}{made.printed(lines(made))}{made.END}" in made.PAGE.read_text(encoding="utf-8")
+    assert f"{made.BEGIN}{made.printed(lines(made))}{made.END}" in made.PAGE.read_text(
+        encoding="utf-8"
+    )
 
 
 def test_a_fault_is_tried_again_only_where_it_had_failed(monkeypatch: pytest.MonkeyPatch) -> None:

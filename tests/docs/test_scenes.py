@@ -30,4 +30,6 @@ def test_the_example_can_be_started(example: Path, seed: int) -> None:
 def test_every_model_and_every_scene_of_ours_is_named() -> None:
     """In the tables of the page."""
     assert {str(model) for model in Model} <= set(re.findall(r"`(\w+)`", PAGE))
-    assert {path.stem for path in CANONICAL.parent.glob("*.toml")} <= set(re.findall(r"`(\w+)`", PAGE))
+    assert {path.stem for path in CANONICAL.parent.glob("*.toml")} <= set(
+        re.findall(r"`(\w+)`", PAGE)
+    )

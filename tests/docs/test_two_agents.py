@@ -9,7 +9,12 @@ import pytest
 
 PAGE = (Path(__file__).parents[2] / "docs" / "two-agents.md").read_text(encoding="utf-8")
 BLOCKS = dict(re.findall(r"```python file=(\S+)\n(.*?)```", PAGE, re.DOTALL))
-CALLS = (("bidder.py", "ann", "12"), ("bidder.py", "bob", "9"), ("bidder.py", "eve"), ("manager.py",))
+CALLS = (
+    ("bidder.py", "ann", "12"),
+    ("bidder.py", "bob", "9"),
+    ("bidder.py", "eve"),
+    ("manager.py",),
+)
 
 
 @pytest.mark.zenoh
@@ -20,7 +25,11 @@ def test_a_contract_net_with_a_silent_bidder(tmp_path: Path) -> None:
         (tmp_path / name).write_text(text, encoding="utf-8")
     begun = [
         subprocess.Popen(
-            [sys.executable, *words], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+            [sys.executable, *words],
+            cwd=tmp_path,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
         )
         for words in CALLS
     ]
@@ -38,5 +47,9 @@ def test_a_contract_net_with_a_silent_bidder(tmp_path: Path) -> None:
 def test_each_program_is_short() -> None:
     """Thirty lines, as the title says, but for what a program opens with."""
     for name, text in BLOCKS.items():
-        code = [line for line in text.splitlines() if line and not line.startswith(('"""', "import ", "from "))]
+        code = [
+            line
+            for line in text.splitlines()
+            if line and not line.startswith(('"""', "import ", "from "))
+        ]
         assert len(code) <= 30, (name, len(code))

@@ -1,4 +1,6 @@
-"""All agents of the depot on pretend wires, watched at every step: who is in the aisle, what fits no row."""
+"""All agents of the depot on pretend wires, watched at every step: who is in the aisle, what fits
+no row.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -44,7 +46,11 @@ class Depot:
     """`wishes`: what people want; `without`: agents that are not there."""
 
     def __init__(
-        self, *wishes: Wish, seed: int = 0, faults: Faults | None = None, without: tuple[str, ...] = ()
+        self,
+        *wishes: Wish,
+        seed: int = 0,
+        faults: Faults | None = None,
+        without: tuple[str, ...] = (),
     ) -> None:
         self.wires = MemoryBus(seed=seed, faults=faults)
         self.wires.on_step = self._watch
@@ -66,7 +72,9 @@ class Depot:
         self.until(lambda: self.wires.memory("desk").ended >= ended, limit_s)
 
     def until(self, condition: Callable[[], object], limit_s: float = 600.0) -> None:
-        """Until this holds; every step on the way is a row of the design, and one robot is in the aisle at most."""
+        """Until this holds; every step on the way is a row of the design, and one robot is in the
+        aisle at most.
+        """
         self.wires.run(lambda: bool(condition()), limit_s=limit_s)
         assert (self.outside, self.together) == ([], False)
 
@@ -78,7 +86,11 @@ class Depot:
 
     def said(self, performative: str, sender: str = "") -> list[str]:
         """Conversations in which an act was said, each once."""
-        acts = [one for one in self.wires.traffic if one.performative == performative and sender in ("", one.sender)]
+        acts = [
+            one
+            for one in self.wires.traffic
+            if one.performative == performative and sender in ("", one.sender)
+        ]
         return sorted({one.conversation for one in acts})
 
     @property
@@ -88,7 +100,11 @@ class Depot:
 
     def told(self, kind: type) -> list[Any]:
         """The contents of one class that the desk was informed of, each message once."""
-        informs = {one.id: one for one in self.wires.traffic if one.performative == "inform" and one.receiver == "desk"}
+        informs = {
+            one.id: one
+            for one in self.wires.traffic
+            if one.performative == "inform" and one.receiver == "desk"
+        }
         contents = [LANGUAGES.read(one)[0] for one in informs.values()]
         return [content for content in contents if isinstance(content, kind)]
 
@@ -107,4 +123,7 @@ class Depot:
 
 def wishes(*ways: tuple[str, str]) -> tuple[Wish, ...]:
     """Wishes at the start, numbered."""
-    return tuple(Wish(f"thing {n}", source, target, number=n) for n, (source, target) in enumerate(ways, start=1))
+    return tuple(
+        Wish(f"thing {n}", source, target, number=n)
+        for n, (source, target) in enumerate(ways, start=1)
+    )

@@ -1,4 +1,6 @@
-"""The second worked example runs as its design says: every order is carried once, whatever is lost or dies."""
+"""The second worked example runs as its design says: every order is carried once, whatever is lost
+or dies.
+"""
 
 import subprocess
 import sys
@@ -47,12 +49,19 @@ def test_the_method_is_shown_in_full():
     steps = DESIGN.file.step
     assert any(step.split for step in steps)
     assert any(step.complement for step in steps)
-    assert {use.follows for use in DESIGN.file.protocol} == {"request", "subscribe", "cfp", "passage"}
+    assert {use.follows for use in DESIGN.file.protocol} == {
+        "request",
+        "subscribe",
+        "cfp",
+        "passage",
+    }
     assert 3 <= len(DESIGN.agents) <= 5
 
 
 def test_the_nearest_robot_carries_and_everything_is_delivered():
-    """The orders of the example's file: the quick robot in its own hall, the other while that one drives home."""
+    """The orders of the example's file: the quick robot in its own hall, the other while that one
+    drives home.
+    """
     depot = Depot(*read(ORDERS))
     depot.run(3)
     assert depot.orders == (3, 0)
@@ -61,11 +70,16 @@ def test_the_nearest_robot_carries_and_everything_is_delivered():
 
 
 def test_robots_wait_for_each_other_at_the_aisle():
-    """The quick one drives home through the aisle while the strong one wants to come through: one has to wait."""
+    """The quick one drives home through the aisle while the strong one wants to come through: one
+    has to wait.
+    """
     depot = Depot(*wishes(("receiving", "store"), ("store", "press")))
     waited: list[bool] = []
     depot.until(
-        lambda: waited.append(bool(depot.wires.memory("traffic").waiting)) or len(depot.said("inform", "ox")) > 1
+        lambda: (
+            waited.append(bool(depot.wires.memory("traffic").waiting))
+            or len(depot.said("inform", "ox")) > 1
+        )
     )
     assert any(waited)
 
@@ -105,7 +119,9 @@ def test_people_who_say_everything_again_are_heard_once():
 
 @pytest.mark.parametrize("away", ["mule", "ox"])
 def test_one_robot_carries_alone_while_the_other_is_away(away):
-    """The call to the other waits for it in the outbox and passes its reply-by; it is not called again meanwhile."""
+    """The call to the other waits for it in the outbox and passes its reply-by; it is not called
+    again meanwhile.
+    """
     depot = Depot(*wishes(NORTH, SOUTH), without=(away,))
     depot.run(2)
     assert depot.orders == (2, 0)
@@ -138,7 +154,9 @@ def test_an_order_between_no_two_stations_is_refused(way):
 
 
 def test_a_late_proposal_is_rejected():
-    """A robot that was frozen at the call offers afterwards: the job is another's, its offer is rejected."""
+    """A robot that was frozen at the call offers afterwards: the job is another's, its offer is
+    rejected.
+    """
     depot = Depot(*wishes(NORTH))
     depot.until(lambda: bool(depot.said("cfp")))
     depot.wires.crash("mule", restart_s=6.0)
@@ -171,7 +189,16 @@ def test_making_the_project_again_keeps_what_was_filled_in(tmp_path):
 @pytest.mark.process
 def test_its_own_tests_pass():
     """As its user runs them, but for the one that opens a router."""
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--ignore", "tests/test_run.py"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "--ignore",
+        "tests/test_run.py",
+    ]
     done = subprocess.run(command, cwd=EXAMPLE, capture_output=True, text=True, timeout=55)
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -181,12 +208,16 @@ def test_its_own_tests_pass():
 
 def changed(agent: str, rows: tuple[elements.Row, ...]) -> Design:
     """The design with other rows of an agent."""
-    agents = tuple(replace(one, row=rows) if one.name == agent else one for one in DESIGN.file.agent)
+    agents = tuple(
+        replace(one, row=rows) if one.name == agent else one for one in DESIGN.file.agent
+    )
     return Design(replace(DESIGN.file, agent=agents), DESIGN.path)
 
 
 def test_the_composed_agents_always_come_to_rest():
-    """All five, without faults: no message that no row takes, nobody stuck, rest in reach from everywhere."""
+    """All five, without faults: no message that no row takes, nobody stuck, rest in reach from
+    everywhere.
+    """
     explored = explore_model(Fleet(DESIGN))
     assert explored.findings == ()
     assert explored.complete
@@ -201,7 +232,9 @@ def test_the_composed_agents_bear_a_fault():
 
 
 def test_a_careless_traffic_is_found():
-    """It lets a second robot into the aisle: the design says that this must never happen, and it would."""
+    """It lets a second robot into the aisle: the design says that this must never happen, and it
+    would.
+    """
     careless = tuple(
         replace(row, say=(row.on.replace("request", "agree"),)) if row.text == "it waits" else row
         for row in DESIGN.agent("traffic").row
@@ -231,7 +264,9 @@ def test_the_desk_comes_to_rest_though_a_robot_dies_for_good(gone):
     ],
 )
 def test_an_event_forgotten_is_found(agent, on, gone):
-    """Without its rows somebody is stuck; what answers a silence is missed only where somebody is silent."""
+    """Without its rows somebody is stuck; what answers a silence is missed only where somebody is
+    silent.
+    """
     rows = tuple(row for row in DESIGN.agent(agent).row if row.on != on)
     assert len(rows) < len(DESIGN.agent(agent).row)
     faults = FleetFaults(gone=gone, waiting=("desk",) if gone else ())

@@ -17,7 +17,9 @@ from velma.sim.mujoco_backend import MujocoBackend
 pytestmark = [pytest.mark.process, pytest.mark.needs_opengl, pytest.mark.timeout(120)]
 
 
-def test_a_black_camera_shows_nothing_until_it_is_well_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_black_camera_shows_nothing_until_it_is_well_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Nothing is told to who looks but what is seen."""
     file = tmp_path / "disturbances.json"
     monkeypatch.setenv(disturbances.VARIABLE, str(file))

@@ -1,5 +1,6 @@
-"""Every number of every command: what is not finite, out of its range or endless is refused by its field, before
-anything moves. Fields are read from the types, so that a new one is drawn as well."""
+"""Every number of every command: what is not finite, out of its range or endless is refused by its
+field, before anything moves. Fields are read from the types, so that a new one is drawn as well.
+"""
 
 import math
 import re
@@ -16,7 +17,16 @@ from hypothesis import strategies as st
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Within
-from companion.skills.loop_messages import Close, HandCommand, HeadGoal, Motion, Move, Phase, Until, motion
+from companion.skills.loop_messages import (
+    Close,
+    HandCommand,
+    HeadGoal,
+    Motion,
+    Move,
+    Phase,
+    Until,
+    motion,
+)
 from services.executor import outgoing_messages
 from services.executor.loop import act
 from services.executor.loop.core import LoopCore
@@ -37,7 +47,8 @@ from velma.sim.mock_backend import MockBackend
 
 DYNAMICS, ROBOT = Dynamics(ROBOT_XML), Robot()
 ODD = (math.nan, math.inf, -math.inf, -0.0, 0.0, -1.0, 1e-6, -1e-300, 5e-324, 1e6, 1e308, -1e308)
-QUICK = {ranges.Seconds: st.floats(0.0, 0.5), ranges.JointSpeed: st.floats(1.0, 10.0)}  # the others have a test below
+# the others have a test below
+QUICK = {ranges.Seconds: st.floats(0.0, 0.5), ranges.JointSpeed: st.floats(1.0, 10.0)}
 KNOTS = (START, np.array(START) + np.linspace(0.0, 0.02, 20)[:, None])
 UNIT_QUAT = st.just((1.0, 0.0, 0.0, 0.0))
 
@@ -52,14 +63,23 @@ def right(kind: Any) -> st.SearchStrategy[Any]:
         return st.sampled_from(parts)
     if origin is tuple:
         many = parts[-1] is ...
-        return st.lists(right(parts[0]), min_size=1, max_size=3).map(tuple) if many else st.tuples(*map(right, parts))
+        return (
+            st.lists(right(parts[0]), min_size=1, max_size=3).map(tuple)
+            if many
+            else st.tuples(*map(right, parts))
+        )
     if parts:  # a union
         return st.one_of(*map(right, parts))
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         hints = get_type_hints(kind, include_extras=True)
         fields = {name: _field(kind, name, hint) for name, hint in hints.items()}
         return st.fixed_dictionaries(fields).map(lambda values: kind(**values))
-    plain = {float: st.floats(-1.0, 1.0), str: st.just("jar_1"), bool: st.booleans(), type(None): st.none()}
+    plain = {
+        float: st.floats(-1.0, 1.0),
+        str: st.just("jar_1"),
+        bool: st.booleans(),
+        type(None): st.none(),
+    }
     return plain[kind] if kind in plain else st.sampled_from(kind)
 
 
@@ -105,7 +125,9 @@ def changed(value: Any, path: tuple[str | int, ...], new: Any) -> Any:
     first, *rest = path
     if isinstance(value, tuple):
         return (*value[:first], changed(value[first], tuple(rest), new), *value[first + 1 :])
-    return msgspec.structs.replace(value, **{first: changed(getattr(value, first), tuple(rest), new)})
+    return msgspec.structs.replace(
+        value, **{first: changed(getattr(value, first), tuple(rest), new)}
+    )
 
 
 @st.composite
@@ -119,7 +141,11 @@ def almost(draw: st.DrawFn, kind: Any) -> tuple[Any, str]:
     whole = value
     for part in way:
         whole = whole[part] if isinstance(part, int) else getattr(whole, part)
-    odd = draw(st.sampled_from([(), (*whole, math.nan)]) if isinstance(whole, tuple) else st.sampled_from(ODD))
+    odd = draw(
+        st.sampled_from([(), (*whole, math.nan)])
+        if isinstance(whole, tuple)
+        else st.sampled_from(ODD)
+    )
     return changed(value, way, odd), [part for part in way if isinstance(part, str)][-1]
 
 
@@ -159,7 +185,9 @@ def test_a_motion_is_refused_by_its_field_or_ends(drawn: tuple[Motion, str]) -> 
     asked, field = drawn
     core = LoopCore(Listening(), dynamics=DYNAMICS)
     refused = core.begin(asked)
-    read = complaint(msgspec.ValidationError, lambda: msgspec.convert(msgspec.to_builtins(asked), LoopCommand))
+    read = complaint(
+        msgspec.ValidationError, lambda: msgspec.convert(msgspec.to_builtins(asked), LoopCommand)
+    )
     assert not read or (refused and field in read)
     if refused:
         assert field
@@ -210,7 +238,9 @@ def test_gains_are_refused_by_their_field(drawn: tuple[Any, str]) -> None:
     gains, field = drawn
     chosen = {"gains" if isinstance(gains, CartesianGains) else "hold": gains}
     made: list[LoopCore] = []
-    why = complaint(MotionError, lambda: made.append(LoopCore(Listening(), dynamics=DYNAMICS, **chosen)))
+    why = complaint(
+        MotionError, lambda: made.append(LoopCore(Listening(), dynamics=DYNAMICS, **chosen))
+    )
     if why:
         assert why.startswith(f"motion: {field}")
         assert field
@@ -222,16 +252,24 @@ def test_gains_are_refused_by_their_field(drawn: tuple[Any, str]) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.sampled_from(ODD), st.sampled_from(["tool_speed", "joint_fraction", "path"]), st.integers(0, 14))
+@given(
+    st.sampled_from(ODD),
+    st.sampled_from(["tool_speed", "joint_fraction", "path"]),
+    st.integers(0, 14),
+)
 def test_a_timed_path_is_refused_by_what_is_wrong(odd: float, what: str, joint: int) -> None:
     """Else it ends in time, and no number is lost on the way."""
     goal = np.array(START)
     goal[joint] = odd if what == "path" else goal[joint] + 0.1
     options = {"tool_speed": 0.3} | ({} if what == "path" else {what: odd})
     found: list[timing.Trajectory] = []
-    why = complaint(MotionError, lambda: found.append(timing.timed(ROBOT, [np.array(START), goal], **options)))
+    why = complaint(
+        MotionError, lambda: found.append(timing.timed(ROBOT, [np.array(START), goal], **options))
+    )
     if why:
-        assert why.startswith(f"motion: {what}: {BODY[joint]}" if what == "path" else f"motion: {what}")
+        assert why.startswith(
+            f"motion: {what}: {BODY[joint]}" if what == "path" else f"motion: {what}"
+        )
     else:
         assert what == "path"
         assert LOWER[joint] <= odd <= UPPER[joint]
@@ -285,7 +323,9 @@ def test_no_goal_beyond_a_joint_is_planned(side: str, beyond: float) -> None:
         for end, way in ((LOWER, -1.0), (UPPER, 1.0)):
             goal = np.array(START)
             goal[joint] = end[joint] + way * beyond
-            with pytest.raises(MotionError, match=rf"goal: {BODY[joint]} is .* rad, expected from -.* to "):
+            with pytest.raises(
+                MotionError, match=rf"goal: {BODY[joint]} is .* rad, expected from -.* to "
+            ):
                 planning.plan(ROBOT, world, side, np.array(START), goal)
     with pytest.raises(MotionError, match="start: torso_0_joint is nan"):
         planning.plan(ROBOT, world, side, np.full(15, math.nan), np.array(START))
@@ -320,7 +360,11 @@ def test_a_posture_that_is_none_is_neither_free_nor_reached() -> None:
 
 def test_the_language_has_the_ranges_of_the_robot() -> None:
     """Its module may not import them."""
-    kinds = ((rc.Bend, ranges.Bend), (rc.FingerSpeed, ranges.JointSpeed), (rc.Kilograms, ranges.Kilograms))
+    kinds = (
+        (rc.Bend, ranges.Bend),
+        (rc.FingerSpeed, ranges.JointSpeed),
+        (rc.Kilograms, ranges.Kilograms),
+    )
     for theirs, ours in (*kinds, (rc.Rest, ranges.Seconds)):
         meta = get_args(ours)[1]
         assert tuple(get_args(theirs)[1]) == (meta.ge, meta.le)

@@ -1,4 +1,6 @@
-"""What is wrong with the head camera or the encoders below it is told by pictures: real ones, spoilt by the test."""
+"""What is wrong with the head camera or the encoders below it is told by pictures: real ones,
+spoilt by the test.
+"""
 
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -34,8 +36,12 @@ class Camera(NamedTuple):
     photographs: Photographs
     backend: MujocoBackend
 
-    def at(self, point: tuple[float, float, float], number: int, error: Neck = NO_ERROR) -> tuple[Pixels, View]:
-        """The head to a point; the view by joints that are measured with an error (torso, pan, tilt)."""
+    def at(
+        self, point: tuple[float, float, float], number: int, error: Neck = NO_ERROR
+    ) -> tuple[Pixels, View]:
+        """The head to a point; the view by joints that are measured with an error (torso, pan,
+        tilt).
+        """
         qpos, goal = self.backend.configuration().copy(), aim(0.0, point)
         for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
             qpos[self.backend.model.joint(name).qposadr[0]] = angle
@@ -45,7 +51,9 @@ class Camera(NamedTuple):
 
 @pytest.fixture(scope="module")
 def camera_of() -> Iterator[Callable[[Scene], Camera]]:
-    """Make cameras; all are freed at the end, since one that is freed before takes the others' context along."""
+    """Make cameras; all are freed at the end, since one that is freed before takes the others'
+    context along.
+    """
     made: list[Camera] = []
 
     def make(scene: Scene) -> Camera:
@@ -71,7 +79,10 @@ def sighted() -> Sighted:
 
 def survey(camera: Camera, sighted: Sighted, first: int, error: Neck = NO_ERROR) -> list[Saw]:
     """All three gazes; `first`: number of the first picture."""
-    return [sighted.saw(first + k, *camera.at(point, first + k, error)) for k, point in enumerate(POINTS)]
+    return [
+        sighted.saw(first + k, *camera.at(point, first + k, error))
+        for k, point in enumerate(POINTS)
+    ]
 
 
 def seen(looks: list[Saw]) -> set[str]:
@@ -95,7 +106,9 @@ SPOILS: dict[str, Callable[[Pixels], Pixels]] = {
 
 
 @pytest.mark.parametrize("wrong", SPOILS)
-def test_a_spoilt_picture_shows_nothing_and_says_why(camera: Camera, sighted: Sighted, wrong: str) -> None:
+def test_a_spoilt_picture_shows_nothing_and_says_why(
+    camera: Camera, sighted: Sighted, wrong: str
+) -> None:
     """Each time; the next good one is good."""
     survey(camera, sighted, 1)
     for number in (4, 5):
@@ -106,8 +119,12 @@ def test_a_spoilt_picture_shows_nothing_and_says_why(camera: Camera, sighted: Si
 
 
 @pytest.mark.parametrize("point", [0, 1], ids=["from the same place", "from another one"])
-def test_the_same_picture_again_is_a_frozen_camera(camera: Camera, sighted: Sighted, point: int) -> None:
-    """At its first repetition, though its number goes on and the robot has not moved: its noise is the same."""
+def test_the_same_picture_again_is_a_frozen_camera(
+    camera: Camera, sighted: Sighted, point: int
+) -> None:
+    """At its first repetition, though its number goes on and the robot has not moved: its noise is
+    the same.
+    """
     picture, view = camera.at(POINTS[0], 1)
     assert sighted.saw(1, picture, view).wrong == ""
     _, now = camera.at(POINTS[point], 2)
@@ -115,13 +132,17 @@ def test_the_same_picture_again_is_a_frozen_camera(camera: Camera, sighted: Sigh
     assert sighted.saw(4, *camera.at(POINTS[point], 4)).wrong == ""
 
 
-def test_a_picture_with_the_number_of_the_last_one_is_frozen(camera: Camera, sighted: Sighted) -> None:
+def test_a_picture_with_the_number_of_the_last_one_is_frozen(
+    camera: Camera, sighted: Sighted
+) -> None:
     """Whatever it shows."""
     sighted.saw(1, *camera.at(POINTS[0], 1))
     assert sighted.saw(1, *camera.at(POINTS[1], 2)).wrong == "frozen"
 
 
-def test_without_noise_the_same_place_gives_the_same_picture(camera_of: Callable[[Scene], Camera]) -> None:
+def test_without_noise_the_same_place_gives_the_same_picture(
+    camera_of: Callable[[Scene], Camera],
+) -> None:
     """So that is no alarm; the same picture from another place is."""
     without = replace(SCENE, noise=replace(SCENE.noise, pixel=0.0))
     still_camera, sighted = camera_of(without), Sighted(without)
@@ -131,7 +152,9 @@ def test_without_noise_the_same_place_gives_the_same_picture(camera_of: Callable
 
 
 def test_a_dimmed_picture_shows_the_truth_or_is_dark(camera: Camera) -> None:
-    """At a fifth of its brightness the same as before, to 6 mm; at a twentieth nothing, and it says so."""
+    """At a fifth of its brightness the same as before, to 6 mm; at a twentieth nothing, and it says
+    so.
+    """
     places: dict[float, dict[str, np.ndarray]] = {}
     for share in (1.0, 0.2, 0.05):
         sighted, looks = Sighted(SCENE), []
@@ -146,8 +169,12 @@ def test_a_dimmed_picture_shows_the_truth_or_is_dark(camera: Camera) -> None:
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2], ids=["torso", "pan", "tilt"])
-def test_an_encoder_of_the_neck_that_is_off_is_told(camera: Camera, sighted: Sighted, joint: int) -> None:
-    """How far, in each look, also where no furniture is in view, and nothing is taken from it; then that it is well."""
+def test_an_encoder_of_the_neck_that_is_off_is_told(
+    camera: Camera, sighted: Sighted, joint: int
+) -> None:
+    """How far, in each look, also where no furniture is in view, and nothing is taken from it; then
+    that it is well.
+    """
     survey(camera, sighted, 1)
     error = [0.0, 0.0, 0.0]
     error[joint] = OFF
@@ -178,14 +205,21 @@ MOVED = {
 def test_furniture_that_was_moved_is_no_encoder(
     camera: Camera, camera_of: Callable[[Scene], Camera], sighted: Sighted, name: str, way: str
 ) -> None:
-    """One piece by 5 cm, or about itself by as much as an encoder is off: it is seen where it is now.
+    """One piece by 5 cm, or about itself by as much as an encoder is off: it is seen where it is
+    now.
 
     An encoder that is off then is told by its new place.
     """
-    before = {one.name: np.array(one.position) for look in survey(camera, sighted, 1) for one in look.things}
+    before = {
+        one.name: np.array(one.position)
+        for look in survey(camera, sighted, 1)
+        for one in look.things
+    }
     x, y, turn = MOVED[way]
     things = tuple(
-        replace(one, xyz=(one.xyz[0] + x, one.xyz[1] + y, one.xyz[2]), yaw=one.yaw + turn) if one.id == name else one
+        replace(one, xyz=(one.xyz[0] + x, one.xyz[1] + y, one.xyz[2]), yaw=one.yaw + turn)
+        if one.id == name
+        else one
         for one in SCENE.things
     )
     moved = camera_of(replace(SCENE, things=things))
@@ -193,7 +227,9 @@ def test_furniture_that_was_moved_is_no_encoder(
     assert [look.off for look in looks] == [0.0] * 3
     now = {one.name: np.array(one.position) for look in looks for one in look.things}
     assert np.linalg.norm(now[name] - before[name]) == pytest.approx(np.hypot(x, y), abs=0.006)
-    assert [look.off for look in survey(moved, sighted, 7, (0.0, OFF, 0.0))] == pytest.approx([OFF] * 3, rel=0.1)
+    assert [look.off for look in survey(moved, sighted, 7, (0.0, OFF, 0.0))] == pytest.approx(
+        [OFF] * 3, rel=0.1
+    )
 
 
 def test_furniture_that_was_moved_about_the_robot_is_no_encoder(
@@ -205,7 +241,11 @@ def test_furniture_that_was_moved_about_the_robot_is_no_encoder(
     things = tuple(
         replace(
             one,
-            xyz=(cos * one.xyz[0] - sin * one.xyz[1], sin * one.xyz[0] + cos * one.xyz[1], one.xyz[2]),
+            xyz=(
+                cos * one.xyz[0] - sin * one.xyz[1],
+                sin * one.xyz[0] + cos * one.xyz[1],
+                one.xyz[2],
+            ),
             yaw=one.yaw + OFF,
         )
         if one.id == "table_2"

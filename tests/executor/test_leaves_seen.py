@@ -43,7 +43,9 @@ def looked(eye: Eye, open_by: tuple[float, float]) -> dict[str, Sight]:
 
 def angle(seen: dict[str, Sight], name: str) -> float:
     """How far a leaf is open by what was seen of it and of its cabinet."""
-    leaf, cabinet = (heading(seen[one].T_world_object.rotation[:, 0]) for one in (name, "cabinet_2"))
+    leaf, cabinet = (
+        heading(seen[one].T_world_object.rotation[:, 0]) for one in (name, "cabinet_2")
+    )
     return OPENS[name] * math.remainder(leaf - cabinet, math.tau)
 
 
@@ -74,7 +76,9 @@ def test_rays_show_how_far_each_leaf_is_open(rays: Eye, open_by: tuple[float, fl
 @pytest.mark.timeout(180)
 @pytest.mark.parametrize("open_by", [(0.0, 0.0), (0.0, 1.5), (1.5, 0.0), (1.5, 1.5)])
 def test_pixels_show_how_far_leaves_are_open(pixels: Eye, open_by: tuple[float, float]) -> None:
-    """Closed and as open as the robot opens them, within a degree: by markers on both sides of each leaf."""
+    """Closed and as open as the robot opens them, within a degree: by markers on both sides of each
+    leaf.
+    """
     seen = looked(pixels, open_by)
     assert [angle(seen, name) for name in OPENS] == pytest.approx(open_by, abs=math.radians(1.0))
 

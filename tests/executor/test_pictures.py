@@ -1,4 +1,6 @@
-"""Pictures for people: begun where something moved, one at a time; a child that dies or hangs is replaced."""
+"""Pictures for people: begun where something moved, one at a time; a child that dies or hangs is
+replaced.
+"""
 
 import os
 import signal
@@ -82,7 +84,10 @@ def test_a_picture_is_what_the_camera_sees(screen: Screen, eye: Pictures) -> Non
     found = screen.next()
     assert found.sim_time_s == 7.5
     camera = HeadCamera(marked(load()), WIDTH, HEIGHT)
-    for file, picture in ((found.jpeg, smaller(camera.picture(WORLD), SHRINK)), (found.room, camera.room(WORLD))):
+    for file, picture in (
+        (found.jpeg, smaller(camera.picture(WORLD), SHRINK)),
+        (found.room, camera.room(WORLD)),
+    ):
         assert np.abs(pixels(file) - picture).mean() < 5.0
         assert len(file) < 20_000
     camera.close()
@@ -90,7 +95,9 @@ def test_a_picture_is_what_the_camera_sees(screen: Screen, eye: Pictures) -> Non
 
 @pytest.mark.needs_opengl
 def test_markers_that_are_found_in_it_are_told(screen: Screen, eye: Pictures) -> None:
-    """Looking into the cabinet those of jar, bowl and cabinet, each where its thing is in the smaller picture."""
+    """Looking into the cabinet those of jar, bowl and cabinet, each where its thing is in the
+    smaller picture.
+    """
     jar = load().find("jar_1")
     assert jar is not None
     goal, world, model = aim(0.0, jar.xyz), WORLD.copy(), compiled(load())
@@ -99,7 +106,9 @@ def test_markers_that_are_found_in_it_are_told(screen: Screen, eye: Pictures) ->
     assert eye.offer(0.0, world, now=100.0)
     found = screen.next()
     assert {one.thing for one in found.markers} >= {"jar_1", "bowl_1", "cabinet_2"}
-    corners = np.array([one.corners for one in found.markers if one.thing == "jar_1"]).reshape(-1, 2)
+    corners = np.array([one.corners for one in found.markers if one.thing == "jar_1"]).reshape(
+        -1, 2
+    )
     height, width, _ = pixels(found.jpeg).shape
     assert np.abs(corners.mean(axis=0) - (width / 2, height / 2)).max() < 40
     assert np.ptp(corners[:4], axis=0).max() == pytest.approx(0.026 / 0.8 * 693 / SHRINK, rel=0.4)
@@ -113,7 +122,8 @@ def test_only_what_moved_is_looked_at_again(screen: Screen, eye: Pictures) -> No
     swayed = moved + 0.5 * STILL
     for after, world, begun in (
         (0.0, WORLD, True), (0.5 * PICTURE_S, moved, False), (1.1 * PICTURE_S, WORLD, False),
-        (1.2 * PICTURE_S, moved, True), (2.5 * PICTURE_S, swayed, False), (1.3 * PICTURE_S + AGAIN_S, swayed, False),
+        (1.2 * PICTURE_S, moved, True), (2.5 * PICTURE_S, swayed, False),
+        (1.3 * PICTURE_S + AGAIN_S, swayed, False),
     ):  # fmt: skip
         assert eye.offer(0.0, world, now=100.0 + after) is begun, after
         if begun:
@@ -161,7 +171,9 @@ def test_a_child_that_hangs_is_killed(screen: Screen, eye: Pictures) -> None:
 
 
 @pytest.mark.usefixtures("no_opengl")
-def test_without_opengl_no_child_is_started_again(eye: Pictures, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_opengl_no_child_is_started_again(
+    eye: Pictures, capsys: pytest.CaptureFixture[str]
+) -> None:
     """It ends without a picture, and another one would: that is said once, with its exception."""
     assert eye.offer(0.0, WORLD, now=100.0)
     end = time.monotonic() + WITHIN_S

@@ -1,4 +1,6 @@
-"""Eyes by pixels: what their child sees is near the truth, by the measured joints; a child that dies is replaced."""
+"""Eyes by pixels: what their child sees is near the truth, by the measured joints; a child that
+dies is replaced.
+"""
 
 import os
 import signal
@@ -61,7 +63,9 @@ def eye() -> Iterator[Eye]:
 
 @pytest.mark.needs_opengl
 def test_the_survey_shows_all_things_near_the_truth(eye: Eye) -> None:
-    """The three gazes together; millimetres, not the noise of the eyes by rays, which is not theirs."""
+    """The three gazes together; millimetres, not the noise of the eyes by rays, which is not
+    theirs.
+    """
     seen: dict[str, float] = {}
     for point in POINTS:
         sights = eye.look(*turned(point))
@@ -82,7 +86,9 @@ def test_a_sight_tells_how_far_it_may_be_off(eye: Eye) -> None:
 
 @pytest.mark.needs_opengl
 def test_the_camera_is_where_the_joints_say(eye: Eye) -> None:
-    """A neck that measures a hundredth of a radian too much puts the bowl a centimetre aside: truth does not help."""
+    """A neck that measures a hundredth of a radian too much puts the bowl a centimetre aside: truth
+    does not help.
+    """
     world, (torso, pan, tilt) = turned(tuple(place("bowl_1")))
     exact = off(eye.look(world, (torso, pan, tilt)), "bowl_1")
     wrong = off(eye.look(world, (torso, pan + 0.01, tilt)), "bowl_1")
@@ -95,7 +101,9 @@ def test_the_camera_is_where_the_joints_say(eye: Eye) -> None:
 def test_each_look_has_its_own_noise(eye: Eye) -> None:
     """Twice the same state: not the same pose to the last digit, and near each other."""
     world, neck = turned(tuple(place("jar_1")))
-    one, other = ({s.name: s for s in eye.look(world, neck)}["jar_1"].T_world_object for _ in range(2))
+    one, other = (
+        {s.name: s for s in eye.look(world, neck)}["jar_1"].T_world_object for _ in range(2)
+    )
     assert 0.0 < np.linalg.norm(one.translation - other.translation) < 0.006
 
 
@@ -137,7 +145,9 @@ def test_without_opengl_the_look_says_so() -> None:
 
 @pytest.mark.needs_opengl
 def test_a_camera_that_is_not_where_the_robot_thinks_errs() -> None:
-    """The scene's calibration error, by a degree: things are seen centimetres aside, all to the same side."""
+    """The scene's calibration error, by a degree: things are seen centimetres aside, all to the
+    same side.
+    """
     noise = replace(SCENE.noise, camera_turn=0.0175)
     askew: Scene = replace(SCENE, noise=noise)
     made = OwnPixelReceptor(askew)
@@ -149,7 +159,9 @@ def test_a_camera_that_is_not_where_the_robot_thinks_errs() -> None:
 
 
 def test_eyes_are_chosen_by_name() -> None:
-    """Where nothing is said, by pixels if something can be drawn; what cannot be had is told, as is a wrong name."""
+    """Where nothing is said, by pixels if something can be drawn; what cannot be had is told, as is
+    a wrong name.
+    """
     assert eyes("", lambda: "") == (Eyes.PIXELS, "")
     assert eyes("", lambda: "no libEGL") == (Eyes.RAYS, "no libEGL")
     assert eyes("pixels", lambda: "") == (Eyes.PIXELS, "")

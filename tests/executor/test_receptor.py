@@ -1,4 +1,6 @@
-"""The head camera: sees what is in its picture and not hidden, with an error that is small and never nothing."""
+"""The head camera: sees what is in its picture and not hidden, with an error that is small and
+never nothing.
+"""
 
 import msgspec
 import mujoco
@@ -63,7 +65,9 @@ def jar(xyz: tuple[float, float, float]) -> SceneObject:
 
 
 def test_all_of_the_cabinet_is_seen_from_the_start() -> None:
-    """Looking into it: the jar, the bowl, the cabinet itself; and the look leaves the state alone."""
+    """Looking into it: the jar, the bowl, the cabinet itself; and the look leaves the state
+    alone.
+    """
     place = Place(CANONICAL.things).turn(JAR.xyz)
     before = place.qpos.copy()
     assert {"jar_1", "bowl_1", "cabinet_2"} <= set(place.seen())
@@ -83,14 +87,21 @@ def test_what_is_behind_is_not_seen() -> None:
 
 
 def test_what_is_too_far_or_too_near_is_not_seen() -> None:
-    """The camera's range is that of the source: beyond it nothing is reported, nor right before the lens."""
+    """The camera's range is that of the source: beyond it nothing is reported, nor right before the
+    lens.
+    """
     place = Place((jar(OPEN),)).turn(OPEN)
     eye = place.model.body(names.CAMERA_BODY)
     data = mujoco.MjData(place.model)
     data.qpos[:] = place.qpos
     mujoco.mj_kinematics(place.model, data)
     forwards = data.xmat[eye.id].reshape(3, 3)[:, 2]
-    for distance, seen in ((0.25, False), (0.7, True), (FARTHEST_M - 0.3, True), (FARTHEST_M + 0.3, False)):
+    for distance, seen in (
+        (0.25, False),
+        (0.7, True),
+        (FARTHEST_M - 0.3, True),
+        (FARTHEST_M + 0.3, False),
+    ):
         place.put("jar_1", standing(data.xpos[eye.id] + distance * forwards))
         assert ("jar_1" in place.seen()) is seen, distance
 
@@ -134,13 +145,17 @@ def jar_in_sight() -> Place:
 
 def errors(eye: Receptor, place: Place, looks: int) -> np.ndarray:
     """Errors of the jar's place, (looks, 3) [m]."""
-    return np.array([eye.look(place.qpos)[0].T_world_object.translation - OPEN for _ in range(looks)])
+    return np.array(
+        [eye.look(place.qpos)[0].T_world_object.translation - OPEN for _ in range(looks)]
+    )
 
 
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**31))
 def test_the_error_is_small_and_never_nothing(jar_in_sight: Place, seed: int) -> None:
-    """At most 4 mm on each horizontal axis, none in height, another one at each look, the same for the same seed."""
+    """At most 4 mm on each horizontal axis, none in height, another one at each look, the same for
+    the same seed.
+    """
     found = errors(jar_in_sight.eye(seed), jar_in_sight, 5)
     assert (np.abs(found[:, :2]) <= NOISE_M).all()
     assert (np.abs(found[:, :2]) > 0.0).all()

@@ -1,4 +1,6 @@
-"""One process renders for the robot and for people: looks first, started when needed, ended after a while without."""
+"""One process renders for the robot and for people: looks first, started when needed, ended after a
+while without.
+"""
 
 import threading
 import time
@@ -36,7 +38,8 @@ class Line:
 
     def __init__(self) -> None:
         self.said: list[object] = []
-        self.comes: list[tuple[int, See | Show]] = []  # after so many questions whether something waits
+        # after so many questions whether something waits
+        self.comes: list[tuple[int, See | Show]] = []
         self.asked = 0
 
     def send(self, word: object) -> None:
@@ -106,7 +109,9 @@ def test_it_runs_from_the_first_look_until_it_has_rested(
     assert seen[0] == seen[1]
 
 
-def test_the_first_look_of_a_skill_process_is_compared_with_none(made: Renderer, answers: "Queue[Saw | Blind]") -> None:
+def test_the_first_look_of_a_skill_process_is_compared_with_none(
+    made: Renderer, answers: "Queue[Saw | Blind]"
+) -> None:
     """Each begins to count at one: the same picture again is no frozen camera."""
     for _ in range(2):
         made.look(see(1), answers.put)

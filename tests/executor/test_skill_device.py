@@ -1,4 +1,6 @@
-"""The skill process is there for an act, and ends when none has come for a while; the next act has a new one."""
+"""The skill process is there for an act, and ends when none has come for a while; the next act has
+a new one.
+"""
 
 import threading
 import time
@@ -21,7 +23,9 @@ from velma.names import START
 pytestmark = [pytest.mark.process, pytest.mark.timeout(180)]
 
 WITHIN_S = 120.0
-FELT = Felt(q=START.tobytes(), measured=START.tobytes(), head=(0.0, 0.0), time=0.0, ended=str(Phase.DONE))
+FELT = Felt(
+    q=START.tobytes(), measured=START.tobytes(), head=(0.0, 0.0), time=0.0, ended=str(Phase.DONE)
+)
 REMEMBERED = Remembered(q=tuple(START.tolist()))
 
 
@@ -74,7 +78,9 @@ def ended(device: SkillDevice, agent: Agent, number: int) -> bool:
 
 
 def test_the_process_runs_for_acts_and_ends_after_a_rest(device: SkillDevice, agent: Agent) -> None:
-    """None before the first act; acts that follow each other have the same one; the end is no crash."""
+    """None before the first act; acts that follow each other have the same one; the end is no
+    crash.
+    """
     assert not device.pid
     assert ended(device, agent, 1)
     assert eventually(lambda: not device.pid)

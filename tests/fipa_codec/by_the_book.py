@@ -1,10 +1,11 @@
 """Conversations written from the text of FIPA's specifications, one a line, and how a line is read.
 
-`i.request/R1` the initiator says request with reply-with R1; `p.agree>R1` the participant says agree in reply to R1;
-`p.inform[cancel]` answers a cancel that has no reply-with.
-The last message of a line that begins with `!` is illegal, all others are legal. `a` or `b` before the protocol: only
-our initiator, or only our participant, is tried, since the other side does what ours never does (labels on every
-message). Request, query and subscribe are there in both profiles; `both` are the lines in which they agree.
+`i.request/R1` the initiator says request with reply-with R1; `p.agree>R1` the participant says
+agree in reply to R1; `p.inform[cancel]` answers a cancel that has no reply-with. The last message
+of a line that begins with `!` is illegal, all others are legal. `a` or `b` before the protocol:
+only our initiator, or only our participant, is tried, since the other side does what ours never
+does (labels on every message). Request, query and subscribe are there in both profiles; `both` are
+the lines in which they agree.
 """
 
 from typing import NamedTuple
@@ -15,7 +16,9 @@ from fipa_codec.tables import Role
 
 
 class Message(NamedTuple):
-    """A message: who says it, the act, its reply-with and its in-reply-to; `kind`: what its sender means by it."""
+    """A message: who says it, the act, its reply-with and its in-reply-to; `kind`: what its sender
+    means by it.
+    """
 
     role: Role
     act: Performative
@@ -338,8 +341,10 @@ fipa-subscribe: i.subscribe/R1 p.agree>R1 p.inform>R1 i.cancel/R2 p.not-understo
 !fipa-subscribe: i.subscribe/R1 p.agree>R1 p.agree>R1
 !fipa-subscribe: i.subscribe/R1 p.inform>R1 p.refuse>R1
 !fipa-subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.refuse>R1
+"""  # noqa: E501
+"""SC00035H: a failed cancel leaves the subscription running; no agree after the first
+notification.
 """
-"""SC00035H: a failed cancel leaves the subscription running; no agree after the first notification."""
 
 SUBSCRIBE_OF_THE_PAPER = """
 !subscribe: i.subscribe/R1 p.agree>R1 i.cancel/R2 p.failure>R2 p.inform>R1

@@ -22,11 +22,17 @@ def parsed(word: str) -> tuple[Role, str, Performative | None, Kind]:
 
 
 class Dialogue:
-    """Both sides of one conversation and two FIFO channels; `heard`: all received messages in order."""
+    """Both sides of one conversation and two FIFO channels; `heard`: all received messages in
+    order.
+    """
 
     def __init__(self, protocol: str, *, reply_by: float | None = None) -> None:
         self.protocol, self.reply_by, self.count = protocol, reply_by, 0
-        self.sides = {Role.INITIATOR: Conversation.open(protocol, Role.INITIATOR, id="co-1-1", me="co", peer="ta")}
+        self.sides = {
+            Role.INITIATOR: Conversation.open(
+                protocol, Role.INITIATOR, id="co-1-1", me="co", peer="ta"
+            )
+        }
         self.wires: dict[Role, list[tuple[bytes, Kind]]] = {role: [] for role in Role}
         self.heard: list[tuple[Role, Communicate, Kind]] = []
 
@@ -49,17 +55,25 @@ class Dialogue:
             if how == ":":
                 self.take(role.other)
 
-    def say(self, role: Role, performative: Performative, kind: Kind = Kind.PLAIN, **options: Any) -> Communicate:
+    def say(
+        self, role: Role, performative: Performative, kind: Kind = Kind.PLAIN, **options: Any
+    ) -> Communicate:
         """Send a message of `role`; it stays in transit."""
         self.count += 1
-        options = {"id": f"{role}-{self.count}", "now": float(self.count), "reply_by": self.reply_by} | options
+        options = {
+            "id": f"{role}-{self.count}",
+            "now": float(self.count),
+            "reply_by": self.reply_by,
+        } | options
         side, message = self.sides[role].send(performative, kind=kind, **options)
         self.sides[role] = recorded(side)
         self.wires[role.other].append((encode(message), kind))
         return message
 
     def take(self, role: Role) -> Communicate:
-        """Receive the first message in transit to `role`; the participant opens its side with it."""
+        """Receive the first message in transit to `role`; the participant opens its side with
+        it.
+        """
         data, kind = self.wires[role].pop(0)
         message = decode(data)
         if role not in self.sides:

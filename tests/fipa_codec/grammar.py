@@ -1,7 +1,8 @@
 """Legal ACL texts, drawn from the grammar of SC00070I rule by rule, each with what it means.
 
-A strategy here gives (text, meaning). Nothing of it is taken from the parser or the printer. Left out are the legal
-words that `docs/rulings.md` names: with : or " first, and with a parameter of Rock's inside (`a:content"b"`).
+A strategy here gives (text, meaning). Nothing of it is taken from the parser or the printer. Left
+out are the legal words that `docs/rulings.md` names: with : or " first, and with a parameter of
+Rock's inside (`a:content"b"`).
 """
 
 import re
@@ -13,7 +14,9 @@ from fipa_codec.acl_string import AclMessage, After, Aid, At
 from fipa_codec.performatives import Performative
 
 BLANKS = "".join(map(chr, range(0x21)))
-NO_BLANK = st.text(st.characters(exclude_characters=BLANKS + "()", exclude_categories=["Cs"]), max_size=6)
+NO_BLANK = st.text(
+    st.characters(exclude_characters=BLANKS + "()", exclude_categories=["Cs"]), max_size=6
+)
 GAP = st.text(st.sampled_from(BLANKS), min_size=1, max_size=2) | st.just(" ")
 NO_GAP = st.just("") | GAP
 DIGITS = st.text("0123456789", min_size=1, max_size=6)
@@ -29,7 +32,9 @@ def joined(*parts):
 def any_case(word):
     """Return the word with each letter in upper or lower case."""
     return st.integers(0, 2 ** len(word) - 1).map(
-        lambda upper: "".join(c.upper() if upper >> i & 1 else c.lower() for i, c in enumerate(word))
+        lambda upper: "".join(
+            c.upper() if upper >> i & 1 else c.lower() for i, c in enumerate(word)
+        )
     )
 
 
@@ -38,23 +43,40 @@ def same(strategy):
     return strategy.map(lambda text: (text, text))
 
 
-# --- lexical rules ----------------------------------------------------------------------------------------------------
+# --- lexical rules --------------------------------------------------------------------------------
 
 _FIRST = st.characters(exclude_characters=BLANKS + '()#0123456789-@":', exclude_categories=["Cs"])
 WORD = joined(_FIRST, NO_BLANK).filter(lambda word: not _ROCKS.search(word))
-URL = st.from_regex(r"[a-z]{1,4}://[A-Za-z0-9.]{1,6}(:[0-9]{1,4})?(/[A-Za-z0-9_.!~*'%&=?;+-]{0,6})?", fullmatch=True)
+URL = st.from_regex(
+    r"[a-z]{1,4}://[A-Za-z0-9.]{1,6}(:[0-9]{1,4})?(/[A-Za-z0-9_.!~*'%&=?;+-]{0,6})?", fullmatch=True
+)
 EXPONENT = joined(st.sampled_from("eE"), SIGN, DIGITS)
 MANTISSA = joined(DIGITS, st.just("."), DIGITS | st.just("")) | joined(st.just("."), DIGITS)
-NUMBER = joined(SIGN, DIGITS) | joined(SIGN, MANTISSA, EXPONENT | st.just("")) | joined(SIGN, DIGITS, EXPONENT)
-TEXT = st.text(st.characters(exclude_categories=["Cs"]) | st.sampled_from('"\\():#\n\0é本'), max_size=8)
+NUMBER = (
+    joined(SIGN, DIGITS)
+    | joined(SIGN, MANTISSA, EXPONENT | st.just(""))
+    | joined(SIGN, DIGITS, EXPONENT)
+)
+TEXT = st.text(
+    st.characters(exclude_categories=["Cs"]) | st.sampled_from('"\\():#\n\0é本'), max_size=8
+)
 LITERAL = TEXT.filter(lambda text: not text.endswith("\\")).map(
     lambda text: ('"' + text.replace('"', '\\"') + '"', text)
 )
-COUNTED = st.builds(lambda zeros, text: (f'#{zeros}{len(text.encode())}"{text}', text), st.text("0", max_size=12), TEXT)
+COUNTED = st.builds(
+    lambda zeros, text: (f'#{zeros}{len(text.encode())}"{text}', text),
+    st.text("0", max_size=12),
+    TEXT,
+)
 STRING = LITERAL | COUNTED
 ABSOLUTE = st.builds(
-    lambda moment, ms, t, letter: (f"{moment:{moment.year:04}%m%d{t}%H%M%S}{ms:03}{letter}", _unix(moment, ms)),
-    st.datetimes(datetime(2, 1, 1), datetime(9998, 12, 31)).map(lambda moment: moment.replace(microsecond=0)),
+    lambda moment, ms, t, letter: (
+        f"{moment:{moment.year:04}%m%d{t}%H%M%S}{ms:03}{letter}",
+        _unix(moment, ms),
+    ),
+    st.datetimes(datetime(2, 1, 1), datetime(9998, 12, 31)).map(
+        lambda moment: moment.replace(microsecond=0)
+    ),
     st.integers(0, 999),
     st.sampled_from("Tt"),
     st.sampled_from(["Z", "z", ""]),
@@ -75,20 +97,28 @@ TOKEN = joined(SIGN, st.from_regex(r"[0-9]{8}T[0-9]{9}[A-Za-z]?", fullmatch=True
 
 
 def _unix(moment, ms):
-    return At((moment.replace(tzinfo=UTC) - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(seconds=1) * 1000 + ms)
+    return At(
+        (moment.replace(tzinfo=UTC) - datetime(1970, 1, 1, tzinfo=UTC))
+        // timedelta(seconds=1)
+        * 1000
+        + ms
+    )
 
 
 def _amount(year, month, day, hour, minute, second, ms):
     return ((((year * 365 + month * 30 + day) * 24 + hour) * 60 + minute) * 60 + second) * 1000 + ms
 
 
-# --- syntax -----------------------------------------------------------------------------------------------------------
+# --- syntax ---------------------------------------------------------------------------------------
 
 
 def listed(items, opening):
     """Return texts in parentheses: the opening word, then the items."""
     return st.builds(
-        lambda head, found, end: ("(" + "".join([head, *(gap + text for gap, (text, _) in found), end, ")"]), found),
+        lambda head, found, end: (
+            "(" + "".join([head, *(gap + text for gap, (text, _) in found), end, ")"]),
+            found,
+        ),
         joined(NO_GAP, opening),
         st.lists(st.tuples(GAP, items), max_size=3),
         NO_GAP,
@@ -97,19 +127,29 @@ def listed(items, opening):
 
 ATOM = same(WORD | NUMBER | TOKEN)
 NESTED = st.recursive(
-    ATOM | STRING, lambda inner: listed(inner, st.just("")).map(lambda drawn: (drawn[0], drawn[0])), max_leaves=6
+    ATOM | STRING,
+    lambda inner: listed(inner, st.just("")).map(lambda drawn: (drawn[0], drawn[0])),
+    max_leaves=6,
 )
 EXPRESSION = ATOM | STRING | NESTED
 USER_NAME = joined(
     st.sampled_from(["X-", "x-"]),
-    st.text(st.characters(exclude_characters=BLANKS + '()"', exclude_categories=["Cs"]), min_size=1, max_size=6),
+    st.text(
+        st.characters(exclude_characters=BLANKS + '()"', exclude_categories=["Cs"]),
+        min_size=1,
+        max_size=6,
+    ),
 )
-USER = st.lists(st.tuples(USER_NAME, EXPRESSION), max_size=2, unique_by=lambda pair: pair[0].lower())
+USER = st.lists(
+    st.tuples(USER_NAME, EXPRESSION), max_size=2, unique_by=lambda pair: pair[0].lower()
+)
 
 
 @st.composite
 def parameters(draw, pairs):
-    """Return the text of parameters (name, (text, meaning)), with white space wherever it may be, and must be."""
+    """Return the text of parameters (name, (text, meaning)), with white space wherever it may be,
+    and must be.
+    """
     text, before = "", "("
     for name, (value, _) in pairs:
         needed = before not in '")('
@@ -126,7 +166,9 @@ NOTHING = st.just(("", ()))
 
 @st.composite
 def identifiers(draw, resolved):
-    """Return an agent-identifier: the name, then addresses, resolvers (from `resolved`) and user-defined slots."""
+    """Return an agent-identifier: the name, then addresses, resolvers (from `resolved`) and
+    user-defined slots.
+    """
     slots = {"name": draw(NAMES), "addresses": draw(ADDRESSES), "resolvers": draw(resolved)}
     user = draw(USER)
     written = [(draw(SLOTS[slot]), value) for slot, value in slots.items() if value[0]] + user
@@ -151,7 +193,10 @@ KNOWN = {
     "content": STRING,
     "reply-by": TIME,
     "protocol": same(WORD),
-    **dict.fromkeys(["reply-with", "in-reply-to", "language", "encoding", "ontology", "conversation-id"], EXPRESSION),
+    **dict.fromkeys(
+        ["reply-with", "in-reply-to", "language", "encoding", "ontology", "conversation-id"],
+        EXPRESSION,
+    ),
 }
 CASED = {name: any_case(name) for name in KNOWN}
 ACTS = {act: any_case(act) for act in Performative}

@@ -1,7 +1,9 @@
-"""JADE's three initiators, by ACL text: as 4.6.5 was observed on loopback (2026-11-22), and as its source has them.
+"""JADE's three initiators, by ACL text: as 4.6.5 was observed on loopback (2026-11-22), and as its
+source has them.
 
-What one says is text as JADE prints it, what it is told is read by its parameters. Each keeps a session for each
-reply-with it sent, and finds it by in-reply-to; all else it logs as OUT-OF-SEQUENCE, and never answers.
+What one says is text as JADE prints it, what it is told is read by its parameters. Each keeps a
+session for each reply-with it sent, and finds it by in-reply-to; all else it logs as
+OUT-OF-SEQUENCE, and never answers.
 """
 
 import re
@@ -25,7 +27,7 @@ WHITE = "".join(map(chr, range(33)))
 """Characters removed by Java's trim()."""
 
 
-# --- its codec --------------------------------------------------------------------------------------------------------
+# --- its codec ------------------------------------------------------------------------------------
 
 
 def quoted(text: str) -> str:
@@ -40,7 +42,9 @@ def expression(text: str) -> str:
 
 
 def as_jade(message: AclMessage) -> str:
-    """Return the message as JADE prints it: act in capitals, two blanks, content trimmed, what is empty left out."""
+    """Return the message as JADE prints it: act in capitals, two blanks, content trimmed, what is
+    empty left out.
+    """
 
     def aid(one: Aid) -> str:
         addresses = f" :addresses (sequence {' '.join(one.addresses)} )" if one.addresses else ""
@@ -73,19 +77,28 @@ def _expressions(message: AclMessage, *fields: str) -> list[str]:
     return [f"  :{name}  {expression(text)} " for name, text in found if text]
 
 
-# --- its initiators ---------------------------------------------------------------------------------------------------
+# --- its initiators -------------------------------------------------------------------------------
 
 
 class Initiator:
-    """Sessions by reply-with. `heard`: acts it took, by sender; `lost`: those it logged as OUT-OF-SEQUENCE.
+    """Sessions by reply-with. `heard`: acts it took, by sender; `lost`: those it logged as
+    OUT-OF-SEQUENCE.
 
-    `clock_ms` stands still unless the test moves it: labels have its milliseconds, so they repeat within one.
+    `clock_ms` stands still unless the test moves it: labels have its milliseconds, so they repeat
+    within one.
     """
 
     takes: ClassVar[Rows] = {}
 
-    def __init__(self, protocol: str, opening: P, responders: tuple[Aid, ...], reply_by: At | None = None) -> None:
-        self.protocol, self.opening, self.responders, self.reply_by = protocol, opening, responders, reply_by
+    def __init__(
+        self, protocol: str, opening: P, responders: tuple[Aid, ...], reply_by: At | None = None
+    ) -> None:
+        self.protocol, self.opening, self.responders, self.reply_by = (
+            protocol,
+            opening,
+            responders,
+            reply_by,
+        )
         self.clock_ms = 1_763_900_000_000
         self.sessions: dict[str, str] = {}
         self.heard: dict[str, list[P]] = {one.name: [] for one in responders}
@@ -142,7 +155,9 @@ class AchieveREInitiator(Initiator):
 
 
 class SubscriptionInitiator(Initiator):
-    """Of fipa-subscribe: a failure is one more notification; a cancel has the subscription's reply-with, or none."""
+    """Of fipa-subscribe: a failure is one more notification; a cancel has the subscription's
+    reply-with, or none.
+    """
 
     takes: ClassVar[Rows] = {
         **rows(INIT, AGREED, P.AGREE),
@@ -160,12 +175,15 @@ class SubscriptionInitiator(Initiator):
         return self.says(P.CANCEL, to) if ignores else self.says(P.CANCEL, to, reply_with=label)
 
     def cancellation_completed(self) -> None:
-        """Take the call of its program, made once it has seen that a notification was the answer to its cancel."""
+        """Take the call of its program, made once it has seen that a notification was the answer to
+        its cancel.
+        """
         self.sessions.clear()
 
 
 class ContractNetInitiator(Initiator):
-    """Of fipa-contract-net: each accept-proposal has a new reply-with and a new session, which its result must name.
+    """Of fipa-contract-net: each accept-proposal has a new reply-with and a new session, which its
+    result must name.
 
     The proposals it chooses are accepted when all have answered, the others rejected.
     """
@@ -173,12 +191,16 @@ class ContractNetInitiator(Initiator):
     takes = rows(INIT, OVER, P.PROPOSE, P.REFUSE, P.NOT_UNDERSTOOD, P.FAILURE)
     results = rows(INIT, OVER, P.INFORM, P.NOT_UNDERSTOOD, P.FAILURE)
 
-    def __init__(self, responders: tuple[Aid, ...], chosen: frozenset[str], reply_by: At | None = None) -> None:
+    def __init__(
+        self, responders: tuple[Aid, ...], chosen: frozenset[str], reply_by: At | None = None
+    ) -> None:
         super().__init__("fipa-contract-net", P.CFP, responders, reply_by)
         self.chosen = chosen
 
     def decides(self) -> list[tuple[str, str]]:
-        """Texts to each that proposed; whoever has not answered by now (its time-out) is passed over."""
+        """Texts to each that proposed; whoever has not answered by now (its time-out) is passed
+        over.
+        """
         self.sessions.clear()
         self.takes = self.results
         proposed = [one for one in self.responders if self.heard[one.name] == [P.PROPOSE]]
@@ -186,6 +208,9 @@ class ContractNetInitiator(Initiator):
         return [
             (one.name, self.begins(P.ACCEPT_PROPOSAL, one, accepted.index(one)))
             if one in accepted
-            else (one.name, self.says(P.REJECT_PROPOSAL, one, reply_with=f"{ME.name}{self.clock_ms}"))
+            else (
+                one.name,
+                self.says(P.REJECT_PROPOSAL, one, reply_with=f"{ME.name}{self.clock_ms}"),
+            )
             for one in proposed
         ]

@@ -1,4 +1,6 @@
-"""A check that walks through a table is one test: it fails once, with every row that is wrong in its message."""
+"""A check that walks through a table is one test: it fails once, with every row that is wrong in
+its message.
+"""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -11,5 +13,7 @@ def each_row(rows: Iterable[tuple[Any, ...]], check: Callable[..., None]) -> Non
         try:
             check(*row)
         except Exception as error:  # whatever a check raises
-            wrong.append(f"{', '.join(str(part)[:300] for part in row)}: {type(error).__name__}: {error}")
+            wrong.append(
+                f"{', '.join(str(part)[:300] for part in row)}: {type(error).__name__}: {error}"
+            )
     assert not wrong, "\n".join(wrong)

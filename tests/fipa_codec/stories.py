@@ -1,6 +1,8 @@
-"""Expected conversations, independent of the tables: the diagrams of the standard, and the rules of cancel.
+"""Expected conversations, independent of the tables: the diagrams of the standard, and the rules of
+cancel.
 
-A story is a sequence of steps of an initiator `i` and a participant `p`, with the final state of each:
+A story is a sequence of steps of an initiator `i` and a participant `p`, with the final state of
+each:
 
     i:cfp            i sends cfp, and p receives it
     i>cfp            i sends cfp; it is in transit
@@ -96,7 +98,9 @@ FAILURE_ENDS = frozenset(("request",))
 
 
 def stories_of(protocol: str) -> tuple[Story, ...]:
-    """Return every story of a protocol: those of the diagrams, and each with a cancel at every step."""
+    """Return every story of a protocol: those of the diagrams, and each with a cancel at every
+    step.
+    """
     if protocol in _EXPLICIT:
         return _EXPLICIT[protocol]()
     drawings = tuple(_read(DIAGRAMS[protocol]))
@@ -115,12 +119,16 @@ def _read(text: str) -> Iterator[Story]:
 
 
 def _cancels(protocol: str, story: Story, cut: int) -> Iterator[Story]:
-    """Yield the stories with a cancel after the first `cut` steps, by the rules of the cancel meta-protocol."""
+    """Yield the stories with a cancel after the first `cut` steps, by the rules of the cancel
+    meta-protocol.
+    """
     before, after = story.words[:cut], story.words[cut:]
     ends = FAILURE_ENDS & {protocol}
     yield Story((*before, "i:cancel", "p:inform[cancel]"), ("cancelled", "cancelled"))
     failed = (*before, "i:cancel", "p:failure[cancel]")
-    yield Story(failed, ("cancelled", "cancelled")) if ends else Story((*failed, *after), story.ends)
+    yield (
+        Story(failed, ("cancelled", "cancelled")) if ends else Story((*failed, *after), story.ends)
+    )
     if cut == 1:
         yield Story((*before, "p!", "i:cancel", "p:failure[cancel]"), (OPEN, "settled"))
     if not after or after[0].startswith("i"):
@@ -132,7 +140,9 @@ def _cancels(protocol: str, story: Story, cut: int) -> Iterator[Story]:
         yield Story((*before, "i:cancel", after[0], "p:inform[cancel]"), ("cancelled", "cancelled"))
 
 
-def _crossed(before: tuple[str, ...], after: tuple[str, ...], story: Story, *, failure_ends: bool) -> Iterator[Story]:
+def _crossed(
+    before: tuple[str, ...], after: tuple[str, ...], story: Story, *, failure_ends: bool
+) -> Iterator[Story]:
     """Yield the stories in which the next messages of p cross the cancel."""
     count = next((n for n, word in enumerate(after) if word.startswith("i")), len(after))
     for many in range(1, count + 1):
@@ -143,21 +153,29 @@ def _crossed(before: tuple[str, ...], after: tuple[str, ...], story: Story, *, f
             return
         yield Story((*met, "p:inform[cancel]"), ("cancelled", "cancelled"))
         failed = (*met, "p:failure[cancel]")
-        yield Story(failed, ("cancelled", "cancelled")) if failure_ends else Story((*failed, *after[many:]), story.ends)
+        yield (
+            Story(failed, ("cancelled", "cancelled"))
+            if failure_ends
+            else Story((*failed, *after[many:]), story.ends)
+        )
 
 
-# --- the paper's two with repeated openings ---------------------------------------------------------------------------
+# --- the paper's two with repeated openings -------------------------------------------------------
 
 _ENDS = {"inform": "done", "inform-ref": "done", "refuse": "refused", "failure": "failed"}
 
 
 def _queries() -> tuple[Story, ...]:
-    """Return the stories of the paper's query, and every pair of answers to two copies of one query."""
+    """Return the stories of the paper's query, and every pair of answers to two copies of one
+    query.
+    """
     stories = []
     for query in ("query-if", "query-ref"):
         for first, end in _ENDS.items():
             stories.append(Story((f"i:{query}", f"p:{first}"), (end, end)))
-            stories.append(Story((f"i>{query}", f"i>{query}", "p<", "p<", f"p:{first}"), (end, end)))
+            stories.append(
+                Story((f"i>{query}", f"i>{query}", "p<", "p<", f"p:{first}"), (end, end))
+            )
             for second in _ENDS:
                 words = (f"i>{query}", f"i>{query}", "p<", f"p:{first}", "p<", f"p:{second}")
                 stories.append(Story(words, (end, _ENDS[second])))

@@ -1,4 +1,6 @@
-"""The string representation (SC00070I): liberal parser, strict printer, and one typed error with a position."""
+"""The string representation (SC00070I): liberal parser, strict printer, and one typed error with a
+position.
+"""
 
 import contextlib
 import re
@@ -35,18 +37,42 @@ def inform(**fields):
     return AclMessage(performative=INFORM, **fields)
 
 
-# --- strategies -------------------------------------------------------------------------------------------------------
+# --- strategies -----------------------------------------------------------------------------------
 
-# Edge cases of words: names of JADE's agents, URLs, texts that look like a number, a time or a parameter.
+# Edge cases of words: names of JADE's agents, URLs, texts that look like a number, a time or a
+# parameter.
 EDGES = st.sampled_from(
     [
-        *("km", "df@host:1099/JADE", "http://host:7778/acc?a=b&c", "a:sender", "r:content#1", "NaN", "9f-1", "12d"),
-        *("x:reply-by20260101T120000000Z", ":language", "-1", "+1", "@a", "20260101T120000000Z", "#2", "(a)", "é"),
+        *(
+            "km",
+            "df@host:1099/JADE",
+            "http://host:7778/acc?a=b&c",
+            "a:sender",
+            "r:content#1",
+            "NaN",
+            "9f-1",
+            "12d",
+        ),
+        *(
+            "x:reply-by20260101T120000000Z",
+            ":language",
+            "-1",
+            "+1",
+            "@a",
+            "20260101T120000000Z",
+            "#2",
+            "(a)",
+            "é",
+        ),
     ]
 )
 TEXTS = EDGES | st.text(st.sampled_from('"\\ab :()#@-1\n\0é本'), max_size=8) | st.text(max_size=8)
-USER = st.dictionaries(st.sampled_from(["X-id", "X-JADE-Encoding", "X-é", "x-b"]), TEXTS, max_size=2)
-LEAVES = st.builds(Aid, name=TEXTS.filter(bool), addresses=st.lists(TEXTS, max_size=2).map(tuple), user=USER)
+USER = st.dictionaries(
+    st.sampled_from(["X-id", "X-JADE-Encoding", "X-é", "x-b"]), TEXTS, max_size=2
+)
+LEAVES = st.builds(
+    Aid, name=TEXTS.filter(bool), addresses=st.lists(TEXTS, max_size=2).map(tuple), user=USER
+)
 AIDS = LEAVES | st.builds(Aid, name=EDGES, resolvers=st.lists(LEAVES, max_size=2).map(tuple))
 SETS = st.lists(AIDS, max_size=2).map(tuple)
 TIMES = (
@@ -54,7 +80,15 @@ TIMES = (
     | st.integers(-MAX_AFTER_MS, MAX_AFTER_MS).map(After)
     | st.sampled_from([At(MIN_MS), At(MAX_MS), After(MAX_AFTER_MS), After(-1), After(0), NOON])
 )
-EXPRESSIONS = ("language", "encoding", "ontology", "protocol", "conversation_id", "reply_with", "in_reply_to")
+EXPRESSIONS = (
+    "language",
+    "encoding",
+    "ontology",
+    "protocol",
+    "conversation_id",
+    "reply_with",
+    "in_reply_to",
+)
 MESSAGES = st.fixed_dictionaries(
     {"performative": st.sampled_from(Performative)},
     optional={
@@ -65,7 +99,9 @@ MESSAGES = st.fixed_dictionaries(
 
 
 def assert_message_or_error(data):
-    """Check that parse returns a message, which can be printed and parsed again, or only the documented error."""
+    """Check that parse returns a message, which can be printed and parsed again, or only the
+    documented error.
+    """
     try:
         outcome = parse(data)
     except AclSyntaxError as error:
@@ -73,14 +109,16 @@ def assert_message_or_error(data):
     if isinstance(outcome, AclMessage):
         assert parse(render(outcome)) == outcome
         return
-    assert 0 <= outcome.offset <= len(data.encode(errors="replace") if isinstance(data, str) else data)
+    assert (
+        0 <= outcome.offset <= len(data.encode(errors="replace") if isinstance(data, str) else data)
+    )
     assert min(outcome.line, outcome.column) >= 1
     assert 0 <= outcome.caret <= len(outcome.excerpt)
     assert outcome.found
     assert outcome.expected
 
 
-# --- round trip and strict printing -----------------------------------------------------------------------------------
+# --- round trip and strict printing ---------------------------------------------------------------
 
 
 @given(MESSAGES)
@@ -90,7 +128,9 @@ def test_round_trip(message):
 
 
 def without_strings(data):
-    """Return the text with every string replaced by S; an independent implementation of the grammar's String."""
+    """Return the text with every string replaced by S; an independent implementation of the
+    grammar's String.
+    """
     out, at = b"", 0
     while at < len(data):
         counted = re.compile(rb'#(\d+)"').match(data, at)
@@ -106,14 +146,18 @@ def without_strings(data):
 
 @given(MESSAGES)
 def test_printing_is_strict(message):
-    """Plain words bare, other values as strings, times with Z or sign, blanks before : and ), ASCII outside strings."""
+    """Plain words bare, other values as strings, times with Z or sign, blanks before : and ), ASCII
+    outside strings.
+    """
     text = without_strings(render(message)).decode("utf-8")
     words = text.replace("(", " ( ").split()
     assert not re.search(r"(?<! )\)", text)
     time = r"\d{8}T\d{9}Z|[+-]\d{8}T\d{9}"
     for word in words:
         if not word.startswith(":"):
-            assert re.fullmatch(rf"[()S]|[A-Za-z][A-Za-z0-9_.@:/?&=%~+-]*|{time}", word, re.ASCII), word
+            assert re.fullmatch(
+                rf"[()S]|[A-Za-z][A-Za-z0-9_.@:/?&=%~+-]*|{time}", word, re.ASCII
+            ), word
 
 
 BYTE_EXACT = [
@@ -126,12 +170,20 @@ BYTE_EXACT = [
             conversation_id="r-1",
             reply_by=NOON,
         ),
-        b'(request :content "grasp jar" :protocol fipa-request :conversation-id r-1 :reply-by 20260101T120000000Z )',
+        (
+            b'(request :content "grasp jar" :protocol fipa-request :conversation-id r-1 :reply-by'
+            b" 20260101T120000000Z )"
+        ),
     ),
     (
-        inform(sender=Aid(name="km@host:1099/JADE", addresses=("http://host:7778/acc",)), receiver=(PL,)),
-        b"(inform :sender (agent-identifier :name km@host:1099/JADE :addresses (sequence http://host:7778/acc ) )"
-        b" :receiver (set (agent-identifier :name pl ) ) )",
+        inform(
+            sender=Aid(name="km@host:1099/JADE", addresses=("http://host:7778/acc",)),
+            receiver=(PL,),
+        ),
+        (
+            b"(inform :sender (agent-identifier :name km@host:1099/JADE :addresses (sequence"
+            b" http://host:7778/acc ) ) :receiver (set (agent-identifier :name pl ) ) )"
+        ),
     ),
     (inform(sender=Aid(name="a b")), b'(inform :sender (agent-identifier :name "a b" ) )'),
     (inform(content=""), b'(inform :content "" )'),
@@ -194,7 +246,10 @@ def test_the_depth_limit_is_the_same_for_parser_and_printer():
     assert parse(render(inform(sender=nested(MAX_DEPTH)))).sender == nested(MAX_DEPTH)
     with pytest.raises(LocalProtocolError):
         render(inform(sender=nested(MAX_DEPTH + 1)))
-    one_more = b"(agent-identifier :name r :resolvers (sequence " + render(inform(sender=nested(MAX_DEPTH)))[16:-2]
+    one_more = (
+        b"(agent-identifier :name r :resolvers (sequence "
+        + render(inform(sender=nested(MAX_DEPTH)))[16:-2]
+    )
     with pytest.raises(AclSyntaxError, match=f"level {MAX_DEPTH + 1}"):
         parse(b"(inform :sender " + one_more + b")))")
     deep = b"(agent-identifier :name r :resolvers (sequence " * 5000
@@ -211,14 +266,34 @@ def test_times_outside_the_calendar_cannot_be_made():
             make(value)
 
 
-# --- any text ---------------------------------------------------------------------------------------------------------
+# --- any text -------------------------------------------------------------------------------------
 
 TOKENS = st.lists(
     st.sampled_from(
         [
             *("(", ")", " ", '"', "\\", '\\"', '#3"', '#0"', "#", ":", "\0", "\n", "é"),
-            *("(inform ", ":content ", ":sender ", ":receiver ", "(set ", "(agent-identifier ", ":name ", ":reply-by "),
-            *(":language ", ":protocol", ":X-a", "20260101T120000000Z", "abc", "12", "-", "+", "@", "(sequence "),
+            *(
+                "(inform ",
+                ":content ",
+                ":sender ",
+                ":receiver ",
+                "(set ",
+                "(agent-identifier ",
+                ":name ",
+                ":reply-by ",
+            ),
+            *(
+                ":language ",
+                ":protocol",
+                ":X-a",
+                "20260101T120000000Z",
+                "abc",
+                "12",
+                "-",
+                "+",
+                "@",
+                "(sequence ",
+            ),
             *(":addresses", ":resolvers "),
         ]
     ),
@@ -229,9 +304,17 @@ TOKENS = st.lists(
 ANY_BYTES, IN_CONTENT = st.binary(max_size=100), b"(inform :content ".__add__
 
 
-@given(st.text(max_size=60) | TOKENS | TOKENS.map("(inform {}".format) | ANY_BYTES | ANY_BYTES.map(IN_CONTENT))
+@given(
+    st.text(max_size=60)
+    | TOKENS
+    | TOKENS.map("(inform {}".format)
+    | ANY_BYTES
+    | ANY_BYTES.map(IN_CONTENT)
+)
 def test_any_text_is_a_message_or_a_typed_error(data):
-    """Arbitrary characters, tokens of the grammar, also after the act, and arbitrary bytes cause no other exception."""
+    """Arbitrary characters, tokens of the grammar, also after the act, and arbitrary bytes cause no
+    other exception.
+    """
     assert_message_or_error(data)
 
 
@@ -243,13 +326,16 @@ def test_a_truncated_message_is_an_error(message, data):
         parse(whole[: data.draw(st.integers(0, len(whole) - 1))])
 
 
-# --- the parser: accepted texts, rejected texts, and the positions of errors ------------------------------------------
+# --- the parser: accepted texts, rejected texts, and the positions of errors ----------------------
 
 WELL_FORMED = [
     # the grammar
     ("(agree)", AclMessage(performative=Performative.AGREE)),
     (
-        '(request :content "grasp jar" :reply-by 20260704T101500250Z :protocol fipa-request :conversation-id r-1)',
+        (
+            '(request :content "grasp jar" :reply-by 20260704T101500250Z :protocol fipa-request'
+            " :conversation-id r-1)"
+        ),
         AclMessage(
             performative=Performative.REQUEST,
             content="grasp jar",
@@ -271,13 +357,23 @@ WELL_FORMED = [
     ("(inform :reply-with 20260101T120000000Z)", inform(reply_with="20260101T120000000Z")),
     ('(inform :ontology (set a "b) c" (d)))', inform(ontology='(set a "b) c" (d))')),
     ("(inform :X-mood (very good) :X-n 3)", inform(user={"X-mood": "(very good)", "X-n": "3"})),
-    ("(inform :receiver (set (agent-identifier :name km) (agent-identifier :name pl)))", inform(receiver=(KM, PL))),
+    (
+        "(inform :receiver (set (agent-identifier :name km) (agent-identifier :name pl)))",
+        inform(receiver=(KM, PL)),
+    ),
     ("(inform :reply-to (set (agent-identifier :name km)))", inform(reply_to=(KM,))),
     (
-        "(inform :sender (agent-identifier :name km :addresses (sequence http://a:1/acc iiop://b) "
-        ":resolvers (sequence (agent-identifier :name pl)) :X-role knows))",
+        (
+            "(inform :sender (agent-identifier :name km :addresses (sequence http://a:1/acc"
+            " iiop://b) :resolvers (sequence (agent-identifier :name pl)) :X-role knows))"
+        ),
         inform(
-            sender=Aid(name="km", addresses=("http://a:1/acc", "iiop://b"), resolvers=(PL,), user={"X-role": "knows"})
+            sender=Aid(
+                name="km",
+                addresses=("http://a:1/acc", "iiop://b"),
+                resolvers=(PL,),
+                user={"X-role": "knows"},
+            )
         ),
     ),
     ("(inform :reply-by +00000000T000130250)", inform(reply_by=After(90_250))),
@@ -304,9 +400,18 @@ WELL_FORMED = [
         '(inform:sender(agent-identifier:namekm):receiver(set(agent-identifier:namepl)):language#2"SW)',
         inform(sender=KM, receiver=(PL,), language="SW"),
     ),
-    ('(inform:protocolcoordinate:conversation-id#2"c1)', inform(protocol="coordinate", conversation_id="c1")),
-    ("(inform:reply-by20260101T120000000Z:protocolfipa-query)", inform(reply_by=NOON, protocol="fipa-query")),
-    ('(inform:protocolq:reply-by20260101T120000000Z:X-a#1"b)', inform(protocol="q", reply_by=NOON, user={"X-a": "b"})),
+    (
+        '(inform:protocolcoordinate:conversation-id#2"c1)',
+        inform(protocol="coordinate", conversation_id="c1"),
+    ),
+    (
+        "(inform:reply-by20260101T120000000Z:protocolfipa-query)",
+        inform(reply_by=NOON, protocol="fipa-query"),
+    ),
+    (
+        '(inform:protocolq:reply-by20260101T120000000Z:X-a#1"b)',
+        inform(protocol="q", reply_by=NOON, user={"X-a": "b"}),
+    ),
     (
         "(inform:sender(agent-identifier:namekm@h:1:addresses(sequencehttp://h:2/acc)))",
         inform(sender=Aid(name="km@h:1", addresses=("http://h:2/acc",))),
@@ -340,7 +445,7 @@ def test_a_time_without_letter_is_in_the_senders_zone():
         parse("(inform :reply-by 00010101T000000000)", zone=timezone(timedelta(hours=2)))
 
 
-# --- malformed text ---------------------------------------------------------------------------------------------------
+# --- malformed text -------------------------------------------------------------------------------
 
 MALFORMED = [
     # text, field, (line, column), found, expected
@@ -371,21 +476,51 @@ MALFORMED = [
     ('(inform :content #"abc")', "content", (1, 18), "#", "#<bytes>"),
     ('(inform :content #9999999999999"a)', "content", (1, 18), "#", "9 digits"),
     ('(inform :content #3"abcd)', "message", (1, 24), "'d'", "begins with :"),
-    ("(inform :receiver (agent-identifier :name km))", "receiver", (1, 20), "'agent-identifier'", "set"),
+    (
+        "(inform :receiver (agent-identifier :name km))",
+        "receiver",
+        (1, 20),
+        "'agent-identifier'",
+        "set",
+    ),
     ("(inform :receiver (set km))", "receiver", (1, 24), "'km'", "(agent-identifier"),
     ("(inform :receiver km)", "receiver", (1, 19), "'km'", "(set"),
     ("(inform :sender km)", "sender", (1, 17), "'km'", "(agent-identifier"),
     ("(inform :sender (agent-identifier))", "sender", (1, 34), "')'", ":name"),
     ('(inform :sender (agent-identifier :name ""))', "name", (1, 41), '""', "not empty"),
-    ("(inform :sender (agent-identifier :name a :age 3))", "sender", (1, 43), "':age'", ":addresses"),
-    ("(inform :sender (agent-identifier :name a :addresses http://x))", "addresses", (1, 54), "'http", "(sequence"),
+    (
+        "(inform :sender (agent-identifier :name a :age 3))",
+        "sender",
+        (1, 43),
+        "':age'",
+        ":addresses",
+    ),
+    (
+        "(inform :sender (agent-identifier :name a :addresses http://x))",
+        "addresses",
+        (1, 54),
+        "'http",
+        "(sequence",
+    ),
     ("(inform :reply-by soon)", "reply-by", (1, 19), "'soon'", "YYYYMMDDThhmmssmmmZ"),
-    ("(inform :reply-by 20260101T120000Z)", "reply-by", (1, 19), "20260101T120000Z", "milliseconds"),
+    (
+        "(inform :reply-by 20260101T120000Z)",
+        "reply-by",
+        (1, 19),
+        "20260101T120000Z",
+        "milliseconds",
+    ),
     ("(inform :reply-by 20260101T120000000Zx)", "reply-by", (1, 19), "Zx", "YYYYMMDDThhmmssmmmZ"),
     ("(inform :reply-by 20261301T120000000Z)", "reply-by", (1, 19), "20261301", "month"),
     ("(inform :reply-by 20260230T120000000Z)", "reply-by", (1, 19), "20260230", "calendar"),
     ("(inform :reply-by 20260101T120000000A)", "reply-by", (1, 19), "20260101", "letter Z"),
-    ("(inform :reply-by 20260101Z120000000Z)", "reply-by", (1, 19), "20260101Z", "YYYYMMDDThhmmssmmmZ"),
+    (
+        "(inform :reply-by 20260101Z120000000Z)",
+        "reply-by",
+        (1, 19),
+        "20260101Z",
+        "YYYYMMDDThhmmssmmmZ",
+    ),
     ("(inform :reply-by +99999999T999999999)", "reply-by", (1, 19), "+9999", "10000 years"),
     ("(inform\n  :language é\n  :mood x)", "message", (3, 3), "':mood'", "one of"),
     ('(inform :content "é本" :mood x)', "message", (1, 23), "':mood'", "one of"),
@@ -394,7 +529,9 @@ MALFORMED = [
 
 
 def test_malformed():
-    """The error has the position, what was found and what was expected, as attributes and in its message."""
+    """The error has the position, what was found and what was expected, as attributes and in its
+    message.
+    """
     each_row(MALFORMED, refused)
 
 
@@ -409,7 +546,10 @@ def refused(text, field, place, found, expected):
     before = "\n".join(text.split("\n")[: error.line])
     last = before.rpartition("\n")[2]
     assert error.offset == len(before[: len(before) - len(last) + error.column - 1].encode())
-    assert f"line {error.line}, column {error.column}: found {error.found}, expected {error.expected}" in str(error)
+    assert (
+        f"line {error.line}, column {error.column}: found {error.found}, expected {error.expected}"
+        in str(error)
+    )
     assert isinstance(error, MalformedError)
     assert error.performative is Performative.NOT_UNDERSTOOD
 
@@ -430,11 +570,18 @@ def test_too_long_text_is_rejected_before_it_is_parsed():
 
 
 def test_parsing_takes_linear_time():
-    """Many parameters, escapes or parentheses; a parser with quadratic time exceeds the time-out."""
+    """Many parameters, escapes or parentheses; a parser with quadratic time exceeds the
+    time-out.
+    """
     many = "".join(f" :X-{number} b" for number in range(9_999))
     assert len(parse(f"(inform {many})").user) == 9_999
     assert parse(f'(inform :content "{chr(92)}"{many.replace(" ", chr(92) + chr(34))}")').content
-    for bad in (f'({"(a)" * 100_000} "', "1" * 1_000_000 + "x", f"1e{'1' * 1_000_000}x", ":x-" * 300_000):
+    for bad in (
+        f'({"(a)" * 100_000} "',
+        "1" * 1_000_000 + "x",
+        f"1e{'1' * 1_000_000}x",
+        ":x-" * 300_000,
+    ):
         with pytest.raises(AclSyntaxError):
             parse(f"(inform :language {bad}")
 
@@ -444,14 +591,18 @@ def test_parsing_takes_linear_time():
     [
         '(inform :language a:language#1"b' + ":protocola:language#1\"b'" * 12_000 + ")",
         "(inform :language " + "a:language#1" * 500_000 + ")",
-        "(inform :sender (agent-identifier :name a :addresses (sequence " + "a " * 4_000_000 + ")))",
+        "(inform :sender (agent-identifier :name a :addresses (sequence "
+        + "a " * 4_000_000
+        + ")))",
         "(inform :language (" + "a " * 4_000_000 + "))",
         "(inform " + ":X-a b " * 1_000_000 + ")",
     ],
 )
 @pytest.mark.timeout(20)
 def test_what_took_half_a_minute_ends_at_once(text):
-    """Texts of up to 8 MiB, each of which took 10 to 30 s: one pass, and a limit of items (measured 2026-11-22)."""
+    """Texts of up to 8 MiB, each of which took 10 to 30 s: one pass, and a limit of items (measured
+    2026-11-22).
+    """
     with contextlib.suppress(AclSyntaxError):
         parse(text)
 

@@ -1,4 +1,6 @@
-"""Every legal text of SC00070I's grammar is read to what it means; a changed one is read, or refused, at once."""
+"""Every legal text of SC00070I's grammar is read to what it means; a changed one is read, or
+refused, at once.
+"""
 
 import time
 
@@ -19,7 +21,8 @@ pytestmark = pytest.mark.timeout(180)
 
 @given(messages())
 def test_a_legal_text_is_read_to_what_it_means(drawn):
-    """Each spelling of words, strings, numbers, times and identifiers; white space, case and order as they come.
+    """Each spelling of words, strings, numbers, times and identifiers; white space, case and order
+    as they come.
 
     What was read can be printed, and is then read to the same.
     """
@@ -32,7 +35,14 @@ def test_a_legal_text_is_read_to_what_it_means(drawn):
 def test_a_legal_expression_is_read_everywhere(drawn):
     """In each parameter that has one, and in a user-defined one."""
     text, meaning = drawn
-    for name in ("language", "encoding", "ontology", "conversation-id", "reply-with", "in-reply-to"):
+    for name in (
+        "language",
+        "encoding",
+        "ontology",
+        "conversation-id",
+        "reply-with",
+        "in-reply-to",
+    ):
         message = parse(f"(inform :{name} {text} :X-end {text})")
         assert getattr(message, name.replace("-", "_")) == meaning
         assert message.user == {"X-end": meaning}
@@ -67,13 +77,17 @@ CHANGES = st.tuples(
     st.sampled_from([cut, doubled, moved, overwritten, overwritten, grown]),
     st.integers(0, 400),
     st.integers(0, 20),
-    st.sampled_from([b'"', b"\\", b"#", b":", b"(", b")", b"9", b"-", b"@", b" ", b"T", b"\xff", b"\x00"]),
+    st.sampled_from(
+        [b'"', b"\\", b"#", b":", b"(", b")", b"9", b"-", b"@", b" ", b"T", b"\xff", b"\x00"]
+    ),
 )
 
 
 @given(messages(), st.lists(CHANGES, min_size=1, max_size=4))
 def test_a_changed_text_is_read_or_refused_at_once(drawn, changes):
-    """A text that is read can be printed; a refused one raises the typed error, with its place in the text."""
+    """A text that is read can be printed; a refused one raises the typed error, with its place in
+    the text.
+    """
     data = drawn[0].encode()
     for change, at, length, byte in changes:
         at %= len(data) or 1

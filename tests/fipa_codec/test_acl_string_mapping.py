@@ -1,4 +1,6 @@
-"""Communicate <-> ACL message: no loss, FIPA's names on the outside, typed errors for values without equivalent."""
+"""Communicate <-> ACL message: no loss, FIPA's names on the outside, typed errors for values
+without equivalent.
+"""
 
 import itertools
 import math
@@ -11,7 +13,18 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from strategies import LABELS, TIMES, WORDS, maybe
 
-from fipa_codec.acl_string import AclMessage, After, Aid, At, Form, from_acl, parse, render, reply_names, to_acl
+from fipa_codec.acl_string import (
+    AclMessage,
+    After,
+    Aid,
+    At,
+    Form,
+    from_acl,
+    parse,
+    render,
+    reply_names,
+    to_acl,
+)
 from fipa_codec.acl_string.mapping import LABEL, WORD
 from fipa_codec.acl_string.message import MAX_MS, MIN_MS
 from fipa_codec.communicate import MAX_BYTES, Communicate, decode, encode, is_word
@@ -43,16 +56,35 @@ PROTOCOLS = {
 
 ESCAPED = st.text(st.sampled_from("acl:%20_4-"), max_size=16)
 """Words and labels that look like those which stand for a text of another platform."""
-SECONDS = TIMES | st.floats(1.7e9, 1.8e9) | st.integers(17 * 10**11, 18 * 10**11).map(lambda ms: ms / 1000)
+SECONDS = (
+    TIMES
+    | st.floats(1.7e9, 1.8e9)
+    | st.integers(17 * 10**11, 18 * 10**11).map(lambda ms: ms / 1000)
+)
 TEXTS = st.text(max_size=12) | st.text(st.sampled_from('"\\\0\n\r\t é本\x7f\x85('), max_size=8)
 VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | TEXTS | st.binary(max_size=8),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(TEXTS | st.integers(), inner, max_size=4),
+    st.none()
+    | st.booleans()
+    | st.integers(-(2**63), 2**64 - 1)
+    | st.floats()
+    | TEXTS
+    | st.binary(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(TEXTS | st.integers(), inner, max_size=4)
+    ),
     max_leaves=8,
 )
-# MessagePack with non-minimal lengths, duplicate keys or extensions: the bytes are preserved, not only the value.
+# MessagePack with non-minimal lengths, duplicate keys or extensions: the bytes are preserved, not
+# only the value.
 ODD = st.sampled_from(
-    [b"\xd9\x01a", b"\xcd\x00\x01", b"\xca\x00\x00\x00\x00", b"\x82\xa1a\x01\xa1a\x02", b"\xd4\x05\x00", b"\xc0"]
+    [
+        b"\xd9\x01a",
+        b"\xcd\x00\x01",
+        b"\xca\x00\x00\x00\x00",
+        b"\x82\xa1a\x01\xa1a\x02",
+        b"\xd4\x05\x00",
+        b"\xc0",
+    ]
 )
 
 
@@ -71,7 +103,9 @@ COMMUNICATES = st.builds(
     content=maybe(contents() | ODD.map(msgspec.Raw), msgspec.UNSET),
     language=maybe(WORDS | ESCAPED.map("acl-{}".format).filter(is_word)),
     ontology=maybe(WORDS),
-    protocol=maybe(WORDS | st.sampled_from([*PROTOCOLS, *PROTOCOLS.values(), "FIPA-Query", "coordinate"])),
+    protocol=maybe(
+        WORDS | st.sampled_from([*PROTOCOLS, *PROTOCOLS.values(), "FIPA-Query", "coordinate"])
+    ),
     reply_by=maybe(SECONDS, None),
     reply_with=maybe(LABELS),
     in_reply_to=maybe(LABELS),
@@ -94,7 +128,9 @@ def request(**fields):
 @example(request(reply_by=-0.0, sent=1e300), Form.READABLE, Profile.FIPA)
 @example(request(reply_by=MAX_MS / 1000), Form.READABLE, Profile.FIPA)
 def test_every_communicate_survives_the_round_trip(communicate, form, profile):
-    """Text and back: content equal in every byte, times in every bit, including the sign of zero."""
+    """Text and back: content equal in every byte, times in every bit, including the sign of
+    zero.
+    """
     text = render(to_acl(communicate, form=form, profile=profile))
     back = from_acl(parse(text), RECEIVED, profile=profile)
     assert back == communicate
@@ -102,7 +138,9 @@ def test_every_communicate_survives_the_round_trip(communicate, form, profile):
         assert repr(getattr(back, name)) == repr(getattr(communicate, name))
 
 
-@pytest.mark.parametrize("value", [bytes(MAX_BYTES - 100), '"' * (MAX_BYTES - 100), [False] * (MAX_BYTES - 100)])
+@pytest.mark.parametrize(
+    "value", [bytes(MAX_BYTES - 100), '"' * (MAX_BYTES - 100), [False] * (MAX_BYTES - 100)]
+)
 def test_the_largest_content_survives(value):
     """In every form; if the JSON is too long, base64 is used."""
     communicate = request(content=packed(value))
@@ -111,7 +149,9 @@ def test_the_largest_content_survives(value):
 
 @given(COMMUNICATES)
 def test_outgoing_messages_conform_to_the_standards(communicate):
-    """No macro act, FIPA's tokens for its protocols, every user-defined parameter begins with X-."""
+    """No macro act, FIPA's tokens for its protocols, every user-defined parameter begins with
+    X-.
+    """
     message = to_acl(communicate)
     assert message.performative not in (P.INFORM_REF, P.INFORM_IF)
     assert message.protocol not in PROTOCOLS
@@ -119,7 +159,9 @@ def test_outgoing_messages_conform_to_the_standards(communicate):
     if communicate.reply_by is not None and MIN_MS < communicate.reply_by * 1000 < MAX_MS:
         assert isinstance(message.reply_by, At)
         late = message.reply_by.unix_ms / 1000 - communicate.reply_by
-        assert -0.0011 - 1e-15 * abs(communicate.reply_by) <= late <= 1e-15 * abs(communicate.reply_by)
+        assert (
+            -0.0011 - 1e-15 * abs(communicate.reply_by) <= late <= 1e-15 * abs(communicate.reply_by)
+        )
 
 
 def test_protocol_names_map_one_to_one():
@@ -130,7 +172,9 @@ def test_protocol_names_map_one_to_one():
         message = to_acl(request(protocol=ours), profile=profile)
         assert (message.protocol, message.user) == (standard, {})
         for written in (standard, standard.upper()):
-            read = from_acl(AclMessage(performative=P.REQUEST, protocol=written), RECEIVED, profile=profile)
+            read = from_acl(
+                AclMessage(performative=P.REQUEST, protocol=written), RECEIVED, profile=profile
+            )
             assert read.protocol == ours
 
 
@@ -160,7 +204,9 @@ def test_a_systems_own_protocol_keeps_its_name():
     ],
 )
 def test_answers_of_the_papers_query(act, protocol, out, user):
-    """inform-ref of a query is mapped to inform and back; acts that would be mapped to another one have X-act."""
+    """inform-ref of a query is mapped to inform and back; acts that would be mapped to another one
+    have X-act.
+    """
     message = to_acl(Communicate(performative=act, protocol=protocol), profile=Profile.PAPER)
     assert (message.performative, message.user) == (out, user)
     assert from_acl(message, RECEIVED, profile=Profile.PAPER).performative is act
@@ -189,12 +235,17 @@ BYTE_EXACT = [
             reply_by=1760000001.25,
             sent=1760000000.125,
         ),
-        rb"(inform :sender (agent-identifier :name km ) :receiver (set (agent-identifier :name pl ) )"
+        rb"(inform :sender (agent-identifier :name km ) :receiver (set (agent-identifier :name"
+        rb" pl ) )"
         rb' :content "{\"type\":\"Pose\",\"of\":\"jar\",\"x\":[1,2.5]}" :language WM :encoding json'
-        rb" :protocol fipa-query :conversation-id pl-1-1 :in-reply-to pl-1-3 :reply-by 20251009T085321250Z"
+        rb" :protocol fipa-query :conversation-id pl-1-1 :in-reply-to pl-1-3 :reply-by"
+        rb" 20251009T085321250Z"
         rb' :X-id km-1-7 :X-sent #14"1760000000.125 )',
     ),
-    (request(content=packed("((action ex (grasp jar)))")), b'(request :content "((action ex (grasp jar)))" )'),
+    (
+        request(content=packed("((action ex (grasp jar)))")),
+        b'(request :content "((action ex (grasp jar)))" )',
+    ),
     (request(content=packed("")), rb'(request :content "\"\"" :encoding json )'),
     (
         request(content=packed("C:\\")),
@@ -231,13 +282,19 @@ def test_json_of_another_platform_is_decoded():
 
 
 def test_content_of_another_language_is_a_string():
-    """fipa-sl0 needs no encoding; names of character sets are ignored; base64 of JADE is decoded to bytes."""
+    """fipa-sl0 needs no encoding; names of character sets are ignored; base64 of JADE is decoded to
+    bytes.
+    """
     for encoding in (None, "US-ASCII"):
-        message = AclMessage(performative=P.REQUEST, content="(go)", encoding=encoding, language="fipa-sl0")
+        message = AclMessage(
+            performative=P.REQUEST, content="(go)", encoding=encoding, language="fipa-sl0"
+        )
         assert from_acl(message, RECEIVED).content == packed("(go)")
     wrapped = AclMessage(performative=P.REQUEST, content="AP8=", user={"x-jade-encoding": "base64"})
     assert from_acl(wrapped, RECEIVED).content == packed(b"\x00\xff")
-    assert from_acl(AclMessage(performative=P.REQUEST, content=b"\xff"), RECEIVED).content == packed(b"\xff")
+    assert from_acl(
+        AclMessage(performative=P.REQUEST, content=b"\xff"), RECEIVED
+    ).content == packed(b"\xff")
 
 
 def test_a_relative_time_counts_from_the_receipt():
@@ -262,7 +319,10 @@ def test_user_defined_parameters_that_contradict_are_ignored(x):
 
 def test_names_of_agents_are_mapped():
     """To identifiers with addresses, and back by the name alone."""
-    names = {"ta": Aid(name="ta@here", addresses=("http://here:7778/acc",)), "ams": Aid(name="ams@10.0.0.5:1099/JADE")}
+    names = {
+        "ta": Aid(name="ta@here", addresses=("http://here:7778/acc",)),
+        "ams": Aid(name="ams@10.0.0.5:1099/JADE"),
+    }
     communicate = request(sender="ta", receiver="ams")
     message = to_acl(communicate, names=names)
     assert message.sender == names["ta"]
@@ -280,14 +340,22 @@ def test_several_receivers_need_the_receiver_of_this_copy():
 
 
 def test_answers_go_to_the_reply_to():
-    """The peer of the conversation is the sender; `reply_names` addresses what is said to it (SC00061G)."""
-    one, other, here = Aid(name="a"), Aid(name="b/c", addresses=("http://b",)), {"me": Aid(name="me@here")}
+    """The peer of the conversation is the sender; `reply_names` addresses what is said to it
+    (SC00061G).
+    """
+    one, other, here = (
+        Aid(name="a"),
+        Aid(name="b/c", addresses=("http://b",)),
+        {"me": Aid(name="me@here")},
+    )
     call = AclMessage(performative=P.CFP, sender=one, receiver=(here["me"],), reply_to=(other,))
     heard = from_acl(call, RECEIVED, names=here)
     assert (heard.sender, heard.receiver) == ("a", "me")
     answer = Communicate(performative=P.PROPOSE, sender="me", receiver=heard.sender)
     assert to_acl(answer, names=reply_names(call, here)).receiver == (other,)
-    assert to_acl(answer, names=reply_names(msgspec.structs.replace(call, reply_to=()), here)).receiver == (one,)
+    assert to_acl(
+        answer, names=reply_names(msgspec.structs.replace(call, reply_to=()), here)
+    ).receiver == (one,)
     with pytest.raises(MalformedError, match="must name one"):
         reply_names(msgspec.structs.replace(call, reply_to=(one, other)))
 
@@ -299,21 +367,33 @@ def test_answers_go_to_the_addresses_of_the_sender():
         Aid(name="b@there", addresses=("http://proxy",)),
     )
     call = AclMessage(performative=P.CFP, sender=there)
-    answer = Communicate(performative=P.PROPOSE, sender="me", receiver=from_acl(call, RECEIVED).sender)
+    answer = Communicate(
+        performative=P.PROPOSE, sender="me", receiver=from_acl(call, RECEIVED).sender
+    )
     assert to_acl(answer, names=reply_names(call)).receiver == (there,)
     assert reply_names(call, {"b": known}) == {"b": known}
     assert reply_names(AclMessage(performative=P.CFP), {"b": known}) == {"b": known}
 
 
-FOREIGN_TEXTS = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=20) | ESCAPED.filter(bool)
+FOREIGN_TEXTS = st.text(
+    st.characters(exclude_categories=["Cs"]), min_size=1, max_size=20
+) | ESCAPED.filter(bool)
 
 
-@given((FOREIGN_TEXTS | FOREIGN_TEXTS.map("acl:{}".format)).filter(lambda text: len(text.encode()) <= 40))
+@given(
+    (FOREIGN_TEXTS | FOREIGN_TEXTS.map("acl:{}".format)).filter(
+        lambda text: len(text.encode()) <= 40
+    )
+)
 @example("order 17 of Ada")
 @example("(set (a b))")
 def test_any_conversation_id_comes_and_goes(text):
-    """Text that is not a label of ours is escaped; the peer gets its own text back, character for character."""
-    message = AclMessage(performative=P.CFP, conversation_id=text, reply_with=text, in_reply_to=text)
+    """Text that is not a label of ours is escaped; the peer gets its own text back, character for
+    character.
+    """
+    message = AclMessage(
+        performative=P.CFP, conversation_id=text, reply_with=text, in_reply_to=text
+    )
     back = to_acl(from_acl(message, RECEIVED))
     assert (back.conversation_id, back.reply_with, back.in_reply_to) == (text, text, text)
 
@@ -325,8 +405,14 @@ def test_any_short_name_comes_and_goes(text):
     """Names of agents, language, ontology and protocol."""
     aid = Aid(name=text)
     words = {"language": text, "ontology": text, "protocol": text}
-    back = to_acl(from_acl(AclMessage(performative=P.CFP, sender=aid, receiver=(aid,), **words), RECEIVED))
-    assert (back.sender, back.receiver, back.language, back.ontology, back.protocol) == (aid, (aid,), *words.values())
+    back = to_acl(
+        from_acl(AclMessage(performative=P.CFP, sender=aid, receiver=(aid,), **words), RECEIVED)
+    )
+    assert (back.sender, back.receiver, back.language, back.ontology, back.protocol) == (
+        aid,
+        (aid,),
+        *words.values(),
+    )
 
 
 @given(st.lists(FOREIGN_TEXTS | ESCAPED.map("acl:{}".format), unique=True, max_size=8))
@@ -353,7 +439,8 @@ def test_escapes(escape, text, ours):
 
 
 @pytest.mark.parametrize(
-    "bad", [request(sender="a b"), request(reply_by=math.nan), request(content=msgspec.Raw(b"\xc1"))]
+    "bad",
+    [request(sender="a b"), request(reply_by=math.nan), request(content=msgspec.Raw(b"\xc1"))],
 )
 def test_invalid_communicates_are_not_mapped(bad):
     """The error is raised at the sender, not at the peer."""
@@ -371,7 +458,7 @@ def test_the_examples_of_the_page():
     assert asked.content == packed({"type": "WhereIs", "object": "jar"})
 
 
-# --- any message of another platform ----------------------------------------------------------------------------------
+# --- any message of another platform --------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -411,9 +498,13 @@ def test_values_without_equivalent_are_named(fields, field):
     ],
 )
 def test_a_user_defined_parameter_that_means_something_else_there_is_ignored(name, values):
-    """SC00061G leaves the names after X- to everybody: no value of one is an error, and none changes the rest."""
+    """SC00061G leaves the names after X- to everybody: no value of one is an error, and none
+    changes the rest.
+    """
     for value, protocol in itertools.product(values, ("a b", "fipa-query", None)):
-        plain = AclMessage(performative=P.INFORM, content="é", protocol=protocol, reply_by=At(1_767_268_800_250))
+        plain = AclMessage(
+            performative=P.INFORM, content="é", protocol=protocol, reply_by=At(1_767_268_800_250)
+        )
         message = msgspec.structs.replace(plain, user={name: value})
         read = parse(render(message))
         assert read.user == {name: value}
@@ -430,9 +521,13 @@ FOREIGN = st.builds(
     language=ANY,
     protocol=ANY | st.sampled_from(["fipa-query", "fipa-request", "FIPA-Contract-Net"]),
     conversation_id=ANY,
-    reply_by=st.none() | st.builds(At, st.integers(MIN_MS, MAX_MS)) | st.builds(After, st.integers(-9, 9)),
+    reply_by=st.none()
+    | st.builds(At, st.integers(MIN_MS, MAX_MS))
+    | st.builds(After, st.integers(-9, 9)),
     user=st.dictionaries(
-        st.sampled_from(["X-id", "X-sent", "X-reply-by", "X-act", "X-protocol", "X-JADE-Encoding", "X-mood"]),
+        st.sampled_from(
+            ["X-id", "X-sent", "X-reply-by", "X-act", "X-protocol", "X-JADE-Encoding", "X-mood"]
+        ),
         st.text(max_size=8) | st.sampled_from(["base64", "inform", "query", "1e3"]),
     ),
 )

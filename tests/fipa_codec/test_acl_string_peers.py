@@ -1,4 +1,6 @@
-"""Texts of JADE 4.6.5 and Rock's fipa_acl are parsed: both printers are written again, here and in jade.py."""
+"""Texts of JADE 4.6.5 and Rock's fipa_acl are parsed: both printers are written again, here and in
+jade.py.
+"""
 
 import msgspec
 from hypothesis import given
@@ -23,18 +25,26 @@ MESSAGES = st.builds(
     protocol=st.none() | SAFE,
     reply_by=st.none() | st.just(NOON),
     user=st.dictionaries(st.sampled_from(["X-a", "X-b"]), TEXTS, max_size=2),
-    **dict.fromkeys(FIELDS, st.none() | TEXTS | SAFE | st.from_regex(r"[0-9]{1,4}[dDfF]?", fullmatch=True)),
+    **dict.fromkeys(
+        FIELDS, st.none() | TEXTS | SAFE | st.from_regex(r"[0-9]{1,4}[dDfF]?", fullmatch=True)
+    ),
 )
 
 
 def as_rock(message):
-    """Return the message as Rock's fipa_acl prints it: without white space, each expression with its length."""
+    """Return the message as Rock's fipa_acl prints it: without white space, each expression with
+    its length.
+    """
 
     def counted(text):
         return f'#{len(text.encode())}"{text}'
 
     def aid(one):
-        return f"(agent-identifier:name{one.name}" + "".join(f":addresses(sequence{a})" for a in one.addresses) + ")"
+        return (
+            f"(agent-identifier:name{one.name}"
+            + "".join(f":addresses(sequence{a})" for a in one.addresses)
+            + ")"
+        )
 
     return "".join(
         [
@@ -65,15 +75,25 @@ def test_messages_of_rock_are_parsed(message):
 
 
 def jade_reads(text):
-    """Whether JADE prints the text so that it has one meaning: no backslash before a quote, no word with : first."""
+    """Whether JADE prints the text so that it has one meaning: no backslash before a quote, no word
+    with : first.
+    """
     trimmed = (text or "").strip(WHITE)  # as content is
     return not (trimmed.endswith("\\") or trimmed.startswith(":"))
 
 
-@given(MESSAGES.filter(lambda m: all(map(jade_reads, (m.content, *map(m.__getattribute__, FIELDS), *m.user.values())))))
+@given(
+    MESSAGES.filter(
+        lambda m: all(
+            map(jade_reads, (m.content, *map(m.__getattribute__, FIELDS), *m.user.values()))
+        )
+    )
+)
 def test_messages_of_jade_are_parsed(message):
     """Capitals, two blanks, words and numbers bare, content trimmed, what is empty left out."""
     kept = {field: getattr(message, field) or None for field in FIELDS}
     user = {name: text for name, text in message.user.items() if text}
     content = (message.content or "").strip(WHITE) or None
-    assert parse(as_jade(message)) == msgspec.structs.replace(message, content=content, user=user, **kept)
+    assert parse(as_jade(message)) == msgspec.structs.replace(
+        message, content=content, user=user, **kept
+    )

@@ -34,17 +34,22 @@ LANGUAGES = Languages([EXPRESSIONS])
 
 # The letters of SC00037J, transcribed independently of SHAPES.
 CLASSES = """
-    accept-proposal AC    agree AC          cancel A         cfp AD            confirm C       disconfirm C
-    failure AC            inform C          inform-if C      inform-ref D      propagate DMC   propose AC
-    proxy DMC             query-if C        query-ref D      refuse AC         reject-proposal ACC
-    request A             request-when AC   request-whenever AC                subscribe D     not-understood A|MC
+    accept-proposal AC    agree AC          cancel A         cfp AD            confirm C
+    disconfirm C          failure AC        inform C         inform-if C       inform-ref D
+    propagate DMC         propose AC        proxy DMC        query-if C        query-ref D
+    refuse AC             reject-proposal ACC                request A         request-when AC
+    request-whenever AC   subscribe D       not-understood A|MC
 """
 LETTERS = {Action: "A", Proposition: "C", Descriptor: "D", Embedded: "M"}
 
 GRASP = Action("ta", "grasp", ("jar",))
 FREE = Proposition("free", ("gripper",))
 HANDS = Descriptor(Quantifier.ALL, "x", Proposition("hand", (Variable("x"),)))
-ASKED = Communicate(performative=P.QUERY_REF, content=EXPRESSIONS.encode(content_of(P.QUERY_REF, HANDS)), sender="co")
+ASKED = Communicate(
+    performative=P.QUERY_REF,
+    content=EXPRESSIONS.encode(content_of(P.QUERY_REF, HANDS)),
+    sender="co",
+)
 SAMPLES = {Action: GRASP, Proposition: FREE, Descriptor: HANDS, Embedded: Embedded(ASKED)}
 
 
@@ -52,14 +57,23 @@ def test_shapes_are_those_of_the_standard():
     """All 22 acts, each with its letters."""
     words = CLASSES.split()
     expected = dict(zip(words[::2], words[1::2], strict=True))
-    mine = {str(act): "".join("|".join(LETTERS[kind] for kind in place) for place in SHAPES[act]) for act in P}
+    mine = {
+        str(act): "".join("|".join(LETTERS[kind] for kind in place) for place in SHAPES[act])
+        for act in P
+    }
     assert mine == expected
 
 
-symbols = st.text(st.characters(codec="ascii", min_codepoint=33, max_codepoint=126), min_size=1, max_size=8)
-scalars = st.one_of(st.text(max_size=8), st.integers(-(2**63), 2**64 - 1), st.floats(allow_nan=False), st.booleans())
+symbols = st.text(
+    st.characters(codec="ascii", min_codepoint=33, max_codepoint=126), min_size=1, max_size=8
+)
+scalars = st.one_of(
+    st.text(max_size=8), st.integers(-(2**63), 2**64 - 1), st.floats(allow_nan=False), st.booleans()
+)
 finite = scalars.filter(lambda value: not isinstance(value, float) or math.isfinite(value))
-messages = st.builds(Embedded, st.builds(Communicate, performative=st.sampled_from(P), sender=st.just("ta")))
+messages = st.builds(
+    Embedded, st.builds(Communicate, performative=st.sampled_from(P), sender=st.just("ta"))
+)
 
 
 def closed(terms):
@@ -96,8 +110,12 @@ BY_CLASS = {
 def test_content_of_every_act_is_preserved(act, data):
     """Encoded, sent as a communicate, decoded and checked: the content is equal."""
     places = [data.draw(st.sampled_from(place)) for place in SHAPES[act]]
-    content = content_of(act, *(data.draw(BY_CLASS[kind]) for kind in places), last=data.draw(st.booleans()))
-    message = Communicate(performative=act, content=EXPRESSIONS.encode(content), language=EXPRESSIONS.name)
+    content = content_of(
+        act, *(data.draw(BY_CLASS[kind]) for kind in places), last=data.draw(st.booleans())
+    )
+    message = Communicate(
+        performative=act, content=EXPRESSIONS.encode(content), language=EXPRESSIONS.name
+    )
     read, kind = LANGUAGES.read(decode(encode(message)))
     assert read == content
     assert kind is (Kind.FINAL if content.last else Kind.PLAIN)
@@ -105,7 +123,9 @@ def test_content_of_every_act_is_preserved(act, data):
 
 @pytest.mark.parametrize("act", P)
 def test_all_other_classes_are_rejected(act):
-    """Every list of up to three other classes: a local error if sent, a remote error if received."""
+    """Every list of up to three other classes: a local error if sent, a remote error if
+    received.
+    """
     own = set(itertools.product(*SHAPES[act]))
     for length in range(4):
         for kinds in itertools.product(SAMPLES, repeat=length):
@@ -118,7 +138,9 @@ def test_all_other_classes_are_rejected(act):
             with pytest.raises(LocalProtocolError, match=f"{act} carries"):
                 EXPRESSIONS.encode(Content(expressions), act)
             message = Communicate(
-                performative=act, content=EXPRESSIONS.encode(Content(expressions)), language=EXPRESSIONS.name
+                performative=act,
+                content=EXPRESSIONS.encode(Content(expressions)),
+                language=EXPRESSIONS.name,
             )
             with pytest.raises(ContentError, match=f"{act} carries") as caught:
                 LANGUAGES.read(message)
@@ -141,8 +163,14 @@ def test_only_a_cancel_may_come_without_content():
     [
         (Proposition("hand", (Variable("x"),)), "not bound by an enclosing descriptor"),
         (denotes(HANDS, Variable("y")), "'y' is not bound"),
-        (Proposition("is", (Descriptor(Quantifier.IOTA, "x", Proposition("hand", ("left",))),)), "does not use"),
-        (Proposition("is", (Descriptor(Quantifier.ANY, "x", denotes(HANDS, 1)),)), "does not use 'x'"),
+        (
+            Proposition("is", (Descriptor(Quantifier.IOTA, "x", Proposition("hand", ("left",))),)),
+            "does not use",
+        ),
+        (
+            Proposition("is", (Descriptor(Quantifier.ANY, "x", denotes(HANDS, 1)),)),
+            "does not use 'x'",
+        ),
         (Proposition("weighs", (math.nan,)), "finite"),
         (Proposition("weighs", (-math.inf,)), "finite"),
     ],
@@ -166,7 +194,12 @@ def test_depth_is_bounded():
 
 def test_uses_of_inform_are_propositions():
     """inform-done, inform-result and the answer to a query-ref are uses of one act."""
-    for proposition in (done(GRASP), result(GRASP, 3), denotes(HANDS, "left"), Proposition("open", negated=True)):
+    for proposition in (
+        done(GRASP),
+        result(GRASP, 3),
+        denotes(HANDS, "left"),
+        Proposition("open", negated=True),
+    ):
         check_content(P.INFORM, content_of(P.INFORM, proposition))
 
 

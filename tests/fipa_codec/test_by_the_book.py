@@ -1,4 +1,6 @@
-"""Conversations from the text of FIPA's specifications: both sides of ours, and a judge beside them, say the same."""
+"""Conversations from the text of FIPA's specifications: both sides of ours, and a judge beside
+them, say the same.
+"""
 
 from by_the_book import LINES, Line, Message, line
 from rows import each_row
@@ -16,15 +18,20 @@ REQUIRED = 150
 
 
 class Play:
-    """A line: our sides of it, where they are ours, and a judge who hears everything; `lenient`: one to whom it is
-    volatile, so that what is lost may be said and answered again.
+    """A line: our sides of it, where they are ours, and a judge who hears everything; `lenient`:
+    one to whom it is volatile, so that what is lost may be said and answered again.
     """
 
     def __init__(self, played: Line) -> None:
         self.protocol, self.ours = named(played.protocol), played.ours
-        self.judge, self.lenient = Followed(self.protocol, durable=True), Followed(self.protocol, durable=False)
+        self.judge, self.lenient = (
+            Followed(self.protocol, durable=True),
+            Followed(self.protocol, durable=False),
+        )
         self.sides = {
-            role: Conversation.open(self.protocol, role, id="C1", me=AGENTS[role], peer=AGENTS[role.other])
+            role: Conversation.open(
+                self.protocol, role, id="C1", me=AGENTS[role], peer=AGENTS[role.other]
+            )
             for role in played.ours
         }
 
@@ -49,7 +56,9 @@ class Play:
         return found
 
     def _kind(self, said: Message) -> Kind:
-        """Of an answer: that of the cancel where its label says so, as agents that know what they answer say it."""
+        """Of an answer: that of the cancel where its label says so, as agents that know what they
+        answer say it.
+        """
         side = self.sides.get(said.role)
         cancelled = side is not None and said.answers != "" and said.answers == side.cancel
         return Kind.CANCEL if cancelled else said.kind
@@ -83,7 +92,9 @@ def judged(judge: Followed, said: Message) -> bool:
 
 
 def test_every_conversation_of_the_book() -> None:
-    """Every message but an illegal last one is legal; all who look at it agree. There are enough, and none twice."""
+    """Every message but an illegal last one is legal; all who look at it agree. There are enough,
+    and none twice.
+    """
 
     def agreed(text: str) -> None:
         played = line(text)

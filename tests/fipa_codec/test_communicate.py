@@ -27,8 +27,15 @@ from fipa_codec.errors import FipaError, LocalProtocolError, MalformedError, Rem
 from fipa_codec.performatives import Performative
 
 VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | TIMES | st.text(max_size=8) | st.binary(max_size=8),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4), inner, max_size=4),
+    st.none()
+    | st.booleans()
+    | st.integers(-(2**63), 2**64 - 1)
+    | TIMES
+    | st.text(max_size=8)
+    | st.binary(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4), inner, max_size=4)
+    ),
     max_leaves=8,
 )
 CONTENTS = VALUES.map(lambda value: msgspec.Raw(msgspec.msgpack.encode(value)))
@@ -75,7 +82,9 @@ def test_all_22_performatives():
 
 def test_letters_of_the_paper_on_the_wire():
     """The keys of the map are the letters of the paper's tuple; absent fields take no bytes."""
-    message = Communicate(performative=Performative.AGREE, reply_by=1.0, reply_with="a-1-1", in_reply_to="b-1-1")
+    message = Communicate(
+        performative=Performative.AGREE, reply_by=1.0, reply_with="a-1-1", in_reply_to="b-1-1"
+    )
     assert set(msgspec.msgpack.decode(encode(message))) == {"V", "t_b", "m_w", "m_t"}
     assert encode(Communicate(performative=Performative.AGREE)) == b"\x81\xa1V\xa5agree"
 
@@ -86,11 +95,16 @@ def test_letters_of_the_paper_on_the_wire():
         (Performative.INFORM, {"reply_with": "ta-3-45"}),
         (Performative.CONFIRM, {"in_reply_to": "ta-3-45"}),
         (Performative.CANCEL, {"reply_with": "ta-3-45", "reply_by": 1.76e9}),
-        (Performative.INFORM, {"reply_with": "ta-3-45", "in_reply_to": "co-3-12", "reply_by": 1.76e9}),
+        (
+            Performative.INFORM,
+            {"reply_with": "ta-3-45", "in_reply_to": "co-3-12", "reply_by": 1.76e9},
+        ),
     ],
 )
 def test_envelope_of_a_typical_sw_message_is_at_most_120_bytes(performative, labels):
-    """Paper, section 5.7: messages in SW have 100 to 200 bytes in total, so the envelope must be small."""
+    """Paper, section 5.7: messages in SW have 100 to 200 bytes in total, so the envelope must be
+    small.
+    """
     message = Communicate(
         performative=performative,
         content=msgspec.Raw(b"\xc0"),
@@ -115,7 +129,10 @@ def test_truncated_bytes_are_a_typed_error(communicate, data):
         decode(whole[: data.draw(st.integers(0, len(whole) - 1))])
 
 
-@given(COMMUNICATES, st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), min_size=1, max_size=5))
+@given(
+    COMMUNICATES,
+    st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), min_size=1, max_size=5),
+)
 def test_mutated_bytes_are_a_typed_error(communicate, changes):
     """A communicate with some bytes changed is another communicate or a typed error."""
     data = bytearray(encode(communicate))
@@ -127,9 +144,14 @@ def test_mutated_bytes_are_a_typed_error(communicate, changes):
 KEYS = st.sampled_from(["V", "Z", "L", "t_b", "m_w", "s", "t", "id", "X"])
 
 
-@given(st.binary(max_size=200) | (VALUES | st.dictionaries(KEYS, VALUES, min_size=1)).map(msgspec.msgpack.encode))
+@given(
+    st.binary(max_size=200)
+    | (VALUES | st.dictionaries(KEYS, VALUES, min_size=1)).map(msgspec.msgpack.encode)
+)
 def test_any_bytes_are_a_communicate_or_a_typed_error(data):
-    """Arbitrary bytes, well-formed MessagePack of other types, and the keys of a communicate with any values."""
+    """Arbitrary bytes, well-formed MessagePack of other types, and the keys of a communicate with
+    any values.
+    """
     assert_communicate_or_error(data)
 
 
@@ -184,7 +206,10 @@ def test_extreme_bytes_are_a_typed_error(data, reason):
         Communicate(performative=Performative.INFORM, reply_by=float("inf"), sent=float("-inf")),
         Communicate(performative=Performative.INFORM, content=msgspec.Raw(b"\xc1")),
         Communicate(performative=Performative.INFORM, content=msgspec.Raw(b"")),
-        Communicate(performative=Performative.INFORM, content=msgspec.Raw(b"\xc6\x00\x40\x00\x00" + bytes(2**22))),
+        Communicate(
+            performative=Performative.INFORM,
+            content=msgspec.Raw(b"\xc6\x00\x40\x00\x00" + bytes(2**22)),
+        ),
         Communicate(performative=Performative.INFORM, id="\ud800"),
     ],
 )
@@ -194,7 +219,11 @@ def test_communicates_that_would_not_decode_are_not_encoded(message):
         encode(message)
 
 
-ANY_LABEL = LABELS | st.text(max_size=6) | st.sampled_from(["", "a b", "a\n", "\x7f", "ä", "x" * 128, "x" * 129])
+ANY_LABEL = (
+    LABELS
+    | st.text(max_size=6)
+    | st.sampled_from(["", "a b", "a\n", "\x7f", "ä", "x" * 128, "x" * 129])
+)
 ANY_WORD = st.sampled_from(["", "WM", "pl", "a/b", "9", "ä", "w" * 64, "w" * 65])
 ANY_TIME = st.floats() | st.sampled_from([0.0, float("nan"), float("inf")])
 ANY_CONTENT = CONTENTS | st.binary(max_size=6).map(msgspec.Raw)
@@ -209,7 +238,9 @@ ONE_FIELD = st.one_of(
 def has_valid_form(communicate):
     """Whether times and content are valid, by an independent check."""
     try:
-        whole = communicate.content is msgspec.UNSET or msgspec.msgpack.decode(communicate.content, type=msgspec.Raw)
+        whole = communicate.content is msgspec.UNSET or msgspec.msgpack.decode(
+            communicate.content, type=msgspec.Raw
+        )
         communicate.id.encode()
     except (msgspec.MsgspecError, ValueError):
         return False
@@ -222,23 +253,30 @@ def is_valid(communicate):
     labels = (communicate.reply_with, communicate.conversation, communicate.id)
     return (
         has_valid_form(communicate)
-        and all(word == "" or re.fullmatch(r"[A-Za-z][A-Za-z0-9_.@-]{0,63}", word) for word in words)
+        and all(
+            word == "" or re.fullmatch(r"[A-Za-z][A-Za-z0-9_.@-]{0,63}", word) for word in words
+        )
         and all(label == "" or re.fullmatch(r"[!-~]{1,128}", label) for label in labels)
     )
 
 
-USUAL = Communicate(performative=Performative.INFORM, language="WM", sender="pl", conversation="c-1", sent=1.76e9)
+USUAL = Communicate(
+    performative=Performative.INFORM, language="WM", sender="pl", conversation="c-1", sent=1.76e9
+)
 
 
 @settings(max_examples=500)
 @given(ONE_FIELD)
 def test_both_pairs_accept_exactly_the_valid_communicates(changed):
-    """With one field of a usual communicate changed, both pairs agree with the independent checks."""
+    """With one field of a usual communicate changed, both pairs agree with the independent
+    checks.
+    """
     communicate = msgspec.structs.replace(USUAL, **dict([changed]))
     for pack, read, right in (
         (encode, decode, has_valid_form(communicate)),
         (encode_strictly, decode_strictly, is_valid(communicate)),
-        (encode_strictly, decode_strictly, is_valid(communicate)),  # again, now with the words in the cache
+        # again, now with the words in the cache
+        (encode_strictly, decode_strictly, is_valid(communicate)),
     ):
         try:
             assert read(pack(communicate)) == communicate

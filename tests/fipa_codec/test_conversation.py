@@ -1,4 +1,6 @@
-"""What a conversation checks beside its tables: words, labels, sides, deadlines; its errors say what was allowed."""
+"""What a conversation checks beside its tables: words, labels, sides, deadlines; its errors say
+what was allowed.
+"""
 
 import msgspec
 import pytest
@@ -38,7 +40,9 @@ def asked():
 
 @pytest.mark.parametrize("bad", ["a b", "a\n", "x" * 129, "\u00e4", "\ud800"])
 def test_invalid_words_and_labels_are_rejected(bad):
-    """Own names and ids in open and send, those of the peer in its opening, and each m_w that is stored."""
+    """Own names and ids in open and send, those of the peer in its opening, and each m_w that is
+    stored.
+    """
     named = {"id": "co-1-1", "me": "co", "peer": "ta"}
     for field in named:
         with pytest.raises(LocalProtocolError, match="must match"):
@@ -57,7 +61,9 @@ def test_invalid_words_and_labels_are_rejected(bad):
 
 
 def test_the_kind_of_other_acts_than_inform_is_ignored(asked):
-    """A language may classify the content of an agree or a failure too; only that of an inform matters."""
+    """A language may classify the content of an agree or a failure too; only that of an inform
+    matters.
+    """
     heard(asked, PARTICIPANT, P.AGREE, kind=Kind.PROGRESS)
     heard(asked, PARTICIPANT, P.FAILURE, kind=Kind.FINAL)
     assert asked.states == ("failed", "failed")
@@ -105,7 +111,13 @@ def test_another_query_in_the_same_conversation_is_an_error():
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("conversation", "co-1-2"), ("sender", "pl"), ("receiver", "km"), ("protocol", "query"), ("in_reply_to", "x-9-9")],
+    [
+        ("conversation", "co-1-2"),
+        ("sender", "pl"),
+        ("receiver", "km"),
+        ("protocol", "query"),
+        ("in_reply_to", "x-9-9"),
+    ],
 )
 def test_messages_of_other_conversations_are_an_error_with_the_field(asked, field, value):
     """Id, sides and protocol are constant; an answer refers to a message of the conversation."""
@@ -168,7 +180,11 @@ def test_illegal_sends_are_local_errors(asked, options, field):
     assert asked.sides[INITIATOR] == before
 
 
-@given(st.sampled_from(P), st.sampled_from([k for k in Kind if k is not Kind.CANCEL]), st.text(max_size=3))
+@given(
+    st.sampled_from(P),
+    st.sampled_from([k for k in Kind if k is not Kind.CANCEL]),
+    st.text(max_size=3),
+)
 def test_any_message_is_accepted_or_a_remote_error(performative, kind, label):
     """No message causes an exception other than RemoteProtocolError."""
     pair = opened("request", P.REQUEST)
@@ -184,7 +200,9 @@ def test_any_message_is_accepted_or_a_remote_error(performative, kind, label):
 
 
 def test_takes_says_what_receive_would_do(asked):
-    """True where it takes the message; a message of somebody else, or out of sequence, is not taken."""
+    """True where it takes the message; a message of somebody else, or out of sequence, is not
+    taken.
+    """
     answer = asked.say(PARTICIPANT, P.AGREE)
     mine = asked.sides[INITIATOR]
     assert mine.takes(answer) is True
@@ -194,6 +212,14 @@ def test_takes_says_what_receive_would_do(asked):
 
 def test_what_is_said_arrives_as_it_was_said():
     """Content, language, ontology, time and the time to answer by."""
-    said = {"content": msgspec.Raw(b"\x01"), "language": "CMD", "ontology": "kitchen", "reply_by": 7.0, "now": 3.0}
+    said = {
+        "content": msgspec.Raw(b"\x01"),
+        "language": "CMD",
+        "ontology": "kitchen",
+        "reply_by": 7.0,
+        "now": 3.0,
+    }
     ((_, came, _),) = opened("request", P.REQUEST, **said).heard
-    assert {name: getattr(came, name) for name in said if name != "now"} | {"now": came.sent} == said
+    assert {name: getattr(came, name) for name in said if name != "now"} | {
+        "now": came.sent
+    } == said

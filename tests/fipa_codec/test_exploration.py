@@ -14,7 +14,8 @@ INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 
 
 @pytest.mark.parametrize(
-    ("protocol", "state"), [(REQUEST, S.DONE), (REQUEST, S.FAILED), (REQUEST, S.REFUSED), (SUBSCRIBE, S.REFUSED)]
+    ("protocol", "state"),
+    [(REQUEST, S.DONE), (REQUEST, S.FAILED), (REQUEST, S.REFUSED), (SUBSCRIBE, S.REFUSED)],
 )
 def test_cancel_that_crosses_the_end_needs_a_row(protocol, state):
     """Diagrams omit this row; without it a participant that has ended cannot receive the cancel."""
@@ -35,12 +36,17 @@ def test_cancel_that_came_too_late_must_be_answered(state):
 
 
 def test_whatever_may_cross_needs_a_row():
-    """The answers to a request, its progress, the answer to its cancel, the second copy of a query."""
+    """The answers to a request, its progress, the answer to its cancel, the second copy of a
+    query.
+    """
     asks, answers = REQUEST.tables[INITIATOR], QUERY.tables[PARTICIPANT]
     ended = asks.with_rows(Row(S.CANCELLING, RECEIVE, P.INFORM, Kind.PLAIN, S.DONE))
     progress = asks.without(S.CANCELLING, RECEIVE, P.INFORM, Kind.PROGRESS)
     cases = [
-        (REQUEST.with_tables(initiator=ended), "initiator in state done has no row for failure[cancel]"),
+        (
+            REQUEST.with_tables(initiator=ended),
+            "initiator in state done has no row for failure[cancel]",
+        ),
         (REQUEST.with_tables(initiator=progress), "has no row for inform[progress]"),
         (
             QUERY.with_tables(participant=answers.without(S.DONE, RECEIVE, P.QUERY_REF)),
@@ -89,7 +95,11 @@ def test_protocols_are_known_by_name_and_alias():
     with pytest.raises(LocalProtocolError, match=r"known are .*query.*subscribe"):
         named("small-talk")
     with pytest.raises(LocalProtocolError, match="'request' is already another protocol"):
-        register(Protocol("request", **{role.value: table for role, table in FIPA_REQUEST.tables.items()}))
+        register(
+            Protocol(
+                "request", **{role.value: table for role, table in FIPA_REQUEST.tables.items()}
+            )
+        )
     # A module that is read under two names is one system; the first protocol stays.
     same = Protocol("request", **{role.value: table for role, table in REQUEST.tables.items()})
     assert register(same) is same

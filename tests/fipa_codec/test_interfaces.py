@@ -78,7 +78,11 @@ def test_answers_are_checked():
 def test_arguments_are_checked_in_order():
     """Number and classes of several arguments, as in the general form of the paper."""
     assert RICH.check_arguments("compare", [Plan(), Network()]).name == "compare"
-    for wrong, reason in (([Plan()], "1 arguments"), ([Network(), Plan()], "argument 0"), ([Plan(), 3], "argument 1")):
+    for wrong, reason in (
+        ([Plan()], "1 arguments"),
+        ([Network(), Plan()], "argument 0"),
+        ([Plan(), 3], "argument 1"),
+    ):
         with pytest.raises(ContentError, match=reason) as caught:
             RICH.check_arguments("compare", wrong)
         assert caught.value.performative is P.REFUSE
@@ -87,7 +91,9 @@ def test_arguments_are_checked_in_order():
 def test_all_classes_must_be_in_the_language():
     """The error has the entry, the class and the language."""
     RICH.check_language(PLANS)
-    with pytest.raises(LocalProtocolError, match=r"request generatePlan\(Network\) -> Plan: Plan is not in NOTES"):
+    with pytest.raises(
+        LocalProtocolError, match=r"request generatePlan\(Network\) -> Plan: Plan is not in NOTES"
+    ):
         INFO.check_language(PLANS, answers=Language("NOTES", Note))
     with pytest.raises(LocalProtocolError, match="Network is not in NOTES"):
         INFO.check_language(Language("NOTES", Note))
@@ -97,12 +103,17 @@ def test_all_classes_must_be_in_the_language():
     ("entries", "reason"),
     [
         ([("request", "a", [Plan], None), ("request", "a", [Network], None)], "named 'a'"),
-        ([("request", "a", [Plan], None), ("request", "b", [Plan], None)], "have the same argument"),
+        (
+            [("request", "a", [Plan], None), ("request", "b", [Plan], None)],
+            "have the same argument",
+        ),
         ([("demand", "a", [Plan], None)], "22 acts"),
     ],
 )
 def test_entries_must_be_distinguishable(entries, reason):
-    """Names and pairs of performative and class are unique; performatives are those of the standard."""
+    """Names and pairs of performative and class are unique; performatives are those of the
+    standard.
+    """
     with pytest.raises(LocalProtocolError, match=reason):
         ClassInterfaceInfo(entries)
     with pytest.raises(LocalProtocolError, match="generatePlan"):

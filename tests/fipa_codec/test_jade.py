@@ -1,4 +1,6 @@
-"""Our participants talk with JADE's initiators, text by text, and each conversation ends well; a judge hears it too."""
+"""Our participants talk with JADE's initiators, text by text, and each conversation ends well; a
+judge hears it too.
+"""
 
 import msgspec
 import pytest
@@ -16,11 +18,16 @@ from fipa_codec.tables import SEND, Role, Row
 from topdown.judge.follow import Followed
 
 NOW = 1_763_900_000.0
-OURS = {name: Aid(name=f"{name}@here", addresses=(f"http://here:8000/{name}",)) for name in ("ann", "bob", "eve")}
+OURS = {
+    name: Aid(name=f"{name}@here", addresses=(f"http://here:8000/{name}",))
+    for name in ("ann", "bob", "eve")
+}
 
 
 class Ours:
-    """One of our agents: a participant's conversation, ACL text at both ends, and a judge of what is said."""
+    """One of our agents: a participant's conversation, ACL text at both ends, and a judge of what
+    is said.
+    """
 
     def __init__(self, name: str, profile: Profile = Profile.FIPA) -> None:
         self.name, self.profile, self.names, self.count = name, profile, OURS, 0
@@ -59,7 +66,12 @@ class Ours:
         self.count += 1
         content = msgspec.Raw(msgspec.msgpack.encode(f"(({act} {kind or 'plain'}))"))
         self.talk, said = self.talk.send(
-            act, id=f"{self.name}-{self.count}", now=NOW, content=content, language="fipa-sl0", kind=kind
+            act,
+            id=f"{self.name}-{self.count}",
+            now=NOW,
+            content=content,
+            language="fipa-sl0",
+            kind=kind,
         )
         self.judged(Role.PARTICIPANT, said, kind)
         text = render(to_acl(said, names=self.names, profile=self.profile))
@@ -70,7 +82,8 @@ class Ours:
         """Check that a listener finds it in sequence."""
         assert self.judge is not None
         assert not self.judge.mislabelled(role, said.performative, said.reply_with)
-        words = kind if kind is not Kind.CANCEL else Kind.PLAIN  # a listener knows no more than the content
+        # a listener knows no more than the content
+        words = kind if kind is not Kind.CANCEL else Kind.PLAIN
         read = self.judge.read(role, said.performative, said.reply_with, said.in_reply_to, (words,))
         assert not isinstance(read, str), read
         assert self.judge.take(role, read), self.judge.states
@@ -88,10 +101,12 @@ def aids(*names: str) -> tuple[Aid, ...]:
     return tuple(OURS[name] for name in names)
 
 
-# --- request and query ------------------------------------------------------------------------------------------------
+# --- request and query ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("protocol", "opening"), [("fipa-request", P.REQUEST), ("fipa-query", P.QUERY_REF)])
+@pytest.mark.parametrize(
+    ("protocol", "opening"), [("fipa-request", P.REQUEST), ("fipa-query", P.QUERY_REF)]
+)
 @pytest.mark.parametrize("reply_by", [None, At(1_763_900_002_000)])
 @given(data=st.data())
 def test_a_request_ends_alike_on_both_sides(
@@ -112,19 +127,26 @@ def test_a_request_ends_alike_on_both_sides(
 
 
 def test_progress_would_be_taken_for_the_result() -> None:
-    """The book's request has none for this reason: the paper's is not for a peer of another platform."""
-    ann, jade = Ours("ann", Profile.PAPER), AchieveREInitiator("fipa-request", P.REQUEST, aids("ann"))
+    """The book's request has none for this reason: the paper's is not for a peer of another
+    platform.
+    """
+    ann, jade = (
+        Ours("ann", Profile.PAPER),
+        AchieveREInitiator("fipa-request", P.REQUEST, aids("ann")),
+    )
     meet(jade, ann)
     for act, kind in ((P.AGREE, Kind.PLAIN), (P.INFORM, Kind.PROGRESS), (P.INFORM, Kind.PLAIN)):
         jade.hears(ann.says(act, kind))
     assert (jade.heard["ann@here"], jade.lost) == ([P.AGREE, P.INFORM], [P.INFORM])
 
 
-# --- contract net -----------------------------------------------------------------------------------------------------
+# --- contract net ---------------------------------------------------------------------------------
 
 
 @given(
-    answers=st.lists(st.sampled_from([P.PROPOSE, P.REFUSE, P.NOT_UNDERSTOOD, None]), min_size=3, max_size=3),
+    answers=st.lists(
+        st.sampled_from([P.PROPOSE, P.REFUSE, P.NOT_UNDERSTOOD, None]), min_size=3, max_size=3
+    ),
     chosen=st.frozensets(st.sampled_from([aid.name for aid in OURS.values()])),
     results=st.lists(st.sampled_from([P.INFORM, P.FAILURE]), min_size=3, max_size=3),
     later_ms=st.sampled_from([0, 0, 1, 250]),
@@ -132,7 +154,9 @@ def test_progress_would_be_taken_for_the_result() -> None:
 def test_a_contract_is_awarded_and_its_result_is_taken(
     answers: list[P | None], chosen: frozenset[str], results: list[P], later_ms: int
 ) -> None:
-    """Also where an accept has the label of somebody's cfp, since the clock did not move. None: silent."""
+    """Also where an accept has the label of somebody's cfp, since the clock did not move. None:
+    silent.
+    """
     bidders = [Ours(name) for name in OURS]
     jade = ContractNetInitiator(tuple(OURS.values()), chosen, At(1_763_900_002_000))
     meet(jade, *bidders)
@@ -155,7 +179,9 @@ def test_a_contract_is_awarded_and_its_result_is_taken(
 
 
 def test_a_bidder_that_names_the_call_is_lost() -> None:
-    """The result of a contract answers the accept; JADE logs one with the label of the cfp as OUT-OF-SEQUENCE."""
+    """The result of a contract answers the accept; JADE logs one with the label of the cfp as
+    OUT-OF-SEQUENCE.
+    """
     ann, jade = Ours("ann"), ContractNetInitiator(aids("ann"), frozenset(["ann@here"]))
     meet(jade, ann)
     jade.hears(ann.says(P.PROPOSE))
@@ -167,14 +193,19 @@ def test_a_bidder_that_names_the_call_is_lost() -> None:
     assert jade.lost == [P.INFORM]
 
 
-# --- subscription -----------------------------------------------------------------------------------------------------
+# --- subscription ---------------------------------------------------------------------------------
 
 
 class Subscribed:
-    """One of ours and JADE's SubscriptionInitiator; what ann says may still be on its way when JADE cancels."""
+    """One of ours and JADE's SubscriptionInitiator; what ann says may still be on its way when JADE
+    cancels.
+    """
 
     def __init__(self) -> None:
-        self.ann, self.jade = Ours("ann"), SubscriptionInitiator("fipa-subscribe", P.SUBSCRIBE, aids("ann"))
+        self.ann, self.jade = (
+            Ours("ann"),
+            SubscriptionInitiator("fipa-subscribe", P.SUBSCRIBE, aids("ann")),
+        )
         self.wire: list[bytes] = []
         meet(self.jade, self.ann)
 
@@ -245,7 +276,9 @@ def test_a_subscription_that_is_not_agreed_is_over(act: P) -> None:
 
 
 def test_a_failure_ends_ours_and_a_cancel_that_comes_then_is_answered() -> None:
-    """To JADE a failure is one more notification: its program cancels, and is told that there is nothing any more."""
+    """To JADE a failure is one more notification: its program cancels, and is told that there is
+    nothing any more.
+    """
     both = Subscribed()
     both.says(P.AGREE)
     both.says(P.FAILURE)

@@ -1,6 +1,8 @@
-"""Labels as FIPA and other platforms use them: any message may be answered, a cancel may repeat its subscribe's.
+"""Labels as FIPA and other platforms use them: any message may be answered, a cancel may repeat its
+subscribe's.
 
-Behaviours of JADE 4.6.5 (ContractNetInitiator, SubscriptionInitiator) as they were observed on loopback (2026-11-22).
+Behaviours of JADE 4.6.5 (ContractNetInitiator, SubscriptionInitiator) as they were observed on
+loopback (2026-11-22).
 """
 
 import pytest
@@ -20,7 +22,8 @@ ME, PEER = "ta", "jade"
 def foreign(protocol: str, act: P, label: str = "", answers: str = "") -> Communicate:
     """A message of the other platform."""
     return Communicate(
-        performative=act, protocol=protocol, reply_with=label, in_reply_to=answers, conversation="C1", sender=PEER,
+        performative=act, protocol=protocol, reply_with=label, in_reply_to=answers,
+        conversation="C1", sender=PEER,
         receiver=ME,
     )  # fmt: skip
 
@@ -78,7 +81,9 @@ def test_a_new_round_forgets_the_labels_of_the_one_before() -> None:
 
 
 def test_a_cancel_may_carry_the_label_of_its_subscribe() -> None:
-    """SubscriptionInitiator sends the subscription's own reply-with again: that is not a copy, and it is answered."""
+    """SubscriptionInitiator sends the subscription's own reply-with again: that is not a copy, and
+    it is answered.
+    """
     side, _ = opened("subscribe", P.SUBSCRIBE, "R1").send(P.AGREE, id="1", now=1.0)
     side, told = side.send(P.INFORM, id="2", now=2.0)
     assert told.in_reply_to == "R1"
@@ -108,7 +113,9 @@ def test_a_second_cancel_with_the_same_label_is_a_copy() -> None:
 
 @pytest.mark.parametrize("label", ["R1", ""])
 def test_a_cancel_without_a_label_is_answered_without_one(label: str) -> None:
-    """As SubscriptionInitiator says it where it ignores the answer; no answer of the opening is taken for it."""
+    """As SubscriptionInitiator says it where it ignores the answer; no answer of the opening is
+    taken for it.
+    """
     side, _ = opened("fipa-subscribe", P.SUBSCRIBE, label).send(P.AGREE, id="1", now=1.0)
     with pytest.raises(LocalProtocolError, match=r"cannot send inform\[cancel\]"):
         side.send(P.INFORM, id="2", now=2.0, kind=Kind.CANCEL)

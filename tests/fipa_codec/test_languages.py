@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fipa_codec.communicate import LONGEST_LABEL, MAX_BYTES, MAX_CONTENT_BYTES, Communicate, encode_strictly
+from fipa_codec.communicate import (
+    LONGEST_LABEL,
+    MAX_BYTES,
+    MAX_CONTENT_BYTES,
+    Communicate,
+    encode_strictly,
+)
 from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.languages import REASON, Kind, Language, Languages, Reason
 from fipa_codec.performatives import Performative
@@ -28,9 +34,15 @@ class Stranger(msgspec.Struct, frozen=True, tag=True):
     """A class of no language."""
 
 
-TREES = Language("TREES", Tree | Leaf, kind=lambda c: Kind.PROGRESS if isinstance(c, Leaf) else Kind.FINAL)
-LEAVES = st.builds(Leaf, st.floats(allow_nan=False), st.lists(st.text(max_size=5), max_size=3).map(tuple))
-SENTENCES = st.recursive(LEAVES, lambda inner: st.builds(Tree, st.lists(inner, max_size=3).map(tuple)), max_leaves=6)
+TREES = Language(
+    "TREES", Tree | Leaf, kind=lambda c: Kind.PROGRESS if isinstance(c, Leaf) else Kind.FINAL
+)
+LEAVES = st.builds(
+    Leaf, st.floats(allow_nan=False), st.lists(st.text(max_size=5), max_size=3).map(tuple)
+)
+SENTENCES = st.recursive(
+    LEAVES, lambda inner: st.builds(Tree, st.lists(inner, max_size=3).map(tuple)), max_leaves=6
+)
 
 
 def assert_sentence_or_error(data):
@@ -54,7 +66,11 @@ def test_random_bytes_are_a_typed_error(data):
     assert_sentence_or_error(data)
 
 
-@given(SENTENCES, st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), max_size=5), st.integers(0, 40))
+@given(
+    SENTENCES,
+    st.lists(st.tuples(st.integers(0, 10_000), st.integers(0, 255)), max_size=5),
+    st.integers(0, 40),
+)
 def test_mutated_and_truncated_content_is_a_typed_error(sentence, changes, cut):
     """Content with some bytes changed or removed is another sentence or a typed error."""
     data = bytearray(bytes(TREES.encode(sentence)))
@@ -70,7 +86,11 @@ def test_mutated_and_truncated_content_is_a_typed_error(sentence, changes, cut):
         ({"type": "Leaf"}, "value", "missing"),
         ({"type": "Leaf", "value": 1.0, "names": ["a", 2]}, "names[1]", "str"),
         ({"type": "Leaf", "value": 1.0, "colour": 1}, "colour", "unknown"),
-        ({"type": "Tree", "branches": [{"type": "Leaf", "value": None}]}, "branches[0].value", "float"),
+        (
+            {"type": "Tree", "branches": [{"type": "Leaf", "value": None}]},
+            "branches[0].value",
+            "float",
+        ),
         ({"type": "Bush"}, "type", "Bush"),
         (17, "content", "int"),
     ],
@@ -107,7 +127,9 @@ def test_own_content_outside_the_language_is_a_local_error(content):
 
 
 def test_too_long_content_is_a_local_error():
-    """The longest content fits with the longest words and labels; one byte more is an error with both sizes."""
+    """The longest content fits with the longest words and labels; one byte more is an error with
+    both sizes.
+    """
     frame = len(TREES.encode(Leaf(1.0, ("x" * 100_000,)))) - 100_000
     most = TREES.encode(Leaf(1.0, ("x" * (MAX_CONTENT_BYTES - frame),)))
     word, label = "w" * 64, "l" * LONGEST_LABEL
@@ -118,24 +140,34 @@ def test_too_long_content_is_a_local_error():
     assert len(most) == MAX_CONTENT_BYTES
     assert len(encode_strictly(one)) <= MAX_BYTES
     with pytest.raises(
-        LocalProtocolError, match=f"{MAX_CONTENT_BYTES + 1} bytes in TREES, at most {MAX_CONTENT_BYTES}"
+        LocalProtocolError,
+        match=f"{MAX_CONTENT_BYTES + 1} bytes in TREES, at most {MAX_CONTENT_BYTES}",
     ):
         TREES.encode(Leaf(1.0, ("x" * (MAX_CONTENT_BYTES - frame + 1),)))
 
 
 def test_read_decodes_by_the_named_language():
-    """`Languages.read` returns content and kind; without content None and PLAIN, even without a language."""
+    """`Languages.read` returns content and kind; without content None and PLAIN, even without a
+    language.
+    """
     known = Languages([TREES])
-    leaf = Communicate(performative=Performative.INFORM, language="TREES", content=TREES.encode(Leaf(1.0)))
+    leaf = Communicate(
+        performative=Performative.INFORM, language="TREES", content=TREES.encode(Leaf(1.0))
+    )
     assert known.read(leaf) == (Leaf(1.0), Kind.PROGRESS)
-    assert known.read(Communicate(performative=Performative.CONFIRM, language="TREES")) == (None, Kind.PLAIN)
+    assert known.read(Communicate(performative=Performative.CONFIRM, language="TREES")) == (
+        None,
+        Kind.PLAIN,
+    )
     assert known.read(Communicate(performative=Performative.CANCEL)) == (None, Kind.PLAIN)
 
 
 @pytest.mark.parametrize("language", ["", "LATIN"])
 def test_content_in_an_unknown_language_is_a_typed_error(language):
     """The error has the known languages."""
-    message = Communicate(performative=Performative.INFORM, language=language, content=msgspec.Raw(b"\xc0"))
+    message = Communicate(
+        performative=Performative.INFORM, language=language, content=msgspec.Raw(b"\xc0")
+    )
     with pytest.raises(ContentError) as caught:
         Languages([TREES]).read(message)
     assert caught.value.field == "language"

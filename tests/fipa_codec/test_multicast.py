@@ -27,16 +27,23 @@ OPENINGS = {
 
 
 class Call:
-    """An initiator with its multicast, and the conversations of the participants; messages arrive at once."""
+    """An initiator with its multicast, and the conversations of the participants; messages arrive
+    at once.
+    """
 
     def __init__(self, protocol, crowd=CROWD, reply_by=REPLY_BY):
         self.count, self.reply_by = 0, reply_by
         self.theirs = {}
-        talks = [Conversation.open(protocol, Role.INITIATOR, id="i-1-1", me="i", peer=peer) for peer in crowd]
+        talks = [
+            Conversation.open(protocol, Role.INITIATOR, id="i-1-1", me="i", peer=peer)
+            for peer in crowd
+        ]
         self.group = Multicast.opened([self.said(talk, OPENINGS[protocol], 0.0) for talk in talks])
 
     def said(self, talk, act, now):
-        """Send a message of the initiator to a participant; return the initiator's conversation after it."""
+        """Send a message of the initiator to a participant; return the initiator's conversation
+        after it.
+        """
         self.count += 1
         opening = act in named(talk.protocol).openings
         reply_by = self.reply_by if opening else None
@@ -57,7 +64,9 @@ class Call:
         self.note(self.group.talk(peer).receive(message), now)
 
     def note(self, talk, now):
-        """Record a conversation in the multicast, which must be equal after encoding and decoding."""
+        """Record a conversation in the multicast, which must be equal after encoding and
+        decoding.
+        """
         group = self.group.noted(talk, now)
         self.group = msgspec.msgpack.decode(msgspec.msgpack.encode(group), type=Multicast)
         assert self.group == group
@@ -71,7 +80,9 @@ class Call:
 def test_silence_at_reply_by_counts_as_refused_or_failed(protocol):
     """As refused in a contract net, as failed elsewhere; equal to reply-by is in time."""
     call = Call(protocol)
-    answer = next(row.performative for row in call.theirs["a"].table.allowed(call.theirs["a"].state, SEND))
+    answer = next(
+        row.performative for row in call.theirs["a"].table.allowed(call.theirs["a"].state, SEND)
+    )
     call.answer("a", answer, now=REPLY_BY)
     assert call.group.awaited(REPLY_BY) == ("b", "c")
     assert call.group.silent(REPLY_BY) == call.group.late == ()
@@ -82,7 +93,9 @@ def test_silence_at_reply_by_counts_as_refused_or_failed(protocol):
 
 
 def test_a_silent_participant_keeps_nobody_waiting():
-    """After reply-by, if all others have ended; without a reply-by it is waited for, and what was agreed is, too."""
+    """After reply-by, if all others have ended; without a reply-by it is waited for, and what was
+    agreed is, too.
+    """
     call = Call("cfp")
     call.answer("a", P.PROPOSE)
     call.answer("b", P.REFUSE)
@@ -129,7 +142,9 @@ def test_late_proposals_are_rejected():
     call.answer("b", P.PROPOSE, now=REPLY_BY + 0.001)
     assert (call.group.offers, call.group.late) == (("a",), ("b",))
     assert call.group.rejections == (("b", P.REJECT_PROPOSAL),)
-    with pytest.raises(LocalProtocolError, match="'b' has no open proposal; there are proposals of: a"):
+    with pytest.raises(
+        LocalProtocolError, match="'b' has no open proposal; there are proposals of: a"
+    ):
         call.group.award("b")
     call.tell(call.group.rejections)
     assert call.group.rejections == ()
@@ -149,7 +164,9 @@ def test_late_answer_elsewhere_counts_as_failed():
 
 
 def test_new_round_is_for_participants_with_proposals():
-    """The chosen ones get a cfp with its own reply-by, other proposals are rejected, the silent get no message."""
+    """The chosen ones get a cfp with its own reply-by, other proposals are rejected, the silent get
+    no message.
+    """
     call = Call("icfp")
     call.answer("a", P.PROPOSE)
     call.answer("b", P.PROPOSE)
@@ -213,26 +230,34 @@ def test_illegal_multicasts_are_local_errors():
     for wrong in ((), (talks[0], others[1]), (talks[0], talks[0]), (*talks, opened)):
         with pytest.raises(LocalProtocolError):
             Multicast.opened(wrong)
-    with pytest.raises(LocalProtocolError, match="'z' is not a participant of i-1-1, these are: a, b, c"):
+    with pytest.raises(
+        LocalProtocolError, match="'z' is not a participant of i-1-1, these are: a, b, c"
+    ):
         Call("cfp").group.talk("z")
 
 
 @given(st.data())
 def test_contract_net_always_ends_and_only_with_what_was_offered_in_time(data):
-    """Any order of answers, in time or late, and any choice: late and silent participants get no award."""
+    """Any order of answers, in time or late, and any choice: late and silent participants get no
+    award.
+    """
     call = Call("icfp")
     offered_late, now = set(), 0.0
     for _ in range(40):
         if call.group.over(0.0):
             break
-        speakers = [peer for peer, talk in call.theirs.items() if talk.table.allowed(talk.state, SEND)]
+        speakers = [
+            peer for peer, talk in call.theirs.items() if talk.table.allowed(talk.state, SEND)
+        ]
         peer = data.draw(st.sampled_from([*speakers, "initiator"]))
         now += data.draw(st.sampled_from([0.0, 1.0, 12.0]))
         if peer == "initiator":
             choose(call, data, now)
             continue
         talk = call.theirs[peer]
-        act = data.draw(st.sampled_from([row.performative for row in talk.table.allowed(talk.state, SEND)]))
+        act = data.draw(
+            st.sampled_from([row.performative for row in talk.table.allowed(talk.state, SEND)])
+        )
         if act is P.PROPOSE and talk.late(now):
             offered_late.add(peer)
         call.answer(peer, act, now)

@@ -1,4 +1,6 @@
-"""Every protocol of FIPA follows its diagram, with repeated, late, crossing and not understood messages."""
+"""Every protocol of FIPA follows its diagram, with repeated, late, crossing and not understood
+messages.
+"""
 
 import itertools
 from contextlib import suppress
@@ -23,27 +25,40 @@ from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Ro
 INITIATOR, PARTICIPANT = Role.INITIATOR, Role.PARTICIPANT
 NAMES = tuple(protocol.name for protocol in PROTOCOLS)
 STORIES = [(name, story) for name in NAMES for story in stories_of(name)]
-ROWS = [(protocol, role, row) for protocol in PROTOCOLS for role, table in protocol.tables.items() for row in table]
+ROWS = [
+    (protocol, role, row)
+    for protocol in PROTOCOLS
+    for role, table in protocol.tables.items()
+    for row in table
+]
 ASKED_AGAIN = {"query": {P.QUERY_IF, P.QUERY_REF}, "subscribe": {P.SUBSCRIBE}}
 """Openings that may be repeated until answered; each copy is answered."""
 
 
-# --- the tables -------------------------------------------------------------------------------------------------------
+# --- the tables -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("protocol", [*PROTOCOLS, PROPAGATE], ids=lambda p: p.name)
 def test_sound(protocol):
-    """No reception without a row, no stuck configuration, all states reachable, for each capacity; nothing superfluous.
+    """No reception without a row, no stuck configuration, all states reachable, for each capacity;
+    nothing superfluous.
 
-    A row that is used nowhere is: but for that of a forgotten conversation. Not-understood at any point leaves nobody
-    waiting: its sender ignores later messages, its receiver ends.
+    A row that is used nowhere is: but for that of a forgotten conversation. Not-understood at any
+    point leaves nobody waiting: its sender ignores later messages, its receiver ends.
     """
-    for capacity, table in ((1, protocol), (2, protocol), (2, with_not_understood(protocol)), (3, protocol)):
+    for capacity, table in (
+        (1, protocol),
+        (2, protocol),
+        (2, with_not_understood(protocol)),
+        (3, protocol),
+    ):
         found = explore(table, capacity)
         assert not found.unspecified, str(found.unspecified[0])
         assert not found.stuck, str(found.stuck[0])
         assert capacity == 1 or table is not protocol or found.sound, found.unreachable
-    assert {(role, row.state, row.word) for role, row in found.unused} <= {(PARTICIPANT, START, "cancel")}
+    assert {(role, row.state, row.word) for role, row in found.unused} <= {
+        (PARTICIPANT, START, "cancel")
+    }
 
 
 def plays(protocol: Protocol, story: Story) -> bool:
@@ -65,7 +80,9 @@ def plays(protocol: Protocol, story: Story) -> bool:
                 return False
         else:
             wires[role.other].append((act, kind))
-            if not go(role, SEND, act, kind) or (how == ":" and not go(role.other, RECEIVE, *wires[role.other].pop(0))):
+            if not go(role, SEND, act, kind) or (
+                how == ":" and not go(role.other, RECEIVE, *wires[role.other].pop(0))
+            ):
                 return False
     return all(end in (OPEN, states[role]) for role, end in zip(Role, story.ends, strict=True))
 
@@ -91,8 +108,10 @@ def test_only_the_initiator_cancels():
 TOKENS = {"cfp": "fipa-contract-net", "icfp": "fipa-iterated-contract-net"}
 
 
-def test_tokens_of_fipa_are_the_protocols_of_the_book_and_the_paper_has_its_own_names_where_it_differs():
-    """The tokens are those of the specifications; both profiles have the same protocols otherwise."""
+def test_tokens_of_fipa_are_the_protocols_of_the_book_and_the_paper_has_its_own_names():
+    """The tokens are those of the specifications; both profiles have the same protocols
+    otherwise.
+    """
     for papers, books in zip(PAPER, FIPA, strict=True):
         short = books.name.removeprefix("fipa-")
         assert named(TOKENS.get(short, f"fipa-{short}")) is named(books.name) is books
@@ -106,14 +125,14 @@ def test_progress_is_told_in_the_papers_request_only():
     assert {protocol.name for protocol, _, row in ROWS if row.kind is Kind.PROGRESS} == {"request"}
 
 
-# --- conversations ----------------------------------------------------------------------------------------------------
+# --- conversations --------------------------------------------------------------------------------
 
 
 def test_every_story_reaches_its_final_states():
     """On both sides, with encoded messages and journals.
 
-    A copy of any message, received at any later point, is an error or does not change the state. A final state is kept;
-    a cancel that was in transit must be answered with failure.
+    A copy of any message, received at any later point, is an error or does not change the state. A
+    final state is kept; a cancel that was in transit must be answered with failure.
     """
 
     def played(name: str, story: Story) -> None:
@@ -122,7 +141,9 @@ def test_every_story_reaches_its_final_states():
             dialogue.word(word)
             for role, message, kind in dialogue.heard:
                 copies_change_nothing(dialogue, role, message, kind)
-        assert all(end in (OPEN, state) for end, state in zip(story.ends, dialogue.states, strict=True))
+        assert all(
+            end in (OPEN, state) for end, state in zip(story.ends, dialogue.states, strict=True)
+        )
         assert not any(dialogue.wires.values())
         for side in dialogue.sides.values():
             if side.ended:
@@ -173,9 +194,18 @@ def hears(side: Conversation, act: P) -> str | None:
 
 
 def test_not_understood_ends_it_at_any_point():
-    """Both sides end and ignore messages in transit; a side that had ended says nothing more, and keeps its state."""
-    begun = {(name, story.words[:cut]) for name, story in STORIES for cut in range(1, len(story.words) + 1)}
-    each_row(((*one, who) for one in begun for who in Role if not any("!" in word for word in one[1])), complains)
+    """Both sides end and ignore messages in transit; a side that had ended says nothing more, and
+    keeps its state.
+    """
+    begun = {
+        (name, story.words[:cut])
+        for name, story in STORIES
+        for cut in range(1, len(story.words) + 1)
+    }
+    each_row(
+        ((*one, who) for one in begun for who in Role if not any("!" in word for word in one[1])),
+        complains,
+    )
 
 
 def complains(name: str, words: tuple[str, ...], who: Role) -> None:
@@ -213,13 +243,19 @@ def test_reply_by_bounds_the_first_answer():
 
 @given(st.sampled_from(NAMES), st.data())
 def test_every_allowed_message_is_accepted(name, data):
-    """In any run of both sides over FIFO channels every message has a row in the state of its receiver."""
+    """In any run of both sides over FIFO channels every message has a row in the state of its
+    receiver.
+    """
     dialogue = Dialogue(name)
     for _ in range(30):
         owing = [role for role, side in dialogue.sides.items() if side.owes]
-        choices = [("take", role, None) for role in Role if dialogue.wires[role] and role not in owing]
+        choices = [
+            ("take", role, None) for role in Role if dialogue.wires[role] and role not in owing
+        ]
         choices += [
-            ("say", role, row) for role, side in dialogue.sides.items() for row in side.table.allowed(side.state, SEND)
+            ("say", role, row)
+            for role, side in dialogue.sides.items()
+            for row in side.table.allowed(side.state, SEND)
         ]
         if not choices:
             break
@@ -230,7 +266,7 @@ def test_every_allowed_message_is_accepted(name, data):
             dialogue.say(role, row.performative, row.kind)
 
 
-# --- particular protocols ---------------------------------------------------------------------------------------------
+# --- particular protocols -------------------------------------------------------------------------
 
 
 def test_messages_of_earlier_rounds_are_copies():
@@ -262,7 +298,9 @@ def test_a_call_without_a_label_is_answered(protocol):
 
 
 def test_cancel_that_failed_may_be_tried_again():
-    """The conversation continues in its state, without a deadline, and the first cancel is a copy from then on."""
+    """The conversation continues in its state, without a deadline, and the first cancel is a copy
+    from then on.
+    """
     dialogue = Dialogue("cfp", reply_by=10.0)
     for word in ("i:cfp", "i:cancel"):
         dialogue.word(word)
@@ -287,6 +325,8 @@ def test_not_understood_as_answer_to_a_cancel_is_a_failed_cancel():
         failed = Dialogue(name).play(Story((*story.words[:2], "p:failure[cancel]"), story.ends))
         unheard = Dialogue(name).play(Story(story.words[:2], story.ends))
         label = unheard.heard[-1][1].reply_with
-        side, message = unheard.sides[PARTICIPANT].send(P.NOT_UNDERSTOOD, id="p-9", now=0.0, in_reply_to=label)
+        side, message = unheard.sides[PARTICIPANT].send(
+            P.NOT_UNDERSTOOD, id="p-9", now=0.0, in_reply_to=label
+        )
         assert side == failed.sides[PARTICIPANT]
         assert unheard.sides[INITIATOR].receive(message) == failed.sides[INITIATOR]

@@ -1,10 +1,21 @@
-"""Brokering and recruiting with an initiator, a broker and targets: the embedded conversations and their answers."""
+"""Brokering and recruiting with an initiator, a broker and targets: the embedded conversations and
+their answers.
+"""
 
 import pytest
 from msgspec.structs import replace
 
 from fipa_codec import proxying
-from fipa_codec.acts import EXPRESSIONS, Action, Descriptor, Proposition, Quantifier, Variable, content_of, denotes
+from fipa_codec.acts import (
+    EXPRESSIONS,
+    Action,
+    Descriptor,
+    Proposition,
+    Quantifier,
+    Variable,
+    content_of,
+    denotes,
+)
 from fipa_codec.conversation import Conversation
 from fipa_codec.errors import ContentError, LocalProtocolError, RemoteProtocolError
 from fipa_codec.languages import Kind, Languages
@@ -44,14 +55,18 @@ class Party:
         """Send a message in a conversation; return it."""
         kind = kind or (EXPRESSIONS.kind(content) if content else Kind.PLAIN)
         raw = EXPRESSIONS.encode(content) if content else None
-        talk, message = talk.send(act, id=self.label(), now=1.0, content=raw, language=EXPRESSIONS.name, kind=kind)
+        talk, message = talk.send(
+            act, id=self.label(), now=1.0, content=raw, language=EXPRESSIONS.name, kind=kind
+        )
         self.keep(talk)
         return message
 
     def hears(self, message):
         """Receive a message; return the conversation after it, and the content."""
         content, kind = LANGUAGES.read(message)
-        talk = self.talks.get((message.conversation, message.sender)) or Conversation.answering(message, self.name)
+        talk = self.talks.get((message.conversation, message.sender)) or Conversation.answering(
+            message, self.name
+        )
         return self.keep(talk.receive(message, kind)), content
 
 
@@ -80,7 +95,9 @@ def question(receiver, *, protocol="query", act=P.QUERY_REF, content=None):
 def searching(parties, protocol, message):
     """Send the proxy and the agree; return what the broker has received."""
     i, b = parties["i"], parties["b"]
-    opening = i.opens(protocol, "b", P.PROXY, proxying.proxy_content(P.PROXY, WEIGHERS, message, TRUE))
+    opening = i.opens(
+        protocol, "b", P.PROXY, proxying.proxy_content(P.PROXY, WEIGHERS, message, TRUE)
+    )
     talk, content = b.hears(opening)
     i.hears(b.says(talk, P.AGREE, content_of(P.AGREE, Action("b", "proxy"), TRUE)))
     found = proxying.proxy_request(content)
@@ -90,7 +107,9 @@ def searching(parties, protocol, message):
 
 
 def brokered(parties, *targets):
-    """Let the broker ask the targets, with its own id, and inform the initiator that the message was forwarded."""
+    """Let the broker ask the targets, with its own id, and inform the initiator that the message
+    was forwarded.
+    """
     i, b = parties["i"], parties["b"]
     message = searching(parties, "brokering", question("i")).message
     conversation = b.label()
@@ -101,7 +120,11 @@ def brokered(parties, *targets):
         )
         talks.append(b.keep(talk))
         parties[name].hears(asked)
-        assert (asked.sender, asked.conversation, asked.content) == ("b", conversation, message.content)
+        assert (asked.sender, asked.conversation, asked.content) == (
+            "b",
+            conversation,
+            message.content,
+        )
     outer = b.talks[next(key for key in b.talks if key[1] == "i")]
     i.hears(b.says(outer, P.INFORM, content_of(P.INFORM, Proposition("proxied", ("t1", "t2")))))
     return Multicast.opened(talks)
@@ -113,7 +136,9 @@ def outer_talk(party, peer):
 
 
 def test_brokering_relays_every_answer_and_the_last_one_ends_it(parties):
-    """The targets know the broker only; the initiator gets their answers unchanged, and the last one is marked."""
+    """The targets know the broker only; the initiator gets their answers unchanged, and the last
+    one is marked.
+    """
     i, b = parties["i"], parties["b"]
     group = brokered(parties, "t1", "t2")
     answers = {
@@ -127,11 +152,16 @@ def test_brokering_relays_every_answer_and_the_last_one_ends_it(parties):
         assert said.receiver == "b"
         talk, _ = b.hears(said)
         group = group.noted(talk, 3.0)
-        relay = b.says(outer_talk(b, "i"), P.INFORM, proxying.relay_content(said, last=group.over(3.0)))
+        relay = b.says(
+            outer_talk(b, "i"), P.INFORM, proxying.relay_content(said, last=group.over(3.0))
+        )
         outer, content = i.hears(relay)
         heard.append((outer.state, proxying.relayed_answer(content)))
     assert [state for state, _ in heard] == ["relaying", "done"]
-    assert [(answer.sender, answer.performative) for _, answer in heard] == [("t1", P.INFORM), ("t2", P.FAILURE)]
+    assert [(answer.sender, answer.performative) for _, answer in heard] == [
+        ("t1", P.INFORM),
+        ("t2", P.FAILURE),
+    ]
     assert LANGUAGES.read(heard[0][1])[0].expressions == (denotes(WEIGHT, 0.4),)
     assert all(talk.ended for party in parties.values() for talk in party.talks.values())
 
@@ -142,20 +172,28 @@ def test_silent_target_does_not_keep_the_initiator_waiting(parties):
     assert group.awaited(30.0) == ("t1", "t2")
     assert group.silent(30.1) == ("t1", "t2")
     failed = content_of(P.FAILURE, Action("b", "proxy"), Proposition("no-answer"))
-    talk, _ = parties["i"].hears(parties["b"].says(outer_talk(parties["b"], "i"), P.FAILURE, failed))
+    talk, _ = parties["i"].hears(
+        parties["b"].says(outer_talk(parties["b"], "i"), P.FAILURE, failed)
+    )
     assert talk.state == "failed"
 
 
 def test_cancel_of_a_brokering_cancels_the_embedded_conversation_first(parties):
-    """The broker cancels the acts of its targets, and answers the initiator when they have answered."""
+    """The broker cancels the acts of its targets, and answers the initiator when they have
+    answered.
+    """
     i, b, t1 = parties["i"], parties["b"], parties["t1"]
     act = content_of(P.REQUEST, Action("t1", "weigh", ("jar",)))
     message = question("i", protocol="request", act=P.REQUEST, content=act)
     searching(parties, "brokering", message)
-    talk, asked = proxying.ask_target(message, broker="b", target="t1", conversation="b-1-9", id="b-1-10", now=2.0)
+    talk, asked = proxying.ask_target(
+        message, broker="b", target="t1", conversation="b-1-9", id="b-1-10", now=2.0
+    )
     b.keep(talk)
     t1.hears(asked)
-    i.hears(b.says(outer_talk(b, "i"), P.INFORM, content_of(P.INFORM, Proposition("proxied", ("t1",)))))
+    i.hears(
+        b.says(outer_talk(b, "i"), P.INFORM, content_of(P.INFORM, Proposition("proxied", ("t1",))))
+    )
     outer, _ = b.hears(i.says(outer_talk(i, "b"), P.CANCEL))
     assert outer.state == "stopping-relaying"
     t1.hears(b.says(b.talks["b-1-9", "t1"], P.CANCEL))
@@ -176,7 +214,9 @@ def test_recruited_target_answers_the_receiver_directly(parties, receiver, early
     assert handed.ended
     inner = t1.keep(proxying.target_conversation(proxying.proxy_request(content).message, "t1"))
     assert (inner.peer, inner.id, inner.deadline) == (receiver, message.conversation, 30.0)
-    told = b.says(outer_talk(b, "i"), P.INFORM, content_of(P.INFORM, Proposition("proxied", ("t1",))))
+    told = b.says(
+        outer_talk(b, "i"), P.INFORM, content_of(P.INFORM, Proposition("proxied", ("t1",)))
+    )
     if not early:
         assert i.hears(told)[0].state == "done"
     answer = t1.says(inner, P.INFORM, content_of(P.INFORM, denotes(WEIGHT, 0.4)))
@@ -186,15 +226,21 @@ def test_recruited_target_answers_the_receiver_directly(parties, receiver, early
     if early:
         assert i.hears(told)[0].state == "done"
     assert all(talk.ended for party in parties.values() for talk in party.talks.values())
-    assert not any(talk.peer == "b" and talk.id == message.conversation for talk in t1.talks.values())
+    assert not any(
+        talk.peer == "b" and talk.id == message.conversation for talk in t1.talks.values()
+    )
 
 
 def test_recruiting_several_gives_the_receiver_a_multicast(parties):
     """One message, several targets: one id, and one conversation with each."""
     message = searching(parties, "recruiting", question("i")).message
-    group = Multicast.opened([proxying.receiver_conversation(message, name) for name in ("t1", "t2")])
+    group = Multicast.opened(
+        [proxying.receiver_conversation(message, name) for name in ("t1", "t2")]
+    )
     for name in ("t1", "t2"):
-        inner = parties[name].keep(proxying.target_conversation(proxying.addressed(message, name), name))
+        inner = parties[name].keep(
+            proxying.target_conversation(proxying.addressed(message, name), name)
+        )
         said = parties[name].says(inner, P.INFORM, content_of(P.INFORM, denotes(WEIGHT, 0.4)))
         group = group.noted(group.talk(name).receive(said), 5.0)
     assert group.over(0.0)

@@ -1,4 +1,6 @@
-"""The pouring task with one death at one boundary of one message, and what is left of it in the end."""
+"""The pouring task with one death at one boundary of one message, and what is left of it in the
+end.
+"""
 
 from collections import Counter
 from enum import StrEnum
@@ -25,9 +27,9 @@ class Side(StrEnum):
 class Ending(msgspec.Struct, frozen=True):
     """State at the end of a run.
 
-    `world`: km's; `stands`: poses and grips as they are; `last`: the states of hi's tasks; `acts`: kinds of act that ta
-    commanded, in their order; `doubled`: keys of acts that were commanded or begun more than once; `poured`: how often;
-    `messages`: how many there were.
+    `world`: km's; `stands`: poses and grips as they are; `last`: the states of hi's tasks; `acts`:
+    kinds of act that ta commanded, in their order; `doubled`: keys of acts that were commanded or
+    begun more than once; `poured`: how often; `messages`: how many there were.
     """
 
     world: Any
@@ -73,7 +75,9 @@ def messages() -> int:
 def ending(fleet: Fleet, states: list[str]) -> Ending:
     """What is left."""
     scene = fleet.wires.memory("km").scene
-    objects = {name: (one.model, one.pose, one.on, one.inside) for name, one in scene.things.items()}
+    objects = {
+        name: (one.model, one.pose, one.on, one.inside) for name, one in scene.things.items()
+    }
     requests = {
         (one.sender, one.id): RC.decode(one.content)
         for one in fleet.wires.traffic
@@ -87,7 +91,11 @@ def ending(fleet: Fleet, states: list[str]) -> Ending:
         stands=dict(fleet.world.poses),
         last=" ".join(states),
         acts=tuple(type(content).__name__ for content in requests.values()),
-        doubled=tuple(sorted(key for count in (commanded, starts) for key, times in count.items() if times > 1)),
+        doubled=tuple(
+            sorted(
+                key for count in (commanded, starts) for key, times in count.items() if times > 1
+            )
+        ),
         poured=fleet.world.poured,
         messages=len(fleet.wires.traffic),
     )

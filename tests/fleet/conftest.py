@@ -1,4 +1,6 @@
-"""Makes the pretended world and devices importable for the tests beside them (tests have no packages)."""
+"""Makes the pretended world and devices importable for the tests beside them (tests have no
+packages).
+"""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,5 @@
-"""The fleet in memory with the step logs that agents of a real one write, so that tools can read the run.
+"""The fleet in memory with the step logs that agents of a real one write, so that tools can read
+the run.
 
 Each step has a time of its own, as with a real clock: what a step said is found by its time.
 """
@@ -22,7 +23,9 @@ APART_S = 1e-7
 
 
 class LoggedFleet(Fleet):
-    """Writes its steps into a run folder; `why` and `traced` read them as `roco why` and `roco trace` do."""
+    """Writes its steps into a run folder; `why` and `traced` read them as `roco why` and `roco
+    trace` do.
+    """
 
     def __init__(self, run: Path) -> None:
         super().__init__()

@@ -1,7 +1,9 @@
-"""All agents of the design on virtual wires, with a person at hi; search and robot as the test wants them.
+"""All agents of the design on virtual wires, with a person at hi; search and robot as the test
+wants them.
 
-Whatever a test does with a fleet, `close` finds what is wrong in any run: an act that began twice, a step outside the
-design, a message that the design does not allow, and, of wires that make no copies, a violation of its protocols.
+Whatever a test does with a fleet, `close` finds what is wrong in any run: an act that began twice,
+a step outside the design, a message that the design does not allow, and, of wires that make no
+copies, a violation of its protocols.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -57,7 +59,9 @@ class Person:
 
 
 class Fleet:
-    """`say` and `cancel` as a person would; `tasks` as hi shows them; `deeds`: those of all agents, in order."""
+    """`say` and `cancel` as a person would; `tasks` as hi shows them; `deeds`: those of all agents,
+    in order.
+    """
 
     def __init__(
         self,
@@ -96,24 +100,30 @@ class Fleet:
         assert kind is not None or not (found := self.wrong()), found
 
     def _robot(self, post: Post) -> Robot:
-        return Robot(post, self.world, lambda delay, call: self.wires._at(self.wires.now + delay, call))
+        return Robot(
+            post, self.world, lambda delay, call: self.wires._at(self.wires.now + delay, call)
+        )
 
     def _stepped(self, agent: str, effects: Effects) -> None:
         state = self.wires.nodes[agent].state
         if state is not None and self._lives.get(agent) != state.incarnation:
             self._lives[agent] = state.incarnation
-            self.judgements += self.judge.lived(agent, state.incarnation, self.wires.now, fresh=True)
+            self.judgements += self.judge.lived(
+                agent, state.incarnation, self.wires.now, fresh=True
+            )
         if effects.deed is not None:
             self.deeds.append((agent, effects.deed))
         self.watch(agent, effects)
 
-    # --- what a person does -------------------------------------------------------------------------------------------
+    # --- what a person does -----------------------------------------------------------------------
 
     def say(self, text: str = POUR, urgency: int = 0) -> None:
         """A person's words; hi is asked again until it knows its co."""
         self._tickets += 1
         self.until(lambda: self.up("hi") and "co" in self.wires.nodes["hi"].state.soft.peers)
-        self.wires.post("hi", Sentence(f"t{self._tickets}", text, understand(text), urgency=urgency))
+        self.wires.post(
+            "hi", Sentence(f"t{self._tickets}", text, understand(text), urgency=urgency)
+        )
 
     def cancel(self) -> None:
         """A person's cancel of the oldest open task."""
@@ -129,7 +139,9 @@ class Fleet:
         self.wires.order("ta", SetParameter(LEVEL, level.value))
 
     def begin(self, level: Level) -> "Fleet":
-        """Ask for a pour at this level, once the look around at the start is over, which waits for nobody."""
+        """Ask for a pour at this level, once the look around at the start is over, which waits for
+        nobody.
+        """
         self.until(lambda: self.state("ta") == "surveying")
         self.until(lambda: self.state("ta") == "idle")
         self.set_level(level)
@@ -138,7 +150,9 @@ class Fleet:
         return self
 
     def let_go(self) -> str:
-        """Let the act begin that waits, as soon as one does; its place in the plan, "" if all tasks ended before."""
+        """Let the act begin that waits, as soon as one does; its place in the plan, "" if all tasks
+        ended before.
+        """
         self.until(lambda: self.waiting or self.ended(len(self.tasks)))
         place = self.waits_for
         if place:
@@ -150,7 +164,7 @@ class Fleet:
         """Let all acts begin until the tasks have ended; their places in the plans."""
         return list(iter(self.let_go, ""))
 
-    # --- what there is to see -----------------------------------------------------------------------------------------
+    # --- what there is to see ---------------------------------------------------------------------
 
     def until(self, condition: Callable[[], object], limit_s: float = 300.0) -> None:
         """Go on until this holds."""
@@ -203,9 +217,9 @@ class Fleet:
     def at_rest(self) -> bool:
         """All agents are up and wait for something new."""
         nodes = self.wires.nodes
-        return all(self.up(name) and nodes[name].state.state == state for name, state in JOB.rests.items()) and not any(
-            nodes[name].state.conversations or nodes[name].state.due for name in NAMES
-        )
+        return all(
+            self.up(name) and nodes[name].state.state == state for name, state in JOB.rests.items()
+        ) and not any(nodes[name].state.conversations or nodes[name].state.due for name in NAMES)
 
     def why(self) -> Facts:
         """The reason that hi was told last of the first task."""
@@ -226,14 +240,19 @@ class Fleet:
         """Answers of hi to the person."""
         return [one for one in self.person.told if isinstance(one, Answer)]
 
-    # --- what must hold of every run ----------------------------------------------------------------------------------
+    # --- what must hold of every run --------------------------------------------------------------
 
     def wrong(self) -> list[str]:
         """Whatever is wrong in the run so far."""
-        begun = [key for key, _ in groupby(self.world.begun)]  # an act has several motions, one after the other
+        # an act has several motions, one after the other
+        begun = [key for key, _ in groupby(self.world.begun)]
         twice = [f"{key} began again" for key in {key for key in begun if begun.count(key) > 1}]
         nodes = self.wires.nodes.items()
-        outside = [f"{name} left the design" for name, node in nodes if node.state and node.state.counts.get(OUTSIDE)]
+        outside = [
+            f"{name} left the design"
+            for name, node in nodes
+            if node.state and node.state.counts.get(OUTSIDE)
+        ]
         return [*twice, *outside, *against_design(self.wires.traffic), *self.violations()]
 
     def violations(self) -> list[str]:
@@ -265,7 +284,9 @@ class Heard(list[Communicate]):
 
 
 def against_design(traffic: Iterable[Communicate]) -> set[str]:
-    """What was said by whom it is not allowed to, in another language or class, or at greater length."""
+    """What was said by whom it is not allowed to, in another language or class, or at greater
+    length.
+    """
     return {found for one in traffic if (found := _against_design(one))}
 
 
@@ -278,4 +299,6 @@ def _against_design(one: Communicate) -> str:
     name = f"{language_of(content).name}.{type(content).__name__}"
     if name not in rule.sizes:
         return f"{here} says {name}, not one of {', '.join(rule.sizes)}"
-    return "" if len(encode(one)) <= rule.sizes[name] else f"{here} {name}: {len(encode(one))} bytes"
+    return (
+        "" if len(encode(one)) <= rule.sizes[name] else f"{here} {name}: {len(encode(one))} bytes"
+    )

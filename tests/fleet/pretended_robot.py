@@ -1,7 +1,9 @@
-"""A robot that is only words: acts of two motions each, done in virtual time, in a world of a few poses.
+"""A robot that is only words: acts of two motions each, done in virtual time, in a world of a few
+poses.
 
-It stands in the place of worker and loop beside ex's agent (the same words), so the agent and its journal are the true
-ones. What it holds is what ex remembers; where things stand is the world's, which outlives every process.
+It stands in the place of worker and loop beside ex's agent (the same words), so the agent and its
+journal are the true ones. What it holds is what ex remembers; where things stand is the world's,
+which outlives every process.
 """
 
 from collections.abc import Callable, Iterator
@@ -49,7 +51,12 @@ class World:
             "jar_1": Pose((0.85, 0.6, 1.0)),
             "bowl_1": Pose((0.85, 0.5, 1.2)),
         }
-        self.models = {"table_1": "table", "cabinet_1": "cabinet_no_door", "jar_1": "jar", "bowl_1": "bowl_high"}
+        self.models = {
+            "table_1": "table",
+            "cabinet_1": "cabinet_no_door",
+            "jar_1": "jar",
+            "bowl_1": "bowl_high",
+        }
         self.poured = 0
         self.begun: list[str] = []
         self.looks = 0
@@ -57,12 +64,18 @@ class World:
 
 
 class Robot:
-    """The device; `later(delay, call)` is the wires' virtual time. `looks`: at each motion it looks once."""
+    """The device; `later(delay, call)` is the wires' virtual time. `looks`: at each motion it looks
+    once.
+    """
 
     busy = False
 
     def __init__(
-        self, post: Post, world: World, later: Callable[[float, Callable[[], None]], None], looks: bool = False
+        self,
+        post: Post,
+        world: World,
+        later: Callable[[float, Callable[[], None]], None],
+        looks: bool = False,
     ) -> None:
         self._post, self._world, self._later, self._looks = post, world, later, looks
         self._act: Iterator[Motion] | None = None

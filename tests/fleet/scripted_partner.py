@@ -1,4 +1,6 @@
-"""An agent that only says what a test has it say, and keeps what it hears: a partner for one agent under test."""
+"""An agent that only says what a test has it say, and keeps what it hears: a partner for one agent
+under test.
+"""
 
 from typing import Any
 
@@ -22,7 +24,9 @@ class Open(msgspec.Struct, frozen=True):
 
 
 class Say(msgspec.Struct, frozen=True):
-    """Say something in the nth conversation that was opened or heard of; `kind` tells an answer to a cancel."""
+    """Say something in the nth conversation that was opened or heard of; `kind` tells an answer to
+    a cancel.
+    """
 
     number: int
     performative: Performative
@@ -53,7 +57,13 @@ def partner(name: str, heard: list[tuple[int, str, Any]], *, confirms: bool = Tr
                     _pay(turn, talk)
         return memory
 
-    return Agent(name=name, start="here", memory=Names(), behaviours={"here": Behaviour(serve)}, local=Open | Say)
+    return Agent(
+        name=name,
+        start="here",
+        memory=Names(),
+        behaviours={"here": Behaviour(serve)},
+        local=Open | Say,
+    )
 
 
 def _pay(turn: Turn, talk: str) -> None:

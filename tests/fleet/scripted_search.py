@@ -1,8 +1,8 @@
 """A search that knows its plans by heart and still asks km for every fact they rest on.
 
-It stands in the place of the planner's child process (the same words): the agent forwards its queries, is cancelled
-and begins again as with the true one. The plans have the shape of the true ones: take both, put the bowl down, look,
-Replan; then pour.
+It stands in the place of the planner's child process (the same words): the agent forwards its
+queries, is cancelled and begins again as with the true one. The plans have the shape of the true
+ones: take both, put the bowl down, look, Replan; then pour.
 """
 
 from collections.abc import Generator
@@ -36,7 +36,9 @@ class Script:
             case Begin(attempt=attempt, network=network):
                 self._attempt, self._work = attempt, pour(network)
                 self._go_on(None)
-            case Answer(attempt=attempt, answer=answer) if attempt == self._attempt and self._work is not None:
+            case Answer(attempt=attempt, answer=answer) if (
+                attempt == self._attempt and self._work is not None
+            ):
                 self._go_on(answer)
             case Stop():
                 self._work = None
@@ -82,7 +84,9 @@ def pour(network: hfsm.GroundTaskNetwork) -> Searching:
     return plan_of(network, steps(jar.side, bowl.side, where))
 
 
-def steps(jar: Side | None, bowl: Side | None, where: wm.PoseOf) -> list[tuple[hfsm.Step, list[rc.Command]]]:
+def steps(
+    jar: Side | None, bowl: Side | None, where: wm.PoseOf
+) -> list[tuple[hfsm.Step, list[rc.Command]]]:
     """Return the steps still to be done."""
     todo: list[tuple[hfsm.Step, list[rc.Command]]] = []
     if jar is None:
@@ -91,9 +95,15 @@ def steps(jar: Side | None, bowl: Side | None, where: wm.PoseOf) -> list[tuple[h
         tilt = Pour("", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.5, 2.0), 1.0, 0.1)
         return [*todo, (hfsm.Step("pour", ("jar_1", "bowl_1")), [move(Side.LEFT), tilt])]
     if bowl is None:
-        todo.append((hfsm.Step("take", ("bowl_1",)), [move(Side.RIGHT), grasp(Side.RIGHT, "bowl_1")]))
+        todo.append(
+            (hfsm.Step("take", ("bowl_1",)), [move(Side.RIGHT), grasp(Side.RIGHT, "bowl_1")])
+        )
     release = rc.Release("", Side.RIGHT, "bowl_1", "table_1", PLACE, ())
-    return [*todo, (hfsm.Step("place", ("bowl_1",)), [release]), (hfsm.Step("look-at", ("bowl_1",)), [look("bowl_1")])]
+    return [
+        *todo,
+        (hfsm.Step("place", ("bowl_1",)), [release]),
+        (hfsm.Step("look-at", ("bowl_1",)), [look("bowl_1")]),
+    ]
 
 
 def move(side: Side) -> rc.MoveJoint:
@@ -116,7 +126,9 @@ def look(name: str) -> rc.Look:
     return rc.Look("", ((1.0, 0.0, 1.0),))
 
 
-def plan_of(network: hfsm.GroundTaskNetwork, todo: list[tuple[hfsm.Step, list[rc.Command]]]) -> hfsm.HierarchicalPlan:
+def plan_of(
+    network: hfsm.GroundTaskNetwork, todo: list[tuple[hfsm.Step, list[rc.Command]]]
+) -> hfsm.HierarchicalPlan:
     """Steps chained; a plan without a pour ends in Replan once the bowl is localized."""
     machines = [machine(network.id, number, step, acts) for number, (step, acts) in enumerate(todo)]
     states: list[hfsm.State] = list(machines)
@@ -133,18 +145,30 @@ def plan_of(network: hfsm.GroundTaskNetwork, todo: list[tuple[hfsm.Step, list[rc
 
 def machine(plan: str, number: int, step: hfsm.Step, acts: list[rc.Command]) -> hfsm.Machine:
     """One step, with what puts everything down if it is cancelled."""
-    keyed = [type(act)(**{**fields(act), "key": f"{plan}/{number}.{k}"}) for k, act in enumerate(acts)]
-    leaves = chain([hfsm.ActState(f"{type(act).__name__.lower()} {k}", act) for k, act in enumerate(keyed)])
+    keyed = [
+        type(act)(**{**fields(act), "key": f"{plan}/{number}.{k}"}) for k, act in enumerate(acts)
+    ]
+    leaves = chain(
+        [hfsm.ActState(f"{type(act).__name__.lower()} {k}", act) for k, act in enumerate(keyed)]
+    )
     downs = [
         hfsm.ActState(
-            f"put down {thing}", rc.Release(f"{plan}/{number}.safe-{thing}", side, thing, "table_1", None, ())
+            f"put down {thing}",
+            rc.Release(f"{plan}/{number}.safe-{thing}", side, thing, "table_1", None, ()),
         )
         for side, thing in ((Side.RIGHT, "bowl_1"), (Side.LEFT, "jar_1"))
     ]
     safe = chain(list(downs))
-    name, down = " ".join((step.does.replace("-", " "), *step.things)), hfsm.Step("put-everything-down")
+    name, down = (
+        " ".join((step.does.replace("-", " "), *step.things)),
+        hfsm.Step("put-everything-down"),
+    )
     return hfsm.Machine(
-        name, leaves[0].name, leaves, safe=hfsm.Machine("put down", safe[0].name, safe, step=down), step=step
+        name,
+        leaves[0].name,
+        leaves,
+        safe=hfsm.Machine("put down", safe[0].name, safe, step=down),
+        step=step,
     )
 
 
@@ -159,6 +183,8 @@ def chain(states: list[hfsm.State]) -> tuple[hfsm.State, ...]:
 
     following = [*(state.name for state in states[1:]), ""]
     return tuple(
-        state if isinstance(state, hfsm.EndState) or not name else replace(state, arcs=(hfsm.Arc(OK, name),))
+        state
+        if isinstance(state, hfsm.EndState) or not name
+        else replace(state, arcs=(hfsm.Arc(OK, name),))
         for state, name in zip(states, following, strict=True)
     )

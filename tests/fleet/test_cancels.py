@@ -1,5 +1,5 @@
-"""A cancel at any time ends the task as cancelled (or it was done before), puts down what is held, and leaves a fleet
-that serves the next command.
+"""A cancel at any time ends the task as cancelled (or it was done before), puts down what is held,
+and leaves a fleet that serves the next command.
 """
 
 import random
@@ -81,7 +81,9 @@ def test_a_cancel_mid_pour(fleet: Fleet) -> None:
 
 @pytest.mark.parametrize("victim", ["co", "pl", "km", "ta", "ex"])
 def test_a_cancel_with_a_death(victim: str, some: Some) -> None:
-    """A cancel and a death of anybody, at times by chance: the task ends, and the next command is served."""
+    """A cancel and a death of anybody, at times by chance: the task ends, and the next command is
+    served.
+    """
     chance = random.Random(victim)
     for seed in some(range(8), 2):
         with Fleet(seed=seed) as fleet:

@@ -1,7 +1,8 @@
-"""An agent dies, or loses its journal, at any point of any step: the task still ends well, exactly once.
+"""An agent dies, or loses its journal, at any point of any step: the task still ends well, exactly
+once.
 
-Of each run, the fleet itself finds what is wrong (pretended_fleet): no act begins twice, and nothing that was said is
-against the design. Deaths at every message: benchmarks/kill_boundaries.py.
+Of each run, the fleet itself finds what is wrong (pretended_fleet): no act begins twice, and
+nothing that was said is against the design. Deaths at every message: benchmarks/kill_boundaries.py.
 """
 
 from collections.abc import Callable
@@ -17,7 +18,8 @@ from companion.languages.facts import Kind
 
 Some = Callable[[Any, int], list[Any]]
 SAMPLES = range(24)  # steps of an agent that are tried, spread over all it makes
-PARTS = (0.15, 0.4, 0.6, 0.75, 0.9)  # of the steps that an agent makes, after which it loses its journal
+# of the steps that an agent makes, after which it loses its journal
+PARTS = (0.15, 0.4, 0.6, 0.75, 0.9)
 UNSTEADY = Faults(loss=0.05, delay=0.1, crash=0.002)
 
 
@@ -32,7 +34,9 @@ def counted() -> dict[str, int]:
 
 @pytest.mark.parametrize("point", list(Point))
 @pytest.mark.parametrize("victim", NAMES)
-def test_a_death_changes_nothing_of_the_outcome(victim: str, point: Point, counted: dict[str, int], some: Some) -> None:
+def test_a_death_changes_nothing_of_the_outcome(
+    victim: str, point: Point, counted: dict[str, int], some: Some
+) -> None:
     """Poured once, done once; agents that do not move the robot cost no act either.
 
     ex calls an act in which it died unknown, and the plan is made again from what is seen.
@@ -51,10 +55,15 @@ def test_a_death_changes_nothing_of_the_outcome(victim: str, point: Point, count
 
 @pytest.mark.parametrize("side", list(Side))
 @pytest.mark.parametrize("victim", boundaries.VICTIMS)
-def test_a_death_at_a_message_changes_no_end(victim: str, side: Side, usual: Ending, some: Some) -> None:
-    """The same world at km, objects where they stood, the same last report; no act twice, poured once."""
+def test_a_death_at_a_message_changes_no_end(
+    victim: str, side: Side, usual: Ending, some: Some
+) -> None:
+    """The same world at km, objects where they stood, the same last report; no act twice, poured
+    once.
+    """
     offset = 1 + 6 * boundaries.VICTIMS.index(victim) + 3 * list(Side).index(side)
-    for number in some(range(offset, usual.messages + 1, 41), 1):  # a prime, so that all phases are hit
+    # a prime, so that all phases are hit
+    for number in some(range(offset, usual.messages + 1, 41), 1):
         found = boundaries.run(victim, number, side)
         assert found.world == usual.world, number
         assert (found.stands, found.last, found.poured) == (usual.stands, usual.last, 1), number
@@ -63,7 +72,10 @@ def test_a_death_at_a_message_changes_no_end(victim: str, side: Side, usual: End
 
 def test_the_death_happens(usual: Ending) -> None:
     """Of ex in an act: it is not known how it ended, so more is commanded; of co nothing is."""
-    assert any(len(boundaries.run("ex", number, Side.AFTER).acts) > len(usual.acts) for number in range(20, 100, 8))
+    assert any(
+        len(boundaries.run("ex", number, Side.AFTER).acts) > len(usual.acts)
+        for number in range(20, 100, 8)
+    )
     assert boundaries.run("co", 50, Side.AFTER).acts == usual.acts
 
 
@@ -73,11 +85,14 @@ def usual() -> Ending:
     return boundaries.run()
 
 
-@pytest.mark.parametrize("faults", [UNSTEADY, Faults(UNSTEADY.loss, 0.05, UNSTEADY.delay, UNSTEADY.crash)])
+@pytest.mark.parametrize(
+    "faults", [UNSTEADY, Faults(UNSTEADY.loss, 0.05, UNSTEADY.delay, UNSTEADY.crash)]
+)
 def test_many_faults(faults: Faults, some: Some) -> None:
     """Loss, copies, disorder and deaths of anybody: each command ends, and the fleet comes to rest.
 
-    Copies are not judged: one that the judge does not hear is answered, and that answer was never asked for.
+    Copies are not judged: one that the judge does not hear is answered, and that answer was never
+    asked for.
     """
     for seed in some(range(12), 4):
         with Fleet(seed=seed) as fleet:
@@ -91,7 +106,7 @@ def test_many_faults(faults: Faults, some: Some) -> None:
             assert str(fleet.tasks[-1].state) in ("done", "failed"), seed
 
 
-# --- journals ---------------------------------------------------------------------------------------------------------
+# --- journals -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("victim", NAMES)
@@ -102,20 +117,27 @@ def test_without_its_journal_a_task_ends_and_the_fleet_is_at_rest(
     for step in (1 + int(part * counted[victim]) for part in some(PARTS, 3)):
         fleet = Fleet(seed=step)  # what was said in a life that nobody remembers is not judged
         fleet.say()
-        fleet.until(lambda fleet=fleet, step=step: fleet.steps[victim] >= step or fleet.ended(), 3600.0)
+        fleet.until(
+            lambda fleet=fleet, step=step: fleet.steps[victim] >= step or fleet.ended(), 3600.0
+        )
         fleet.wires.lose_journal(victim)
         if victim != "hi":  # who forgets its tasks has none to end
             fleet.until(fleet.ended, 3600.0)
             ends = [task for task in fleet.tasks if task.state in FINAL]
-            why = Kind.NOT_SEEN if victim == "km" else Kind.BROKE_OFF  # km forgets the world, not a conversation
-            assert all(task.state == "done" or why in [one.kind for one in task.why] for task in ends), (step, ends)
+            # km forgets the world, not a conversation
+            why = Kind.NOT_SEEN if victim == "km" else Kind.BROKE_OFF
+            assert all(
+                task.state == "done" or why in [one.kind for one in task.why] for task in ends
+            ), (step, ends)
         fleet.until(fleet.at_rest, 900.0)
         fleet.wires.close()
 
 
 @pytest.mark.parametrize("back", [1, 2, 5, 20])
 @pytest.mark.parametrize("victim", ["co", "pl", "ta", "ex", "km"])
-def test_a_shorter_journal_ends_the_task_too(victim: str, back: int, counted: dict[str, int], some: Some) -> None:
+def test_a_shorter_journal_ends_the_task_too(
+    victim: str, back: int, counted: dict[str, int], some: Some
+) -> None:
     """As it was some records ago: nobody waits for a message that was taken and is forgotten."""
     for step in (1 + int(part * counted[victim]) for part in some(PARTS, 2)):
         fleet, kept = Fleet(seed=back), list[bytes]()
@@ -123,7 +145,9 @@ def test_a_shorter_journal_ends_the_task_too(victim: str, back: int, counted: di
             kept.append(effects.record) if agent == victim and effects.record is not None else None
         )
         fleet.say()
-        fleet.until(lambda fleet=fleet, step=step: fleet.steps[victim] >= step or fleet.ended(), 3600.0)
+        fleet.until(
+            lambda fleet=fleet, step=step: fleet.steps[victim] >= step or fleet.ended(), 3600.0
+        )
         fleet.wires.put_back(victim, kept[max(0, len(kept) - 1 - back)])
         fleet.until(fleet.ended, 3600.0)
         assert all(task.state == "done" or task.why for task in fleet.tasks), (step, fleet.tasks)

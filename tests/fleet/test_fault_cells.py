@@ -1,4 +1,6 @@
-"""Twelve fixed cells of the table of docs/reliability.md, a phase of the pour each, in real fleets as shipped."""
+"""Twelve fixed cells of the table of docs/reliability.md, a phase of the pour each, in real fleets
+as shipped.
+"""
 
 from pathlib import Path
 
@@ -25,9 +27,11 @@ CELLS = {
     "pouring": ("kill", "loop", None),
     "finished": ("pause", "hi", 3.0),
 }
-"""Phase -> kind, process, seconds: each process at least once, the loop with a hand that closes and amid the pour.
+"""Phase -> kind, process, seconds: each process at least once, the loop with a hand that closes and
+amid the pour.
 
-Carrying, second grasp and looking are the worst found: in the table they did not pour at their first try.
+Carrying, second grasp and looking are the worst found: in the table they did not pour at their
+first try.
 """
 
 
@@ -35,7 +39,9 @@ def test_each_phase_kind_and_process_has_its_cell() -> None:
     """Those of the job and of the table; nobody waits for the page."""
     assert list(CELLS) == list(JOB.phases)
     assert {kind for kind, _, _ in CELLS.values()} == {"kill", "hang", "pause", "cut"}
-    assert {name for _, name, _ in CELLS.values()} == {process.name for process in SYSTEM.processes} - {"page"}
+    assert {name for _, name, _ in CELLS.values()} == {
+        process.name for process in SYSTEM.processes
+    } - {"page"}
 
 
 @pytest.mark.parametrize("phase", CELLS)

@@ -1,4 +1,6 @@
-"""A command given before the world was looked at: it waits for the end of the look around, however long that takes."""
+"""A command given before the world was looked at: it waits for the end of the look around, however
+long that takes.
+"""
 
 from collections.abc import Callable, Iterator
 from itertools import product
@@ -26,13 +28,17 @@ from services.knowledge.scene import Scene
 
 NO_LIGHT = (fact(Kind.NOTHING_IS_SEEN),)
 SLOW_S = 25.0
-TIRED_S = 300.0  # by then every command has ended that waits for a robot which never looks: estimate, some tries long
+# by then every command has ended that waits for a robot which never looks: estimate, some tries
+# long
+TIRED_S = 300.0
 
 Later = Callable[[float, Callable[[], None]], None]
 
 
 class Slow(Robot):
-    """Its look around takes minutes: 50 s until the first motion, 25 s and more for each; it says so beforehand."""
+    """Its look around takes minutes: 50 s until the first motion, 25 s and more for each; it says
+    so beforehand.
+    """
 
     def __init__(self, post: Post, world: World, later: Later) -> None:
         def frank(word: Any, delay_s: float = 0.0) -> None:
@@ -60,7 +66,10 @@ class Blind(Robot):
         """Have no look done."""
         if isinstance(content, Perform) and isinstance(content.command, rc.Look):
             kept = content.remembered
-            self._post(Ended(content.number, kept.not_done(content.command.key, "failed", NO_LIGHT), kept), 0.01)
+            self._post(
+                Ended(content.number, kept.not_done(content.command.key, "failed", NO_LIGHT), kept),
+                0.01,
+            )
         else:
             super().tell(content)
 
@@ -87,12 +96,18 @@ def fleet(request: pytest.FixtureRequest) -> Iterator[Fleet]:
         yield made
 
 
-slow, blind, silent = (pytest.mark.parametrize("fleet", [kind], indirect=True) for kind in (Slow, Blind, Silent))
+slow, blind, silent = (
+    pytest.mark.parametrize("fleet", [kind], indirect=True) for kind in (Slow, Blind, Silent)
+)
 
 
 def reports(fleet: Fleet) -> list[TaskReport]:
     """co's reports to hi, in order."""
-    said = [one for one in fleet.wires.traffic if one.sender == "co" and one.receiver == "hi" and one.content]
+    said = [
+        one
+        for one in fleet.wires.traffic
+        if one.sender == "co" and one.receiver == "hi" and one.content
+    ]
     return [report for one in said if isinstance(report := CMD.decode(one.content), TaskReport)]
 
 
@@ -105,7 +120,9 @@ def refused(fleet: Fleet, within_s: float) -> Facts:
 
 @slow
 def test_a_look_around_of_minutes(fleet: Fleet) -> None:
-    """The command was given before it began, and is carried out; the person is told once what is waited for."""
+    """The command was given before it began, and is carried out; the person is told once what is
+    waited for.
+    """
     fleet.say()
     fleet.until(lambda: fleet.state("ex") == "preparing")
     assert fleet.wires.memory("co").jobs, "the command came first"
@@ -115,7 +132,9 @@ def test_a_look_around_of_minutes(fleet: Fleet) -> None:
     assert fleet.finish() == ["done"]
     told = [one.why for one in reports(fleet)]
     assert told.count((fact(Kind.PLAN, 1, outgoing_messages.LOOKS),)) == 1
-    assert told.count((fact(Kind.PLAN, 1),)) == 1, "what waited for the look around is no further plan"
+    assert told.count((fact(Kind.PLAN, 1),)) == 1, (
+        "what waited for the look around is no further plan"
+    )
 
 
 @slow
@@ -130,8 +149,12 @@ def test_a_cancel_meanwhile(fleet: Fleet) -> None:
 
 
 @pytest.mark.parametrize("victim", ["km", "ta", "ex", "pl", "co"])
-def test_a_death_amid_a_long_look_around(victim: str, some: Callable[[Any, int], list[Any]]) -> None:
-    """The command is carried out whichever agent dies while the robot looks around, and comes back."""
+def test_a_death_amid_a_long_look_around(
+    victim: str, some: Callable[[Any, int], list[Any]]
+) -> None:
+    """The command is carried out whichever agent dies while the robot looks around, and comes
+    back.
+    """
     for at_s, point in some([*product((5.0, 80.0), Point)], 3):
         with fleet_of(Slow) as fleet:
             fleet.say()
@@ -159,7 +182,9 @@ def test_the_robot_cannot_look(fleet: Fleet) -> None:
 
 
 def test_ex_dead_for_good(fleet: Fleet) -> None:
-    """The wait for a look around that nobody makes ends in words; once ex is back, commands are served."""
+    """The wait for a look around that nobody makes ends in words; once ex is back, commands are
+    served.
+    """
     fleet.wires.crash("ex", Point.BEFORE, restart_s=900.0)
     fleet.say()
     assert refused(fleet, 120.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.NOT_ANSWERING, "ex")),)
@@ -169,7 +194,9 @@ def test_ex_dead_for_good(fleet: Fleet) -> None:
 
 
 def test_ta_dead_for_good(fleet: Fleet) -> None:
-    """km waits a while for an observer, and says that there is none; once ta is there, commands are served."""
+    """km waits a while for an observer, and says that there is none; once ta is there, commands are
+    served.
+    """
     fleet.wires.crash("ta", Point.BEFORE, restart_s=900.0)
     fleet.say()
     assert refused(fleet, 60.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.OBSERVER_AWAY)),)
@@ -212,7 +239,10 @@ def test_ta_dies_for_good_amid_it(fleet: Fleet) -> None:
 def test_a_silent_robot(fleet: Fleet) -> None:
     """ex gives its skill up each time, ta after some tries."""
     fleet.say()
-    assert [one.kind for one in with_reasons(refused(fleet, TIRED_S))] == [Kind.NOT_LOOKED_AROUND, Kind.NO_MOTION_FOUND]
+    assert [one.kind for one in with_reasons(refused(fleet, TIRED_S))] == [
+        Kind.NOT_LOOKED_AROUND,
+        Kind.NO_MOTION_FOUND,
+    ]
 
 
 def test_a_look_around_on_command(fleet: Fleet) -> None:
@@ -230,7 +260,9 @@ def test_a_look_around_on_command(fleet: Fleet) -> None:
 
 
 def test_who_knows_of_its_end_knows_the_rest(some: Callable[[Any, int], list[Any]]) -> None:
-    """No question is answered before all that the look around showed is known, whatever is lost on the way."""
+    """No question is answered before all that the look around showed is known, whatever is lost on
+    the way.
+    """
     for seed in some(range(10), 4):
         with Fleet(seed=seed, faults=Faults(loss=0.3)) as fleet:
             fleet.until(lambda fleet=fleet: fleet.up("km") and not fleet.wires.memory("km").patient)
@@ -240,7 +272,9 @@ def test_who_knows_of_its_end_knows_the_rest(some: Callable[[Any, int], list[Any
 def test_what_was_seen_is_told_though_the_end_of_the_look_around_is_not_known() -> None:
     """ta was gone for good before it told the end."""
     jar = wm.SeenObject("jar_1", "jar", Pose((0.8, 0.0, 0.9)), 1.0)
-    memory = knowledge.Memory(observed(Scene(), jar, (1, 1)), patient=False, blind=(fact(Kind.OBSERVER_AWAY),))
+    memory = knowledge.Memory(
+        observed(Scene(), jar, (1, 1)), patient=False, blind=(fact(Kind.OBSERVER_AWAY),)
+    )
     assert isinstance(knowledge.answer(memory, wm.ListObjects())[1], wm.Objects)
     assert knowledge.answer(replace(memory, scene=Scene()), wm.ListObjects())[1] == wm.Unknown(
         (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.OBSERVER_AWAY)),)
@@ -253,7 +287,11 @@ def test_what_was_looked_at_stays_looked_at(fleet: Fleet) -> None:
     fleet.until(fleet.at_rest)
     late = wm.NothingSeen((fact(Kind.NOTHING_IS_SEEN),))
     ta = fleet.wires.nodes["ta"].state.incarnation
-    told = next(one for one in fleet.wires.traffic if one.sender == "ta" and str(one.performative) == "inform")
+    told = next(
+        one
+        for one in fleet.wires.traffic
+        if one.sender == "ta" and str(one.performative) == "inform"
+    )
     fleet.wires.deliver(replace(told, id=f"look@{ta}.9999", content=msgspec.Raw(WM.encode(late))))
     fleet.wires.run_for(1.0)
     assert not fleet.wires.memory("km").blind

@@ -1,4 +1,6 @@
-"""Twenty commands and cancels in ten seconds: every task ends, each is told once, and the next command is served."""
+"""Twenty commands and cancels in ten seconds: every task ends, each is told once, and the next
+command is served.
+"""
 
 from collections import Counter
 
@@ -66,7 +68,9 @@ def all_end(fleet: Fleet, words: list[tuple[float, str]]) -> None:
 @some
 @given(st.lists(said, min_size=COUNT, max_size=COUNT))
 def test_twenty_commands_in_ten_seconds(words: list[tuple[float, str]]) -> None:
-    """Commands beyond the limit are refused in words; each step of each agent is a row of the design."""
+    """Commands beyond the limit are refused in words; each step of each agent is a row of the
+    design.
+    """
     with Fleet() as fleet:
         all_end(fleet, words)
         fleet.say("look around")
@@ -74,7 +78,11 @@ def test_twenty_commands_in_ten_seconds(words: list[tuple[float, str]]) -> None:
 
 
 @settings(some, max_examples=5)
-@given(st.lists(said, min_size=COUNT, max_size=COUNT), st.sampled_from(("co", "pl", "ta")), st.integers(1, 60))
+@given(
+    st.lists(said, min_size=COUNT, max_size=COUNT),
+    st.sampled_from(("co", "pl", "ta")),
+    st.integers(1, 60),
+)
 def test_no_command_is_lost_where_an_agent_dies_meanwhile(
     words: list[tuple[float, str]], victim: str, steps: int
 ) -> None:

@@ -1,4 +1,6 @@
-"""No program reads a sentence: with noise in place of every sentence, the same is said, done, shown and reported."""
+"""No program reads a sentence: with noise in place of every sentence, the same is said, done, shown
+and reported.
+"""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +22,20 @@ from services.human_interface import offers
 from services.page.view import Heard, View, view
 
 POUR = "pour the content of the jar into the bowl"
-WORDS = ("fact", "claim", "sensor", "fault", "part", "agent", "task", "furniture", "process", "event", "step", "leaf")
+WORDS = (
+    "fact",
+    "claim",
+    "sensor",
+    "fault",
+    "part",
+    "agent",
+    "task",
+    "furniture",
+    "process",
+    "event",
+    "step",
+    "leaf",
+)
 TEXTS = {"text", "reason", "failure", "words"}
 """Of a report: what a person reads."""
 
@@ -51,7 +66,9 @@ real = sentences.catalogue
 
 
 class Story(NamedTuple):
-    """What was said, hi's tasks, the page, the report, how much `why` tells, and the lines of live.jsonl."""
+    """What was said, hi's tasks, the page, the report, how much `why` tells, and the lines of
+    live.jsonl.
+    """
 
     said: list[bytes]
     tasks: list[Any]
@@ -72,7 +89,9 @@ def story(run: Path, *, missing: bool) -> Story:
         if shown_last and shown_last[-1] == (fleet.tasks, fleet.wires.memory("hi").context):
             return fleet.ended()
         shown_last.append((fleet.tasks, fleet.wires.memory("hi").context))
-        heard = Heard(hi=True, tasks=fleet.tasks, wishes=offers.wishes(fleet.wires.memory("hi").context))
+        heard = Heard(
+            hi=True, tasks=fleet.tasks, wishes=offers.wishes(fleet.wires.memory("hi").context)
+        )
         pages.extend(view(heard, language) for language in ("en", "pl"))
         return fleet.ended()
 
@@ -95,7 +114,9 @@ def story(run: Path, *, missing: bool) -> Story:
 
 
 def begun(lines: list[LiveLine]) -> set[str]:
-    """Return the phases of the usual task in which a fault may begin, as `roco chaos` finds them in these lines."""
+    """Return the phases of the usual task in which a fault may begin, as `roco chaos` finds them in
+    these lines.
+    """
     moments = {phase: parse(at, DESIGN, "pl") for phase, at in JOB.phases.items()}
     return {
         phase
@@ -121,8 +142,8 @@ def shown(one: View) -> tuple[Any, ...]:
 def test_noise_changes_nothing_but_what_a_person_reads(
     missing: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each communicate is the same to the byte; so are the tasks, the page's things, whether it has a step, the report,
-    the lines of live.jsonl, and the phases that chaos finds in them.
+    """Each communicate is the same to the byte; so are the tasks, the page's things, whether it has
+    a step, the report, the lines of live.jsonl, and the phases that chaos finds in them.
     """
     (tmp_path / "plain").mkdir()
     (tmp_path / "noise").mkdir()
@@ -137,5 +158,6 @@ def test_noise_changes_nothing_but_what_a_person_reads(
     assert wordless(noisy.report) == wordless(plain.report)
     assert noisy.why == plain.why
     assert noisy.lines == plain.lines
-    assert begun(plain.lines) == (ASKED if missing else JOB.phases.keys() - {"lifted", "carrying"})  # no such acts here
+    # no such acts here
+    assert begun(plain.lines) == (ASKED if missing else JOB.phases.keys() - {"lifted", "carrying"})
     assert [task.state for task in plain.tasks][-1] == ("failed" if missing else "done")

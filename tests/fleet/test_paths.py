@@ -1,4 +1,6 @@
-"""Paths of real agents are paths of the proven model: recorded runs, stories in memory, with deaths and cancels."""
+"""Paths of real agents are paths of the proven model: recorded runs, stories in memory, with deaths
+and cancels.
+"""
 
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -17,7 +19,9 @@ from companion.design import DESIGN
 from topdown.prove.paths import Follower
 
 HISTORY = Path(__file__).parents[1] / "histories" / "deeds_seed_7"
-"""The steps of six processes over Zenoh that poured (seed 7, speed max); what came in and went out was cut off."""
+"""The steps of six processes over Zenoh that poured (seed 7, speed max); what came in and went out
+was cut off.
+"""
 Some = Callable[[Any, int], list[Any]]
 
 
@@ -47,7 +51,9 @@ def test_a_step_that_was_not_made_is_missed(some: Some) -> None:
 
     def loud(agent: str, deed: Deed) -> bool:
         uses = whole.steps[agent].uses
-        return any(uses[one[0]].durable and one not in whole.fleet.parts.silent for one in deed.said)
+        return any(
+            uses[one[0]].durable and one not in whole.fleet.parts.silent for one in deed.said
+        )
 
     for number in some(range(0, 659, 60), 3):
         place = next(place for place in range(number, len(made)) if loud(*made[place]))
@@ -57,12 +63,26 @@ def test_a_step_that_was_not_made_is_missed(some: Some) -> None:
 
 
 def test_a_message_in_place_of_another_is_noticed() -> None:
-    """co tells hi of a failure where the plan succeeded: a move of co, but hi takes what was never said."""
+    """co tells hi of a failure where the plan succeeded: a move of co, but hi takes what was never
+    said.
+    """
     made = recorded()
-    place = max(n for n, (agent, deed) in enumerate(made) if agent == "co" and deed.took and "final" in deed.took[2])
+    place = max(
+        n
+        for n, (agent, deed) in enumerate(made)
+        if agent == "co" and deed.took and "final" in deed.took[2]
+    )
     agent, deed = made[place]
-    said = tuple((use, type(act)("failure") if act == "inform" else act, kind) for use, act, kind in deed.said)
-    assert Follower(DESIGN).follow([*made[:place], (agent, replace(deed, said=said)), *made[place + 1 :]]) is not None
+    said = tuple(
+        (use, type(act)("failure") if act == "inform" else act, kind)
+        for use, act, kind in deed.said
+    )
+    assert (
+        Follower(DESIGN).follow(
+            [*made[:place], (agent, replace(deed, said=said)), *made[place + 1 :]]
+        )
+        is not None
+    )
 
 
 @pytest.mark.parametrize("acts", range(1, 12, 2))

@@ -1,4 +1,5 @@
-"""Gate (b): all six agents in memory, with the true search, the true skills, the true loop and simulated physics.
+"""Gate (b): all six agents in memory, with the true search, the true skills, the true loop and
+simulated physics.
 
 In the last tests, the hands lose their friction for a while.
 """
@@ -32,9 +33,13 @@ def told(fleet: Fleet) -> Facts:
 
 @pytest.mark.long
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("eyes", [Eyes.RAYS, pytest.param(Eyes.PIXELS, marks=pytest.mark.needs_opengl)])
+@pytest.mark.parametrize(
+    "eyes", [Eyes.RAYS, pytest.param(Eyes.PIXELS, marks=pytest.mark.needs_opengl)]
+)
 def test_six_agents_pour(eyes: Eyes) -> None:
-    """Plan #1, Replan, plan #2: the content is in the bowl, the jar in the left hand, the bowl upright."""
+    """Plan #1, Replan, plan #2: the content is in the bowl, the jar in the left hand, the bowl
+    upright.
+    """
     with TrueFleet(SEED, eyes) as fleet:
         fleet.say()
         assert fleet.finish(limit_s=1200.0) == ["done"], fleet.tasks
@@ -67,8 +72,12 @@ def test_content_that_falls_beside_the_bowl_is_not_called_poured(tmp_path: Path)
 @pytest.mark.process
 @pytest.mark.needs_opengl
 @pytest.mark.timeout(200)
-def test_when_drawing_is_lost_the_robot_goes_on_by_rays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The libraries break and the eye's process dies: no task fails, and it is said once, whoever dies later."""
+def test_when_drawing_is_lost_the_robot_goes_on_by_rays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The libraries break and the eye's process dies: no task fails, and it is said once, whoever
+    dies later.
+    """
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     said: list[str] = []
@@ -95,7 +104,9 @@ def test_when_drawing_is_lost_the_robot_goes_on_by_rays(tmp_path: Path, monkeypa
 
 
 class Slippery(TrueFleet):
-    """Friction is gone for a while as soon as the jar has moved by `out` [m] towards the robot and `up` [m]."""
+    """Friction is gone for a while as soon as the jar has moved by `out` [m] towards the robot and
+    `up` [m].
+    """
 
     def __init__(self, seed: int, out: float, up: float) -> None:
         super().__init__(seed)
@@ -122,7 +133,9 @@ class Slippery(TrueFleet):
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_jar_that_falls_is_never_poured() -> None:
-    """The robot says within a second that it lost the jar, that a person is needed, and never that it is done."""
+    """The robot says within a second that it lost the jar, that a person is needed, and never that
+    it is done.
+    """
     told_s, falls = list[float](), [fact(Kind.LOST, side, "jar_1") for side in Side]
 
     def lost() -> bool:
@@ -149,7 +162,9 @@ def test_a_jar_that_falls_is_never_poured() -> None:
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_jar_lost_on_its_shelf_is_taken_again() -> None:
-    """It slides back through the hand that lifts it; the robot notices, looks, takes it again and pours."""
+    """It slides back through the hand that lifts it; the robot notices, looks, takes it again and
+    pours.
+    """
     with Slippery(SEED, out=-1.0, up=0.015) as fleet:
         fleet.say()
         assert fleet.finish(limit_s=1200.0) == ["done"], fleet.tasks

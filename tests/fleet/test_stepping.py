@@ -1,4 +1,6 @@
-"""An operator lets a plan go on act by act: at each level of autonomy, through deaths, cancels and long waits."""
+"""An operator lets a plan go on act by act: at each level of autonomy, through deaths, cancels and
+long waits.
+"""
 
 import pytest
 from pretended_fleet import NAMES, Fleet
@@ -26,12 +28,16 @@ def test_the_levels_ask_for_no_act_for_those_that_handle_things_and_for_all() ->
             assert fleet.world.poured == 1
     assert found[Level.AUTO] == []
     verbs = {leaf: leaf.split("/")[-1].split()[0] for leaf in found[Level.CONFIRM]}
-    assert found[Level.HANDLING] == [leaf for leaf, verb in verbs.items() if verb in ("grasp", "release", "pour")]
+    assert found[Level.HANDLING] == [
+        leaf for leaf, verb in verbs.items() if verb in ("grasp", "release", "pour")
+    ]
     assert 0 < len(found[Level.HANDLING]) < len(verbs) == len(found[Level.CONFIRM])
 
 
 def test_nothing_moves_while_an_act_waits(fleet: Fleet) -> None:
-    """Nor does any time limit of the plan run out: just before the wait is over, the plan still goes on."""
+    """Nor does any time limit of the plan run out: just before the wait is over, the plan still
+    goes on.
+    """
     fleet.begin(Level.CONFIRM)
     for _ in range(3):
         fleet.until(lambda: fleet.waiting)
@@ -104,7 +110,9 @@ def test_a_cancel_while_an_act_waits(step: int) -> None:
         assert fleet.finish(2)[-1] == "done"
 
 
-def test_a_cancel_while_the_first_act_waits_puts_down_what_an_earlier_task_holds(fleet: Fleet) -> None:
+def test_a_cancel_while_the_first_act_waits_puts_down_what_an_earlier_task_holds(
+    fleet: Fleet,
+) -> None:
     """Though no state of this plan has been active."""
     assert fleet.begin(Level.AUTO).finish() == ["done"]
     assert fleet.held
@@ -140,7 +148,9 @@ def test_an_order_about_another_act_changes_nothing(fleet: Fleet) -> None:
 
 
 def test_a_new_plan_instead_of_the_act_that_waits(fleet: Fleet) -> None:
-    """The act is not begun; the task goes on with another plan, whose first act is asked about again."""
+    """The act is not begun; the task goes on with another plan, whose first act is asked about
+    again.
+    """
     fleet.begin(Level.CONFIRM)
     fleet.until(lambda: fleet.waiting)
     before = acts(fleet)

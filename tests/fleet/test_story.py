@@ -1,4 +1,6 @@
-"""The paper's main run in memory: a command, plan #1, Replan, plan #2, Succeeded; and what its steps cost."""
+"""The paper's main run in memory: a command, plan #1, Replan, plan #2, Succeeded; and what its
+steps cost.
+"""
 
 from collections import Counter
 
@@ -18,7 +20,8 @@ from companion.design import DESIGN
 from companion.languages import wm
 from topdown.judge.verdicts import Verdict
 
-EXPLORED = 5  # messages the explored fleet ever had unreceipted in one stream; co to ta, the others 3
+# messages the explored fleet ever had unreceipted in one stream; co to ta, the others 3
+EXPLORED = 5
 
 
 def delivery(agent: str, peer: str, protocol: str) -> Delivery:
@@ -27,16 +30,22 @@ def delivery(agent: str, peer: str, protocol: str) -> Delivery:
 
 
 def test_the_story(fleet: Fleet) -> None:
-    """Plan #1 ends in Replan, plan #2 pours, the person is told once; then the next command is served.
+    """Plan #1 ends in Replan, plan #2 pours, the person is told once; then the next command is
+    served.
 
-    Every message is judged. co and ta say request, then inform and confirm by turns (figure 8 of the paper).
+    Every message is judged. co and ta say request, then inform and confirm by turns (figure 8 of
+    the paper).
     """
     fleet.say()
     assert fleet.finish() == ["done"]
     assert fleet.reports() == ["Replan", "Succeeded"]
     assert fleet.world.poured == 1
     assert any(isinstance(query, wm.HypotheticalState) for query in fleet.asked)
-    said = [str(one.performative) for one in fleet.wires.traffic if {one.sender, one.receiver} == {"co", "ta"}]
+    said = [
+        str(one.performative)
+        for one in fleet.wires.traffic
+        if {one.sender, one.receiver} == {"co", "ta"}
+    ]
     assert said.count("inform") == said.count("confirm")
     assert said.count("request") == 2
     assert len(fleet.judgements) == len(fleet.wires.traffic) > 150
@@ -57,9 +66,11 @@ def test_the_triple_store_mirrors_the_journal(fleet: Fleet) -> None:
 
 
 def test_the_whole_job_costs_few_records(fleet: Fleet) -> None:
-    """Queries are asked, answered and handed to the search without a sync, unless the FSM goes to another state.
+    """Queries are asked, answered and handed to the search without a sync, unless the FSM goes to
+    another state.
 
-    Two plans with all their queries cost pl a handful of syncs, and all agents together some hundred.
+    Two plans with all their queries cost pl a handful of syncs, and all agents together some
+    hundred.
     """
     soft, records = Counter[str](), Counter[str]()
 
@@ -70,7 +81,9 @@ def test_the_whole_job_costs_few_records(fleet: Fleet) -> None:
             soft[agent] += 1
             moved = [line.fields for line in effects.logs if line.event == "state"]
             there_and_back = bool(moved) and moved[0]["old"] == moved[-1]["new"]
-            assert effects.record is None or (moved and not there_and_back), f"{agent}, {one.performative}: {moved}"
+            assert effects.record is None or (moved and not there_and_back), (
+                f"{agent}, {one.performative}: {moved}"
+            )
 
     fleet.watch = look
     fleet.say()
@@ -85,7 +98,8 @@ def test_the_whole_job_costs_few_records(fleet: Fleet) -> None:
 def test_nothing_leaves_before_a_record_says_so(seed: int) -> None:
     """Receipts and durable messages of a step are covered by its record or by an earlier one.
 
-    Even where a third of all messages is lost, nobody has more unreceipted than the exploration found.
+    Even where a third of all messages is lost, nobody has more unreceipted than the exploration
+    found.
     """
     longest = Counter[tuple[str, str]]()
 
@@ -94,7 +108,9 @@ def test_nothing_leaves_before_a_record_says_so(seed: int) -> None:
             state = fleet.wires.nodes[name].state
             for peer, sent in state.outbox.items() if state else ():
                 longest[name, peer] = max(longest[name, peer], len(sent))
-        written = msgspec.msgpack.decode(effects.record or fleet.wires.nodes[agent].journal, type=Record)
+        written = msgspec.msgpack.decode(
+            effects.record or fleet.wires.nodes[agent].journal, type=Record
+        )
         for receipt in effects.receipts:
             if receipt.subject and receipt.version == (0, 0):
                 continue  # the last message of a volatile conversation: nothing to keep
@@ -108,7 +124,9 @@ def test_nothing_leaves_before_a_record_says_so(seed: int) -> None:
                 unreceipted = [sent.number for sent in written.outbox.get(one.receiver, ())]
                 assert not effects.record or int(one.id) in unreceipted
 
-    with Fleet(seed=seed, faults=Faults(loss=0.3, duplication=0.1, delay=0.1) if seed else None) as fleet:
+    with Fleet(
+        seed=seed, faults=Faults(loss=0.3, duplication=0.1, delay=0.1) if seed else None
+    ) as fleet:
         fleet.watch = look
         fleet.say()
         assert fleet.finish() == ["done"]
@@ -116,7 +134,9 @@ def test_nothing_leaves_before_a_record_says_so(seed: int) -> None:
 
 
 def test_an_agent_starts_from_the_journal_of_a_stand_in(fleet: Fleet) -> None:
-    """After a person spoke in its place: with its first memory in its first state, one life later, numbering on."""
+    """After a person spoke in its place: with its first memory in its first state, one life later,
+    numbering on.
+    """
     for name in NAMES:
         core = fleet.wires.nodes[name].core
         record = _record(None, name, DESIGN.agent(name).initial)

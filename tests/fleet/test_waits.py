@@ -10,7 +10,9 @@ from services.planner.device_messages import Answer, Begin, Died
 
 
 def test_an_empty_world(fleet: Fleet) -> None:
-    """The plan fails with its reason if nothing is seen: km knows only what observations told it."""
+    """The plan fails with its reason if nothing is seen: km knows only what observations told
+    it.
+    """
     fleet.world.poses.clear()
     fleet.say()
     assert fleet.finish() == ["failed"]
@@ -20,7 +22,9 @@ def test_an_empty_world(fleet: Fleet) -> None:
 
 
 def test_no_question_is_answered_before_the_first_look(fleet: Fleet) -> None:
-    """A command that comes before anything was seen waits for the look around instead of failing."""
+    """A command that comes before anything was seen waits for the look around instead of
+    failing.
+    """
     fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=8.0)
     fleet.say()
     assert fleet.finish() == ["done"]
@@ -47,9 +51,16 @@ def test_km_away_while_planning(fleet: Fleet) -> None:
 
 
 def test_km_away_at_the_barrier(fleet: Fleet) -> None:
-    """ta reports after a while, and says that observations are pending; km gets them when it is back."""
+    """ta reports after a while, and says that observations are pending; km gets them when it is
+    back.
+    """
     fleet.say()
-    fleet.until(lambda: "Look" in str(type(getattr(fleet.wires.memory("ex").act, "command", ""))) and seen(fleet))
+    fleet.until(
+        lambda: (
+            "Look" in str(type(getattr(fleet.wires.memory("ex").act, "command", "")))
+            and seen(fleet)
+        )
+    )
     fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=300.0)
     fleet.until(fleet.ended, 200.0)
     assert fact(Kind.NOT_OBSERVED_YET) in fleet.why()
@@ -62,7 +73,9 @@ def seen(fleet: Fleet) -> bool:
 
 
 def test_ex_away_in_an_act(fleet: Fleet) -> None:
-    """The command ends when its time is over; when ex is back the fleet comes to rest and serves on."""
+    """The command ends when its time is over; when ex is back the fleet comes to rest and serves
+    on.
+    """
     fleet.say()
     fleet.until(lambda: seen(fleet) and fleet.state("ex") == "acting")
     fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=600.0)
@@ -79,7 +92,11 @@ def test_hypotheses_lost(fleet: Fleet) -> None:
     fleet.until(lambda: any(isinstance(query, wm.HypotheticalState) for query in fleet.asked))
     fleet.wires.crash("km", Point.AFTER, in_steps=1)
     assert fleet.finish() == ["done"]
-    first = [query for query in fleet.asked if isinstance(query, wm.HypotheticalState) and query.id.endswith("plan1/0")]
+    first = [
+        query
+        for query in fleet.asked
+        if isinstance(query, wm.HypotheticalState) and query.id.endswith("plan1/0")
+    ]
     assert len(first) == 2
 
 

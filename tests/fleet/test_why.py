@@ -1,4 +1,6 @@
-"""`roco why` and `roco trace` on whole stories of the fleet: the true cause of each end, from step logs alone."""
+"""`roco why` and `roco trace` on whole stories of the fleet: the true cause of each end, from step
+logs alone.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,12 +26,18 @@ def fleet(tmp_path: Path) -> Iterator[LoggedFleet]:
 
 def told(why: Why, title: str) -> list[str]:
     """The sentences of a passage; [] where there is none."""
-    return next(([fact.text for fact in one.facts] for one in why.passages if one.title == title), [])
+    return next(
+        ([fact.text for fact in one.facts] for one in why.passages if one.title == title), []
+    )
 
 
 def running(fleet: Fleet, act: str) -> None:
     """Go on until the oldest task that has not ended is in this act."""
-    fleet.until(lambda: any(task.at and act in task.at.id for task in fleet.tasks if task.state == "running"))
+    fleet.until(
+        lambda: any(
+            task.at and act in task.at.id for task in fleet.tasks if task.state == "running"
+        )
+    )
 
 
 def test_a_thing_that_is_not_there(fleet: LoggedFleet) -> None:
@@ -66,11 +74,15 @@ def test_an_agent_that_was_killed(fleet: LoggedFleet, agent: str) -> None:
     running(fleet, "grasp" if agent == "ta" else "")
     fleet.wires.kill(agent, restart_s=2.0)
     assert fleet.finish() == ["done"]
-    assert any(text.startswith(f"{agent} was gone") for text in told(fleet.reasons(), "who was away"))
+    assert any(
+        text.startswith(f"{agent} was gone") for text in told(fleet.reasons(), "who was away")
+    )
 
 
 def test_a_task_that_was_left(fleet: LoggedFleet) -> None:
-    """The scheduler's decision with its numbers, when it was left, put aside and taken up; the urgent one has none."""
+    """The scheduler's decision with its numbers, when it was left, put aside and taken up; the
+    urgent one has none.
+    """
     fleet.say(POUR)
     running(fleet, "grasp")
     urgent_wish = "look around"
@@ -90,19 +102,28 @@ def test_a_task_that_was_left(fleet: LoggedFleet) -> None:
 
 
 def test_what_each_agent_does_for_a_task_stands_below_it(fleet: LoggedFleet) -> None:
-    """Of two tasks at once, each has its plans, its queries and its acts; every link is from a step log."""
+    """Of two tasks at once, each has its plans, its queries and its acts; every link is from a step
+    log.
+    """
     fleet.say(POUR)
     fleet.say("look around")
     assert fleet.finish(2) == ["done", "done"]
     trace = fleet.traced().trace
     for task in (one for one in trace.roots if one.initiator == "hi"):
         below = [span for _, span in trace.below(task)][1:]
-        assert {(span.initiator, span.participant) for span in below} >= {("co", "pl"), ("co", "ta"), ("ta", "ex")}
+        assert {(span.initiator, span.participant) for span in below} >= {
+            ("co", "pl"),
+            ("co", "ta"),
+            ("ta", "ex"),
+        }
         plans = {span.messages[0].text for span in below if span.participant == "pl"}
         assert plans == {"ground task network"}
         assert {span.known for span in below} == {Known.STEP}
         for span in below:
             assert task.start <= span.start
-            assert next(one for one in trace.spans if one.id == span.parent).participant == span.initiator
+            assert (
+                next(one for one in trace.spans if one.id == span.parent).participant
+                == span.initiator
+            )
     roots = {(one.initiator, one.protocol) for one in trace.roots}
     assert roots == {("hi", "request"), ("km", "subscribe")}  # the first look is for km's sake

@@ -1,7 +1,8 @@
 """Six agents in memory with the true search, the true skills, the true loop and simulated physics.
 
-Loop and simulated Velma are beside ex's agent in one process: a motion is run in the call, to its next look. Virtual
-time goes on by the simulated time it took; a Brake that answers no look therefore always comes too late.
+Loop and simulated Velma are beside ex's agent in one process: a motion is run in the call, to its
+next look. Virtual time goes on by the simulated time it took; a Brake that answers no look
+therefore always comes too late.
 """
 
 from functools import partial
@@ -15,7 +16,19 @@ from companion.eyes import Eyes
 from companion.languages.facts import Facts
 from companion.skills.loop_messages import Phase
 from services.executor.__main__ import RobotDevice
-from services.executor.local import Brake, Do, Felt, GoOn, Halt, Moved, Passing, Setup, Stands, Where, scene_of
+from services.executor.local import (
+    Brake,
+    Do,
+    Felt,
+    GoOn,
+    Halt,
+    Moved,
+    Passing,
+    Setup,
+    Stands,
+    Where,
+    scene_of,
+)
 from services.executor.loop.core import LoopCore
 from services.executor.renderer import Renderer
 from services.executor.skill_device import SkillDevice
@@ -38,7 +51,8 @@ class TrueFleet(Fleet):
 
         def robot(post: Post) -> RobotDevice:
             return RobotDevice(
-                SkillDevice(post, setup, Renderer(partial(scene_of, setup))), CalledLoop(post, self.core)
+                SkillDevice(post, setup, Renderer(partial(scene_of, setup))),
+                CalledLoop(post, self.core),
             )
 
         super().__init__(seed=seed, search=SearchDevice, robot=robot)

@@ -1,4 +1,6 @@
-"""One reader and many inputs: the outcomes, the slowest, the memory. An undocumented error is a crash."""
+"""One reader and many inputs: the outcomes, the slowest, the memory. An undocumented error is a
+crash.
+"""
 
 import random
 import resource
@@ -18,7 +20,9 @@ from targets import Run, Target
 HANGS_S = 5.0
 """Longest for one input; estimate: a hundred times what the slowest takes on a busy machine."""
 GROWTH_KB = 64 * 1024
-"""One input of 64 kB may not raise the peak of memory by more; estimate: a thousand bytes for each of its own."""
+"""One input of 64 kB may not raise the peak of memory by more; estimate: a thousand bytes for each
+of its own.
+"""
 
 
 class Hangs(BaseException):
@@ -34,7 +38,8 @@ class Crash(msgspec.Struct, frozen=True):
 
 
 class Outcome(msgspec.Struct):
-    """Results for all inputs. `errors`: documented ones by type; "": accepted. `slowest_ms` of processor: `slowest`.
+    """Results for all inputs. `errors`: documented ones by type; "": accepted. `slowest_ms` of
+    processor: `slowest`.
 
     `peak_mb` of memory; `grown_mb`: since the valid inputs were read.
     """
@@ -51,7 +56,10 @@ class Outcome(msgspec.Struct):
 def fuzz(target: Target, seed: int, count: int) -> Outcome:
     """Return what came of `count` inputs, the same ones for the same seed."""
     chance, seeds, outcome = random.Random(f"{target.name} {seed}"), target.seeds(), Outcome()
-    with tempfile.TemporaryDirectory(prefix="fuzz-", dir=_memory()) as folder, target.read(Path(folder)) as run:
+    with (
+        tempfile.TemporaryDirectory(prefix="fuzz-", dir=_memory()) as folder,
+        target.read(Path(folder)) as run,
+    ):
         for data in seeds:
             with suppress(*target.allowed):
                 run(data)
@@ -63,7 +71,9 @@ def fuzz(target: Target, seed: int, count: int) -> Outcome:
                 outcome.slowest_ms, outcome.slowest = took, data
             before, peak = peak, _peak()
             if peak - before > GROWTH_KB:
-                outcome.crashes.append(Crash(data, f"memory grew by {(peak - before) // 1024} MB", "memory"))
+                outcome.crashes.append(
+                    Crash(data, f"memory grew by {(peak - before) // 1024} MB", "memory")
+                )
     outcome.peak_mb, outcome.grown_mb = round(peak / 1024, 1), round((peak - begin) / 1024, 1)
     return outcome
 
@@ -87,7 +97,9 @@ def _one(target: Target, run: Run, data: bytes, outcome: Outcome) -> float:
     except target.allowed as error:
         outcome.errors[type(error).__name__] += 1
         if not str(error):
-            outcome.crashes.append(Crash(data, f"{type(error).__name__} without words", _place(error)))
+            outcome.crashes.append(
+                Crash(data, f"{type(error).__name__} without words", _place(error))
+            )
     except (Exception, Hangs) as error:
         outcome.crashes.append(Crash(data, f"{type(error).__name__}: {error}"[:300], _place(error)))
     return (time.thread_time() - began) * 1000

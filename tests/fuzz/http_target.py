@@ -1,4 +1,6 @@
-"""hi's HTTP service over a real socket: any bytes get an answer in HTTP and JSON, or the end of the connection."""
+"""hi's HTTP service over a real socket: any bytes get an answer in HTTP and JSON, or the end of the
+connection.
+"""
 
 import socket
 from collections.abc import Callable, Iterator
@@ -21,7 +23,15 @@ LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
 
 
 def _request(line: bytes, body: bytes = b"", more: bytes = b"") -> bytes:
-    head = line + b" HTTP/1.1\r\nHost: " + HOST + b"\r\nAuthorization: Bearer " + TOKEN + b"\r\n" + more
+    head = (
+        line
+        + b" HTTP/1.1\r\nHost: "
+        + HOST
+        + b"\r\nAuthorization: Bearer "
+        + TOKEN
+        + b"\r\n"
+        + more
+    )
     return head + (b"Content-Length: %d\r\n" % len(body) if body else b"") + b"\r\n" + body
 
 
@@ -31,14 +41,19 @@ REQUESTS = (
     _request(b"GET /tasks"),
     _request(b"GET /events?since=0&wait=0"),
     _request(b"GET /events?since=18446744073709551615&wait=0.0", more=b"Connection: close\r\n"),
-    _request(b"POST /say", b'{"text": "%C3%A4"}', b"Expect: 100-continue\r\nTransfer-Encoding: chunked\r\n"),
+    _request(
+        b"POST /say",
+        b'{"text": "%C3%A4"}',
+        b"Expect: 100-continue\r\nTransfer-Encoding: chunked\r\n",
+    ),
 )
 
 
 @contextmanager
 def serving(folder: Path) -> Iterator[Callable[[bytes], None]]:
     """The service with an agent that answers at once."""
-    longest, server.LONGEST_WAIT_S = server.LONGEST_WAIT_S, 0.02  # a changed wait=9 would be a wait of 9 s, as asked
+    # a changed wait=9 would be a wait of 9 s, as asked
+    longest, server.LONGEST_WAIT_S = server.LONGEST_WAIT_S, 0.02
     bounds = loopback_server.LOOK_S, loopback_server.BODY_S
     loopback_server.LOOK_S, loopback_server.BODY_S = 0.02, 0.05  # else half a request is waited for
     desk = server.HttpDevice(lambda word, delay=0.0: desk.tell(Answer(word.ticket, LINE)), folder)

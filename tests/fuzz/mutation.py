@@ -1,7 +1,8 @@
-"""Inputs made from valid ones: changes of bytes, of text, and of the structure that a reader sees behind its framing.
+"""Inputs made from valid ones: changes of bytes, of text, and of the structure that a reader sees
+behind its framing.
 
-A change of bytes alone rarely comes past a length or a checksum. So a shape takes an input apart, one part or one value
-in it is changed, and lengths and checksums are made right again.
+A change of bytes alone rarely comes past a length or a checksum. So a shape takes an input apart,
+one part or one value in it is changed, and lengths and checksums are made right again.
 """
 
 import json
@@ -17,18 +18,38 @@ import msgspec
 LONGEST = 64 * 1024
 """Bytes of an input; estimate: longer ones show the same at a hundredth of the pace."""
 ODD_BYTES = (
-    b"\x00", b"\xff", b"\x7f", b"\x80", b"\xc0\x80", b"\xed\xa0\x80", b"\xc1", b"\xd9\xff", b"\xdd\xff\xff\xff\xff",
+    b"\x00", b"\xff", b"\x7f", b"\x80", b"\xc0\x80", b"\xed\xa0\x80", b"\xc1", b"\xd9\xff",
+    b"\xdd\xff\xff\xff\xff",
 )  # fmt: skip
-"""Ends of ranges, half a surrogate pair, heads of MessagePack that are not used or promise 4 GiB."""
-ODD_NUMBERS = (0, 1, -1, 127, 128, 255, 65535, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1)
+"""Ends of ranges, half a surrogate pair, heads of MessagePack that are not used or promise 4
+GiB.
+"""
+ODD_NUMBERS = (
+    0,
+    1,
+    -1,
+    127,
+    128,
+    255,
+    65535,
+    2**31 - 1,
+    2**31,
+    2**32 - 1,
+    2**63 - 1,
+    2**63,
+    2**64 - 1,
+)
 ODD_VALUES: tuple[Any, ...] = (
     *ODD_NUMBERS, -(2**63), float("nan"), float("inf"), float("-inf"), 1e308, -0.0, 5e-324,
-    None, True, False, "", "\x00", "\U0010ffff", "x" * 300, "9" * 5000, "{0}", "../..", "\u2028", b"", b"\xff" * 9,
+    None, True, False, "", "\x00", "\U0010ffff", "x" * 300, "9" * 5000, "{0}", "../..", "\u2028",
+    b"", b"\xff" * 9,
     [], {}, [[]], {"": None},
 )  # fmt: skip
 ODD_TEXTS = (
-    "nan", "inf", "-inf", "1e999", "-0", "9" * 25, "9" * 5000, "0x", "1979-05-27T07:32:00Z", "\\ud800", "\\u0000",
-    '"', "'", '"""', "(", ")", "[", "]", "{", "}", "[[", '#9"', ":", "\\", "\x00", "\u2028", "\u0130", "%s", "{}",
+    "nan", "inf", "-inf", "1e999", "-0", "9" * 25, "9" * 5000, "0x", "1979-05-27T07:32:00Z",
+    "\\ud800", "\\u0000",
+    '"', "'", '"""', "(", ")", "[", "]", "{", "}", "[[", '#9"', ":", "\\", "\x00", "\u2028",
+    "\u0130", "%s", "{}",
     "true", "null", "\r", "\n\n", "=", ".",
 )  # fmt: skip
 DEEP = (b"(", b"[", b"{", b'{"a":', b"\x91", b"\x81\xa1a", b"((", b"[[")
@@ -65,7 +86,10 @@ def insert(data: bytes, chance: random.Random) -> bytes:
 
 def number(data: bytes, chance: random.Random) -> bytes:
     """Put an odd number over what stands there, as a length would stand."""
-    at, form = chance.randrange(len(data) + 1), chance.choice(("<B", "<H", ">H", "<I", ">I", "<Q", ">Q"))
+    at, form = (
+        chance.randrange(len(data) + 1),
+        chance.choice(("<B", "<H", ">H", "<I", ">I", "<Q", ">Q")),
+    )
     size = struct.calcsize(form)
     packed = struct.pack(form, chance.choice(ODD_NUMBERS) % (1 << 8 * size))
     return data[:at] + packed + data[at + size :]
@@ -171,16 +195,20 @@ def behind(head_bytes: int, change: Bytes) -> Bytes:
 def jsoned(data: bytes, chance: random.Random) -> bytes:
     """Change a value in JSON, with NaN where it has none; text where it is none."""
     try:
-        return json.dumps(changed(json.loads(data), chance), default=str).encode(errors="surrogatepass")
+        return json.dumps(changed(json.loads(data), chance), default=str).encode(
+            errors="surrogatepass"
+        )
     except (ValueError, RecursionError):
         return chance.choice(TEXT)(data, chance)
 
 
-# --- framings ---------------------------------------------------------------------------------------------------------
+# --- framings -------------------------------------------------------------------------------------
 
 
 class Frames(msgspec.Struct, frozen=True):
-    """A framing: `split` gives head and records, `join` puts them together with right lengths and checksums."""
+    """A framing: `split` gives head and records, `join` puts them together with right lengths and
+    checksums.
+    """
 
     split: Callable[[bytes], tuple[bytes, list[bytes]]]
     join: Callable[[bytes, list[bytes]], bytes]
@@ -205,7 +233,8 @@ class Frames(msgspec.Struct, frozen=True):
 
 
 def lengths(head_bytes: int, form: str, *first: bytes, checked: bool = False) -> Frames:
-    """Return the framing by a length (and a CRC-32) before each record, behind that many bytes of head.
+    """Return the framing by a length (and a CRC-32) before each record, behind that many bytes of
+    head.
 
     `first`: what the frame of each record begins with.
     """
@@ -222,7 +251,8 @@ def lengths(head_bytes: int, form: str, *first: bytes, checked: bool = False) ->
     def join(begin: bytes, records: list[bytes]) -> bytes:
         sums = ((zlib.crc32(one),) if checked else () for one in records)
         return begin + b"".join(
-            head.pack(*first, len(one), *last) + one for one, last in zip(records, sums, strict=True)
+            head.pack(*first, len(one), *last) + one
+            for one, last in zip(records, sums, strict=True)
         )
 
     return Frames(split, join)
@@ -243,7 +273,9 @@ def _mcap_split(data: bytes) -> tuple[bytes, list[bytes]]:
 
 
 def _mcap_join(head: bytes, records: list[bytes]) -> bytes:
-    return head + b"".join(one[:1] + struct.pack("<Q", max(0, len(one) - 1)) + one[1:] for one in records)
+    return head + b"".join(
+        one[:1] + struct.pack("<Q", max(0, len(one) - 1)) + one[1:] for one in records
+    )
 
 
 def _mcap_record(data: bytes, chance: random.Random) -> bytes:
@@ -256,11 +288,13 @@ def _mcap_record(data: bytes, chance: random.Random) -> bytes:
 MCAP = Frames(_mcap_split, _mcap_join, _mcap_record)
 
 
-# --- all together -----------------------------------------------------------------------------------------------------
+# --- all together ---------------------------------------------------------------------------------
 
 
 def mutated(seeds: Sequence[bytes], changes: Sequence[Bytes], chance: random.Random) -> bytes:
-    """Return an input made of these valid ones by one or several of these changes, or of the halves of two."""
+    """Return an input made of these valid ones by one or several of these changes, or of the halves
+    of two.
+    """
     data = chance.choice(seeds)
     if chance.random() < 0.1:
         other = chance.choice(seeds)

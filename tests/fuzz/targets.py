@@ -1,4 +1,6 @@
-"""Targets of the fuzzer: each reader of bytes from elsewhere, the errors it may raise, and valid inputs."""
+"""Targets of the fuzzer: each reader of bytes from elsewhere, the errors it may raise, and valid
+inputs.
+"""
 
 import math
 import shutil
@@ -53,7 +55,8 @@ Run = Callable[[bytes], None]
 
 
 class Target(msgspec.Struct, frozen=True):
-    """`read` opens what runs one input. `allowed`: the documented errors. `weight`: share of all inputs.
+    """`read` opens what runs one input. `allowed`: the documented errors. `weight`: share of all
+    inputs.
 
     `text`: for tables; `answers`: what becomes of wrong inputs where no error is raised.
     """
@@ -98,7 +101,7 @@ def filed(run: Callable[[Path], None]) -> Callable[[Path], AbstractContextManage
     return opened
 
 
-# --- communicates -----------------------------------------------------------------------------------------------------
+# --- communicates ---------------------------------------------------------------------------------
 
 
 @cache
@@ -118,7 +121,9 @@ def wires() -> list[bytes]:
 
 
 def codec(data: bytes) -> None:
-    """Check that an accepted input is encoded to something accepted as the same; its content is read or refused."""
+    """Check that an accepted input is encoded to something accepted as the same; its content is
+    read or refused.
+    """
     one = decode(data)
     held(decode(encode(one)) == one or "nan" in repr(one), "decode(encode(x)) is x")
     decode_strictly(data)
@@ -127,12 +132,14 @@ def codec(data: bytes) -> None:
 
 ACL_PEERS = (
     rb"(REQUEST :sender (agent-identifier :name ta@jade :addresses (sequence http://h:7778/acc)) "
-    rb':receiver (set (agent-identifier :name co)) :content "((action (agent-identifier :name co) (pour \"jar\")))" '
+    rb':receiver (set (agent-identifier :name co)) :content "((action (agent-identifier :name co)'
+    rb' (pour \"jar\")))" '
     rb":language fipa-sl0 :ontology RoCo :protocol fipa-request "
     rb":conversation-id C17_3 :reply-with R3 :reply-by 20261123T120000000Z :X-JADE-Encoding None)",
     rb'(inform:sender(agent-identifier:namerock):receiver(set(agent-identifier:namega)):content#5"hello:protocolrequest'
     rb":reply-by+00000000T000010000)",
-    rb"(query-ref :sender (agent-identifier :name pl :resolvers (sequence (agent-identifier :name df))) "
+    rb"(query-ref :sender (agent-identifier :name pl :resolvers (sequence (agent-identifier :name"
+    rb" df))) "
     rb':reply-to (set) :content #3"a"b :X-note 12d)',
 )
 
@@ -142,7 +149,11 @@ def acl_texts() -> list[bytes]:
     forms = (acl_string.Form.READABLE, acl_string.Form.BINARY)
     return [
         *ACL_PEERS,
-        *(acl_string.render(acl_string.to_acl(decode(wire), form=f)) for wire in wires() for f in forms),
+        *(
+            acl_string.render(acl_string.to_acl(decode(wire), form=f))
+            for wire in wires()
+            for f in forms
+        ),
     ]
 
 
@@ -158,20 +169,28 @@ def acl(data: bytes) -> None:
 def samples() -> list[bytes]:
     """Key and bytes of what a tap heard."""
     heard = (sampled(one, SYSTEM.design) for one in recorded())
-    house = b"roco/roco/_/receipt/co/ta\n" + msgspec.msgpack.encode(Receipt("ta", 3)), b"roco/roco/_/alive/co/3\n"
+    house = (
+        b"roco/roco/_/receipt/co/ta\n" + msgspec.msgpack.encode(Receipt("ta", 3)),
+        b"roco/roco/_/alive/co/3\n",
+    )
     return [*(one.key.encode() + b"\n" + one.data for one in heard), *house]
 
 
 def sample(data: bytes) -> None:
-    """The recorder makes a record of anything, and an agent an event; any other bytes are named garbage."""
+    """The recorder makes a record of anything, and an agent an event; any other bytes are named
+    garbage.
+    """
     key, _, payload = data.partition(b"\n")
     text = key.decode(errors="replace")
     record = understood(Sample(text, payload, 1.76e9, token="/alive/" in text), SYSTEM)
-    held(isinstance(record, Garbage) or len(text.split("/")) > 3, "what has no key of the design is garbage")
+    held(
+        isinstance(record, Garbage) or len(text.split("/")) > 3,
+        "what has no key of the design is garbage",
+    )
     zenoh_wire.arrived(FromWire(text, tuple(text.split("/")[3:]), payload))
 
 
-# --- files of a run ---------------------------------------------------------------------------------------------------
+# --- files of a run -------------------------------------------------------------------------------
 
 
 def recordings() -> list[bytes]:
@@ -181,12 +200,16 @@ def recordings() -> list[bytes]:
         head, found = MCAP.split((HISTORIES / run / "traffic.mcap").read_bytes())
         tables = [one for one in found[:400] if one[:1] in b"\x01\x03\x04"]
         said = [one for one in found if one[:1] == b"\x05" and len(one) < 4000]
-        made += [MCAP.join(head, [*tables, *said[at : at + 6], found[-1]]) for at in range(0, 300, 10)]
+        made += [
+            MCAP.join(head, [*tables, *said[at : at + 6], found[-1]]) for at in range(0, 300, 10)
+        ]
     return made
 
 
 def recording(path: Path) -> None:
-    """Check that all readable parts are read, the rest is a hole, and another recorder goes on behind it."""
+    """Check that all readable parts are read, the rest is a hole, and another recorder goes on
+    behind it.
+    """
     heard = mcap_file.read(path, SYSTEM)
     history.of_records(heard.records, SYSTEM, whole=heard.whole)
     with suppress(NoRecordingError):
@@ -211,17 +234,26 @@ def journals() -> list[bytes]:
     for name, core in cores().items():
         steps = steplog.read(HISTORIES / f"verified_pour_seed_7/steps/{name}.steps")
         written = [effects.record for _, effects in steplog.replay(core, steps) if effects.record]
-        made += [MAGIC + frame(core.record(core.boot(None))), *(MAGIC + frame(one) for one in written[::6])]
+        made += [
+            MAGIC + frame(core.record(core.boot(None))),
+            *(MAGIC + frame(one) for one in written[::6]),
+        ]
         made += [MAGIC + b"".join(map(frame, written[-3:]))]
     return made
 
 
 def journal(path: Path) -> None:
-    """Opened, or refused in words; the agent starts from what is in it, or refuses in words; it can be written."""
+    """Opened, or refused in words; the agent starts from what is in it, or refuses in words; it can
+    be written.
+    """
     opened = Journal(path)
     try:
         last = opened.last
-        named = (core for name, core in cores().items() if b"\xa5agent\xa2" + name.encode() in (last or b""))
+        named = (
+            core
+            for name, core in cores().items()
+            if b"\xa5agent\xa2" + name.encode() in (last or b"")
+        )
         core = next(named, cores()["co"])
         state = core.boot(last)
         opened.append(core.record(state))
@@ -251,7 +283,7 @@ def step_log(path: Path) -> None:
 
 STEPS, JOURNAL = lengths(0, "<I"), lengths(len(MAGIC), HEAD.format, MARK, checked=True)
 
-# --- an agent's other inputs ------------------------------------------------------------------------------------------
+# --- an agent's other inputs ----------------------------------------------------------------------
 
 
 class Moment(msgspec.Struct, frozen=True):
@@ -286,12 +318,17 @@ def to_agents() -> list[bytes]:
 
 
 def agent(data: bytes) -> None:
-    """An agent takes any communicate in any state, and can write down and send what follows from it."""
+    """An agent takes any communicate in any state, and can write down and send what follows from
+    it.
+    """
     one = moments()[int.from_bytes(data[:2], "big") % len(moments())]
     state, event, more = one.state, Arrived(decode(data[2:])), True
     while more:
         state, effects = one.core.step(state, event, one.at)
-        held(effects.record is None or one.core.boot(effects.record).kept == state.kept, "its record is its state")
+        held(
+            effects.record is None or one.core.boot(effects.record).kept == state.kept,
+            "its record is its state",
+        )
         for said in effects.sends:
             decode_strictly(encode(said))
         event, more = Next(), effects.more
@@ -299,7 +336,13 @@ def agent(data: bytes) -> None:
 
 def orders() -> list[bytes]:
     """One of each order."""
-    every = (Pause(), Resume(), SetLevel("debug"), SetParameter("attempts", 7), SetParameter("slack", 2.5))
+    every = (
+        Pause(),
+        Resume(),
+        SetLevel("debug"),
+        SetParameter("attempts", 7),
+        SetParameter("slack", 2.5),
+    )
     return [msgspec.msgpack.encode(Command(f"console-{n}", order)) for n, order in enumerate(every)]
 
 
@@ -315,13 +358,19 @@ def order(data: bytes) -> None:
     core, state = serving()
     after, _ = core.step(state, zenoh_wire.ordered(data), 2.0)
     restarted = core.boot(core.record(after))
-    held(restarted.now_set == after.now_set or "nan" in repr(after.now_set), "what was set is kept over a restart")
+    held(
+        restarted.now_set == after.now_set or "nan" in repr(after.now_set),
+        "what was set is kept over a restart",
+    )
 
 
 SENTENCES = (
-    "pour the jar into the bowl", "take the jar with the left hand", "put down the bowl on the table", "look around",
-    "status", "cancel", "cancel hi-1-3", "go home", "what do you hold?", "halt", "Please, pour jar_1 into bowl_1!",
-    "take the jar and pour it into the bowl", "weź słoik lewą ręką", "no", "yes", "the other one", "tkae the jar",
+    "pour the jar into the bowl", "take the jar with the left hand",
+    "put down the bowl on the table", "look around",
+    "status", "cancel", "cancel hi-1-3", "go home", "what do you hold?", "halt",
+    "Please, pour jar_1 into bowl_1!",
+    "take the jar and pour it into the bowl", "weź słoik lewą ręką", "no", "yes", "the other one",
+    "tkae the jar",
 )  # fmt: skip
 
 
@@ -340,12 +389,14 @@ def sentence(data: bytes) -> None:
         wishes.in_words(found.tasks)
 
 
-# --- files people write -----------------------------------------------------------------------------------------------
+# --- files people write ---------------------------------------------------------------------------
 
 
 def designs() -> list[bytes]:
     """Design files: the small ones, and the beginnings of tables of the large ones."""
-    return [(ROOT / f"tests/topdown/{name}.toml").read_bytes() for name in ("lamp", "grouped", "barrow")]
+    return [
+        (ROOT / f"tests/topdown/{name}.toml").read_bytes() for name in ("lamp", "grouped", "barrow")
+    ]
 
 
 def checked(path: Path) -> None:
@@ -378,24 +429,35 @@ def faults(path: Path) -> None:
     for one in scenario.choose(scenario.load(path), 7):
         scenario.fault_arguments(one, 1.76e9)
         numbers = [one.for_, one.amount, one.within, one.at]
-        held(all(math.isfinite(x) for x in numbers if isinstance(x, float)), "what was chosen is finite")
+        held(
+            all(math.isfinite(x) for x in numbers if isinstance(x, float)),
+            "what was chosen is finite",
+        )
 
 
 TARGETS = (
-    Target("codec", "communicates and their contents", wires, plain(codec), (*BINARY, packed, *[content] * 8),
+    Target("codec", "communicates and their contents", wires, plain(codec),
+           (*BINARY, packed, *[content] * 8),
            (FipaError,), 6.0),
     Target("acl", "ACL text", acl_texts, plain(acl), TEXT, (MalformedError,), 3.0),
-    Target("sample", "what a tap hears; what reaches an agent", samples, plain(sample), (*BINARY, *TEXT),
+    Target("sample", "what a tap hears; what reaches an agent", samples, plain(sample),
+           (*BINARY, *TEXT),
            weight=3.0, answers="garbage"),
     Target("agent", "communicates to an agent in the middle of its work", to_agents, plain(agent),
-           tuple(behind(2, change) for change in (flip, packed, packed, *[content] * 5)), (MalformedError,), 2.0),
+           tuple(behind(2, change) for change in (flip, packed, packed, *[content] * 5)),
+           (MalformedError,), 2.0),
     Target("order", "orders to an agent", orders, plain(order), (*BINARY, packed, packed, packed),
            weight=2.0, answers="counted"),
-    Target("sentence", "sentences of a person", sentences, plain(sentence), TEXT, weight=2.0, answers="a sentence"),
-    Target("recording", "recordings", recordings, filed(recording), (*BINARY, *[MCAP.change] * 8), answers="left out"),
-    Target("journal", "journals", journals, filed(journal), (*BINARY, *[JOURNAL.change] * 5), (RuntimeFault,)),
-    Target("step_log", "step logs", step_logs, filed(step_log), (*BINARY, *[STEPS.change] * 6), (StepLogError,)),
-    Target("design", "design files, read and checked", designs, filed(checked), TEXT, (TopdownError,), 0.2),
+    Target("sentence", "sentences of a person", sentences, plain(sentence), TEXT, weight=2.0,
+           answers="a sentence"),
+    Target("recording", "recordings", recordings, filed(recording), (*BINARY, *[MCAP.change] * 8),
+           answers="left out"),
+    Target("journal", "journals", journals, filed(journal), (*BINARY, *[JOURNAL.change] * 5),
+           (RuntimeFault,)),
+    Target("step_log", "step logs", step_logs, filed(step_log), (*BINARY, *[STEPS.change] * 6),
+           (StepLogError,)),
+    Target("design", "design files, read and checked", designs, filed(checked), TEXT,
+           (TopdownError,), 0.2),
     Target("scenario", "scenarios of faults", scenarios, filed(faults), TEXT, (UsageError,)),
     Target("http", "hi's HTTP service, over a socket", lambda: list(REQUESTS), serving_http, TEXT,
            weight=0.25, answers="status and JSON"),

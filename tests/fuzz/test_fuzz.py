@@ -1,4 +1,5 @@
-"""Wrong inputs end in documented errors, with words: some thousand new ones, and each that was a crash once.
+"""Wrong inputs end in documented errors, with words: some thousand new ones, and each that was a
+crash once.
 
 `benchmarks/fuzz.py` runs a million; what crashes there is kept in tests/fuzz_corpus.
 """
@@ -20,7 +21,9 @@ each = pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name
 
 def unbroken(outcome: Outcome) -> None:
     """No crash."""
-    assert not outcome.crashes, [(crash.where, crash.what, crash.input[:200]) for crash in outcome.crashes[:3]]
+    assert not outcome.crashes, [
+        (crash.where, crash.what, crash.input[:200]) for crash in outcome.crashes[:3]
+    ]
 
 
 @each
@@ -39,7 +42,9 @@ def test_what_crashed_once_does_not_again(path: Path, tmp_path: Path) -> None:
 
 
 @each
-def test_valid_inputs_are_accepted_and_some_changed_ones_are_not(target: Target, tmp_path: Path) -> None:
+def test_valid_inputs_are_accepted_and_some_changed_ones_are_not(
+    target: Target, tmp_path: Path
+) -> None:
     """Else nothing but the first check of a reader would be tried."""
     seeds = target.seeds()
     accepted = [not replayed(target, data, tmp_path).errors.keys() - {""} for data in seeds[:12]]
@@ -52,7 +57,9 @@ def test_valid_inputs_are_accepted_and_some_changed_ones_are_not(target: Target,
 
 
 def test_a_reader_that_crashes_hangs_or_breaks_its_promise_is_noticed(tmp_path: Path) -> None:
-    """The fuzzer finds the crash and the broken promise of a toy reader, and accepts a fine input."""
+    """The fuzzer finds the crash and the broken promise of a toy reader, and accepts a fine
+    input.
+    """
 
     def reader(data: bytes) -> None:
         held(data != b"promise", "never b'promise'")
@@ -60,7 +67,13 @@ def test_a_reader_that_crashes_hangs_or_breaks_its_promise_is_noticed(tmp_path: 
 
     from contextlib import nullcontext
 
-    toy = Target("toy", "a toy", lambda: [b"seed"], lambda folder: nullcontext(reader), BY_NAME["codec"].changes)
+    toy = Target(
+        "toy",
+        "a toy",
+        lambda: [b"seed"],
+        lambda folder: nullcontext(reader),
+        BY_NAME["codec"].changes,
+    )
     assert fuzz(toy, SEED, 200).crashes
     assert "Broken" in replayed(toy, b"promise", tmp_path).crashes[0].what
     assert not replayed(toy, b"fine", tmp_path).crashes

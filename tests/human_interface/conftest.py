@@ -7,7 +7,14 @@ import pytest
 
 from companion.run_files import HI_FILE, HiAddress, HiEvent, Problem, TaskLine
 from services.human_interface import server
-from services.human_interface.local import Answer, CancelWanted, NewEvent, Sentence, Shown, StopRobot
+from services.human_interface.local import (
+    Answer,
+    CancelWanted,
+    NewEvent,
+    Sentence,
+    Shown,
+    StopRobot,
+)
 
 LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
 
@@ -28,12 +35,15 @@ class Client:
             case Sentence(ticket=ticket, text="status"):
                 self.desk.tell(Answer(ticket, problem="no coordinator yet", status=503))
             case Sentence(ticket=ticket, text="nie"):
-                self.desk.tell(Answer(ticket, TaskLine("", "refused", "All right, then not.", "nie", 1.0)))
+                self.desk.tell(
+                    Answer(ticket, TaskLine("", "refused", "All right, then not.", "nie", 1.0))
+                )
             case CancelWanted(ticket=ticket, task="hi-9-9"):
                 self.desk.tell(Answer(ticket, problem="there is no task 'hi-9-9'", status=404))
             case Sentence(text="silence"):
                 pass
-            case Sentence(ticket=ticket, text="that one"):  # and that answer means that the robot is to stop
+            # and that answer means that the robot is to stop
+            case Sentence(ticket=ticket, text="that one"):
                 self.desk.tell(StopRobot(ticket, "that one"))
             case Sentence(ticket=ticket) | CancelWanted(ticket=ticket):
                 self.desk.tell(Answer(ticket, LINE))
@@ -48,7 +58,9 @@ class Client:
         connection = http.client.HTTPConnection("127.0.0.1", self.address.port, timeout=10.0)
         told = {"Authorization": f"Bearer {self.address.token}", **headers}
         try:
-            connection.request(verb, path, body, {name: text for name, text in told.items() if text is not None})
+            connection.request(
+                verb, path, body, {name: text for name, text in told.items() if text is not None}
+            )
             answer = connection.getresponse()
             return answer.status, answer.read()
         finally:

@@ -1,4 +1,6 @@
-"""hi on pretend wires, with a co that does as the test says and a device that notes what people would see."""
+"""hi on pretend wires, with a co that does as the test says and a device that notes what people
+would see.
+"""
 
 from functools import cache
 
@@ -25,7 +27,15 @@ from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative as P
 from services.human_interface.behaviours import ANSWER_WITHIN_S, agent
 from services.human_interface.grammar import understand
-from services.human_interface.local import Answer, CancelWanted, Halted, NewEvent, Sentence, Shown, StopRobot
+from services.human_interface.local import (
+    Answer,
+    CancelWanted,
+    Halted,
+    NewEvent,
+    Sentence,
+    Shown,
+    StopRobot,
+)
 from services.human_interface.memory import AGAIN_S, ASKED_S, CONDITIONS, KEPT_TASKS
 
 read = cache(understand)
@@ -51,7 +61,9 @@ class Scene:
             lambda post: Called(post, lambda word: self.shown.append(word) or ()),
         )
         if co:
-            self.wires.add(Agent("co", "on", Nothing(), {"on": Behaviour(self.act)}), wiring("co", "test"))
+            self.wires.add(
+                Agent("co", "on", Nothing(), {"on": Behaviour(self.act)}), wiring("co", "test")
+            )
         self.settle()
 
     def act(self, memory, turn):
@@ -68,7 +80,9 @@ class Scene:
 
     def say(self, text, asker="me"):
         """A person says it; the answer."""
-        return self.ask(Sentence(f"t{len(self.shown)}", text, read(text), asker=asker, at=self.wires.now))
+        return self.ask(
+            Sentence(f"t{len(self.shown)}", text, read(text), asker=asker, at=self.wires.now)
+        )
 
     def cancel(self, task="", language="en"):
         """A person cancels; the answer."""
@@ -78,7 +92,9 @@ class Scene:
         """The one answer to a word."""
         self.wires.post("hi", word)
         self.settle()
-        (answer,) = [one for one in self.shown if isinstance(one, Answer) and one.ticket == word.ticket]
+        (answer,) = [
+            one for one in self.shown if isinstance(one, Answer) and one.ticket == word.ticket
+        ]
         return answer
 
     def co(self, task, performative, content, **more):
@@ -118,7 +134,10 @@ def test_a_sentence_becomes_a_request_and_its_answer_names_the_task(scene):
     line = scene.say("Please pour the content of the jar into the bowl.").line
     (request,) = scene.heard
     assert (request.conversation, request.content) == (line.task, PourInto("jar", "bowl"))
-    assert (line.state, line.text) == ("waiting", "I will pour the content of the jar into the bowl.")
+    assert (line.state, line.text) == (
+        "waiting",
+        "I will pour the content of the jar into the bowl.",
+    )
     assert scene.tasks == {line.task: "waiting"}
 
 
@@ -160,7 +179,9 @@ def test_states_of_a_task_are_those_that_co_tells(scene):
         (P.NOT_UNDERSTOOD, Reason("busy"), fact(Why.NOT_UNDERSTOOD, "co")),
     ],
 )
-def test_whatever_ends_a_task_badly_shows_as_failed_with_its_reason(scene, performative, content, why):
+def test_whatever_ends_a_task_badly_shows_as_failed_with_its_reason(
+    scene, performative, content, why
+):
     """Refused, failed, not understood; a text of the protocol is for the log alone."""
     task = scene.say("take the jar").line.task
     scene.co(task, performative, content)
@@ -184,7 +205,12 @@ def test_a_cancel_is_answered_in_words_not_by_the_step_of_the_plan(scene):
     """In the language of who cancels; the task itself goes on telling its step."""
     task = scene.say("look around").line.task
     scene.say("take the jar")
-    scene.report(task, P.AGREE, TaskState.RUNNING, at=Place(("look around", "look"), Step("look-around"), "Look"))
+    scene.report(
+        task,
+        P.AGREE,
+        TaskState.RUNNING,
+        at=Place(("look around", "look"), Step("look-around"), "Look"),
+    )
     assert scene.cancel(task).line.text == "I am cancelling: look around."
     assert scene.cancel(task, "pl").line.text == "Anuluję: rozejrzyj się."
     assert scene.say("anuluj").line.text == "Anuluję: rozejrzyj się."
@@ -259,7 +285,10 @@ def test_a_coordinator_that_does_not_answer_is_told_once_and_again_when_it_does(
     scene.settle(ANSWER_WITHIN_S - 0.5)
     assert [event.name for event in scene.events] == ["asked"]
     scene.settle(60.0)
-    assert [(event.name, event.task) for event in scene.events] == [("asked", task), ("robot-unreachable", task)]
+    assert [(event.name, event.task) for event in scene.events] == [
+        ("asked", task),
+        ("robot-unreachable", task),
+    ]
     assert scene.tasks == {task: "waiting"}
     scene.report(task, P.AGREE, TaskState.PLANNING)
     scene.settle(1.0)
@@ -306,9 +335,13 @@ def test_hi_binds_exactly_the_names_of_the_design():
 
 
 def test_what_a_person_reads_names_the_task_and_says_since_when(scene):
-    """Of several the oldest; the text stays till there is another, the time till there is another state."""
+    """Of several the oldest; the text stays till there is another, the time till there is another
+    state.
+    """
     first, second = (scene.say(words).line for words in ("take the jar", "look around"))
-    assert scene.say("status").line.text == "; ".join(f"{one.task} is waiting: {one.text}" for one in (first, second))
+    assert scene.say("status").line.text == "; ".join(
+        f"{one.task} is waiting: {one.text}" for one in (first, second)
+    )
     scene.settle(1.0)
     scene.report(first.task, P.AGREE, TaskState.WAITING, NEXT)
     status = scene.say("status").line
@@ -335,7 +368,9 @@ def test_a_cancel_of_what_there_is_not_names_what_there_is(scene):
 def test_who_has_the_answer_finds_the_task(scene):
     """Tasks are shown before the answer is."""
     task = scene.say("take the jar").line.task
-    answered = next(n for n, one in enumerate(scene.shown) if isinstance(one, Answer) and one.line.task == task)
+    answered = next(
+        n for n, one in enumerate(scene.shown) if isinstance(one, Answer) and one.line.task == task
+    )
     before = [one for one in scene.shown[:answered] if isinstance(one, Shown)][-1]
     assert [line.task for line in before.tasks] == [task]
 
@@ -367,7 +402,9 @@ def test_what_cannot_be_understood_of_co_fails_the_task(scene):
     """In words, and the conversation is over."""
     task = scene.say("take the jar").line.task
     (asked,) = [one for one in scene.wires.traffic if one.performative is P.REQUEST]
-    wrong = msgspec.structs.replace(asked, sender="co", receiver="hi", id="1", performative=P.INFORM, reply_with="")
+    wrong = msgspec.structs.replace(
+        asked, sender="co", receiver="hi", id="1", performative=P.INFORM, reply_with=""
+    )
     scene.wires.deliver(wrong)
     scene.settle()
     line = scene.line(task)
@@ -376,7 +413,16 @@ def test_what_cannot_be_understood_of_co_fails_the_task(scene):
 
 def test_urgency_and_deadline_of_a_sentence_go_to_the_coordinator(scene):
     """Each wish of the sentence has them; without them nothing more is said than before."""
-    scene.ask(Sentence("t", "take the jar and look around", read("take the jar and look around"), False, 1, 60.0))
+    scene.ask(
+        Sentence(
+            "t",
+            "take the jar and look around",
+            read("take the jar and look around"),
+            False,
+            1,
+            60.0,
+        )
+    )
     sent = [one.content for one in scene.heard if isinstance(one.content, cmd.Command)]
     assert [one.urgency for one in sent] == [1, 1]
     assert {round(one.deadline - scene.wires.now, 1) for one in sent} == {59.9}
@@ -389,7 +435,9 @@ def test_urgency_and_deadline_of_a_sentence_go_to_the_coordinator(scene):
 def test_what_was_urgent_is_urgent_when_a_question_was_answered(scene):
     """The options of the question keep it, and the answer of hi says it."""
     words = "take the container"
-    asked = scene.ask(Sentence("t", words, read(words), False, 1, 600.0, asker="me", at=scene.wires.now))
+    asked = scene.ask(
+        Sentence("t", words, read(words), False, 1, 600.0, asker="me", at=scene.wires.now)
+    )
     assert asked.line.state == "question"
     line = scene.say("the jar").line
     assert line.text == "I will take the jar, before anything else, within 10 min."
@@ -413,7 +461,7 @@ def test_the_answer_names_the_time_of_day_by_the_clock_of_who_asks(scene, when, 
     assert line.text == answer.format(then // 60 % 24, then % 60)
 
 
-# --- stopped ----------------------------------------------------------------------------------------------------------
+# --- stopped --------------------------------------------------------------------------------------
 
 
 def test_a_stop_that_reached_the_robot_is_told_and_cancels_nothing(scene):
@@ -431,7 +479,9 @@ def test_a_stop_out_of_reach_cancels_every_task(scene):
     tasks = [scene.say(text).line.task for text in ("take the jar", "look around")]
     scene.wires.post("hi", Halted(True, False, "elsewhere"))
     scene.settle()
-    cancelled = [one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL]
+    cancelled = [
+        one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL
+    ]
     assert cancelled == tasks
     assert ("refused", "elsewhere") in [(event.name, event.text) for event in scene.events]
 
@@ -442,7 +492,7 @@ def test_a_stopped_robot_takes_no_task(scene):
     assert (line.state, "roco release" in line.text, scene.heard) == ("refused", True, [])
 
 
-# --- what is said of things, and of several at once -------------------------------------------------------------------
+# --- what is said of things, and of several at once -----------------------------------------------
 
 
 def test_two_wishes_become_two_tasks_in_their_order(scene):
@@ -467,7 +517,9 @@ def test_what_follows_in_a_sentence_is_cancelled_where_the_first_was_not_done(sc
         scene.report(line.task, P.INFORM, TaskState.CANCELLED, kind=Kind.CANCEL)
     else:
         scene.report(line.task, P.REFUSE, TaskState.FAILED, BUSY)
-    cancelled = {one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL}
+    cancelled = {
+        one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL
+    }
     assert cancelled - {line.task} == set(line.then)
     assert other not in cancelled
 
@@ -482,7 +534,13 @@ def test_what_follows_a_done_task_goes_on(scene):
 
 def test_it_and_the_other_one_are_what_was_talked_of(scene):
     """Until something else is."""
-    for text in ("take the jar", "put it down", "take the bowl", "put the other one down", "take the other one"):
+    for text in (
+        "take the jar",
+        "put it down",
+        "take the bowl",
+        "put the other one down",
+        "take the other one",
+    ):
         assert scene.say(text).line.state == "waiting", text
     things = [one.content.object for one in scene.heard]
     assert things == ["jar", "jar", "bowl", "jar", "bowl"]
@@ -490,7 +548,10 @@ def test_it_and_the_other_one_are_what_was_talked_of(scene):
 
 def test_a_question_back_is_answered_by_yes_or_by_a_name(scene):
     """Nothing moves before; after any other sentence the question is forgotten."""
-    for text, answer, wanted in (("take the red jar", "yes", "jar"), ("take the spoon", "the bowl", "bowl")):
+    for text, answer, wanted in (
+        ("take the red jar", "yes", "jar"),
+        ("take the spoon", "the bowl", "bowl"),
+    ):
         assert scene.say(text).line.state == "question"
         assert scene.say("what can you do?").line.state == "answered"
         assert scene.say(answer).line.state != "waiting"
@@ -499,7 +560,9 @@ def test_a_question_back_is_answered_by_yes_or_by_a_name(scene):
         assert scene.heard[-1].content == Take(wanted)
 
 
-@pytest.mark.parametrize(("question", "answer"), [("take the red jar", "yes"), ("take the spoon", "the jar")])
+@pytest.mark.parametrize(
+    ("question", "answer"), [("take the red jar", "yes"), ("take the spoon", "the jar")]
+)
 def test_a_question_is_answered_by_who_was_asked(scene, question, answer):
     """What another one says neither answers it nor ends it; each may be asked something."""
     assert scene.say(question, "kitchen").line.state == "question"
@@ -523,14 +586,18 @@ def test_a_question_is_open_for_so_long(scene):
 
 
 def test_open_questions_are_shown_to_who_must_tell_an_answer_from_a_stop(scene):
-    """Before the answer is there, in both languages, also after hi was killed; none once it was answered."""
+    """Before the answer is there, in both languages, also after hi was killed; none once it was
+    answered.
+    """
 
     def questions():
         return [one for one in scene.shown if isinstance(one, Shown)][-1].questions
 
     ticket = f"t{len(scene.shown)}"
     scene.say("weź czerwony słoik")
-    at = next(n for n, one in enumerate(scene.shown) if isinstance(one, Answer) and one.ticket == ticket)
+    at = next(
+        n for n, one in enumerate(scene.shown) if isinstance(one, Answer) and one.ticket == ticket
+    )
     asked = [one for one in scene.shown[:at] if isinstance(one, Shown)][-1].questions
     (question,) = asked
     assert (question.asker, set(question.replies)) == ("me", {"yes", "no", "tak", "nie"})
@@ -541,17 +608,26 @@ def test_open_questions_are_shown_to_who_must_tell_an_answer_from_a_stop(scene):
     assert questions()[0] == question
     assert set(questions()[1].replies) == {"jar", "bowl", "no", "słoik", "miska", "nie"}
     assert scene.say("nie").line.state == "refused"
-    assert {one.asker: round(one.until - scene.wires.now) for one in questions()} == {"another": 28, "me": 2}
+    assert {one.asker: round(one.until - scene.wires.now) for one in questions()} == {
+        "another": 28,
+        "me": 2,
+    }
 
 
 @pytest.mark.parametrize("text", ["take the jar", "take the jar and put it down"])
 def test_six_clicks_are_one_task(scene, text):
-    """Each within two seconds of the one before; it is said so. Later, or of somebody else, it is another task."""
+    """Each within two seconds of the one before; it is said so. Later, or of somebody else, it is
+    another task.
+    """
     first = scene.say(text).line
     for _ in range(5):
         scene.settle(AGAIN_S - 0.2)
         line = scene.say(f" {text} ").line
-        assert (line.task, line.then, line.text) == (first.task, first.then, f"Already asked: {first.text}")
+        assert (line.task, line.then, line.text) == (
+            first.task,
+            first.then,
+            f"Already asked: {first.text}",
+        )
     asked = len(scene.heard)
     assert scene.say(text, "another").line.task != first.task
     assert scene.say("take the bowl").line.task != first.task
@@ -561,8 +637,13 @@ def test_six_clicks_are_one_task(scene, text):
 
 
 def test_what_was_cancelled_is_new_if_it_is_said_again_at_once(scene):
-    """Whoever cancels it, and by a button, too; another task of the same person stays the same one."""
-    first, other = scene.say("take the jar").line.task, scene.say("look around", "another").line.task
+    """Whoever cancels it, and by a button, too; another task of the same person stays the same
+    one.
+    """
+    first, other = (
+        scene.say("take the jar").line.task,
+        scene.say("look around", "another").line.task,
+    )
     scene.report(first, P.AGREE, TaskState.WAITING)
     scene.wires.post("hi", CancelWanted("c", first))
     scene.settle()
@@ -575,7 +656,13 @@ def test_clicks_in_another_order_are_one_task(scene):
     """Each request has a thread of its own: a later click may be first."""
     for at in (1.0, 0.0, 1.2, 0.4):
         scene.ask(
-            Sentence(f"t{len(scene.shown)}", "look around", read("look around"), asker="me", at=scene.wires.now + at)
+            Sentence(
+                f"t{len(scene.shown)}",
+                "look around",
+                read("look around"),
+                asker="me",
+                at=scene.wires.now + at,
+            )
         )
     assert len(scene.heard) == 1
 
@@ -584,12 +671,24 @@ def test_what_is_wanted_more_urgently_is_asked_again(scene):
     """It is no repetition, nor is the same by one who gives no name."""
     words = "look around"
     for urgency, asker in ((0, "me"), (1, "me"), (0, ""), (0, "")):
-        scene.ask(Sentence(f"t{len(scene.shown)}", words, read(words), False, urgency, asker=asker, at=scene.wires.now))
+        scene.ask(
+            Sentence(
+                f"t{len(scene.shown)}",
+                words,
+                read(words),
+                False,
+                urgency,
+                asker=asker,
+                at=scene.wires.now,
+            )
+        )
     assert len(scene.heard) == 4
 
 
 def test_a_double_click_on_an_answer_is_one_answer(scene):
-    """A second yes does nothing, a second no does not stop the robot; the replies are known as such for a moment."""
+    """A second yes does nothing, a second no does not stop the robot; the replies are known as such
+    for a moment.
+    """
     scene.say("take the red jar")
     task = scene.say("yes").line.task
     assert scene.say("yes").line.task == task
@@ -614,7 +713,9 @@ def test_a_cancel_said_twice_at_once_cancels_one_task(scene):
     scene.report(tasks[0], P.INFORM, TaskState.CANCELLED, kind=Kind.CANCEL)
     assert scene.say("cancel").line.task == tasks[0]
     assert scene.tasks == {tasks[0]: "cancelled", tasks[1]: "waiting"}
-    assert [one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL] == tasks[:1]
+    assert [
+        one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL
+    ] == tasks[:1]
 
 
 def test_no_to_a_question_moves_nothing_and_a_no_out_of_nothing_stops(scene):
@@ -628,7 +729,9 @@ def test_no_to_a_question_moves_nothing_and_a_no_out_of_nothing_stops(scene):
     assert scene.heard == []
 
 
-@pytest.mark.parametrize(("text", "told"), [("how do I stop you?", "`roco stop`"), ("jak cię zatrzymać?", "Escape")])
+@pytest.mark.parametrize(
+    ("text", "told"), [("how do I stop you?", "`roco stop`"), ("jak cię zatrzymać?", "Escape")]
+)
 def test_who_asks_how_to_stop_is_told(scene, text, told):
     """It is no stop (companion.stop_words), and a question like any other."""
     line = scene.say(text).line
@@ -676,7 +779,10 @@ def test_what_was_given_to_a_person_is_not_offered_any_more(scene, seen, given, 
         scene.report(task, P.INFORM, TaskState.DONE, fact(Why.SEEN, *seen))
 
     def offered():
-        return {wish.thing.en for wish in [one for one in scene.shown if isinstance(one, Shown)][-1].wishes}
+        return {
+            wish.thing.en
+            for wish in [one for one in scene.shown if isinstance(one, Shown)][-1].wishes
+        }
 
     looked()
     scene.say("take the jar")
@@ -694,7 +800,9 @@ def test_what_was_given_to_a_person_is_not_offered_any_more(scene, seen, given, 
 
 
 def test_why_names_the_reason(scene):
-    """Of the task that is open, else of the last one that was not done; in the language of who asks."""
+    """Of the task that is open, else of the last one that was not done; in the language of who
+    asks.
+    """
     assert scene.say("why?").line.text == "Nothing that you asked for has failed so far."
     task = scene.say("take the jar").line.task
     assert scene.say("why?").line.text == "You said 'take the jar'. Now: waiting."
@@ -709,7 +817,9 @@ def test_everything_can_be_cancelled_at_once(scene):
     """Each task."""
     tasks = {scene.say(text).line.task for text in ("take the jar", "look around")}
     scene.say("cancel everything")
-    assert {one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL} == tasks
+    assert {
+        one.conversation for one in scene.heard if one.communicate.performative is P.CANCEL
+    } == tasks
 
 
 def test_no_word_releases_a_stopped_robot(scene):
@@ -719,13 +829,18 @@ def test_no_word_releases_a_stopped_robot(scene):
 
 
 def test_an_act_that_waits_for_an_operator_is_told_until_it_begins(scene):
-    """By its place for programs, in words for people; a person who says "go on" hears who can let it begin."""
+    """By its place for programs, in words for people; a person who says "go on" hears who can let
+    it begin.
+    """
     task = scene.say("take the jar").line.task
     scene.report(task, P.AGREE, TaskState.WAITING)
     scene.co(task, P.INFORM, TaskReport(TaskState.RUNNING, at=GRASP, number=1, asks=True))
     line = scene.line(task)
     assert (line.asks, line.at, line.number) == ("take jar_1/grasp", GRASP, 1)
-    assert line.text == "waits for you: next is 'take jar (grasp) with the left hand' - `roco step` to go on"
+    assert (
+        line.text
+        == "waits for you: next is 'take jar (grasp) with the left hand' - `roco step` to go on"
+    )
     assert "roco step" in scene.say("go on").line.text
     assert "roco step" in scene.say("why?").line.text
     scene.report(task, P.INFORM, TaskState.RUNNING, at=GRASP)

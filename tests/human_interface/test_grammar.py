@@ -19,7 +19,13 @@ from companion.tasks.pour.command import PourInto
 from companion.tasks.put_down.command import PutDown
 from companion.tasks.take.command import Take
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, SAY, THINGS, WISHES, can, say
-from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_WORDS, VOCABULARY, understand
+from services.human_interface.grammar import (
+    MOST_CHARACTERS,
+    MOST_WISHES,
+    MOST_WORDS,
+    VOCABULARY,
+    understand,
+)
 from services.human_interface.wishes import Act, Ask, Context, Option, Tell, in_words, outcome
 
 TABLES = Path(__file__).parent / "sentences"
@@ -28,7 +34,8 @@ NO_TASK = {"cancel_all": "cancel", "cancel": "cancel", "stop": "stop", "release"
 FEW = settings(
     max_examples=25, deadline=None, phases=(Phase.explicit, Phase.generate, Phase.shrink)
 )  # a sentence takes 20 ms, and some of the tests have several
-MOST_CALLS = 5_000_000  # calls and returns of the worst sentence; the worst that was found has 2.1 million
+# calls and returns of the worst sentence; the worst that was found has 2.1 million
+MOST_CALLS = 5_000_000
 UNDERSTOOD_OF_OURS = 0.95
 UNDERSTOOD_OF_OTHERS = 0.5
 names = st.sampled_from(("jar", "bowl", "jar_2"))
@@ -40,8 +47,12 @@ FIELDS = {
 
 def commands_of(content):
     """Commands of a class: fields without a default are things, and two of them differ."""
-    needed = content.__struct_fields__[: len(content.__struct_fields__) - len(content.__struct_defaults__)]
-    things = {name: names if name in needed else st.one_of(st.just(""), names) for name in THINGS_NAMED}
+    needed = content.__struct_fields__[
+        : len(content.__struct_fields__) - len(content.__struct_defaults__)
+    ]
+    things = {
+        name: names if name in needed else st.one_of(st.just(""), names) for name in THINGS_NAMED
+    }
     fields = [name for name in content.__struct_fields__ if name not in Command.__struct_fields__]
     made = st.builds(content, **{name: (FIELDS | things)[name] for name in fields})
     return made.filter(lambda one: len(set(one.things)) == len(one.things))
@@ -76,8 +87,8 @@ def short(found):
 
 
 def _task(command):
-    """The word that people ask for it with, and what it is about; the tables make no difference between a table and any
-    place.
+    """The word that people ask for it with, and what it is about; the tables make no difference
+    between a table and any place.
     """
     about = [word for word in command.task.arguments if word not in ("", "table")]
     return " ".join((VERBS[type(command)], *about))
@@ -89,7 +100,11 @@ def rows(table):
         if not line.startswith("#"):
             want, before, sentence = line.split("\t")
             context = Context(mentioned=tuple(re.findall(r"\w+", before)))
-            yield want, "stop" if stop_words(sentence) else found_in(understand(sentence), context), sentence
+            yield (
+                want,
+                "stop" if stop_words(sentence) else found_in(understand(sentence), context),
+                sentence,
+            )
 
 
 def found_in(meaning, context):
@@ -105,10 +120,12 @@ def acts(found):
 
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize(
-    ("table", "least", "part"), [("tuned.tsv", 150, UNDERSTOOD_OF_OURS), ("held_out.tsv", 75, UNDERSTOOD_OF_OTHERS)]
+    ("table", "least", "part"),
+    [("tuned.tsv", 150, UNDERSTOOD_OF_OURS), ("held_out.tsv", 75, UNDERSTOOD_OF_OTHERS)],
 )
 def test_sentences_of_a_table_end_as_a_person_would_want(table, least, part):
-    """Whether the language was made for them or not: done, asked back, or refused with what can be done.
+    """Whether the language was made for them or not: done, asked back, or refused with what can be
+    done.
 
     None becomes another act. Which of the held-out ones end otherwise is not shown.
     """
@@ -131,7 +148,9 @@ def test_tasks_in_words_are_understood_as_themselves(language, wanted, end):
         assert said(sentence.upper()) == Act(tuple(wanted))
 
 
-POLITE = st.sampled_from(("", "please ", "Could you please ", "Velma, ", "hello robot, can you ", "I want you to "))
+POLITE = st.sampled_from(
+    ("", "please ", "Could you please ", "Velma, ", "hello robot, can you ", "I want you to ")
+)
 
 
 @FEW
@@ -194,13 +213,15 @@ def test_acts_are_about_known_things_alone(words):
     ],
 )
 def test_the_worst_sentence_is_read_with_bounded_work(sentence):
-    """Calls are counted, so that load changes nothing; two million take 0.06 s on a quiet machine (measured)."""
+    """Calls are counted, so that load changes nothing; two million take 0.06 s on a quiet machine
+    (measured).
+    """
     for cut in (MOST_CHARACTERS, len(sentence)):
         assert calls(lambda text=sentence[:cut]: said(text)) < MOST_CALLS
     assert understand("take " * (MOST_WORDS + 1)).why == "long"
 
 
-# --- asking back ------------------------------------------------------------------------------------------------------
+# --- asking back ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -244,8 +265,12 @@ def test_a_thing_that_is_not_clear_is_asked_about(sentence, offered):
     ],
 )
 def test_a_place_is_only_where_one_was_named(sentence, place):
-    """Else it is wherever there is room; several tables are one place, since any of them will do."""
-    assert said(sentence, Context(seen=("jar_1", "table_1", "table_2"))) == Act((PutDown("jar", place),))
+    """Else it is wherever there is room; several tables are one place, since any of them will
+    do.
+    """
+    assert said(sentence, Context(seen=("jar_1", "table_1", "table_2"))) == Act(
+        (PutDown("jar", place),)
+    )
 
 
 def test_two_things_of_a_kind_are_told_apart_by_number():
@@ -257,7 +282,8 @@ def test_two_things_of_a_kind_are_told_apart_by_number():
 
 
 @pytest.mark.parametrize(
-    ("sentence", "options"), [("yes", 1), ("tak", 1), ("the jar", 2), ("jar", 2), ("I mean the jar", 3)]
+    ("sentence", "options"),
+    [("yes", 1), ("tak", 1), ("the jar", 2), ("jar", 2), ("I mean the jar", 3)],
 )
 def test_an_answer_to_a_question_is_taken(sentence, options):
     """Yes, where there is one option; else its name."""
@@ -275,13 +301,18 @@ def test_an_answer_to_no_question_moves_nothing():
 
 def test_no_is_an_answer_where_something_was_asked_and_else_a_stop():
     """In doubt, stop."""
-    assert said("no", Context(options=(Option("jar", (Take("jar"),)),))) == Ask(say("en", "not_then"))
+    assert said("no", Context(options=(Option("jar", (Take("jar"),)),))) == Ask(
+        say("en", "not_then")
+    )
     assert said("no") == said("nie") == Tell("stop")
 
 
 @pytest.mark.parametrize(
     ("sentence", "near"),
-    [("por the jar into the bowl", "pour the content of the jar into the bowl"), ("take the bowll", "take the bowl")],
+    [
+        ("por the jar into the bowl", "pour the content of the jar into the bowl"),
+        ("take the bowll", "take the bowl"),
+    ],
 )
 def test_a_slip_is_asked_about_and_never_done(sentence, near):
     """With the sentence that it may have been."""
@@ -291,25 +322,31 @@ def test_a_slip_is_asked_about_and_never_done(sentence, near):
     assert said("yes", Context(options=found.options)) == said(near)
 
 
-@pytest.mark.parametrize("sentence", ["dance", "", "make tea and dance", "…", "x" * 10_000, "cancle"])
+@pytest.mark.parametrize(
+    "sentence", ["dance", "", "make tea and dance", "…", "x" * 10_000, "cancle"]
+)
 def test_a_refusal_names_what_is_understood(sentence):
     """Politely, with all forms."""
     assert can("en") in said(sentence).text
 
 
-# --- the catalogue ----------------------------------------------------------------------------------------------------
+# --- the catalogue --------------------------------------------------------------------------------
 
 
 def test_things_are_those_of_the_models():
-    """Takeable things are moveable, poured ones have an opening, and places to put things have surfaces; all are
-    classes of models, and a place has its words in both languages.
+    """Takeable things are moveable, poured ones have an opening, and places to put things have
+    surfaces; all are classes of models, and a place has its words in both languages.
     """
     for thing in CATALOGUE.thing:
         models = [model for model in MODELS.values() if model.kind.lower().startswith(thing.name)]
         assert bool(models) is not bool(thing.covers), thing.name
         assert ("take" in thing.can) == any(model.moveable for model in models), thing.name
-        assert ("pour" in thing.can) == any(model.moveable and model.hole for model in models), thing.name
-        assert ("put" in thing.can) == any(not model.moveable and model.surfaces for model in models), thing.name
+        assert ("pour" in thing.can) == any(model.moveable and model.hole for model in models), (
+            thing.name
+        )
+        assert ("put" in thing.can) == any(
+            not model.moveable and model.surfaces for model in models
+        ), thing.name
         assert set(thing.to) == (set(LANGUAGES) if "put" in thing.can else set()), thing.name
 
 

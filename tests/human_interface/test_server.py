@@ -17,7 +17,17 @@ from typer.testing import CliRunner
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED, listen_at
 from companion import loopback_server
 from companion.loopback_server import MOST
-from companion.run_files import HI_FILE, SLOTS_FILE, Events, HiAddress, HiEvent, Problem, Question, TaskLine, Tasks
+from companion.run_files import (
+    HI_FILE,
+    SLOTS_FILE,
+    Events,
+    HiAddress,
+    HiEvent,
+    Problem,
+    Question,
+    TaskLine,
+    Tasks,
+)
 from companion.tools.verbs.hi import terminal
 from operate.cli.__main__ import app
 from services.human_interface import server
@@ -44,8 +54,12 @@ def test_say_and_cancel_reach_the_agent_and_bring_its_answer(client):
 
 
 def test_when_a_sentence_is_wanted_goes_to_the_agent_as_seconds(client, monkeypatch):
-    """A time of day by the clock of who says it: it is 15:00:30 in a place that is 20 minutes ahead of UTC."""
-    monkeypatch.setattr(server.time, "time", lambda: 1e9 // 86400 * 86400 + 14 * 3600 + 40 * 60 + 30.0)
+    """A time of day by the clock of who says it: it is 15:00:30 in a place that is 20 minutes ahead
+    of UTC.
+    """
+    monkeypatch.setattr(
+        server.time, "time", lambda: 1e9 // 86400 * 86400 + 14 * 3600 + 40 * 60 + 30.0
+    )
     wanted = {
         "look around first, within ten minutes": (1, 600.0),
         "look around by 15:30": (0, 1770.0),
@@ -100,7 +114,9 @@ def test_events_come_after_a_number_and_can_be_waited_for(client):
 
 
 def test_who_hears_of_an_event_finds_the_tasks_as_it_left_them(client):
-    """Not those of before it: a page that asks for the tasks between the two would show these until the next event."""
+    """Not those of before it: a page that asks for the tasks between the two would show these until
+    the next event.
+    """
     client.desk.tell(NewEvent(HiEvent(1, 1.0, "co", "waiting", "next")))
     _, data = client.ask("GET", "/events?wait=0.2")
     assert msgspec.json.decode(data, type=Events) == Events(0, ())
@@ -130,8 +146,18 @@ def test_without_the_token_or_with_another_host_nobody_is_served(client):
 
 
 def test_a_body_that_is_not_what_is_wanted_is_refused_in_words(client):
-    """400, and the agent hears nothing; also of what nests deep. 413 for what is too long: its sender can read it."""
-    wrong = [b"", b"{", b"[]", b"{}", b'{"text": 3}', b'{"text": "a", "more": 1}', b'{"text": "\xff"}']
+    """400, and the agent hears nothing; also of what nests deep. 413 for what is too long: its
+    sender can read it.
+    """
+    wrong = [
+        b"",
+        b"{",
+        b"[]",
+        b"{}",
+        b'{"text": 3}',
+        b'{"text": "a", "more": 1}',
+        b'{"text": "\xff"}',
+    ]
     for body in (*wrong, b'{"text": "\\ud800"}', b'{"text": ' + b"[" * 4000):
         status, words = client.refused("POST", "/say", body)
         assert (status, "text" in words) == (400, True), body[:50]
@@ -166,7 +192,9 @@ def test_an_agent_that_says_nothing_ends_in_503(client, monkeypatch):
 def test_closing_ends_the_waits(client):
     """A request for events is answered when the desk closes."""
     answers = []
-    waiter = threading.Thread(target=lambda: answers.append(client.ask("GET", "/events?wait=10")[0]))
+    waiter = threading.Thread(
+        target=lambda: answers.append(client.ask("GET", "/events?wait=10")[0])
+    )
     waiter.start()
     while not client.desk.desk.waiting:
         time.sleep(0.001)
@@ -177,7 +205,9 @@ def test_closing_ends_the_waits(client):
 
 
 def test_it_listens_where_it_is_told(tmp_path):
-    """A container is reached at a fixed port; people ask under the same port, so the check of Host holds."""
+    """A container is reached at a fixed port; people ask under the same port, so the check of Host
+    holds.
+    """
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -195,7 +225,10 @@ def test_an_address_that_is_taken_is_named_with_its_variable(tmp_path):
     """`roco up` shows these words where hi is given up."""
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
-        words = f"127.0.0.1:{port} cannot be listened at: Address already in use; ROCO_HTTP names another address"
+        words = (
+            f"127.0.0.1:{port} cannot be listened at: Address already in use; ROCO_HTTP names"
+            " another address"
+        )
         with pytest.raises(OSError, match=re.escape(words)):
             server.HttpDevice(lambda content: None, tmp_path, ("127.0.0.1", port))
 
@@ -208,7 +241,7 @@ def test_without_a_word_it_listens_on_loopback_only():
             listen_at(text)
 
 
-# --- stop and release -------------------------------------------------------------------------------------------------
+# --- stop and release -----------------------------------------------------------------------------
 
 STOPS = [
     ("/stop", b""),
@@ -252,10 +285,19 @@ def test_a_call_for_help_stops_and_is_told_what_can_be_said(robot):
     for words, told in (("help, I've fallen", "put down the X"), ("pomocy!", "odłóż X")):
         status, data = robot.ask("POST", "/say", msgspec.json.encode({"text": words}))
         line = msgspec.json.decode(data, type=TaskLine)
-        assert (status, line.state, told in line.text, flag(robot)) == (200, "stopped", True, STOP_HELD)
+        assert (status, line.state, told in line.text, flag(robot)) == (
+            200,
+            "stopped",
+            True,
+            STOP_HELD,
+        )
         robot.ask("POST", "/release")
         done = CliRunner().invoke(app, ["say", words, "--run-dir", str(robot.run_dir)])
-        assert (done.exit_code, told in done.stdout, flag(robot)) == (0, True, STOP_HELD), done.output
+        assert (done.exit_code, told in done.stdout, flag(robot)) == (
+            0,
+            True,
+            STOP_HELD,
+        ), done.output
         robot.ask("POST", "/release")
 
 
@@ -271,18 +313,34 @@ def test_an_answer_of_who_was_asked_goes_to_the_agent_and_stops_nothing(robot):
     for answer in ("no", "nie", "Nie!", "tak"):
         robot.ask("POST", "/say", msgspec.json.encode({"text": answer, "asker": "kitchen"}))
         said = robot.words[-1]
-        assert (said.text, said.asker, abs(said.at - time.time()) < 60.0) == (answer, "kitchen", True)
+        assert (said.text, said.asker, abs(said.at - time.time()) < 60.0) == (
+            answer,
+            "kitchen",
+            True,
+        )
         assert flag(robot) == STOP_RELEASED, answer
 
 
 def test_whatever_is_no_answer_of_who_was_asked_stops(robot):
-    """Another one's no, a no that comes too late, and every other stop word while the question is open."""
-    others = [("nie", "hall", 30.0), ("no", "", 30.0), ("nie", "kitchen", -1.0), ("stop", "kitchen", 30.0)]
-    others += [(text, "kitchen", 30.0) for text in ("no no", "nie, nie", "nie bierz", "no, stop", "stój", "help")]
+    """Another one's no, a no that comes too late, and every other stop word while the question is
+    open.
+    """
+    others = [
+        ("nie", "hall", 30.0),
+        ("no", "", 30.0),
+        ("nie", "kitchen", -1.0),
+        ("stop", "kitchen", 30.0),
+    ]
+    others += [
+        (text, "kitchen", 30.0)
+        for text in ("no no", "nie, nie", "nie bierz", "no, stop", "stój", "help")
+    ]
     for text, asker, for_s in others:
         asked(robot, "kitchen", for_s)
         robot.ask("POST", "/release")
-        status, data = robot.ask("POST", "/say", msgspec.json.encode({"text": text, "asker": asker}))
+        status, data = robot.ask(
+            "POST", "/say", msgspec.json.encode({"text": text, "asker": asker})
+        )
         state = msgspec.json.decode(data, type=TaskLine).state
         assert (status, state, flag(robot)) == (200, "stopped", STOP_HELD), (text, asker)
 
@@ -292,7 +350,11 @@ def test_a_terminal_that_was_asked_answers_and_another_one_stops(robot):
     command = [sys.executable, "-m", "operate.cli", "say", "nie", "--run-dir", str(robot.run_dir)]
     asked(robot, terminal())
     subprocess.run(command, capture_output=True, timeout=50, check=False)
-    assert (robot.words[-1].text, robot.words[-1].asker, flag(robot)) == ("nie", terminal(), STOP_RELEASED)
+    assert (robot.words[-1].text, robot.words[-1].asker, flag(robot)) == (
+        "nie",
+        terminal(),
+        STOP_RELEASED,
+    )
     subprocess.run(command, capture_output=True, timeout=50, check=True, start_new_session=True)
     assert flag(robot) == STOP_HELD
 
@@ -303,10 +365,14 @@ def test_a_terminal_tells_its_time_zone(robot, monkeypatch):
     for zone, east_min in (("<+0545>-5:45", 345), ("EST5", -300), ("UTC", 0)):
         monkeypatch.setenv("TZ", zone)
         time.tzset()
-        done = CliRunner().invoke(app, ["say", "look around at noon", "--run-dir", str(robot.run_dir)])
+        done = CliRunner().invoke(
+            app, ["say", "look around at noon", "--run-dir", str(robot.run_dir)]
+        )
         said = robot.words[-1]
         assert (done.exit_code, said.east_min) == (0, east_min), done.output
-        assert (said.at + said.later_s + 60 * east_min) % 86400.0 == pytest.approx(43200.0, abs=0.01)
+        assert (said.at + said.later_s + 60 * east_min) % 86400.0 == pytest.approx(
+            43200.0, abs=0.01
+        )
     monkeypatch.undo()
     time.tzset()
 
@@ -341,7 +407,9 @@ def test_what_is_said_to_a_stopped_robot_comes_with_that(robot):
 
 
 def test_a_robot_out_of_reach_is_not_called_stopped(client):
-    """Its loop has another run folder, as in containers: 503, what was done instead, and what would stop it."""
+    """Its loop has another run folder, as in containers: 503, what was done instead, and what would
+    stop it.
+    """
     for path, body in (*STOPS, ("/release", b"")):
         status, words = client.refused("POST", path, body)
         assert status == 503
@@ -379,7 +447,7 @@ def test_a_sentence_reaches_the_agent_with_its_meaning(client):
     assert client.words[-1].meaning.clauses
 
 
-# --- hi's port under people who mean no good; the bounds of its server: tests/page/test_limits.py --------------------
+# --- hi's port under people who mean no good; the bounds of its server: tests/page/test_limits.py -
 
 
 def begun(client, data):
@@ -390,7 +458,9 @@ def begun(client, data):
 
 
 def answer(one):
-    """All that is answered until the other side ends the connection; without that the time-out is a failure."""
+    """All that is answered until the other side ends the connection; without that the time-out is a
+    failure.
+    """
     said = b""
     with contextlib.suppress(ConnectionError):
         while part := one.recv(4096):
@@ -399,10 +469,14 @@ def answer(one):
 
 
 def test_a_person_is_served_beside_a_flood_of_slow_connections(client, monkeypatch):
-    """The oldest that have not said who they are go; who waits with the token stays. No thread is made for any."""
+    """The oldest that have not said who they are go; who waits with the token stays. No thread is
+    made for any.
+    """
     monkeypatch.setattr(loopback_server, "LOOK_S", 60.0)  # they go because there are too many
     answers = []
-    waiter = threading.Thread(target=lambda: answers.append(client.ask("GET", "/events?wait=10")[0]))
+    waiter = threading.Thread(
+        target=lambda: answers.append(client.ask("GET", "/events?wait=10")[0])
+    )
     waiter.start()
     while not client.desk.desk.waiting:
         time.sleep(0.001)
@@ -422,7 +496,10 @@ def test_half_a_body_is_refused_in_time(client, monkeypatch):
     """408, also to who has the token."""
     monkeypatch.setattr(loopback_server, "BODY_S", 0.2)
     address = client.address
-    head = f"Host: 127.0.0.1:{address.port}\r\nAuthorization: Bearer {address.token}\r\nContent-Length: 9\r\n\r\n{{"
+    head = (
+        f"Host: 127.0.0.1:{address.port}\r\nAuthorization: Bearer"
+        f" {address.token}\r\nContent-Length: 9\r\n\r\n{{"
+    )
     with begun(client, f"POST /say HTTP/1.1\r\n{head}".encode()) as one:
         said = answer(one)
     assert b" 408 " in said.splitlines()[0]

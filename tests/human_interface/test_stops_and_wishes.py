@@ -1,4 +1,6 @@
-"""Stop words and the catalogue: no wish or question stops the robot, whenever it is meant, however it is written."""
+"""Stop words and the catalogue: no wish or question stops the robot, whenever it is meant, however
+it is written.
+"""
 
 import re
 from pathlib import Path
@@ -48,7 +50,9 @@ def _rule(draw, name, language):
         this = draw(st.sampled_from(["", "DET ", "DET QUALITY "])) if name == "THING" else ""
         return _filled(draw, this, language) + draw(st.sampled_from(forms))
     if name == "SIDE":
-        return draw(st.sampled_from([side[language].split("|")[0] for side in CATALOGUE.side.values()]))
+        return draw(
+            st.sampled_from([side[language].split("|")[0] for side in CATALOGUE.side.values()])
+        )
     return _filled(draw, RULES[language][name].replace("\n", ""), language)
 
 
@@ -63,15 +67,23 @@ def times(draw, language):
         text = text[: group.start()] + draw(st.sampled_from(choices)) + text[group.end() :]
     text = draw(st.sampled_from(text.split("|")))
     number = draw(st.sampled_from([*CATALOGUE.number[language], "1", "10", "2.5"]))
-    text = re.sub(r"\bN\b", number, text).replace("UNIT", draw(st.sampled_from([*CATALOGUE.unit[language]])))
-    clock = draw(st.sampled_from([*CATALOGUE.clock[language], "15:30", "3 pm", "half past one", "one o'clock"]))
+    text = re.sub(r"\bN\b", number, text).replace(
+        "UNIT", draw(st.sampled_from([*CATALOGUE.unit[language]]))
+    )
+    clock = draw(
+        st.sampled_from(
+            [*CATALOGUE.clock[language], "15:30", "3 pm", "half past one", "one o'clock"]
+        )
+    )
     return text.replace("CLOCK", clock)
 
 
 @settings(max_examples=600, deadline=None)
 @given(sentence=sentences(), data=st.data())
 def test_no_wish_or_question_stops_whenever_it_is_meant(sentence, data):
-    """Each pattern of the catalogue, with each form of time before or behind it, and in capitals."""
+    """Each pattern of the catalogue, with each form of time before or behind it, and in
+    capitals.
+    """
     does, language, text = sentence
     if does not in QUESTIONS and set(text.split()) & NEVER_READ:
         return
@@ -79,7 +91,9 @@ def test_no_wish_or_question_stops_whenever_it_is_meant(sentence, data):
         return
     when = data.draw(st.one_of(st.just(""), times(language)))
     text = data.draw(
-        st.sampled_from([f"{when} {text}", f"{text} {when}", f"{text}, {when}!", f"{text} {when}".upper()])
+        st.sampled_from(
+            [f"{when} {text}", f"{text} {when}", f"{text}, {when}!", f"{text} {when}".upper()]
+        )
     )
     assert stop_words(text) == "", text
 
@@ -92,5 +106,11 @@ def test_the_words_of_the_catalogue_that_stop_are_known():
 @pytest.mark.parametrize("table", ["tuned.tsv", "held_out.tsv"])
 def test_sentences_of_the_tables_stop_where_a_person_would_want_it(table):
     """And no others."""
-    rows = [line.split("\t") for line in (TABLES / table).read_text().splitlines() if not line.startswith("#")]
-    assert [(want, text) for want, _, text in rows if (want == "stop") != bool(stop_words(text))] == []
+    rows = [
+        line.split("\t")
+        for line in (TABLES / table).read_text().splitlines()
+        if not line.startswith("#")
+    ]
+    assert [
+        (want, text) for want, _, text in rows if (want == "stop") != bool(stop_words(text))
+    ] == []

@@ -60,10 +60,16 @@ def test_a_sentence_that_lacks_something_is_answered_with_the_example():
     for _, wish, language in BOTH:
         assert set(wish.lacking) in (set(), set(LANGUAGES)), wish.does
         for pattern in wish.lacking.get(language, ()):
-            words = pattern.replace("[out] [CONTENT] ", "").replace("[CONTENT] ", "").replace(" [HAND]", "")
+            words = (
+                pattern.replace("[out] [CONTENT] ", "")
+                .replace("[CONTENT] ", "")
+                .replace(" [HAND]", "")
+            )
             first = words.partition("|")[0].strip("()")
             thing = {"en": "jar", "pl": "słoik"}[language]
-            found = outcome(understand(f"{first} {thing}" if "THING" in words else first), Context())
+            found = outcome(
+                understand(f"{first} {thing}" if "THING" in words else first), Context()
+            )
             assert isinstance(found, Ask), pattern
             assert wish.example[language] in found.text, pattern
 
@@ -71,7 +77,8 @@ def test_a_sentence_that_lacks_something_is_answered_with_the_example():
 def test_each_pattern_names_as_many_things_as_its_command_can_be_made_of():
     """Each of them with a use; and there is a task that pl is asked for.
 
-    No pattern has accents: sentences lose theirs before they are compared, so that it would never fit.
+    No pattern has accents: sentences lose theirs before they are compared, so that it would never
+    fit.
     """
     for row, wish in WISHES:
         for pattern in (*wish.en, *wish.pl):
@@ -80,18 +87,30 @@ def test_each_pattern_names_as_many_things_as_its_command_can_be_made_of():
             command = MAKE[wish.does](("jar", "bowl")[:count], "")
             assert isinstance(command, row.content), pattern
             assert isinstance(command.task, hfsm.Task), pattern
-        for pattern in (*wish.en, *wish.pl, *(one for patterns in wish.lacking.values() for one in patterns)):
+        for pattern in (
+            *wish.en,
+            *wish.pl,
+            *(one for patterns in wish.lacking.values() for one in patterns),
+        ):
             plain = "".join(sign if sign.isascii() else fold(sign) for sign in pattern)
-            assert pattern == plain, f"phrases.toml of {row.content.__name__}: write {plain!r}, without accents"
+            assert pattern == plain, (
+                f"phrases.toml of {row.content.__name__}: write {plain!r}, without accents"
+            )
 
 
 def test_names_of_wishes_are_of_one_task_each():
-    """Else one task would take another one's words away; rows of the other tables are compared when they are read."""
+    """Else one task would take another one's words away; rows of the other tables are compared when
+    they are read.
+    """
     assert len(TASKS) == len(WISHES)
     assert set(TASKS).isdisjoint(wish.does for wish in CATALOGUE.wish)
-    assert all(row.make.keys() == {wish.does for wish in row.phrases.wish} for row in commands.rows())
+    assert all(
+        row.make.keys() == {wish.does for wish in row.phrases.wish} for row in commands.rows()
+    )
     ranks = [row.phrases.rank for row in commands.rows()]
-    assert len(set(ranks)) == len(ranks), f"two tasks have one rank in phrases.toml: {ranks}; take one that is free"
+    assert len(set(ranks)) == len(ranks), (
+        f"two tasks have one rank in phrases.toml: {ranks}; take one that is free"
+    )
 
 
 def test_every_use_has_its_refusal():
@@ -107,12 +126,18 @@ def test_every_use_has_its_refusal():
 def test_each_task_is_in_the_list_of_what_is_understood(language):
     """In the order of ranks."""
     for row in commands.rows():
-        assert any(wish.can and wish.can[language] in can(language) for wish in row.phrases.wish), row.content
+        assert any(wish.can and wish.can[language] in can(language) for wish in row.phrases.wish), (
+            row.content
+        )
 
 
 def test_the_design_lists_the_command_of_each_task():
     """Rights are stated there: co takes these commands of hi, and none besides."""
     entries = DESIGN.interfaces["commands"].entries
-    assert {entry.arguments for entry in entries} == {(f"CMD.{row.content.__name__}",) for row in commands.rows()}
-    assert {one for one in CMD.classes if issubclass(one, Command)} == {row.content for row in commands.rows()}
+    assert {entry.arguments for entry in entries} == {
+        (f"CMD.{row.content.__name__}",) for row in commands.rows()
+    }
+    assert {one for one in CMD.classes if issubclass(one, Command)} == {
+        row.content for row in commands.rows()
+    }
     assert TaskReport in CMD.classes

@@ -79,11 +79,16 @@ def test_words_about_time_leave_the_wish_as_it_is():
 
 
 NOT_UNDERSTOOD = (
-    "take the jar in ten", "take the jar at 25:10", "take the jar before the bowl", "take the jar by 25:10",
-    "take the jar by 13 pm", "take the jar within ten", "take the jar in -5 minutes", "take the jar within -5 minutes",
-     "take the jar -5 minutes from now", "take the jar in \u22125 minutes", "take the jar in minus five minutes",
-     "take the jar minus five minutes from now", "weź słoik za -5 minut", "take the jar twenty five minutes from now",
-     "take the jar at 03:60", "take the jar in 1 2 minutes", "take the jar before you pour", "first",
+    "take the jar in ten", "take the jar at 25:10", "take the jar before the bowl",
+    "take the jar by 25:10",
+    "take the jar by 13 pm", "take the jar within ten", "take the jar in -5 minutes",
+    "take the jar within -5 minutes",
+     "take the jar -5 minutes from now", "take the jar in \u22125 minutes",
+     "take the jar in minus five minutes",
+     "take the jar minus five minutes from now", "weź słoik za -5 minut",
+     "take the jar twenty five minutes from now",
+     "take the jar at 03:60", "take the jar in 1 2 minutes", "take the jar before you pour",
+     "first",
 )  # fmt: skip
 
 
@@ -99,7 +104,10 @@ def test_first_of_two_wishes_is_their_order():
 
 
 @given(
-    st.lists(st.sampled_from(sorted(VOCABULARY | {",", "first", "within", "by", "noon", "10", "15:30"})), max_size=12)
+    st.lists(
+        st.sampled_from(sorted(VOCABULARY | {",", "first", "within", "by", "noon", "10", "15:30"})),
+        max_size=12,
+    )
 )
 def test_what_is_left_are_words_of_the_sentence_in_their_order(words):
     """Nothing is added, and a sentence never becomes empty."""
@@ -113,7 +121,7 @@ def test_what_is_left_are_words_of_the_sentence_in_their_order(words):
 @given(st.integers(0, 23), st.integers(0, 59), st.floats(0.0, 1439.9))
 def test_a_deadline_is_the_next_such_time_of_the_clock(hour, minute, now):
     """At most a day ahead, and then the clock shows it."""
-    (at, *others) = understand(f"take the jar by {hour}:{minute:02}").when.by
+    at, *others = understand(f"take the jar by {hour}:{minute:02}").when.by
     left_s = grammar.seconds_left(When(by=(at, *others)), now)
     assert 0.0 <= left_s <= 86400.0
     shown = (now + left_s / 60.0) % 1440.0

@@ -16,7 +16,8 @@ def yaw(angle: float) -> tuple[float, float, float, float]:
     return math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2)
 
 
-# The recorded scene kb_world_model_011 of proghtn-backstream: jar and bowl in the cabinet, which stands on a table.
+# The recorded scene kb_world_model_011 of proghtn-backstream: jar and bowl in the cabinet, which
+# stands on a table.
 KITCHEN: tuple[wm.AnyObservation, ...] = (
     wm.SeenObject("table_1", "table", Pose((0.783, -0.840, 0.0), yaw(-0.747)), 1.0),
     wm.SeenObject("table_2", "table", Pose((1.087, 0.434, 0.0), yaw(-1.335)), 1.1),

@@ -7,8 +7,12 @@ from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 
 
-def store_observation(store: Store, observation: wm.AnySight, version: Version, now: float = 0.0) -> bool:
-    """Store an observation and its version in one transaction; return False if the store is as new or newer."""
+def store_observation(
+    store: Store, observation: wm.AnySight, version: Version, now: float = 0.0
+) -> bool:
+    """Store an observation and its version in one transaction; return False if the store is as new
+    or newer.
+    """
     scene = observed(store.scene, observation, version, now)
     if scene is store.scene:
         return False

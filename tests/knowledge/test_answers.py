@@ -1,4 +1,6 @@
-"""Every kind of query has its answer, answers are pure, and nothing is known that was not observed."""
+"""Every kind of query has its answer, answers are pure, and nothing is known that was not
+observed.
+"""
 
 from typing import Any, get_args
 
@@ -23,7 +25,13 @@ from .storing import answer, store_observation
 
 VOLUME = Cylinder(0.1, 0.3, Pose((0.85, 0.37, 1.25)))
 
-FITTING: dict[str, Any] = {"object": "jar_1", "subject": "jar_1", "side": Side.LEFT, "volume": VOLUME, "prefix": "p"}
+FITTING: dict[str, Any] = {
+    "object": "jar_1",
+    "subject": "jar_1",
+    "side": Side.LEFT,
+    "volume": VOLUME,
+    "prefix": "p",
+}
 """A value for each field, about the recorded scene."""
 OF_THEIR_OWN: tuple[wm.AnyQuery, ...] = (
     wm.ListObjects(),
@@ -40,30 +48,41 @@ def example(kind: Any) -> wm.AnyQuery:
     own = next((one for one in OF_THEIR_OWN if type(one) is kind), None)
     fields = [field.name for field in msgspec.structs.fields(kind)]
     needed = {field.name for field in msgspec.structs.fields(kind) if field.required}
-    assert own or needed <= set(FITTING), f"add an example of wm.{kind.__name__} to OF_THEIR_OWN in this file"
+    assert own or needed <= set(FITTING), (
+        f"add an example of wm.{kind.__name__} to OF_THEIR_OWN in this file"
+    )
     return own or kind(**{name: value for name, value in FITTING.items() if name in fields})
 
 
 EXAMPLES: tuple[wm.AnyQuery, ...] = tuple(map(example, get_args(wm.AnyQuery)))
 """One query of each kind."""
-ABOUT_AN_OBJECT = [query for query in EXAMPLES if getattr(query, "object", "") or getattr(query, "subject", "")]
+ABOUT_AN_OBJECT = [
+    query for query in EXAMPLES if getattr(query, "object", "") or getattr(query, "subject", "")
+]
 ABOUT_THE_BODY = [
-    query for query in EXAMPLES if isinstance(query, wm.GraspAtSide) or "Configuration" in type(query).__name__
+    query
+    for query in EXAMPLES
+    if isinstance(query, wm.GraspAtSide) or "Configuration" in type(query).__name__
 ]
 
 
 def test_every_kind_of_query_has_a_function_and_an_entry_in_the_interface() -> None:
     """Language, table and design agree."""
-    for name in sorted(type(one).__name__ for one in EXAMPLES if type(one) not in {*ANSWERS, *MAKERS}):
+    for name in sorted(
+        type(one).__name__ for one in EXAMPLES if type(one) not in {*ANSWERS, *MAKERS}
+    ):
         pytest.fail(f"add a row wm.{name} to ANSWERS in services/knowledge/answers.py")
     kinds = set(get_args(wm.AnyQuery))
     assert set(ANSWERS) | MAKERS == kinds
     assert not set(ANSWERS) & MAKERS
-    assert {argument for entry in INTERFACES["ask_for_planning"] for argument in entry.arguments} == kinds
+    assert {
+        argument for entry in INTERFACES["ask_for_planning"] for argument in entry.arguments
+    } == kinds
 
 
 def test_the_answer_is_of_the_class_the_design_promises(handled: Store) -> None:
-    """And it fits its language and the size budget, as the query does with an envelope of 120 bytes.
+    """And it fits its language and the size budget, as the query does with an envelope of 120
+    bytes.
 
     Answers are pure: asked twice, the same answer; and nothing observed has changed.
     """
@@ -73,8 +92,12 @@ def test_the_answer_is_of_the_class_the_design_promises(handled: Store) -> None:
         interface.check_answer(interface.entry_for(Performative.QUERY_REF, query), said)
         raw = WM.encode(said)
         assert WM.decode(raw) == said == answer(handled, query)
-        assert len(bytes(raw)) < DESIGN.rules["km", "pl", "query", Performative.INFORM_REF].bytes, query
-        budget = DESIGN.rules["pl", "km", "query", Performative.QUERY_REF].sizes[f"WM.{type(query).__name__}"]
+        assert len(bytes(raw)) < DESIGN.rules["km", "pl", "query", Performative.INFORM_REF].bytes, (
+            query
+        )
+        budget = DESIGN.rules["pl", "km", "query", Performative.QUERY_REF].sizes[
+            f"WM.{type(query).__name__}"
+        ]
         assert len(bytes(WM.encode(query))) + 120 <= budget, query
     assert handled.scene is before
 
@@ -95,7 +118,12 @@ def test_who_has_observed_nothing_knows_nothing() -> None:
 def test_who_has_observed_nothing_lists_nothing() -> None:
     """No object, surface, shape or collision comes from anywhere else."""
     store = Store.open()
-    for query in (wm.ListObjects(), wm.MoveableObjects(), wm.StaticObjects(), wm.CollisionsInVolume(volume=VOLUME)):
+    for query in (
+        wm.ListObjects(),
+        wm.MoveableObjects(),
+        wm.StaticObjects(),
+        wm.CollisionsInVolume(volume=VOLUME),
+    ):
         assert answer(store, query) == wm.Objects(())
     assert answer(store, wm.EnvironmentShapes()) == wm.Shapes(())
     assert answer(store, wm.FlatSurfaces()) == wm.Surfaces(())
@@ -112,8 +140,14 @@ def test_an_object_that_was_seen_is_known_and_its_neighbour_is_not() -> None:
 
 
 def test_what_is_told_of_a_thing_not_seen_stays_small() -> None:
-    """Of very many things that were seen the names are left out; and whatever it is called, it can be read."""
-    scene = Scene(things={f"jar_{n}": SceneObject(f"jar_{n}", "jar", Pose((1.0, 0.0, 1.0))) for n in range(60)})
+    """Of very many things that were seen the names are left out; and whatever it is called, it can
+    be read.
+    """
+    scene = Scene(
+        things={
+            f"jar_{n}": SceneObject(f"jar_{n}", "jar", Pose((1.0, 0.0, 1.0))) for n in range(60)
+        }
+    )
     _, said = ask(scene, Overlays(), wm.ObjectPose(object="mała miska " * 10))
     assert isinstance(said, wm.Unknown)
     assert [one.kind for one in said.why] == [Kind.NOT_SEEN]
@@ -138,14 +172,18 @@ def test_surfaces_are_in_the_world(kitchen: Store) -> None:
     """A table's top is at its height, a cabinet has two shelves and a roof."""
     said = answer(kitchen, wm.FlatSurfaces())
     assert isinstance(said, wm.Surfaces)
-    heights = sorted(round(surface.at.xyz[2], 3) for surface in said.surfaces if surface.object == "cabinet_2")
+    heights = sorted(
+        round(surface.at.xyz[2], 3) for surface in said.surfaces if surface.object == "cabinet_2"
+    )
     assert heights == [0.88, 1.18, 1.475]
     (top,) = (surface for surface in said.surfaces if surface.object == "table_1")
     assert top.at.xyz == pytest.approx((0.783, -0.84, 0.775))
 
 
 def test_a_held_object_moves_with_its_hand(kitchen: Store) -> None:
-    """PoseOf names the hand, CurrentGrasp gives T_grip_object, and the object is not part of the surroundings."""
+    """PoseOf names the hand, CurrentGrasp gives T_grip_object, and the object is not part of the
+    surroundings.
+    """
     grip = Pose((0.0, 0.0, 0.002), (0.0, 1.0, 0.0, 0.0))
     store_observation(kitchen, wm.SeenHand(Side.LEFT, "jar_1", "7", grip), (1, 50))
     pose = answer(kitchen, wm.ObjectPose(object="jar_1"))
@@ -174,7 +212,9 @@ def test_grasps_are_those_of_the_model(kitchen: Store) -> None:
 
 
 def test_a_volume_is_met_by_what_reaches_into_it(kitchen: Store) -> None:
-    """Around the jar: jar and cabinet; a small one in mid air: nothing; ignored objects are not named."""
+    """Around the jar: jar and cabinet; a small one in mid air: nothing; ignored objects are not
+    named.
+    """
     around = wm.CollisionsInVolume(volume=VOLUME)
     said = answer(kitchen, around)
     assert isinstance(said, wm.Objects)
@@ -204,13 +244,17 @@ def test_relations_hold_or_not(kitchen: Store) -> None:
     assert wrong == []
     store_observation(kitchen, wm.FeltContent("jar_1", "bowl_1", 0.06), (1, 60))
     assert answer(kitchen, wm.Holds("isIn", "jar_1.content", "bowl_1")) == wm.Truth(True)
-    assert answer(kitchen, wm.Holds("likes", "jar_1")) == wm.Unknown((fact(Kind.UNKNOWN_TO_KM, "likes"),))
+    assert answer(kitchen, wm.Holds("likes", "jar_1")) == wm.Unknown(
+        (fact(Kind.UNKNOWN_TO_KM, "likes"),)
+    )
 
 
 def test_a_model_says_what_pl_needs(kitchen: Store) -> None:
     """The answer is the model's, under the object's name; a table has no opening."""
     assert answer(kitchen, wm.ObjectModel(object="jar_1")) == MODELS["jar"].of("jar_1")
-    assert answer(kitchen, wm.ObjectHole(object="table_1")) == wm.Unknown((fact(Kind.NO_OPENING, "table_1"),))
+    assert answer(kitchen, wm.ObjectHole(object="table_1")) == wm.Unknown(
+        (fact(Kind.NO_OPENING, "table_1"),)
+    )
 
 
 def test_reserved_space_is_a_hypotheticals_only(kitchen: Store) -> None:
@@ -224,7 +268,9 @@ def test_reserved_space_is_a_hypotheticals_only(kitchen: Store) -> None:
 
 
 def test_a_kind_that_loses_its_code_is_found() -> None:
-    """Every kind of query that the design declares is answered, and no other (paper, section 5.6); one by one."""
+    """Every kind of query that the design declares is answered, and no other (paper, section 5.6);
+    one by one.
+    """
     supported = {f"WM.{kind.__name__}" for kind in (*ANSWERS, *MAKERS)}
     assert "WM.ObserveWorld" not in supported, "km asks this one of ta, nobody asks km"
     assert check_supported(DESIGN, "km", supported) == ()

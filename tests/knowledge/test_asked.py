@@ -1,4 +1,6 @@
-"""Questions are read-only and bounded: what would change or leave the store is refused, what takes long is ended."""
+"""Questions are read-only and bounded: what would change or leave the store is refused, what takes
+long is ended.
+"""
 
 import signal
 import socket
@@ -8,7 +10,17 @@ import sys
 import msgspec
 import pytest
 
-from companion.asking import ANSWERER, PREFIXES, Answer, Question, Refused, Rows, Term, Triple, Verdict
+from companion.asking import (
+    ANSWERER,
+    PREFIXES,
+    Answer,
+    Question,
+    Refused,
+    Rows,
+    Term,
+    Triple,
+    Verdict,
+)
 
 CROSS = "SELECT (COUNT(*) AS ?n) WHERE { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }"
 UPDATES = (
@@ -35,7 +47,13 @@ SERVICES = (
 )
 
 
-NO_SPARQL = ("\\u0043REATE GRAPH <urn:g>", "ASK { \\u0053ERVICE ?x {} }", "hello", "SELECT *", "service")
+NO_SPARQL = (
+    "\\u0043REATE GRAPH <urn:g>",
+    "ASK { \\u0053ERVICE ?x {} }",
+    "hello",
+    "SELECT *",
+    "service",
+)
 """Escaped characters make no keywords."""
 HARMLESS = (
     "SELECT * { ?insert ?b 'DELETE SERVICE' }",
@@ -53,7 +71,9 @@ REFUSED = {
     **dict.fromkeys(NO_SPARQL, "this is not SPARQL"),
     "SELECT * {\n ?a ?b }": "2:9",
 }
-"""Question -> the reason why it is refused; of what is no SPARQL, with line and column of the first fault."""
+"""Question -> the reason why it is refused; of what is no SPARQL, with line and column of the first
+fault.
+"""
 BATCH = """
 import sys, msgspec
 from companion.asking import Question
@@ -70,7 +90,9 @@ def question(text: str, seconds: float = 5.0, rows: int = 1000) -> Question:
 
 def run(*words: str, data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     """A process as for a question."""
-    return subprocess.run([sys.executable, *words], input=data, capture_output=True, timeout=50, check=False)
+    return subprocess.run(
+        [sys.executable, *words], input=data, capture_output=True, timeout=50, check=False
+    )
 
 
 def told(*questions: Question) -> list[Answer]:
@@ -88,9 +110,13 @@ def rows_of(*questions: Question) -> list[Rows]:
 
 
 def test_what_would_change_or_leave_the_store_is_refused() -> None:
-    """However it is written, whatever words stand before it, and whether or not it is reached or may fail."""
+    """However it is written, whatever words stand before it, and whether or not it is reached or
+    may fail.
+    """
     answers = dict(zip(REFUSED, told(*map(question, REFUSED)), strict=True))
-    assert {one for one, why in REFUSED.items() if why not in getattr(answers[one], "why", "")} == set()
+    assert {
+        one for one, why in REFUSED.items() if why not in getattr(answers[one], "why", "")
+    } == set()
 
 
 def test_words_in_names_strings_and_comments_are_no_orders() -> None:
@@ -100,25 +126,36 @@ def test_words_in_names_strings_and_comments_are_no_orders() -> None:
 
 
 def test_values_are_those_of_the_query() -> None:
-    """A character is unescaped once: a backslash that is escaped itself, either way, begins no escape.
+    """A character is unescaped once: a backslash that is escaped itself, either way, begins no
+    escape.
 
-    A triple term is a value with its parts, one of which may be a triple term again, and the direction of a text.
+    A triple term is a value with its parts, one of which may be a triple term again, and the
+    direction of a text.
     """
     texts = {r"'\u0041'": "A", r"'\\u0041'": r"\u0041", r"'\u005Cu0041'": r"\u0041"}
     values: dict[str, Term] = {text: Term("literal", value) for text, value in texts.items()}
     a, b = (Term("uri", f"{PREFIXES['roco']}{name}") for name in "ab")
     within = Term("triple", Triple(a, b, Term("literal", "x", lang="en", direction="ltr")))
-    values["<<( roco:a roco:b <<( roco:a roco:b 'x'@en--ltr )>> )>>"] = Term("triple", Triple(a, b, within))
+    values["<<( roco:a roco:b <<( roco:a roco:b 'x'@en--ltr )>> )>>"] = Term(
+        "triple", Triple(a, b, within)
+    )
     answers = rows_of(*(question(f"SELECT ({text} AS ?x) {{}}") for text in values))
     assert [one.rows for one in answers] == [((value,),) for value in values.values()]
 
 
 def test_rows_are_bounded_while_they_come() -> None:
-    """The first rows of a cross join that never would end. Whether there are more is said, not of the last one."""
+    """The first rows of a cross join that never would end. Whether there are more is said, not of
+    the last one.
+    """
     every = "SELECT ?a ?d ?g ?j WHERE { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }"
     few = [question("SELECT ?x { VALUES ?x { 1 2 3 } }", rows=most) for most in (2, 3, 4)]
     answers = rows_of(question(every, seconds=30.0, rows=7), *few)
-    assert [(len(one.rows), one.cut) for one in answers] == [(7, True), (2, True), (3, False), (3, False)]
+    assert [(len(one.rows), one.cut) for one in answers] == [
+        (7, True),
+        (2, True),
+        (3, False),
+        (3, False),
+    ]
 
 
 def test_a_question_is_answered_by_its_own_process() -> None:
@@ -139,8 +176,9 @@ def test_no_socket_is_opened_even_by_a_query_that_was_let_through() -> None:
         server.settimeout(1.0)
         place = f"http://127.0.0.1:{server.getsockname()[1]}/"
         code = (
-            "import pyoxigraph as ox\nfrom services.knowledge.asked import bound\n"
-            f"bound(20.0)\nlist(ox.Store().query('SELECT * {{ SERVICE <{place}> {{ ?a ?b ?c }} }}'))"
+            "import pyoxigraph as ox\nfrom services.knowledge.asked import"
+            f" bound\nbound(20.0)\nlist(ox.Store().query('SELECT * {{ SERVICE <{place}> {{ ?a ?b ?c"
+            " } }'))"
         )
         assert run("-c", code).returncode != 0
         with pytest.raises(TimeoutError):

@@ -1,4 +1,6 @@
-"""Beliefs of km, made from a recording, are those of the recording's communicates and of km's own answers."""
+"""Beliefs of km, made from a recording, are those of the recording's communicates and of km's own
+answers.
+"""
 
 import base64
 import json
@@ -28,7 +30,9 @@ POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
 
 
 class Said(NamedTuple):
-    """A communicate as it stands in the recording; `content`: plain maps and lists, None without one."""
+    """A communicate as it stands in the recording; `content`: plain maps and lists, None without
+    one.
+    """
 
     t: float
     sender: str
@@ -45,15 +49,28 @@ def read() -> Iterator[Said]:
         for record in StreamReader(file).records:
             if isinstance(record, Channel):
                 topics[record.id] = record.topic
-            elif isinstance(record, Message) and topics[record.channel_id].startswith("communicates/"):
+            elif isinstance(record, Message) and topics[record.channel_id].startswith(
+                "communicates/"
+            ):
                 one = json.loads(record.data)
                 content = msgspec.msgpack.decode(base64.b64decode(one["wire"])).get("Z")
-                yield Said(one["received"], one["sender"], one["receiver"], one["id"], one["conversation"], content)
+                yield Said(
+                    one["received"],
+                    one["sender"],
+                    one["receiver"],
+                    one["id"],
+                    one["conversation"],
+                    content,
+                )
 
 
 ALL = tuple(read())
 BEGIN = min(one.t for one in ALL)
-TOLD = [one for one in ALL if one.receiver == "km" and one.content and one.content["type"].startswith("Seen")]
+TOLD = [
+    one
+    for one in ALL
+    if one.receiver == "km" and one.content and one.content["type"].startswith("Seen")
+]
 ANSWERED = [
     (asked, answer)
     for answer in ALL
@@ -79,14 +96,20 @@ def short(term: Any) -> str:
 
 
 def newest(at: float, kind: str, key: str) -> dict[str, Said]:
-    """The last observation of each subject that was told until then; its counter only grows in this run."""
-    return {one.content[key]: one for one in TOLD if one.content["type"] == kind and one.t <= BEGIN + at}
+    """The last observation of each subject that was told until then; its counter only grows in this
+    run.
+    """
+    return {
+        one.content[key]: one for one in TOLD if one.content["type"] == kind and one.t <= BEGIN + at
+    }
 
 
 @settings(max_examples=12, deadline=None)
 @given(st.floats(0.0, 90.0))
 def test_at_any_time_the_newest_observation_of_each_thing_counts(at: float) -> None:
-    """Its pose, its time, its version, who told it and when; hands hold what was told of them last."""
+    """Its pose, its time, its version, who told it and when; hands hold what was told of them
+    last.
+    """
     rows = ask(
         at,
         "SELECT ?thing ?record ?version ?observed ?who ?when WHERE { "
@@ -103,22 +126,29 @@ def test_at_any_time_the_newest_observation_of_each_thing_counts(at: float) -> N
         assert float(observed) == told.content["at"]
         assert float(when) == pytest.approx(told.t - BEGIN, abs=0.001)
     hands = newest(at, "SeenHand", "side").items()
-    held = {(one.content["object"], f"{side}_hand") for side, one in hands if one.content.get("object")}
+    held = {
+        (one.content["object"], f"{side}_hand") for side, one in hands if one.content.get("object")
+    }
     assert set(ask(at, "SELECT ?thing ?hand WHERE { ?thing roco:isGraspedBy ?hand }")) == held
 
 
 def test_jar_at_12_s_and_who_said_so() -> None:
-    """By hand from the recording: seen at 5.03 s in and on the cabinet, held by nobody; told by ta."""
+    """By hand from the recording: seen at 5.03 s in and on the cabinet, held by nobody; told by
+    ta.
+    """
     rows = ask(
         12.0,
-        "SELECT ?relation ?where ?who ?when WHERE { GRAPH ?said { thing:jar_1 ?relation ?where } "
-        "VALUES ?relation { roco:isIn roco:isOn roco:isGraspedBy } ?said roco:toldBy ?who ; roco:toldAt ?when }",
+        "SELECT ?relation ?where ?who ?when WHERE { GRAPH ?said { thing:jar_1 ?relation ?where }"
+        " VALUES ?relation { roco:isIn roco:isOn roco:isGraspedBy } ?said roco:toldBy ?who ;"
+        " roco:toldAt ?when }",
     )
     assert rows == [("isIn", "cabinet_2", "ta", "5.031"), ("isOn", "cabinet_2", "ta", "5.031")]
 
 
 def _scene(asked: Said) -> tuple[str, str]:
-    """Return the place to look a question of the recording up: SPARQL before and behind the pattern."""
+    """Return the place to look a question of the recording up: SPARQL before and behind the
+    pattern.
+    """
     state = asked.content["state"]
     return (f"GRAPH <{PREFIXES['state']}{state}> {{", "}") if state else ("", "")
 
@@ -129,19 +159,25 @@ def _asked(kind: str) -> list[tuple[Said, Said]]:
 
 @pytest.mark.parametrize(("asked", "answer"), _asked("ObjectPose"))
 def test_where_km_said_a_thing_is(asked: Said, answer: Said) -> None:
-    """Of the observed world and of hypothetical states: on what, how exact, in which hand, as km answered then."""
+    """Of the observed world and of hypothetical states: on what, how exact, in which hand, as km
+    answered then.
+    """
     before, behind = _scene(asked)
     name = asked.content["object"]
     rows = ask(
         answer.t - BEGIN,
-        f"SELECT ?record ?exact ?on ?hand WHERE {{ {before} BIND(thing:{name} AS ?thing) "
-        "?thing roco:record ?record ; roco:hasExactPose ?exact "
-        f"OPTIONAL {{ ?thing roco:isOn ?on }} OPTIONAL {{ ?thing roco:isGraspedBy ?hand }} {behind} }}",
+        f"SELECT ?record ?exact ?on ?hand WHERE {{ {before} BIND(thing:{name} AS ?thing) ?thing"
+        " roco:record ?record ; roco:hasExactPose ?exact OPTIONAL { ?thing roco:isOn ?on }"
+        f" OPTIONAL {{ ?thing roco:isGraspedBy ?hand }} {behind} }}",
     )
     ((record, exact, on, hand),) = rows
     said = answer.content
     assert json.loads(record)["thing"]["pose"] == said["pose"]
-    wanted = (str(said["exact"]).lower(), said.get("on", ""), f"{said['held_by']}_hand" if said.get("held_by") else "")
+    wanted = (
+        str(said["exact"]).lower(),
+        said.get("on", ""),
+        f"{said['held_by']}_hand" if said.get("held_by") else "",
+    )
     assert (exact, on, hand) == wanted
 
 
@@ -155,16 +191,24 @@ def test_who_km_said_holds_a_thing(asked: Said, answer: Said) -> None:
         f"{before} ?thing roco:isGraspedBy ?hand ; roco:isGraspedWith ?grasp {behind} }}",
     )
     said, side = answer.content, asked.content.get("side")
-    found = [row for row in rows if row[0] == asked.content.get("object") or row[1] == f"{side}_hand"]
+    found = [
+        row for row in rows if row[0] == asked.content.get("object") or row[1] == f"{side}_hand"
+    ]
     hand, grasp = f"{said.get('side')}_hand", said.get("grasp", "")
     held = bool(said.get("object") and said.get("side"))
     assert found == ([(said["object"], hand, grasp)] if held else [])
 
 
 def test_states_are_there_from_making_to_dropping() -> None:
-    """States the planner had made and not yet dropped are there, at times between all that was said."""
+    """States the planner had made and not yet dropped are there, at times between all that was
+    said.
+    """
     made = {(asked.content["id"], answer.t) for asked, answer in _asked("HypotheticalState")}
-    dropped = [(asked.content["prefix"], answer.t) for asked, answer in _asked("DropStates") if "id" in answer.content]
+    dropped = [
+        (asked.content["prefix"], answer.t)
+        for asked, answer in _asked("DropStates")
+        if "id" in answer.content
+    ]
     times = sorted({t for _, t in made} | {t for _, t in dropped})
     assert len(times) > 10
     for t in times:
@@ -173,9 +217,13 @@ def test_states_are_there_from_making_to_dropping() -> None:
             id
             for id, since in made
             if since <= BEGIN + at
-            and not any(id.startswith(prefix) and since < end <= BEGIN + at for prefix, end in dropped)
+            and not any(
+                id.startswith(prefix) and since < end <= BEGIN + at for prefix, end in dropped
+            )
         }
-        rows = ask(at, "SELECT ?state WHERE { ?state a roco:HypotheticalState ; roco:toldBy agent:pl }")
+        rows = ask(
+            at, "SELECT ?state WHERE { ?state a roco:HypotheticalState ; roco:toldBy agent:pl }"
+        )
         assert {row[0] for row in rows} == {id.rpartition("/")[2] for id in alive}
 
 
@@ -189,42 +237,62 @@ def test_another_life_of_km_has_no_states() -> None:
 
 
 def test_what_is_asked_of_another_life_again_is_there_again(tmp_path: Path) -> None:
-    """The same question with the same id, recorded once more after the life began, and km's answer to it."""
+    """The same question with the same id, recorded once more after the life began, and km's answer
+    to it.
+    """
     records = list(mcap_file.Reading(POUR / "traffic.mcap"))
     until = _asked("HypotheticalState")[0][1].t
     first = [one for one in records if one.received <= until]
-    talk = next(one.conversation for one in ALL if one.content and one.content["type"] == "HypotheticalState")
+    talk = next(
+        one.conversation
+        for one in ALL
+        if one.content and one.content["type"] == "HypotheticalState"
+    )
     again = [one for one in first if isinstance(one, Spoken) and one.conversation == talk]
     recording = mcap_file.Recording(tmp_path / "traffic.mcap")
-    later = [Token("km", 2, True, until + 1.0), *(msgspec.structs.replace(one, received=until + 2.0) for one in again)]
+    later = [
+        Token("km", 2, True, until + 1.0),
+        *(msgspec.structs.replace(one, received=until + 2.0) for one in again),
+    ]
     for one in (*first, *later):
         recording.add(one)
     recording.finish()
-    states = [believed(asking.known(tmp_path, at).heard).states for at in (until - BEGIN, until - BEGIN + 1.5, None)]
+    states = [
+        believed(asking.known(tmp_path, at).heard).states
+        for at in (until - BEGIN, until - BEGIN + 1.5, None)
+    ]
     assert states[0].keys() == states[2].keys() != states[1].keys() == set()
 
 
 def test_facts_are_those_of_kms_own_store() -> None:
-    """After each communicate: what km's store would hold of the scene, each fact with a source that was told before."""
+    """After each communicate: what km's store would hold of the scene, each fact with a source that
+    was told before.
+    """
     store, beliefs = Store.open(), Beliefs()
     ontology = set(store._triples)
     for one in asking.known(POUR).heard:
         beliefs.hear(one)
         store.write(beliefs.scene)
         assert beliefs.facts.keys() == set(store._triples) - ontology
-        assert {source.name for source in beliefs.facts.values()} <= {source.name for source in beliefs.sources}
+        assert {source.name for source in beliefs.facts.values()} <= {
+            source.name for source in beliefs.sources
+        }
     assert beliefs.sources
 
 
 def told(beliefs: Beliefs) -> set[tuple[str, str]]:
-    """Return the believed pairs (subject, predicate), without times: a step log has the time of sending."""
+    """Return the believed pairs (subject, predicate), without times: a step log has the time of
+    sending.
+    """
     return {(str(fact.subject), str(fact.predicate)) for fact in beliefs.facts}
 
 
 def test_step_logs_tell_it_too(tmp_path: Path) -> None:
     """A run whose recorder heard nothing: what reached km stands in its own step log."""
     log = steplog.StepLog(tmp_path / "steps/km.steps")
-    heard = [one for one in asking.known(POUR).heard if one.wire and decode(one.wire).receiver == "km"]
+    heard = [
+        one for one in asking.known(POUR).heard if one.wire and decode(one.wire).receiver == "km"
+    ]
     for one in heard:
         event = msgspec.msgpack.encode(Arrived(decode(one.wire)))
         log.write([(steplog.Step(1, 1, one.at, "Arrived", event), steplog.NOTHING)])

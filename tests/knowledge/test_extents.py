@@ -31,14 +31,20 @@ ANYWHERE = (
 """Poses that are none, or far beyond any room."""
 
 
-def with_point_at(model: Model, height: float, point: tuple[float, float, float], turn: Pose) -> SceneObject:
+def with_point_at(
+    model: Model, height: float, point: tuple[float, float, float], turn: Pose
+) -> SceneObject:
     """A thing with the point of its axis that is so high above its base there."""
     x, y, z = geometry.rotate(turn.quat_wxyz, (0.0, 0.0, model.base.z + height))
-    return SceneObject("thing", model.name, Pose((point[0] - x, point[1] - y, point[2] - z), turn.quat_wxyz))
+    return SceneObject(
+        "thing", model.name, Pose((point[0] - x, point[1] - y, point[2] - z), turn.quat_wxyz)
+    )
 
 
 def near(thing: SceneObject, other: SceneObject) -> bool:
-    """Whether the other one is among those that a thing is compared with, and the other way round."""
+    """Whether the other one is among those that a thing is compared with, and the other way
+    round.
+    """
     one, two = (SceneObjects({it.id: it}) for it in (thing, other))
     return other.id in two.near(cells_of(thing.model, thing.pose)) and thing.id in one.near(
         cells_of(other.model, other.pose)
@@ -49,16 +55,27 @@ def near(thing: SceneObject, other: SceneObject) -> bool:
 def test_what_stands_on_a_surface_shares_a_cell_with_it(
     model: Model, turn: Pose, under: Model, pose: Pose, data: st.DataObject
 ) -> None:
-    """Wherever on it, up to its edges and to the gap that still counts as touching, however both are tilted."""
+    """Wherever on it, up to its edges and to the gap that still counts as touching, however both
+    are tilted.
+    """
     flat = data.draw(st.sampled_from(under.surfaces))
     at = (flat.x + data.draw(share) * flat.along_x, flat.y + data.draw(share) * flat.along_y)
     point = (*at, flat.z + data.draw(share) * 2 * TOUCH_M)
-    thing, other = with_point_at(model, 0.0, geometry.place(pose, point), turn), SceneObject("other", under.name, pose)
+    thing, other = (
+        with_point_at(model, 0.0, geometry.place(pose, point), turn),
+        SceneObject("other", under.name, pose),
+    )
     assert near(thing, other)
     assert relations._support(thing, model, [other]) in ("other", "")
 
 
-@given(models, poses(), models.filter(lambda model: model.hole), poses(), st.tuples(share, share, share))
+@given(
+    models,
+    poses(),
+    models.filter(lambda model: model.hole),
+    poses(),
+    st.tuples(share, share, share),
+)
 def test_what_is_inside_shares_a_cell_with_it(
     model: Model, turn: Pose, around: Model, pose: Pose, part: tuple[float, float, float]
 ) -> None:
@@ -70,7 +87,9 @@ def test_what_is_inside_shares_a_cell_with_it(
 
 
 @given(models, poses(), shapes, poses())
-def test_what_a_volume_meets_shares_a_cell_with_it(model: Model, pose: Pose, volume: Shape, at: Pose) -> None:
+def test_what_a_volume_meets_shares_a_cell_with_it(
+    model: Model, pose: Pose, volume: Shape, at: Pose
+) -> None:
     """Each shape of a thing that overlaps it."""
     if any(geometry.overlap(shape, pose, volume, at) for shape in model.shapes):
         things = SceneObjects({"thing": SceneObject("thing", model.name, pose)})
@@ -86,13 +105,21 @@ def test_the_extent_of_a_thing_holds_all_that_relations_look_at(model: Model, po
     points = [(0.0, 0.0, model.base.z), (0.0, 0.0, model.base.z + relations.INSIDE_M)]
     for flat in model.surfaces:
         half = (flat.along_x / 2, flat.along_y / 2, TOUCH_M)
-        points += [tuple(c + s * h for c, s, h in zip(flat.centre, sign, half, strict=True)) for sign in SIGNS]
-    assert all(geometry.within(box, point) for point in (*corners, *(geometry.place(pose, one) for one in points)))
+        points += [
+            tuple(c + s * h for c, s, h in zip(flat.centre, sign, half, strict=True))
+            for sign in SIGNS
+        ]
+    assert all(
+        geometry.within(box, point)
+        for point in (*corners, *(geometry.place(pose, one) for one in points))
+    )
 
 
 @pytest.mark.parametrize("pose", ANYWHERE)
 def test_what_is_nowhere_is_compared_with_everything(pose: Pose) -> None:
-    """A pose that is not rigid, not finite or too far away breaks nothing; an unknown model touches nothing."""
+    """A pose that is not rigid, not finite or too far away breaks nothing; an unknown model touches
+    nothing.
+    """
     assert cells_of("jar", pose) is None
     assert near(SceneObject("thing", "jar", pose), SceneObject("other", "jar", ORIGIN))
     assert cells_of("teapot", pose) == frozenset()
@@ -102,12 +129,16 @@ def test_what_is_nowhere_is_compared_with_everything(pose: Pose) -> None:
 def test_the_cells_of_a_volume_are_few_or_all(size: tuple[float, float]) -> None:
     """However large it is along either axis."""
     found = cells(geometry.bounds(Box((*size, 1.0)), ORIGIN))
-    assert found is None if max(size) > WIDE_M else 0 < len(found or ()) <= (WIDE_M / CELL_M + 2) ** 2
+    assert (
+        found is None if max(size) > WIDE_M else 0 < len(found or ()) <= (WIDE_M / CELL_M + 2) ** 2
+    )
 
 
 def test_things_far_apart_are_not_compared() -> None:
     """A jar 2 m from a table, and a scene of them."""
-    jars = {f"jar_{n}": SceneObject(f"jar_{n}", "jar", Pose((2.0 * n, 0.0, 0.0))) for n in range(100)}
+    jars = {
+        f"jar_{n}": SceneObject(f"jar_{n}", "jar", Pose((2.0 * n, 0.0, 0.0))) for n in range(100)
+    }
     things = Scene(things=jars).marked
     assert things.near(cells_of("jar", Pose((4.0, 0.0, 1.0)))) == {"jar_2"}
     assert things.near(cells(geometry.bounds(Box((4.0, 0.1, 0.1)), ORIGIN))) == {"jar_0", "jar_1"}

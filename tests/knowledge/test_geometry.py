@@ -31,13 +31,17 @@ shapes = st.one_of(boxes, spheres, cylinders)
 
 
 @given(poses(), points)
-def test_a_point_placed_and_taken_back_is_the_same(pose: Pose, point: tuple[float, float, float]) -> None:
+def test_a_point_placed_and_taken_back_is_the_same(
+    pose: Pose, point: tuple[float, float, float]
+) -> None:
     """unplace undoes place."""
     assert geometry.unplace(pose, geometry.place(pose, point)) == pytest.approx(point, abs=1e-9)
 
 
 @given(poses(), poses(), points)
-def test_composed_poses_place_as_one_after_the_other(one: Pose, other: Pose, point: tuple[float, float, float]) -> None:
+def test_composed_poses_place_as_one_after_the_other(
+    one: Pose, other: Pose, point: tuple[float, float, float]
+) -> None:
     """(T_A_B T_B_C) p = T_A_B (T_B_C p)"""
     whole = geometry.place(geometry.compose(one, other), point)
     assert whole == pytest.approx(geometry.place(one, geometry.place(other, point)), abs=1e-9)
@@ -49,7 +53,9 @@ def test_a_box_meets_a_sphere_where_its_nearest_point_is_within_the_radius(
 ) -> None:
     """Compared with the exact distance."""
     x, y, z = geometry.unplace(at, there.xyz)
-    outside = [max(abs(value) - size / 2, 0.0) for value, size in zip((x, y, z), box.size, strict=True)]
+    outside = [
+        max(abs(value) - size / 2, 0.0) for value, size in zip((x, y, z), box.size, strict=True)
+    ]
     distance = math.hypot(*outside)
     assume(abs(distance - ball.radius) > 1e-4)
     assert geometry.overlap(box, at, ball, there) == (distance < ball.radius)
@@ -57,7 +63,10 @@ def test_a_box_meets_a_sphere_where_its_nearest_point_is_within_the_radius(
 
 def axes_of(pose: Pose) -> list[tuple[float, float, float]]:
     """The three axes of a frame."""
-    return [geometry.rotate(pose.quat_wxyz, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+    return [
+        geometry.rotate(pose.quat_wxyz, axis)
+        for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    ]
 
 
 def gap_of_boxes(one: Box, at: Pose, other: Box, there: Pose) -> float:
@@ -70,14 +79,20 @@ def gap_of_boxes(one: Box, at: Pose, other: Box, there: Pose) -> float:
         norm = math.hypot(*axis)
         if norm < 1e-6:
             continue
-        half = sum(abs(geometry._dot(axis, a)) * s / 2 for a, s in zip(first, one.size, strict=True))
-        half += sum(abs(geometry._dot(axis, b)) * s / 2 for b, s in zip(second, other.size, strict=True))
+        half = sum(
+            abs(geometry._dot(axis, a)) * s / 2 for a, s in zip(first, one.size, strict=True)
+        )
+        half += sum(
+            abs(geometry._dot(axis, b)) * s / 2 for b, s in zip(second, other.size, strict=True)
+        )
         largest = max(largest, (abs(geometry._dot(axis, offset)) - half) / norm)
     return largest
 
 
 @given(boxes, poses(), boxes, poses())
-def test_boxes_overlap_where_no_axis_separates_them(one: Box, at: Pose, other: Box, there: Pose) -> None:
+def test_boxes_overlap_where_no_axis_separates_them(
+    one: Box, at: Pose, other: Box, there: Pose
+) -> None:
     """Compared with the separating axes of two boxes."""
     gap = gap_of_boxes(one, at, other, there)
     assume(abs(gap) > 1e-4)
@@ -96,10 +111,19 @@ def scaled(shape: Shape, factor: float) -> Shape:
 
 
 @given(shapes, poses(), shapes, poses())
-def test_overlap_does_not_depend_on_the_order(one: Shape, at: Pose, other: Shape, there: Pose) -> None:
-    """The order of shapes does not matter; a mere touch, which 1 % of size would change, is left out."""
+def test_overlap_does_not_depend_on_the_order(
+    one: Shape, at: Pose, other: Shape, there: Pose
+) -> None:
+    """The order of shapes does not matter; a mere touch, which 1 % of size would change, is left
+    out.
+    """
     forward = geometry.overlap(one, at, other, there)
-    assume(all(geometry.overlap(scaled(one, factor), at, other, there) == forward for factor in (0.99, 1.01)))
+    assume(
+        all(
+            geometry.overlap(scaled(one, factor), at, other, there) == forward
+            for factor in (0.99, 1.01)
+        )
+    )
     assert geometry.overlap(other, there, one, at) == forward
 
 

@@ -1,4 +1,6 @@
-"""Observations become facts, the newest of a subject is the true one, and relations follow from geometry."""
+"""Observations become facts, the newest of a subject is the true one, and relations follow from
+geometry.
+"""
 
 import msgspec
 import pytest
@@ -61,7 +63,9 @@ def test_the_cabinet_holds_jar_and_bowl_and_stands_on_a_table(kitchen: Store) ->
 
 
 def test_relations_carry_the_time_of_the_observation_they_rest_on(kitchen: Store) -> None:
-    """The jar was seen at 1.2 s; that it is in the cabinet is known since that was seen, at 1.4 s."""
+    """The jar was seen at 1.2 s; that it is in the cabinet is known since that was seen, at 1.4
+    s.
+    """
     jar = kitchen.scene.things["jar_1"]
     assert (jar.at, jar.related_at) == (1.2, 1.4)
 
@@ -83,7 +87,9 @@ def test_what_was_lost_is_nowhere_until_it_is_seen() -> None:
 
 
 def test_a_missing_thing_is_nowhere_until_it_is_seen_again() -> None:
-    """It keeps its class, also when it is missing twice. A question for a bowl is answered with the reason."""
+    """It keeps its class, also when it is missing twice. A question for a bowl is answered with the
+    reason.
+    """
     bowl = seen("bowl_1", "bowl_high", (0.783, -0.84, 0.775))
     scene = scene_of(bowl, wm.MissingObject("bowl_1"), wm.MissingObject("bowl_1"))
     assert "bowl_1" not in scene.things
@@ -93,7 +99,9 @@ def test_a_missing_thing_is_nowhere_until_it_is_seen_again() -> None:
 
 
 def test_what_was_given_is_nowhere_and_km_knows_that_it_was_given() -> None:
-    """It is in no hand, and a question for it is answered with the reason until it is seen again."""
+    """It is in no hand, and a question for it is answered with the reason until it is seen
+    again.
+    """
     jar = seen("jar_1", "jar", (0.783, -0.84, 0.875))
     held = wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0)))
     scene = scene_of(jar, held, wm.GivenObject("jar_1", Side.LEFT))
@@ -106,7 +114,10 @@ def test_what_was_given_is_nowhere_and_km_knows_that_it_was_given() -> None:
 def test_content_that_was_seen_stays_known_until_it_is_looked_into_again() -> None:
     """A sight from too far away tells nothing of it."""
     there, pose = (0.783, -0.84, 0.775), Pose((0.783, -0.84, 0.775))
-    scene = scene_of(wm.SeenObject("bowl_1", "bowl_high", pose, 1.0, 0.03), seen("bowl_1", "bowl_high", there, 2.0))
+    scene = scene_of(
+        wm.SeenObject("bowl_1", "bowl_high", pose, 1.0, 0.03),
+        seen("bowl_1", "bowl_high", there, 2.0),
+    )
     assert scene.things["bowl_1"].content == 0.03
     scene = observed(scene, wm.SeenObject("bowl_1", "bowl_high", pose, 3.0, 0.06), (1, 9))
     assert scene.things["bowl_1"].content == 0.06
@@ -117,18 +128,30 @@ PUT = wm.PlacedObject("jar_1", "jar", Pose((0.783, -0.84, 0.877)), 7.0)
 
 
 @pytest.mark.parametrize("told", [(wm.SeenHand(Side.LEFT), PUT), (PUT, wm.SeenHand(Side.LEFT))])
-def test_what_was_put_down_stays_where_the_hand_left_it(kitchen: Store, told: tuple[wm.AnySight, ...]) -> None:
-    """On the table, not seen there, since the hand let go of it; not in the cabinet where it was seen last."""
+def test_what_was_put_down_stays_where_the_hand_left_it(
+    kitchen: Store, told: tuple[wm.AnySight, ...]
+) -> None:
+    """On the table, not seen there, since the hand let go of it; not in the cabinet where it was
+    seen last.
+    """
     scene = kitchen.scene
     for count, observation in enumerate((TAKEN_OUT, *told)):
         scene = observed(scene, observation, (9, count), 9.0)
     jar = scene.things["jar_1"]
-    assert (jar.pose, jar.exact, jar.at, jar.on, jar.inside) == (PUT.pose, False, 7.0, "table_1", ())
+    assert (jar.pose, jar.exact, jar.at, jar.on, jar.inside) == (
+        PUT.pose,
+        False,
+        7.0,
+        "table_1",
+        (),
+    )
     assert (scene.holder("jar_1"), scene.times["object:jar_1"]) == (None, 7.0)
     assert jar.origin is not None
     assert jar.origin.on == "cabinet_2"
     assert observed(scene, PUT, (9, 0)) is scene, "old news"
-    seen_there = observed(scene, seen("jar_1", "jar", (0.78, -0.84, 0.875), 8.0), (9, 9)).things["jar_1"]
+    seen_there = observed(scene, seen("jar_1", "jar", (0.78, -0.84, 0.875), 8.0), (9, 9)).things[
+        "jar_1"
+    ]
     assert (seen_there.exact, seen_there.at, seen_there.origin) == (True, 8.0, jar.origin)
 
 
@@ -142,35 +165,51 @@ def test_what_was_put_down_is_known_after_a_restart(kitchen: Store) -> None:
 
 def test_on_the_roof_is_not_inside() -> None:
     """A jar on top of the cabinet is on it and not in it."""
-    scene = scene_of(seen("c", "cabinet_no_door", (1.0, 0.0, 1.0)), seen("j", "jar", (1.0, 0.0, 1.0 + 0.35 + 0.1)))
+    scene = scene_of(
+        seen("c", "cabinet_no_door", (1.0, 0.0, 1.0)),
+        seen("j", "jar", (1.0, 0.0, 1.0 + 0.35 + 0.1)),
+    )
     assert (scene.things["j"].on, scene.things["j"].inside) == ("c", ())
 
 
 def test_beside_the_table_is_not_on_it() -> None:
     """The middle of the base must be above the surface, and near it."""
     table = seen("t", "table", (0.0, 0.0, 0.0))
-    for xyz, on in (((0.0, 0.0, 0.775), "t"), ((0.5, 0.0, 0.775), ""), ((0.0, 0.0, 0.9), ""), ((0.0, 0.0, 0.785), "t")):
+    for xyz, on in (
+        ((0.0, 0.0, 0.775), "t"),
+        ((0.5, 0.0, 0.775), ""),
+        ((0.0, 0.0, 0.9), ""),
+        ((0.0, 0.0, 0.785), "t"),
+    ):
         assert scene_of(table, seen("b", "bowl_high", xyz)).things["b"].on == on
 
 
 def test_a_bowl_may_hold_something() -> None:
     """A lid that lies in a bowl is in it."""
-    scene = scene_of(seen("b", "bowl_high", (0.0, 0.0, 0.0)), seen("l", "jar_lid", (0.01, 0.0, 0.03)))
+    scene = scene_of(
+        seen("b", "bowl_high", (0.0, 0.0, 0.0)), seen("l", "jar_lid", (0.01, 0.0, 0.03))
+    )
     assert scene.things["l"].inside == ("b",)
 
 
 @given(st.permutations([(1, 1), (1, 2), (2, 1), (2, 2)]))
-def test_whatever_the_order_of_arrival_the_newest_observation_stays(order: list[tuple[int, int]]) -> None:
+def test_whatever_the_order_of_arrival_the_newest_observation_stays(
+    order: list[tuple[int, int]],
+) -> None:
     """Older versions of a subject change nothing; a new incarnation is newer than any count."""
     scene = Scene()
     for version in order:
-        scene = observed(scene, seen("j", "jar", (float(version[0]), float(version[1]), 0.0)), version)
+        scene = observed(
+            scene, seen("j", "jar", (float(version[0]), float(version[1]), 0.0)), version
+        )
     assert scene.things["j"].pose.xyz == (2.0, 2.0, 0.0)
     assert scene.versions["object:j"] == (2, 2)
 
 
 @given(st.sampled_from(KITCHEN), st.integers(0, 5))
-def test_an_observation_taken_twice_is_taken_once(observation: wm.AnyObservation, version: int) -> None:
+def test_an_observation_taken_twice_is_taken_once(
+    observation: wm.AnyObservation, version: int
+) -> None:
     """The second time the scene is the very same object."""
     once = observed(Scene(), observation, (1, version))
     assert observed(once, observation, (1, version)) is once
@@ -183,7 +222,9 @@ def test_subjects_are_separate() -> None:
 
 
 def test_what_a_hand_holds_has_no_exact_pose_until_it_is_seen_after_its_release() -> None:
-    """It moves with the hand; put down unseen it is where it was predicted; seen again it is exact."""
+    """It moves with the hand; put down unseen it is where it was predicted; seen again it is
+    exact.
+    """
     jar = seen("j", "jar", (0.0, 0.0, 0.0))
     grasp = wm.SeenHand(Side.LEFT, "j", "17", Pose((0.0, 0.0, 0.002), yaw(0.3)))
     assert scene_of(jar).things["j"].exact
@@ -203,7 +244,9 @@ def test_an_object_is_in_one_hand_at_most() -> None:
 
 def test_a_held_object_stands_on_nothing(kitchen: Store) -> None:
     """Grasped on the shelf, it is where the hand is: neither on the shelf nor in the cabinet."""
-    scene = observed(kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0))
+    scene = observed(
+        kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0)
+    )
     assert (scene.things["jar_1"].on, scene.things["jar_1"].inside) == ("", ())
 
 
@@ -227,8 +270,12 @@ def test_the_hands_posture_is_four_numbers(kitchen: Store) -> None:
 
 
 @given(st.lists(st.sampled_from([*KITCHEN[:5], *MOVES]), min_size=1, max_size=12))
-def test_relations_kept_are_those_that_would_be_computed_anew(story: list[wm.AnyObservation]) -> None:
-    """Looking only at what moved gives what looking at everything gives, whatever happened in whatever order."""
+def test_relations_kept_are_those_that_would_be_computed_anew(
+    story: list[wm.AnyObservation],
+) -> None:
+    """Looking only at what moved gives what looking at everything gives, whatever happened in
+    whatever order.
+    """
     scene = scene_of(*story)
     for thing in scene.things.values():
         assert (thing.on, thing.inside) == relate(scene, thing)
@@ -249,9 +296,11 @@ def test_observed_is_pure(kitchen: Store) -> None:
     assert pytest.approx(before.things["jar_1"].pose.xyz) == (0.851, 0.369, 1.281)
 
 
-# --- where a thing stood before it was taken --------------------------------------------------------------------------
+# --- where a thing stood before it was taken ------------------------------------------------------
 
-SHELF, TABLE, FAR = (seen("j", "jar", xyz) for xyz in ((0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (2.0, 0.0, 0.1)))
+SHELF, TABLE, FAR = (
+    seen("j", "jar", xyz) for xyz in ((0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (2.0, 0.0, 0.1))
+)
 TAKEN, LET_GO = wm.SeenHand(Side.LEFT, "j", "1", Pose((0.0, 0.0, 0.0))), wm.SeenHand(Side.LEFT)
 
 
@@ -269,7 +318,9 @@ TAKEN, LET_GO = wm.SeenHand(Side.LEFT, "j", "1", Pose((0.0, 0.0, 0.0))), wm.Seen
     ],
 )
 def test_the_place_before_the_first_taking_is_kept(observations, stood) -> None:
-    """Also when it was put down between; until somebody else moves it. What was not seen standing has none."""
+    """Also when it was put down between; until somebody else moves it. What was not seen standing
+    has none.
+    """
     thing = scene_of(*observations).things.get("j")
     origin = thing and thing.origin
     assert (origin and origin.pose) == (stood and stood.pose)
@@ -277,16 +328,24 @@ def test_the_place_before_the_first_taking_is_kept(observations, stood) -> None:
 
 def test_what_it_stood_on_is_kept_too(kitchen: Store) -> None:
     """A held thing stands on nothing; where it came from it did."""
-    scene = observed(kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0))
+    scene = observed(
+        kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0)
+    )
     store = Store.open()
     store.write(scene)
-    assert store.scene.things["jar_1"].origin == Origin(kitchen.scene.things["jar_1"].pose, "cabinet_2")
+    assert store.scene.things["jar_1"].origin == Origin(
+        kitchen.scene.things["jar_1"].pose, "cabinet_2"
+    )
 
 
 def test_a_far_look_does_not_undo_a_near_one() -> None:
     """They are fused where they agree; what moved is where it was seen last."""
-    near = msgspec.structs.replace(seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE)
-    far = msgspec.structs.replace(seen("jar_1", "jar", (0.786, -0.84, 0.875), 2.0), uncertainty=UNSURE)
+    near = msgspec.structs.replace(
+        seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE
+    )
+    far = msgspec.structs.replace(
+        seen("jar_1", "jar", (0.786, -0.84, 0.875), 2.0), uncertainty=UNSURE
+    )
     moved = msgspec.structs.replace(far, pose=Pose((0.85, -0.84, 0.875)))
     both = scene_of(near, far).things["jar_1"]
     assert (both.pose.xyz, both.at) == (pytest.approx((0.783, -0.84, 0.875), abs=2e-4), 2.0)
@@ -308,7 +367,11 @@ def test_a_far_look_does_not_undo_a_near_one() -> None:
 )
 def test_a_sight_of_a_thing_that_a_hand_had_counts_alone(between: wm.AnySight) -> None:
     """Where it was before says nothing then, and a place where a hand left it was not seen."""
-    near = msgspec.structs.replace(seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE)
-    far = msgspec.structs.replace(seen("jar_1", "jar", (0.786, -0.84, 0.875), 2.0), uncertainty=UNSURE)
+    near = msgspec.structs.replace(
+        seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE
+    )
+    far = msgspec.structs.replace(
+        seen("jar_1", "jar", (0.786, -0.84, 0.875), 2.0), uncertainty=UNSURE
+    )
     thing = scene_of(near, between, wm.SeenHand(Side.LEFT), far).things["jar_1"]
     assert (thing.pose, thing.uncertainty) == (far.pose, UNSURE)

@@ -38,7 +38,9 @@ changes: st.SearchStrategy[wm.AnyChange] = st.one_of(
     st.builds(wm.Grasped, objects, sides, st.just("5"), poses),
     st.builds(wm.Released, sides),
     parts,
-    st.builds(wm.Reserved, st.sampled_from("abc"), st.one_of(st.none(), st.just(Box((0.1, 0.2, 0.3))))),
+    st.builds(
+        wm.Reserved, st.sampled_from("abc"), st.one_of(st.none(), st.just(Box((0.1, 0.2, 0.3))))
+    ),
     st.builds(wm.Poured, objects, objects),
 )
 stories = st.lists(st.lists(changes, max_size=3).map(tuple), min_size=1, max_size=5)
@@ -48,17 +50,39 @@ def every_query(state: str) -> list[wm.AnyQuery]:
     """One query of each kind about each object, side, relation, in a state."""
     found: list[wm.AnyQuery] = []
     for name in sorted(WORLD.things):
-        kinds = (wm.ObjectPose, wm.ObjectModel, wm.ObjectHole, wm.FlatSurfaces, wm.CurrentGrasp, wm.GraspSet)
+        kinds = (
+            wm.ObjectPose,
+            wm.ObjectModel,
+            wm.ObjectHole,
+            wm.FlatSurfaces,
+            wm.CurrentGrasp,
+            wm.GraspSet,
+        )
         found += [kind(object=name, state=state) for kind in kinds]
         found += [
-            wm.Holds(relation=r, subject=name, state=state) for r in ("isIn", "isOn", "isGraspedBy", "hasExactPose")
+            wm.Holds(relation=r, subject=name, state=state)
+            for r in ("isIn", "isOn", "isGraspedBy", "hasExactPose")
         ]
         found += [wm.Holds(relation="isIn", subject=f"{name}.content", state=state)]
     for side in Side:
-        kinds_of_side = (wm.GraspAtSide, wm.ArmConfiguration, wm.GripperConfiguration, wm.RobotReach)
+        kinds_of_side = (
+            wm.GraspAtSide,
+            wm.ArmConfiguration,
+            wm.GripperConfiguration,
+            wm.RobotReach,
+        )
         found += [kind(side=side, state=state) for kind in kinds_of_side]
-    plain = (wm.ListObjects, wm.MoveableObjects, wm.StaticObjects, wm.TorsoConfiguration, wm.HeadConfiguration)
-    found += [kind(state=state) for kind in (*plain, wm.EnvironmentShapes, wm.ReservedSpace, wm.FlatSurfaces)]
+    plain = (
+        wm.ListObjects,
+        wm.MoveableObjects,
+        wm.StaticObjects,
+        wm.TorsoConfiguration,
+        wm.HeadConfiguration,
+    )
+    found += [
+        kind(state=state)
+        for kind in (*plain, wm.EnvironmentShapes, wm.ReservedSpace, wm.FlatSurfaces)
+    ]
     volume = Box((0.4, 0.4, 0.4), Pose((0.85, 0.37, 1.2)))
     return [*found, wm.CollisionsInVolume(volume=volume, state=state)]
 
@@ -70,7 +94,9 @@ def told(state: str, scene: Scene, overlays: Overlays) -> list[wm.AnyAnswer]:
 
 @given(stories)
 def test_a_hypothesis_answers_as_a_changed_copy_does(story: list[tuple[wm.AnyChange, ...]]) -> None:
-    """Each state, made on the one before it, equals the observed world with all changes so far made to it."""
+    """Each state, made on the one before it, equals the observed world with all changes so far made
+    to it.
+    """
     overlays, parent, so_far = Overlays(), "", ()
     for number, step in enumerate(story):
         so_far += step
@@ -110,7 +136,9 @@ def test_dropping_forgets_what_begins_so_and_nothing_else() -> None:
     overlays = Overlays()
     for state, id in (("", "a.1"), ("a.1", "b.1"), ("", "a.2")):
         overlays, _ = ask(
-            WORLD, overlays, wm.HypotheticalState(state=state, id=id, changes=(wm.Poured("jar_1", "bowl_1"),))
+            WORLD,
+            overlays,
+            wm.HypotheticalState(state=state, id=id, changes=(wm.Poured("jar_1", "bowl_1"),)),
         )
     after, made = ask(WORLD, overlays, wm.DropStates(prefix="a."))
     assert made == wm.Made("a.")

@@ -1,4 +1,6 @@
-"""What is renewed after a change is what a whole scene, made again from nothing, has: relations, marks, triples."""
+"""What is renewed after a change is what a whole scene, made again from nothing, has: relations,
+marks, triples.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,7 +33,9 @@ KINDS = {
 }
 names, sides = st.sampled_from(sorted(KINDS)), st.sampled_from(Side)
 places = st.sampled_from((0.0, 0.0, 0.1, 1.5))
-turns = st.sampled_from((yaw(0.0), yaw(0.0), yaw(0.7), yaw(-2.1), (0.5, 0.5, 0.5, 0.5), (1.0, 0.1, 0.0, 0.0)))
+turns = st.sampled_from(
+    (yaw(0.0), yaw(0.0), yaw(0.7), yaw(-2.1), (0.5, 0.5, 0.5, 0.5), (1.0, 0.1, 0.0, 0.0))
+)
 floors = st.sampled_from((0.0, 0.775, 0.885, 1.18))
 """The ground, a table, a box on it, a shelf of a cabinet on it."""
 
@@ -44,7 +48,9 @@ def poses_of(kind: str) -> st.SearchStrategy[Pose]:
 
 poses = poses_of("box1")
 seen = names.flatmap(
-    lambda name: st.builds(wm.SeenObject, st.just(name), st.just(KINDS[name]), poses_of(KINDS[name]), st.just(1.0))
+    lambda name: st.builds(
+        wm.SeenObject, st.just(name), st.just(KINDS[name]), poses_of(KINDS[name]), st.just(1.0)
+    )
 )
 others: st.SearchStrategy[wm.AnySight] = st.one_of(
     seen.map(lambda one: wm.PlacedObject(one.object, one.model, one.pose, 2.0)),
@@ -54,7 +60,9 @@ others: st.SearchStrategy[wm.AnySight] = st.one_of(
     st.builds(wm.GivenObject, names, sides),
     st.builds(wm.FeltContent, st.just("jar_1"), st.sampled_from(("bowl_1", "pot_1")), st.just(0.1)),
 )
-sights = st.lists(st.integers(0, 2).flatmap(lambda kind: seen if kind else others), min_size=6, max_size=15)
+sights = st.lists(
+    st.integers(0, 2).flatmap(lambda kind: seen if kind else others), min_size=6, max_size=15
+)
 stories = st.one_of(sights, st.builds(lambda one, other: [*one, WORLD, *other], sights, sights))
 supposed: st.SearchStrategy[wm.AnyChange] = st.one_of(
     st.builds(wm.Moved, names, poses, st.one_of(st.just(""), names)),
@@ -68,7 +76,11 @@ def scenes(story: list[wm.AnySight | str]) -> list[Scene]:
     """The scene after each of these, one after the other; WORLD: all was lost."""
     found = [Scene()]
     for count, sight in enumerate(story):
-        now = forgotten(found[-1], (1, count)) if isinstance(sight, str) else observed(found[-1], sight, (1, count))
+        now = (
+            forgotten(found[-1], (1, count))
+            if isinstance(sight, str)
+            else observed(found[-1], sight, (1, count))
+        )
         found.append(now)
     return found
 
@@ -77,7 +89,10 @@ def scenes(story: list[wm.AnySight | str]) -> list[Scene]:
 def compared_with_all() -> Iterator[None]:
     """Make km compare each thing with all others, as if all stood in one cell."""
     everything = lambda things, whatever: things.keys()  # noqa: E731
-    with patch.object(SceneObjects, "near", everything), patch.object(SceneObjects, "upon", everything):
+    with (
+        patch.object(SceneObjects, "near", everything),
+        patch.object(SceneObjects, "upon", everything),
+    ):
         yield
 
 
@@ -96,10 +111,17 @@ def test_who_is_compared_with_the_near_is_related_as_by_all(story: list[wm.AnySi
 
 
 @given(stories, st.lists(supposed, max_size=6))
-def test_so_it_is_in_a_hypothetical_state(story: list[wm.AnySight | str], changes: list[wm.AnyChange]) -> None:
-    """After each change; a change of unknown things is left out. The observed scene stays as it was."""
+def test_so_it_is_in_a_hypothetical_state(
+    story: list[wm.AnySight | str], changes: list[wm.AnyChange]
+) -> None:
+    """After each change; a change of unknown things is left out. The observed scene stays as it
+    was.
+    """
     world = scenes(story)[-1]
-    before = msgspec.msgpack.encode(world), {mark: set(names) for mark, names in world.marked._marked.items()}
+    before = (
+        msgspec.msgpack.encode(world),
+        {mark: set(names) for mark, names in world.marked._marked.items()},
+    )
     supposed = after_each(world, changes)
     with compared_with_all():
         assert after_each(world, changes) == supposed
@@ -122,7 +144,9 @@ def after_each(scene: Scene, changes: list[wm.AnyChange]) -> list[Scene]:
 
 @given(stories)
 def test_marks_stand_in_no_record(story: list[wm.AnySight | str]) -> None:
-    """A scene read back is the same, with its marks, and is written in the same bytes; so is one of plain dicts."""
+    """A scene read back is the same, with its marks, and is written in the same bytes; so is one of
+    plain dicts.
+    """
     for scene in scenes(story):
         data = msgspec.msgpack.encode(scene)
         again = msgspec.msgpack.decode(data, type=Scene)
@@ -142,7 +166,9 @@ def whole_difference(old: Scene, new: Scene) -> tuple[list[Subject], list[Subjec
 def test_subjects_that_differ_are_found_by_what_is_not_the_same_object(
     story: list[wm.AnySight | str], changes: list[wm.AnyChange], data: st.DataObject
 ) -> None:
-    """From scene to scene, between any two, and with one that was read back, whose objects are all others."""
+    """From scene to scene, between any two, and with one that was read back, whose objects are all
+    others.
+    """
     found = scenes(story)
     found += after_each(found[-1], changes)
     old, new = data.draw(st.sampled_from(found)), data.draw(st.sampled_from(found))
@@ -153,7 +179,9 @@ def test_subjects_that_differ_are_found_by_what_is_not_the_same_object(
 
 @settings(max_examples=20)
 @given(stories)
-def test_a_store_written_step_by_step_is_one_written_at_once(story: list[wm.AnySight | str]) -> None:
+def test_a_store_written_step_by_step_is_one_written_at_once(
+    story: list[wm.AnySight | str],
+) -> None:
     """The same triples."""
     found, (steps, once) = scenes(story), (Store.open(), Store.open())
     for scene in found:

@@ -1,4 +1,6 @@
-"""km's agent step by step: whom it asks to observe, how long questions wait for a look around, what it answers."""
+"""km's agent step by step: whom it asks to observe, how long questions wait for a look around, what
+it answers.
+"""
 
 import sys
 from pathlib import Path
@@ -69,11 +71,15 @@ class Km(Driven):
     def answers(self) -> list[tuple[P, Any]]:
         """Return the answers to pl in the last step."""
         read = self.core.wiring.languages.read
-        return [(sent.performative, read(sent)[0]) for sent in self.sends() if sent.receiver == "pl"]
+        return [
+            (sent.performative, read(sent)[0]) for sent in self.sends() if sent.receiver == "pl"
+        ]
 
     def logged(self, event: str) -> dict[str, Any]:
         """Return the fields of the line with this event in the last step."""
-        (fields,) = [line.fields for effects in self.out for line in effects.logs if line.event == event]
+        (fields,) = [
+            line.fields for effects in self.out for line in effects.logs if line.event == event
+        ]
         return fields
 
     def later(self, seconds: float) -> None:
@@ -93,7 +99,7 @@ def names(answer: Any) -> list[str]:
     return [one.id for one in answer.objects]
 
 
-# --- patience ---------------------------------------------------------------------------------------------------------
+# --- patience -------------------------------------------------------------------------------------
 
 
 def test_a_question_waits_for_the_look_around_and_is_put_off_after_a_while(km: Km) -> None:
@@ -183,7 +189,9 @@ def test_a_look_around_that_failed_is_told_and_the_next_observer_gives_hope(km: 
 
 
 def test_what_was_seen_stays_seen(km: Km) -> None:
-    """A later look that fails, or another life of ta, makes nobody wait; a look that succeeds ends blindness."""
+    """A later look that fails, or another life of ta, makes nobody wait; a look that succeeds ends
+    blindness.
+    """
     km.met()
     km.ta(P.AGREE)
     km.observed("body", BODY)
@@ -194,7 +202,9 @@ def test_what_was_seen_stays_seen(km: Km) -> None:
 
 
 def test_a_lost_world_is_forgotten_and_looked_for(km: Km) -> None:
-    """Nothing of before counts, not even what arrives late; questions wait for the look around that follows."""
+    """Nothing of before counts, not even what arrives late; questions wait for the look around that
+    follows.
+    """
     km.met()
     km.ta(P.AGREE)
     km.observed("jar_1", JAR)
@@ -225,7 +235,7 @@ def test_a_restart_goes_on_waiting_only_where_it_waited(km: Km) -> None:
     assert km.state.wakes == {}
 
 
-# --- the subscription -------------------------------------------------------------------------------------------------
+# --- the subscription -----------------------------------------------------------------------------
 
 
 def test_each_life_of_the_observer_is_subscribed_to_once(km: Km) -> None:
@@ -236,7 +246,11 @@ def test_each_life_of_the_observer_is_subscribed_to_once(km: Km) -> None:
     assert km.subscribes() == []
     second = km.met(2)
     assert first not in km.state.soft.conversations
-    assert (km.memory.soft.subscription, km.memory.soft.incarnation, km.memory.soft.agreed) == (second, 2, False)
+    assert (km.memory.soft.subscription, km.memory.soft.incarnation, km.memory.soft.agreed) == (
+        second,
+        2,
+        False,
+    )
 
 
 def test_a_subscription_that_is_refused_is_tried_again(km: Km) -> None:
@@ -273,7 +287,7 @@ def test_an_observer_that_cannot_be_understood_is_asked_again(km: Km) -> None:
     assert len(km.subscribes()) == 1
 
 
-# --- what is known ----------------------------------------------------------------------------------------------------
+# --- what is known --------------------------------------------------------------------------------
 
 
 def test_the_store_is_told_of_each_new_scene(km: Km) -> None:

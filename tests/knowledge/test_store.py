@@ -1,4 +1,6 @@
-"""The store keeps what was observed, whole and with its version, and says it in the terms of the ontology."""
+"""The store keeps what was observed, whole and with its version, and says it in the terms of the
+ontology.
+"""
 
 from pathlib import Path
 
@@ -30,7 +32,9 @@ observations: st.SearchStrategy[wm.AnyObservation] = st.one_of(
         number,
         st.none() | st.floats(0.0, 1.0),
     ),
-    st.builds(wm.SeenHand, st.sampled_from(Side), st.one_of(st.just(""), names), st.just("3"), poses),
+    st.builds(
+        wm.SeenHand, st.sampled_from(Side), st.one_of(st.just(""), names), st.just("3"), poses
+    ),
     st.builds(wm.FeltContent, names, names, st.floats(0.0, 1.0)),
     st.builds(
         wm.SeenBody,
@@ -47,8 +51,12 @@ versions = st.tuples(st.integers(1, 3), st.integers(0, 9))
 
 
 @given(st.lists(st.tuples(observations, versions), max_size=8))
-def test_what_is_read_back_is_what_was_written(story: list[tuple[wm.AnyObservation, tuple[int, int]]]) -> None:
-    """A store opened on the same triples has the same scene, whatever was observed in whatever order."""
+def test_what_is_read_back_is_what_was_written(
+    story: list[tuple[wm.AnyObservation, tuple[int, int]]],
+) -> None:
+    """A store opened on the same triples has the same scene, whatever was observed in whatever
+    order.
+    """
     store = Store.open()
     for observation, version in story:
         store_observation(store, observation, version, now=1.5)
@@ -96,8 +104,12 @@ def test_people_may_ask_in_sparql(kitchen: Store) -> None:
 
 
 def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen: Store) -> None:
-    """A jar taken out of the cabinet is no longer in it; what the ontology says of the hand stays."""
-    store_observation(kitchen, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.002))), (1, 20))
+    """A jar taken out of the cabinet is no longer in it; what the ontology says of the hand
+    stays.
+    """
+    store_observation(
+        kitchen, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.002))), (1, 20)
+    )
     store_observation(kitchen, wm.SeenObject("jar_1", "jar", Pose((0.4, 0.4, 1.4)), 9.0), (1, 21))
     graph, jar = kitchen.graph(), URIRef(node("thing", "jar_1").value)
     assert not list(graph.objects(jar, ROCO.isIn))
@@ -110,11 +122,19 @@ def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen: Store) -
 def test_every_predicate_that_is_written_is_in_the_ontology(kitchen: Store) -> None:
     """No property is made up by the store."""
     store_observation(kitchen, wm.FeltContent("jar_1", "bowl_1", 0.06), (1, 30))
-    store_observation(kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31))
-    store_observation(kitchen, wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06, SURE), (1, 32))
+    store_observation(
+        kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31)
+    )
+    store_observation(
+        kitchen,
+        wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06, SURE),
+        (1, 32),
+    )
     graph = kitchen.graph()
     assert graph.value(URIRef(node("thing", "bowl_1").value), ROCO.contentSeen).toPython() == 0.06
-    assert graph.value(URIRef(node("thing", "bowl_1").value), ROCO.placeDeviation).toPython() == pytest.approx(0.003)
+    assert graph.value(
+        URIRef(node("thing", "bowl_1").value), ROCO.placeDeviation
+    ).toPython() == pytest.approx(0.003)
     used = {p for p in graph.predicates() if p in ROCO}
     assert all((p, RDF.type, None) in graph for p in used)
 

@@ -1,4 +1,6 @@
-"""Violations planted into a recording: communicates edited, added or removed, each as somebody wrong would say it."""
+"""Violations planted into a recording: communicates edited, added or removed, each as somebody
+wrong would say it.
+"""
 
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -23,7 +25,9 @@ from topdown.judge.verdicts import Verdict as V
 POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7" / "traffic.mcap"
 Item = Sample | Record
 Expected = tuple[V, str]
-"""Verdict, and sender>receiver performative id of the communicate; for bytes that are none, the key."""
+"""Verdict, and sender>receiver performative id of the communicate; for bytes that are none, the
+key.
+"""
 
 
 class Traffic:
@@ -50,7 +54,9 @@ class Traffic:
         return decode(item.data)
 
     def edit(self, n: int, key: str = "", **fields: Any) -> Communicate:
-        """Change it where it stands; without a `key` it is on the one that the design wants for what it was."""
+        """Change it where it stands; without a `key` it is on the one that the design wants for
+        what it was.
+        """
         item = self.items[n]
         assert isinstance(item, Sample)
         one = msgspec.structs.replace(decode(item.data), **fields)
@@ -78,7 +84,12 @@ class Traffic:
         lines = [line for item in self.items for line in judging.lines(_record(item))]
         lines += judging.finish()
         return [
-            (V(one.verdict), f"{one.sender}>{one.receiver} {one.performative} {one.id}" if one.sender else one.key)
+            (
+                V(one.verdict),
+                f"{one.sender}>{one.receiver} {one.performative} {one.id}"
+                if one.sender
+                else one.key,
+            )
             for one in lines
             if one.violation
         ]
@@ -116,7 +127,7 @@ def _record(item: Item) -> Record:
     return understood(item, SYSTEM) if isinstance(item, Sample) else item
 
 
-# --- out of sequence --------------------------------------------------------------------------------------------------
+# --- out of sequence ------------------------------------------------------------------------------
 
 
 def result_told_twice(t: Traffic) -> Expected:
@@ -130,7 +141,9 @@ def confirmed_twice(t: Traffic) -> Expected:
 
 
 def confirm_forgotten(t: Traffic) -> Expected:
-    """co never confirms a report, and numbers on as if nothing were missing: its next confirm is out of place."""
+    """co never confirms a report, and numbers on as if nothing were missing: its next confirm is
+    out of place.
+    """
     t.remove(t.said("co", "ta", "confirm", 2))
     later = [n for n, _ in enumerate(t.items) if n in _all(t, "co", "ta") and int(t.at(n).id) > 4]
     for n in later:
@@ -152,7 +165,9 @@ def answered_twice(t: Traffic) -> Expected:
 
 
 def cancelled_twice(t: Traffic) -> Expected:
-    """hi cancels a task, which may cross its end, and cancels it again without waiting for the answer."""
+    """hi cancels a task, which may cross its end, and cancels it again without waiting for the
+    answer.
+    """
     n, opening = t.said("co", "hi", "inform", -1), t.at(t.said("hi", "co", "request"))
     fields: dict[str, Any] = {
         "content": msgspec.UNSET,
@@ -174,12 +189,16 @@ def id_used_for_other_words(t: Traffic) -> Expected:
 
 def answers_what_was_not_asked(t: Traffic) -> Expected:
     """km's answer names another question."""
-    return V.OUT_OF_SEQUENCE, name(t.edit(t.said("km", "pl", "inform-ref", 12), in_reply_to="pl-1-777"))
+    return V.OUT_OF_SEQUENCE, name(
+        t.edit(t.said("km", "pl", "inform-ref", 12), in_reply_to="pl-1-777")
+    )
 
 
 def no_conversation(t: Traffic) -> Expected:
     """A query that belongs to no conversation."""
-    return V.OUT_OF_SEQUENCE, name(t.add(t.said("pl", "km", "query-ref", 6), id="pl-1-902", conversation=""))
+    return V.OUT_OF_SEQUENCE, name(
+        t.add(t.said("pl", "km", "query-ref", 6), id="pl-1-902", conversation="")
+    )
 
 
 def no_number(t: Traffic) -> Expected:
@@ -200,7 +219,9 @@ def agreed_after_the_result(t: Traffic) -> Expected:
     agree, result = t.at(first), t.at(second)
     key = DESIGN.key("roco", agree), DESIGN.key("roco", result)
     t.edit(first, key[1], performative=P.INFORM, content=result.content)
-    return V.OUT_OF_SEQUENCE, name(t.edit(second, key[0], performative=P.AGREE, content=agree.content))
+    return V.OUT_OF_SEQUENCE, name(
+        t.edit(second, key[0], performative=P.AGREE, content=agree.content)
+    )
 
 
 def spoke_after_not_understood(t: Traffic) -> Expected:
@@ -225,7 +246,7 @@ def spoke_after_not_understood(t: Traffic) -> Expected:
     return V.OUT_OF_SEQUENCE, name(answer)
 
 
-# --- wrong channel ----------------------------------------------------------------------------------------------------
+# --- wrong channel --------------------------------------------------------------------------------
 
 
 def on_another_channel(t: Traffic) -> Expected:
@@ -247,7 +268,7 @@ def another_act_than_its_key(t: Traffic) -> Expected:
     return V.WRONG_CHANNEL, name(one)
 
 
-# --- wrong language, ontology, content --------------------------------------------------------------------------------
+# --- wrong language, ontology, content ------------------------------------------------------------
 
 
 def in_another_language(t: Traffic) -> Expected:
@@ -264,7 +285,9 @@ def of_another_ontology(t: Traffic) -> Expected:
 
 def content_of_another_act(t: Traffic) -> Expected:
     """A question whose content is an answer."""
-    return V.WRONG_LANGUAGE, name(t.edit(t.said("pl", "km", "query-ref", 31), **content(wm.Made("h-1"))))
+    return V.WRONG_LANGUAGE, name(
+        t.edit(t.said("pl", "km", "query-ref", 31), **content(wm.Made("h-1")))
+    )
 
 
 def content_that_cannot_be_read(t: Traffic) -> Expected:
@@ -278,7 +301,7 @@ def request_without_content(t: Traffic) -> Expected:
     return V.WRONG_LANGUAGE, name(t.edit(t.said("ta", "ex", "request", 5), content=msgspec.UNSET))
 
 
-# --- over budget ------------------------------------------------------------------------------------------------------
+# --- over budget ----------------------------------------------------------------------------------
 
 
 def query_too_large(t: Traffic) -> Expected:
@@ -293,7 +316,7 @@ def command_too_large(t: Traffic) -> Expected:
     return V.OVER_BUDGET, name(one)
 
 
-# --- in time ----------------------------------------------------------------------------------------------------------
+# --- in time --------------------------------------------------------------------------------------
 
 
 def answered_too_late(t: Traffic) -> Expected:
@@ -311,26 +334,32 @@ def never_answered(t: Traffic) -> Expected:
     return V.UNANSWERED, name(t.at(asked[0]))
 
 
-# --- not entitled -----------------------------------------------------------------------------------------------------
+# --- not entitled ---------------------------------------------------------------------------------
 
 
 def stranger(t: Traffic) -> Expected:
     """An agent that the design does not know commands the coordinator."""
     n = t.said("hi", "co", "request")
-    one = t.add(n, "roco/roco/C2/spy/co/request/request", sender="spy", id="1", conversation="spy-1-1")
+    one = t.add(
+        n, "roco/roco/C2/spy/co/request/request", sender="spy", id="1", conversation="spy-1-1"
+    )
     return V.NOT_ENTITLED, name(one)
 
 
 def no_channel_between_them(t: Traffic) -> Expected:
     """The planner commands the robot."""
     n = t.said("ta", "ex", "request", 2)
-    return V.NOT_ENTITLED, name(t.add(n, "roco/roco/C5/pl/ex/request/request", sender="pl", conversation="pl-1-99"))
+    return V.NOT_ENTITLED, name(
+        t.add(n, "roco/roco/C5/pl/ex/request/request", sender="pl", conversation="pl-1-99")
+    )
 
 
 def act_of_the_other_side(t: Traffic) -> Expected:
     """The robot requests acts of the task agent."""
     n = t.said("ta", "ex", "request", 2)
-    one = t.add(n, "roco/roco/C5/ex/ta/request/request", sender="ex", receiver="ta", conversation="ex-1-99")
+    one = t.add(
+        n, "roco/roco/C5/ex/ta/request/request", sender="ex", receiver="ta", conversation="ex-1-99"
+    )
     return V.NOT_ENTITLED, name(one)
 
 
@@ -338,11 +367,19 @@ def protocol_they_do_not_have(t: Traffic) -> Expected:
     """co queries ta."""
     n = t.said("co", "ta", "confirm", 3)
     key = "roco/roco/C1/co/ta/query/query-ref"
-    one = t.add(n, key, performative=P.QUERY_REF, protocol="query", conversation="co-1-99", id="q", in_reply_to="")
+    one = t.add(
+        n,
+        key,
+        performative=P.QUERY_REF,
+        protocol="query",
+        conversation="co-1-99",
+        id="q",
+        in_reply_to="",
+    )
     return V.NOT_ENTITLED, name(one)
 
 
-# --- malformed --------------------------------------------------------------------------------------------------------
+# --- malformed ------------------------------------------------------------------------------------
 
 
 def no_communicate(t: Traffic) -> Expected:
@@ -356,11 +393,18 @@ def no_communicate(t: Traffic) -> Expected:
 
 def _all(t: Traffic, sender: str, receiver: str) -> list[int]:
     chunks = [sender, receiver]
-    return [n for n, item in enumerate(t.items) if isinstance(item, Sample) and item.key.split("/")[3:5] == chunks]
+    return [
+        n
+        for n, item in enumerate(t.items)
+        if isinstance(item, Sample) and item.key.split("/")[3:5] == chunks
+    ]
 
 
 def plants() -> Iterator[Callable[[Traffic], Expected]]:
     """All of them."""
     for function in globals().values():
-        if callable(function) and getattr(function, "__annotations__", {}).get("return") == Expected:
+        if (
+            callable(function)
+            and getattr(function, "__annotations__", {}).get("return") == Expected
+        ):
             yield function

@@ -1,7 +1,9 @@
-"""A run of the main job as it would go by a tap: made by hand, with the true codec and the true languages.
+"""A run of the main job as it would go by a tap: made by hand, with the true codec and the true
+languages.
 
-Nothing here is measured; durations, sizes and counts are of the kind that a real run has. Also a demonstration for the
-page: `python tests/operate/synthetic.py RUN_DIR` writes its traffic.mcap there.
+Nothing here is measured; durations, sizes and counts are of the kind that a real run has. Also a
+demonstration for the page: `python tests/operate/synthetic.py RUN_DIR` writes its traffic.mcap
+there.
 """
 
 import math
@@ -61,7 +63,7 @@ class Run:
         self.inside = {"jar_1": 30, "bowl_1": 0}
         self.act = ""
 
-    # --- making samples -----------------------------------------------------------------------------------------------
+    # --- making samples ---------------------------------------------------------------------------
 
     def wait(self, seconds: float, *, acting: bool = False) -> None:
         """Let time pass; telemetry goes on at 20 Hz, simulated time only in acts."""
@@ -80,7 +82,15 @@ class Run:
         return f"{agent}-1-{self._names[agent]}"
 
     def say(
-        self, s: str, r: str, performative: P, content: object = None, *, talk: str, protocol: str, silent: str = ""
+        self,
+        s: str,
+        r: str,
+        performative: P,
+        content: object = None,
+        *,
+        talk: str,
+        protocol: str,
+        silent: str = "",
     ):
         """One communicate goes by."""
         durable = DESIGN.rules[s, r, protocol, performative].durable
@@ -119,7 +129,9 @@ class Run:
 
     def state(self, agent: str, state: str) -> None:
         """An agent's heartbeat."""
-        self.house("state", agent, msgspec.json.encode({"agent": agent, "state": state, "at": self.now}))
+        self.house(
+            "state", agent, msgspec.json.encode({"agent": agent, "state": state, "at": self.now})
+        )
 
     def _receipt(self, owner: str, peer: str, taken: int) -> None:
         self.now += self.random.uniform(0.001, 0.004)
@@ -148,17 +160,21 @@ class Run:
             grains_in=dict(self.inside),
             tilt_deg={"jar_1": math.degrees(self.tilt), "bowl_1": 1.2},
             at=dict(self.at),
-            fingers_on={o: {side: 5 if self.held.get(side) == o else 0 for side in ("right", "left")} for o in self.at},
+            fingers_on={
+                o: {side: 5 if self.held.get(side) == o else 0 for side in ("right", "left")}
+                for o in self.at
+            },
             work_J=8.0 * self.sim,
             poses={**POSES, "jar_1": jar, "bowl_1": Pose(self.at["bowl_1"])},
             models=MODELS,
             grains_at=tuple(
-                (jar.xyz[0] + 0.01 * (k % 3), jar.xyz[1], jar.xyz[2] - 0.08 + 0.005 * k) for k in range(30)
+                (jar.xyz[0] + 0.01 * (k % 3), jar.xyz[1], jar.xyz[2] - 0.08 + 0.005 * k)
+                for k in range(30)
             ),
         )
         self.house("truth", "ex", msgspec.msgpack.encode(truth))
 
-    # --- pieces of the story ------------------------------------------------------------------------------------------
+    # --- pieces of the story ----------------------------------------------------------------------
 
     def observe(self, *objects: str) -> None:
         """ta tells km what was seen."""
@@ -173,7 +189,9 @@ class Run:
         self.say("ta", "ex", P.REQUEST, command, talk=talk, protocol="request")
         self.state("ex", "preparing")
         self.wait(self.random.uniform(0.02, 0.3))
-        self.say("ex", "ta", P.AGREE, rc.Accepted(command.key, seconds), talk=talk, protocol="request")
+        self.say(
+            "ex", "ta", P.AGREE, rc.Accepted(command.key, seconds), talk=talk, protocol="request"
+        )
         self.state("ex", "acting")
         self.act = type(command).__name__.lower()
         start = list(self.q)
@@ -186,7 +204,9 @@ class Run:
             self.wait(seconds / parts, acting=True)
         self.act = ""
         self._after(command)
-        done = rc.Done(command.key, BODY, (rs.Seen("jar_1", "jar", Pose(self.at["jar_1"]), self.sim),))
+        done = rc.Done(
+            command.key, BODY, (rs.Seen("jar_1", "jar", Pose(self.at["jar_1"]), self.sim),)
+        )
         self.say("ex", "ta", P.INFORM, done, talk=talk, protocol="request")
         self.state("ex", "idle")
 
@@ -231,14 +251,19 @@ class Run:
         kind = self.random.random()
         if k % 40 == 39 or k > 0.9 * queries:
             ask: object = wm.EnvironmentShapes()
-            one = wm.PlacedShape("cabinet_2", POSES["cabinet_2"], (shape,) * self.random.randint(5, 60))
+            one = wm.PlacedShape(
+                "cabinet_2", POSES["cabinet_2"], (shape,) * self.random.randint(5, 60)
+            )
             answer: object = wm.Shapes((one,) * self.random.randint(1, 12))
         elif kind < 0.2:
             ask, step = wm.GraspSet(object="jar_1"), wm.GraspStep(Pose((0.1, 0.0, 0.2)), 1.0)
             grasp = wm.GraspDef("g", (step,) * 4, 1.5, 0.1, 0.6, 0.28, "side")
             answer = wm.Grasps("jar_1", (grasp,) * self.random.randint(4, 16))
         elif kind < 0.5:
-            ask, answer = wm.Holds(relation="isOn", subject="jar_1", value="cabinet_2"), wm.Truth(True)
+            ask, answer = (
+                wm.Holds(relation="isOn", subject="jar_1", value="cabinet_2"),
+                wm.Truth(True),
+            )
         else:
             ask = wm.ObjectPose(object="bowl_1", state=f"co-1-2.{k}")
             answer = wm.PoseOf("bowl_1", Pose(self.at["bowl_1"]), True)
@@ -246,7 +271,9 @@ class Run:
         self.wait(self.random.uniform(0.0002, 0.003))
         self.say("km", "pl", P.INFORM_REF, answer, talk=talk, protocol="query")
 
-    def running(self, plan: hfsm.HierarchicalPlan, outcome: sw.WorkerState, durations: dict[str, float]) -> None:
+    def running(
+        self, plan: hfsm.HierarchicalPlan, outcome: sw.WorkerState, durations: dict[str, float]
+    ) -> None:
         """ta carries a plan out, co confirms every report."""
         talk = self.name("co")
         self.say("co", "ta", P.REQUEST, plan, talk=talk, protocol="coordinate")
@@ -271,11 +298,16 @@ def _leaves(root: hfsm.Machine) -> Iterator[tuple[hfsm.Place, rc.Command]]:
         assert isinstance(step, hfsm.Machine)
         for leaf in step.states:
             assert isinstance(leaf, hfsm.ActState)
-            yield hfsm.Place((step.name, leaf.name), step.step, type(leaf.command).__name__), leaf.command
+            yield (
+                hfsm.Place((step.name, leaf.name), step.step, type(leaf.command).__name__),
+                leaf.command,
+            )
 
 
 def _machine(step: hfsm.Step, *commands: rc.Command) -> hfsm.Machine:
-    states = tuple(hfsm.ActState(type(c).__name__.lower() + str(k), c) for k, c in enumerate(commands))
+    states = tuple(
+        hfsm.ActState(type(c).__name__.lower() + str(k), c) for k, c in enumerate(commands)
+    )
     return hfsm.Machine(" ".join((step.does, *step.things)), states[0].name, states, step=step)
 
 
@@ -292,7 +324,9 @@ def _move(side: Side) -> rc.MoveJoint:
 def _taking(side: Side, object: str) -> hfsm.Machine:
     way = (rc.ApproachPoint(Pose((0.0, 0.0, 0.3)), 0.5),) * 3
     grasp = rc.Grasp("g", side, object, "g1", way, 0.7, 0.3, 0.3)
-    out = rc.MoveCartesian("c", side, (rc.Segment((0.0, 0.0, 0.03), 0.1), rc.Segment((-0.28, 0.0, 0.0), 0.25)))
+    out = rc.MoveCartesian(
+        "c", side, (rc.Segment((0.0, 0.0, 0.03), 0.1), rc.Segment((-0.28, 0.0, 0.0), 0.25))
+    )
     return _machine(hfsm.Step("take", (object,)), _move(side), grasp, out, _move(side))
 
 
@@ -328,7 +362,9 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
         _machine(hfsm.Step("place", ("bowl_1",)), put, rc.Look("l2", ((0.6, -0.5, 0.8),))),
     )
     plan = run.planning(network, queries, hfsm.Machine("pour", first[0].name, first), 7.5)
-    run.running(plan, sw.WorkerState.REPLAN, {"MoveJoint": 7.0, "Grasp": 6.0, "Release": 8.0, "Look": 3.0})
+    run.running(
+        plan, sw.WorkerState.REPLAN, {"MoveJoint": 7.0, "Grasp": 6.0, "Release": 8.0, "Look": 3.0}
+    )
     again = hfsm.GroundTaskNetwork("co-1-4", network.tasks)
     tilt = Pour("p", Side.LEFT, "jar_1", "bowl_1", 0.3, 0.0, (0.35, 2.35), 2.0, 0.2)
     second = (_machine(hfsm.Step("pour", ("jar_1", "bowl_1")), _move(Side.LEFT), tilt),)

@@ -1,4 +1,6 @@
-"""A wall clock of a process's own: stepped while it runs, back and forth; its monotonic clock and its waits are not."""
+"""A wall clock of a process's own: stepped while it runs, back and forth; its monotonic clock and
+its waits are not.
+"""
 
 import shutil
 import subprocess
@@ -14,7 +16,8 @@ from operate.wires import clocks
 pytestmark = [
     pytest.mark.process,
     pytest.mark.skipif(
-        shutil.which(clocks.COMPILER) is None, reason="needs a C compiler (Debian: apt install gcc libc6-dev)"
+        shutil.which(clocks.COMPILER) is None,
+        reason="needs a C compiler (Debian: apt install gcc libc6-dev)",
     ),
 ]
 TELLS = """
@@ -23,7 +26,8 @@ for line in sys.stdin:
     before = time.monotonic()
     time.sleep(0.01)
     threading.Event().wait(0.01)
-    print(time.time(), time.time_ns() / 1e9, time.monotonic() - before, time.monotonic(), flush=True)
+    waited = time.monotonic() - before
+    print(time.time(), time.time_ns() / 1e9, waited, time.monotonic(), flush=True)
 """
 HOUR_S, SOON_S = 3600.0, 60.0
 
@@ -60,7 +64,10 @@ def test_only_the_wall_clock_is_stepped(told: Told, seconds: float) -> None:
     """At once, by that much; healed it is right again."""
     for step in (0.0, seconds, 0.0):
         clocks.step(told.run, "ox", step)
-        early, late = time.time() + step, (time.monotonic(), told.times(), time.time() + step, time.monotonic())
+        early, late = (
+            time.time() + step,
+            (time.monotonic(), told.times(), time.time() + step, time.monotonic()),
+        )
         before, (wall, same, waited, monotonic), until, after = late[0], late[1], late[2], late[3]
         assert early <= wall <= same <= until
         assert 0.02 <= waited <= after - before

@@ -35,13 +35,19 @@ def test_whole_lines_are_read_and_a_torn_one_is_not(some: list[Fault], torn: byt
 
 @given(st.lists(faults, max_size=8))
 def test_the_last_line_of_a_fault_counts(some: list[Fault]) -> None:
-    """In the order in which they were first told; only what began was done, in the order of beginnings."""
+    """In the order in which they were first told; only what began was done, in the order of
+    beginnings.
+    """
     last = {one.id: one for one in some}
     assert latest(some) == tuple(last[name] for name in dict.fromkeys(one.id for one in some))
-    assert done(some) == tuple(sorted((one for one in last.values() if one.began), key=lambda one: one.began))
+    assert done(some) == tuple(
+        sorted((one for one in last.values() if one.began), key=lambda one: one.began)
+    )
 
 
-@given(st.lists(faults, max_size=6), st.lists(st.integers(1, 300), max_size=8), st.just(0.0) | times)
+@given(
+    st.lists(faults, max_size=6), st.lists(st.integers(1, 300), max_size=8), st.just(0.0) | times
+)
 def test_what_is_new_is_told_once(some: list[Fault], cuts: list[int], known: float) -> None:
     """However the lines are cut; those that were known before are left out."""
     data, told = b"".join(map(encoded, some)), []

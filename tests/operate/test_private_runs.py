@@ -1,4 +1,6 @@
-"""Run folders are closed to other users of the machine, whoever makes them; so are recordings beside them."""
+"""Run folders are closed to other users of the machine, whoever makes them; so are recordings
+beside them.
+"""
 
 import os
 import shutil
@@ -55,12 +57,23 @@ def test_a_folder_that_is_there_keeps_its_mode(open_place: Path) -> None:
 @pytest.mark.process
 @pytest.mark.skipif(os.geteuid() != 0, reason="needs root (as root: scripts/test)")
 def test_another_user_is_refused(open_place: Path) -> None:
-    """Neither the folder is listed nor the recording read, in it or beside it; the folder above is open."""
+    """Neither the folder is listed nor the recording read, in it or beside it; the folder above is
+    open.
+    """
     run = open_place / "runs" / "one"
     Recorder(run, SYSTEM).finish()
     Recording(open_place / "mine.mcap").finish()
-    for words in (("ls", str(run)), ("cat", str(run / "traffic.mcap")), ("cat", str(open_place / "mine.mcap"))):
+    for words in (
+        ("ls", str(run)),
+        ("cat", str(run / "traffic.mcap")),
+        ("cat", str(open_place / "mine.mcap")),
+    ):
         done = subprocess.run(words, user=NOBODY, capture_output=True, text=True, timeout=30)
         assert done.returncode != 0
         assert "Permission denied" in done.stderr
-    assert subprocess.run(("ls", str(run.parent)), user=NOBODY, capture_output=True, timeout=30).returncode == 0
+    assert (
+        subprocess.run(
+            ("ls", str(run.parent)), user=NOBODY, capture_output=True, timeout=30
+        ).returncode
+        == 0
+    )

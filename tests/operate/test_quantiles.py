@@ -10,14 +10,18 @@ VALUES = st.lists(st.floats(0.0, 1e6), min_size=1, max_size=300)
 SHARES = st.sampled_from((0.5, 0.95, 0.99))
 
 
-@pytest.mark.parametrize(("values", "share", "wanted"), [([], 0.5, None), ([3], 0.95, 3), ([4, 1, 3, 2], 0.5, 2)])
+@pytest.mark.parametrize(
+    ("values", "share", "wanted"), [([], 0.5, None), ([3], 0.95, 3), ([4, 1, 3, 2], 0.5, 2)]
+)
 def test_the_nearest_rank(values: list[float], share: float, wanted: float | None) -> None:
     """The smallest value that half of them do not exceed."""
     assert quantile(values, share) == wanted
 
 
 @given(VALUES, SHARES)
-def test_a_quantile_is_the_smallest_value_that_a_share_does_not_exceed(values: list[float], share: float) -> None:
+def test_a_quantile_is_the_smallest_value_that_a_share_does_not_exceed(
+    values: list[float], share: float
+) -> None:
     """Of the values themselves: nothing is put between two of them."""
     told = quantile(values, share)
     assert told in values

@@ -1,4 +1,5 @@
-"""Code of a project runs only where nobody but the caller and root can change it; a look at a run or folder runs none.
+"""Code of a project runs only where nobody but the caller and root can change it; a look at a run
+or folder runs none.
 
 The strangers here are files that belong to another user. What would run leaves a mark.
 """
@@ -31,7 +32,9 @@ ROOT = Path(__file__).parents[2]
 POUR = ROOT / "tests/histories/pour_seed_7"
 NOBODY = 65534
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file to another user")
-CODE = "from pathlib import Path\nPath({mark!r}).touch()\nfrom companion.tools.system import SYSTEM\n"
+CODE = (
+    "from pathlib import Path\nPath({mark!r}).touch()\nfrom companion.tools.system import SYSTEM\n"
+)
 MODULE = "strange"
 
 
@@ -49,7 +52,9 @@ def project(place: Path) -> Path:
     """A project whose code leaves a mark, and one run of it."""
     folder = place / "project"
     (folder / "run").mkdir(parents=True)
-    (folder / "pyproject.toml").write_text(f'[tool.roco]\nsystem = "{MODULE}:SYSTEM"\ndesign = "design.toml"\n')
+    (folder / "pyproject.toml").write_text(
+        f'[tool.roco]\nsystem = "{MODULE}:SYSTEM"\ndesign = "design.toml"\n'
+    )
     (folder / f"{MODULE}.py").write_text(CODE.format(mark=str(mark(folder))))
     shutil.copy(ROOT / "examples/depot/depot/design.toml", folder)
     for file in POUR.iterdir():
@@ -71,7 +76,9 @@ def given_away(folder: Path) -> None:
 
 
 def roco(*words: object) -> Result:
-    """Call the command line in this process; one that imports the project makes its mark here, too."""
+    """Call the command line in this process; one that imports the project makes its mark here,
+    too.
+    """
     return CliRunner().invoke(app, [str(word) for word in words])
 
 
@@ -111,7 +118,9 @@ def test_a_run_of_somebody_else_is_looked_at_without_his_code(
 
 @as_root
 @pytest.mark.parametrize(
-    "words", [("logs",), ("agents",), ("runs",), ("view", "--web", "--format", "json")], ids=" ".join
+    "words",
+    [("logs",), ("agents",), ("runs",), ("view", "--web", "--format", "json")],
+    ids=" ".join,
 )
 def test_verbs_that_need_no_system_do_without_it(
     project: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
@@ -127,7 +136,9 @@ def test_verbs_that_need_no_system_do_without_it(
 
 @as_root
 @pytest.mark.parametrize(
-    "words", [("--help",), ("up", "--help"), ("design", "check"), ("strange",), ("up",)], ids=" ".join
+    "words",
+    [("--help",), ("up", "--help"), ("design", "check"), ("strange",), ("up",)],
+    ids=" ".join,
 )
 def test_a_project_above_of_somebody_else_does_not_run(
     project: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
@@ -151,7 +162,9 @@ def test_a_project_above_of_somebody_else_does_not_run(
 def test_help_and_completion_import_nothing_of_a_project(
     project: Path, monkeypatch: pytest.MonkeyPatch, whose: str
 ) -> None:
-    """Examples and names are those of its design file; of somebody else's project there are none."""
+    """Examples and names are those of its design file; of somebody else's project there are
+    none.
+    """
     if whose != "mine":
         given_away(project)
     monkeypatch.chdir(project)
@@ -178,10 +191,16 @@ def test_help_and_completion_import_nothing_of_a_project(
 
 def completed(words: str, folder: Path) -> list[str]:
     """Return the names that a shell gets in this folder."""
-    asked = {"_ROCO_COMPLETE": "complete_bash", "COMP_WORDS": f"roco {words}", "COMP_CWORD": str(len(words.split(" ")))}
+    asked = {
+        "_ROCO_COMPLETE": "complete_bash",
+        "COMP_WORDS": f"roco {words}",
+        "COMP_CWORD": str(len(words.split(" "))),
+    }
     code = "from operate.cli.__main__ import app; app(prog_name='roco')"
     command = [sys.executable, "-P", "-c", code]
-    done = subprocess.run(command, env=os.environ | asked, cwd=folder, capture_output=True, text=True, timeout=50)
+    done = subprocess.run(
+        command, env=os.environ | asked, cwd=folder, capture_output=True, text=True, timeout=50
+    )
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     return done.stdout.split()
@@ -190,10 +209,13 @@ def completed(words: str, folder: Path) -> list[str]:
 def ran(folder: Path, run: Path, **environment: str) -> bool:
     """Whether a process of this user that asks for the system of a run runs its project's code."""
     code = (
-        "import sys; from pathlib import Path; from operate.system import of_run; print(of_run(Path(sys.argv[1])).name)"
+        "import sys; from pathlib import Path; from operate.system import of_run;"
+        " print(of_run(Path(sys.argv[1])).name)"
     )
     command = [sys.executable, "-P", "-c", code, str(run)]
-    done = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, timeout=50)
+    done = subprocess.run(
+        command, env=os.environ | environment, capture_output=True, text=True, timeout=50
+    )
     assert (done.returncode == 0) == mark(folder).exists(), done.stderr
     return done.returncode == 0
 
@@ -218,10 +240,14 @@ def test_ones_own_run_needs_no_trust(project: Path) -> None:
 @as_root
 @pytest.mark.parametrize("what", ["pyproject.toml", "fleet.json", "project", "above"])
 def test_each_part_is_looked_at(project: Path, what: str) -> None:
-    """The file that names the system, the folder that its code is in, and those above, which could be renamed."""
-    part = {"fleet.json": project / "run" / FLEET_FILE, "project": project, "above": project.parent}.get(
-        what, project / what
-    )
+    """The file that names the system, the folder that its code is in, and those above, which could
+    be renamed.
+    """
+    part = {
+        "fleet.json": project / "run" / FLEET_FILE,
+        "project": project,
+        "above": project.parent,
+    }.get(what, project / what)
     os.chown(part, NOBODY, NOBODY)
     assert changeable(part) == f"{part} belongs to nobody (uid {NOBODY})"
     if what != "pyproject.toml":
@@ -229,7 +255,9 @@ def test_each_part_is_looked_at(project: Path, what: str) -> None:
 
 
 def test_who_else_can_write_counts(project: Path) -> None:
-    """Everybody does; a group does where somebody else is in it; the sticky bit protects what is below a folder."""
+    """Everybody does; a group does where somebody else is in it; the sticky bit protects what is
+    below a folder.
+    """
     assert changeable(project) == ""
     project.chmod(0o777)
     assert changeable(project) == f"every user can write to {project}"
@@ -249,7 +277,9 @@ def test_a_group_with_others_in_it_can_write(project: Path) -> None:
     assert changeable(project).startswith(f"other users can write to {project} (group ")
 
 
-def test_a_pipe_in_place_of_a_file_ends_nothing(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pipe_in_place_of_a_file_ends_nothing(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A reader of it would wait for ever."""
     os.mkfifo(place / "pyproject.toml")
     os.mkfifo(place / FLEET_FILE)
@@ -258,14 +288,18 @@ def test_a_pipe_in_place_of_a_file_ends_nothing(place: Path, monkeypatch: pytest
 
 
 def test_no_stop_is_written_through_a_link(place: Path) -> None:
-    """Nor a fault, nor what keeps a process down: the file behind stays, and the message names the link."""
+    """Nor a fault, nor what keeps a process down: the file behind stays, and the message names the
+    link.
+    """
     secret = place / "secret"
     secret.write_bytes(b"kept")
     run = place / "run"
     run.mkdir()
     for name in (STOP_FILE, "faults.jsonl"):
         (run / name).symlink_to(secret)
-    with pytest.raises(LinkedError, match=f"{run}/stop is a symbolic link, and is not written through: remove it"):
+    with pytest.raises(
+        LinkedError, match=f"{run}/stop is a symbolic link, and is not written through: remove it"
+    ):
         set_stop(run, held=True)
     done = roco("stop", "--run-dir", run)
     assert (done.exit_code, "stop is a symbolic link" in done.stderr) == (2, True)
@@ -286,6 +320,10 @@ def test_no_report_is_written_through_a_link(place: Path) -> None:
         (run / f".{name}.new").symlink_to(secret)
         (run / f".{name}").symlink_to(secret)
     told: list[object] = []
-    assert make.everything(Run(run, SYSTEM), lambda *words, **more: told.append((words, more))), told
+    assert make.everything(Run(run, SYSTEM), lambda *words, **more: told.append((words, more))), (
+        told
+    )
     assert secret.read_bytes() == b"kept"
-    assert [name for name in names if (run / name).is_symlink() or not (run / name).stat().st_size] == []
+    assert [
+        name for name in names if (run / name).is_symlink() or not (run / name).stat().st_size
+    ] == []

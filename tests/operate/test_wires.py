@@ -1,4 +1,6 @@
-"""Wires over real sockets: what goes in comes out, in order, and each condition does what it says."""
+"""Wires over real sockets: what goes in comes out, in order, and each condition does what it
+says.
+"""
 
 import asyncio
 import random
@@ -31,7 +33,9 @@ class Setup:
 
 
 @asynccontextmanager
-async def wired(conditions: Conditions, chance: random.Random | None = None) -> AsyncIterator[Setup]:
+async def wired(
+    conditions: Conditions, chance: random.Random | None = None
+) -> AsyncIterator[Setup]:
     """A wire between two ends on the loopback interface."""
     setup, arrived = Setup(), asyncio.Queue[Streams]()
     setup.conditions = conditions
@@ -40,7 +44,12 @@ async def wired(conditions: Conditions, chance: random.Random | None = None) -> 
         await arrived.put((reader, writer))
 
     far = await asyncio.start_server(accepted, "127.0.0.1", 0)
-    wire = Wire("127.0.0.1", far.sockets[0].getsockname()[1], lambda: setup.conditions, chance or random.Random(1))
+    wire = Wire(
+        "127.0.0.1",
+        far.sockets[0].getsockname()[1],
+        lambda: setup.conditions,
+        chance or random.Random(1),
+    )
     near = await asyncio.start_server(wire.connected, "127.0.0.1", 0)
     setup.here = await asyncio.open_connection("127.0.0.1", near.sockets[0].getsockname()[1])
     setup.there = await arrived.get()
@@ -63,7 +72,10 @@ async def sent(data: bytes, end: Streams) -> None:
 async def both(forth: bytes, back: bytes, setup: Setup) -> tuple[bytes, bytes]:
     """Send something each way, and give what arrived."""
     *_, there, here = await asyncio.gather(
-        sent(forth, setup.here), sent(back, setup.there), setup.there[0].read(), setup.here[0].read()
+        sent(forth, setup.here),
+        sent(back, setup.there),
+        setup.there[0].read(),
+        setup.here[0].read(),
     )
     return there, here
 
@@ -86,9 +98,17 @@ amounts = st.builds(
 )
 
 
-@given(amounts, st.binary(max_size=200), st.integers(1, 400), st.binary(max_size=2000), st.integers(0, 9))
+@given(
+    amounts,
+    st.binary(max_size=200),
+    st.integers(1, 400),
+    st.binary(max_size=2000),
+    st.integers(0, 9),
+)
 @settings(max_examples=12, deadline=None)
-def test_every_byte_arrives_in_order(conditions: Conditions, piece: bytes, times: int, back: bytes, seed: int) -> None:
+def test_every_byte_arrives_in_order(
+    conditions: Conditions, piece: bytes, times: int, back: bytes, seed: int
+) -> None:
     """Delayed, lost and slowed as they may be, both ways; then the end."""
 
     async def story() -> None:
@@ -221,7 +241,9 @@ def test_a_wire_to_nobody_is_closed() -> None:
             port = probe.getsockname()[1]
         wire = Wire("127.0.0.1", port, Conditions, random.Random(1))
         near = await asyncio.start_server(wire.connected, "127.0.0.1", 0)
-        reader, writer = await asyncio.open_connection("127.0.0.1", near.sockets[0].getsockname()[1])
+        reader, writer = await asyncio.open_connection(
+            "127.0.0.1", near.sockets[0].getsockname()[1]
+        )
         assert await reader.read() == b""
         writer.close()
         near.close()
@@ -231,7 +253,9 @@ def test_a_wire_to_nobody_is_closed() -> None:
 
 @given(
     st.dictionaries(
-        st.tuples(st.sampled_from(["pl", "a.b", "router"]), st.sampled_from(files.KINDS)), st.floats(0, 1e6), max_size=6
+        st.tuples(st.sampled_from(["pl", "a.b", "router"]), st.sampled_from(files.KINDS)),
+        st.floats(0, 1e6),
+        max_size=6,
     )
 )
 def test_conditions_are_those_that_were_put(wanted: dict[tuple[str, str], float]) -> None:
@@ -243,8 +267,12 @@ def test_conditions_are_those_that_were_put(wanted: dict[tuple[str, str], float]
         for (name, kind), amount in wanted.items():
             files.put(run_dir, name, kind, amount)
         found = files.conditions(run_dir)
-        told = {(name, kind): getattr(one, kind) for name, one in found.items() for kind in files.KINDS}
-        assert {key: amount for key, amount in told.items() if amount} == {k: v for k, v in wanted.items() if v}
+        told = {
+            (name, kind): getattr(one, kind) for name, one in found.items() for kind in files.KINDS
+        }
+        assert {key: amount for key, amount in told.items() if amount} == {
+            k: v for k, v in wanted.items() if v
+        }
         for name, kind in wanted:
             files.put(run_dir, name, kind, None)
         assert files.conditions(run_dir) == {}

@@ -38,20 +38,26 @@ def page(house, connect):
 
 @pytest.fixture(scope="module")
 def browser():
-    """Debian's Chromium; its driver has a loop of asyncio in this thread, which no other module's tests may meet."""
+    """Debian's Chromium; its driver has a loop of asyncio in this thread, which no other module's
+    tests may meet.
+    """
     if CHROMIUM is None:
         pytest.skip("needs Chromium (Debian: apt install chromium)")
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=CHROMIUM, chromium_sandbox=os.geteuid() != 0)
+        launched = playwright.chromium.launch(
+            executable_path=CHROMIUM, chromium_sandbox=os.geteuid() != 0
+        )
         yield launched
         launched.close()
 
 
 @pytest.fixture
 def opened(browser, page):
-    """Open the page in a new browser profile, paired; errors of its scripts and its policy fail the test."""
+    """Open the page in a new browser profile, paired; errors of its scripts and its policy fail the
+    test.
+    """
     contexts, wrong = [], []
 
     def open_page(paired=True, at="", **settings):
@@ -60,7 +66,12 @@ def opened(browser, page):
         contexts.append(context)
         one = context.new_page()
         one.on("pageerror", lambda error: wrong.append(str(error)))
-        one.on("console", lambda said: wrong.append(said.text) if "Content Security Policy" in said.text else None)
+        one.on(
+            "console",
+            lambda said: (
+                wrong.append(said.text) if "Content Security Policy" in said.text else None
+            ),
+        )
         one.goto(f"{page.url}{at or '/pair'}{'#' + page.code() if paired else ''}")
         if paired:
             one.locator("#now", has_text="Velma").wait_for()

@@ -1,4 +1,6 @@
-"""The page as a process, before a hi that is real (agent and HTTP) with a coordinator that says what the test wants."""
+"""The page as a process, before a hi that is real (agent and HTTP) with a coordinator that says
+what the test wants.
+"""
 
 import http.client
 import os
@@ -43,7 +45,9 @@ class Nothing(msgspec.Struct, frozen=True):
 
 
 class House:
-    """hi of a run folder with a coordinator that takes every task; a robot's loop has its flag there."""
+    """hi of a run folder with a coordinator that takes every task; a robot's loop has its flag
+    there.
+    """
 
     def __init__(self, run):
         self.run, self.asked, self.cancelled = run, [], []
@@ -53,9 +57,13 @@ class House:
         self._wires = MemoryBus()
         self.open()
         self._wires.add(
-            agent(), wiring("hi", "test"), lambda post: Called(post, lambda word: self.desk.tell(word) or ())
+            agent(),
+            wiring("hi", "test"),
+            lambda post: Called(post, lambda word: self.desk.tell(word) or ()),
         )
-        self._wires.add(Agent("co", "on", Nothing(), {"on": Behaviour(self._act)}), wiring("co", "test"))
+        self._wires.add(
+            Agent("co", "on", Nothing(), {"on": Behaviour(self._act)}), wiring("co", "test")
+        )
         self._wires.run_for(0.05)
 
     @property
@@ -79,7 +87,9 @@ class House:
         event = turn.event
         if isinstance(event, Received) and event.communicate.performative is P.REQUEST:
             self.asked.append((event.conversation, event.content))
-            turn.say(event.conversation, P.AGREE, TaskReport(TaskState.WAITING, (fact(Why.IS_NEXT),)))
+            turn.say(
+                event.conversation, P.AGREE, TaskReport(TaskState.WAITING, (fact(Why.IS_NEXT),))
+            )
         elif isinstance(event, Received) and event.communicate.performative is P.CANCEL:
             self.cancelled.append(event.conversation)
             told = TaskReport(TaskState.CANCELLED, (fact(Why.NOT_BEGUN_YET),))
@@ -92,7 +102,9 @@ class House:
         """The coordinator reports on a task."""
         kind = P.FAILURE if state is TaskState.FAILED else P.INFORM
         with self._lock:
-            self._wires.post("co", lambda turn: turn.say(task, kind, TaskReport(state, why, **more)))
+            self._wires.post(
+                "co", lambda turn: turn.say(task, kind, TaskReport(state, why, **more))
+            )
             self._wires.run_for(0.05)
 
     def running(self, task="hi-1-1", number=1, act="Grasp", steps=STEPS):
@@ -114,14 +126,23 @@ class PageProcess:
         self.start()
 
     def start(self):
-        """Start it, and wait until it says so; what one before it said counts for nothing, as in deploy/healthy."""
+        """Start it, and wait until it says so; what one before it said counts for nothing, as in
+        deploy/healthy.
+        """
         before = self.said_ready()
-        settings = {"ROCO_RUN_DIR": str(self.run), "ROCO_CONNECT": self.connect, "PATH": os.environ["PATH"]}
+        settings = {
+            "ROCO_RUN_DIR": str(self.run),
+            "ROCO_CONNECT": self.connect,
+            "PATH": os.environ["PATH"],
+        }
         with (self.run / "page.log").open("ab") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "services.page"], env=settings, stdout=log, stderr=log
             )
-        wait_for(lambda: self.said_ready() > before or self.process.poll() is not None, "the page listens")
+        wait_for(
+            lambda: self.said_ready() > before or self.process.poll() is not None,
+            "the page listens",
+        )
         assert self.process.poll() is None, (self.run / "page.log").read_text()
         self.address = msgspec.json.decode((self.run / PAGE_FILE).read_bytes(), type=PageAddress)
         self.url = f"http://127.0.0.1:{self.address.port}"
@@ -157,8 +178,18 @@ class PageProcess:
 
     def form(self, path, fields, cookie="", **headers):
         """A form, as this page sends it; other headers replace its own, None leaves one out."""
-        told = {"Origin": self.url, "Accept": "application/json", "Content-Type": "application/x-www-form-urlencoded"}
-        return self.ask("POST", path, urlencode(fields), **({"Cookie": cookie} if cookie else {}), **(told | headers))
+        told = {
+            "Origin": self.url,
+            "Accept": "application/json",
+            "Content-Type": "application/x-www-form-urlencoded",
+        }
+        return self.ask(
+            "POST",
+            path,
+            urlencode(fields),
+            **({"Cookie": cookie} if cookie else {}),
+            **(told | headers),
+        )
 
     def ask(self, verb, path, body=None, **headers):
         """Status, body and headers of an answer."""
@@ -167,7 +198,11 @@ class PageProcess:
         try:
             connection.request(verb, path, body, told)
             answer = connection.getresponse()
-            return answer.status, answer.read(), {name.lower(): text for name, text in answer.getheaders()}
+            return (
+                answer.status,
+                answer.read(),
+                {name.lower(): text for name, text in answer.getheaders()},
+            )
         finally:
             connection.close()
 

@@ -1,4 +1,6 @@
-"""Access to the page: for a paired browser, from the page itself, at this machine's loopback; and rate limits."""
+"""Access to the page: for a paired browser, from the page itself, at this machine's loopback; and
+rate limits.
+"""
 
 import itertools
 import re
@@ -17,7 +19,9 @@ GETS = ("/events", "/speech?text=hello", "/static/page.js")
 
 @pytest.mark.process
 def test_a_code_pairs_one_browser_once(page, opened):
-    """The second browser with the same address stays outside; the code leaves the address; nothing is shown before."""
+    """The second browser with the same address stays outside; the code leaves the address; nothing
+    is shown before.
+    """
     one = opened(paired=False, at="/")
     expect(one.get_by_role("heading", name="Connect this browser")).to_be_visible()
     expect(one.locator("#stop")).to_have_count(0)
@@ -26,7 +30,9 @@ def test_a_code_pairs_one_browser_once(page, opened):
     expect(one.locator("#stop")).to_be_visible()
     assert one.url == f"{page.url}/"
     other = opened(paired=False, at=f"/pair#{code}")
-    expect(other.locator("#answer")).to_contain_text("That code is wrong, was used already, or is too old")
+    expect(other.locator("#answer")).to_contain_text(
+        "That code is wrong, was used already, or is too old"
+    )
     assert code not in other.url
     assert code not in (page.run / "page.log").read_text()
     other.get_by_label("Code").fill(page.code())
@@ -42,7 +48,9 @@ def test_the_cookie_is_the_pages_alone(page):
     assert "httponly" in told
     assert "samesite=strict" in told
     value = re.search(r"=([^;]+);", headers["set-cookie"])[1]
-    assert all(value.encode() not in file.read_bytes() for file in page.run.rglob("*") if file.is_file())
+    assert all(
+        value.encode() not in file.read_bytes() for file in page.run.rglob("*") if file.is_file()
+    )
 
 
 @pytest.mark.process
@@ -69,7 +77,8 @@ FOREIGN = (
 
 @pytest.mark.process
 def test_a_foreign_page_does_nothing_with_the_cookie(page, house):
-    """Cookies ignore ports, and a rebound name comes with the right address: Origin and Host are what counts.
+    """Cookies ignore ports, and a rebound name comes with the right address: Origin and Host are
+    what counts.
 
     The same requests are served otherwise; also where the browser calls this machine localhost.
     """
@@ -88,12 +97,14 @@ def test_a_foreign_page_does_nothing_with_the_cookie(page, house):
 
 @pytest.mark.process
 def test_other_pages_may_not_show_or_read_it(page):
-    """No frame, no script of elsewhere, no reading across origins, even for a page at another port of this machine, or
-    one whose name is made to point here.
+    """No frame, no script of elsewhere, no reading across origins, even for a page at another port
+    of this machine, or one whose name is made to point here.
     """
     cookie = page.paired()
     for path in ("/", "/pair", *GETS):
-        status, _, _ = page.ask("GET", path, Cookie=cookie, Host=f"evil.example:{page.address.port}")
+        status, _, _ = page.ask(
+            "GET", path, Cookie=cookie, Host=f"evil.example:{page.address.port}"
+        )
         assert status == 403, path
     for path in GETS:
         assert page.ask("GET", path, Cookie=cookie, Sec_Fetch_Site="same-site")[0] == 403
@@ -107,13 +118,16 @@ def test_other_pages_may_not_show_or_read_it(page):
 
 @pytest.mark.process
 def test_a_form_of_another_port_is_refused_in_a_browser(page, house, opened):
-    """The cookie goes along to every port of this machine: a real browser, a form, a foreign Origin."""
+    """The cookie goes along to every port of this machine: a real browser, a form, a foreign
+    Origin.
+    """
     one = opened()
     foreign = f"http://localhost:{page.address.port}"
-    one.route("http://127.0.0.1:1/**", lambda route: route.fulfill(
-        content_type="text/html",
-        body=f"<form method=post action='{page.url}/stop'><button>go</button></form><p>{foreign}</p>",
-    ))  # fmt: skip
+    form = f"<form method=post action='{page.url}/stop'><button>go</button></form><p>{foreign}</p>"
+    one.route(
+        "http://127.0.0.1:1/**",
+        lambda route: route.fulfill(content_type="text/html", body=form),
+    )
     one.goto("http://127.0.0.1:1/")
     with one.expect_response(f"{page.url}/stop") as answer:
         one.get_by_role("button", name="go").click()
@@ -135,7 +149,9 @@ def test_codes_are_only_for_the_command_line(page):
 
 @pytest.mark.process
 def test_requests_are_bounded_but_stop_is_not(page, house):
-    """A client that asks without end is refused for a moment, and can stop the robot all the same."""
+    """A client that asks without end is refused for a moment, and can stop the robot all the
+    same.
+    """
     cookie = page.paired()
     said = [page.form("/cancel", {"task": "no-such-task"}, cookie)[0] for _ in range(40)]
     assert said[:5] == [404] * 5
@@ -146,7 +162,9 @@ def test_requests_are_bounded_but_stop_is_not(page, house):
 
 @pytest.mark.process
 def test_where_the_loop_is_elsewhere_hi_is_asked(page, house):
-    """Without the loop's file the page sets no flag of its own; what hi says is shown, and its tasks are cancelled."""
+    """Without the loop's file the page sets no flag of its own; what hi says is shown, and its
+    tasks are cancelled.
+    """
     (house.run / SLOTS_FILE).unlink()
     cookie = page.paired()
     page.form("/say", {"text": "take the jar"}, cookie)
@@ -156,7 +174,7 @@ def test_where_the_loop_is_elsewhere_hi_is_asked(page, house):
     wait_for(lambda: house.cancelled == ["hi-1-1"], "it is cancelled")
 
 
-# --- codes ------------------------------------------------------------------------------------------------------------
+# --- codes ----------------------------------------------------------------------------------------
 
 
 def test_a_code_ends_with_its_time_its_tries_and_the_next_one(tmp_path):

@@ -1,4 +1,6 @@
-"""Commands of a person in a real browser reach the coordinator and the robot, and their outcome is seen."""
+"""Commands of a person in a real browser reach the coordinator and the robot, and their outcome is
+seen.
+"""
 
 import re
 import time
@@ -30,10 +32,14 @@ def seen(house, *names):
 
 
 def test_a_sentence_becomes_a_task_and_its_plan_is_followed(house, opened):
-    """The page shows the running act, the number of the step out of how many, and the next one, in words."""
+    """The page shows the running act, the number of the step out of how many, and the next one, in
+    words.
+    """
     one = opened()
     say(one, "pour the jar into the bowl")
-    expect(one.locator("#queue li")).to_have_text("Pour the content of the jar into the bowlwaitingCancel")
+    expect(one.locator("#queue li")).to_have_text(
+        "Pour the content of the jar into the bowlwaitingCancel"
+    )
     assert house.asked[0][1] == PourInto("jar", "bowl")
     house.running(number=2, act="MoveJoint")
     expect(one.locator("#now")).to_have_text("Pour the content of the jar into the bowl.")
@@ -76,17 +82,21 @@ def test_every_button_is_understood_as_it_is_written(house, opened):
             before = len(house.asked)
             wait_for(lambda says=says: _pressed(one, says) != TOO_OFTEN, says)
             wait_for(lambda before=before: len(house.asked) > before, says)
-            house.report(house.asked[-1][0], TaskState.FAILED, fact(Kind.HANDS_FULL))  # so that nothing is given away
+            # so that nothing is given away
+            house.report(house.asked[-1][0], TaskState.FAILED, fact(Kind.HANDS_FULL))
             expect(one.locator("#queue li")).to_have_count(0)
     names = [type(content).__name__ for _, content in house.asked[1:]]
     about_a_thing, alone = (
-        [row.content.__name__ for row, wish in wishes() if wish.offer is offer] for offer in (Offer.THINGS, Offer.ALONE)
+        [row.content.__name__ for row, wish in wishes() if wish.offer is offer]
+        for offer in (Offer.THINGS, Offer.ALONE)
     )
     assert names == [*about_a_thing * 2, *alone] * 2
 
 
 def test_times_of_day_are_those_of_the_browser(house, opened):
-    """Noon is noon where the person is, and so is what is shown of a deadline; the house has a clock of its own."""
+    """Noon is noon where the person is, and so is what is shown of a deadline; the house has a
+    clock of its own.
+    """
     one = opened(timezone_id="Asia/Tokyo")
     said, ahead = time.time(), 9 * 3600
     say(one, "look around at noon")
@@ -97,7 +107,9 @@ def test_times_of_day_are_those_of_the_browser(house, opened):
     say(one, "take the jar within ten minutes")
     wait_for(lambda: len(house.asked) > 1, "it is asked for")
     until = shown(house.asked[1][1].deadline + ahead)
-    expect(one.locator("#queue .hint").filter(has_text="by ")).to_have_text(f"waiting, by {until:0>5}")
+    expect(one.locator("#queue .hint").filter(has_text="by ")).to_have_text(
+        f"waiting, by {until:0>5}"
+    )
 
 
 def shown(then):
@@ -176,7 +188,9 @@ def test_a_question_that_nobody_answered_loses_its_buttons(house, opened):
 
 
 def test_cancel_and_order(house, opened):
-    """A waiting task is cancelled, another one goes before all others, once, and what it was before is gone."""
+    """A waiting task is cancelled, another one goes before all others, once, and what it was before
+    is gone.
+    """
     one = opened()
     for text in ("take the jar", "take the bowl", "look around"):
         say(one, text)
@@ -194,7 +208,9 @@ def test_cancel_and_order(house, opened):
 
 
 def test_a_cancel_is_answered_in_the_language_of_the_page(house, opened):
-    """In words, not by the step of the plan; the task's end may follow before anybody has read the answer."""
+    """In words, not by the step of the plan; the task's end may follow before anybody has read the
+    answer.
+    """
     one = opened(locale="pl-PL")
     say(one, "look around")
     wait_for(lambda: house.asked, "it is asked for")
@@ -204,7 +220,9 @@ def test_a_cancel_is_answered_in_the_language_of_the_page(house, opened):
 
 
 def test_a_hi_that_is_away_is_said_in_the_language_of_the_page(house, opened):
-    """Without the names of files and numbers of errors: where it has no address, half of one, or nobody is there."""
+    """Without the names of files and numbers of errors: where it has no address, half of one, or
+    nobody is there.
+    """
     one = opened(locale="pl-PL")
     house.desk.close()
     for address in ("", '{"port": 1, "token": "t"}', "{"):
@@ -219,7 +237,9 @@ def test_a_hi_that_is_away_is_said_in_the_language_of_the_page(house, opened):
 
 
 def test_do_this_first_takes_those_behind_it_along(house, opened):
-    """A task that waits for another one of the same sentence waits for what took its place, and is not cancelled."""
+    """A task that waits for another one of the same sentence waits for what took its place, and is
+    not cancelled.
+    """
     one = opened()
     say(one, "look around")
     say(one, "take the jar and pour it into the bowl")
@@ -227,14 +247,18 @@ def test_do_this_first_takes_those_behind_it_along(house, opened):
     house.running("hi-1-1")
     one.get_by_role("button", name="Do this first: take the jar").click()
     wait_for(lambda: house.cancelled == ["hi-1-2"], "what it replaces is cancelled")
-    expect(one.locator("#queue .says")).to_have_text(["Take the jar", "Pour the content of the jar into the bowl"])
+    expect(one.locator("#queue .says")).to_have_text(
+        ["Take the jar", "Pour the content of the jar into the bowl"]
+    )
     house.report(house.asked[-1][0], TaskState.FAILED, fact(Kind.HANDS_FULL))
     expect(one.locator("#queue li")).to_have_count(0)
     assert house.cancelled == ["hi-1-2", "hi-1-3"]
 
 
 def test_stop_and_release(house, opened):
-    """The robot's flag is set by the button, the Escape key and a stop word, and by the button without scripts."""
+    """The robot's flag is set by the button, the Escape key and a stop word, and by the button
+    without scripts.
+    """
     one = opened()
     ways = {
         "click": lambda: one.locator("#stop").click(),
@@ -259,7 +283,9 @@ def test_stop_and_release(house, opened):
 
 
 def test_a_call_for_help_stops_and_is_told_what_can_be_said(house, opened):
-    """Where hi answers; the flag is set in any case. A question of what can be said stops nothing."""
+    """Where hi answers; the flag is set in any case. A question of what can be said stops
+    nothing.
+    """
     one = opened(locale="pl-PL")
     say(one, "co umiesz?")
     expect(one.locator("#answer")).to_contain_text("weź X")
@@ -306,7 +332,9 @@ def test_two_browsers_see_the_same(house, opened):
 
 
 def test_it_comes_back_by_itself_when_hi_and_the_page_have_died(house, page, opened):
-    """The page at its old address, the browser still paired, the queue as it was; hi at another port."""
+    """The page at its old address, the browser still paired, the queue as it was; hi at another
+    port.
+    """
     one = opened()
     say(one, "take the jar")
     expect(one.locator("#queue li")).to_have_count(1)
@@ -339,13 +367,17 @@ def test_polish(house, opened):
     expect(one.locator("#ended .why")).to_have_text(why)
     one.get_by_role("link", name="English").click()
     expect(one.locator("#now")).to_have_text("Pour the content of the jar into the bowl.")
-    expect(one.locator("#ended .why")).to_have_text("My left hand cannot take the bowl where it is. Please help me.")
+    expect(one.locator("#ended .why")).to_have_text(
+        "My left hand cannot take the bowl where it is. Please help me."
+    )
     one.goto(one.url.partition("?")[0])
     expect(one.locator("html")).to_have_attribute("lang", "en")
 
 
 def test_what_happens_is_said_aloud_once_it_is_wanted(house, opened):
-    """A sentence for each state of a task, none for a step of a plan, nothing before the button was pressed."""
+    """A sentence for each state of a task, none for a step of a plan, nothing before the button was
+    pressed.
+    """
     one = opened()
     one.evaluate(
         """() => {

@@ -33,7 +33,13 @@ def orders(connect, tmp_path):
     heard = []
     options = Options(connect=connect, run_dir=tmp_path)
     key = DESIGN.signal_key(KIND, system="roco", owner="page", peer="ta")
-    ear = open_ear(options, key, lambda data: heard.append(msgspec.msgpack.decode(data, type=Command)), bool, "ta")
+    ear = open_ear(
+        options,
+        key,
+        lambda data: heard.append(msgspec.msgpack.decode(data, type=Command)),
+        bool,
+        "ta",
+    )
     yield heard
     ear.close()
 
@@ -50,7 +56,9 @@ def begun(house, page, cookie):
     house.running(number=1, act="MoveJoint")
 
 
-def test_the_button_is_there_while_an_act_waits_and_lets_that_one_begin(house, page, opened, orders) -> None:
+def test_the_button_is_there_while_an_act_waits_and_lets_that_one_begin(
+    house, page, opened, orders
+) -> None:
     """In words what comes next; the button goes with the wait."""
     one = opened()
     begun(house, page, page.paired())
@@ -58,7 +66,9 @@ def test_the_button_is_there_while_an_act_waits_and_lets_that_one_begin(house, p
     expect(one.locator("#now")).to_have_text("Take the jar.")
     expect(go).to_have_count(0)
     waits(house)
-    expect(one.locator("#now")).to_have_text("Velma waits for you. Next: take the jar (close the hand).")
+    expect(one.locator("#now")).to_have_text(
+        "Velma waits for you. Next: take the jar (close the hand)."
+    )
     expect(one.locator("#step")).to_have_text("Step 1 of 3: take the jar")
     expect(one.locator("#why")).to_have_text("")
     go.click()

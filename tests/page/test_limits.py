@@ -1,4 +1,6 @@
-"""Nobody who can open a connection keeps people from the page: real sockets that say little, much, or read nothing."""
+"""Nobody who can open a connection keeps people from the page: real sockets that say little, much,
+or read nothing.
+"""
 
 import asyncio
 import contextlib
@@ -42,7 +44,8 @@ def over(one):
 def stream(page, cookie):
     """A connection whose stream has begun."""
     one = connected(page)
-    one.sendall(f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nCookie: {cookie}\r\n\r\n".encode())
+    host = f"127.0.0.1:{page.address.port}"
+    one.sendall(f"GET /events HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\n\r\n".encode())
     assert one.recv(12) == b"HTTP/1.1 200"
     return one
 
@@ -57,7 +60,9 @@ def rest(one):
 
 
 def test_half_open_requests_keep_nobody_out(page, house):
-    """300 connections with half a head, all at once: a person is served at once, and they are ended."""
+    """300 connections with half a head, all at once: a person is served at once, and they are
+    ended.
+    """
     cookie = page.paired()
     came = time.monotonic()
     page.process.send_signal(signal.SIGSTOP)  # so that it takes all of them in one turn of its loop
@@ -102,8 +107,8 @@ def head_of(page, bytes_):
 
 
 def test_a_head_has_eight_kilobytes_at_most(page):
-    """To the byte, and however it comes: in one piece, or its last byte apart; also behind another request, on a
-    connection that is kept.
+    """To the byte, and however it comes: in one piece, or its last byte apart; also behind another
+    request, on a connection that is kept.
     """
     for more, status in ((0, b"200"), (1, b"400"), (1000, b"400"), (60_000, b"400")):
         head = head_of(page, HEAD_BYTES + more)
@@ -123,11 +128,13 @@ def test_a_head_has_eight_kilobytes_at_most(page):
 
 
 def test_a_body_is_no_head(page):
-    """A form of 4 kB behind its head is served, and so is what comes with it: a head as long as one may be."""
+    """A form of 4 kB behind its head is served, and so is what comes with it: a head as long as one
+    may be.
+    """
     cookie = page.paired()
     head = (
-        f"POST /say HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nOrigin: {page.url}\r\nCookie: {cookie}\r\n"
-        "Expect: 100-continue\r\nContent-Length: 4000\r\n\r\n"
+        f"POST /say HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nOrigin:"
+        f" {page.url}\r\nCookie: {cookie}\r\nExpect: 100-continue\r\nContent-Length: 4000\r\n\r\n"
     )
     with connected(page) as one:
         one.sendall(head.encode())
@@ -145,7 +152,10 @@ def test_a_web_socket_is_refused(page):
     paired = f"Cookie: {page.paired()}\r\n"
     for path, cookie in itertools.product(("/", "/events"), ("", paired)):
         with connected(page) as one:
-            asked = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\n{cookie}Connection: Upgrade\r\n"
+            asked = (
+                f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\n{cookie}Connection:"
+                " Upgrade\r\n"
+            )
             key = "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
             one.sendall(f"{asked}Upgrade: websocket\r\n{key}".encode())
             answer = one.recv(65536)
@@ -158,8 +168,8 @@ def test_a_body_that_is_too_large_or_never_whole_is_refused(page):
     cookie = page.paired()
     one = connected(page)
     head = (
-        f"POST /say HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nOrigin: {page.url}\r\nCookie: {cookie}\r\n"
-        "Content-Length: {}\r\n\r\n"
+        f"POST /say HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nOrigin:"
+        f" {page.url}\r\nCookie: {cookie}\r\nContent-Length: {{}}\r\n\r\n"
     )
     one.sendall(head.format(50_000_000).encode())
     sent = 0
@@ -188,7 +198,11 @@ def test_who_does_not_read_is_ended():
             listening = asyncio.ensure_future(receive())
             await asyncio.wait((listening,), timeout=0.001)
             listening.cancel()
-            if listening.done() and not listening.cancelled() and listening.result()["type"] == "http.disconnect":
+            if (
+                listening.done()
+                and not listening.cancelled()
+                and listening.result()["type"] == "http.disconnect"
+            ):
                 disconnected.append(scope["path"])
 
     server = Server(endless)

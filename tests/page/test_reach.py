@@ -1,4 +1,6 @@
-"""Everybody reaches everything: by keyboard, on a small screen, enlarged, in the dark, with a screen reader's rules."""
+"""Everybody reaches everything: by keyboard, on a small screen, enlarged, in the dark, with a
+screen reader's rules.
+"""
 
 import itertools
 
@@ -17,7 +19,9 @@ ENLARGED = {"width": 640, "height": 400}  # 1280 x 800 at 200 %
 
 
 def busy(house, one):
-    """A page with all its parts: a task under way, one that waits, one that failed, things, a question."""
+    """A page with all its parts: a task under way, one that waits, one that failed, things, a
+    question.
+    """
     for text in ("look around", "take the jar", "take the bowl", "put down the jar"):
         one.locator("#text").fill(text)
         one.locator("#send").click()
@@ -35,7 +39,9 @@ def busy(house, one):
 
 @pytest.mark.parametrize("locale", ["en-GB", "pl-PL"])
 def test_small_and_enlarged(house, opened, locale):
-    """Nothing is wider than the screen, at the door or inside; STOP is in sight wherever one scrolls to, and large."""
+    """Nothing is wider than the screen, at the door or inside; STOP is in sight wherever one
+    scrolls to, and large.
+    """
     one, door = opened(locale=locale), opened(paired=False, locale=locale)
     busy(house, one)
     one.keyboard.press("Escape")
@@ -56,7 +62,9 @@ def test_small_and_enlarged(house, opened, locale):
 
 
 def test_all_of_it_by_keyboard(house, opened):
-    """STOP comes first; each button is reached by Tab, shows it, is not behind the bar, and works by Enter."""
+    """STOP comes first; each button is reached by Tab, shows it, is not behind the bar, and works
+    by Enter.
+    """
     one = opened()
     busy(house, one)
     one.reload()
@@ -65,15 +73,13 @@ def test_all_of_it_by_keyboard(house, opened):
     reached = []
     for _ in range(wanted + 2):
         one.keyboard.press("Tab")
-        told = one.evaluate(
-            """() => {
+        told = one.evaluate("""() => {
                 const on = document.activeElement, box = on.getBoundingClientRect();
                 const bar = stopbar.getBoundingClientRect();
                 const covered = !stopbar.contains(on) && box.bottom > bar.top + 1;
                 const name = on === document.body ? "" : on.id || on.textContent;
                 return [name, getComputedStyle(on).outlineStyle, covered];
-            }"""
-        )
+            }""")
         reached.append(told)
         if len(reached) > 1 and told[0] == "stop":
             break
@@ -98,7 +104,9 @@ def test_who_is_on_a_button_stays_on_it(house, opened):
 
 
 def test_no_serious_finding_of_axe(house, opened):
-    """Names, roles, order, contrast: with all parts shown, stopped, lost, and at the door, in all colours."""
+    """Names, roles, order, contrast: with all parts shown, stopped, lost, and at the door, in all
+    colours.
+    """
     one, door, found = opened(), opened(paired=False), {}
 
     def look(place, on):
@@ -130,7 +138,10 @@ def serious(one):
 def test_stop_is_seen_where_the_system_has_the_colours(house, opened):
     """With forced colours STOP keeps its red, and every button a border."""
     one = opened(forced_colors="active")
-    assert one.locator("#stop").evaluate("on => getComputedStyle(on).backgroundColor") == "rgb(204, 0, 0)"
+    assert (
+        one.locator("#stop").evaluate("on => getComputedStyle(on).backgroundColor")
+        == "rgb(204, 0, 0)"
+    )
     assert one.locator("#send").evaluate("on => getComputedStyle(on).borderTopWidth") == "2px"
 
 
@@ -138,13 +149,12 @@ def test_a_status_is_said_once(house, opened):
     """A view that says the same again changes no text that a screen reader would say again."""
     one = opened()
     busy(house, one)
-    one.evaluate(
-        """() => {
+    one.evaluate("""() => {
             window.changes = 0;
+            const all = { childList: true, subtree: true };
             for (const id of ["now", "answer", "lost"])
-                new MutationObserver(() => (changes += 1)).observe(byId(id), { childList: true, subtree: true });
-        }"""
-    )
+                new MutationObserver(() => (changes += 1)).observe(byId(id), all);
+        }""")
     house.report("hi-1-3", TaskState.RUNNING, at=in_plan(2, "MoveJoint"), number=2)
     expect(one.locator("#step")).to_contain_text("carry the jar")
     assert one.evaluate("changes") == 0

@@ -1,4 +1,6 @@
-"""What a browser is shown of tasks and of the robot's telemetry, and that the words of both languages match."""
+"""What a browser is shown of tasks and of the robot's telemetry, and that the words of both
+languages match.
+"""
 
 import base64
 import re
@@ -22,7 +24,8 @@ from services.page.view import LANGUAGES, PICTURES, WORDS, Heard, view
 pytestmark = pytest.mark.timeout(30)
 STEP = Step("hand-over", ("jar_1",))
 LINE = TaskLine(
-    "hi-1-1", TaskState.RUNNING, "", at=Place(("hand over jar_1", "give"), STEP, "HandOver"), steps=(STEP,), number=1,
+    "hi-1-1", TaskState.RUNNING, "", at=Place(("hand over jar_1", "give"), STEP, "HandOver"),
+    steps=(STEP,), number=1,
     wish=InWords("hand over the jar", "podaj słoik"),
 )  # fmt: skip
 ASKED = {
@@ -35,7 +38,9 @@ STATE = RobotState(sim_time_s=1.5, body=(0.1,) * 15, mode="hold")
 
 def test_both_languages_say_the_same() -> None:
     """Each row of a language has its row in the other, with as many blanks."""
-    english, polish = ({name: text.count("{") for name, text in WORDS[language].items()} for language in LANGUAGES)
+    english, polish = (
+        {name: text.count("{") for name, text in WORDS[language].items()} for language in LANGUAGES
+    )
     assert english == polish
 
 
@@ -58,13 +63,17 @@ def test_a_person_is_asked_while_the_robot_waits_for_a_pull() -> None:
 
 def unchecked(state: TaskState, evidence: tuple[Evidence, ...], language: str) -> str:
     """What the page says beside an ended task."""
-    line = TaskLine("hi-1-1", state, "", "put the jar on the table", accepted=True, evidence=evidence)
+    line = TaskLine(
+        "hi-1-1", state, "", "put the jar on the table", accepted=True, evidence=evidence
+    )
     (task,) = view(Heard(hi=True, tasks=(line,)), language).ended
     return task.unchecked
 
 
 def test_only_what_was_done_and_not_checked_is_said() -> None:
-    """In the language of the page. A task that failed says why; a claim with a sense behind it needs no words."""
+    """In the language of the page. A task that failed says why; a claim with a sense behind it
+    needs no words.
+    """
     for language, thing in zip(LANGUAGES, ("jar", "słoik"), strict=True):
         assert thing in unchecked(TaskState.DONE, (PUT, HELD), language)
         assert unchecked(TaskState.DONE, (HELD,), language) == ""
@@ -72,7 +81,9 @@ def test_only_what_was_done_and_not_checked_is_said() -> None:
 
 
 def test_both_pictures_are_given_as_they_are() -> None:
-    """By name; an image of the page's own origin needs no request of the browser. What is no telemetry is left out."""
+    """By name; an image of the page's own origin needs no request of the browser. What is no
+    telemetry is left out.
+    """
     pictures: list[tuple[str, str]] = []
     modes: list[str] = []
     eye = RobotEye(None, lambda *picture: pictures.append(picture), modes.append)  # type: ignore[arg-type]
@@ -101,6 +112,9 @@ def test_a_port_that_is_taken_is_named_with_its_variable() -> None:
     """`roco status` shows these words of a page that was given up."""
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
-        words = re.escape(f"127.0.0.1:{port} cannot be listened at: Address already in use; ROCO_PAGE names another")
+        words = re.escape(
+            f"127.0.0.1:{port} cannot be listened at: Address already in use; ROCO_PAGE names"
+            " another"
+        )
         with pytest.raises(OSError, match=words):
             _listening("127.0.0.1", port, None)

@@ -1,4 +1,6 @@
-"""Makes the pretended partners of tests/fleet and the stepped core importable (tests have no packages)."""
+"""Makes the pretended partners of tests/fleet and the stepped core importable (tests have no
+packages).
+"""
 
 import sys
 from pathlib import Path

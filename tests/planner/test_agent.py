@@ -1,4 +1,6 @@
-"""pl's agent: problems wait for their turn, a cancel is answered at once, the search is a killable process."""
+"""pl's agent: problems wait for their turn, a cancel is answered at once, the search is a killable
+process.
+"""
 
 import queue
 import time
@@ -41,7 +43,9 @@ class Scene:
         self.heard: list[tuple[int, str, Any]] = []
         self.asked: list[Any] = []
         self.wires.add(partner("co", self.heard), wiring("co", "test"))
-        self.wires.add(behaviours.agent(), wiring("pl", "test"), lambda post: search(post, self.asked))
+        self.wires.add(
+            behaviours.agent(), wiring("pl", "test"), lambda post: search(post, self.asked)
+        )
         self.wires.add(knowledge.agent(), wiring("km", "test"), device_at(None))
         self.wires.run_for(settle_s)
 
@@ -80,7 +84,9 @@ def test_problems_wait_for_their_turn() -> None:
 
 
 def test_a_cancel_is_answered_at_once() -> None:
-    """While it searches: within milliseconds, and the next problem is taken; while it waits: likewise."""
+    """While it searches: within milliseconds, and the next problem is taken; while it waits:
+    likewise.
+    """
     scene = Scene(Slow)
     for name in ("p1", "p2", "p3"):
         scene.ask(name)
@@ -91,7 +97,10 @@ def test_a_cancel_is_answered_at_once() -> None:
     scene.wires.post("co", Say(0, P.CANCEL))
     scene.until(5)
     assert scene.wires.now - began < 0.1
-    assert [(number, type(content)) for number, _, content in scene.heard[3:]] == [(1, hfsm.NoPlan), (0, hfsm.NoPlan)]
+    assert [(number, type(content)) for number, _, content in scene.heard[3:]] == [
+        (1, hfsm.NoPlan),
+        (0, hfsm.NoPlan),
+    ]
     scene.wires.run_for(0.5)
     assert scene.wires.memory("pl").problem.network.id == "p3"
 
@@ -102,8 +111,15 @@ def test_words_of_an_earlier_attempt_are_ignored() -> None:
     scene.ask("p1")
     scene.until(1)
     scene.wires.run_for(0.2)
-    asked, old = len(questions(scene)), plan_of(network("old"), [(hfsm.Step("look-around"), [look("jar_1")])])
-    for word in (Found(0, hfsm.NoPlan("from before", ())), Found(0, old), Ask(0, wm.DropStates("x"))):
+    asked, old = (
+        len(questions(scene)),
+        plan_of(network("old"), [(hfsm.Step("look-around"), [look("jar_1")])]),
+    )
+    for word in (
+        Found(0, hfsm.NoPlan("from before", ())),
+        Found(0, old),
+        Ask(0, wm.DropStates("x")),
+    ):
         scene.wires.post("pl", word)
     scene.wires.run_for(0.2)
     assert len(scene.heard) == 1
@@ -136,7 +152,9 @@ def test_a_search_whose_facts_are_lost_begins_again_but_not_for_ever() -> None:
 @pytest.mark.process
 @pytest.mark.timeout(120)
 def test_the_true_search_is_killed_and_replaced() -> None:
-    """Stop ends the child at once, in the middle of anything; the next request is searched by another one."""
+    """Stop ends the child at once, in the middle of anything; the next request is searched by
+    another one.
+    """
     words: queue.Queue[Local] = queue.Queue()  # type: ignore[valid-type]
     searcher = SearchDevice(lambda content, delay_s=0.0: words.put(content))  # type: ignore[arg-type]
     try:

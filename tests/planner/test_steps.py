@@ -1,4 +1,6 @@
-"""pl's agent step by step: what km says, what the search says, and what becomes of the problem of co."""
+"""pl's agent step by step: what km says, what the search says, and what becomes of the problem of
+co.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -39,7 +41,11 @@ def question(one: Driven) -> str:
 
 def answers(one: Driven, content: Any, talk: str = "") -> None:
     """km's word."""
-    asked = next(iter(one.state.soft.asks.values())).communicate if not talk else one.state.soft.asks[talk].communicate
+    asked = (
+        next(iter(one.state.soft.asks.values())).communicate
+        if not talk
+        else one.state.soft.asks[talk].communicate
+    )
     unknown = isinstance(content, wm.Unknown | wm.UnknownState)
     one.hears(
         "km",
@@ -54,7 +60,10 @@ def answers(one: Driven, content: Any, talk: str = "") -> None:
 def said(one: Driven) -> list[tuple[str, P, Any]]:
     """To whom, performative and content of all that was said in the last step."""
     read = one.core.wiring.languages.read
-    return [(sent.receiver, sent.performative, read(sent)[0] if sent.content else None) for sent in one.sends()]
+    return [
+        (sent.receiver, sent.performative, read(sent)[0] if sent.content else None)
+        for sent in one.sends()
+    ]
 
 
 def fresh() -> Driven:
@@ -172,7 +181,12 @@ def test_a_km_that_cannot_be_understood_fails_the_problem(state: Callable[[], Dr
     """With its reason."""
     one = state()
     asked = next(iter(one.state.soft.asks.values())).communicate
-    rest = {"talk": asked.conversation, "in_reply_to": asked.reply_with, "content": Raw(b"\xc1"), "language": "WM"}
+    rest = {
+        "talk": asked.conversation,
+        "in_reply_to": asked.reply_with,
+        "content": Raw(b"\xc1"),
+        "language": "WM",
+    }
     one.hears("km", "query", P.INFORM_REF, **rest)
     ((_, act, content),) = [word for word in said(one) if word[0] == "co"]
     assert act is P.FAILURE
@@ -184,7 +198,11 @@ def test_hypotheses_lost_begin_the_search_again() -> None:
     one = waiting()
     answers(one, wm.UnknownState("p1/0"))
     assert said(one) == [("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))]
-    assert (one.state.state, one.state.memory.ready, one.state.memory.begun) == ("initialize", False, 2)
+    assert (one.state.state, one.state.memory.ready, one.state.memory.begun) == (
+        "initialize",
+        False,
+        2,
+    )
     answers(one, wm.Made("p1"))
     assert one.tells == [Begin(2, network("p1"), SEED)]
     assert not one.state.memory.soft.lost
@@ -228,5 +246,10 @@ def test_of_several_problems_only_the_cancelled_one_is_forgotten() -> None:
     assert one.tells[0] == Stop(1)
     assert asked not in one.state.soft.asks
     memory = one.state.memory
-    assert (memory.problem.network.id, memory.waiting, memory.attempt, memory.seed) == ("p3", (), 1, SEED)
+    assert (memory.problem.network.id, memory.waiting, memory.attempt, memory.seed) == (
+        "p3",
+        (),
+        1,
+        SEED,
+    )
     assert memory.cancelled is False

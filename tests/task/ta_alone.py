@@ -26,7 +26,9 @@ CANCELLED = (fact(Kind.CANCELLED),)
 
 def plan(*states: hfsm.State) -> hfsm.HierarchicalPlan:
     """A plan of these states."""
-    return hfsm.HierarchicalPlan("plan", "test", hfsm.Machine("test", states[0].name, states), 1.0, 0)
+    return hfsm.HierarchicalPlan(
+        "plan", "test", hfsm.Machine("test", states[0].name, states), 1.0, 0
+    )
 
 
 def plan_of(*commands: rc.Command) -> hfsm.HierarchicalPlan:
@@ -37,7 +39,9 @@ def plan_of(*commands: rc.Command) -> hfsm.HierarchicalPlan:
 
 
 class Scene:
-    """ta between a co, an ex and a km that say what the test has them say; ta has begun the acts, if there are some."""
+    """ta between a co, an ex and a km that say what the test has them say; ta has begun the acts,
+    if there are some.
+    """
 
     def __init__(self, *commands: rc.Command, observed: bool = False) -> None:
         self.wires = MemoryBus()
@@ -60,7 +64,9 @@ class Scene:
         """km subscribes to what is seen."""
         self.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
 
-    def ends(self, outcome: rc.Done | rc.NotDone, number: int = 0, performative: P | None = None) -> None:
+    def ends(
+        self, outcome: rc.Done | rc.NotDone, number: int = 0, performative: P | None = None
+    ) -> None:
         """ex ends an act, as soon as it is asked for it."""
         self.hears("ex", number + 1)
         told = P.INFORM if isinstance(outcome, rc.Done) else P.FAILURE
@@ -87,7 +93,11 @@ class Scene:
 
     def states(self) -> list[str]:
         """The states reported to co."""
-        return [str(content.state) for _, _, content in self.heard["co"] if isinstance(content, sw.Report)]
+        return [
+            str(content.state)
+            for _, _, content in self.heard["co"]
+            if isinstance(content, sw.Report)
+        ]
 
     def ex(self, performative: P, content: Any, number: int = 0) -> None:
         """ex says something in its nth conversation."""

@@ -1,4 +1,6 @@
-"""ta's agent with scripted partners: refusals, unknown outcomes, late acts, and who is told what and when."""
+"""ta's agent with scripted partners: refusals, unknown outcomes, late acts, and who is told what
+and when.
+"""
 
 from types import SimpleNamespace
 from typing import Any
@@ -67,7 +69,12 @@ ENDS: dict[str, tuple[rc.Command, rc.Done | rc.NotDone, sw.WorkerState, Facts]] 
     "the machine ended it": (HOME, not_done("interrupted"), REPLAN, STUCK),
     "the machine was busy": (HOME, not_done("busy"), REPLAN, STUCK),
     "the world ended it": (HOME, not_done("failed"), FAILED, STUCK),
-    "another world": (LOOK, not_done("replan", MOVED := fact(Kind.MOVED, "jar_1", 0.1)), REPLAN, (MOVED,)),
+    "another world": (
+        LOOK,
+        not_done("replan", MOVED := fact(Kind.MOVED, "jar_1", 0.1)),
+        REPLAN,
+        (MOVED,),
+    ),
     "objects seen, in their order": (
         LOOK,
         done(seen=(seen("table_1"), seen("jar_1"))),
@@ -77,17 +84,41 @@ ENDS: dict[str, tuple[rc.Command, rc.Done | rc.NotDone, sw.WorkerState, Facts]] 
     "nothing seen": (LOOK, done(), SUCCEEDED, (fact(Kind.SEEN_NOTHING),)),
     "a wrist that does not feel": (HOME, done(ill=ILL), SUCCEEDED, (FEELS_NOTHING,)),
     "the same, and it failed": (HOME, not_done("failed", ill=ILL), FAILED, (*STUCK, FEELS_NOTHING)),
-    "put down and not seen": (HOME, done(evidence=(PUT,)), SUCCEEDED, (fact(Kind.NOT_CHECKED, Claim.STANDS, "jar_1"),)),
+    "put down and not seen": (
+        HOME,
+        done(evidence=(PUT,)),
+        SUCCEEDED,
+        (fact(Kind.NOT_CHECKED, Claim.STANDS, "jar_1"),),
+    ),
     "taken": (GRASP, done(**held(Sense.FINGERS)), SUCCEEDED, ()),
-    "taken, and no sense told": (GRASP, done(**held()), FAILED, (fact(Kind.NOT_CHECKED, Claim.HELD, "jar_1"),)),
-    "poured": (POUR, poured(True, 0.058), SUCCEEDED, (left(0.06), fact(PourKind.ARRIVED, "bowl_1", 0.06))),
+    "taken, and no sense told": (
+        GRASP,
+        done(**held()),
+        FAILED,
+        (fact(Kind.NOT_CHECKED, Claim.HELD, "jar_1"),),
+    ),
+    "poured": (
+        POUR,
+        poured(True, 0.058),
+        SUCCEEDED,
+        (left(0.06), fact(PourKind.ARRIVED, "bowl_1", 0.06)),
+    ),
     "poured aside": (
         POUR,
         poured(False, 0.03),
         FAILED,
-        (left(0.06), fact(PourKind.ARRIVED, "bowl_1", 0.03), fact(PourKind.REST_NOT_THERE, "bowl_1")),
+        (
+            left(0.06),
+            fact(PourKind.ARRIVED, "bowl_1", 0.03),
+            fact(PourKind.REST_NOT_THERE, "bowl_1"),
+        ),
     ),
-    "poured, not seen": (POUR, poured(None, None), FAILED, (left(0.06), fact(PourKind.NOT_SEEN_IN, "bowl_1"))),
+    "poured, not seen": (
+        POUR,
+        poured(None, None),
+        FAILED,
+        (left(0.06), fact(PourKind.NOT_SEEN_IN, "bowl_1")),
+    ),
     "a few grams stay, not told from nothing": (
         POUR,
         poured(True, None, 0.21),
@@ -110,7 +141,9 @@ ENDS: dict[str, tuple[rc.Command, rc.Done | rc.NotDone, sw.WorkerState, Facts]] 
 
 
 def test_the_end_of_an_act_is_that_of_its_plan() -> None:
-    """With the reasons; km hears of the content that was felt to leave, and of that seen in the bowl."""
+    """With the reasons; km hears of the content that was felt to leave, and of that seen in the
+    bowl.
+    """
     wrong = {}
     for name, (command, outcome, state, why) in ENDS.items():
         scene = Scene(command, observed=True)
@@ -120,8 +153,13 @@ def test_the_end_of_an_act_is_that_of_its_plan() -> None:
             wrong[name] = report
         if command is POUR and isinstance(outcome, rc.Done):
             felt = [round(0.26 - outcome.weighed[1], 3)] if outcome.weighed else []
-            assert not outcome.arrived or [round(one.left, 3) for one in scene.news(wm.FeltContent)] == felt, name
-            assert [one.content for one in scene.news(wm.SeenObject)] == [one.content for one in outcome.seen], name
+            assert (
+                not outcome.arrived
+                or [round(one.left, 3) for one in scene.news(wm.FeltContent)] == felt
+            ), name
+            assert [one.content for one in scene.news(wm.SeenObject)] == [
+                one.content for one in outcome.seen
+            ], name
     assert not wrong
 
 
@@ -157,7 +195,9 @@ def test_states_are_reported_and_confirmed() -> None:
 
 
 def test_an_unknown_outcome() -> None:
-    """The world is looked at without moving an arm, then Replan is reported; the act is not repeated."""
+    """The world is looked at without moving an arm, then Replan is reported; the act is not
+    repeated.
+    """
     scene, restarted = Scene(HOME), (fact(Kind.ENDED, AgentName.EX),)
     scene.ends(rc.NotDone("plan/2", "unknown", restarted))
     look = scene.hears("ex", 2)
@@ -169,12 +209,16 @@ def test_an_unknown_outcome() -> None:
 
 
 def test_a_late_act_is_cancelled() -> None:
-    """Five times its expected time and a margin after the agree; then Replan, once ex has had its last word."""
+    """Five times its expected time and a margin after the agree; then Replan, once ex has had its
+    last word.
+    """
     scene = Scene(HOME)
     began = scene.wires.now
     scene.ex(P.AGREE, rc.Accepted("plan/2", 4.0))
     scene.wires.run(lambda: scene.heard["ex"][-1][1] == "cancel")
-    assert abs(scene.wires.now - began - (5 * 4.0 + 10.0)) < 0.5, "the ruling: 5 x its expected duration + 10 s"
+    assert abs(scene.wires.now - began - (5 * 4.0 + 10.0)) < 0.5, (
+        "the ruling: 5 x its expected duration + 10 s"
+    )
     scene.cancelled("plan/2")
     report = scene.hears("co", 2)
     assert report.state is REPLAN
@@ -196,13 +240,17 @@ NOT_SEEN = fact(Kind.NOT_SEEN, "jar_1")
         (ON, None, fact(Kind.NOT_ANSWERING, AgentName.KM)),
     ],
 )
-def test_an_answer_that_the_plan_does_not_expect(query: wm.AnyQuery, answer: Any, why: Fact) -> None:
+def test_an_answer_that_the_plan_does_not_expect(
+    query: wm.AnyQuery, answer: Any, why: Fact
+) -> None:
     """A new plan is wanted, and why; without any answer the plan fails."""
     scene = Scene()
     scene.start(plan(hfsm.AskState("is it there?", query)))
     scene.hears("km", 1)
     if answer is not None:
-        scene.wires.post("km", Say(0, P.INFORM_REF if isinstance(answer, wm.Truth) else P.FAILURE, answer))
+        scene.wires.post(
+            "km", Say(0, P.INFORM_REF if isinstance(answer, wm.Truth) else P.FAILURE, answer)
+        )
     report = scene.hears("co", 2)
     assert (report.state, report.why) == (REPLAN if answer else FAILED, (why,))
 
@@ -217,7 +265,11 @@ def test_what_was_told_of_a_hand_over_is_said_at_the_end_of_the_plan(given: bool
     for number, act in enumerate(wanted):
         scene.ends(rc.Done(act.key, BODY, evidence=away if act is give else ()), number)
     report = scene.hears("co", len(wanted) + 1)
-    told = [HandOverKind.HANDED_OVER, HandOverKind.FELT_LEAVING, HandOverKind.SEEN_LEAVING] if given else []
+    told = (
+        [HandOverKind.HANDED_OVER, HandOverKind.FELT_LEAVING, HandOverKind.SEEN_LEAVING]
+        if given
+        else []
+    )
     assert report.state is SUCCEEDED
     assert [one.kind for one in report.why if isinstance(one.kind, HandOverKind)] == told
     assert Kind.SEEN not in {one.kind for one in report.why}
@@ -227,7 +279,12 @@ LOST = fact(Kind.LOST, Side.LEFT, "jar_1")
 GONE: list[tuple[rc.Done | rc.NotDone, Fact, wm.AnyObservation]] = [
     *(
         (not_done(kind, LOST, lost={Side.LEFT: "jar_1"}), LOST, wm.LostObject("jar_1", Side.LEFT))
-        for kind in (rc.NotDoneKind.LOST, rc.NotDoneKind.EMPTY, rc.NotDoneKind.MISSING, rc.NotDoneKind.BLOCKED)
+        for kind in (
+            rc.NotDoneKind.LOST,
+            rc.NotDoneKind.EMPTY,
+            rc.NotDoneKind.MISSING,
+            rc.NotDoneKind.BLOCKED,
+        )
     ),
     (not_done(rc.NotDoneKind.NEW_WORLD, new := fact(Kind.NEW_WORLD)), new, wm.WorldLost((new,))),
     (done(missing=("bowl_1",)), fact(Kind.NOT_WHERE_IT_WAS, "bowl_1"), wm.MissingObject("bowl_1")),
@@ -238,7 +295,9 @@ GONE: list[tuple[rc.Done | rc.NotDone, Fact, wm.AnyObservation]] = [
 def test_a_loss_is_said_at_once_and_looked_after(
     outcome: rc.Done | rc.NotDone, why: Fact, news: wm.AnyObservation
 ) -> None:
-    """co hears why before the look begins, km what is not known any more; then a new plan is wanted."""
+    """co hears why before the look begins, km what is not known any more; then a new plan is
+    wanted.
+    """
     scene = Scene(HOME, observed=True)
     scene.ends(outcome)
     report = scene.hears("co", 2)
@@ -266,13 +325,23 @@ def test_a_look_afterwards_that_does_not_see_says_so() -> None:
     scene, touched = Scene(HOME, observed=True), fact(Kind.TOUCHED, Side.LEFT, "jar_1", 0)
     scene.ends(not_done(rc.NotDoneKind.EMPTY, touched))
     look = scene.hears("ex", 2)
-    scene.ends(replace(not_done("failed", ill=(rc.Ill(rc.Sensor.CAMERA, rc.Fault.DARK),)), key=look.key), 1)
-    assert scene.hears("co", 3).why == (touched, fact(Kind.ILL, rc.Sensor.CAMERA, rc.Fault.DARK, 0.0))
+    scene.ends(
+        replace(not_done("failed", ill=(rc.Ill(rc.Sensor.CAMERA, rc.Fault.DARK),)), key=look.key), 1
+    )
+    assert scene.hears("co", 3).why == (
+        touched,
+        fact(Kind.ILL, rc.Sensor.CAMERA, rc.Fault.DARK, 0.0),
+    )
 
 
 def test_a_plan_that_fails_says_what_nobody_has_checked() -> None:
-    """It was put down, and the camera shows nothing: whether it stands is not known. A new plan is to see it."""
-    for kind, doubts in ((rc.NotDoneKind.FAILED, (fact(Kind.NOT_CHECKED, Claim.STANDS, "jar_1"),)), ("replan", ())):
+    """It was put down, and the camera shows nothing: whether it stands is not known. A new plan is
+    to see it.
+    """
+    for kind, doubts in (
+        (rc.NotDoneKind.FAILED, (fact(Kind.NOT_CHECKED, Claim.STANDS, "jar_1"),)),
+        ("replan", ()),
+    ):
         scene = Scene(HOME, LOOK, observed=True)
         scene.ends(done(evidence=(PUT,)))
         scene.ends(not_done(kind, fact(Kind.NOTHING_IS_SEEN)), 1)
@@ -289,7 +358,9 @@ def test_what_was_put_down_and_not_seen_is_told_so() -> None:
 
 @pytest.mark.parametrize("looked", [True, False])
 def test_what_nobody_saw_standing_is_told_so_until_it_is_seen(looked: bool) -> None:
-    """As evidence by the plan that put it down and by the next one: a look at it tells that it stands."""
+    """As evidence by the plan that put it down and by the next one: a look at it tells that it
+    stands.
+    """
     scene = Scene(HOME, observed=True)
     scene.ends(rc.Done(HOME.key, BODY, evidence=(PUT,)))
     assert scene.hears("co", 2).evidence == (PUT,)
@@ -300,7 +371,9 @@ def test_what_nobody_saw_standing_is_told_so_until_it_is_seen(looked: bool) -> N
 
 
 def test_what_a_wrist_does_not_feel_is_not_checked_to_be_in_the_hand() -> None:
-    """Fingers told so when they closed on it, then the wrist told otherwise. Nothing told which of them is right."""
+    """Fingers told so when they closed on it, then the wrist told otherwise. Nothing told which of
+    them is right.
+    """
     scene = Scene(LOOK, HOME, observed=True)
     scene.ends(done(**held(Sense.FINGERS)))
     scene.ends(not_done("replan", fact(Kind.WRIST_DOUBTED, Side.LEFT, "jar_1"), held=HELD), 1)
@@ -309,7 +382,9 @@ def test_what_a_wrist_does_not_feel_is_not_checked_to_be_in_the_hand() -> None:
 
 @pytest.mark.parametrize("by", [(Sense.WRIST, Sense.EYES), ()])
 def test_km_hears_which_senses_told_what_a_hand_holds(by: tuple[Sense, ...]) -> None:
-    """Also after an act that says nothing of it: the newest evidence counts until the hand is empty."""
+    """Also after an act that says nothing of it: the newest evidence counts until the hand is
+    empty.
+    """
     scene = Scene(LOOK, HOME, observed=True)
     scene.ends(done(**held(*by)))
     scene.ends(done(held=HELD), 1)
@@ -328,9 +403,13 @@ def test_each_fault_of_each_sense_is_told() -> None:
 
 
 def test_what_was_cancelled_is_not_cancelled_again() -> None:
-    """ex agreed while the cancel was on its way, and its time passes again: nothing more is said to it."""
+    """ex agreed while the cancel was on its way, and its time passes again: nothing more is said to
+    it.
+    """
     memory = Memory(act=RunningAct("ta-1-1", HOME, agreed=True, stopped=True))
-    turn: Any = SimpleNamespace(event=Woken(acts.PATIENCE), say=lambda *_: pytest.fail("a second cancel"))
+    turn: Any = SimpleNamespace(
+        event=Woken(acts.PATIENCE), say=lambda *_: pytest.fail("a second cancel")
+    )
     assert not acts.overdue(memory, turn)
     assert acts.stop(memory, turn) is memory
 
@@ -377,7 +456,7 @@ def test_what_the_hands_hold_is_known_from_plan_to_plan() -> None:
         assert scene.wires.memory("ta").hands
 
 
-# --- looks around for an observer -------------------------------------------------------------------------------------
+# --- looks around for an observer -----------------------------------------------------------------
 
 
 def reasons(scene: Scene) -> list[Facts]:
@@ -391,7 +470,9 @@ def looks(scene: Scene) -> list[str]:
 
 
 def test_a_look_around_whose_end_crosses_the_cancel_is_tried_again() -> None:
-    """ex answers late, so its end and ta's cancel cross; ta does not wait in `surveying` for ever."""
+    """ex answers late, so its end and ta's cancel cross; ta does not wait in `surveying` for
+    ever.
+    """
     scene = Scene(observed=True)
     assert isinstance(scene.hears("ex", 1), rc.Look)
     scene.ex(P.AGREE, rc.Accepted(rc.Look("", ()).key, 1.0))
@@ -438,13 +519,17 @@ def test_an_observer_that_comes_amid_a_plan_does_not_wait_for_a_look() -> None:
 
 
 def test_acts_beside_plans_are_counted_over_plans() -> None:
-    """No look has the key of an earlier one: ex would not do it again. ta is idle after its plan, and serves on."""
+    """No look has the key of an earlier one: ex would not do it again. ta is idle after its plan,
+    and serves on.
+    """
     scene = Scene()
     for number in (1, 2):
         for _ in range(2):
             scene.observe()
             scene.wires.run_for(0.2)
-            assert looks(scene) == [f"survey-{n}" for n in range(1, number + 1)], "one look around does for both"
+            assert looks(scene) == [f"survey-{n}" for n in range(1, number + 1)], (
+                "one look around does for both"
+            )
         assert scene.heard["km"][-1][1] == "agree"
         scene.ends(rc.Done(f"survey-{number}", BODY), 2 * (number - 1))
         scene.wires.run_for(0.5)

@@ -1,4 +1,6 @@
-"""Running a plan: outcomes lead along arcs, unanswered ones up; every plan that passes the check ends."""
+"""Running a plan: outcomes lead along arcs, unanswered ones up; every plan that passes the check
+ends.
+"""
 
 from dataclasses import dataclass
 
@@ -36,7 +38,11 @@ NESTED = machine(
     machine("take", act("move", succeeded="grasp"), act("grasp"), succeeded="place", safe=SAFE),
     machine("place", act("release", failed="again"), act("again"), succeeded="look"),
     act("look", succeeded="seen?"),
-    hfsm.AskState("seen?", wm.Holds(relation="hasExactPose", subject="bowl_1"), arcs=_arcs({"succeeded": "end"})),
+    hfsm.AskState(
+        "seen?",
+        wm.Holds(relation="hasExactPose", subject="bowl_1"),
+        arcs=_arcs({"succeeded": "end"}),
+    ),
     hfsm.EndState("end", Outcome.REPLAN),
     safe=OTHER_SAFE,
 )
@@ -63,8 +69,12 @@ def test_a_plan_begins_with_its_first_leaf() -> None:
         (("end",), Outcome.REPLAN, Outcome.REPLAN),
     ],
 )
-def test_outcomes_lead_along_arcs(at: Position, outcome: Outcome, leads: Position | Outcome) -> None:
-    """An outcome with an arc leads to its target's first leaf; one without is passed up, at last out of the plan."""
+def test_outcomes_lead_along_arcs(
+    at: Position, outcome: Outcome, leads: Position | Outcome
+) -> None:
+    """An outcome with an arc leads to its target's first leaf; one without is passed up, at last
+    out of the plan.
+    """
     assert plans.after(NESTED, at, outcome) == leads
 
 
@@ -97,7 +107,9 @@ def test_the_innermost_machine_says_what_is_safe() -> None:
     ],
 )
 def test_a_plan_that_leads_nowhere_is_refused(plan: Machine, where: str, name: str) -> None:
-    """The error names where it leads from and where to: what is not there, is there twice, or lies behind."""
+    """The error names where it leads from and where to: what is not there, is there twice, or lies
+    behind.
+    """
     with pytest.raises(PlanError) as error:
         plans.check(plan)
     assert (error.value.where, error.value.name) == (where, name)
@@ -116,7 +128,7 @@ def test_the_nested_plan_passes() -> None:
     plans.check(NESTED)
 
 
-# --- random plans -----------------------------------------------------------------------------------------------------
+# --- random plans ---------------------------------------------------------------------------------
 
 
 @dataclass
@@ -129,13 +141,23 @@ class Drawn:
         """A machine of one to four states."""
         names = [f"{name}{k}" for k in range(self.draw(st.integers(1, 4)))]
         states = tuple(self.state(one, names[k + 1 :], depth) for k, one in enumerate(names))
-        return Machine(name, self.draw(st.sampled_from(names)), states, (), self.draw(st.sampled_from((None, SAFE))))
+        return Machine(
+            name,
+            self.draw(st.sampled_from(names)),
+            states,
+            (),
+            self.draw(st.sampled_from((None, SAFE))),
+        )
 
     def state(self, name: str, later: list[str], depth: int) -> hfsm.State:
         """A leaf or, above the lowest level, a machine."""
-        kind = self.draw(st.sampled_from(("act", "ask", "end", "machine") if depth else ("act", "ask", "end")))
+        kind = self.draw(
+            st.sampled_from(("act", "ask", "end", "machine") if depth else ("act", "ask", "end"))
+        )
         on = self.draw(st.sets(st.sampled_from(OUTCOMES)))
-        arcs = tuple(Arc(outcome, self.draw(st.sampled_from(("", *later)))) for outcome in sorted(on))
+        arcs = tuple(
+            Arc(outcome, self.draw(st.sampled_from(("", *later)))) for outcome in sorted(on)
+        )
         match kind:
             case "act":
                 return hfsm.ActState(name, rc.Look(name, ()), arcs)
@@ -161,7 +183,9 @@ def leaves(machine: Machine) -> int:
 
 @given(plan=machines(), data=st.data())
 def test_running_always_ends(plan: Machine, data: st.DataObject) -> None:
-    """Each leaf is entered at most once, every position is one of a leaf, and an end comes, whatever the outcomes."""
+    """Each leaf is entered at most once, every position is one of a leaf, and an end comes,
+    whatever the outcomes.
+    """
     plans.check(plan)
     at: Position | Outcome = plans.first(plan)
     entered = set()
@@ -169,7 +193,11 @@ def test_running_always_ends(plan: Machine, data: st.DataObject) -> None:
         assert at not in entered
         entered.add(at)
         leaf = plans.leaf(plan, at)
-        outcome = leaf.outcome if isinstance(leaf, hfsm.EndState) else data.draw(st.sampled_from(OUTCOMES))
+        outcome = (
+            leaf.outcome
+            if isinstance(leaf, hfsm.EndState)
+            else data.draw(st.sampled_from(OUTCOMES))
+        )
         assert plans.safe(plan, at) in (None, SAFE)
         at = plans.after(plan, at, outcome)
     assert len(entered) <= leaves(plan)

@@ -4,14 +4,18 @@ from fipa_codec.performatives import Performative as P
 from topdown.check.recorded import Observation, Observed
 
 
-def said(at: float, way: str, protocol: str, act: P, size: int, talk: str, content: str = "") -> Observation:
+def said(
+    at: float, way: str, protocol: str, act: P, size: int, talk: str, content: str = ""
+) -> Observation:
     """A communicate of a run; `way`: "sender>receiver"."""
     sender, _, receiver = way.partition(">")
     return Observation(at, sender, receiver, protocol, act, size, talk, content)
 
 
 def run(*more: Observation, slow: float = 0.0) -> Observed:
-    """A sound run, and what is said besides; `slow`: how much later everything of the drive is answered."""
+    """A sound run, and what is said besides; `slow`: how much later everything of the drive is
+    answered.
+    """
     return Observed(
         communicates=(
             said(0.0, "desk>nav", "request", P.REQUEST, 100, "o1", "WAY.Order"),

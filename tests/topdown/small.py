@@ -1,4 +1,6 @@
-"""Small designs for the tests of rows and of their composition: a hand and a lamp, with rows as each test has them."""
+"""Small designs for the tests of rows and of their composition: a hand and a lamp, with rows as
+each test has them.
+"""
 
 from collections import deque
 from collections.abc import Iterable
@@ -37,7 +39,13 @@ USES = {
     "later": ("request-when", True, False, "request-when cancel", "agree refuse inform failure"),
     "ask": ("query", False, False, "query-ref", "inform failure"),
     "watch": ("subscribe", False, True, "subscribe cancel", "agree refuse inform failure"),
-    "tender": ("cfp", False, False, "cfp accept-proposal reject-proposal", "propose refuse inform failure"),
+    "tender": (
+        "cfp",
+        False,
+        False,
+        "cfp accept-proposal reject-proposal",
+        "propose refuse inform failure",
+    ),
 }
 """name -> (protocol, durable, latest, what hand says, what lamp says)."""
 Rows = Iterable[str]
@@ -48,7 +56,10 @@ STUCK = (DEADLOCK, UNREACHED)
 def text(hand: Rows, lamp: Rows, *uses: str, more: str = "", hand_more: str = "") -> str:
     """A design file with these rows, one TOML table each, over these uses (none: `switch`)."""
     parts = [HEAD, *(_use(name) for name in uses or ("switch",))]
-    parts += [_agent("hand", "idle waiting asking", hand, hand_more), _agent("lamp", "idle busy lit", lamp, "")]
+    parts += [
+        _agent("hand", "idle waiting asking", hand, hand_more),
+        _agent("lamp", "idle busy lit", lamp, ""),
+    ]
     return "\n".join((*parts, more))
 
 
@@ -78,17 +89,34 @@ def found(made: Design, most: int = 0, **wish: object) -> Exploration:
 
 def _use(name: str) -> str:
     follows, durable, latest, hand, lamp = USES[name]
-    lines = ["[[protocol]]", f'name = "{name}"', 'channel = "C1"', f'follows = "{follows}"', 'initiator = "hand"']
-    lines += ['participant = "lamp"', f"durable = {str(durable).lower()}", f"latest = {str(latest).lower()}"]
+    lines = [
+        "[[protocol]]",
+        f'name = "{name}"',
+        'channel = "C1"',
+        f'follows = "{follows}"',
+        'initiator = "hand"',
+    ]
+    lines += [
+        'participant = "lamp"',
+        f"durable = {str(durable).lower()}",
+        f"latest = {str(latest).lower()}",
+    ]
     said = [*(("hand", act) for act in hand.split()), *(("lamp", act) for act in lamp.split())]
-    messages = ", ".join(f'{{ sender = "{who}", performative = "{act}", language = "L" }}' for who, act in said)
+    messages = ", ".join(
+        f'{{ sender = "{who}", performative = "{act}", language = "L" }}' for who, act in said
+    )
     return "\n".join([*lines, f"message = [{messages}]"])
 
 
 def _agent(name: str, states: str, rows: Rows, more: str) -> str:
-    listed = ", ".join(f'{{ name = "{state}", behaviour = "b", terminal = "t" }}' for state in states.split())
+    listed = ", ".join(
+        f'{{ name = "{state}", behaviour = "b", terminal = "t" }}' for state in states.split()
+    )
     told = ",\n  ".join(rows)
-    return f'[[agent]]\nname = "{name}"\ninitial = "idle"\nstate = [{listed}]\nrow = [\n  {told}\n]\n{more}'
+    return (
+        f'[[agent]]\nname = "{name}"\ninitial = "idle"\nstate = [{listed}]\nrow = [\n '
+        f" {told}\n]\n{more}"
+    )
 
 
 HAND = (
@@ -104,10 +132,16 @@ HAND = (
 )
 """Wants light, may regret it, and takes whatever comes of it."""
 LAMP = (
-    '{ in = ["idle"], on = "switch request", say = ["switch agree"], moves = "switch", to = "busy" }',
+    (
+        '{ in = ["idle"], on = "switch request", say = ["switch agree"], moves = "switch", to ='
+        ' "busy" }'
+    ),
     '{ in = ["idle"], on = "switch request", say = ["switch refuse"] }',
     '{ in = ["busy"], on = "switch cancel", say = ["switch inform[cancel]"], to = "idle" }',
-    '{ in = ["busy"], on = "own lit", when = ["switch agreed"], say = ["switch inform"], to = "idle" }',
+    (
+        '{ in = ["busy"], on = "own lit", when = ["switch agreed"], say = ["switch inform"], to ='
+        ' "idle" }'
+    ),
 )
 """Shines, or not; a cancel that comes too late is the runtime's to answer."""
 
@@ -183,6 +217,8 @@ WATCHED = (
 )
 
 
-def watching(hand: tuple[str, ...] = WATCHER, lamp: tuple[str, ...] = WATCHED, more: str = "") -> Design:
+def watching(
+    hand: tuple[str, ...] = WATCHER, lamp: tuple[str, ...] = WATCHED, more: str = ""
+) -> Design:
     """The lamp tells what became of it, and rests only when the hand knows."""
     return design(hand, lamp, "watch", more=more)

@@ -1,4 +1,6 @@
-"""Every kind of fault is found by its name: a sound design spoilt in one place has exactly that one finding."""
+"""Every kind of fault is found by its name: a sound design spoilt in one place has exactly that one
+finding.
+"""
 
 from pathlib import Path
 
@@ -10,7 +12,9 @@ from topdown.model.findings import Kind
 
 
 class Fault(msgspec.Struct, forbid_unknown_fields=True):
-    """A way to spoil the design: the finding's kind, words it must have, and what is replaced by what."""
+    """A way to spoil the design: the finding's kind, words it must have, and what is replaced by
+    what.
+    """
 
     name: str
     kind: Kind
@@ -24,7 +28,9 @@ class Faults(msgspec.Struct, forbid_unknown_fields=True):
     fault: tuple[Fault, ...]
 
 
-FAULTS = msgspec.toml.decode(Path(__file__).with_name("faults.toml").read_bytes(), type=Faults).fault
+FAULTS = msgspec.toml.decode(
+    Path(__file__).with_name("faults.toml").read_bytes(), type=Faults
+).fault
 NOT_REALLOCATED = ('reallocate = [{ channel = "C1", to = "nav" }]\n', "")
 WRONG_TYPE = ('content = ["Lost"]', 'content = ["Lost", "Lots"]')
 
@@ -73,14 +79,25 @@ def test_a_finding_has_its_line() -> None:
 
 def test_findings_come_in_the_files_order() -> None:
     """So that a person can go through the file once."""
-    found = check(design(WRONG_TYPE, ('agents = ["desk",', 'agents = ["desk", "cook",'), NOT_REALLOCATED))
+    found = check(
+        design(WRONG_TYPE, ('agents = ["desk",', 'agents = ["desk", "cook",'), NOT_REALLOCATED)
+    )
     lines = [finding.line or 0 for finding in found]
     assert len(found) == 3
     assert lines == sorted(lines)
 
 
 def test_every_kind_of_fault_of_a_file_is_spoilt_here() -> None:
-    """A kind that no test makes appear would be a promise only; those of recordings and of code are elsewhere."""
-    elsewhere = {Kind.TOO_LARGE, Kind.TOO_LATE, Kind.NO_CHANNEL, Kind.NOT_DESIGNED, Kind.NEVER_HEARD, Kind.UNBALANCED}
+    """A kind that no test makes appear would be a promise only; those of recordings and of code are
+    elsewhere.
+    """
+    elsewhere = {
+        Kind.TOO_LARGE,
+        Kind.TOO_LATE,
+        Kind.NO_CHANNEL,
+        Kind.NOT_DESIGNED,
+        Kind.NEVER_HEARD,
+        Kind.UNBALANCED,
+    }
     elsewhere |= {Kind.CODE, Kind.NOT_SUPPORTED, Kind.BAD_ROW}
     assert {fault.kind for fault in FAULTS} == set(Kind) - elsewhere

@@ -1,4 +1,6 @@
-"""Rows of agents are compared with the messages, both ways, and with the arcs; a spoilt one is named."""
+"""Rows of agents are compared with the messages, both ways, and with the arcs; a spoilt one is
+named.
+"""
 
 from spoiling import Change, design
 
@@ -33,9 +35,11 @@ ATLAS = """row = [
 ]
 """
 ROWS: list[Change] = [
-    ("[agent.sends]\nperformatives = [\"request\"", DESK + "\n[agent.sends]\nperformatives = [\"request\""),
+    ("[agent.sends]\nperformatives = [\"request\"",
+     DESK + "\n[agent.sends]\nperformatives = [\"request\""),
     ("[[agent.parameter]]\nname = \"tries\"", NAV + "\n[[agent.parameter]]\nname = \"tries\""),
-    ("[agent.sends]\nperformatives = [\"inform\"", ATLAS + "\n[agent.sends]\nperformatives = [\"inform\""),
+    ("[agent.sends]\nperformatives = [\"inform\"",
+     ATLAS + "\n[agent.sends]\nperformatives = [\"inform\""),
 ]  # fmt: skip
 
 
@@ -49,10 +53,30 @@ SPOILT = (
     ('to = "ordering" }', 'to = "odering" }', Kind.BAD_ROW, "no state 'odering'"),
     ('then = "arrived" }', 'then = "gone" }', Kind.BAD_ROW, "no choice 'gone'"),
     ('on = "late ask"', 'on = "late aks"', Kind.BAD_ROW, "'aks'"),
-    ('  { in = ["ordering"], on = "person regret", say = ["order cancel"] },\n', "", Kind.RECEIVED_NOT_SENT, "says"),
-    ('  { in = ["driving"], on = "drive agree" },\n', "", Kind.SENT_NOT_RECEIVED, "no row of nav takes it"),
-    ('say = ["order inform"], to', 'say = ["order inform", "order refuse"], to', Kind.SENT_NOT_RECEIVED, "says order"),
-    ('"drive agree" }', '"drive agree" }, { in = ["idle"], on = "drive refuse" }', Kind.RECEIVED_NOT_SENT, ""),
+    (
+        '  { in = ["ordering"], on = "person regret", say = ["order cancel"] },\n',
+        "",
+        Kind.RECEIVED_NOT_SENT,
+        "says",
+    ),
+    (
+        '  { in = ["driving"], on = "drive agree" },\n',
+        "",
+        Kind.SENT_NOT_RECEIVED,
+        "no row of nav takes it",
+    ),
+    (
+        'say = ["order inform"], to',
+        'say = ["order inform", "order refuse"], to',
+        Kind.SENT_NOT_RECEIVED,
+        "says order",
+    ),
+    (
+        '"drive agree" }',
+        '"drive agree" }, { in = ["idle"], on = "drive refuse" }',
+        Kind.RECEIVED_NOT_SENT,
+        "",
+    ),
 )
 
 

@@ -16,18 +16,21 @@ key = "k"
 
 
 def ring(**talks: dict[str, list[str]]) -> Design:
-    """Agents in a ring, each asks the next (use `ab`: a asks b); talks: agent -> state -> uses. First states rest."""
+    """Agents in a ring, each asks the next (use `ab`: a asks b); talks: agent -> state -> uses.
+    First states rest.
+    """
     names = list(talks)
     pairs = [(one, names[(index + 1) % len(names)]) for index, one in enumerate(names)]
     uses = [
-        f'[[protocol]]\nname = "{a}{b}"\nchannel = "{a}{b}"\ninitiator = "{a}"\nparticipant = "{b}"\n'
-        'follows = "query"\ndurable = false\nmessage = []\n'
+        f'[[protocol]]\nname = "{a}{b}"\nchannel = "{a}{b}"\ninitiator = "{a}"\nparticipant ='
+        f' "{b}"\nfollows = "query"\ndurable = false\nmessage = []\n'
         for a, b in pairs
     ]
     agents = [
         f'[[agent]]\nname = "{agent}"\ninitial = "{next(iter(states))}"\nstate = ['
         + ", ".join(
-            f'{{ name = "{s}", behaviour = "b", terminal = "t", talks = {uses} }}' for s, uses in states.items()
+            f'{{ name = "{s}", behaviour = "b", terminal = "t", talks = {uses} }}'
+            for s, uses in states.items()
         )
         + "]\n"
         for agent, states in talks.items()
@@ -51,7 +54,9 @@ def test_two_that_only_ask_each_other_wait() -> None:
 def test_three_in_a_ring_wait() -> None:
     """The set is as large as the ring, and is told once."""
     (one,) = found(
-        a={"idle": ["ca"], "asking": ["ab"]}, b={"idle": ["ab"], "asking": ["bc"]}, c={"idle": ["bc"], "asking": ["ca"]}
+        a={"idle": ["ca"], "asking": ["ab"]},
+        b={"idle": ["ab"], "asking": ["bc"]},
+        c={"idle": ["bc"], "asking": ["ca"]},
     )
     assert one.where == "agent a, agent b, agent c"
 
@@ -71,4 +76,10 @@ def test_who_rests_waits_for_nobody() -> None:
 
 def test_who_asks_nobody_waits_for_nobody() -> None:
     """A state that only serves has nothing to wait for."""
-    assert found(a={"idle": ["ab"], "serving": ["ba"]}, b={"idle": ["ab"], "asking": ["ba"], "other": ["ab"]}) == []
+    assert (
+        found(
+            a={"idle": ["ab"], "serving": ["ba"]},
+            b={"idle": ["ab"], "asking": ["ba"], "other": ["ab"]},
+        )
+        == []
+    )

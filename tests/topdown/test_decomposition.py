@@ -1,4 +1,6 @@
-"""The steps of a decomposition are walked as the paper says: reallocate, split, complement, numbers never change."""
+"""The steps of a decomposition are walked as the paper says: reallocate, split, complement, numbers
+never change.
+"""
 
 from topdown.model.decomposition import decompose
 from topdown.model.elements import Complement, Division, NewChannel, Reallocation, Split, Step
@@ -9,12 +11,18 @@ def divide(group: str, one: str, other: str) -> Division:
     return Division(group, (one, other))
 
 
-FIRST = Step(requirements=("R1",), divide=divide("all", "a", "b"), channels=(NewChannel("C1", ("a", "b"), "words"),))
+FIRST = Step(
+    requirements=("R1",),
+    divide=divide("all", "a", "b"),
+    channels=(NewChannel("C1", ("a", "b"), "words"),),
+)
 
 
 def test_a_reallocated_channel_keeps_its_number_and_its_other_end() -> None:
     """C1 a-b becomes C1 c-b when a := <c, d> and C1 goes to c."""
-    move = Step(requirements=("R2",), divide=divide("a", "c", "d"), reallocate=(Reallocation("C1", "c"),))
+    move = Step(
+        requirements=("R2",), divide=divide("a", "c", "d"), reallocate=(Reallocation("C1", "c"),)
+    )
     result = decompose("all", (FIRST, move))
     assert not result.slips
     assert [(channel.id, channel.ends) for channel in result.last.channels] == [("C1", ("c", "b"))]
@@ -23,10 +31,15 @@ def test_a_reallocated_channel_keeps_its_number_and_its_other_end() -> None:
 
 def test_a_split_channel_is_retired_and_two_new_ones_take_its_place() -> None:
     """Both halves get a channel of their own to the other end."""
-    split = Step(requirements=("R2",), divide=divide("a", "c", "d"), split=(Split("C1", ("C2", "C3")),))
+    split = Step(
+        requirements=("R2",), divide=divide("a", "c", "d"), split=(Split("C1", ("C2", "C3")),)
+    )
     result = decompose("all", (FIRST, split))
     assert not result.slips
-    assert {channel.id: channel.ends for channel in result.last.channels} == {"C2": ("c", "b"), "C3": ("d", "b")}
+    assert {channel.id: channel.ends for channel in result.last.channels} == {
+        "C2": ("c", "b"),
+        "C3": ("d", "b"),
+    }
 
 
 def test_a_complemented_channel_transmits_more() -> None:
@@ -43,7 +56,9 @@ def test_a_channel_of_the_divided_group_may_not_be_forgotten() -> None:
 
 
 def test_what_is_not_there_is_a_slip_and_not_an_exception() -> None:
-    """Unknown groups and channels, and numbers used twice, are reported with what would be right."""
+    """Unknown groups and channels, and numbers used twice, are reported with what would be
+    right.
+    """
     odd = Step(
         requirements=("R2",),
         divide=divide("z", "c", "d"),
@@ -57,5 +72,7 @@ def test_what_is_not_there_is_a_slip_and_not_an_exception() -> None:
 
 def test_a_channel_goes_to_a_half_of_the_divided_group_only() -> None:
     """Reallocating to a group that is not a half is a slip."""
-    move = Step(requirements=("R2",), divide=divide("a", "c", "d"), reallocate=(Reallocation("C1", "b"),))
+    move = Step(
+        requirements=("R2",), divide=divide("a", "c", "d"), reallocate=(Reallocation("C1", "b"),)
+    )
     assert any("cannot go to 'b'" in slip.wrong for slip in decompose("all", (FIRST, move)).slips)

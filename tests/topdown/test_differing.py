@@ -1,4 +1,6 @@
-"""Differences between two designs, entry by entry, whatever their order, with their consequences."""
+"""Differences between two designs, entry by entry, whatever their order, with their
+consequences.
+"""
 
 import pytest
 from spoiling import Change, design
@@ -57,7 +59,11 @@ def test_a_message_that_is_gone_takes_its_rule_with_it() -> None:
     """The written change, and the derived one."""
     gone = '  { sender = "desk", performative = "cancel", language = "WAY", bytes = 100 },\n'
     written, derived = changes((gone, ""))
-    assert (written.way, written.kind, written.name) == (Way.REMOVED, "message", "order: desk cancel")
+    assert (written.way, written.kind, written.name) == (
+        Way.REMOVED,
+        "message",
+        "order: desk cancel",
+    )
     assert (derived.way, derived.kind, derived.derived) == (Way.REMOVED, "rule", True)
     assert derived.name == "desk to nav: request cancel"
 
@@ -65,10 +71,16 @@ def test_a_message_that_is_gone_takes_its_rule_with_it() -> None:
 def test_a_channel_that_moves_is_told() -> None:
     """The steps say it in one place; the ends of the channel follow."""
     told = changes(
-        ('split = [{ channel = "C1", into = ["C3", "C4"] }]', 'split = [{ channel = "C1", into = ["C4", "C3"] }]')
+        (
+            'split = [{ channel = "C1", into = ["C3", "C4"] }]',
+            'split = [{ channel = "C1", into = ["C4", "C3"] }]',
+        )
     )
     ends = {one.name: (one.old, one.new) for one in told if one.derived and one.field == "ends"}
-    assert ends == {"C3": ("base and nav", "atlas and nav"), "C4": ("atlas and nav", "base and nav")}
+    assert ends == {
+        "C3": ("base and nav", "atlas and nav"),
+        "C4": ("atlas and nav", "base and nav"),
+    }
 
 
 def test_the_order_of_arcs_means_something() -> None:
@@ -83,12 +95,19 @@ def test_the_order_of_arcs_means_something() -> None:
 
 def test_rows_of_a_table_are_not_sets() -> None:
     """A row whose words change places is another row."""
-    told = changes(('["start", "receive", "inform", "hearing"]', '["hearing", "receive", "inform", "start"]'))
+    told = changes(
+        ('["start", "receive", "inform", "hearing"]', '["hearing", "receive", "inform", "start"]')
+    )
     assert {(one.kind, one.name) for one in told} == {("table", "tell")}
 
 
 def test_there_and_back_is_the_opposite() -> None:
     """Each entry added one way is removed the other way."""
-    other = design(("[[ontology]]", '[[language]]\nname = "X"\n\n[[ontology]]'), ("latency_s = 9.0", "latency_s = 8.0"))
+    other = design(
+        ("[[ontology]]", '[[language]]\nname = "X"\n\n[[ontology]]'),
+        ("latency_s = 9.0", "latency_s = 8.0"),
+    )
     there, back = diff(design(), other), diff(other, design())
-    assert {(one.kind, one.name, one.old, one.new) for one in there} == {(b.kind, b.name, b.new, b.old) for b in back}
+    assert {(one.kind, one.name, one.old, one.new) for one in there} == {
+        (b.kind, b.name, b.new, b.old) for b in back
+    }

@@ -1,4 +1,6 @@
-"""The book about a design: as a page, as text, as files; complete, self-contained, the same every time."""
+"""The book about a design: as a page, as text, as files; complete, self-contained, the same every
+time.
+"""
 
 import os
 import subprocess
@@ -62,7 +64,9 @@ def page_of(design: Design) -> str:
 
 
 def test_the_page_stands_alone() -> None:
-    """Elements close, ids are unique, every link leads somewhere in it, and nothing is fetched or run."""
+    """Elements close, ids are unique, every link leads somewhere in it, and nothing is fetched or
+    run.
+    """
     page = page_of(LAMP)
     reader = Reader(page)
     assert not reader.open
@@ -78,14 +82,20 @@ def test_the_page_stands_alone() -> None:
 def test_the_page_has_every_section_and_figure() -> None:
     """One heading for each section, one drawing for each figure."""
     sections = book.sections(LAMP)
-    assert [section.what for section in sections] == [what for what in book.What if what is not book.What.ALL]
+    assert [section.what for section in sections] == [
+        what for what in book.What if what is not book.What.ALL
+    ]
     figures = [part for section in sections for part in section.parts if isinstance(part, Figure)]
     assert page_of(LAMP).count("<svg") == len(figures) == len(book.figures(sections))
 
 
 def test_markup_in_a_design_is_shown_as_it_is_written() -> None:
     """A name like <b> is not an element of the page."""
-    words = (HERE / "lamp.toml").read_text().replace('"switch a lamp"', "'switch <b id=\"x\">&amp; a lamp'")
+    words = (
+        (HERE / "lamp.toml")
+        .read_text()
+        .replace('"switch a lamp"', "'switch <b id=\"x\">&amp; a lamp'")
+    )
     reader = Reader(page_of(Design(loading.read(words))))
     assert "b" not in reader.tags
     assert any('<b id="x">&amp; a lamp' in word for word in reader.words)
@@ -94,8 +104,9 @@ def test_markup_in_a_design_is_shown_as_it_is_written() -> None:
 def test_the_same_design_gives_the_same_bytes() -> None:
     """Also in another process with another seed of hashes."""
     code = (
-        "import sys; from pathlib import Path; from topdown.model.design import load; from topdown.draw import book;"
-        "d = load(Path(sys.argv[1])); sys.stdout.write(book.page_of(d, book.sections(d)))"
+        "import sys; from pathlib import Path; from topdown.model.design import load; from"
+        " topdown.draw import book;d = load(Path(sys.argv[1])); sys.stdout.write(book.page_of(d,"
+        " book.sections(d)))"
     )
     pages = {
         subprocess.run(
@@ -203,5 +214,9 @@ def test_numbers_are_written_for_people() -> None:
 
 def test_a_word_too_long_is_broken_behind_a_mark() -> None:
     """In columns that are too narrow; other words stay whole."""
-    assert document.cell("one LANGUAGE.VeryLongClass_name", 14) == ["one LANGUAGE.", "VeryLongClass_", "name"]
+    assert document.cell("one LANGUAGE.VeryLongClass_name", 14) == [
+        "one LANGUAGE.",
+        "VeryLongClass_",
+        "name",
+    ]
     assert document.cell("", 5) == [""]

@@ -1,4 +1,6 @@
-"""A sequence diagram says what the tables allow when nothing crosses: no message more, none less, for any table."""
+"""A sequence diagram says what the tables allow when nothing crosses: no message more, none less,
+for any table.
+"""
 
 from collections.abc import Iterator
 
@@ -19,7 +21,9 @@ Word = tuple[Role, str]
 
 
 class Reader:
-    """Reads a diagram as people do, into a machine: states, steps without a word, steps with one, and named places."""
+    """Reads a diagram as people do, into a machine: states, steps without a word, steps with one,
+    and named places.
+    """
 
     def __init__(self, parts: tuple[Part, ...]) -> None:
         self.silent: dict[int, list[int]] = {}
@@ -30,7 +34,9 @@ class Reader:
         self.options = [part for part in parts if isinstance(part, Frame) and part.title]
         main = tuple(part for part in parts if part not in self.options)
         self.entry = self.read(main, self.state())
-        self.entries = [(option, self.read(option.branches[0], self.state())) for option in self.options]
+        self.entries = [
+            (option, self.read(option.branches[0], self.state())) for option in self.options
+        ]
         for state, name in self.jumps:
             self.silent[state].append(self.places[name])
 
@@ -92,13 +98,17 @@ class Reader:
 def rests(protocol: Protocol, place: Place) -> bool:
     """Whether both roles have ended, or may stay as they are."""
     tables = (protocol.tables[role] for role in (Role.INITIATOR, Role.PARTICIPANT))
-    return all(state in table.ended | table.resting for state, table in zip(place, tables, strict=True))
+    return all(
+        state in table.ended | table.resting for state, table in zip(place, tables, strict=True)
+    )
 
 
 def compare(protocol: Protocol) -> None:
     """Walk tables and diagram together: in every pair of places the same may be said."""
     meeting = meet(protocol)
-    main = {place: {e.said: e.to for e in edges if not e.interrupts} for place, edges in meeting.items()}
+    main = {
+        place: {e.said: e.to for e in edges if not e.interrupts} for place, edges in meeting.items()
+    }
     reader = Reader(exchange(protocol).parts)
     waiting: list[tuple[frozenset[int], Place]] = [(frozenset({reader.entry}), (START, START))]
     optional: set[tuple[str, Word]] = set()
@@ -110,7 +120,9 @@ def compare(protocol: Protocol) -> None:
                 optional.add((while_, word))
                 waiting.append((there, interrupts[word]))
             assert f"({while_})" in reader.places
-    assert optional == {(name_of(place), e.said) for place, es in meeting.items() for e in es if e.interrupts}
+    assert optional == {
+        (name_of(place), e.said) for place, es in meeting.items() for e in es if e.interrupts
+    }
     seen = set(waiting)
     while waiting:
         states, place = waiting.pop()
@@ -166,12 +178,17 @@ def mirrored(*rows: tuple[str, Role, P, str]) -> Protocol:
     """A protocol whose roles are always in the same state."""
     sides = {
         role: Table(
-            [Row(state, SEND if role is who else RECEIVE, act, Kind.PLAIN, to) for state, who, act, to in rows],
+            [
+                Row(state, SEND if role is who else RECEIVE, act, Kind.PLAIN, to)
+                for state, who, act, to in rows
+            ],
             ended={row[3] for row in rows} - {row[0] for row in rows},
         )
         for role in Role
     }
-    return Protocol("mirrored", initiator=sides[Role.INITIATOR], participant=sides[Role.PARTICIPANT])
+    return Protocol(
+        "mirrored", initiator=sides[Role.INITIATOR], participant=sides[Role.PARTICIPANT]
+    )
 
 
 def frames(parts: tuple[Part, ...]) -> Iterator[tuple[str, ...]]:
@@ -201,9 +218,14 @@ def test_a_loop_in_a_loop_is_drawn_as_such() -> None:
 def test_a_role_that_owes_a_word_takes_nothing() -> None:
     """In an urgent state the peer's words wait, so they are not drawn there."""
     rows = [Row(START, SEND, P.REQUEST, Kind.PLAIN, "a"), Row("a", SEND, P.INFORM, Kind.PLAIN, "a")]
-    takes = [Row(START, RECEIVE, P.REQUEST, Kind.PLAIN, "owes"), Row("owes", RECEIVE, P.INFORM, Kind.PLAIN, "owes")]
+    takes = [
+        Row(START, RECEIVE, P.REQUEST, Kind.PLAIN, "owes"),
+        Row("owes", RECEIVE, P.INFORM, Kind.PLAIN, "owes"),
+    ]
     one, other = Table(rows, ended=["a"]), Table(takes, ended=[], urgent=["owes"])
-    assert set(said(exchange(Protocol("any", initiator=one, participant=other)).parts)) == {"request"}
+    assert set(said(exchange(Protocol("any", initiator=one, participant=other)).parts)) == {
+        "request"
+    }
 
 
 def said(parts: tuple[Part, ...]) -> Iterator[str]:
@@ -219,13 +241,21 @@ def said(parts: tuple[Part, ...]) -> Iterator[str]:
 def test_an_act_the_design_does_not_use_is_not_drawn() -> None:
     """Of the query protocol only query-ref, inform-ref and refuse are used here."""
     sayable = {Role.INITIATOR: {P.QUERY_REF}, Role.PARTICIPANT: {P.INFORM_REF, P.REFUSE}}
-    assert set(said(exchange(protocols.QUERY, sayable).parts)) == {"query-ref", "inform-ref", "refuse"}
+    assert set(said(exchange(protocols.QUERY, sayable).parts)) == {
+        "query-ref",
+        "inform-ref",
+        "refuse",
+    }
 
 
 def test_rows_that_only_crossing_messages_need_are_told_apart() -> None:
     """A request's participant takes a cancel in `done` only if it crossed the result."""
     crossing = exchange(protocols.REQUEST).crossing
-    assert {row.state for role, row in crossing if row.performative is P.CANCEL} >= {"done", "failed", "refused"}
+    assert {row.state for role, row in crossing if row.performative is P.CANCEL} >= {
+        "done",
+        "failed",
+        "refused",
+    }
     assert all(row.state not in ("asked", "agreed") for _, row in crossing)
 
 

@@ -1,4 +1,6 @@
-"""Layouts of systems, trees and state machines: nothing overlaps, nothing is lost, for designs of any kind."""
+"""Layouts of systems, trees and state machines: nothing overlaps, nothing is lost, for designs of
+any kind.
+"""
 
 import re
 from itertools import combinations, pairwise
@@ -16,7 +18,9 @@ WORDS = st.text(st.sampled_from("abcdefgh iMW<&>\"'"), max_size=60)
 
 
 def designed(count: int, joins: list[tuple[int, int]], texts: list[str], agents: int) -> Design:
-    """A design of that many groups g0, g1 ..., split off one after the other; the last step makes the channels."""
+    """A design of that many groups g0, g1 ..., split off one after the other; the last step makes
+    the channels.
+    """
     names = [f"g{number}" for number in range(count)]
     rests = ["root", *(f"r{number}" for number in range(1, count - 1)), names[-1]]
     steps = [
@@ -34,7 +38,9 @@ def designed(count: int, joins: list[tuple[int, int]], texts: list[str], agents:
     return Design(
         elements.DesignFile(
             system=elements.System(name="any", root="root", key=""),
-            requirement=tuple(elements.Requirement(id=f"R{number}", text=texts[number]) for number in range(count)),
+            requirement=tuple(
+                elements.Requirement(id=f"R{number}", text=texts[number]) for number in range(count)
+            ),
             step=(*steps, elements.Step(requirements=(), channels=channels)),
             language=(),
             interface=(),
@@ -75,7 +81,10 @@ def agents(draw: st.DrawFn) -> elements.Agent:
     return elements.Agent(
         name="any",
         initial=draw(name),
-        state=tuple(elements.State(name=n, behaviour=f"do_{n}", terminal="over", error=draw(when)) for n in names),
+        state=tuple(
+            elements.State(name=n, behaviour=f"do_{n}", terminal="over", error=draw(when))
+            for n in names
+        ),
         arc=tuple(draw(st.lists(arcs, max_size=16, unique=True))),
     )
 
@@ -99,15 +108,22 @@ def lines(canvas: Canvas, css: str) -> list[list[tuple[float, float]]]:
     found = []
     for element in ElementTree.fromstring(canvas.svg()).iter():
         if element.tag.endswith("polyline") and css in element.get("class", "").split():
-            found.append([tuple(map(float, p.split(","))) for p in element.get("points", "").split()])
+            found.append(
+                [tuple(map(float, p.split(","))) for p in element.get("points", "").split()]
+            )
     return found  # type: ignore[return-value]
 
 
 def through(line: list[tuple[float, float]], box: Box) -> bool:
-    """Whether a line comes more than 2 px into a box: what is left of it between the box's edges."""
+    """Whether a line comes more than 2 px into a box: what is left of it between the box's
+    edges.
+    """
     for (x0, y0), (x1, y1) in pairwise(line):
         first, last = 0.0, 1.0
-        for start, way, low, high in ((x0, x1 - x0, box.x, box.right), (y0, y1 - y0, box.y, box.bottom)):
+        for start, way, low, high in (
+            (x0, x1 - x0, box.x, box.right),
+            (y0, y1 - y0, box.y, box.bottom),
+        ):
             if way:
                 ends = sorted(((low + 2 - start) / way, (high - 2 - start) / way))
                 first, last = max(first, ends[0]), min(last, ends[1])
@@ -120,7 +136,9 @@ def through(line: list[tuple[float, float]], box: Box) -> bool:
 
 @given(designs())
 def test_agents_of_a_system_do_not_overlap(design: Design) -> None:
-    """Boxes and words are apart and in the picture; a channel is one line with its name, and passes no box."""
+    """Boxes and words are apart and in the picture; a channel is one line with its name, and passes
+    no box.
+    """
     canvas = system.draw(design)
     assert len(canvas.boxes) == len(design.decomposition.last.groups)
     assert not overlapping(canvas.boxes, 20)
@@ -133,8 +151,12 @@ def test_agents_of_a_system_do_not_overlap(design: Design) -> None:
 
 
 @given(designs(), st.data())
-def test_a_tree_shows_every_group_and_channel_of_its_step(design: Design, data: st.DataObject) -> None:
-    """Divided groups and the fringe are boxes apart from each other; the channels of the step are there."""
+def test_a_tree_shows_every_group_and_channel_of_its_step(
+    design: Design, data: st.DataObject
+) -> None:
+    """Divided groups and the fringe are boxes apart from each other; the channels of the step are
+    there.
+    """
     step = data.draw(st.integers(0, len(design.file.step)))
     stage = design.decomposition.stages[step]
     canvas = decomposition.draw(design, step)
@@ -143,12 +165,16 @@ def test_a_tree_shows_every_group_and_channel_of_its_step(design: Design, data: 
     assert not overlapping(canvas.boxes, 4)
     assert inside(canvas)
     assert len(lines(canvas, "channel")) == len(stage.channels)
-    assert not [line for line in lines(canvas, "channel") for box in canvas.boxes if through(line, box)]
+    assert not [
+        line for line in lines(canvas, "channel") for box in canvas.boxes if through(line, box)
+    ]
 
 
 @given(agents())
 def test_a_machine_shows_every_state_and_arc(agent: elements.Agent) -> None:
-    """States are boxes apart from each other, each arc is one line that passes no state; words do not overlap."""
+    """States are boxes apart from each other, each arc is one line that passes no state; words do
+    not overlap.
+    """
     canvas = machines.draw(agent)
     assert len(canvas.boxes) == len(agent.state)
     assert not overlapping(canvas.boxes, 10)
@@ -160,15 +186,21 @@ def test_a_machine_shows_every_state_and_arc(agent: elements.Agent) -> None:
     # no two upright parts of arcs share a place
     upright = [(a, b) for line in drawn for a, b in pairwise(line) if a[0] == b[0] and a[1] != b[1]]
     spans = [(a[0], *sorted((a[1], b[1]))) for a, b in upright]
-    assert not [(s, t) for s, t in combinations(spans, 2) if s[0] == t[0] and s[1] < t[2] and t[1] < s[2]]
+    assert not [
+        (s, t) for s, t in combinations(spans, 2) if s[0] == t[0] and s[1] < t[2] and t[1] < s[2]
+    ]
 
 
 def test_channels_between_neighbours_stay_short() -> None:
-    """Six agents in a ring of four with two tails need no line that crosses another or goes around."""
+    """Six agents in a ring of four with two tails need no line that crosses another or goes
+    around.
+    """
     pairs = [("co", "ta"), ("co", "hi"), ("co", "pl"), ("pl", "km"), ("ex", "ta"), ("ta", "km")]
     cells = canvas.placed(["hi", "co", "pl", "km", "ex", "ta"], pairs)
     assert cells["hi"] == (0, 0)
-    assert all(sum(abs(i - j) for i, j in zip(cells[a], cells[b], strict=True)) == 1 for a, b in pairs)
+    assert all(
+        sum(abs(i - j) for i, j in zip(cells[a], cells[b], strict=True)) == 1 for a, b in pairs
+    )
 
 
 def test_an_agent_with_many_channels_is_wide_enough() -> None:

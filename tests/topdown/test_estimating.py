@@ -67,11 +67,19 @@ def test_uses_without_figures_are_named_and_counted_once() -> None:
 
 
 def test_without_counts_the_shortest_conversation_is_counted_with_its_budgets() -> None:
-    """A drive is a request (200 B) and an inform (100 B); the agree may be left out. Sizes unstated are the budgets."""
+    """A drive is a request (200 B) and an inform (100 B); the agree may be left out. Sizes unstated
+    are the budgets.
+    """
     silent = [
-        ('typical_bytes = 200, count = 1 },\n  { sender = "base"', 'typical_bytes = 200 },\n  { sender = "base"'),
-        ('"base", performative = "agree", language = "WAY", bytes = 100, typical_bytes = 50, count = 1', AGREE),
-        ('content = ["Driven"], bytes = 300, typical_bytes = 100, count = 1', 'content = ["Driven"], bytes = 300'),
+        ('typical_bytes = 200, count = 1 },\n  { sender = "base"',
+         'typical_bytes = 200 },\n  { sender = "base"'),
+        (
+            '"base", performative = "agree", language = "WAY", bytes = 100, '
+            "typical_bytes = 50, count = 1",
+            AGREE,
+        ),
+        ('content = ["Driven"], bytes = 300, typical_bytes = 100, count = 1',
+         'content = ["Driven"], bytes = 300'),
     ]  # fmt: skip
     drive = {one.use: one for one in estimate(design(*silent)).uses}["drive"]
     assert estimate(design(*silent)).missing == ("drive",)

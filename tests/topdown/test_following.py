@@ -1,4 +1,6 @@
-"""Following from outside: what two roles that hold to their tables may do, in any crossing, is in sequence."""
+"""Following from outside: what two roles that hold to their tables may do, in any crossing, is in
+sequence.
+"""
 
 import random
 
@@ -17,7 +19,9 @@ PROTOCOLS = [one for one in vars(protocols).values() if isinstance(one, Protocol
 LENGTH = 40
 
 
-def walk(protocol: Protocol, chance: random.Random, *, lossy: bool) -> list[tuple[Role, TableMessage]]:
+def walk(
+    protocol: Protocol, chance: random.Random, *, lossy: bool
+) -> list[tuple[Role, TableMessage]]:
     """The words in the order they are said, by two roles that send and take at random times."""
     state = dict.fromkeys(Role, START)
     ahead: dict[Role, list[TableMessage]] = {role: [] for role in Role}
@@ -44,7 +48,9 @@ def walk(protocol: Protocol, chance: random.Random, *, lossy: bool) -> list[tupl
 @pytest.mark.parametrize("durable", [True, False])
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda one: one.name)
 @given(seed=st.integers(0, 2**32))
-def test_what_holds_to_the_tables_is_in_sequence(protocol: Protocol, durable: bool, seed: int) -> None:
+def test_what_holds_to_the_tables_is_in_sequence(
+    protocol: Protocol, durable: bool, seed: int
+) -> None:
     """No crossing of messages alarms; a wire that loses does not either."""
     followed = Followed(protocol, durable=durable)
     for role, said in walk(protocol, random.Random(seed), lossy=not durable):
@@ -53,7 +59,9 @@ def test_what_holds_to_the_tables_is_in_sequence(protocol: Protocol, durable: bo
 
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda one: one.name)
 def test_what_no_merge_explains_is_refused(protocol: Protocol) -> None:
-    """In every state the exploration reaches with nothing on its way, exactly the rows of the table may be said."""
+    """In every state the exploration reaches with nothing on its way, exactly the rows of the table
+    may be said.
+    """
     assert explore(protocol).unspecified == ()
     for role, table in protocol.tables.items():
         followed = Followed(protocol, durable=True)
@@ -84,7 +92,9 @@ def test_a_cancel_may_cross_the_result_but_not_follow_its_own_answer() -> None:
     crossed = request()
     assert crossed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM))
     assert crossed.take(Role.INITIATOR, cancel)  # it had not taken the result yet
-    assert crossed.take(Role.PARTICIPANT, TableMessage(Performative.FAILURE, (Kind.CANCEL,), answers="2"))
+    assert crossed.take(
+        Role.PARTICIPANT, TableMessage(Performative.FAILURE, (Kind.CANCEL,), answers="2")
+    )
     assert crossed.states == ("settled", "settled")
     assert not crossed.take(Role.INITIATOR, cancel)
 
@@ -102,7 +112,8 @@ def test_not_understood_ends_it_at_any_point() -> None:
     """SC00037J: whoever says it is deaf from then on, and says nothing more."""
     followed = request()
     assert followed.take(Role.INITIATOR, TableMessage(Performative.NOT_UNDERSTOOD))
-    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM))  # it had not heard it yet
+    # it had not heard it yet
+    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM))
     assert followed.states == (NOT_UNDERSTOOD, "done")
     assert not followed.take(Role.INITIATOR, TableMessage(Performative.CANCEL, label="2"))
 
@@ -119,8 +130,13 @@ def test_a_question_asked_again_may_be_answered_again() -> None:
 
 
 def test_what_is_soft_is_forgotten_when_it_ends() -> None:
-    """A subscription that was refused and is asked for again may be agreed to: whoever refused has forgotten it."""
-    subscribe, agree = TableMessage(Performative.SUBSCRIBE, label="1"), TableMessage(Performative.AGREE, answers="1")
+    """A subscription that was refused and is asked for again may be agreed to: whoever refused has
+    forgotten it.
+    """
+    subscribe, agree = (
+        TableMessage(Performative.SUBSCRIBE, label="1"),
+        TableMessage(Performative.AGREE, answers="1"),
+    )
     followed = Followed(protocols.SUBSCRIBE, durable=False)
     assert followed.take(Role.INITIATOR, subscribe)
     assert followed.take(Role.PARTICIPANT, TableMessage(Performative.REFUSE, answers="1"))
@@ -131,7 +147,9 @@ def test_what_is_soft_is_forgotten_when_it_ends() -> None:
 
 @pytest.mark.parametrize("dies", [True, False])
 def test_a_death_forgets_what_is_soft(dies: bool) -> None:
-    """The side that lives says once more that it agreed; the side that died may also refuse, having forgotten it."""
+    """The side that lives says once more that it agreed; the side that died may also refuse, having
+    forgotten it.
+    """
     subscribe = TableMessage(Performative.SUBSCRIBE, label="1")
     followed = Followed(protocols.SUBSCRIBE, durable=False)
     assert followed.take(Role.INITIATOR, subscribe)

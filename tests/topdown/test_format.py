@@ -1,4 +1,6 @@
-"""docs/design/format.md documents every field of a design file, and no other; its examples can be read."""
+"""docs/design/format.md documents every field of a design file, and no other; its examples can be
+read.
+"""
 
 import re
 import tomllib
@@ -18,7 +20,10 @@ from topdown.model.findings import Kind
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs/design/format.md").read_text(encoding="utf-8")
 WORDS = {str: "text", bool: "true or false", int: "integer", float: "number"}
-ROW = re.compile(r"^\| `(?P<name>[\w-]+)` \| (?P<type>.+?) \| (?P<default>.+?) \| (?P<meaning>.+?) \|$", re.MULTILINE)
+ROW = re.compile(
+    r"^\| `(?P<name>[\w-]+)` \| (?P<type>.+?) \| (?P<default>.+?) \| (?P<meaning>.+?) \|$",
+    re.MULTILINE,
+)
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
 
 
@@ -64,7 +69,10 @@ def section(title: str) -> str:
 def test_every_field_is_documented_and_no_other() -> None:
     """Name, type and default are those of the code; every field has a meaning."""
     for kind in structs():
-        told = {row["name"]: (row["type"], row["default"]) for row in ROW.finditer(section(kind.__name__))}
+        told = {
+            row["name"]: (row["type"], row["default"])
+            for row in ROW.finditer(section(kind.__name__))
+        }
         hints, fields = get_type_hints(kind), msgspec.structs.fields(kind)
         made = {field.encode_name: (words(hints[field.name]), default(field)) for field in fields}
         assert told == made, kind.__name__
@@ -72,13 +80,19 @@ def test_every_field_is_documented_and_no_other() -> None:
 
 def test_every_section_of_an_entry_is_one_of_the_code() -> None:
     """A kind of entry that is gone leaves no section behind."""
-    titles = {title for title in re.findall(r"^## (\w+)$", PAGE, re.MULTILINE) if ROW.search(section(title))}
+    titles = {
+        title
+        for title in re.findall(r"^## (\w+)$", PAGE, re.MULTILINE)
+        if ROW.search(section(title))
+    }
     assert titles == {kind.__name__ for kind in structs()}
 
 
 def test_every_finding_is_documented() -> None:
     """By its name, with its reason."""
-    told = re.findall(r"^\| ([^|`]+?) \| [^|]+ \|$", section("Findings of `roco design check`"), re.MULTILINE)
+    told = re.findall(
+        r"^\| ([^|`]+?) \| [^|]+ \|$", section("Findings of `roco design check`"), re.MULTILINE
+    )
     assert set(told) - {"Finding", "---"} == set(Kind)
 
 

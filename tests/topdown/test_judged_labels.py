@@ -1,4 +1,6 @@
-"""Labels as a judge reads them: by the rules of the agents' own conversations (fipa_codec/test_labels.py)."""
+"""Labels as a judge reads them: by the rules of the agents' own conversations
+(fipa_codec/test_labels.py).
+"""
 
 from fipa_codec import protocols
 from fipa_codec.languages import Kind
@@ -16,22 +18,54 @@ def line(role: Role, act: P, label: str = "", answers: str = "", kind: Kind = Ki
 
 
 CALLED = (line(INITIATOR, P.CFP, "R1"), line(PARTICIPANT, P.PROPOSE, "", "R1"))
-LIVE = (line(INITIATOR, P.SUBSCRIBE, "R1"), line(PARTICIPANT, P.AGREE, "", "R1"), line(PARTICIPANT, P.INFORM, "", "R1"))
+LIVE = (
+    line(INITIATOR, P.SUBSCRIBE, "R1"),
+    line(PARTICIPANT, P.AGREE, "", "R1"),
+    line(PARTICIPANT, P.INFORM, "", "R1"),
+)
 REQUESTED, CANCELLED = line(INITIATOR, P.REQUEST), line(INITIATOR, P.CANCEL)
 LEGAL: list[tuple[Protocol, tuple[Line, ...]]] = [
-    (protocols.CFP, (*CALLED, line(INITIATOR, P.ACCEPT_PROPOSAL, "R2"), line(PARTICIPANT, P.INFORM, "", "R2"))),
-    (protocols.CFP, (*CALLED, line(INITIATOR, P.ACCEPT_PROPOSAL, "R2"), line(PARTICIPANT, P.INFORM, "", "R1"))),
     (
         protocols.CFP,
-        (line(INITIATOR, P.CFP), line(PARTICIPANT, P.PROPOSE, "R5"), line(INITIATOR, P.ACCEPT_PROPOSAL, "", "R5")),
+        (*CALLED, line(INITIATOR, P.ACCEPT_PROPOSAL, "R2"), line(PARTICIPANT, P.INFORM, "", "R2")),
+    ),
+    (
+        protocols.CFP,
+        (*CALLED, line(INITIATOR, P.ACCEPT_PROPOSAL, "R2"), line(PARTICIPANT, P.INFORM, "", "R1")),
+    ),
+    (
+        protocols.CFP,
+        (
+            line(INITIATOR, P.CFP),
+            line(PARTICIPANT, P.PROPOSE, "R5"),
+            line(INITIATOR, P.ACCEPT_PROPOSAL, "", "R5"),
+        ),
     ),
     (
         protocols.ICFP,
-        (line(INITIATOR, P.CFP), line(PARTICIPANT, P.PROPOSE), line(INITIATOR, P.CFP), line(PARTICIPANT, P.REFUSE)),
+        (
+            line(INITIATOR, P.CFP),
+            line(PARTICIPANT, P.PROPOSE),
+            line(INITIATOR, P.CFP),
+            line(PARTICIPANT, P.REFUSE),
+        ),
     ),
-    (protocols.ICFP, (*CALLED, line(INITIATOR, P.CFP, "R2"), line(PARTICIPANT, P.PROPOSE, "", "R2"))),
-    (protocols.SUBSCRIBE, (*LIVE, line(INITIATOR, P.CANCEL, "R1"), line(PARTICIPANT, P.INFORM, "", "R1", Kind.CANCEL))),
-    (protocols.SUBSCRIBE, (*LIVE, line(INITIATOR, P.CANCEL, "R2"), line(PARTICIPANT, P.INFORM, "", "R2"))),
+    (
+        protocols.ICFP,
+        (*CALLED, line(INITIATOR, P.CFP, "R2"), line(PARTICIPANT, P.PROPOSE, "", "R2")),
+    ),
+    (
+        protocols.SUBSCRIBE,
+        (
+            *LIVE,
+            line(INITIATOR, P.CANCEL, "R1"),
+            line(PARTICIPANT, P.INFORM, "", "R1", Kind.CANCEL),
+        ),
+    ),
+    (
+        protocols.SUBSCRIBE,
+        (*LIVE, line(INITIATOR, P.CANCEL, "R2"), line(PARTICIPANT, P.INFORM, "", "R2")),
+    ),
     (protocols.SUBSCRIBE, (*LIVE, line(INITIATOR, P.CANCEL), line(PARTICIPANT, P.INFORM))),
     (
         protocols.FIPA_REQUEST,
@@ -43,11 +77,22 @@ LEGAL: list[tuple[Protocol, tuple[Line, ...]]] = [
             line(PARTICIPANT, P.INFORM),
         ),
     ),
-    (protocols.FIPA_REQUEST, (REQUESTED, CANCELLED, line(PARTICIPANT, P.INFORM), line(PARTICIPANT, P.FAILURE))),
+    (
+        protocols.FIPA_REQUEST,
+        (REQUESTED, CANCELLED, line(PARTICIPANT, P.INFORM), line(PARTICIPANT, P.FAILURE)),
+    ),
 ]
 ILLEGAL: list[tuple[Protocol, tuple[Line, ...], Line]] = [
-    (protocols.CFP, (*CALLED, line(INITIATOR, P.ACCEPT_PROPOSAL, "R2")), line(PARTICIPANT, P.INFORM, "", "R9")),
-    (protocols.ICFP, (*CALLED, line(INITIATOR, P.CFP, "R2")), line(PARTICIPANT, P.PROPOSE, "", "R1")),
+    (
+        protocols.CFP,
+        (*CALLED, line(INITIATOR, P.ACCEPT_PROPOSAL, "R2")),
+        line(PARTICIPANT, P.INFORM, "", "R9"),
+    ),
+    (
+        protocols.ICFP,
+        (*CALLED, line(INITIATOR, P.CFP, "R2")),
+        line(PARTICIPANT, P.PROPOSE, "", "R1"),
+    ),
     (protocols.ICFP, CALLED, line(INITIATOR, P.CFP, "R1")),
     (
         protocols.CFP,
@@ -80,7 +125,9 @@ def play(protocol: Protocol, lines: tuple[Line, ...]) -> Followed:
 
 
 def test_what_fipa_and_jade_say_is_in_sequence() -> None:
-    """Any label of the other side may be answered; a cancel may carry its subscription's; none needs one."""
+    """Any label of the other side may be answered; a cancel may carry its subscription's; none
+    needs one.
+    """
     for protocol, lines in LEGAL:
         play(protocol, lines)
 
@@ -103,4 +150,6 @@ def test_a_doubtful_round_may_have_begun_or_not() -> None:
     followed = play(protocols.ICFP, CALLED)
     followed.doubt(INITIATOR, TableMessage(P.CFP, label="R2"))
     for answers in ("R1", "R2"):
-        assert not isinstance(followed.read(PARTICIPANT, P.PROPOSE, "", answers, (Kind.PLAIN,)), str)
+        assert not isinstance(
+            followed.read(PARTICIPANT, P.PROPOSE, "", answers, (Kind.PLAIN,)), str
+        )

@@ -1,4 +1,6 @@
-"""The judge on a system that is not the companion: a cart that is loaded at a dock, and asks it for its stock."""
+"""The judge on a system that is not the companion: a cart that is loaded at a dock, and asks it for
+its stock.
+"""
 
 from typing import Any
 
@@ -140,13 +142,19 @@ def test_a_conversation_is_followed_to_its_end(design: Design) -> None:
     assert yard.say(P.REQUEST, 1.0, "1") == [V.LEGAL]
     assert yard.say(P.AGREE, 1.1, "1", in_reply_to="1") == [V.LEGAL]
     assert yard.say(P.INFORM, 1.2, "2", in_reply_to="1") == [V.LEGAL]
-    assert [one.states for one in yard.found] == [("asked", "asked"), ("agreed", "agreed"), ("done", "done")]
+    assert [one.states for one in yard.found] == [
+        ("asked", "asked"),
+        ("agreed", "agreed"),
+        ("done", "done"),
+    ]
     assert [one.heard.n for one in yard.found] == [1, 2, 3]
     assert yard.judge.finish(10.0) == ()
 
 
 def test_what_waits_for_its_explanation_is_judged_by_it(design: Design) -> None:
-    """An answer heard before its question is legal once that is heard; a number before a smaller one, too."""
+    """An answer heard before its question is legal once that is heard; a number before a smaller
+    one, too.
+    """
     yard = Yard(design)
     assert yard.say(P.AGREE, 1.0, "1", in_reply_to="1") == []
     assert yard.say(P.INFORM, 1.1, "3", in_reply_to="1") == []
@@ -205,7 +213,9 @@ def test_a_late_answer_to_a_question_that_was_long_on_its_way_says_so(design: De
 
 
 def test_no_answer_is_told_once(design: Design) -> None:
-    """About the question, when reply-by has passed and what was said in time would have been heard."""
+    """About the question, when reply-by has passed and what was said in time would have been
+    heard.
+    """
     yard = Yard(design)
     yard.say(P.QUERY_REF, 1.0, "q", reply_by=2.0)
     assert yard.wait(2.0 + PATIENCE_S - 0.01) == []
@@ -232,7 +242,9 @@ def test_slow_is_measured_to_the_act_that_answers(design: Design) -> None:
 
 
 def test_a_lost_number_loses_its_conversation_and_no_other(design: Design) -> None:
-    """Words behind the hole are not judged in conversations under way, and judged in those that begin there."""
+    """Words behind the hole are not judged in conversations under way, and judged in those that
+    begin there.
+    """
     yard = Yard(design)
     yard.say(P.REQUEST, 1.0, "1")
     assert yard.say(P.INFORM, 1.5, "2", in_reply_to="1") == []
@@ -265,15 +277,23 @@ def test_no_budget_means_any_size(design: Design) -> None:
     yard = Yard(design)
     assert yard.say(P.QUERY_REF, 1.0, "q" * 120) == [V.LEGAL]
     assert yard.say(P.INFORM_REF, 60.0, "d", in_reply_to="q" * 120) == [V.LEGAL]
-    assert yard.say(P.REQUEST, 70.0, "1", reply_with="x" * 128, conversation="c" * 128) == [V.OVER_BUDGET]
+    assert yard.say(P.REQUEST, 70.0, "1", reply_with="x" * 128, conversation="c" * 128) == [
+        V.OVER_BUDGET
+    ]
 
 
 @pytest.mark.parametrize("field", ["conversation", "id", "reply_with", "ontology"])
 def test_text_that_could_move_a_terminals_cursor_is_malformed(design: Design, field: str) -> None:
-    """Verdicts are printed: a label or word with other characters than it may have is judged, not shown."""
+    """Verdicts are printed: a label or word with other characters than it may have is judged, not
+    shown.
+    """
     yard = Yard(design)
     said = Communicate(
-        performative=P.REQUEST, protocol="request", sender="cart", receiver="dock", **{field: "a\x1b[2J"}
+        performative=P.REQUEST,
+        protocol="request",
+        sender="cart",
+        receiver="dock",
+        **{field: "a\x1b[2J"},
     )
     yard.heard(yard.judge.hear("yard/s/K1/cart/dock/request/request", encode(said), 1.0))
     assert [one.verdict for one in yard.found] == [V.MALFORMED]
@@ -288,7 +308,12 @@ def test_what_is_wrong_is_told_by_what_would_be_right(design: Design) -> None:
     yard.say(P.REQUEST, 1.0, "2", key="somewhere", conversation="d")
     yard.say(P.PROPOSE, 1.0, "3", key="yard/s/K1/dock/cart/request/propose")
     yard.heard(yard.judge.hear("yard/s/K1/cart/dock/request/request", b"\xc1", 1.0))
-    assert [one.verdict for one in yard.found] == [V.WRONG_CHANNEL, V.WRONG_CHANNEL, V.NOT_ENTITLED, V.MALFORMED]
+    assert [one.verdict for one in yard.found] == [
+        V.WRONG_CHANNEL,
+        V.WRONG_CHANNEL,
+        V.NOT_ENTITLED,
+        V.MALFORMED,
+    ]
     reasons = [one.why for one in yard.found]
     assert "the design has it on K1" in reasons[0]
     assert "'somewhere' is none of a communicate" in reasons[1]

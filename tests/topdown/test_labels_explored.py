@@ -1,7 +1,8 @@
-"""Every label at every step: our side of a conversation and a judge who hears it say the same of each message.
+"""Every label at every step: our side of a conversation and a judge who hears it say the same of
+each message.
 
-One side is ours, the other is anybody: it says whatever our table takes, under a new label, one said before or none, in
-reply to anything or nothing. Breadth first, from the opening on.
+One side is ours, the other is anybody: it says whatever our table takes, under a new label, one
+said before or none, in reply to anything or nothing. Breadth first, from the opening on.
 """
 
 from collections.abc import Iterator
@@ -19,7 +20,9 @@ from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Way
 from topdown.judge.follow import Followed, TableMessage
 
 DEPTH = 5
-"""Messages of a conversation: opening, cancel, its failure, another cancel, and an answer to either."""
+"""Messages of a conversation: opening, cancel, its failure, another cancel, and an answer to
+either.
+"""
 UNKNOWN = "R9"
 PAPERS = frozenset(PAPER) - frozenset(FIPA)
 """A repeated question is answered again, which our side takes, whether it was repeated or not."""
@@ -44,13 +47,17 @@ class Place(NamedTuple):
 
     def acts(self, way: Way) -> set[P]:
         """The acts that the table allows here, and not-understood."""
-        return {row.performative for row in self.ours.table.allowed(self.ours.state, way)} | {P.NOT_UNDERSTOOD}
+        return {row.performative for row in self.ours.table.allowed(self.ours.state, way)} | {
+            P.NOT_UNDERSTOOD
+        }
 
     def judged(self, role: Role, one: Communicate, ours: Conversation) -> "Place | None":
         """The place after this message, None where the judge finds it out of sequence."""
         if self.judge.mislabelled(role, one.performative, one.reply_with):
             return None
-        read = self.judge.read(role, one.performative, one.reply_with, one.in_reply_to, (Kind.PLAIN,))
+        read = self.judge.read(
+            role, one.performative, one.reply_with, one.in_reply_to, (Kind.PLAIN,)
+        )
         if isinstance(read, str):
             return None
         judge = Followed(self.judge.protocol, durable=True)
@@ -60,7 +67,8 @@ class Place(NamedTuple):
     def heard(self, number: int) -> Iterator["Place"]:
         """Yield the places after each word of the other side: both take it, or neither."""
         first = self.ours.state == START
-        for act in self.acts(RECEIVE) - ({P.CANCEL} if first else set()):  # forgotten by us, known to the judge
+        # forgotten by us, known to the judge
+        for act in self.acts(RECEIVE) - ({P.CANCEL} if first else set()):
             for answers in ("", *self.labels, UNKNOWN):
                 for label in dict.fromkeys(("", f"R{number}", *self.labels[-2:])):
                     message = Communicate(
@@ -79,16 +87,24 @@ class Place(NamedTuple):
                     place = self.judged(self.ours.role.other, message, ours or self.ours)
                     assert ours or not place, message
                     assert place or not ours or self.judge.protocol in PAPERS, message
-                    if place and act is not P.NOT_UNDERSTOOD:  # who said it says no more: we need not know
+                    # who said it says no more: we need not know
+                    if place and act is not P.NOT_UNDERSTOOD:
                         yield place
 
     def says(self, number: int) -> Iterator["Place"]:
         """Yield the places after each word of our side, all of them in sequence."""
         acts = set() if self.ours.ended and not self.ours.owes else self.acts(SEND)
-        words = ((act, kind, answers) for act in acts for kind in (Kind.PLAIN, Kind.CANCEL) for answers in self.choices)
+        words = (
+            (act, kind, answers)
+            for act in acts
+            for kind in (Kind.PLAIN, Kind.CANCEL)
+            for answers in self.choices
+        )
         for act, kind, answers in words:
             try:
-                ours, message = self.ours.send(act, id=f"R{number}", now=1.0, kind=kind, in_reply_to=answers)
+                ours, message = self.ours.send(
+                    act, id=f"R{number}", now=1.0, kind=kind, in_reply_to=answers
+                )
             except FipaError:
                 continue
             place = self.judged(self.ours.role, message, ours)
@@ -104,7 +120,9 @@ class Place(NamedTuple):
 @pytest.mark.parametrize("role", Role)
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda one: one.name)
 def test_a_conversation_and_a_judge_read_labels_alike(protocol: Protocol, role: Role) -> None:
-    """A word is taken by both or by neither; a judge finds words of our side, its own or prescribed, in sequence."""
+    """A word is taken by both or by neither; a judge finds words of our side, its own or
+    prescribed, in sequence.
+    """
     ours = Conversation.open(protocol, role, id="C1", me="me", peer="you")
     places = [Place(ours, Followed(protocol, durable=True))]
     for number in range(DEPTH):

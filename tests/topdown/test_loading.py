@@ -26,8 +26,18 @@ def test_a_wrong_value_is_named_with_its_line() -> None:
     """The error has file, line, field and the type wanted."""
     for old, new, field, right in (
         ("durable = true", 'durable = "yes"', "protocol[0].durable", "bool"),
-        ('performative = "inform"', 'performative = "shout"', "protocol[0].message[1].performative", "Performative"),
-        ("bytes = 100\n\n[[agent]]", "bytes = 1.5\n\n[[agent]]", "protocol[0].message[1].bytes", "int"),
+        (
+            'performative = "inform"',
+            'performative = "shout"',
+            "protocol[0].message[1].performative",
+            "Performative",
+        ),
+        (
+            "bytes = 100\n\n[[agent]]",
+            "bytes = 1.5\n\n[[agent]]",
+            "protocol[0].message[1].bytes",
+            "int",
+        ),
         ('text = "switch a lamp"', "text = 3", "requirement[0].text", "str"),
         ('root = "all"', "root = 1", "system.root", "str"),
     ):
@@ -54,7 +64,10 @@ def test_an_entry_that_has_another_name_now_is_told_that_name() -> None:
     """With its line: a design that was written before is mended by one word."""
     with pytest.raises(DesignError) as caught:
         loading.read(SMALL + '[[house]]\nkind = "alive"\n')
-    assert (caught.value.line, caught.value.right) == (SMALL.count("\n") + 1, "it is called [[signal]] now")
+    assert (caught.value.line, caught.value.right) == (
+        SMALL.count("\n") + 1,
+        "it is called [[signal]] now",
+    )
 
 
 def test_a_missing_field_points_at_its_entry() -> None:

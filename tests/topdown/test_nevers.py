@@ -24,7 +24,9 @@ def test_a_rule_is_broken_where_all_its_conditions_hold() -> None:
         ("hand watch asked", "hand watch refused"),
     ):
         assert not kinds(watching(lamp=lamp, more=RULE.replace(old, new)), 1), new
-    said = "idle before it is known: the lamp takes new subscribers only when the last one knows all"
+    said = (
+        "idle before it is known: the lamp takes new subscribers only when the last one knows all"
+    )
     assert wrong(watching(lamp=lamp, more=RULE), 1) == said
 
 
@@ -37,7 +39,11 @@ def test_a_rule_that_cannot_be_read_is_named() -> None:
         ("lamp in idle|busy", "lump in idle", "'lump in idle' is no condition"),
         ("lamp in idle|busy", "lamp in", "agents are hand, lamp"),
         ("lamp in idle|busy", "lamp has idle", "'lamp has idle' is no condition"),
-        ("lamp in idle|busy", "lamp in idle|bussy", "lamp in idle|bussy': 'bussy'; there are busy, idle, lit"),
+        (
+            "lamp in idle|busy",
+            "lamp in idle|bussy",
+            "lamp in idle|bussy': 'bussy'; there are busy, idle, lit",
+        ),
         ("lamp owes watch", "hand owes watch", "'watch'; there are none"),
         ("lamp owes watch", "lamp owes ask", "'ask'; there are watch"),
         ("hand watch asked", "hand watch askt", "'askt'; there are asked, "),

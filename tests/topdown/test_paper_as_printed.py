@@ -1,4 +1,6 @@
-"""Fed with the paper's design as it stands, the checker names every contradiction that is in its power."""
+"""Fed with the paper's design as it stands, the checker names every contradiction that is in its
+power.
+"""
 
 import sys
 from pathlib import Path
@@ -11,7 +13,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 import contradictions
 
 KNOWN = contradictions.known()
-GAPS = {Kind.NOT_ASKED_AGAIN, Kind.NO_BUDGET, Kind.NO_MACHINE, Kind.SILENT_CHANNEL, Kind.UNDEFINED, Kind.NO_TALK}
+GAPS = {
+    Kind.NOT_ASKED_AGAIN,
+    Kind.NO_BUDGET,
+    Kind.NO_MACHINE,
+    Kind.SILENT_CHANNEL,
+    Kind.UNDEFINED,
+    Kind.NO_TALK,
+}
 
 
 @pytest.fixture(scope="module")
@@ -24,11 +33,15 @@ def test_a_contradiction_is_named_by_one_finding(findings: tuple[Finding, ...]) 
     """By kind and words, and with its line in the transcription."""
     for entry in KNOWN.contradiction:
         named = entry.named_by(findings)
-        assert [(one.line is not None, bool(one.right)) for one in named] == [(True, True)], entry.text
+        assert [(one.line is not None, bool(one.right)) for one in named] == [(True, True)], (
+            entry.text
+        )
 
 
 def test_whatever_else_is_found_is_a_gap_or_its_consequence(findings: tuple[Finding, ...]) -> None:
-    """Nothing is reported that is neither a known contradiction nor something the text leaves out."""
+    """Nothing is reported that is neither a known contradiction nor something the text leaves
+    out.
+    """
     named = {found for entry in KNOWN.contradiction for found in entry.named_by(findings)}
     rest = [found for found in findings if found not in named and found.kind not in GAPS]
     assert {(found.kind, found.where) for found in rest} == {

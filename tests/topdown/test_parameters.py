@@ -1,4 +1,6 @@
-"""Parameters of a design: what a person types is checked against type, bounds and choices, and refused in words."""
+"""Parameters of a design: what a person types is checked against type, bounds and choices, and
+refused in words.
+"""
 
 import pytest
 
@@ -39,13 +41,17 @@ def test_what_does_not_fit_is_told_with_what_would() -> None:
         ("calm", "1", "true or false"),
         ("side", "up", "one of left, right"),
     ):
-        with pytest.raises(ParameterError, match=f"{name} of mule cannot be '{text}'; it is {right}"):
+        with pytest.raises(
+            ParameterError, match=f"{name} of mule cannot be '{text}'; it is {right}"
+        ):
             MULE.read(name, text)
 
 
 def test_a_parameter_that_is_not_there_is_told_with_those_that_are() -> None:
     """Of an agent without any, too."""
-    with pytest.raises(NoSuchParameter, match="no parameter 'x'; its parameters: tries, speed, calm, side"):
+    with pytest.raises(
+        NoSuchParameter, match="no parameter 'x'; its parameters: tries, speed, calm, side"
+    ):
         MULE.read("x", "1")
     with pytest.raises(NoSuchParameter, match="its parameters: none"):
         Parameters(Agent("ox")).entry("x")

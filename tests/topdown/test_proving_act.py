@@ -1,4 +1,6 @@
-"""A physical act under any deaths of agent and loop: begun once at most, never told as done when it was not."""
+"""A physical act under any deaths of agent and loop: begun once at most, never told as done when it
+was not.
+"""
 
 import pytest
 
@@ -25,7 +27,9 @@ def test_the_act_holds_under_any_number_of_deaths() -> None:
 def test_each_naive_variant_fails_by_the_shortest_way(
     variant: Variant, kinds: tuple[str, ...], words: str, steps: int
 ) -> None:
-    """Forgotten: nobody reports. Begun again, or before the intent stands: twice. Taken for done: a lie."""
+    """Forgotten: nobody reports. Begun again, or before the intent stands: twice. Taken for done: a
+    lie.
+    """
     finding = explore_act(variant).findings[0]
     assert finding.kind in kinds
     assert words in finding.text

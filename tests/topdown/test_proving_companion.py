@@ -1,4 +1,6 @@
-"""Layer 2 of the companion's design: every use holds; the naive variants of `coordinate` fail by a shortest way."""
+"""Layer 2 of the companion's design: every use holds; the naive variants of `coordinate` fail by a
+shortest way.
+"""
 
 import pytest
 
@@ -18,7 +20,9 @@ PROGRESS, FINAL = Kind.PROGRESS, Kind.FINAL
 
 @pytest.mark.parametrize("use", DESIGN.protocols)
 def test_every_use_holds(use):
-    """No deadlock, no reception without a row, no bound passed, every conversation ends, every state reached."""
+    """No deadlock, no reception without a row, no bound passed, every conversation ends, every
+    state reached.
+    """
     result = explore_use(DESIGN, use, 1)
     assert result.holds, f"{result.unreached} {[str(one) for one in result.exploration.findings]}"
 
@@ -36,16 +40,22 @@ def test_a_step_is_verified_by_what_it_changed():
     """Only the channels that it created, reallocated, split or complemented, each for itself."""
     assert changed_channels(DESIGN, 6) == ("C6",)
     assert set(changed_channels(DESIGN, 4)) == {"C3", "C4"}
-    touched = {channel for step in range(len(DESIGN.file.step)) for channel in changed_channels(DESIGN, step + 1)}
+    touched = {
+        channel
+        for step in range(len(DESIGN.file.step))
+        for channel in changed_channels(DESIGN, step + 1)
+    }
     assert touched == set(DESIGN.channels)
 
 
-# --- coordinate, naively ----------------------------------------------------------------------------------------------
+# --- coordinate, naively --------------------------------------------------------------------------
 
 
 def shortest(co=None, ta=None, faults=0):
     """The first finding of `coordinate` with another table, and its steps."""
-    net = durable_pair(COORDINATE.with_tables(initiator=co, participant=ta), Players("co", "ta"), faults=faults)
+    net = durable_pair(
+        COORDINATE.with_tables(initiator=co, participant=ta), Players("co", "ta"), faults=faults
+    )
     finding = explore(NetModel(net), first=False).findings[0]
     return finding, [f"{step.who} {step.what}" for step in finding.trace]
 
@@ -69,7 +79,9 @@ def test_ta_must_not_wait_for_a_confirm():
 def test_ta_that_waits_and_co_that_stops_confirming_block_each_other():
     """Even where ta lets the cancel wait: no fault is needed."""
     ta = waiting_ta().with_rows(Row("unconfirmed", RECEIVE, P.CANCEL, Kind.PLAIN, "unconfirmed"))
-    co = COORDINATE.tables[CO].with_rows(Row("cancelling", RECEIVE, P.INFORM, PROGRESS, "cancelling"))
+    co = COORDINATE.tables[CO].with_rows(
+        Row("cancelling", RECEIVE, P.INFORM, PROGRESS, "cancelling")
+    )
     finding, steps = shortest(co, ta)
     assert finding.kind in (UNREACHED, DEADLOCK)
     assert "co cancel -> ta" in steps
@@ -85,7 +97,13 @@ def test_ta_that_waits_and_co_that_stops_confirming_block_each_other():
         ("stopping", P.CONFIRM, PROGRESS, 8),
         ("running", P.CONFIRM, PROGRESS, 6),
     ],
-    ids=["cancel after refuse", "cancel crosses the end", "late confirm", "confirm while stopping", "confirm"],
+    ids=[
+        "cancel after refuse",
+        "cancel crosses the end",
+        "late confirm",
+        "confirm while stopping",
+        "confirm",
+    ],
 )
 def test_what_crosses_must_be_taken(state, act, kind, length):
     """Each row that the paper's text leaves out, without any fault."""
@@ -102,9 +120,12 @@ def test_a_cancel_that_meets_a_forgotten_refuse_must_be_taken():
 
 
 def test_the_final_report_must_be_confirmed():
-    """co ends with it and says nothing: a plan that ta has taken on is never done, whatever comes then."""
+    """co ends with it and says nothing: a plan that ta has taken on is never done, whatever comes
+    then.
+    """
     co = COORDINATE.tables[CO].with_rows(
-        Row("running", RECEIVE, P.INFORM, FINAL, "done"), Row("cancelling", RECEIVE, P.INFORM, FINAL, "done")
+        Row("running", RECEIVE, P.INFORM, FINAL, "done"),
+        Row("cancelling", RECEIVE, P.INFORM, FINAL, "done"),
     )
     finding, steps = shortest(co)
     assert finding.kind == UNREACHED

@@ -44,7 +44,9 @@ def test_text_numbers_every_step_and_fits(trace, width):
 
 
 def test_half_arrows_leave_their_sender_and_arrive_at_their_receiver():
-    """To the right and to the left, over an agent in between with the name of the one who is meant."""
+    """To the right and to the left, over an agent in between with the name of the one who is
+    meant.
+    """
     drawn = as_text(
         finding(
             ("hi", "request -> co", "asked"),
@@ -63,6 +65,14 @@ def test_half_arrows_leave_their_sender_and_arrive_at_their_receiver():
 def test_a_real_counterexample_tells_its_story():
     """The lost message: every step and the states of both sides."""
     drawn = as_text(LOST)
-    for word in ("message 1 is lost", "issue 1", "record", "send 1", "take 1", "receipt 1", "dies and is restored"):
+    for word in (
+        "message 1 is lost",
+        "issue 1",
+        "record",
+        "send 1",
+        "take 1",
+        "receipt 1",
+        "dies and is restored",
+    ):
         assert word in drawn
     assert drawn.index("send 1") < drawn.index("take 1") < drawn.index("dies and is restored")

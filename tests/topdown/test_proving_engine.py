@@ -20,7 +20,9 @@ class Graph:
     def moves(self, state):
         """The arcs that leave a state."""
         return [
-            Move("it", f"to {there}", there, fair, fault) for here, there, fair, fault in self.arcs if here == state
+            Move("it", f"to {there}", there, fair, fault)
+            for here, there, fair, fault in self.arcs
+            if here == state
         ]
 
     def at_rest(self, state):
@@ -60,7 +62,9 @@ def rest_in_reach(graph, state):
         here = waiting.pop()
         if here in graph.rest | graph.bad:
             return True
-        found = [m.there for m in graph.moves(here) if m.fair and not m.fault and m.there not in seen]
+        found = [
+            m.there for m in graph.moves(here) if m.fair and not m.fault and m.there not in seen
+        ]
         seen.update(found)
         waiting.extend(found)
     return False
@@ -84,12 +88,16 @@ def test_finds_exactly_what_a_plain_search_finds_by_a_shortest_way(arcs, rest, b
     stuck = {s for s in good - ends if not rest_in_reach(graph, s)}
     expected = {WRONG: bad & far.keys(), DEADLOCK: ends, UNREACHED: stuck}
     lengths = {finding.kind: len(finding.trace) for finding in found.findings}
-    assert lengths == {kind: min(far[s] for s in states) for kind, states in expected.items() if states}
+    assert lengths == {
+        kind: min(far[s] for s in states) for kind, states in expected.items() if states
+    }
 
 
 def test_a_trace_can_be_followed_from_the_start():
     """Each step is a move of the state before it."""
-    graph = Graph([(0, 1, True, False), (1, 2, True, False), (0, 3, True, False), (3, 0, True, False)])
+    graph = Graph(
+        [(0, 1, True, False), (1, 2, True, False), (0, 3, True, False), (3, 0, True, False)]
+    )
     (finding,) = explore(graph).findings
     assert [step.after["it"] for step in finding.trace] == ["1", "2"]
     assert finding.start == {"it": "0"}
@@ -97,7 +105,9 @@ def test_a_trace_can_be_followed_from_the_start():
 
 
 def test_only_fair_moves_lead_to_rest():
-    """The one way home is somebody's free choice, or a fault: rest is out of reach, though nobody is stuck."""
+    """The one way home is somebody's free choice, or a fault: rest is out of reach, though nobody
+    is stuck.
+    """
     for fair, fault in ((False, False), (True, True)):
         graph = Graph([(0, 1, True, False), (1, 1, True, False), (1, 0, fair, fault)])
         assert [finding.kind for finding in explore(graph).findings] == [UNREACHED]
@@ -116,15 +126,22 @@ def test_a_search_that_stops_early_says_what_is_open():
 
 @given(arcs, st.sets(numbers, min_size=1), st.integers(1, 9))
 def test_a_search_that_stops_early_finds_only_what_the_whole_search_finds(arcs, rest, most):
-    """Parts not looked at count as good: findings are true ones, and no trace is longer than need be."""
+    """Parts not looked at count as good: findings are true ones, and no trace is longer than need
+    be.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("topdown.prove.engine.LOOK_AT_CLOCK", 1)
         early = explore(Graph(arcs, rest), most_states=most, first=False)
-    whole = {finding.kind: len(finding.trace) for finding in explore(Graph(arcs, rest), first=False).findings}
+    whole = {
+        finding.kind: len(finding.trace)
+        for finding in explore(Graph(arcs, rest), first=False).findings
+    }
     for finding in early.findings:
         assert finding.kind in whole
         assert len(finding.trace) >= whole[finding.kind]
-        assert finding.kind != UNREACHED or not rest_in_reach(Graph(arcs, rest), int(_last(finding)))
+        assert finding.kind != UNREACHED or not rest_in_reach(
+            Graph(arcs, rest), int(_last(finding))
+        )
 
 
 def _last(finding):
@@ -134,7 +151,15 @@ def _last(finding):
 def test_a_search_that_stops_early_finds_what_lies_within():
     """Two steps from the start nothing leads to rest, whatever the rest of a long chain is like."""
     chain = [(n, n + 1, True, False) for n in range(10, 5000)]
-    graph = Graph([(0, 1, True, False), (1, 2, True, False), (2, 2, True, False), (0, 10, True, False), *chain])
+    graph = Graph(
+        [
+            (0, 1, True, False),
+            (1, 2, True, False),
+            (2, 2, True, False),
+            (0, 10, True, False),
+            *chain,
+        ]
+    )
     graph.rest = {5000}
     (found,) = explore(graph, most_states=100).findings
     assert (found.kind, len(found.trace)) == (UNREACHED, 1)

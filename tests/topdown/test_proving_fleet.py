@@ -1,4 +1,6 @@
-"""The composed model by itself, on a hand and a lamp: durable conversations, deaths, waits that are over."""
+"""The composed model by itself, on a hand and a lamp: durable conversations, deaths, waits that are
+over.
+"""
 
 import pytest
 from small import (
@@ -26,7 +28,9 @@ from topdown.prove.fleet import ANY, QUEUE_BOUND
 
 
 def test_a_request_with_cancel_holds() -> None:
-    """With every row needed, whatever dies; a durable conversation survives deaths, so faults add nothing."""
+    """With every row needed, whatever dies; a durable conversation survives deaths, so faults add
+    nothing.
+    """
     for most in (0, 1, ANY):
         model = fleet(design(HAND, LAMP), most)
         assert explore(model).holds
@@ -37,7 +41,14 @@ def test_a_row_less_or_another_state_is_found() -> None:
     """Somebody waits for ever."""
     for hand, lamp in (
         (less(HAND, "failure[cancel]"), LAMP),
-        (less(HAND, '"switch inform", when = ["switch overtaken"]', '"switch inform", when = ["switch done"]'), LAMP),
+        (
+            less(
+                HAND,
+                '"switch inform", when = ["switch overtaken"]',
+                '"switch inform", when = ["switch done"]',
+            ),
+            LAMP,
+        ),
         (less(HAND, "switch agree"), LAMP),
         (HAND, less(LAMP, "own lit")),
         (HAND, instead(LAMP, 'say = ["switch inform"], to = "idle"', 'say = ["switch inform"]')),
@@ -55,7 +66,10 @@ def test_a_cancel_that_no_row_takes_waits_for_the_end() -> None:
 def test_an_event_no_row_of_which_applies_is_wrong() -> None:
     """The word is taken, for a row names it; what then happens nobody has thought of."""
     rows = less(HAND, '"switch inform", when = ["switch overtaken"]')
-    said = "no row of hand in waiting applies to switch inform; its conversations: {'switch': 'overtaken'}"
+    said = (
+        "no row of hand in waiting applies to switch inform; its conversations: {'switch':"
+        " 'overtaken'}"
+    )
     assert wrong(design(rows, LAMP)) == said
 
 
@@ -72,8 +86,12 @@ def test_a_word_that_the_table_does_not_have_there_is_wrong() -> None:
     table = """
 [[table]]
 name = "telling"
-initiator = { rows = [["start", "send", "request", "done"], ["lost", "receive", "inform", "done"]], ended = ["done"] }
-participant = { rows = [["start", "receive", "request", "on"], ["on", "send", "inform", "done"]], ended = ["done"] }
+[table.initiator]
+rows = [["start", "send", "request", "done"], ["lost", "receive", "inform", "done"]]
+ended = ["done"]
+[table.participant]
+rows = [["start", "receive", "request", "on"], ["on", "send", "inform", "done"]]
+ended = ["done"]
 
 [[protocol]]
 name = "tell"
@@ -87,15 +105,24 @@ message = [
   { sender = "lamp", performative = "inform", language = "L" },
 ]
 """
-    hand = ('{ in = ["idle"], on = "person wish", say = ["tell request"] }', '{ in = ["idle"], on = "tell inform" }')
+    hand = (
+        '{ in = ["idle"], on = "person wish", say = ["tell request"] }',
+        '{ in = ["idle"], on = "tell inform" }',
+    )
     lamp = ('{ in = ["idle"], on = "tell request", say = ["tell inform"] }',)
-    assert wrong(design(hand, lamp, "ask", more=table)) == "hand in idle has tell in none and got tell inform"
+    assert (
+        wrong(design(hand, lamp, "ask", more=table))
+        == "hand in idle has tell in none and got tell inform"
+    )
 
 
 def test_the_runtime_answers_a_late_cancel_in_any_state() -> None:
     """No row is needed; the answer is the table's."""
     assert "lamp: switch cancel <- hand, too late" in labels(design(HAND, LAMP))
-    busy = '{ in = ["idle"], on = "own nap", to = "lit" }', '{ in = ["lit"], on = "own waking", to = "idle" }'
+    busy = (
+        '{ in = ["idle"], on = "own nap", to = "lit" }',
+        '{ in = ["lit"], on = "own waking", to = "idle" }',
+    )
     assert not kinds(design(HAND, (*LAMP, *busy)))
     table = REQUEST.tables[Role.PARTICIPANT].without(START, RECEIVE, P.CANCEL)
     made = design(HAND, LAMP)
@@ -119,7 +146,9 @@ def test_an_answer_that_is_owed_is_said_in_the_same_step() -> None:
 
 def test_a_word_that_may_be_said_is_not_in_the_model() -> None:
     """With it there would be a second inform, which nobody takes."""
-    rows = instead(LAMP, 'say = ["switch refuse"]', 'say = ["switch refuse"], may = ["switch inform"]')
+    rows = instead(
+        LAMP, 'say = ["switch refuse"]', 'say = ["switch refuse"], may = ["switch inform"]'
+    )
     assert not kinds(design(HAND, rows))
     said = instead(LAMP, 'say = ["switch refuse"]', 'say = ["switch refuse", "switch inform"]')
     assert kinds(design(HAND, less(said, "switch agree")))
@@ -127,7 +156,10 @@ def test_a_word_that_may_be_said_is_not_in_the_model() -> None:
 
 def test_rows_for_several_are_not_explored() -> None:
     """Else two wishes at a time would be."""
-    row = '{ in = ["waiting"], on = "person again", say = ["switch cancel"], to = "idle", several = true }'
+    row = (
+        '{ in = ["waiting"], on = "person again", say = ["switch cancel"], to = "idle", several ='
+        " true }"
+    )
     assert "hand: person again; switch cancel -> lamp" not in labels(design((*HAND, row), LAMP))
     assert not kinds(design((*HAND, row), LAMP))
     model = fleet(design((*HAND, row), LAMP))
@@ -139,7 +171,10 @@ def test_an_act_is_begun_once_in_a_conversation() -> None:
     """Again after a death it is found; in the next conversation it is another act."""
     again = '{ in = ["busy"], on = "restart", when = ["switch agreed"], moves = "switch" }'
     assert not kinds(design(HAND, LAMP), 1)
-    assert wrong(design(HAND, (*LAMP, again)), 1) == "lamp begins an act twice in one conversation of switch"
+    assert (
+        wrong(design(HAND, (*LAMP, again)), 1)
+        == "lamp begins an act twice in one conversation of switch"
+    )
     assert not kinds(design(HAND, (*LAMP, again)), 0)
 
 
@@ -150,7 +185,10 @@ def test_a_death_brings_the_first_row_that_applies_and_no_other_loss() -> None:
     assert not kinds(design(HAND, (*LAMP, forgets)), 0)
     never = '{ in = ["busy"], on = "restart", when = ["switch none"], to = "idle" }'
     assert not kinds(design(HAND, (*LAMP, never)), 1)
-    failing = '{ in = ["busy"], on = "restart", when = ["switch agreed"], say = ["switch failure"], to = "idle" }'
+    failing = (
+        '{ in = ["busy"], on = "restart", when = ["switch agreed"], say = ["switch failure"], to ='
+        ' "idle" }'
+    )
     heard = '{ in = ["waiting"], on = "switch failure", to = "idle" }'
     assert "lamp: dies and comes back; restart; switch failure -> hand" in labels(
         design((*HAND, heard), (*LAMP, failing)), 1
@@ -160,15 +198,23 @@ def test_a_death_brings_the_first_row_that_applies_and_no_other_loss() -> None:
 
 def test_more_words_than_a_queue_holds_are_reported() -> None:
     """An agent that reports and never waits; five words may wait."""
-    chatty = '{ in = ["busy"], on = "own flicker", when = ["switch agreed"], say = ["switch inform[progress]"] }'
+    chatty = (
+        '{ in = ["busy"], on = "own flicker", when = ["switch agreed"], say = ["switch'
+        ' inform[progress]"] }'
+    )
     heard = '{ in = ["waiting"], on = "switch inform[progress]", say = ["switch cancel"] }'
     hand = (*less(HAND, "regret"), heard, '{ in = ["waiting"], on = "switch inform[progress]" }')
     text = wrong(design(hand, (*less(LAMP, "refuse"), chatty)))
-    assert text.startswith(f"more than {QUEUE_BOUND} words wait: switch agree, switch inform[progress]")
+    assert text.startswith(
+        f"more than {QUEUE_BOUND} words wait: switch agree, switch inform[progress]"
+    )
     assert text.count(",") == QUEUE_BOUND
 
 
-LATE = '{ in = ["waiting"], on = "late switch", when = ["switch asked|agreed"], say = ["switch cancel"] }'
+LATE = (
+    '{ in = ["waiting"], on = "late switch", when = ["switch asked|agreed"], say = ["switch'
+    ' cancel"] }'
+)
 
 
 def test_a_wait_may_be_over_as_a_fault() -> None:
@@ -178,13 +224,21 @@ def test_a_wait_may_be_over_as_a_fault() -> None:
     assert said not in labels(design((*hand, LATE), LAMP), 0)
     assert said in labels(design((*hand, LATE), LAMP), 1)
     assert not kinds(design((*hand, LATE), LAMP), 1)
-    idle = '{ in = ["idle"], on = "late switch", to = "asking" }', '{ in = ["idle"], on = "late ask", to = "asking" }'
-    other = '{ in = ["idle"], on = "late switch", to = "lit" }', '{ in = ["busy"], on = "late switch", to = "lit" }'
+    idle = (
+        '{ in = ["idle"], on = "late switch", to = "asking" }',
+        '{ in = ["idle"], on = "late ask", to = "asking" }',
+    )
+    other = (
+        '{ in = ["idle"], on = "late switch", to = "lit" }',
+        '{ in = ["busy"], on = "late switch", to = "lit" }',
+    )
     assert not kinds(design((*hand, *idle), (*LAMP, *other), "switch", "ask"), ANY)
 
 
 def test_who_waits_is_told_when_the_other_dies_for_good() -> None:
-    """Only with a row for a wait that is over; which counts as what will happen once the other is dead."""
+    """Only with a row for a wait that is over; which counts as what will happen once the other is
+    dead.
+    """
     patient = instead(less(HAND, "person regret"), '"person wish"', '"own wish"')
     gone = {"gone": "lamp", "waiting": ("hand",)}
     assert kinds(design(patient, LAMP), **gone) & set(STUCK)
@@ -217,18 +271,31 @@ def test_a_row_for_several_after_a_death_is_not_explored() -> None:
 
 @pytest.mark.parametrize(
     ("word", "waits", "holds"),
-    [("waiting", "", False), ("waiting", ', waits = ["later"]', True), ("served", "", True), ("none", "", False)],
+    [
+        ("waiting", "", False),
+        ("waiting", ', waits = ["later"]', True),
+        ("served", "", True),
+        ("none", "", False),
+    ],
 )
 def test_a_guard_holds_for_its_own_word_only(word: str, waits: str, holds: bool) -> None:
-    """A request-when that was agreed is in the protocol's state "waiting", whether it waits for its turn or not."""
+    """A request-when that was agreed is in the protocol's state "waiting", whether it waits for its
+    turn or not.
+    """
     hand = (
         '{ in = ["idle"], on = "person wish", say = ["later request-when"], to = "waiting" }',
         '{ in = ["waiting"], on = "later agree" }',
         '{ in = ["waiting"], on = "later inform", to = "idle" }',
     )
     lamp = (
-        f'{{ in = ["idle"], on = "later request-when", say = ["later agree"], to = "busy"{waits} }}',
-        f'{{ in = ["busy"], on = "own lit", when = ["later {word}"], say = ["later inform"], to = "idle" }}',
+        (
+            '{ in = ["idle"], on = "later request-when", say = ["later agree"], to ='
+            f' "busy"{waits} }}'
+        ),
+        (
+            f'{{ in = ["busy"], on = "own lit", when = ["later {word}"], say = ["later inform"], to'
+            ' = "idle" }'
+        ),
     )
     assert kinds(design(hand, lamp, "later")).isdisjoint(STUCK) is holds
 

@@ -1,10 +1,25 @@
-"""A group as an end of a channel: the other end must stand whatever the group says, and nothing more is asked of it."""
+"""A group as an end of a channel: the other end must stand whatever the group says, and nothing
+more is asked of it.
+"""
 
 from typing import NamedTuple
 
 import pytest
 from msgspec.structs import replace
-from small import ANSWERER, ASKER, LAMP, STUCK, WATCHED, WATCHER, design, fleet, found, kinds, labels, less
+from small import (
+    ANSWERER,
+    ASKER,
+    LAMP,
+    STUCK,
+    WATCHED,
+    WATCHER,
+    design,
+    fleet,
+    found,
+    kinds,
+    labels,
+    less,
+)
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
@@ -39,19 +54,30 @@ LISTENER = (
     '{ in = ["idle"], on = "watch refuse" }',
     '{ in = ["idle"], on = "watch failure" }',
 )
-WATCHED_ANY = (*WATCHED, '{ in = ["idle", "busy", "lit"], on = "watch cancel", say = ["watch inform[cancel]"] }')
+WATCHED_ANY = (
+    *WATCHED,
+    '{ in = ["idle", "busy", "lit"], on = "watch cancel", say = ["watch inform[cancel]"] }',
+)
 
 
 def with_group(group: str, rows: tuple[str, ...], *uses: str, acts: str = "") -> Design:
-    """The small design in which one of the two is a group; `acts`: what it says, where not all that the use lists."""
+    """The small design in which one of the two is a group; `acts`: what it says, where not all that
+    the use lists.
+    """
     made = design(*((rows, ()) if group == "lamp" else ((), rows)), *uses)
     left = tuple(agent for agent in made.file.agent if agent.name != group)
     said = tuple(replace(use, message=_kept(use, group, acts)) for use in made.file.protocol)
-    return Design(replace(made.file, agent=left, protocol=said, group=(elements.Group(group),)), made.path)
+    return Design(
+        replace(made.file, agent=left, protocol=said, group=(elements.Group(group),)), made.path
+    )
 
 
 def _kept(use: elements.Protocol, group: str, acts: str) -> tuple[elements.Message, ...]:
-    return tuple(one for one in use.message if one.sender != group or not acts or one.performative in acts.split())
+    return tuple(
+        one
+        for one in use.message
+        if one.sender != group or not acts or one.performative in acts.split()
+    )
 
 
 def test_who_thinks_of_all_that_a_group_may_say_holds() -> None:
@@ -88,12 +114,18 @@ def test_a_word_of_the_group_that_no_row_takes_is_found() -> None:
 
 @pytest.mark.parametrize("words", ["own lit", "cancel"])
 def test_an_agent_that_lets_a_group_wait_is_found(words: str) -> None:
-    """The lamp never says that it is lit; it does not take a cancel, so that its end must come by itself."""
-    assert bool(kinds(with_group("hand", less(LAMP, words), "switch")) & set(STUCK)) is (words == "own lit")
+    """The lamp never says that it is lit; it does not take a cancel, so that its end must come by
+    itself.
+    """
+    assert bool(kinds(with_group("hand", less(LAMP, words), "switch")) & set(STUCK)) is (
+        words == "own lit"
+    )
 
 
 def test_a_group_says_only_what_its_messages_list() -> None:
-    """A lamp that lists `inform` alone neither refuses nor fails; the runtime still answers a cancel."""
+    """A lamp that lists `inform` alone neither refuses nor fails; the runtime still answers a
+    cancel.
+    """
     rows = less(HAND, "agree", "progress", "refuse", '"switch failure"')
     assert not kinds(with_group("lamp", rows, "switch", acts="inform"))
     told = labels(with_group("lamp", rows, "switch", acts="inform"))
@@ -107,27 +139,35 @@ def test_a_group_says_only_what_its_messages_list() -> None:
 def test_nobody_waits_for_a_free_choice_of_a_group() -> None:
     """That it asks, calls off or asks again is no way to rest."""
     asked = '{ in = ["idle"], on = "own start", to = "busy" }'
-    served = '{ in = ["idle", "busy"], on = "switch request", say = ["switch refuse"], to = "idle" }'
+    served = (
+        '{ in = ["idle", "busy"], on = "switch request", say = ["switch refuse"], to = "idle" }'
+    )
     assert kinds(with_group("hand", (asked, served), "switch")) & set(STUCK)
     regret = less(LAMP, "own lit")
     assert kinds(with_group("hand", regret, "switch")) & set(STUCK)
 
 
 def test_a_group_asks_again_only_as_the_model_does() -> None:
-    """And it may give its question up, as anybody may; what it observed it owes, and does not merely say."""
+    """And it may give its question up, as anybody may; what it observed it owes, and does not
+    merely say.
+    """
     model = fleet(with_group("hand", ANSWERER, "ask"), 1)
     asked = next(there for who, _, there, _, _ in model.moves(model.start) if who == "hand")
     assert {what for who, what, *_ in model.moves(asked) if who == "hand"} == {
         "late ask",
         "dies and comes back",
     }
-    assert "lamp: says; watch inform -> hand" not in labels(with_group("lamp", LISTENER, "watch"), 1)
+    assert "lamp: says; watch inform -> hand" not in labels(
+        with_group("lamp", LISTENER, "watch"), 1
+    )
 
 
 def test_what_a_group_owes_it_says_in_the_same_step() -> None:
     """A subscription that is called off is answered at once."""
     bored = '{ in = ["idle"], on = "person bored", say = ["watch cancel"] }'
-    ends = tuple(f'{{ in = ["idle"], on = "watch {word}[cancel]" }}' for word in ("inform", "failure"))
+    ends = tuple(
+        f'{{ in = ["idle"], on = "watch {word}[cancel]" }}' for word in ("inform", "failure")
+    )
     made = with_group("lamp", (*LISTENER, bored, *ends), "watch", acts="agree refuse inform")
     assert not kinds(made)
     told = labels(made)
@@ -136,10 +176,18 @@ def test_what_a_group_owes_it_says_in_the_same_step() -> None:
 
 
 def test_a_group_waits_where_its_queue_is_full() -> None:
-    """Progress that matters may be told for ever; the runtime holds the group back, so this is nothing wrong."""
+    """Progress that matters may be told for ever; the runtime holds the group back, so this is
+    nothing wrong.
+    """
     rows = less(HAND, "regret", "progress")
     rows = (*rows, '{ in = ["waiting"], on = "switch inform[progress]", say = ["switch cancel"] }')
-    rows = (*rows, '{ in = ["waiting"], on = "switch inform[progress]", when = ["switch cancelling|overtaken"] }')
+    rows = (
+        *rows,
+        (
+            '{ in = ["waiting"], on = "switch inform[progress]", when = ["switch'
+            ' cancelling|overtaken"] }'
+        ),
+    )
     result = found(with_group("lamp", rows, "switch"))
     assert result.holds
     model = fleet(with_group("lamp", rows, "switch"))
@@ -152,7 +200,10 @@ def test_an_end_that_is_nobody_is_said_in_words() -> None:
     """Neither an agent nor a group."""
     made = with_group("lamp", HAND, "switch")
     nobody = Design(replace(made.file, group=()), made.path)
-    with pytest.raises(DesignError, match="protocol switch: 'lamp' is neither an agent nor a group; agents are hand"):
+    with pytest.raises(
+        DesignError,
+        match="protocol switch: 'lamp' is neither an agent nor a group; agents are hand",
+    ):
         fleet(nobody)
 
 
@@ -188,7 +239,9 @@ class Done(NamedTuple):
 
 
 def test_a_run_beside_a_group_is_followed() -> None:
-    """The group's own steps do not show: the hand hears an answer, and could not have heard another one."""
+    """The group's own steps do not show: the hand hears an answer, and could not have heard another
+    one.
+    """
     asks = Done("idle", "Local wish", None, (("switch", P.REQUEST, Kind.PLAIN),), "waiting")
     heard = Done("waiting", "Taken", ("switch", P.INFORM, Kind.PLAIN), (), "idle")
     again = Done("waiting", "Taken", ("switch", P.INFORM, Kind.CANCEL), (), "idle")

@@ -59,7 +59,9 @@ def holds(guard, state):
 
 def changed(effects, state):
     """The state after the effects; None where there is no room."""
-    state = {name: list(value) if isinstance(value, list) else value for name, value in state.items()}
+    state = {
+        name: list(value) if isinstance(value, list) else value for name, value in state.items()
+    }
     for effect in effects:
         match effect:
             case Set(name, value):
@@ -80,14 +82,21 @@ commands = st.builds(
     st.lists(guards, max_size=3),
     st.lists(effects, max_size=3),
 )
-takes = st.builds(lambda to: Command("B", "takes", (Head("q", frozenset({"m"})),), (Take("q"), Set("b", to))), values)
+takes = st.builds(
+    lambda to: Command("B", "takes", (Head("q", frozenset({"m"})),), (Take("q"), Set("b", to))),
+    values,
+)
 
 
 @given(st.lists(commands | takes, max_size=6))
 def test_commands_do_what_their_words_say(table):
     """Against a reading of the words one by one, in every state that is reached."""
     cleared_and_sent = [c for c in table if any(isinstance(e, Clear) for e in c.effects)]
-    table = [c for c in table if c not in cleared_and_sent or not any(isinstance(e, Send) for e in c.effects)]
+    table = [
+        c
+        for c in table
+        if c not in cleared_and_sent or not any(isinstance(e, Send) for e in c.effects)
+    ]
     net = Net("any", VARIABLES, QUEUES, tuple(table), ((),), lifelines=("A", "B"))
     model = NetModel(net)
     for state in explore(model, first=False, keep=True).reached:
@@ -96,7 +105,8 @@ def test_commands_do_what_their_words_say(table):
         expected = {
             repr(after)
             for command in table
-            if all(holds(guard, named) for guard in command.guards) and (after := changed(command.effects, named))
+            if all(holds(guard, named) for guard in command.guards)
+            and (after := changed(command.effects, named))
         }
         found = set()
         for move in model.moves(state):
@@ -111,7 +121,9 @@ def net_of(*commands, rest=((),), wrong=()):
 
 
 def test_a_full_queue_holds_the_sender_back_and_may_be_called_wrong():
-    """Three sends into two places: no room for the third; where fullness is wrong the second is the last."""
+    """Three sends into two places: no room for the third; where fullness is wrong the second is the
+    last.
+    """
     send = Command("A", "send -> B", (), (Send("q", "m"),))
     (finding,) = explore(NetModel(net_of(send, rest=((Empty("q"), is_("b", "z")),)))).findings
     assert (finding.kind, len(finding.trace)) == (DEADLOCK, 2)
@@ -124,9 +136,12 @@ def test_a_full_queue_holds_the_sender_back_and_may_be_called_wrong():
 def test_faults_are_counted_or_unlimited(faults, states):
     """The words lost: as many as allowed."""
     lose = [
-        Command("net", "loses", (is_("a", value),), (Set("a", after),), True, True) for value, after in ("xy", "yz")
+        Command("net", "loses", (is_("a", value),), (Set("a", after),), True, True)
+        for value, after in ("xy", "yz")
     ]
-    assert explore(NetModel(net_of(*lose, rest=((is_("b", "y"),),)).counted(faults))).states == states
+    assert (
+        explore(NetModel(net_of(*lose, rest=((is_("b", "y"),),)).counted(faults))).states == states
+    )
 
 
 def test_what_a_net_does_not_have_is_named():

@@ -1,11 +1,27 @@
-"""Messages on their way outside the durable streams, and senders that repeat them: each operation, and rest."""
+"""Messages on their way outside the durable streams, and senders that repeat them: each operation,
+and rest.
+"""
 
 from collections.abc import Iterator
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from small import ASKER, HAND, LAMP, WATCHED, WATCHER, design, fleet, kinds, labels, questions, reached, watching, wrong
+from small import (
+    ASKER,
+    HAND,
+    LAMP,
+    WATCHED,
+    WATCHER,
+    design,
+    fleet,
+    kinds,
+    labels,
+    questions,
+    reached,
+    watching,
+    wrong,
+)
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
@@ -16,7 +32,10 @@ from topdown.prove.fleet import Flat, Fleet
 from topdown.prove.parts import Net
 from topdown.prove.soft import _repeated
 
-ASKED, ANSWER = ProtocolAct("ask", P.QUERY_REF, Kind.PLAIN), ProtocolAct("ask", P.INFORM, Kind.PLAIN)
+ASKED, ANSWER = (
+    ProtocolAct("ask", P.QUERY_REF, Kind.PLAIN),
+    ProtocolAct("ask", P.INFORM, Kind.PLAIN),
+)
 NEWS = ProtocolAct("watch", P.INFORM, Kind.PLAIN)
 SLOW = (
     '{ in = ["idle"], on = "ask query-ref", to = "busy" }',
@@ -38,7 +57,9 @@ CALLED = (
 
 @given(st.booleans(), st.booleans())
 def test_each_operation(current: bool, stale: bool) -> None:
-    """Each operation changes the words, the conversation they belong to, and the knowledge as stated."""
+    """Each operation changes the words, the conversation they belong to, and the knowledge as
+    stated.
+    """
     net = Net(frozenset({ANSWER, NEWS}), current, stale)
     assert net.opened(ASKED) == Net(frozenset({ASKED}), False, stale)
     assert net.closed() == Net(frozenset(), False, stale)
@@ -118,7 +139,10 @@ def test_a_copy_that_comes_too_late_for_its_conversation_is_dropped() -> None:
 
 def test_an_observation_that_no_row_applies_to_is_wrong() -> None:
     """It would be taken, and nobody has thought of what then."""
-    hand = tuple(row.replace('on = "watch inform"', 'on = "watch inform", when = ["watch none"]') for row in WATCHER)
+    hand = tuple(
+        row.replace('on = "watch inform"', 'on = "watch inform", when = ["watch none"]')
+        for row in WATCHER
+    )
     lamp = ('{ in = ["idle"], on = "person lights", owes = ["watch"] }', WATCHED[0])
     assert "no row of hand in idle applies to watch inform" in wrong(watching(hand, lamp))
 
@@ -139,7 +163,10 @@ def test_nothing_is_observed_before_the_subscription_is_agreed() -> None:
 
 def test_what_is_asked_again_in_each_state() -> None:
     """The newest word of who opened, until something is taken; a cancel until its answer."""
-    cancel, agree = ProtocolAct("use", P.CANCEL, Kind.PLAIN), ProtocolAct("use", P.ACCEPT_PROPOSAL, Kind.PLAIN)
+    cancel, agree = (
+        ProtocolAct("use", P.CANCEL, Kind.PLAIN),
+        ProtocolAct("use", P.ACCEPT_PROPOSAL, Kind.PLAIN),
+    )
     subscribing = _repeated("use", SUBSCRIBE.tables[Role.INITIATOR])
     assert subscribing == {
         "asked": ProtocolAct("use", P.SUBSCRIBE, Kind.PLAIN),

@@ -1,4 +1,6 @@
-"""Designs with a mistake planted in them, each of which a proof once took for right: now each is found."""
+"""Designs with a mistake planted in them, each of which a proof once took for right: now each is
+found.
+"""
 
 from collections.abc import Iterable
 
@@ -26,7 +28,7 @@ def kinds(verdict: Verdict) -> set[str]:
     return {one.kind for one in verdict.findings}
 
 
-# --- an agent that dies for good --------------------------------------------------------------------------------------
+# --- an agent that dies for good ------------------------------------------------------------------
 
 BYSTANDER = """
 [[agent]]
@@ -69,14 +71,21 @@ def test_nobody_is_left_whose_wish_could_end() -> None:
         list(tasks(design(HAND, LAMP), layers=(3,), gone=["hand"]))
 
 
-# --- a search that stops early ----------------------------------------------------------------------------------------
+# --- a search that stops early --------------------------------------------------------------------
 
 
 def beside(number: int) -> str:
-    """Two agents more that have nothing to do with the others: one asks the other to switch, over and over."""
+    """Two agents more that have nothing to do with the others: one asks the other to switch, over
+    and over.
+    """
     hand, lamp, use = f"hand{number}", f"lamp{number}", f"switch{number}"
-    said = [*((hand, act) for act in ("request", "cancel")), *((lamp, act) for act in ("agree", "refuse", "inform"))]
-    messages = ", ".join(f'{{ sender = "{who}", performative = "{act}", language = "L" }}' for who, act in said)
+    said = [
+        *((hand, act) for act in ("request", "cancel")),
+        *((lamp, act) for act in ("agree", "refuse", "inform")),
+    ]
+    messages = ", ".join(
+        f'{{ sender = "{who}", performative = "{act}", language = "L" }}' for who, act in said
+    )
     protocol = f"""
 [[protocol]]
 name = "{use}"
@@ -88,19 +97,27 @@ durable = true
 message = [{messages}]
 """
     rows = [
-        [row.replace("switch ", f"{use} ").replace('"switch"', f'"{use}"') for row in rows] for rows in (HAND, LAMP)
+        [row.replace("switch ", f"{use} ").replace('"switch"', f'"{use}"') for row in rows]
+        for rows in (HAND, LAMP)
     ]
     return protocol + agent(hand, "idle waiting", rows[0]) + agent(lamp, "idle busy", rows[1])
 
 
 def agent(name: str, states: str, rows: Iterable[str], *talks: str) -> str:
-    """Its entry; `talks`: uses that each state talks in, the last one's for the states that are left."""
-    talked = [tuple(talks[min(number, len(talks) - 1)].split()) if talks else () for number in range(2)]
+    """Its entry; `talks`: uses that each state talks in, the last one's for the states that are
+    left.
+    """
+    talked = [
+        tuple(talks[min(number, len(talks) - 1)].split()) if talks else () for number in range(2)
+    ]
     listed = ", ".join(
         f'{{ name = "{state}", behaviour = "b", terminal = "t", talks = [{_quoted(uses)}] }}'
         for state, uses in zip(states.split(), talked, strict=True)
     )
-    return f'\n[[agent]]\nname = "{name}"\ninitial = "idle"\nstate = [{listed}]\nrow = [{", ".join(rows)}]\n'
+    return (
+        f'\n[[agent]]\nname = "{name}"\ninitial = "idle"\nstate = [{listed}]\nrow ='
+        f" [{', '.join(rows)}]\n"
+    )
 
 
 def _quoted(words: Iterable[str]) -> str:
@@ -108,7 +125,9 @@ def _quoted(words: Iterable[str]) -> str:
 
 
 def test_what_is_wrong_within_a_limit_is_found() -> None:
-    """A lamp that never says that it is lit, once it has agreed; three pairs beside it make the states many."""
+    """A lamp that never says that it is lit, once it has agreed; three pairs beside it make the
+    states many.
+    """
     made = design(less(HAND, "regret"), less(LAMP, "own lit"), more="".join(map(beside, range(3))))
     found = explore(Fleet(made, Faults(0)), most_states=3_000)
     assert not found.complete
@@ -117,11 +136,13 @@ def test_what_is_wrong_within_a_limit_is_found() -> None:
     assert one.trace[-1].what == "switch request <- hand; switch agree -> hand"
 
 
-# --- agents that wait for each other ----------------------------------------------------------------------------------
+# --- agents that wait for each other --------------------------------------------------------------
 
 
 def ring(*names: str, heard: str = "") -> Design:
-    """Each asks the next and answers nobody while it waits; `heard`: but for the one that tells the time."""
+    """Each asks the next and answers nobody while it waits; `heard`: but for the one that tells the
+    time.
+    """
     pairs = list(zip(names, (*names[1:], names[0]), strict=True))
     uses = [use(f"{one}_{other}", one, other) for one, other in pairs]
     agents = [
@@ -132,7 +153,12 @@ def ring(*names: str, heard: str = "") -> Design:
         uses.append(use("time", "clock", heard))
         ticks = '{ in = ["idle"], on = "person looks", say = ["time request"], to = "asking" }'
         agents.append(
-            agent("clock", "idle asking", (ticks, '{ in = ["asking"], on = "time inform", to = "idle" }'), "time")
+            agent(
+                "clock",
+                "idle asking",
+                (ticks, '{ in = ["asking"], on = "time inform", to = "idle" }'),
+                "time",
+            )
         )
     whole = HEAD + "\n".join((*uses, *agents))
     return Design(loading.read(whole), "ring.toml", whole)
@@ -141,10 +167,12 @@ def ring(*names: str, heard: str = "") -> Design:
 def use(name: str, asker: str, answerer: str) -> str:
     """A use of request, answered at once."""
     said = ((asker, "request"), (answerer, "inform"))
-    messages = ", ".join(f'{{ sender = "{who}", performative = "{act}", language = "L" }}' for who, act in said)
+    messages = ", ".join(
+        f'{{ sender = "{who}", performative = "{act}", language = "L" }}' for who, act in said
+    )
     return (
-        f'\n[[protocol]]\nname = "{name}"\nchannel = "C1"\nfollows = "request"\ninitiator = "{asker}"\n'
-        f'participant = "{answerer}"\ndurable = true\nmessage = [{messages}]'
+        f'\n[[protocol]]\nname = "{name}"\nchannel = "C1"\nfollows = "request"\ninitiator ='
+        f' "{asker}"\nparticipant = "{answerer}"\ndurable = true\nmessage = [{messages}]'
     )
 
 
@@ -158,11 +186,15 @@ def asking(name: str, mine: str, theirs: str, hears: bool) -> str:
     time = ["time"] if hears else []
     if hears:
         rows.append('{ in = ["idle", "asking"], on = "time request", say = ["time inform"] }')
-    return agent(name, "idle asking", rows, " ".join((mine, theirs, *time)), " ".join((mine, *time)))
+    return agent(
+        name, "idle asking", rows, " ".join((mine, theirs, *time)), " ".join((mine, *time))
+    )
 
 
 def test_a_wait_that_the_check_does_not_see_is_found() -> None:
-    """Three ask in a ring. Where one tells a clock the time meanwhile, no set is closed, and all wait."""
+    """Three ask in a ring. Where one tells a clock the time meanwhile, no set is closed, and all
+    wait.
+    """
     assert [one.kind for one in machines.wait_findings(ring("a", "b", "c"))] == [Kind.WAITS]
     hidden = ring("a", "b", "c", heard="b")
     assert list(machines.wait_findings(hidden)) == []
@@ -171,10 +203,13 @@ def test_a_wait_that_the_check_does_not_see_is_found() -> None:
     assert [found.trace[-1].after[name].split(";")[0] for name in "abc"] == ["asking"] * 3
 
 
-# --- a queue that words without effect fill ---------------------------------------------------------------------------
+# --- a queue that words without effect fill -------------------------------------------------------
 
 TOLD = '{ in = ["waiting"], on = "switch inform[progress]" }'
-FLICKERS = '{ in = ["busy"], on = "own flicker", when = ["switch agreed"], say = ["switch inform[progress]"] }'
+FLICKERS = (
+    '{ in = ["busy"], on = "own flicker", when = ["switch agreed"], say = ["switch'
+    ' inform[progress]"] }'
+)
 
 
 @pytest.mark.parametrize(
@@ -185,21 +220,31 @@ FLICKERS = '{ in = ["busy"], on = "own flicker", when = ["switch agreed"], say =
         (FLICKERS.replace("own flicker", "person looks"), True),
         (FLICKERS.replace("] }", '], to = "lit" }'), False),
         (
-            FLICKERS.replace("own flicker", "switch cancel").replace('say = ["', 'say = ["switch inform[cancel]", "'),
+            FLICKERS.replace("own flicker", "switch cancel").replace(
+                'say = ["', 'say = ["switch inform[cancel]", "'
+            ),
             False,
         ),
     ],
 )
 def test_progress_without_end_is_told_among_what_is_not_proven(row: str, endless: bool) -> None:
-    """It is not in the model, so a queue that it fills is not seen there; what is taken in between paces it."""
-    ends = '{ in = ["lit"], on = "own lit", when = ["switch agreed"], say = ["switch inform"], to = "idle" }'
+    """It is not in the model, so a queue that it fills is not seen there; what is taken in between
+    paces it.
+    """
+    ends = (
+        '{ in = ["lit"], on = "own lit", when = ["switch agreed"], say = ["switch inform"], to ='
+        ' "idle" }'
+    )
     called = '{ in = ["lit"], on = "switch cancel", say = ["switch inform[cancel]"], to = "idle" }'
     lamp = (*less(LAMP, "own lit", "cancel"), LAMP[2], LAMP[3], row, ends, called)
     start, last = verdicts(design((*HAND, TOLD), lamp))
     assert last.holds
     assert start.beyond == ()
     assert bool(last.beyond) is endless
-    assert not endless or "how many `switch inform[progress]` of lamp wait for hand: in busy on" in last.beyond[0]
+    assert (
+        not endless
+        or "how many `switch inform[progress]` of lamp wait for hand: in busy on" in last.beyond[0]
+    )
 
 
 def test_a_question_without_end_fills_no_queue() -> None:

@@ -53,7 +53,9 @@ def test_a_question_forgotten_in_a_death_is_found() -> None:
 
 
 def test_a_server_that_takes_its_time() -> None:
-    """It is asked once more only when it died, or the answer was lost; its own death makes it forget."""
+    """It is asked once more only when it died, or the answer was lost; its own death makes it
+    forget.
+    """
     slow = (
         '{ in = ["idle"], on = "ask query-ref", to = "busy" }',
         '{ in = ["busy"], on = "own thought", say = ["ask inform"], to = "idle" }',
@@ -79,7 +81,9 @@ def test_a_copy_is_asked_again_and_answered_by_the_runtime() -> None:
 
 
 def test_who_gives_a_question_up_hears_no_answer() -> None:
-    """An answer on the way then belongs to nobody, whether the wait was over or a row dropped it."""
+    """An answer on the way then belongs to nobody, whether the wait was over or a row dropped
+    it.
+    """
     bored = '{ in = ["asking"], on = "own bored", drop = ["ask"], to = "idle" }'
     hand = (*less(ASKER, "late ask"), bored)
     assert not kinds(questions(hand), 2)
@@ -102,7 +106,9 @@ def test_an_answer_that_no_row_applies_to_is_wrong() -> None:
 
 
 def test_a_volatile_award_is_repeated_until_it_is_answered() -> None:
-    """Of a conversation the newest word of who opened it, not its opening; what comes twice is dropped."""
+    """Of a conversation the newest word of who opened it, not its opening; what comes twice is
+    dropped.
+    """
     hand = (
         '{ in = ["idle"], on = "person wish", say = ["tender cfp"], to = "waiting" }',
         '{ in = ["waiting"], on = "tender propose", say = ["tender accept-proposal"] }',
@@ -136,7 +142,9 @@ def test_the_start_of_all_agents_is_not_at_rest() -> None:
 
 def test_a_subscription_that_is_not_renewed_is_found() -> None:
     """One death of who is watched; of who watches, too."""
-    once = instead(WATCHER, 'on = "back lamp", drop = ["watch"]', 'on = "back lamp", when = ["watch none"]')
+    once = instead(
+        WATCHER, 'on = "back lamp", drop = ["watch"]', 'on = "back lamp", when = ["watch none"]'
+    )
     assert not kinds(watching(once), 0)
     assert kinds(watching(once), 1) & set(STUCK)
 
@@ -173,14 +181,24 @@ def test_what_is_owed_is_settled_when_it_was_taken() -> None:
 
 def test_unsettled_is_the_other_way_round() -> None:
     """A row for when something is due applies then only; owed in the same step counts."""
-    hasty = instead(WATCHED, 'owes = ["watch"], to = "lit"', 'owes = ["watch"], when = ["watch unsettled"], to = "lit"')
+    hasty = instead(
+        WATCHED,
+        'owes = ["watch"], to = "lit"',
+        'owes = ["watch"], when = ["watch unsettled"], to = "lit"',
+    )
     assert not kinds(watching(lamp=hasty))
-    never = instead(WATCHED, 'owes = ["watch"], to = "lit"', 'owes = ["watch"], when = ["watch settled"], to = "lit"')
+    never = instead(
+        WATCHED,
+        'owes = ["watch"], to = "lit"',
+        'owes = ["watch"], when = ["watch settled"], to = "lit"',
+    )
     assert kinds(watching(lamp=never)) & set(STUCK)
 
 
 def test_what_is_lost_of_an_observation() -> None:
-    """The observation itself, or its receipt; it is said again then, and only while somebody listens."""
+    """The observation itself, or its receipt; it is said again then, and only while somebody
+    listens.
+    """
     said = labels(watching(), 1)
     assert {"net: watch inform is lost", "hand: watch inform <- lamp; its receipt is lost"} <= said
     assert "lamp: watch inform -> hand, again" in said
@@ -188,7 +206,11 @@ def test_what_is_lost_of_an_observation() -> None:
 
 
 STOPS = (
-    *instead(WATCHER, 'on = "back lamp", drop', 'on = "back lamp", when = ["watch none|asked|live"], drop'),
+    *instead(
+        WATCHER,
+        'on = "back lamp", drop',
+        'on = "back lamp", when = ["watch none|asked|live"], drop',
+    ),
     '{ in = ["idle"], on = "person stops", say = ["watch cancel"] }',
     '{ in = ["idle"], on = "watch inform[cancel]", say = ["watch subscribe"] }',
     '{ in = ["idle"], on = "watch failure[cancel]", say = ["watch subscribe"] }',
@@ -203,7 +225,12 @@ STOPPED = (
 def test_a_subscription_is_cancelled_till_it_is_over() -> None:
     """Asked again if it was lost; a lamp that knows no such subscription any more says failure."""
     again = '{ in = ["idle"], on = "restart", say = ["watch subscribe"] }'
-    hand = (*instead(STOPS, ', when = ["watch none|asked|live"], drop = ["watch"]', ', drop = ["watch"]'), again)
+    hand = (
+        *instead(
+            STOPS, ', when = ["watch none|asked|live"], drop = ["watch"]', ', drop = ["watch"]'
+        ),
+        again,
+    )
     for most in (0, 2, ANY):
         assert not kinds(watching(hand, STOPPED), most)
 
@@ -226,7 +253,12 @@ def test_a_cancel_is_repeated_though_the_lamp_has_not_answered() -> None:
         STOPPED[-1],
     )
     model = fleet(watching(STOPS, slow), 1, boot=True)
-    way = ("back lamp; watch subscribe", "watch subscribe <- hand", "stops; watch cancel", "watch cancel is lost")
+    way = (
+        "back lamp; watch subscribe",
+        "watch subscribe <- hand",
+        "stops; watch cancel",
+        "watch cancel is lost",
+    )
     state = model.boot
     for words in way:
         state = next(there for _, what, there, _, _ in model.moves(state) if words in what)

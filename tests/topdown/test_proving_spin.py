@@ -1,4 +1,6 @@
-"""A second opinion: spin stores as many states as are explored here, and finds the same deadlocks and wrong states."""
+"""A second opinion: spin stores as many states as are explored here, and finds the same deadlocks
+and wrong states.
+"""
 
 import re
 import shutil
@@ -55,21 +57,43 @@ def spoilt_by_silence():
 def with_queues(room):
     """Everything that a net may say: two who talk over queues, and never is B served twice."""
     commands = (
-        Command("A", "asks", (is_("a", "idle"), Empty("to b")), (Send("to b", "ask"), Set("a", "busy"))),
+        Command(
+            "A", "asks", (is_("a", "idle"), Empty("to b")), (Send("to b", "ask"), Set("a", "busy"))
+        ),
         Command("A", "asks again", (is_("a", "busy"),), (Send("to b", "ask"),)),
-        Command("A", "cancels", (is_("a", "busy"), Full("to b")), (Clear("to b"), Send("to b", "stop"))),
-        Command("B", "serves", (Head("to b", frozenset({"ask"})),), (Take("to b"), Copy("last", "b"), Set("b", "on"))),
-        Command("B", "stops", (Head("to b", frozenset({"stop", "halt"})),), (Take("to b"), Set("b", "off"))),
-        Command("A", "rests", (is_("a", "busy"), is_("b", "off"), Empty("to b")), (Set("a", "idle"),)),
+        Command(
+            "A", "cancels", (is_("a", "busy"), Full("to b")), (Clear("to b"), Send("to b", "stop"))
+        ),
+        Command(
+            "B",
+            "serves",
+            (Head("to b", frozenset({"ask"})),),
+            (Take("to b"), Copy("last", "b"), Set("b", "on")),
+        ),
+        Command(
+            "B",
+            "stops",
+            (Head("to b", frozenset({"stop", "halt"})),),
+            (Take("to b"), Set("b", "off")),
+        ),
+        Command(
+            "A", "rests", (is_("a", "busy"), is_("b", "off"), Empty("to b")), (Set("a", "idle"),)
+        ),
     )
-    variables = (Variable("a", ("idle", "busy")), Variable("b", ("off", "on")), Variable("last", ("off", "on")))
+    variables = (
+        Variable("a", ("idle", "busy")),
+        Variable("b", ("off", "on")),
+        Variable("last", ("off", "on")),
+    )
     queues = (Queue("to b", ("ask", "stop", "halt"), room),)
     never = (Never("twice", (is_("last", "on"), is_("a", "idle"))),)
     return Net("queues", variables, queues, commands, ((is_("a", "idle"), Empty("to b")),), never)
 
 
 MODELS = {
-    "query": lambda: durable_pair(restricted(QUERY, {ASKER: {"query-ref"}, SERVER: {"inform", "refuse"}}), faults=1),
+    "query": lambda: durable_pair(
+        restricted(QUERY, {ASKER: {"query-ref"}, SERVER: {"inform", "refuse"}}), faults=1
+    ),
     "request": lambda: durable_pair(SMALL, faults=0),
     "request, a fault": lambda: durable_pair(SMALL, faults=1),
     "question": lambda: volatile_pair(QUERY, faults=1),
@@ -78,8 +102,12 @@ MODELS = {
     "long queues": lambda: with_queues(4),
     "spoilt: a row is missing": spoilt_by_a_missing_row,
     "spoilt: silence": spoilt_by_silence,
-    "spoilt: not asked again": lambda: volatile_pair(QUERY, faults=1, rules=Rules(asks_again=False)),
-    "spoilt: due in RAM": lambda: volatile_pair(WATCH, faults=1, latest=True, rules=Rules(keeps_due=False)),
+    "spoilt: not asked again": lambda: volatile_pair(
+        QUERY, faults=1, rules=Rules(asks_again=False)
+    ),
+    "spoilt: due in RAM": lambda: volatile_pair(
+        WATCH, faults=1, latest=True, rules=Rules(keeps_due=False)
+    ),
 }
 
 

@@ -1,4 +1,6 @@
-"""Layer 1: the stream holds under any faults; each naive variant fails, by a shortest way, as was known before."""
+"""Layer 1: the stream holds under any faults; each naive variant fails, by a shortest way, as was
+known before.
+"""
 
 import pytest
 
@@ -8,7 +10,9 @@ from topdown.prove.stream import Stream, Variant, explore_stream
 V = Variant
 
 
-@pytest.mark.parametrize(("messages", "copies", "fifo"), [(1, 3, False), (3, 3, False), (3, 2, True)])
+@pytest.mark.parametrize(
+    ("messages", "copies", "fifo"), [(1, 3, False), (3, 3, False), (3, 2, True)]
+)
 def test_the_stream_holds_under_any_number_of_faults(messages, copies, fifo):
     """Each message is worked on once, in order; none is lost; rest is in reach from everywhere."""
     found = explore_stream(messages=messages, copies=copies, fifo=fifo)
@@ -16,8 +20,9 @@ def test_the_stream_holds_under_any_number_of_faults(messages, copies, fifo):
 
 
 def test_sizes_are_of_the_order_that_was_known():
-    """Another model of the same scheme had 9,335 states; twice as many with a third copy, eight times with a fourth
-    message. Here receipts on the way are a set, and RAM that a step has done with is forgotten, so there are fewer.
+    """Another model of the same scheme had 9,335 states; twice as many with a third copy, eight
+    times with a fourth message. Here receipts on the way are a set, and RAM that a step has done
+    with is forgotten, so there are fewer.
     """
     small = explore_stream().states
     assert 2_000 < small < 9_335
@@ -33,16 +38,30 @@ NAIVE = {
     V.OUTBOX_IN_RAM: (WRONG, "is lost", "issue record dies"),
     V.NO_RESENDING: (UNREACHED, "", "issue record dies"),
     V.COUNTER_IN_RAM: (WRONG, "under number 1", "issue record dies issue"),
-    V.LAST_IN_RAM: (WRONG, "worked on twice", "issue record send send take record dies take record"),
+    V.LAST_IN_RAM: (
+        WRONG,
+        "worked on twice",
+        "issue record send send take record dies take record",
+    ),
     V.MARK_THEN_EFFECT: (WRONG, "is lost", "issue record send take record dies"),
-    V.EFFECT_THEN_MARK: (WRONG, "worked on twice", "issue record send send take record dies take record"),
-    V.ANY_ORDER: (WRONG, "before the one it follows", "issue record dies issue record send take record"),
+    V.EFFECT_THEN_MARK: (
+        WRONG,
+        "worked on twice",
+        "issue record send send take record dies take record",
+    ),
+    V.ANY_ORDER: (
+        WRONG,
+        "before the one it follows",
+        "issue record dies issue record send take record",
+    ),
 }
 
 
 @pytest.mark.parametrize("variant", NAIVE)
 def test_each_naive_variant_fails_by_the_shortest_way(variant):
-    """The first words of its steps, as one would tell the story; a set of ids fails even where nothing overtakes."""
+    """The first words of its steps, as one would tell the story; a set of ids fails even where
+    nothing overtakes.
+    """
     kind, text, story = NAIVE[variant]
     found = explore_stream(variant, fifo=variant is V.ANY_ORDER).findings
     finding = next(one for one in found if one.kind == kind and text in one.text)

@@ -1,4 +1,6 @@
-"""Rights are what the rules of a design say, for any design; the router's rules are these and no wider."""
+"""Rights are what the rules of a design say, for any design; the router's rules are these and no
+wider.
+"""
 
 import re
 import runpy
@@ -10,7 +12,15 @@ from msgspec.structs import replace
 from companion.design import DESIGN
 from topdown.check import check
 from topdown.model.design import Design, load
-from topdown.model.rights import ROUTER, Action, access_control, families, identities, rights, routed
+from topdown.model.rights import (
+    ROUTER,
+    Action,
+    access_control,
+    families,
+    identities,
+    rights,
+    routed,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALLEST = load(ROOT / "shared/topdown/scaffold/smallest.toml")
@@ -25,16 +35,22 @@ def design(request: pytest.FixtureRequest) -> Design:
 
 
 def includes(wide: str, narrow: str) -> bool:
-    """Whether a key expression holds another one (Zenoh's * is one chunk, ** any number of them at the end)."""
+    """Whether a key expression holds another one (Zenoh's * is one chunk, ** any number of them at
+    the end).
+    """
     ours, theirs = wide.split("/"), narrow.split("/")
     if ours[-1] == "**":
-        return len(theirs) >= len(ours) - 1 and includes("/".join(ours[:-1]), "/".join(theirs[: len(ours) - 1]))
-    return len(ours) == len(theirs) and all(a in ("*", b) for a, b in zip(ours, theirs, strict=True))
+        return len(theirs) >= len(ours) - 1 and includes(
+            "/".join(ours[:-1]), "/".join(theirs[: len(ours) - 1])
+        )
+    return len(ours) == len(theirs) and all(
+        a in ("*", b) for a, b in zip(ours, theirs, strict=True)
+    )
 
 
 def test_every_rule_has_one_speaker_and_its_hearers(design: Design) -> None:
-    """Of each message of the design its sender may put it and its receiver hear it, nobody else; of what goes by the
-    router also the recorders.
+    """Of each message of the design its sender may put it and its receiver hear it, nobody else; of
+    what goes by the router also the recorders.
     """
     found = rights(design, "s")
     for rule in design.rules.values():
@@ -55,7 +71,9 @@ def test_nobody_queries_and_the_router_does_nothing(design: Design) -> None:
 
 
 def test_only_an_owner_writes_its_signals(design: Design) -> None:
-    """Each process that puts or lives on a signal is named in it as its owner, and is among the writers."""
+    """Each process that puts or lives on a signal is named in it as its owner, and is among the
+    writers.
+    """
     for family in families(design, "s"):
         if not family.act:
             writers = {
@@ -76,14 +94,15 @@ def test_an_agent_hears_receipts_of_its_own_peers_alone() -> None:
 
 
 def test_the_router_lets_in_and_out_exactly_the_rights(design: Design) -> None:
-    """Of the rules that carry anything (put, token) the key expressions are the rights', one by one; a declaration may
-    be wider, but not beyond the system.
+    """Of the rules that carry anything (put, token) the key expressions are the rights', one by
+    one; a declaration may be wider, but not beyond the system.
     """
     config = access_control(design, "s")
     subjects = {one["id"]: one["cert_common_names"] for one in config["subjects"]}
     of_rule = {rule: one["subjects"] for one in config["policies"] for rule in one["rules"]}
     way = {("ingress", "put"): "put", ("egress", "put"): "subscribe",
-           ("ingress", "liveliness_token"): "token", ("egress", "liveliness_token"): "watch"}  # fmt: skip
+           ("ingress", "liveliness_token"): "token",
+           ("egress", "liveliness_token"): "watch"}  # fmt: skip
     carried = set()
     for rule in config["rules"]:
         (flow,), (name,) = rule["flows"], of_rule[rule["id"]]
@@ -97,13 +116,16 @@ def test_the_router_lets_in_and_out_exactly_the_rights(design: Design) -> None:
             assert flow == "ingress"
             assert all("/s/" in key or key.startswith("s/") for key in rule["key_exprs"])
     mine = {one.key for one in families(design, "s") if routed(design, one)}
-    assert carried == {(one.identity, one.action, one.key) for one in rights(design, "s") if one.key in mine}
+    assert carried == {
+        (one.identity, one.action, one.key) for one in rights(design, "s") if one.key in mine
+    }
     assert carried
     assert (config["enabled"], config["default_permission"]) == (True, "deny")
 
 
 def test_whatever_may_be_heard_may_be_listened_to(design: Design) -> None:
-    """Each key that an identity has a right to hear at the router lies in what it may declare there.
+    """Each key that an identity has a right to hear at the router lies in what it may declare
+    there.
 
     An agent's ears are its own alone.
     """
@@ -118,7 +140,9 @@ def test_whatever_may_be_heard_may_be_listened_to(design: Design) -> None:
         (rule,) = (rule for rule in config["rules"] if rule["id"] == f"{agent} listens")
         for other in design.rules.values():
             if other.receiver != agent:
-                assert not any(includes(key, design.key_of("s", other)) for key in rule["key_exprs"])
+                assert not any(
+                    includes(key, design.key_of("s", other)) for key in rule["key_exprs"]
+                )
 
 
 def test_the_page_has_the_matrix_of_the_design() -> None:
@@ -130,9 +154,17 @@ def test_the_page_has_the_matrix_of_the_design() -> None:
 
 def test_a_writer_with_a_reach_writes_to_no_other_peers() -> None:
     """The page orders ta, and may put nothing else; the operator orders all."""
-    mine = {one.key for one in rights(DESIGN, "s") if one.identity == "page" and one.action == Action.PUT}
+    mine = {
+        one.key
+        for one in rights(DESIGN, "s")
+        if one.identity == "page" and one.action == Action.PUT
+    }
     assert mine == {"roco/s/_/control/page/ta"}
-    orders = {one.key for one in rights(DESIGN, "s") if one.identity == "operator" and one.action == Action.PUT}
+    orders = {
+        one.key
+        for one in rights(DESIGN, "s")
+        if one.identity == "operator" and one.action == Action.PUT
+    }
     assert orders == {f"roco/s/_/control/operator/{agent}" for agent in DESIGN.agents}
 
 
@@ -143,4 +175,6 @@ def test_a_reach_of_nobody_is_found(pair: tuple[str, str], wrong: str) -> None:
     """Else a slip of the pen would let the writer reach all."""
     signals = tuple(replace(one, reach=(pair,)) if one.reach else one for one in DESIGN.file.signal)
     found = check(Design(replace(DESIGN.file, signal=signals), DESIGN.path))
-    assert [re.search(wrong, one.wrong) is not None for one in found if one.where == "signal control"] == [True]
+    assert [
+        re.search(wrong, one.wrong) is not None for one in found if one.where == "signal control"
+    ] == [True]

@@ -6,7 +6,10 @@ from topdown.model.rulings import rulings
 
 RULED: list[Change] = [
     ("latency_s = 1.0\n", 'latency_s = 1.0\nruling = "nobody said how long"\n'),
-    ('performative = "cancel", language = "WAY"', 'performative = "cancel", ruling = "not printed", language = "WAY"'),
+    (
+        'performative = "cancel", language = "WAY"',
+        'performative = "cancel", ruling = "not printed", language = "WAY"',
+    ),
 ]
 
 

@@ -1,4 +1,6 @@
-"""`new`: the project of any design is well-formed, binds and answers; what a user changed is never touched."""
+"""`new`: the project of any design is well-formed, binds and answers; what a user changed is never
+touched.
+"""
 
 import ast
 import os
@@ -50,13 +52,17 @@ def projects(tmp_path_factory):
 @pytest.mark.process
 @pytest.mark.parametrize("name", ["grouped", "companion_copy"])
 def test_every_agent_of_a_new_project_binds_and_declines(name, projects):
-    """The project's own tests pass before anything is filled in: design, languages, interfaces, every question."""
+    """The project's own tests pass before anything is filled in: design, languages, interfaces,
+    every question.
+    """
     run_its_tests(projects / name, "--ignore", "tests/test_run.py")
 
 
 @pytest.mark.zenoh
 def test_a_new_project_runs_at_once(tmp_path):
-    """Router and agents become ready over Zenoh; they do not wait for the group, which nobody of the project runs."""
+    """Router and agents become ready over Zenoh; they do not wait for the group, which nobody of
+    the project runs.
+    """
     scaffold(GROUPED.read_text(), tmp_path)
     run_its_tests(tmp_path, "tests/test_run.py")
 
@@ -64,10 +70,14 @@ def test_a_new_project_runs_at_once(tmp_path):
 @pytest.mark.process
 def test_what_is_made_is_formatted_and_without_lint(projects):
     """ruff has nothing to say."""
-    ruff = shutil.which("ruff", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    ruff = shutil.which(
+        "ruff", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    )
     assert ruff is not None, "ruff is among the dev packages"
     for words in (["check"], ["format", "--check"]):
-        done = subprocess.run([ruff, *words, "--no-cache", "."], cwd=projects, capture_output=True, text=True)
+        done = subprocess.run(
+            [ruff, *words, "--no-cache", "."], cwd=projects, capture_output=True, text=True
+        )
         assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -88,18 +98,24 @@ def test_a_second_time_changes_nothing(tmp_path):
 
 def grown(text: str) -> str:
     """The smallest design with one behaviour more: what a user does next."""
-    return text.replace('behaviour = "do"', 'behaviour = "work"').replace("# The design of", "# Design of")
+    return text.replace('behaviour = "do"', 'behaviour = "work"').replace(
+        "# The design of", "# Design of"
+    )
 
 
 def test_what_the_user_changed_is_kept_and_the_rest_is_made_anew(tmp_path):
-    """The changed file stays as it is, byte for byte, and the name it lacks is told; the rest is rewritten."""
+    """The changed file stays as it is, byte for byte, and the name it lacks is told; the rest is
+    rewritten.
+    """
     scaffold(smallest("tiny"), tmp_path)
     mine = tmp_path / "tiny" / "doer" / "behaviours.py"
     mine.write_text(mine.read_text().replace("# to fill in", "# filled in"))
     before = mine.read_bytes()
     outcome = scaffold(grown(smallest("tiny")), tmp_path)
     assert mine.read_bytes() == before
-    assert [(kept.path, kept.missing) for kept in outcome.kept] == [("tiny/doer/behaviours.py", ("work",))]
+    assert [(kept.path, kept.missing) for kept in outcome.kept] == [
+        ("tiny/doer/behaviours.py", ("work",))
+    ]
     assert outcome.written == ("tiny/design.toml",)
 
 
@@ -159,16 +175,23 @@ def test_a_design_that_cannot_be_a_project_is_refused_before_anything_is_written
 
 @pytest.mark.parametrize("name", DESIGNS)
 def test_compose_has_a_service_for_each_agent_router_and_monitor(name, projects):
-    """Each runs a module that is there, finds router and agents by their names, and says whose fleet it is."""
+    """Each runs a module that is there, finds router and agents by their names, and says whose
+    fleet it is.
+    """
     services = yaml.safe_load((projects / name / "compose.yaml").read_text())["services"]
     agents = Design(loading.read(DESIGNS[name]()), name).agents
     assert set(services) == {"router", "monitor", *agents}
-    assert {one["labels"]["robot-companion.system"] for one in services.values()} == {Path(name).stem}
+    assert {one["labels"]["robot-companion.system"] for one in services.values()} == {
+        Path(name).stem
+    }
     for agent in agents:
         package, _, module = services[agent]["command"][-1].partition(".")
         assert (projects / name / package / module / "__main__.py").exists()
         told = services[agent]["environment"]
-        assert (told["ROCO_CONNECT"], told["ROCO_LISTEN"]) == ("tcp/router:7447", "tcp/0.0.0.0:7448")
+        assert (told["ROCO_CONNECT"], told["ROCO_LISTEN"]) == (
+            "tcp/router:7447",
+            "tcp/0.0.0.0:7448",
+        )
         assert endpoints(told["ROCO_AGENTS"]) == {one: f"tcp/{one}:7448" for one in agents}
         assert services[agent]["depends_on"] == ["router", "monitor"]
 

@@ -1,4 +1,6 @@
-"""Words that change nothing are found, and only those; one left out wrongly is seen after the exploration."""
+"""Words that change nothing are found, and only those; one left out wrongly is seen after the
+exploration.
+"""
 
 import pytest
 from small import design, fleet, instead, less
@@ -58,13 +60,19 @@ LAMP = (
 PROGRESS, CONFIRM = "report inform[progress]", "report confirm[progress]"
 
 
-def reporting(hand: tuple[str, ...] = HAND, lamp: tuple[str, ...] = LAMP, more: str = "", **other: str) -> Design:
-    """A lamp that tells how far it is, which the hand confirms by name; `other`: words of the table in other words."""
+def reporting(
+    hand: tuple[str, ...] = HAND, lamp: tuple[str, ...] = LAMP, more: str = "", **other: str
+) -> Design:
+    """A lamp that tells how far it is, which the hand confirms by name; `other`: words of the table
+    in other words.
+    """
     told = REPORT + more
     for old, new in other.items():
         assert old in told
         told = told.replace(old, new)
-    return design(hand, lamp, *(("watch",) if "watch" in str((hand, lamp)) else ()), "ask", more=told)
+    return design(
+        hand, lamp, *(("watch",) if "watch" in str((hand, lamp)) else ()), "ask", more=told
+    )
 
 
 def silent(made: Design) -> set[str]:
@@ -77,7 +85,9 @@ def test_progress_told_and_confirmed_is_silent() -> None:
     assert silent(reporting()) == {PROGRESS, CONFIRM}
 
 
-@pytest.mark.parametrize("more", ['to = "busy"', 'owes = ["watch"]', 'moves = "report"', 'say = ["report inform"]'])
+@pytest.mark.parametrize(
+    "more", ['to = "busy"', 'owes = ["watch"]', 'moves = "report"', 'say = ["report inform"]']
+)
 def test_a_confirm_that_matters_makes_both_matter(more: str) -> None:
     """The confirm is said for the progress: what makes somebody say a loud word is not silent."""
     row = f'on = "report confirm[progress]", {more} }}'
@@ -87,10 +97,14 @@ def test_a_confirm_that_matters_makes_both_matter(more: str) -> None:
 def test_dropping_something_matters() -> None:
     """Likewise, at the other side: the lamp's word matters, the hand's does not."""
     row = 'on = "report inform[progress]", drop = ["ask"], say'
-    assert silent(reporting(hand=instead(HAND, 'on = "report inform[progress]", say', row))) == {CONFIRM}
+    assert silent(reporting(hand=instead(HAND, 'on = "report inform[progress]", say', row))) == {
+        CONFIRM
+    }
 
 
-@pytest.mark.parametrize("row", ["", '{ in = ["idle"], on = "report confirm[progress]", several = true }'])
+@pytest.mark.parametrize(
+    "row", ["", '{ in = ["idle"], on = "report confirm[progress]", several = true }']
+)
 def test_what_no_row_takes_is_not_silent(row: str) -> None:
     """It stays in the inbox and stands in the way."""
     rows = less(LAMP, "confirm")
@@ -105,14 +119,25 @@ def test_one_row_that_matters_is_enough() -> None:
 
 def test_a_conversation_that_goes_on_is_not_silent() -> None:
     """Its state tells that the word was said."""
-    made = reporting(**{'"confirm[progress]", "running"],\n  ["done"': '"confirm[progress]", "done"],\n  ["done"'})
+    made = reporting(
+        **{
+            '"confirm[progress]", "running"],\n  ["done"': (
+                '"confirm[progress]", "done"],\n  ["done"'
+            )
+        }
+    )
     assert silent(made) == set()
 
 
 def test_what_is_owed_in_more_than_one_way_is_not_silent() -> None:
     """The choice of the way would matter."""
-    both = '["owing", "send", "confirm[progress]", "running"],\n  ["owing", "send", "confirm", "done"],'
-    assert silent(reporting(**{'["owing", "send", "confirm[progress]", "running"],': both})) == {CONFIRM}
+    both = (
+        '["owing", "send", "confirm[progress]", "running"],\n  ["owing", "send", "confirm",'
+        ' "done"],'
+    )
+    assert silent(reporting(**{'["owing", "send", "confirm[progress]", "running"],': both})) == {
+        CONFIRM
+    }
 
 
 def test_volatile_words_are_never_silent() -> None:
@@ -121,7 +146,9 @@ def test_volatile_words_are_never_silent() -> None:
 
 
 def test_a_word_that_a_rule_forbids_is_said_in_the_model() -> None:
-    """Else the rule would hold whatever the agents do; what is said for such a word is not silent either."""
+    """Else the rule would hold whatever the agents do; what is said for such a word is not silent
+    either.
+    """
     rule = """
 [[never]]
 name = "no confirm to a lamp at work"
@@ -141,12 +168,16 @@ def test_silent_words_are_not_sent() -> None:
     result = explore(model)
     assert result.holds
     assert model.not_silent() == ()
-    assert not any(said in model.parts.silent for words in model.parts.queues.values for said in words)
+    assert not any(
+        said in model.parts.silent for words in model.parts.queues.values for said in words
+    )
     assert model.unused() == ()
 
 
 def test_a_word_left_out_wrongly_is_reported() -> None:
-    """The lamp has no row for the confirm in a state in which it may come: it would stand in the way."""
+    """The lamp has no row for the confirm in a state in which it may come: it would stand in the
+    way.
+    """
     rows = instead(LAMP, '["idle", "busy"], on = "report confirm', '["idle"], on = "report confirm')
     model = fleet(reporting(lamp=rows))
     assert explore(model).holds
@@ -156,7 +187,13 @@ def test_a_word_left_out_wrongly_is_reported() -> None:
 
 def test_a_guard_that_may_not_hold_is_reported() -> None:
     """No row for the progress applies where the guard is wrong."""
-    rows = instead(HAND, 'on = "report inform[progress]"', 'on = "report inform[progress]", when = ["report none"]')
+    rows = instead(
+        HAND,
+        'on = "report inform[progress]"',
+        'on = "report inform[progress]", when = ["report none"]',
+    )
     model = fleet(reporting(hand=rows))
     explore(model)
-    assert [told.split(": ")[-1] for told in model.not_silent()] == [f"{PROGRESS} is not without effect"]
+    assert [told.split(": ")[-1] for told in model.not_silent()] == [
+        f"{PROGRESS} is not without effect"
+    ]

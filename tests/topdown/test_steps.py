@@ -1,4 +1,6 @@
-"""A step that was made is compared with the rows: which it may have followed, and why it is none of the design's."""
+"""A step that was made is compared with the rows: which it may have followed, and why it is none of
+the design's.
+"""
 
 from typing import NamedTuple
 
@@ -56,12 +58,18 @@ def test_a_step_that_follows_a_row_is_one_of_the_design() -> None:
 def test_a_step_that_follows_none_is_named() -> None:
     """With what it did and the rows there are."""
     for step, words in (
-        (took("idle", REQUEST, AGREE, after="idle"), "said switch agree, then idle; rows for it: row 1"),
+        (
+            took("idle", REQUEST, AGREE, after="idle"),
+            "said switch agree, then idle; rows for it: row 1",
+        ),
         (took("idle", REQUEST, after="busy"), "said nothing, then busy"),
         (took("idle", REQUEST, AGREE, AGREE, after="busy"), "said switch agree, switch agree"),
         (took("idle", REQUEST, INFORM, after="busy"), "said switch inform"),
         (took("busy", REQUEST, AGREE), "rows for it: none"),
-        (took("idle", CANCEL), "in idle on switch cancel said nothing, then idle; rows for it: none"),
+        (
+            took("idle", CANCEL),
+            "in idle on switch cancel said nothing, then idle; rows for it: none",
+        ),
         (did("idle", "Local", INFORM), "in idle on Local said switch inform"),
         (did("busy", "Tick", after="idle"), "rows for it: none"),
     ):
@@ -72,7 +80,8 @@ def test_a_step_that_follows_none_is_named() -> None:
 def test_words_come_in_their_order_and_others_only_if_they_may() -> None:
     """Optional words of a row stand anywhere, any number of times."""
     steps = lamp(
-        '{ in = ["idle"], on = "switch request", say = ["switch agree", "switch inform"], may = ["switch failure"] }'
+        '{ in = ["idle"], on = "switch request", say = ["switch agree", "switch inform"], may ='
+        ' ["switch failure"] }'
     )
     failure = ("switch", P.FAILURE, Kind.PLAIN)
     assert not steps.why_not(took("idle", REQUEST, AGREE, INFORM))
@@ -88,7 +97,16 @@ EVENTS = {
     "own bored": ["PeerChanged lamp", "Woken", "Local", "Settled"],
     "person wish": ["Local"],
 }
-WORDS = ["Started", "Late switch", "Late ask", "PeerChanged lamp", "PeerChanged other", "Woken", "Local", "Settled"]
+WORDS = [
+    "Started",
+    "Late switch",
+    "Late ask",
+    "PeerChanged lamp",
+    "PeerChanged other",
+    "Woken",
+    "Local",
+    "Settled",
+]
 
 
 def test_which_events_a_row_may_be_for() -> None:
@@ -129,7 +147,9 @@ def test_nothing_done_is_no_deviation() -> None:
 
 
 def test_after_a_death_or_a_wait_nothing_is_less_than_a_row_that_applies_always() -> None:
-    """The proof relies on it: what was lost is asked again. A guard, or a conversation's table, may say otherwise."""
+    """The proof relies on it: what was lost is asked again. A guard, or a conversation's table, may
+    say otherwise.
+    """
     for row, due in (
         ('say = ["ask query-ref"]', True),
         ('say = ["watch subscribe"], to = "asking"', True),

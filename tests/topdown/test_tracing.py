@@ -1,4 +1,6 @@
-"""Every leaf requirement leads to groups, agents, channels and to what shows it; what nothing shows is told."""
+"""Every leaf requirement leads to groups, agents, channels and to what shows it; what nothing shows
+is told.
+"""
 
 from measured_runs import run, said
 from spoiling import design
@@ -49,4 +51,7 @@ def test_a_leaf_that_nothing_shows_is_bare() -> None:
     """None named, or none there."""
     bare = design(('evidence = ["event:order done", "message:order inform WAY.Arrived"]\n', ""))
     assert [leaf.bare for leaf in trace(bare)] == [True, False]
-    assert [leaf.bare for leaf in trace(design(), type(run())(), lambda path, name: False)] == [True, True]
+    assert [leaf.bare for leaf in trace(design(), type(run())(), lambda path, name: False)] == [
+        True,
+        True,
+    ]

@@ -37,7 +37,9 @@ def test_a_volatile_design_needs_no_stream() -> None:
 
 
 def test_how_many_faults() -> None:
-    """As many as asked for, any number included; the start is explored without. More faults have more states."""
+    """As many as asked for, any number included; the start is explored without. More faults have
+    more states.
+    """
     counts = []
     for faults in (0, 1, 2, None):
         found_ones = verdicts(questions(), faults=faults)
@@ -95,7 +97,10 @@ def test_rows_not_needed_are_notes_of_the_last_verdict() -> None:
 
 def test_a_word_left_out_wrongly_is_open() -> None:
     """The progress would stand in the way in a state that has no row for it."""
-    chatty = '{ in = ["busy"], on = "own flicker", when = ["switch agreed"], say = ["switch inform[progress]"] }'
+    chatty = (
+        '{ in = ["busy"], on = "own flicker", when = ["switch agreed"], say = ["switch'
+        ' inform[progress]"] }'
+    )
     deaf = '{ in = ["idle"], on = "switch inform[progress]" }'
     hand = (*HAND, deaf)
     last = verdicts(design(hand, (*LAMP, chatty)), layers=(3,))[-1]
@@ -107,4 +112,6 @@ def test_a_word_left_out_wrongly_is_open() -> None:
 def test_silent_words_are_of_the_design() -> None:
     """The model of each design has its own."""
     told = '{ in = ["waiting"], on = "switch inform[progress]" }'
-    assert fleet(design((*HAND, told), LAMP)).parts.silent == {ProtocolAct("switch", P.INFORM, Kind.PROGRESS)}
+    assert fleet(design((*HAND, told), LAMP)).parts.silent == {
+        ProtocolAct("switch", P.INFORM, Kind.PROGRESS)
+    }

@@ -1,4 +1,6 @@
-"""The toy fleet as fixtures; makes the modules beside the tests importable (tests have no packages)."""
+"""The toy fleet as fixtures; makes the modules beside the tests importable (tests have no
+packages).
+"""
 
 import sys
 from collections.abc import Generator, Iterator
@@ -14,7 +16,9 @@ from toy_fleet import Fleet  # noqa: E402  (after the path is set)
 
 @pytest.fixture
 def fleet(tmp_path: Path) -> Iterator[Fleet]:
-    """Router, asker and server, all ready; for a test that leaves them otherwise than it found them."""
+    """Router, asker and server, all ready; for a test that leaves them otherwise than it found
+    them.
+    """
     made = whole(tmp_path)
     yield made
     end(made)
@@ -38,7 +42,9 @@ FAILED = pytest.StashKey[bool]()
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, Any, Any]:
     """Note for `shared` that a test failed."""
     report = yield
     item.stash[FAILED] = item.stash.get(FAILED, False) or report.failed or report.outcome == "rerun"
@@ -55,12 +61,16 @@ def _kept() -> Iterator[list[Fleet]]:
 
 @pytest.fixture
 def shared(_kept: list[Fleet], tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Fleet]:
-    """Router, asker and server of all tests of a module; new ones after a test that failed or lost a process."""
+    """Router, asker and server of all tests of a module; new ones after a test that failed or lost
+    a process.
+    """
     if not _kept:
         _kept.append(whole(tmp_path))
     (one,) = _kept
     yield one
-    if request.node.stash.get(FAILED, False) or {name for name, p in one.processes.items() if p.poll() is None} != {
+    if request.node.stash.get(FAILED, False) or {
+        name for name, p in one.processes.items() if p.poll() is None
+    } != {
         "router",
         "asker",
         "server",

@@ -1,9 +1,9 @@
-"""A router, or an agent's links, with keys and rights in this process, and sessions of every identity; what the design
-allows there, cell by cell.
+"""A router, or an agent's links, with keys and rights in this process, and sessions of every
+identity; what the design allows there, cell by cell.
 
-The rights of a guard do not hold for a session of its own process: so that session tries each side of a cell alone.
-It hears all that is let in (put, token), answers every question that is let in (query), asks whatever is declared
-(queryable) and says all that may be heard (subscribe, watch).
+The rights of a guard do not hold for a session of its own process: so that session tries each side
+of a cell alone. It hears all that is let in (put, token), answers every question that is let in
+(query), asks whatever is declared (queryable) and says all that may be heard (subscribe, watch).
 """
 
 from pathlib import Path
@@ -22,8 +22,11 @@ from topdown.model.rights import access_control, identities, links_control
 
 SYSTEM = "guarded"
 FENCE = "fence"
-"""Keys that everybody may use, beside the design's: what came before a word on them has been decided."""
-_ALL = ("put", "declare_subscriber", "query", "reply", "declare_queryable", "liveliness_token", "liveliness_query",
+"""Keys that everybody may use, beside the design's: what came before a word on them has been
+decided.
+"""
+_ALL = ("put", "declare_subscriber", "query", "reply", "declare_queryable", "liveliness_token",
+        "liveliness_query",
         "declare_liveliness_subscriber")  # fmt: skip
 
 
@@ -32,14 +35,17 @@ def guarded_rights(agent: str = "") -> dict[str, Any]:
     names = {name: name for name in identities(DESIGN)}
     rules = links_control(DESIGN, SYSTEM, agent, names) if agent else access_control(DESIGN, SYSTEM)
     subjects = [{"id": name, "cert_common_names": [name]} for name in names]
-    fence = {"id": FENCE, "permission": "allow", "flows": ["ingress", "egress"], "messages": list(_ALL),
+    fence = {"id": FENCE, "permission": "allow", "flows": ["ingress", "egress"],
+             "messages": list(_ALL),
              "key_exprs": [f"{FENCE}/**"]}  # fmt: skip
     policies = [*rules["policies"], {"subjects": list(names), "rules": [FENCE]}]
     return rules | {"rules": [*rules["rules"], fence], "subjects": subjects, "policies": policies}
 
 
 class Guarded:
-    """The guard, which is the router or an agent's links, and whoever connects; `close` ends all of it."""
+    """The guard, which is the router or an agent's links, and whoever connects; `close` ends all of
+    it.
+    """
 
     def __init__(self, folder: Path, agent: str = "", access: dict[str, Any] | None = None) -> None:
         self.folder, self.endpoint = folder, free_endpoint().replace("tcp/", "tls/")
@@ -64,11 +70,15 @@ class Guarded:
 
 
 def keys_of(design: Design) -> tuple[str, ...]:
-    """Every key to try: each act there is, wherever the design has a protocol; each signal with whoever might own it
-    and whoever might hear it.
+    """Every key to try: each act there is, wherever the design has a protocol; each signal with
+    whoever might own it and whoever might hear it.
     """
-    ways = {(rule.channel, rule.sender, rule.receiver, rule.protocol) for rule in design.rules.values()}
-    said = ["/".join(("roco", SYSTEM, *way, act.value)) for way in sorted(ways) for act in Performative]
+    ways = {
+        (rule.channel, rule.sender, rule.receiver, rule.protocol) for rule in design.rules.values()
+    }
+    said = [
+        "/".join(("roco", SYSTEM, *way, act.value)) for way in sorted(ways) for act in Performative
+    ]
     names = identities(design)
     served = [
         signal.key.format(system=SYSTEM, owner=owner, peer=peer, incarnation=1)
@@ -81,7 +91,9 @@ def keys_of(design: Design) -> tuple[str, ...]:
 
 
 def allowed_at(agent: str, design: Design, identity: str, action: str, key: str) -> bool:
-    """Return whether the design allows a cell at an agent, told from the chunks of the key alone."""
+    """Return whether the design allows a cell at an agent, told from the chunks of the key
+    alone.
+    """
     _, _, what, *rest = key.split("/")
     if identity not in design.peers(agent):
         return False
@@ -89,15 +101,22 @@ def allowed_at(agent: str, design: Design, identity: str, action: str, key: str)
         return rest[1] == {"token": identity, "watch": agent}.get(action)
     if what != "_":
         sender, receiver, protocol, act = rest
-        known = any((s, r, p, a) == (sender, receiver, protocol, act) for s, r, p, a in design.rules)
+        known = any(
+            (s, r, p, a) == (sender, receiver, protocol, act) for s, r, p, a in design.rules
+        )
     else:
         (kind, sender, *others), receiver = rest, rest[-1]
         known = kind in ("receipt", "ping", "pong") and bool(others)
-    return known and (sender, receiver) == {"put": (identity, agent), "subscribe": (agent, identity)}.get(action)
+    return known and (sender, receiver) == {
+        "put": (identity, agent),
+        "subscribe": (agent, identity),
+    }.get(action)
 
 
 def allowed(design: Design, identity: str, action: str, key: str) -> bool:
-    """Return whether the design allows a cell at the router, told from the chunks of the key alone."""
+    """Return whether the design allows a cell at the router, told from the chunks of the key
+    alone.
+    """
     _, _, what, *rest = key.split("/")
     if what != "_":
         return False  # agents say it to each other
@@ -111,5 +130,7 @@ def allowed(design: Design, identity: str, action: str, key: str) -> bool:
     if owner not in signal.writers or (addressed and addressed[0] not in reached):
         return False
     write, read = ("token", "watch") if kind == "alive" else ("put", "subscribe")
-    mine = identity in signal.readers and (not addressed or identity == addressed[0] or identity not in design.agents)
+    mine = identity in signal.readers and (
+        not addressed or identity == addressed[0] or identity not in design.agents
+    )
     return (action == write and identity == owner) or (action == read and mine)

@@ -1,6 +1,8 @@
-"""Two systems side by side: agents' wires of both, linked, and one router for tools, in this process.
+"""Two systems side by side: agents' wires of both, linked, and one router for tools, in this
+process.
 
-And a link to a router that can go silent, as a cable that is pulled: whoever is connected notices nothing at first.
+And a link to a router that can go silent, as a cable that is pulled: whoever is connected notices
+nothing at first.
 """
 
 import socket
@@ -27,11 +29,15 @@ KINDS = ("state",)
 
 
 class Pair:
-    """co and ta of one system: two linked sessions, two inboxes. `heard`: everything that came, per agent."""
+    """co and ta of one system: two linked sessions, two inboxes. `heard`: everything that came, per
+    agent.
+    """
 
-    def __init__(self, system: str, endpoint: str, keys: Path | None = None, logs: Path | None = None) -> None:
-        """`endpoint`: the router's. `keys`: of the site (agent_runtime.io.issuing), where it has some. `logs`: folder
-        of the step logs.
+    def __init__(
+        self, system: str, endpoint: str, keys: Path | None = None, logs: Path | None = None
+    ) -> None:
+        """`endpoint`: the router's. `keys`: of the site (agent_runtime.io.issuing), where it has
+        some. `logs`: folder of the step logs.
         """
         self.system = system
         self._logs = None if logs is None else StepLogs(logs)
@@ -40,7 +46,10 @@ class Pair:
                 (logs / "steps").mkdir(parents=True, exist_ok=True)
                 (logs / "steps" / f"{name}.steps").touch()
         own = keys and keys / system
-        self.ends = {name: free_endpoint().replace("tcp/", "tls/" if own else "tcp/") for name in ("co", "ta")}
+        self.ends = {
+            name: free_endpoint().replace("tcp/", "tls/" if own else "tcp/")
+            for name in ("co", "ta")
+        }
         self.sessions = {
             name: open_links(
                 at,
@@ -67,10 +76,14 @@ class Pair:
 
     def talk(self, text: str) -> None:
         """Say one of everything that an agent can say, both ways, with this text in it."""
-        for me, peer, act in (("co", "ta", Performative.REQUEST), ("ta", "co", Performative.INFORM)):
+        for me, peer, act in (
+            ("co", "ta", Performative.REQUEST),
+            ("ta", "co", Performative.INFORM),
+        ):
             wire = self.wires[me]
             one = Communicate(
-                performative=act, protocol="coordinate", language="SW", conversation=text, sender=me, receiver=peer,
+                performative=act, protocol="coordinate", language="SW", conversation=text,
+                sender=me, receiver=peer,
                 id=text, sent=time.time(),
             )  # fmt: skip
             wire.send(one)
@@ -83,7 +96,9 @@ class Pair:
                 wire.publish(kind, text.encode())
 
     def fence(self, name: str, text: bytes) -> None:
-        """The last word to an agent: what was said before in its session has been decided when it is there."""
+        """The last word to an agent: what was said before in its session has been decided when it
+        is there.
+        """
         peer = "ta" if name == "co" else "co"
         self.sessions[peer].put(service_key(self.system, "receipt", peer, name), text)
 
@@ -100,8 +115,8 @@ class Pair:
 
 
 class Cable:
-    """Forwards connections from a port of its own to an endpoint; `pulled`: it takes and gives nothing, and says so to
-    nobody.
+    """Forwards connections from a port of its own to an endpoint; `pulled`: it takes and gives
+    nothing, and says so to nobody.
     """
 
     def __init__(self, endpoint: str) -> None:

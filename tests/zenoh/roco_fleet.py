@@ -1,6 +1,8 @@
-"""The whole fleet as a person starts it: `roco` as a process, six agents over Zenoh, the simulated robot at full speed.
+"""The whole fleet as a person starts it: `roco` as a process, six agents over Zenoh, the simulated
+robot at full speed.
 
-Waits are for conditions, with a deadline. The truth is read where the loop writes it, in its slots; agents cannot.
+Waits are for conditions, with a deadline. The truth is read where the loop writes it, in its slots;
+agents cannot.
 """
 
 import os
@@ -47,7 +49,9 @@ T = TypeVar("T")
 
 
 class Moment(msgspec.Struct, frozen=True):
-    """State of a run: where the plan of the open task is and what is told of it, the truth, the loop's report."""
+    """State of a run: where the plan of the open task is and what is told of it, the truth, the
+    loop's report.
+    """
 
     at: str
     why: Facts
@@ -71,21 +75,29 @@ class Moment(msgspec.Struct, frozen=True):
 class RocoFleet:
     """A fleet in a run folder of its own; `down` ends it, whatever is left of it."""
 
-    def __init__(self, run: Path, seed: int = SEED, scene: Path | None = None, more: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, run: Path, seed: int = SEED, scene: Path | None = None, more: tuple[str, ...] = ()
+    ) -> None:
         self.run = run
         self.roco("up", "--out", str(run), "--speed", "max", "--seed", str(seed),
-                  *(["--scene", str(scene)] if scene else []), *more, timeout=120.0, inside=False)  # fmt: skip
+                  *(["--scene", str(scene)] if scene else []), *more, timeout=120.0,
+                  inside=False)  # fmt: skip
         self._link: AgentLink | None = None
 
-    # --- as a person ------------------------------------------------------------------------------------------------
+    # --- as a person ------------------------------------------------------------------------------
 
-    def roco(self, *words: str, timeout: float = 60.0, code: int | None = 0, inside: bool = True) -> str:
+    def roco(
+        self, *words: str, timeout: float = 60.0, code: int | None = 0, inside: bool = True
+    ) -> str:
         """Return the output of `roco`; its exit code must be `code`."""
         run = ["--run-dir", str(self.run)] if inside else []
         command = [sys.executable, "-m", "operate.cli", *words, *run]
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
         said = (done.stdout + done.stderr).strip()
-        assert code in (None, done.returncode), f"roco {' '.join(words)} ended with {done.returncode}: {said}"
+        assert code in (
+            None,
+            done.returncode,
+        ), f"roco {' '.join(words)} ended with {done.returncode}: {said}"
         return said
 
     @property
@@ -120,15 +132,20 @@ class RocoFleet:
             raise AssertionError(f"{error}\n{self.hi.tasks()}\n{self.logs()}") from None
 
     def session(self, identity: str) -> zenoh.Session:
-        """A session with the keys of an agent, linked with the agent's neighbours, as a thief of the keys has it."""
+        """A session with the keys of an agent, linked with the agent's neighbours, as a thief of
+        the keys has it.
+        """
         told = folders.fleet(self.run)
         assert told is not None
-        near, keys = [told.agents[peer] for peer in DESIGN.peers(identity)], links_tls(self.run / KEYS_FOLDER, identity)
+        near, keys = (
+            [told.agents[peer] for peer in DESIGN.peers(identity)],
+            links_tls(self.run / KEYS_FOLDER, identity),
+        )
         session = open_links(free_endpoint().replace("tcp/", "tls/"), tuple(near), keys)
         wait_for(lambda: len(session.info.peers_zid()) == len(near), "it is linked")
         return session
 
-    # --- as nobody can ----------------------------------------------------------------------------------------------
+    # --- as nobody can ----------------------------------------------------------------------------
 
     @property
     def link(self) -> AgentLink:
@@ -146,7 +163,9 @@ class RocoFleet:
         return self._read(lambda: self.link.state())
 
     def _read(self, look: Callable[[], T | None]) -> T:
-        """Return the contents of a slot; a read that met the writer, or fell between two loops, is tried again."""
+        """Return the contents of a slot; a read that met the writer, or fell between two loops, is
+        tried again.
+        """
         found: list[T] = []
 
         def read() -> bool:
@@ -163,7 +182,15 @@ class RocoFleet:
         def there() -> bool:
             line = self.task(task)
             assert line.state not in ENDED, line
-            return point(Moment(line.at.id if line.at else "", line.why, self.truth(), self.state(), self.link.told()))
+            return point(
+                Moment(
+                    line.at.id if line.at else "",
+                    line.why,
+                    self.truth(),
+                    self.state(),
+                    self.link.told(),
+                )
+            )
 
         self.wait(there, "the point was reached", within_s)
 
@@ -192,10 +219,14 @@ class RocoFleet:
 
     def beat(self, agent: str) -> Heartbeat:
         """An agent's last heartbeat."""
-        return msgspec.json.decode((self.run / f"{agent}.heartbeat.json").read_bytes(), type=Heartbeat)
+        return msgspec.json.decode(
+            (self.run / f"{agent}.heartbeat.json").read_bytes(), type=Heartbeat
+        )
 
     def acts_begun(self) -> list[str]:
-        """Keys of the acts that ex agreed to begin, in order; a communicate sent again counts once."""
+        """Keys of the acts that ex agreed to begin, in order; a communicate sent again counts
+        once.
+        """
         agreed = [
             one for one in mcap_file.read(self.run / mcap_file.FILE, SYSTEM).records
             if isinstance(one, Spoken) and isinstance(one.content, rc.Accepted)
@@ -204,12 +235,19 @@ class RocoFleet:
 
     def logs(self) -> str:
         """The last lines of everybody."""
-        return "\n".join(f"--- {log.name}\n{log.read_text()[-1200:]}" for log in sorted(self.run.glob("*.log")))
+        return "\n".join(
+            f"--- {log.name}\n{log.read_text()[-1200:]}" for log in sorted(self.run.glob("*.log"))
+        )
 
     def down(self) -> None:
         """End it; nothing that any agent did was outside its design."""
         starting.down(self.run)
-        lines = [line for log in self.run.glob("*.log") for line in log.read_text().splitlines() if OUTSIDE in line]
+        lines = [
+            line
+            for log in self.run.glob("*.log")
+            for line in log.read_text().splitlines()
+            if OUTSIDE in line
+        ]
         assert not lines, lines[0]
 
 

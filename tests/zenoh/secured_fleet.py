@@ -1,4 +1,6 @@
-"""Processes of the companion with keys, and their router: addresses and keys stand in the environment."""
+"""Processes of the companion with keys, and their router: addresses and keys stand in the
+environment.
+"""
 
 from pathlib import Path
 
@@ -21,10 +23,22 @@ def secured(run: Path, monkeypatch: pytest.MonkeyPatch) -> Processes:
     """A run folder with keys and the file that tells the addresses; nothing runs yet."""
     made = Processes(run, agents=tuple(DESIGN.agents), scheme="tls")
     issuing.issue(run / KEYS_FOLDER, DESIGN, (SYSTEM,))
-    told = {"CONNECT": made.endpoint, "RUN_DIR": run, "TLS_DIR": run / KEYS_FOLDER, "SYSTEM": SYSTEM}
+    told = {
+        "CONNECT": made.endpoint,
+        "RUN_DIR": run,
+        "TLS_DIR": run / KEYS_FOLDER,
+        "SYSTEM": SYSTEM,
+    }
     for name, value in told.items():
         monkeypatch.setenv(f"ROCO_{name}", str(value))
-    fleet = Fleet(system=SYSTEM, connect=made.endpoint, supervisor=0, started=0.0, processes=(), agents=made.agents)
+    fleet = Fleet(
+        system=SYSTEM,
+        connect=made.endpoint,
+        supervisor=0,
+        started=0.0,
+        processes=(),
+        agents=made.agents,
+    )
     (run / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
     return made
 
@@ -38,7 +52,10 @@ def session(fleet: Processes, identity: str, to: str = "") -> zenoh.Session:
 def serve(fleet: Processes, name: str, module: str) -> None:
     """Start a service as the process of this name."""
     path = fleet.run / f"{module}.py"
-    path.write_text(f"import runpy, sys\nsys.argv = ['{module}']\nrunpy.run_module('{module}', run_name='__main__')\n")
+    path.write_text(
+        f"import runpy, sys\nsys.argv = ['{module}']\nrunpy.run_module('{module}',"
+        " run_name='__main__')\n"
+    )
     before, fleet.script = fleet.script, path
     fleet.start(name)
     fleet.script = before

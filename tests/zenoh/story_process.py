@@ -1,4 +1,6 @@
-"""An agent of the stories, the crowd or the brokers as a process: `python story_process.py <agent> <connect> <run>`."""
+"""An agent of the stories, the crowd or the brokers as a process: `python story_process.py <agent>
+<connect> <run>`.
+"""
 
 import os
 import sys

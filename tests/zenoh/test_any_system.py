@@ -1,7 +1,9 @@
-"""Every verb of `roco` on systems that are not the robot: the depot, from `roco up` to `roco down`, and a new project.
+"""Every verb of `roco` on systems that are not the robot: the depot, from `roco up` to `roco down`,
+and a new project.
 
-A copy outside the clone, so that only its pyproject.toml says which system it is. The table below has a row for every
-verb that serves any system. One fleet serves all rows in their order; each row can be called alone, and a second time.
+A copy outside the clone, so that only its pyproject.toml says which system it is. The table below
+has a row for every verb that serves any system. One fleet serves all rows in their order; each row
+can be called alone, and a second time.
 """
 
 import json
@@ -29,9 +31,13 @@ RUN = f"runs/{LATEST}"
 AGENTS = ("desk", "dispatcher", "traffic", "mule", "ox")
 CHANNELS = ("C2", "C4", "C5", "C6", "C7")
 FOREIGN = re.compile(r"\b(hi|co|pl|km|ta|ex|loop|velma|jar|bowl)\b", re.IGNORECASE)
-"""Names of the robot's agents and things: where they are told of another system, a tool knows the robot."""
+"""Names of the robot's agents and things: where they are told of another system, a tool knows the
+robot.
+"""
 CALL_S, END_S = 150.0, 30.0
-"""For a call, and for its end once it is interrupted. The supervisor ends a monitor that hangs after 120 s."""
+"""For a call, and for its end once it is interrupted. The supervisor ends a monitor that hangs
+after 120 s.
+"""
 DELIVERED = 3
 """Orders that were carried out before anything is asked."""
 ORDER = '{"type":"Carry","item":"crate","source":"store","target":"press"}'
@@ -41,8 +47,8 @@ ACL = "(inform :sender (agent-identifier :name ox) :content full)"
 class Row(NamedTuple):
     """A call of a verb: its words after the verb, the exit code, and what its output has.
 
-    `up`: whether a fleet runs then, or one has run; None: whichever. `before`: calls without which there is nothing to
-    tell of. FRESH stands for the number of the try: each writes elsewhere.
+    `up`: whether a fleet runs then, or one has run; None: whichever. `before`: calls without which
+    there is nothing to tell of. FRESH stands for the number of the try: each writes elsewhere.
     """
 
     words: tuple[str, ...] = ()
@@ -60,11 +66,16 @@ CALLS: dict[str, Row] = {
     "agents": Row(has=("router", "monitor", *AGENTS, "MiB")),
     "agents dispatcher": Row(has=("ox on C5", "rounds = 20", "last steps", "says", "log level")),
     "agent restart": Row(("ox",), has=("ox: ready, pid",)),
-    "agent stop": Row(("traffic",), has=("traffic: stopped; `roco agent start traffic` starts it",)),
+    "agent stop": Row(
+        ("traffic",), has=("traffic: stopped; `roco agent start traffic` starts it",)
+    ),
     "agent start": Row(("traffic",), has=("traffic: ready, pid",), before=("agent stop traffic",)),
-    "agent repair": Row(("traffic",), code=1, has=("another process holds it; stop that agent first",)),
+    "agent repair": Row(
+        ("traffic",), code=1, has=("another process holds it; stop that agent first",)
+    ),
     "agents --offers": Row(
-        ("--long",), has=("ox  up (", "cfp job(JOB.Call) -> JOB.Offer or JOB.Carried", "asks traffic: way_ox")
+        ("--long",),
+        has=("ox  up (", "cfp job(JOB.Call) -> JOB.Offer or JOB.Carried", "asks traffic: way_ox"),
     ),
     "agent pause": Row(("mule",), has=("mule: paused; `roco agent start mule` lets it go on",)),
     "agent start mule": Row(has=("mule: goes on",), before=("agent pause mule",)),
@@ -74,17 +85,26 @@ CALLS: dict[str, Row] = {
     "param dispatcher rounds 30": Row(has=("30",)),
     "fault kill": Row(("ox",), has=("kill ox: begun", "kill ox: back, ")),
     "fault hang": Row(("traffic", "--for", "1"), has=("hang traffic: healed after 1 s",)),
-    "fault pause": Row(("mule", "--for", "0.5", "--at", "0.2"), has=("pause mule at 0.2 s: healed after 0.5 s",)),
+    "fault pause": Row(
+        ("mule", "--for", "0.5", "--at", "0.2"), has=("pause mule at 0.2 s: healed after 0.5 s",)
+    ),
     "fault restart": Row(("traffic",), has=("restart traffic: back, ",)),
-    "fault cut": Row(("ox",), code=1, has=("have no wires; start the fleet with `roco up --faults`",)),
+    "fault cut": Row(
+        ("ox",), code=1, has=("have no wires; start the fleet with `roco up --faults`",)
+    ),
     "fault delay": Row(("ox", "0.1"), code=1, has=("have no wires",)),
     "fault loss": Row(("ox", "0.1"), code=1, has=("have no wires",)),
     "fault rate": Row(("ox", "20000"), code=1, has=("have no wires",)),
     "fault corrupt": Row(("ox", "0.1"), code=1, has=("have no wires",)),
     "fault disk-full": Row(("traffic", "--for", "1"), has=("disk-full traffic: begun",)),
     "fault flood": Row(("mule", "--for", "1"), has=("flood mule by 500: healed after 1 s",)),
-    "fault clock": Row(("ox", "-60"), code=1, has=("ox of ", "has no clock of its own; `roco up --faults`")),
-    "fault run": Row(("faults.toml", "--seed", "3"), has=("pause dispatcher at", "restart traffic at", ": back, ")),
+    "fault clock": Row(
+        ("ox", "-60"), code=1, has=("ox of ", "has no clock of its own; `roco up --faults`")
+    ),
+    "fault run": Row(
+        ("faults.toml", "--seed", "3"),
+        has=("pause dispatcher at", "restart traffic at", ": back, "),
+    ),
     "fault list": Row(
         has=("kill ox", "pause mule at 0.2 s", "restart traffic", "back"),
         before=("fault kill ox", "fault pause mule --for 0.5 --at 0.2", "fault restart traffic"),
@@ -94,8 +114,12 @@ CALLS: dict[str, Row] = {
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
     "top --graph": Row(("--once",), has=(*AGENTS, *CHANNELS)),
     "top": Row(("--once",), has=("serves tools", *AGENTS, *CHANNELS)),
-    "doctor": Row(("--target", RUN, "--format", "json"), has=("8 processes of", '"supervisor"', '"router"')),
-    "traffic echo": Row(("--run", RUN, "--count", "8"), has=("desk>dispatcher", "request", "carry", "legal")),
+    "doctor": Row(
+        ("--target", RUN, "--format", "json"), has=("8 processes of", '"supervisor"', '"router"')
+    ),
+    "traffic echo": Row(
+        ("--run", RUN, "--count", "8"), has=("desk>dispatcher", "request", "carry", "legal")
+    ),
     "trace": Row(("--run", RUN), has=("desk",)),
     "why": Row(("--run", RUN), has=("desk",)),
     "sniff": Row(
@@ -108,8 +132,14 @@ CALLS: dict[str, Row] = {
     "traffic stats": Row(("--run", RUN), has=(*CHANNELS, "propose")),
     "traffic dead": Row(("--run", RUN, "--agent", "ox"), has=("dead letter",)),
     "traffic judge": Row((RUN,), has=(*CHANNELS, "legal")),
-    "record": Row(("--for", "0.5", "--out", f"part{FRESH}.mcap"), has=("communicates", "records", f"part{FRESH}.mcap")),
-    "record info": Row(("--keys",), has=("C5/dispatcher/ox/", "house/state", "system depot, design ", "not closed in")),
+    "record": Row(
+        ("--for", "0.5", "--out", f"part{FRESH}.mcap"),
+        has=("communicates", "records", f"part{FRESH}.mcap"),
+    ),
+    "record info": Row(
+        ("--keys",),
+        has=("C5/dispatcher/ox/", "house/state", "system depot, design ", "not closed in"),
+    ),
     "record repair": Row((RUN,), code=2, has=("is being recorded; `roco down`",)),
     "conversation": Row(("--channel", "C2"), has=("desk > dispatcher", "request")),
     "conversation desk-1-1": Row(has=("desk-1-1  ", " on C2  ", "dispatcher", "agree")),
@@ -119,9 +149,13 @@ CALLS: dict[str, Row] = {
     "runs --remove": Row(("--keep", "0"), has=("no run is removed",)),  # it is up
     "down": Row(has=("ended forks, router, monitor, desk, dispatcher, traffic, mule, ox",)),
     # What is asked of a run that has ended.
-    "replay": Row((RUN, "--replace", "traffic", "--speed", "max"), has=("all of them as recorded",), up=False),
+    "replay": Row(
+        (RUN, "--replace", "traffic", "--speed", "max"), has=("all of them as recorded",), up=False
+    ),
     "report": Row((RUN,), has=(*AGENTS, "report.json"), up=False),
-    "export": Row((RUN, "--to", "csv", "--out", f"tables{FRESH}"), has=("communicates.csv",), up=False),
+    "export": Row(
+        (RUN, "--to", "csv", "--out", f"tables{FRESH}"), has=("communicates.csv",), up=False
+    ),
     "compare": Row((RUN, RUN), has=("no regression",), up=False),
     "experiment run": Row(
         ("--for", "3", "--runs", "1", "--out", f"one{FRESH}"),
@@ -129,12 +163,27 @@ CALLS: dict[str, Row] = {
         up=False,
     ),
     "chaos": Row(
-        ("--runs", "1", "--seed", "8", "--kind", "restart", "--on", "ox", "--out", f"disturbed{FRESH}"),
+        (
+            "--runs",
+            "1",
+            "--seed",
+            "8",
+            "--kind",
+            "restart",
+            "--on",
+            "ox",
+            "--out",
+            f"disturbed{FRESH}",
+        ),
         has=("run 1 of 1, seed 8: restart ox at ", "1 of 1 held", f"disturbed{FRESH}/chaos.jsonl"),
         up=False,
     ),
-    "design check": Row(("--estimate",), has=("depot/design.toml: no findings", "5 agents", *CHANNELS), up=None),
-    "design diff": Row(("depot/design.toml", "depot/design.toml"), has=("the designs are the same",), up=None),
+    "design check": Row(
+        ("--estimate",), has=("depot/design.toml: no findings", "5 agents", *CHANNELS), up=None
+    ),
+    "design diff": Row(
+        ("depot/design.toml", "depot/design.toml"), has=("the designs are the same",), up=None
+    ),
     "design export": Row(("--promela", f"models{FRESH}"), has=(f"models{FRESH}",), up=None),
     "design follow": Row((RUN,), has=("each a move of the model",), up=False),
     "design new": Row((f"shop{FRESH}",), has=(f"shop{FRESH}/asker/behaviours.py",), up=None),
@@ -143,7 +192,9 @@ CALLS: dict[str, Row] = {
     "design verify": Row(("--layer", "2"), has=("holds",), up=None),
     "protocol": Row(has=("cfp", "fipa-contract-net", "fipa-request"), up=None),
     "protocol cfp": Row(("--svg", "cfp.svg"), has=("wrote cfp.svg",), up=None),
-    "keys make": Row((f"keys{FRESH}",), has=(*AGENTS, "monitor", "console", "operator", "'depot'"), up=None),
+    "keys make": Row(
+        (f"keys{FRESH}",), has=(*AGENTS, "monitor", "console", "operator", "'depot'"), up=None
+    ),
     "keys revoke": Row(
         ("traffic", "--keys", f"keys{FRESH}"),
         has=("revoked are traffic",),
@@ -153,15 +204,21 @@ CALLS: dict[str, Row] = {
 }
 STARTED = ("up",)
 """Verbs by which there is a fleet."""
-VERBS_OF_ANY = [words for rows in VERBS.values() for words, (place, _) in rows.items() if place is not GROUP]
+VERBS_OF_ANY = [
+    words for rows in VERBS.values() for words, (place, _) in rows.items() if place is not GROUP
+]
 
 
 def verb_of(call: str) -> str:
     """The verb that a call begins with: the longest that fits."""
-    return max((verb for verb in VERBS_OF_ANY if f"{call} ".startswith(f"{verb} ")), key=len, default="")
+    return max(
+        (verb for verb in VERBS_OF_ANY if f"{call} ".startswith(f"{verb} ")), key=len, default=""
+    )
 
 
-CALLS |= {verb: Row(up=None) for verb in VERBS_OF_ANY if verb not in (*map(verb_of, CALLS), *STARTED)}
+CALLS |= {
+    verb: Row(up=None) for verb in VERBS_OF_ANY if verb not in (*map(verb_of, CALLS), *STARTED)
+}
 """Verbs without a row are called without a word, and succeed."""
 HELPS = """
 import json, sys
@@ -182,7 +239,9 @@ class Project:
         self.environment = kept | {"COLUMNS": "200"}
 
     def roco(self, *words: str) -> "subprocess.CompletedProcess[str]":
-        """Call a verb here, as a shell does, wide enough that nothing is cut; interrupt it where it takes too long."""
+        """Call a verb here, as a shell does, wide enough that nothing is cut; interrupt it where it
+        takes too long.
+        """
         command = [sys.executable, "-P", "-m", "operate.cli", *words]
         pipe = subprocess.PIPE
         with subprocess.Popen(
@@ -191,7 +250,8 @@ class Project:
             try:
                 said = process.communicate(timeout=CALL_S)
             except subprocess.TimeoutExpired:
-                process.send_signal(signal.SIGINT)  # it ends the fleet that it started, or the next try meets it
+                # it ends the fleet that it started, or the next try meets it
+                process.send_signal(signal.SIGINT)
                 with suppress(subprocess.TimeoutExpired):
                     process.communicate(timeout=END_S)
                 process.kill()
@@ -240,7 +300,9 @@ class Depot(Project):
         for before in (one.replace(FRESH, fresh) for one in row.before):
             if again or before not in self.called:
                 self.roco(*before.split())
-        words, has = (tuple(one.replace(FRESH, fresh) for one in some) for some in (row.words, row.has))
+        words, has = (
+            tuple(one.replace(FRESH, fresh) for one in some) for some in (row.words, row.has)
+        )
         done = self.roco(*verb.split(), *words)
         self.called.add(" ".join((verb, *words)))
         self.up = self.up and verb != "down"
@@ -284,7 +346,9 @@ def test_every_agent_of_the_run_is_run_again_to_the_same_bytes(depot: Depot) -> 
     depot.wants(up=False)
     done = depot.roco("replay", RUN, "--verify")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert [agent for agent in AGENTS if not re.search(rf"^{agent} +[1-9]", done.stdout, re.MULTILINE)] == []
+    assert [
+        agent for agent in AGENTS if not re.search(rf"^{agent} +[1-9]", done.stdout, re.MULTILINE)
+    ] == []
     assert "5 agents, " in done.stdout
     assert "each put out the same bytes as then" in done.stdout
 
@@ -296,13 +360,24 @@ def test_what_only_the_robot_can_do_is_no_verb_here(depot: Project) -> None:
     assert not re.search(r"^│ (say|stop|demo) ", listed, re.MULTILINE)
     done = depot.roco("say", "pour", "--format", "json")
     assert (done.returncode, done.stdout) == (2, "")
-    assert "depot, has no verb 'say'; there are up, down, status" in json.loads(done.stderr)["error"]
+    assert (
+        "depot, has no verb 'say'; there are up, down, status" in json.loads(done.stderr)["error"]
+    )
 
 
 def test_help_has_examples_of_that_system(depot: Project) -> None:
-    """With names of its design, none of the robot's. In one process: most of such a call is the start of Python."""
+    """With names of its design, none of the robot's. In one process: most of such a call is the
+    start of Python.
+    """
     command = [sys.executable, "-P", "-c", HELPS, *VERBS_OF_ANY]
-    done = subprocess.run(command, cwd=depot.folder, env=depot.environment, capture_output=True, text=True, timeout=100)
+    done = subprocess.run(
+        command,
+        cwd=depot.folder,
+        env=depot.environment,
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
     assert done.returncode == 0, done.stderr
     wrong = []
     for verb, said in json.loads(done.stdout).items():
@@ -334,7 +409,8 @@ def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
         "top --graph --once": Row(has=("asker", "doer", "C1")),
         "agents": Row(has=("asker", "doer", "MiB")),
         "traffic dead": Row(("--run", RUN, "--agent", "doer"), has=("dead letter",)),
-        "traffic judge": Row((RUN,), code=2, has=("has no communicates to judge",)),  # its stubs say nothing yet
+        # its stubs say nothing yet
+        "traffic judge": Row((RUN,), code=2, has=("has no communicates to judge",)),
         "send": Row(("--list",), has=("asker", "doer")),
         "runs": Row(has=("shop", "up: 5 processes", "(latest)")),
         "runs --remove": Row(("--keep", "0"), has=("no run is removed",)),  # it is up

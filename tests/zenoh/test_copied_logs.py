@@ -1,4 +1,6 @@
-"""An agent whose run folder the recorder cannot read: the recorder has a copy of its log, whole, whatever happens."""
+"""An agent whose run folder the recorder cannot read: the recorder has a copy of its log, whole,
+whatever happens.
+"""
 
 import tempfile
 from collections.abc import Iterator
@@ -37,8 +39,12 @@ def hosts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Fle
 
 def equal(agents: Fleet, recorder: Fleet) -> bool:
     """Whether each copy is what its agent has written, and not nothing."""
-    pairs = [[fleet.run / "steps" / f"{name}.steps" for fleet in (agents, recorder)] for name in AGENTS]
-    return all(copy.exists() and copy.read_bytes() == log.read_bytes() != b"" for log, copy in pairs)
+    pairs = [
+        [fleet.run / "steps" / f"{name}.steps" for fleet in (agents, recorder)] for name in AGENTS
+    ]
+    return all(
+        copy.exists() and copy.read_bytes() == log.read_bytes() != b"" for log, copy in pairs
+    )
 
 
 @pytest.mark.zenoh
@@ -66,7 +72,9 @@ def lives(fleet: Fleet) -> list[int]:
 @settings(max_examples=50, deadline=None)
 @given(st.binary(min_size=1, max_size=400), st.data())
 def test_whatever_is_lost_the_copy_ends_whole(log: bytes, data: st.DataObject) -> None:
-    """Parts and askings are lost, the recorder begins again, the log grows; in the end nothing more is lost."""
+    """Parts and askings are lost, the recorder begins again, the log grows; in the end nothing more
+    is lost.
+    """
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         now = 0.0
         patch.setattr(steplog.time, "monotonic", lambda: now)

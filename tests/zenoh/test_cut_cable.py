@@ -1,6 +1,8 @@
-"""A cable is pulled under a busy sender: it learns within the lease that its session is lost, not when it is back.
+"""A cable is pulled under a busy sender: it learns within the lease that its session is lost, not
+when it is back.
 
-Over TLS, a close waits for a write that is stuck in the socket, unless the socket's buffer has a size of its own.
+Over TLS, a close waits for a write that is stuck in the socket, unless the socket's buffer has a
+size of its own.
 """
 
 import datetime as dt
@@ -28,7 +30,9 @@ pytestmark = [pytest.mark.zenoh, pytest.mark.process]
 
 WEEK = dt.timedelta(days=7)
 LOST_WITHIN_S = 2.0 * LEASE_MS / 1000.0
-"""The lease runs from the last sign of the other end; with a large message on its way 2.6 s were measured."""
+"""The lease runs from the last sign of the other end; with a large message on its way 2.6 s were
+measured.
+"""
 ROUTER = """
 import sys, threading
 from pathlib import Path
@@ -44,10 +48,12 @@ from pathlib import Path
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import open_client
 import zenoh
-session = open_client(f"tls/{sys.argv[2]}:7447", lambda: False, tls=client_tls(Path(sys.argv[1]), "co"))
+keys = client_tls(Path(sys.argv[1]), "co")
+session = open_client(f"tls/{sys.argv[2]}:7447", lambda: False, tls=keys)
 def send():
     while True:
-        session.put("roco/test/busy", bytes(int(sys.argv[3])), congestion_control=zenoh.CongestionControl.BLOCK)
+        data, block = bytes(int(sys.argv[3])), zenoh.CongestionControl.BLOCK
+        session.put("roco/test/busy", data, congestion_control=block)
         time.sleep(1.0 / float(sys.argv[4]))
 threading.Thread(target=send, daemon=True).start()
 there = None
@@ -70,7 +76,9 @@ def can() -> bool:
 def hosts() -> Iterator[tuple[Host, Host]]:
     """The desk and the robot, joined by a cable."""
     if os.geteuid() != 0 or not can():
-        pytest.skip("needs network namespaces (as root, with iproute2, in a container with CAP_SYS_ADMIN)")
+        pytest.skip(
+            "needs network namespaces (as root, with iproute2, in a container with CAP_SYS_ADMIN)"
+        )
     with two_hosts() as pair:
         yield pair
 
@@ -79,7 +87,9 @@ def hosts() -> Iterator[tuple[Host, Host]]:
 def test_a_busy_sender_learns_of_a_cut_while_the_cable_is_out(
     hosts: tuple[Host, Host], tmp_path: Path, size: int, rate: int
 ) -> None:
-    """And has its router again when the cable is back. Without so_sndbuf it learnt so when the cable was back."""
+    """And has its router again when the cable is back. Without so_sndbuf it learnt so when the
+    cable was back.
+    """
     desk, robot = hosts
     now = dt.datetime.now(dt.UTC)
     issuer = issuing.authority("authority", now - WEEK, now + WEEK)

@@ -34,7 +34,15 @@ target = "shipping"
 def depot(tmp_path: Path) -> Iterator[Path]:
     """The depot, running; its run folder. What it printed is in `out` there."""
     (tmp_path / "orders.toml").write_text(ORDERS)
-    command = [sys.executable, "-m", "depot", "--run-dir", str(tmp_path), "--scene", str(tmp_path / "orders.toml")]
+    command = [
+        sys.executable,
+        "-m",
+        "depot",
+        "--run-dir",
+        str(tmp_path),
+        "--scene",
+        str(tmp_path / "orders.toml"),
+    ]
     with (tmp_path / "out").open("wb") as out:
         process = subprocess.Popen(command, cwd=EXAMPLE, stdout=out, stderr=subprocess.STDOUT)
     yield tmp_path
@@ -46,7 +54,11 @@ def depot(tmp_path: Path) -> Iterator[Path]:
 
 def said(run: Path, *words: str) -> list[str]:
     """Lines of what was said that have all these words."""
-    return [line for line in (run / "out").read_text().splitlines() if all(word in line for word in words)]
+    return [
+        line
+        for line in (run / "out").read_text().splitlines()
+        if all(word in line for word in words)
+    ]
 
 
 def outside(run: Path) -> list[str]:
@@ -56,17 +68,32 @@ def outside(run: Path) -> list[str]:
 
 
 def took(run: Path, who: str, act: Performative) -> bool:
-    """Whether an agent's log says that it took one: a step is written a moment after it, and not by a kill -9."""
-    return any(agent == who and deed.took is not None and deed.took[1] is act for agent, deed in deeds(run / "steps"))
+    """Whether an agent's log says that it took one: a step is written a moment after it, and not by
+    a kill -9.
+    """
+    return any(
+        agent == who and deed.took is not None and deed.took[1] is act
+        for agent, deed in deeds(run / "steps")
+    )
 
 
 def test_both_orders_are_delivered_though_the_robot_is_killed_on_its_way(depot: Path) -> None:
-    """kill -9 while it drives: it comes back and drives on; each thing is delivered once, each step is as proven."""
-    wait_for(lambda: said(depot, "mule -> dispatcher", "Carried(item='sheet')"), "the first is delivered")
+    """kill -9 while it drives: it comes back and drives on; each thing is delivered once, each step
+    is as proven.
+    """
+    wait_for(
+        lambda: said(depot, "mule -> dispatcher", "Carried(item='sheet')"), "the first is delivered"
+    )
     wait_for(lambda: said(depot, "dispatcher -> ox", "accept-proposal"), "the second is under way")
-    wait_for(lambda: took(depot, "ox", Performative.ACCEPT_PROPOSAL), "ox has written that it is under way")
+    wait_for(
+        lambda: took(depot, "ox", Performative.ACCEPT_PROPOSAL),
+        "ox has written that it is under way",
+    )
     os.kill(int((depot / "ox.pid").read_text()), signal.SIGKILL)
-    wait_for(lambda: said(depot, "Delivered(item='crate')"), f"the second is delivered\n{(depot / 'out').read_text()}")
+    wait_for(
+        lambda: said(depot, "Delivered(item='crate')"),
+        f"the second is delivered\n{(depot / 'out').read_text()}",
+    )
     assert len(said(depot, "-> desk", "Delivered(")) == 2
     assert len(said(depot, "accept-proposal")) == 2
     assert said(depot, "ox: backing-off")
@@ -82,6 +109,8 @@ def test_no_agent_notices_an_outage_of_the_router(depot: Path) -> None:
     os.kill(int((depot / "router.pid").read_text()), signal.SIGKILL)
     wait_for(lambda: len(said(depot, "-> desk", "Delivered(")) == 2, "both are delivered")
     done = deeds(depot / "steps")
-    assert [(agent, deed.event) for agent, deed in done].count(("desk", "PeerChanged dispatcher")) == 1
+    assert [(agent, deed.event) for agent, deed in done].count(
+        ("desk", "PeerChanged dispatcher")
+    ) == 1
     assert outside(depot) == []
     assert Follower(load(EXAMPLE / "depot" / "design.toml")).follow(done) is None

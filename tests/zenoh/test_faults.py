@@ -1,4 +1,6 @@
-"""`roco fault` on a running depot: at a state and at a message, healed however the command ends, and recorded."""
+"""`roco fault` on a running depot: at a state and at a message, healed however the command ends,
+and recorded.
+"""
 
 import contextlib
 import json
@@ -36,13 +38,21 @@ class Depot:
     def __init__(self, folder: Path) -> None:
         self.folder, self.run = folder, folder / "run"
         self.begun: list[subprocess.Popen[str]] = []
-        self.environment = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
+        self.environment = {
+            name: value for name, value in os.environ.items() if not name.startswith("ROCO_")
+        }
 
     def begin(self, *words: str) -> "subprocess.Popen[str]":
         """Begin a verb."""
         command, pipe = [sys.executable, "-P", "-m", "operate.cli", *words], subprocess.PIPE
         process = subprocess.Popen(
-            command, cwd=self.folder, env=self.environment, stdout=pipe, stderr=pipe, text=True, start_new_session=True
+            command,
+            cwd=self.folder,
+            env=self.environment,
+            stdout=pipe,
+            stderr=pipe,
+            text=True,
+            start_new_session=True,
         )
         self.begun.append(process)
         return process
@@ -67,7 +77,9 @@ class Depot:
         return latest(read(file.read_bytes())) if file.exists() else ()
 
     def last(self) -> tuple[Fault, ...]:
-        """The newest fault, or nothing: the file does not exist before the first one, and any test may run alone."""
+        """The newest fault, or nothing: the file does not exist before the first one, and any test
+        may run alone.
+        """
         return self.faults()[-1:]
 
     def seen(self, name: str) -> Seen:
@@ -85,7 +97,9 @@ class Depot:
 
     def healed(self) -> list[str]:
         """The processes that `fault list` heals."""
-        told: dict[str, Any] = json.loads(self.roco("fault", "list", "--run-dir", str(self.run), "--format", "json"))
+        told: dict[str, Any] = json.loads(
+            self.roco("fault", "list", "--run-dir", str(self.run), "--format", "json")
+        )
         return [one["target"] for one in told["healed"]]
 
     def hung(self, name: str) -> "subprocess.Popen[str]":
@@ -124,7 +138,9 @@ def ended(depot: Depot) -> Iterator[None]:
 def test_copies_of_what_an_agent_says_are_told_from_new_ones(depot: Depot) -> None:
     """Hundreds of them: the receiver lives on, and the judge finds copies, nothing else."""
     before = depot.seen("dispatcher").status.pid
-    told = depot.roco("fault", "flood", "dispatcher", "--as", "mule", "--for", "1", "--run-dir", str(depot.run))
+    told = depot.roco(
+        "fault", "flood", "dispatcher", "--as", "mule", "--for", "1", "--run-dir", str(depot.run)
+    )
     assert "flood dispatcher by 500 as mule: healed after 1 s" in told
     wait_for(lambda: depot.judged("copy") > 100, "the copies are judged", PATIENCE_S)
     assert depot.seen("dispatcher").status.pid == before
@@ -134,7 +150,15 @@ def test_an_agent_killed_in_a_state_comes_back(depot: Depot) -> None:
     """At a state that another agent tells; the band lasts until the new one is ready."""
     before = depot.seen("dispatcher")
     told = depot.roco(
-        "fault", "kill", "dispatcher", "--at", "mule:delivering", "--run-dir", str(depot.run), "--format", "json"
+        "fault",
+        "kill",
+        "dispatcher",
+        "--at",
+        "mule:delivering",
+        "--run-dir",
+        str(depot.run),
+        "--format",
+        "json",
     )
     fault = msgspec.json.decode(told, type=Fault)
     after = depot.seen("dispatcher")
@@ -159,7 +183,8 @@ def test_ctrl_c_heals(depot: Depot) -> None:
 
 
 def test_after_a_kill_of_the_command_the_next_list_heals(depot: Depot) -> None:
-    """Until then the process hangs; a fault whose command lives is left alone by the list, and healed by `heal`.
+    """Until then the process hangs; a fault whose command lives is left alone by the list, and
+    healed by `heal`.
 
     The monitor may hang for 20 s before its supervisor ends it.
     """
@@ -180,7 +205,9 @@ def test_after_a_kill_of_the_command_the_next_list_heals(depot: Depot) -> None:
 def test_a_process_is_kept_down_for_its_time(depot: Depot) -> None:
     """And is ready again when the command has ended."""
     process = depot.begin("fault", "kill", "ox", "--for", "1", "--run-dir", str(depot.run))
-    wait_for(lambda: depot.seen("ox").status.state is ProcessState.STOPPED, "ox is kept down", PATIENCE_S)
+    wait_for(
+        lambda: depot.seen("ox").status.state is ProcessState.STOPPED, "ox is kept down", PATIENCE_S
+    )
     out, problems = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, problems
     assert "down ox: healed after 1 s, back" in out
@@ -195,19 +222,31 @@ def test_a_cut_takes_the_neighbours_away_and_a_healed_one_gives_them_back(depot:
         return set() if beat is None else set(beat.peers)
 
     before = {name: depot.seen(name).status.pid for name in ("mule", "ox")}
-    wait_for(lambda: peers("mule") == {"dispatcher", "traffic"}, "mule has its neighbours", PATIENCE_S)
+    wait_for(
+        lambda: peers("mule") == {"dispatcher", "traffic"}, "mule has its neighbours", PATIENCE_S
+    )
     process = depot.begin("fault", "cut", "mule", "--run-dir", str(depot.run), "--for", "60")
     wait_for(lambda: not peers("mule"), "mule has no neighbours", PATIENCE_S)
     assert peers("ox") == {"dispatcher", "traffic"}
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=PATIENCE_S)
-    wait_for(lambda: peers("mule") == {"dispatcher", "traffic"}, "mule has its neighbours again", PATIENCE_S)
+    wait_for(
+        lambda: peers("mule") == {"dispatcher", "traffic"},
+        "mule has its neighbours again",
+        PATIENCE_S,
+    )
     assert {name: depot.seen(name).status.pid for name in before} == before
 
 
-@pytest.mark.parametrize(("name", "text"), [("traffic", "healed after 3 s"), ("monitor", "it ended, back")])
-def test_a_process_with_a_full_disk_writes_again_afterwards(depot: Depot, name: str, text: str) -> None:
-    """An agent waits for room; a recorder, which holds nobody up, ends and another one comes in its place."""
+@pytest.mark.parametrize(
+    ("name", "text"), [("traffic", "healed after 3 s"), ("monitor", "it ended, back")]
+)
+def test_a_process_with_a_full_disk_writes_again_afterwards(
+    depot: Depot, name: str, text: str
+) -> None:
+    """An agent waits for room; a recorder, which holds nobody up, ends and another one comes in its
+    place.
+    """
     process = depot.begin("fault", "disk-full", name, "--for", "3", "--run-dir", str(depot.run))
     old = depot.seen(name).status.pid
 
@@ -228,7 +267,9 @@ def test_a_process_with_a_full_disk_writes_again_afterwards(depot: Depot, name: 
 def test_a_flood_of_orders_leaves_an_agent_that_obeys(depot: Depot) -> None:
     """It is the same one as before, and its log level, too."""
     before = depot.seen("desk")
-    depot.roco("fault", "flood", "desk", "--per-second", "200", "--for", "1", "--run-dir", str(depot.run))
+    depot.roco(
+        "fault", "flood", "desk", "--per-second", "200", "--for", "1", "--run-dir", str(depot.run)
+    )
     assert "info" in depot.roco("param", "desk", "log-level", "info", "--run-dir", str(depot.run))
     after = depot.seen("desk")
     assert (after.status.pid, after.status.state) == (before.status.pid, ProcessState.READY)
@@ -242,7 +283,9 @@ def test_a_flood_of_orders_leaves_an_agent_that_obeys(depot: Depot) -> None:
         (("router",), "'router' is not an agent of depot"),
     ],
 )
-def test_a_flood_that_nobody_may_say_is_told(depot: Depot, words: tuple[str, ...], why: str) -> None:
+def test_a_flood_that_nobody_may_say_is_told(
+    depot: Depot, words: tuple[str, ...], why: str
+) -> None:
     """And nothing was done."""
     assert why in depot.roco("fault", "flood", *words, "--run-dir", str(depot.run), code=2)
     assert depot.faults()[-1].began == 0.0
@@ -253,7 +296,9 @@ def test_a_flood_that_nobody_may_say_is_told(depot: Depot, words: tuple[str, ...
     reason="needs a C compiler (Debian: apt install gcc libc6-dev)",
 )
 def test_the_clock_of_one_agent_is_stepped(depot: Depot) -> None:
-    """A life goes on with even time, hears and is heard; one that begins meanwhile has the other time."""
+    """A life goes on with even time, hears and is heard; one that begins meanwhile has the other
+    time.
+    """
 
     def logs(off_s: float) -> bool:
         """Whether what the agent logged last is so far from now."""
@@ -261,8 +306,14 @@ def test_the_clock_of_one_agent_is_stepped(depot: Depot) -> None:
         return bool(abs(json.loads(line)["t"] - time.time() - off_s) < 60.0)
 
     before = depot.seen("mule").status.pid
-    process = depot.begin("fault", "clock", "mule", "3600", "--for", "120", "--run-dir", str(depot.run))
-    wait_for(lambda: any(one.kind == "clock" and one.began for one in depot.last()), "it is stepped", PATIENCE_S)
+    process = depot.begin(
+        "fault", "clock", "mule", "3600", "--for", "120", "--run-dir", str(depot.run)
+    )
+    wait_for(
+        lambda: any(one.kind == "clock" and one.began for one in depot.last()),
+        "it is stepped",
+        PATIENCE_S,
+    )
     depot.roco("param", "mule", "log-level", "debug", "--run-dir", str(depot.run))
     assert (depot.seen("mule").status.pid, logs(0.0)) == (before, True)
     depot.roco("agent", "restart", "mule", "--run-dir", str(depot.run))
@@ -275,7 +326,9 @@ def test_the_clock_of_one_agent_is_stepped(depot: Depot) -> None:
 
 def test_a_fault_begins_with_an_event_of_the_run(depot: Depot) -> None:
     """That of another fault."""
-    process = depot.begin("fault", "pause", "ox", "--at", "event:fault", "--run-dir", str(depot.run))
+    process = depot.begin(
+        "fault", "pause", "ox", "--at", "event:fault", "--run-dir", str(depot.run)
+    )
     wait_for(lambda: any(one.target == "ox" for one in depot.last()), "it waits", PATIENCE_S)
     depot.roco("fault", "pause", "mule", "--for", "0.2", "--run-dir", str(depot.run))
     out, problems = process.communicate(timeout=PATIENCE_S)
@@ -305,7 +358,11 @@ def test_an_interrupted_scenario_heals_all_of_its_faults(depot: Depot) -> None:
     assert process.returncode == 130, problems
     assert not any(map(depot.frozen, ("mule", "ox", "desk")))
     ended = {one.target: one.text for one in depot.faults()[asked:]}
-    assert ended == {"mule": "broken off, healed", "ox": "broken off, healed", "desk": "did not begin"}
+    assert ended == {
+        "mule": "broken off, healed",
+        "ox": "broken off, healed",
+        "desk": "did not begin",
+    }
 
 
 def test_a_scenario_that_names_a_stranger_does_nothing(depot: Depot) -> None:
@@ -314,19 +371,33 @@ def test_a_scenario_that_names_a_stranger_does_nothing(depot: Depot) -> None:
         '[[fault]]\nkind = "kill"\ntarget = "ox"\n[[fault]]\nkind = "kill"\ntarget = "cow"\n'
     )
     asked = len(depot.faults())
-    assert "called 'cow'" in depot.roco("fault", "run", "wrong.toml", "--run-dir", str(depot.run), code=2)
+    assert "called 'cow'" in depot.roco(
+        "fault", "run", "wrong.toml", "--run-dir", str(depot.run), code=2
+    )
     assert len(depot.faults()) == asked
 
 
 def test_a_moment_that_does_not_come(depot: Depot) -> None:
     """Ends with 1, and nothing was done."""
-    words = ("fault", "kill", "ox", "--at", "10000th-message", "--within", "0.5", "--run-dir", str(depot.run))
+    words = (
+        "fault",
+        "kill",
+        "ox",
+        "--at",
+        "10000th-message",
+        "--within",
+        "0.5",
+        "--run-dir",
+        str(depot.run),
+    )
     assert "nothing was done" in depot.roco(*words, code=1)
     assert depot.faults()[-1].began == 0.0
 
 
 def test_the_report_has_each_fault(depot: Depot) -> None:
-    """Also one that was done to the monitor; those that did not begin are none. Then nothing can be hit any more."""
+    """Also one that was done to the monitor; those that did not begin are none. Then nothing can be
+    hit any more.
+    """
     depot.roco("fault", "kill", "monitor", "--run-dir", str(depot.run))
     depot.roco("down", "--run-dir", str(depot.run))
     report = json.loads((depot.run / "report.json").read_bytes())

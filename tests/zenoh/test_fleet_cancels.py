@@ -1,4 +1,6 @@
-"""`roco cancel` at any time, over Zenoh with the simulated robot: what is held is put down, then it goes on."""
+"""`roco cancel` at any time, over Zenoh with the simulated robot: what is held is put down, then it
+goes on.
+"""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,7 +27,9 @@ def hand_in_the_cabinet(now: Moment) -> bool:
     """The left hand is at the jar and has not closed on it."""
     grip = ROBOT.grip(now.state.q, "left").translation
     near = np.linalg.norm(grip - now.truth.at["jar_1"]) < 0.06
-    return now.moving("take jar_1/grasp") and bool(near) and now.truth.fingers_on["jar_1"]["left"] == 0
+    return (
+        now.moving("take jar_1/grasp") and bool(near) and now.truth.fingers_on["jar_1"]["left"] == 0
+    )
 
 
 def just_closed(now: Moment) -> bool:
@@ -46,7 +50,11 @@ def carrying(now: Moment) -> bool:
 
 def both_held(now: Moment) -> bool:
     """The bowl is in the right hand, too."""
-    return now.moving("take bowl_1/move-cartesian") and now.held("bowl_1", "right") and now.held("jar_1", "left")
+    return (
+        now.moving("take bowl_1/move-cartesian")
+        and now.held("bowl_1", "right")
+        and now.held("jar_1", "left")
+    )
 
 
 def above_the_table(now: Moment) -> bool:
@@ -76,11 +84,14 @@ def fleet(tmp_path: Path) -> Iterator[RocoFleet]:
     ],
 )
 def test_cancelled_there(fleet: RocoFleet, points: tuple[Callable[[Moment], bool], ...]) -> None:
-    """One after the other: the task is cancelled there, everything stands upright and in no hand, and it goes on."""
+    """One after the other: the task is cancelled there, everything stands upright and in no hand,
+    and it goes on.
+    """
     for point in points:
         task = fleet.say(POUR)
         fleet.reach(task, point)
-        fleet.hi.cancel(task)  # as `roco cancel` does it, but without half a second for a process to start
+        # as `roco cancel` does it, but without half a second for a process to start
+        fleet.hi.cancel(task)
         line = fleet.ended(task)
         assert line.state == "cancelled", (point.__name__, line, fleet.logs())
         safely_down(fleet.truth())
@@ -100,12 +111,17 @@ def test_cancelled_by_command(fleet: RocoFleet) -> None:
 
 
 def test_a_more_urgent_task_interrupts(fleet: RocoFleet) -> None:
-    """The held thing is put down first, the urgent task is done, then the first one from the world as it is then."""
+    """The held thing is put down first, the urgent task is done, then the first one from the world
+    as it is then.
+    """
     pour = fleet.say(POUR)
     fleet.reach(pour, lambda now: now.held("jar_1", "left"))
     fleet.roco("say", "look around", "--first")
     look = fleet.hi.tasks()[-1].task
-    fleet.wait(lambda: fleet.task(pour).state == "suspended" or fleet.task(look).state in ENDED, "the pour is left")
+    fleet.wait(
+        lambda: fleet.task(pour).state == "suspended" or fleet.task(look).state in ENDED,
+        "the pour is left",
+    )
     assert fleet.task(look).state not in ENDED, fleet.hi.tasks()
     safely_down(fleet.truth())
     lines = [fleet.ended(task) for task in (look, pour)]

@@ -1,4 +1,6 @@
-"""Processes that get no processor: for a while, and the arms rest; for good, and another takes over."""
+"""Processes that get no processor: for a while, and the arms rest; for good, and another takes
+over.
+"""
 
 import os
 import signal
@@ -61,9 +63,13 @@ def test_a_short_freeze_costs_nothing_but_time(fleet: RocoFleet) -> None:
 def test_a_long_freeze_is_planned_again(fleet: RocoFleet) -> None:
     """The act is interrupted, the jar stays in the hand, and a new plan ends the task."""
     task = fleet.say("put down the jar")
-    fleet.reach(task, lambda now: now.told.report.phase is Phase.RUNNING and now.held("jar_1", "left"))
+    fleet.reach(
+        task, lambda now: now.told.report.phase is Phase.RUNNING and now.held("jar_1", "left")
+    )
     with frozen(fleet, "ex"):
-        fleet.wait(lambda: fleet.link.told().report.phase is Phase.INTERRUPTED, "the loop gives the act up")
+        fleet.wait(
+            lambda: fleet.link.told().report.phase is Phase.INTERRUPTED, "the loop gives the act up"
+        )
         fleet.wait(lambda: fleet.state().mode is Mode.HOLD, "the robot is held")
         assert fleet.truth().fingers_on["jar_1"]["left"] >= 3
     line = fleet.ended(task)
@@ -82,4 +88,6 @@ def test_one_that_hangs_for_good_is_replaced(fleet: RocoFleet, victim: str, text
     restarts = fleet.restarts(victim)
     os.kill(fleet.pid(victim), signal.SIGSTOP)
     assert fleet.ended(task).state == "done"
-    fleet.wait(lambda: fleet.restarts(victim) > restarts and fleet.whole(), "the fleet is whole again")
+    fleet.wait(
+        lambda: fleet.restarts(victim) > restarts and fleet.whole(), "the fleet is whole again"
+    )

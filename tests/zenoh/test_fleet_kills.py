@@ -1,4 +1,5 @@
-"""kill -9 of each agent and of the control loop in the middle of a task, restarted by the supervisor.
+"""kill -9 of each agent and of the control loop in the middle of a task, restarted by the
+supervisor.
 
 The task ends, no act begins twice.
 """
@@ -49,7 +50,9 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RocoFleet]:
         ("loop", "take the jar", taking),
     ],
 )
-def test_killed_in_the_middle(fleet: RocoFleet, victim: str, text: str, point: Callable[[Moment], bool]) -> None:
+def test_killed_in_the_middle(
+    fleet: RocoFleet, victim: str, text: str, point: Callable[[Moment], bool]
+) -> None:
     """The task is done, or fails in words; the fleet is whole again; no act was begun twice."""
     fleet.do(BEFORE[text])  # a task that was killed may have failed, and left the jar elsewhere
     task = fleet.say(text)
@@ -58,7 +61,9 @@ def test_killed_in_the_middle(fleet: RocoFleet, victim: str, text: str, point: C
     fleet.kill(victim)
     line = fleet.ended(task)
     assert line.state == "done" or (line.state == "failed" and line.text), line
-    fleet.wait(lambda: fleet.restarts(victim) > restarts and fleet.whole(), "the fleet is whole again")
+    fleet.wait(
+        lambda: fleet.restarts(victim) > restarts and fleet.whole(), "the fleet is whole again"
+    )
     begun = fleet.acts_begun()
     assert len(begun) == len(set(begun)), begun
     assert fleet.do("look around").state == "done"

@@ -1,4 +1,6 @@
-"""A whole fleet, recorded beside its own recorder, watched as `console` over TLS, and replayed agent by agent."""
+"""A whole fleet, recorded beside its own recorder, watched as `console` over TLS, and replayed
+agent by agent.
+"""
 
 import os
 import signal
@@ -38,9 +40,20 @@ def fleet(tmp_path: Path) -> Iterator[RocoFleet]:
 
 
 def test_a_fleet_is_recorded_and_its_agents_say_it_again(fleet: RocoFleet) -> None:
-    """`roco record` has what the monitor has of that time; co, pl, km and ta repeat their part of the run."""
+    """`roco record` has what the monitor has of that time; co, pl, km and ta repeat their part of
+    the run.
+    """
     file = fleet.run / "beside.mcap"
-    command = [sys.executable, "-m", "operate.cli", "record", "--out", str(file), "--run-dir", str(fleet.run)]
+    command = [
+        sys.executable,
+        "-m",
+        "operate.cli",
+        "record",
+        "--out",
+        str(file),
+        "--run-dir",
+        str(fleet.run),
+    ]
     recorder = subprocess.Popen([*command, "--format", "json"], stdout=subprocess.PIPE)
     wait_for(lambda: file.exists() or recorder.poll() is not None, "it records", 120.0)
     line = fleet.do("look around")
@@ -54,7 +67,10 @@ def test_a_fleet_is_recorded_and_its_agents_say_it_again(fleet: RocoFleet) -> No
     for agent in ("co", "pl", "km", "ta"):
         again = [sys.executable, "-m", "operate.cli", "replay", str(fleet.run), "--replace", agent]
         done = subprocess.run(
-            [*again, "--speed", "1", "--format", "json"], capture_output=True, timeout=300, check=False
+            [*again, "--speed", "1", "--format", "json"],
+            capture_output=True,
+            timeout=300,
+            check=False,
         )
         assert done.returncode == 0, (agent, done.stdout, done.stderr)
         told = msgspec.json.decode(done.stdout, type=Compared)
@@ -63,8 +79,8 @@ def test_a_fleet_is_recorded_and_its_agents_say_it_again(fleet: RocoFleet) -> No
 
 @pytest.mark.parametrize("first", [0, 1], ids=["killed first", "frozen first"])
 def test_a_recorder_misses_nothing_at_any_phase_of_a_pour(fleet: RocoFleet, first: int) -> None:
-    """At twelve phases it is killed, or frozen until agents have said more: each communicate is recorded once, and the
-    pour is done.
+    """At twelve phases it is killed, or frozen until agents have said more: each communicate is
+    recorded once, and the pour is done.
     """
     ends, taken = Ends(fleet.run, SYSTEM), list[Identity]()
 
@@ -75,7 +91,11 @@ def test_a_recorder_misses_nothing_at_any_phase_of_a_pour(fleet: RocoFleet, firs
     with ThreadPoolExecutor(1) as person:
         pour = person.submit(fleet.do, "pour the jar into the bowl")
         for phase in range(PHASES):
-            wait_for(lambda: said() >= FIRST + phase * APART or pour.done(), f"phase {phase}", 120.0)  # noqa: B023
+            wait_for(
+                lambda phase=phase: said() >= FIRST + phase * APART or pour.done(),
+                f"phase {phase}",
+                120.0,
+            )
             pid = int((fleet.run / "monitor.pid").read_text())
             if (phase + first) % 2:
                 os.kill(pid, signal.SIGSTOP)
@@ -109,4 +129,6 @@ def _pid(fleet: RocoFleet) -> int:
 
 def _said(file: Path) -> list[tuple[float, bytes]]:
     """When each was taken, and its bytes."""
-    return [(one.received, one.wire) for one in mcap_file.read(file).records if isinstance(one, Spoken)]
+    return [
+        (one.received, one.wire) for one in mcap_file.read(file).records if isinstance(one, Spoken)
+    ]

@@ -1,4 +1,6 @@
-"""A stop in words and its release with router and agents dead: the loop holds, nothing falls, and then it goes on."""
+"""A stop in words and its release with router and agents dead: the loop holds, nothing falls, and
+then it goes on.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,7 +28,9 @@ def fleet(tmp_path: Path) -> Iterator[RocoFleet]:
 
 
 def test_stopped_with_everybody_dead(fleet: RocoFleet) -> None:
-    """The robot stands with the jar in its hand until it is released; then the next command is done."""
+    """The robot stands with the jar in its hand until it is released; then the next command is
+    done.
+    """
     task = fleet.say("pour the content of the jar into the bowl")
     fleet.reach(task, carrying)
     fleet.kill("ex", "router", "hi")
@@ -49,7 +53,9 @@ def test_stopped_with_everybody_dead(fleet: RocoFleet) -> None:
 
 
 def test_stopped_in_the_middle(fleet: RocoFleet) -> None:
-    """With all agents alive the task fails at once and says that a person did it; after the release it goes on."""
+    """With all agents alive the task fails at once and says that a person did it; after the release
+    it goes on.
+    """
     task = fleet.say("take the jar")
     fleet.reach(task, lambda now: now.moving("move-cartesian") and now.held("jar_1", "left"))
     assert fleet.hi.say("careful!").state == "stopped"

@@ -1,4 +1,6 @@
-"""Sentences of a person, and impossible ones, over Zenoh with the simulated robot: each ends in a clear word."""
+"""Sentences of a person, and impossible ones, over Zenoh with the simulated robot: each ends in a
+clear word.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,11 +32,15 @@ def test_look_around(fleet: RocoFleet) -> None:
     """It tells what was seen."""
     line = fleet.do("look around")
     assert line.state == "done", line
-    assert {"bowl_1", "jar_1"} <= {name for one in line.why if one.kind is Kind.SEEN for name in one.things}, line
+    assert {"bowl_1", "jar_1"} <= {
+        name for one in line.why if one.kind is Kind.SEEN for name in one.things
+    }, line
 
 
 def test_dance(fleet: RocoFleet) -> None:
-    """A sentence that is not a command is refused with examples of commands; exit code 1, and no task comes of it."""
+    """A sentence that is not a command is refused with examples of commands; exit code 1, and no
+    task comes of it.
+    """
     before = fleet.hi.tasks()
     said = fleet.roco("say", "dance", code=1)
     assert "look around" in said
@@ -42,7 +48,9 @@ def test_dance(fleet: RocoFleet) -> None:
 
 
 def test_garbage_to_the_task_agent(fleet: RocoFleet) -> None:
-    """Bytes that are not a communicate, and communicates that make no sense, are counted; nobody dies of them."""
+    """Bytes that are not a communicate, and communicates that make no sense, are counted; nobody
+    dies of them.
+    """
     dance = msgspec.Raw(msgspec.msgpack.encode("dance"))
     lie = Communicate(
         performative=Performative.REQUEST, protocol="coordinate", language="HFSM", ontology="roco",
@@ -51,7 +59,13 @@ def test_garbage_to_the_task_agent(fleet: RocoFleet) -> None:
     key = DESIGN.key("roco", lie)
     before = _refused(fleet)
     with fleet.session("co") as session:
-        for data in (b"", b"garbage", b"\xc1" * 100, msgspec.msgpack.encode({"V": "request"}), encode(lie)):
+        for data in (
+            b"",
+            b"garbage",
+            b"\xc1" * 100,
+            msgspec.msgpack.encode({"V": "request"}),
+            encode(lie),
+        ):
             session.put(key, data)
         fleet.wait(lambda: _refused(fleet) >= before + 4, "the garbage is counted")
     fleet.roco("status")
@@ -81,7 +95,9 @@ def test_take_the_bowl_with_the_right_hand(fleet: RocoFleet) -> None:
     assert truth.tilt_deg["bowl_1"] < 10.0
 
 
-@pytest.mark.parametrize(("file", "why"), [("jar_out_of_reach", Kind.NO_GRASP), ("no_jar", Kind.NOT_SEEN)])
+@pytest.mark.parametrize(
+    ("file", "why"), [("jar_out_of_reach", Kind.NO_GRASP), ("no_jar", Kind.NOT_SEEN)]
+)
 def test_what_cannot_be_done(tmp_path: Path, file: str, why: Kind) -> None:
     """The task fails with a reason a person understands, and the next command is served."""
     fleet = RocoFleet(tmp_path / "run", scene=CANONICAL.with_name(f"{file}.toml"))

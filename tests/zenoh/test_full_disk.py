@@ -1,4 +1,6 @@
-"""A disk that takes nothing: an agent says so, promises nothing that is not on it, and goes on when there is room."""
+"""A disk that takes nothing: an agent says so, promises nothing that is not on it, and goes on when
+there is room.
+"""
 
 import json
 import resource
@@ -28,7 +30,9 @@ def memory(run: Path, agent: str) -> toy.AskerMemory | toy.ServerMemory:
 
 def answered(fleet: Fleet, *numbers: int) -> None:
     """These were asked, worked on and answered, once each and in order."""
-    wait_for(lambda: len(memory(fleet.run, "asker").answers) >= len(numbers), f"answers\n{fleet.logs()}")
+    wait_for(
+        lambda: len(memory(fleet.run, "asker").answers) >= len(numbers), f"answers\n{fleet.logs()}"
+    )
     assert memory(fleet.run, "asker").answers == tuple((number, 2 * number) for number in numbers)
     assert memory(fleet.run, "server").done == numbers
 
@@ -44,7 +48,9 @@ def waits_in_words(fleet: Fleet, agent: str, words: str) -> None:
 
 
 def test_a_file_that_may_not_grow(fleet: Fleet) -> None:
-    """RLIMIT_FSIZE of a running agent: its next step waits unreceipted; raised again, all is answered once."""
+    """RLIMIT_FSIZE of a running agent: its next step waits unreceipted; raised again, all is
+    answered once.
+    """
     numbers = tuple(range(12))
     for number in numbers:
         fleet.want(number)
@@ -61,7 +67,11 @@ def test_a_file_that_may_not_grow(fleet: Fleet) -> None:
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     answered(fleet, *numbers, 99)
     wait_for(lambda: not fleet.beat("server").trouble, "the trouble is over")
-    lines = [json.loads(line) for line in (fleet.run / "logs" / "server.jsonl").read_text().splitlines() if line]
+    lines = [
+        json.loads(line)
+        for line in (fleet.run / "logs" / "server.jsonl").read_text().splitlines()
+        if line
+    ]
     events = [line["event"] for line in lines]
     assert events.count("room again") + events.count("lines lost") >= 1
     assert fleet.stop("server") == 0
@@ -74,7 +84,9 @@ def small_disk(tmp_path: Path, disk: Callable[[Path, str], Path]) -> Path:
 
 
 def test_a_disk_that_is_full(small_disk: Path) -> None:
-    """Of both agents, with requests under way, and one is killed and cannot start: deleted files make room for all."""
+    """Of both agents, with requests under way, and one is killed and cannot start: deleted files
+    make room for all.
+    """
     fleet = Fleet(small_disk)
     fleet.start("router", "server", "asker")
     numbers = tuple(range(1, 21))

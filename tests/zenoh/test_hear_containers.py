@@ -1,4 +1,6 @@
-"""Traffic of a fleet in containers: heard by a process in the monitor's container, here a pretended one."""
+"""Traffic of a fleet in containers: heard by a process in the monitor's container, here a pretended
+one.
+"""
 
 import json
 import os
@@ -26,8 +28,8 @@ DOCKER = Path(__file__).parents[1] / "operate" / "cli" / "fake_docker.py"
 
 
 class Containers(Router):
-    """A router, and a compose project with a monitor whose run folder says what the fleet was started with, and has
-    copies of the agents' logs.
+    """A router, and a compose project with a monitor whose run folder says what the fleet was
+    started with, and has copies of the agents' logs.
     """
 
     def __init__(self, root: Path) -> None:
@@ -43,23 +45,42 @@ class Containers(Router):
             )
         self._logs = StepLogs(self.monitor)
         with_setting = mcap_file.Recording(self.monitor / TRAFFIC_FILE)
-        with_setting.add(House(SETTING, "monitor", "", time.time(), json.dumps({"seed": 5, "speed": "max"}).encode()))
+        with_setting.add(
+            House(
+                SETTING,
+                "monitor",
+                "",
+                time.time(),
+                json.dumps({"seed": 5, "speed": "max"}).encode(),
+            )
+        )
         with_setting.finish()
         bin.mkdir()
         (bin / "docker").write_text(f'#!/bin/sh\nexec "{sys.executable}" -I -S "{DOCKER}" "$@"\n')
         (bin / "docker").chmod(0o755)
         (bin / "python").symlink_to(sys.executable)
         words = {"PATH": f"{bin}:{os.environ['PATH']}", "FAKE_DOCKER": str(root / "containers")}
-        self.environment = os.environ | words | {"ROCO_CONNECT": self.endpoint, "PYTHONPATH": os.pathsep.join(sys.path)}
+        self.environment = (
+            os.environ
+            | words
+            | {
+                "ROCO_CONNECT": self.endpoint,
+                "PYTHONPATH": os.pathsep.join(sys.path),
+            }
+        )
 
     def roco(self, *words: str) -> "subprocess.Popen[bytes]":
         """A verb about the containers, started; it hears what is said from when this comes back."""
         command = [*ROCO, *words, "--target", "compose"]
         pipe = subprocess.PIPE
-        process = subprocess.Popen(command, stdout=pipe, stderr=pipe, cwd=self.run, env=self.environment)
+        process = subprocess.Popen(
+            command, stdout=pipe, stderr=pipe, cwd=self.run, env=self.environment
+        )
         self.running.append(process)
         ear = self.session.declare_publisher(service_key("roco", "state", "co"))
-        wait_for(lambda: ear.matching_status.matching or process.poll() is not None, "somebody listens")
+        wait_for(
+            lambda: ear.matching_status.matching or process.poll() is not None, "somebody listens"
+        )
         ear.undeclare()
         return process
 
@@ -68,7 +89,9 @@ class Containers(Router):
         mark, found = os.fsencode(f"FAKE_DOCKER={self.monitor.parent}"), []
         for folder in Path("/proc").glob("[0-9]*"):
             try:
-                words, environment = ((folder / name).read_bytes().split(b"\0") for name in ("cmdline", "environ"))
+                words, environment = (
+                    (folder / name).read_bytes().split(b"\0") for name in ("cmdline", "environ")
+                )
             except OSError:
                 continue
             if mark in environment and words[1:5] == [b"-P", b"-m", b"services.monitor", b"hear"]:
@@ -93,10 +116,16 @@ def containers(tmp_path: Path) -> Iterator[Containers]:
 
 def test_traffic_is_heard_and_judged(containers: Containers) -> None:
     """As of a fleet on this machine; and who hears it ends with who asked, even by kill."""
-    process = containers.roco("traffic", "echo", "--channel", "C3", "--count", "2", "--format", "json")
+    process = containers.roco(
+        "traffic", "echo", "--channel", "C3", "--count", "2", "--format", "json"
+    )
     containers.say(40)
     request, agree = told(process)
-    assert (request["performative"], agree["performative"], agree["verdict"]) == ("request", "agree", "legal")
+    assert (request["performative"], agree["performative"], agree["verdict"]) == (
+        "request",
+        "agree",
+        "legal",
+    )
     endless = containers.roco("traffic", "echo")
     endless.kill()
     wait_for(lambda: not containers.listens(), "the process in the container is gone")
@@ -107,7 +136,10 @@ def test_a_recording_is_made_here_with_the_fleets_setting(containers: Containers
     file = containers.run / "mine.mcap"
     process = containers.roco("record", "--out", str(file), "--format", "json")
     containers.say(40)
-    wait_for(lambda: sum(isinstance(one, Spoken) for one in mcap_file.read(file).records) == 40, "all is in the file")
+    wait_for(
+        lambda: sum(isinstance(one, Spoken) for one in mcap_file.read(file).records) == 40,
+        "all is in the file",
+    )
     process.send_signal(signal.SIGINT)
     (done,) = told(process)
     assert done["communicates"] == 40
@@ -118,9 +150,15 @@ def test_a_recording_is_made_here_with_the_fleets_setting(containers: Containers
 def test_a_monitor_that_stops_is_told(containers: Containers) -> None:
     """An endless verb does not hang when its source is gone; what was recorded is kept."""
     file = containers.run / "mine.mcap"
-    keeping, listening = containers.roco("record", "--out", str(file)), containers.roco("traffic", "stats", "hz")
+    keeping, listening = (
+        containers.roco("record", "--out", str(file)),
+        containers.roco("traffic", "stats", "hz"),
+    )
     containers.say(40)
-    wait_for(lambda: sum(isinstance(one, Spoken) for one in mcap_file.read(file).records) == 40, "all is in the file")
+    wait_for(
+        lambda: sum(isinstance(one, Spoken) for one in mcap_file.read(file).records) == 40,
+        "all is in the file",
+    )
     wait_for(lambda: len(containers.hearers()) == 2, "both are heard for")
     for pid in containers.hearers():
         os.kill(pid, signal.SIGKILL)
@@ -149,8 +187,10 @@ def test_no_router_is_told(containers: Containers) -> None:
 
 def test_a_person_is_an_agent_beside_its_container(containers: Containers) -> None:
     """In its volume and with its environment: its journal is there."""
-    saying = containers.roco("send", "--as", "hi", "--to", "co", "--protocol", "request", "--performative", "request",
-                             "--content", '{"type":"LookAround"}', "--wait", "0", "--format", "json")  # fmt: skip
+    saying = containers.roco("send", "--as", "hi", "--to", "co", "--protocol", "request",
+                             "--performative", "request",
+                             "--content", '{"type":"LookAround"}', "--wait", "0", "--format",
+                             "json")  # fmt: skip
     (said,) = told(saying)
     assert (said["sent"]["sender"], said["receipted"]) == ("hi", False)
     assert (containers.monitor.parent / "one.hi" / "journal" / "hi.journal").exists()

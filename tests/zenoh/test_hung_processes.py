@@ -1,4 +1,6 @@
-"""Processes that hang, under a real supervisor: each is killed and started again, whatever it was at."""
+"""Processes that hang, under a real supervisor: each is killed and started again, whatever it was
+at.
+"""
 
 import os
 import signal
@@ -23,9 +25,19 @@ WITHIN_S = core.BORN_WITHIN_S + 90.0  # the longest patience, and a start on a b
 
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[Path]:
-    """A run folder with a supervisor of four processes, of which km never gets ready: its peers are not there."""
+    """A run folder with a supervisor of four processes, of which km never gets ready: its peers are
+    not there.
+    """
     place = tmp_path / "runs" / "hung"
-    command = [sys.executable, "-m", "services.supervisor", "--run-dir", str(place), "--speed", "max"]
+    command = [
+        sys.executable,
+        "-m",
+        "services.supervisor",
+        "--run-dir",
+        str(place),
+        "--speed",
+        "max",
+    ]
     with subprocess.Popen([*command, "--only", ",".join(PARTS)]) as supervisor:
         yield place
         supervisor.terminate()
@@ -45,7 +57,9 @@ def freeze(run: Path, name: str) -> float:
 
 
 def test_each_that_hangs_is_killed_and_started_again(run: Path) -> None:
-    """The loop before its first heartbeat, km before it is ready, router and monitor after; all at once."""
+    """The loop before its first heartbeat, km before it is ready, router and monitor after; all at
+    once.
+    """
 
     def so(name: str, condition: Callable[[ProcessStatus], bool]) -> Callable[[], bool]:
         return lambda: (one := status(run, name)) is not None and condition(one)
@@ -53,13 +67,19 @@ def test_each_that_hangs_is_killed_and_started_again(run: Path) -> None:
     wait_for(folder.pid_file(run, "loop").exists, "the loop was started", WITHIN_S)
     freeze(run, "loop")
     for name in ("router", "monitor"):
-        wait_for(so(name, lambda one: one.state is ProcessState.READY), f"{name} is ready", WITHIN_S)
+        wait_for(
+            so(name, lambda one: one.state is ProcessState.READY), f"{name} is ready", WITHIN_S
+        )
     wait_for(lambda: folder.beat(run, "km"), "km beats", WITHIN_S)
     for name in ("km", "monitor", "router"):
         freeze(run, name)
     for name in ("km", "router", "monitor", "loop"):
         wait_for(so(name, lambda one: one.restarts == 1), f"{name} was started again", WITHIN_S)
     for name in ("router", "monitor", "loop"):
-        wait_for(so(name, lambda one: one.state is ProcessState.READY), f"{name} is ready again", WITHIN_S)
+        wait_for(
+            so(name, lambda one: one.state is ProcessState.READY),
+            f"{name} is ready again",
+            WITHIN_S,
+        )
     for name in PARTS:
         assert so(name, lambda one: one.restarts == 1)(), folders.fleet(run)

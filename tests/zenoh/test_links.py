@@ -1,4 +1,5 @@
-"""Agents that are linked directly: the router is for tools alone, and each agent has rules of its own.
+"""Agents that are linked directly: the router is for tools alone, and each agent has rules of its
+own.
 
 The depot as a person starts it, and bare sessions with the keys of its agents.
 """
@@ -52,11 +53,13 @@ GROUPED = Path(__file__).parents[1] / "topdown/grouped.toml"
 SYSTEM = "roco"
 
 
-# --- the rules of one agent, against sessions with the keys of others ------------------------------------------------
+# --- the rules of one agent, against sessions with the keys of others -----------------------------
 
 
 class Agents:
-    """Bare sessions with the keys of agents, linked as the design has it. `heard`: who said what each hears."""
+    """Bare sessions with the keys of agents, linked as the design has it. `heard`: who said what
+    each hears.
+    """
 
     def __init__(self, keys: Path, *names: str) -> None:
         self.keys = keys
@@ -79,7 +82,9 @@ class Agents:
 
     def client(self, name: str, identity: str) -> zenoh.Session:
         """A session with the key of an identity that dials one agent."""
-        return zenoh.open(client_config(self.endpoints[name], secured.client_tls(self.keys, identity)))
+        return zenoh.open(
+            client_config(self.endpoints[name], secured.client_tls(self.keys, identity))
+        )
 
     def close(self) -> None:
         """End all sessions."""
@@ -106,7 +111,11 @@ def line(keys: Path) -> Iterator[Agents]:
 
 def said(sender: str, receiver: str) -> str:
     """The first key that the design lets one agent put to another."""
-    return next(one.key for one in families(DESIGN, SYSTEM) if one.act and (one.owner, one.peer) == (sender, receiver))
+    return next(
+        one.key
+        for one in families(DESIGN, SYSTEM)
+        if one.act and (one.owner, one.peer) == (sender, receiver)
+    )
 
 
 def everything(session: zenoh.Session, data: bytes) -> None:
@@ -127,20 +136,28 @@ def reached(line: Agents, session: zenoh.Session, name: str, key: str) -> None:
 
 
 def test_an_agent_hears_its_neighbours_and_nothing_in_their_name(line: Agents) -> None:
-    """Whatever co puts, pl hears what the design lets co say to pl; km, to which pl could forward, hears nothing."""
+    """Whatever co puts, pl hears what the design lets co say to pl; km, to which pl could forward,
+    hears nothing.
+    """
     co = line.sessions["co"]
     reached(line, co, "pl", said("co", "pl"))
     everything(co, b"co's")
     reached(line, co, "pl", said("co", "pl"))
     reached(line, line.sessions["pl"], "km", said("pl", "km"))
-    own = {one.key for one in families(DESIGN, SYSTEM) if one.act and (one.owner, one.peer) == ("co", "pl")}
+    own = {
+        one.key
+        for one in families(DESIGN, SYSTEM)
+        if one.act and (one.owner, one.peer) == ("co", "pl")
+    }
     assert {key for key, data in line.heard["pl"] if data == b"co's"} == own
     assert {data for _, data in line.heard["km"]} == {b"the last"}
 
 
 @pytest.mark.parametrize("thief", ["hi", "ta", "console", "operator", "monitor", "page", "router"])
 def test_whose_key_has_no_channel_is_heard_nowhere(line: Agents, thief: str) -> None:
-    """Not as itself, and not as who may speak there; nobody forwards for it. The router's key may not even connect."""
+    """Not as itself, and not as who may speak there; nobody forwards for it. The router's key may
+    not even connect.
+    """
     with suppress(zenoh.ZError), line.client("pl", thief) as stranger:
         everything(stranger, b"forged")
     reached(line, line.sessions["co"], "pl", said("co", "pl"))
@@ -162,13 +179,16 @@ def test_a_thief_with_a_neighbours_key_is_that_neighbour_and_nothing_more(line: 
 def test_an_agent_that_is_not_told_of_a_neighbour_says_so(keys: Path) -> None:
     """Instead of being linked with the others alone."""
     with pytest.raises(
-        NoEndpointError, match=r"no endpoint of hi, ta; it has co, pl, and co is linked with hi, pl, ta"
+        NoEndpointError,
+        match=r"no endpoint of hi, ta; it has co, pl, and co is linked with hi, pl, ta",
     ):
         Links(Options(keys=keys, agents={"co": "tls/h:1", "pl": "tls/h:2"}), wiring("co", SYSTEM))
 
 
 def test_who_speaks_for_a_group_is_at_the_router(tmp_path: Path) -> None:
-    """And hears there what a linked agent says to the group; the agent's words to others do not pass there."""
+    """And hears there what a linked agent says to the group; the agent's words to others do not
+    pass there.
+    """
     design = Design(loading.read(GROUPED.read_text()), "grouped")
     at, ends = free_endpoint(), {"doer": free_endpoint(), "asker": free_endpoint()}
     router = open_router(at)
@@ -176,10 +196,16 @@ def test_who_speaks_for_a_group_is_at_the_router(tmp_path: Path) -> None:
     inbox, heard = Inbox(), list[str]()
     wire = ZenohWire(Links(Options(agents=ends), wires).open(), wires, 1, inbox)
     base = zenoh.open(client_config(at))
-    ears = base.declare_subscriber("roco/one/*/doer/*/*/*", lambda sample: heard.append(str(sample.key_expr)))
+    ears = base.declare_subscriber(
+        "roco/one/*/doer/*/*/*", lambda sample: heard.append(str(sample.key_expr))
+    )
     try:
         drive = Communicate(
-            performative=Performative.REQUEST, protocol="request", sender="doer", receiver="base", id="1"
+            performative=Performative.REQUEST,
+            protocol="request",
+            sender="doer",
+            receiver="base",
+            id="1",
         )
         wire.send(drive)  # there is no session at the router yet
         wire.join(zenoh.open(client_config(at)))
@@ -187,7 +213,9 @@ def test_who_speaks_for_a_group_is_at_the_router(tmp_path: Path) -> None:
         wait_for(lambda: wire.send(drive) and reached in heard, "the group hears")
         wire.send(msgspec.structs.replace(drive, receiver="asker"))
         told = "roco/one/C2/base/doer/request/inform"
-        wait_for(lambda: base.put(told, b"there") or _said(inbox, told), "the agent hears the group")
+        wait_for(
+            lambda: base.put(told, b"there") or _said(inbox, told), "the agent hears the group"
+        )
         assert set(heard) == {reached}
     finally:
         del ears
@@ -201,7 +229,7 @@ def _said(inbox: Inbox, key: str) -> bool:
     return isinstance(item, Bytes) and item.key == key
 
 
-# --- a depot ----------------------------------------------------------------------------------------------------------
+# --- a depot --------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -230,7 +258,11 @@ def test_agents_linked_by_sockets_of_this_host_work(short: Path) -> None:
         goes_on(made)
         verb(made, "agent", "start", "router")
         verb(made, "fault", "flood", "traffic", "--as", "mule", "--per-second", "50", "--for", "1")
-        wait_for(lambda: beat(made, "traffic").counts.get("taken before", 0) > 10, "traffic drops copies", PATIENCE_S)
+        wait_for(
+            lambda: beat(made, "traffic").counts.get("taken before", 0) > 10,
+            "traffic drops copies",
+            PATIENCE_S,
+        )
     finally:
         made.roco("down", "--run-dir", str(made.run))
         made.end()
@@ -275,7 +307,9 @@ def beat(depot: Depot, name: str) -> Heartbeat:
 
 
 def test_no_agent_needs_the_router(depot: Depot) -> None:
-    """While it is away orders are delivered and recorded, and an agent that is killed then is linked again."""
+    """While it is away orders are delivered and recorded, and an agent that is killed then is
+    linked again.
+    """
     goes_on(depot)
     verb(depot, "agent", "stop", "router")
     goes_on(depot)
@@ -289,12 +323,24 @@ def test_no_agent_needs_the_router(depot: Depot) -> None:
 
 
 def test_a_cut_link_parts_two_agents_and_no_others(depot: Depot) -> None:
-    """The two take each other for gone, both have all their other neighbours, and meet again once it is healed."""
+    """The two take each other for gone, both have all their other neighbours, and meet again once
+    it is healed.
+    """
     before = beat(depot, "dispatcher").peers
     cut = depot.begin("fault", "cut", "mule-dispatcher", "--for", "30", "--run-dir", str(depot.run))
-    wait_for(lambda: "mule" not in beat(depot, "dispatcher").peers, "the dispatcher misses the mule", PATIENCE_S)
-    wait_for(lambda: "dispatcher" not in beat(depot, "mule").peers, "the mule misses the dispatcher", PATIENCE_S)
-    assert beat(depot, "dispatcher").peers == {name: life for name, life in before.items() if name != "mule"}
+    wait_for(
+        lambda: "mule" not in beat(depot, "dispatcher").peers,
+        "the dispatcher misses the mule",
+        PATIENCE_S,
+    )
+    wait_for(
+        lambda: "dispatcher" not in beat(depot, "mule").peers,
+        "the mule misses the dispatcher",
+        PATIENCE_S,
+    )
+    assert beat(depot, "dispatcher").peers == {
+        name: life for name, life in before.items() if name != "mule"
+    }
     assert "traffic" in beat(depot, "mule").peers
     verb(depot, "fault", "heal")
     cut.communicate(timeout=PATIENCE_S)
@@ -306,25 +352,57 @@ def test_agents_are_linked_again_with_new_keys_and_not_with_a_revoked_one(depot:
     """Each opens its links again, in the same life."""
     lives, keys = beat(depot, "dispatcher").peers, depot.run / KEYS_FOLDER
     depot.roco("keys", "revoke", "mule", "--keys", str(keys))
-    wait_for(lambda: "mule" not in beat(depot, "dispatcher").peers, "the revoked one is gone", PATIENCE_S)
-    assert beat(depot, "dispatcher").peers == {name: life for name, life in lives.items() if name != "mule"}
+    wait_for(
+        lambda: "mule" not in beat(depot, "dispatcher").peers, "the revoked one is gone", PATIENCE_S
+    )
+    assert beat(depot, "dispatcher").peers == {
+        name: life for name, life in lives.items() if name != "mule"
+    }
     for file in keys.glob("router*.key"):  # the supervisor makes all keys again
         file.unlink()
-    wait_for(lambda: beat(depot, "dispatcher").peers == lives, "all are linked, with new keys", PATIENCE_S)
+    wait_for(
+        lambda: beat(depot, "dispatcher").peers == lives,
+        "all are linked, with new keys",
+        PATIENCE_S,
+    )
     goes_on(depot)
 
 
 def test_copies_in_the_name_of_an_agent_reach_its_neighbour(depot: Depot) -> None:
-    """The flood dials the agent with the speaker's key; the copies are dropped, and the work goes on."""
+    """The flood dials the agent with the speaker's key; the copies are dropped, and the work goes
+    on.
+    """
     verb(depot, "fault", "flood", "traffic", "--as", "mule", "--per-second", "50", "--for", "2")
-    wait_for(lambda: beat(depot, "traffic").counts.get("taken before", 0) > 20, "traffic drops copies", PATIENCE_S)
+    wait_for(
+        lambda: beat(depot, "traffic").counts.get("taken before", 0) > 20,
+        "traffic drops copies",
+        PATIENCE_S,
+    )
     goes_on(depot)
 
 
 def test_a_person_speaks_in_the_place_of_an_agent_that_is_down(depot: Depot) -> None:
-    """As that agent it is linked with its neighbours and hears their answers. While the agent lives it is refused."""
-    words = ("--as", "mule", "--to", "traffic", "--protocol", "passage", "--performative", "request")
-    say = ("send", *words, "--content", '{"type":"Enter","goal":"shelf_1"}', "--run-dir", str(depot.run))
+    """As that agent it is linked with its neighbours and hears their answers. While the agent lives
+    it is refused.
+    """
+    words = (
+        "--as",
+        "mule",
+        "--to",
+        "traffic",
+        "--protocol",
+        "passage",
+        "--performative",
+        "request",
+    )
+    say = (
+        "send",
+        *words,
+        "--content",
+        '{"type":"Enter","goal":"shelf_1"}',
+        "--run-dir",
+        str(depot.run),
+    )
     assert "mule lives" in depot.roco(*say, code=1)
     verb(depot, "agent", "stop", "mule")
     said = depot.roco(*say)

@@ -1,6 +1,8 @@
-"""Orders of the operator to agents that run: paused, resumed, their log level and parameters set, over keys and rights.
+"""Orders of the operator to agents that run: paused, resumed, their log level and parameters set,
+over keys and rights.
 
-The depot, brought up as anybody does; a robot is paused, a parameter of the dispatcher decides when it gives up.
+The depot, brought up as anybody does; a robot is paused, a parameter of the dispatcher decides when
+it gives up.
 """
 
 import json
@@ -34,16 +36,25 @@ class Depot:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.run = folder, folder / "runs" / LATEST
-        self.environment = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
+        self.environment = {
+            name: value for name, value in os.environ.items() if not name.startswith("ROCO_")
+        }
 
     def roco(self, *words: str, code: int = 0) -> dict[str, Any]:
         """Return the verb's JSON output; its exit code must be `code`."""
         command = [sys.executable, "-P", "-m", "operate.cli", *words, "--format", "json"]
         done = subprocess.run(
-            command, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=90
+            command,
+            cwd=self.folder,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=90,
         )
         assert done.returncode == code, done.stdout + done.stderr
-        found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1] if done.stdout else done.stderr)
+        found: dict[str, Any] = json.loads(
+            done.stdout.splitlines()[-1] if done.stdout else done.stderr
+        )
         return found
 
     def beat(self, name: str) -> dict[str, Any]:
@@ -53,7 +64,9 @@ class Depot:
 
     def state(self, name: str) -> str:
         """The state that `roco agents` tells of an agent."""
-        return next(str(row["state"]) for row in self.roco("agents")["agents"] if row["name"] == name)
+        return next(
+            str(row["state"]) for row in self.roco("agents")["agents"] if row["name"] == name
+        )
 
     def said(self, text: str) -> int:
         """Return the number of the monitor's verdicts with a text."""
@@ -96,13 +109,17 @@ def test_a_pause_is_kept_over_a_kill(depot: Depot) -> None:
     depot.roco("agent", "pause", "traffic")
     before = depot.beat("traffic")
     os.kill(before["pid"], signal.SIGKILL)
-    wait_for(lambda: depot.beat("traffic")["incarnation"] == before["incarnation"] + 1, "it is back")
+    wait_for(
+        lambda: depot.beat("traffic")["incarnation"] == before["incarnation"] + 1, "it is back"
+    )
     assert depot.beat("traffic")["paused"] is True
     depot.roco("agent", "start", "traffic")
 
 
 def test_the_log_level_is_changed_while_it_runs(depot: Depot) -> None:
-    """The agent's output has no more of what it does, though it goes on; its log file has all of it."""
+    """The agent's output has no more of what it does, though it goes on; its log file has all of
+    it.
+    """
     out, file = depot.run / "ox.log", depot.run / "logs" / "ox.jsonl"
     assert depot.roco("param", "ox", "log-level", "error")["value"] == "error"
     silent, written = out.stat().st_size, file.stat().st_size
@@ -113,7 +130,9 @@ def test_the_log_level_is_changed_while_it_runs(depot: Depot) -> None:
 
 
 def test_a_parameter_decides_from_the_next_step_on(depot: Depot) -> None:
-    """With both robots paused an order fails after as many calls as the parameter says; a restart keeps it."""
+    """With both robots paused an order fails after as many calls as the parameter says; a restart
+    keeps it.
+    """
     assert depot.roco("param", "dispatcher", "rounds")["value"] == 20
     for robot in ("mule", "ox"):
         depot.roco("agent", "pause", robot)
@@ -121,7 +140,11 @@ def test_a_parameter_decides_from_the_next_step_on(depot: Depot) -> None:
     wait_for(lambda: depot.said("no robot was free in 1 calls"), "the order is given up", 60.0)
     assert depot.roco("agent", "restart", "dispatcher")["process"] == "ready"
     (rounds,) = depot.roco("param", "dispatcher")["parameters"]
-    assert (rounds["value"], rounds["default"], rounds["allowed"]) == (1, 20, "an integer from 1 to 1000")
+    assert (rounds["value"], rounds["default"], rounds["allowed"]) == (
+        1,
+        20,
+        "an integer from 1 to 1000",
+    )
     for robot in ("mule", "ox"):
         depot.roco("agent", "start", robot)
 
@@ -129,10 +152,19 @@ def test_a_parameter_decides_from_the_next_step_on(depot: Depot) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("param", "dispatcher", "rounds", "0"), "rounds of dispatcher cannot be '0'; it is an integer from 1"),
-        (("param", "dispatcher", "round", "5"), "dispatcher has no parameter 'round'; its parameters: rounds"),
+        (
+            ("param", "dispatcher", "rounds", "0"),
+            "rounds of dispatcher cannot be '0'; it is an integer from 1",
+        ),
+        (
+            ("param", "dispatcher", "round", "5"),
+            "dispatcher has no parameter 'round'; its parameters: rounds",
+        ),
         (("param", "ox", "rounds"), "agent ox has no parameter 'rounds'; its parameters: none"),
-        (("agent", "pause", "router"), "'router' is not an agent of depot; its agents: desk, dispatcher"),
+        (
+            ("agent", "pause", "router"),
+            "'router' is not an agent of depot; its agents: desk, dispatcher",
+        ),
     ],
 )
 def test_what_cannot_be_is_wrong_use(depot: Depot, words: tuple[str, ...], said: str) -> None:
@@ -147,13 +179,18 @@ def test_orders_are_recorded(depot: Depot) -> None:
     wait_for(lambda: '"order":"log level info"' in lines(), "it is in the agent's log")
 
     def kept() -> bool:
-        return any(one and "/_/control/operator/desk" in one.key for one in recorded(depot.run, everything=True))
+        return any(
+            one and "/_/control/operator/desk" in one.key
+            for one in recorded(depot.run, everything=True)
+        )
 
     wait_for(kept, "it is in the recording")
 
 
 def test_only_the_operator_can_give_orders(depot: Depot) -> None:
-    """An agent, and who only listens, put on the same key, and the router lets nothing of it through."""
+    """An agent, and who only listens, put on the same key, and the router lets nothing of it
+    through.
+    """
     fleet = json.loads((depot.run / "fleet.json").read_bytes())
     data = msgspec.msgpack.encode(Command("stolen", Pause()))
     for thief in ("console", "monitor", "ox"):
@@ -170,8 +207,22 @@ def test_only_the_operator_can_give_orders(depot: Depot) -> None:
 
 def test_logs_follow_what_is_written(depot: Depot) -> None:
     """-f shows what comes after it was called, until Ctrl-C, which is an ordinary end."""
-    command = [sys.executable, "-P", "-m", "operate.cli", "logs", "-f", "desk", "--since", "10m", "--format", "json"]
-    with subprocess.Popen(command, cwd=depot.folder, env=depot.environment, stdout=subprocess.PIPE) as follows:
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "operate.cli",
+        "logs",
+        "-f",
+        "desk",
+        "--since",
+        "10m",
+        "--format",
+        "json",
+    ]
+    with subprocess.Popen(
+        command, cwd=depot.folder, env=depot.environment, stdout=subprocess.PIPE
+    ) as follows:
         assert follows.stdout is not None
         lines = map(json.loads, follows.stdout)
         assert next(lines)["fields"].get("order") != "log level warning"  # it has begun to follow

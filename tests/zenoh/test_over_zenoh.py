@@ -1,4 +1,6 @@
-"""The toy agents as processes that are linked: the promises of the pretend wires hold over the real ones."""
+"""The toy agents as processes that are linked: the promises of the pretend wires hold over the real
+ones.
+"""
 
 import time
 from pathlib import Path
@@ -44,11 +46,15 @@ def done(run: Path) -> tuple[int, ...]:
 
 
 class Expected:
-    """Numbers that are asked of a fleet from now on: each is worked on and answered once, in order."""
+    """Numbers that are asked of a fleet from now on: each is worked on and answered once, in
+    order.
+    """
 
     def __init__(self, fleet: Fleet, *numbers: int) -> None:
         self.fleet, self.numbers = fleet, numbers
-        self.before = (answers(fleet.run), done(fleet.run)) if (fleet.run / "want").exists() else ((), ())
+        self.before = (
+            (answers(fleet.run), done(fleet.run)) if (fleet.run / "want").exists() else ((), ())
+        )
         for number in numbers:
             fleet.want(number)
 
@@ -59,8 +65,14 @@ class Expected:
 
     def came(self) -> None:
         """Wait for all of them."""
-        wait_for(lambda: self.count >= len(self.numbers), f"{len(self.numbers)} answers\n{self.fleet.logs()}")
-        assert answers(self.fleet.run) == (*self.before[0], *((number, 2 * number) for number in self.numbers))
+        wait_for(
+            lambda: self.count >= len(self.numbers),
+            f"{len(self.numbers)} answers\n{self.fleet.logs()}",
+        )
+        assert answers(self.fleet.run) == (
+            *self.before[0],
+            *((number, 2 * number) for number in self.numbers),
+        )
         assert done(self.fleet.run) == (*self.before[1], *self.numbers)
 
 
@@ -70,7 +82,9 @@ def expect(fleet: Fleet, *numbers: int) -> None:
 
 
 def test_request_is_answered_and_stop_is_orderly(fleet: Fleet) -> None:
-    """A request goes there and comes back; SIGTERM ends each with status 0; the step log replays to the same bytes."""
+    """A request goes there and comes back; SIGTERM ends each with status 0; the step log replays to
+    the same bytes.
+    """
     expect(fleet, 4)
     assert [fleet.stop(name) for name in ("asker", "server", "router")] == [0, 0, 0]
     to_server, _ = toy.wirings()
@@ -81,7 +95,9 @@ def test_request_is_answered_and_stop_is_orderly(fleet: Fleet) -> None:
 
 @pytest.mark.parametrize("victim", ["server", "asker"])
 def test_killed_in_the_middle(shared: Fleet, victim: str) -> None:
-    """kill -9 while requests are under way, and a restart from the journal: everything happens exactly once."""
+    """kill -9 while requests are under way, and a restart from the journal: everything happens
+    exactly once.
+    """
     six, life = Expected(shared, *range(6)), shared.beat(victim).incarnation
     wait_for(lambda: six.count >= 2, "some answers")
     if victim == "asker":
@@ -104,7 +120,8 @@ def asked(run: Path, record: bytes | None = None) -> tuple[int, ...]:
 
 
 def test_a_step_without_an_end(shared: Fleet) -> None:
-    """The agent's session lives, by Zenoh's own threads, but its heartbeat stands still, which supervisors look at.
+    """The agent's session lives, by Zenoh's own threads, but its heartbeat stands still, which
+    supervisors look at.
 
     Killed for that it is as any other that was killed.
     """
@@ -121,7 +138,9 @@ def test_a_step_without_an_end(shared: Fleet) -> None:
 
 @pytest.mark.parametrize("victim", ["server", "asker"])
 def test_a_deleted_journal(fleet: Fleet, victim: str) -> None:
-    """kill -9 with requests under way, and the journal deleted: nobody hangs, and the other side says why."""
+    """kill -9 with requests under way, and the journal deleted: nobody hangs, and the other side
+    says why.
+    """
     for number in range(6):
         fleet.want(number)
     wait_for(lambda: len(answers(fleet.run)) >= 2, "some answers")
@@ -132,17 +151,24 @@ def test_a_deleted_journal(fleet: Fleet, victim: str) -> None:
 
 @pytest.mark.parametrize("victim", ["server", "asker"])
 def test_a_journal_cut(fleet: Fleet, victim: str) -> None:
-    """kill -9, and the last half of the journal is lost: its peer knows more, and the agent begins again."""
+    """kill -9, and the last half of the journal is lost: its peer knows more, and the agent begins
+    again.
+    """
     Expected(fleet, *range(6)).came()
     (fleet.run / "want").unlink()  # an asker that is started again would take them again
     # What the victim forgets its peer must know: the receipt of the last answer has come.
     at = fleet.beat("server").at
-    wait_for(lambda: fleet.beat("server").at > at and not any(fleet.beat("server").unreceipted.values()), "receipts")
+    wait_for(
+        lambda: fleet.beat("server").at > at and not any(fleet.beat("server").unreceipted.values()),
+        "receipts",
+    )
     fleet.kill(victim)
     journal = fleet.run / "journal" / f"{victim}.journal"
     kept = list(records(journal.read_bytes()))
     # What a person said must be in the part that is left: nobody says it again.
-    least = next(at for at, one in enumerate(kept) if victim == "server" or len(asked(fleet.run, one)) == 6)
+    least = next(
+        at for at, one in enumerate(kept) if victim == "server" or len(asked(fleet.run, one)) == 6
+    )
     journal.write_bytes(MAGIC + b"".join(map(frame, kept[: max(least, len(kept) // 2) + 1])))
     fleet.start(victim)
     assert fleet.processes[victim].wait(DEADLINE_S) == 1
@@ -151,7 +177,9 @@ def test_a_journal_cut(fleet: Fleet, victim: str) -> None:
 
 
 def begins_again(fleet: Fleet, victim: str) -> None:
-    """Start it: all six numbers are answered, and the other side says why its conversations ended."""
+    """Start it: all six numbers are answered, and the other side says why its conversations
+    ended.
+    """
     fleet.start(victim)
     fleet.ready(victim)
     wait_for(lambda: len(answers(fleet.run)) >= 6, f"6 answers\n{fleet.logs()}")
@@ -162,7 +190,9 @@ def begins_again(fleet: Fleet, victim: str) -> None:
 
 @pytest.mark.parametrize("moved_s", [-3600, 3600])
 def test_the_wall_clock_is_set(shared: Fleet, moved_s: int) -> None:
-    """By an hour, either way, while requests are under way: heartbeats, wake-ups and re-sending go on."""
+    """By an hour, either way, while requests are under way: heartbeats, wake-ups and re-sending go
+    on.
+    """
     expect(shared, 1)
     (shared.run / "clock").write_text(str(moved_s))
     beat, at = shared.run / "asker.heartbeat.json", shared.beat("asker").at
@@ -178,7 +208,9 @@ def test_the_wall_clock_is_set(shared: Fleet, moved_s: int) -> None:
 
 
 def test_router_killed(shared: Fleet) -> None:
-    """The traffic goes on, nobody is taken for dead, and the agents see that the router is away, and is back."""
+    """The traffic goes on, nobody is taken for dead, and the agents see that the router is away,
+    and is back.
+    """
     expect(shared, 1)
     peers = shared.beat("asker").peers
     shared.kill("router")
@@ -201,17 +233,30 @@ def test_garbage_kills_nobody(shared: Fleet) -> None:
             receiver="server",
             id="1",
         )
-        for data in (b"", b"garbage", b"\xc1" * 100, msgspec.msgpack.encode({"V": "request"}), encode(lie)):
+        for data in (
+            b"",
+            b"garbage",
+            b"\xc1" * 100,
+            msgspec.msgpack.encode({"V": "request"}),
+            encode(lie),
+        ):
             session.put(key, data)
         session.put("roco/toy/_/receipt/asker/server", b"\x93garbage")
         session.put("roco/toy/_/alive/asker/many", b"")
-        wait_for(lambda: shared.beat("server").counts.get("garbled", 0) == 4, "all garbage is counted")
-        wait_for(lambda: shared.beat("server").counts.get("forged", 0) == 2, "what says other than its key, too")
+        wait_for(
+            lambda: shared.beat("server").counts.get("garbled", 0) == 4, "all garbage is counted"
+        )
+        wait_for(
+            lambda: shared.beat("server").counts.get("forged", 0) == 2,
+            "what says other than its key, too",
+        )
     expect(shared, 9)
 
 
 def test_a_second_process_of_an_agent_is_refused(shared: Fleet) -> None:
-    """One journal, one process: the second one ends with an error that says why, the first one serves on."""
+    """One journal, one process: the second one ends with an error that says why, the first one
+    serves on.
+    """
     first = shared.processes.pop("server")
     shared.start("server")
     assert shared.processes.pop("server").wait(20.0) == 1
@@ -226,7 +271,9 @@ def test_without_a_router(tmp_path: Path) -> None:
     fleet.start("server", "asker")
     fleet.ready("server", "asker")
     expect(fleet, 1)
-    wait_for(lambda: "nobody listens" in (tmp_path / "server.log").read_text(), "the agent says why")
+    wait_for(
+        lambda: "nobody listens" in (tmp_path / "server.log").read_text(), "the agent says why"
+    )
     assert [fleet.stop(name) for name in ("asker", "server")] == [0, 0]
     assert (tmp_path / "server.log").read_text().count("no router") == 1
 

@@ -1,4 +1,6 @@
-"""Each protocol of FIPA, with its cancels, between two real agents over a real router; a crowd; a broker's targets."""
+"""Each protocol of FIPA, with its cancels, between two real agents over a real router; a crowd; a
+broker's targets.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -47,7 +49,9 @@ def test_every_story_of_every_protocol_ends_as_told(tmp_path: Path) -> None:
 
     def over() -> bool:
         memories = [journalled(fleet.run, agent) for agent in players.values()]
-        return any(one.wrong for one in memories) or all(len(one.ends) == len(fipa.SCRIPT) for one in memories)
+        return any(one.wrong for one in memories) or all(
+            len(one.ends) == len(fipa.SCRIPT) for one in memories
+        )
 
     try:
         wait_for(over, f"all {len(fipa.SCRIPT)} stories are played\n{fleet.logs()}", 50.0)
@@ -70,7 +74,10 @@ def test_a_crowd_is_called_twice_and_one_is_awarded(tmp_path: Path) -> None:
     """One conversation-id with four participants: proposal, refusal, silence until too late."""
     fleet = opened(tmp_path, "caller", *fipa.CROWD)
     try:
-        wait_for(lambda: journalled(tmp_path, fipa.caller()).outcomes, f"the call is over\n{fleet.logs()}")
+        wait_for(
+            lambda: journalled(tmp_path, fipa.caller()).outcomes,
+            f"the call is over\n{fleet.logs()}",
+        )
         assert journalled(tmp_path, fipa.caller()).outcomes == fipa.OUTCOMES
         wait_for(lambda: stands(tmp_path) == fipa.ENDS, f"the crowd has heard it\n{fleet.logs()}")
     finally:
@@ -78,11 +85,19 @@ def test_a_crowd_is_called_twice_and_one_is_awarded(tmp_path: Path) -> None:
 
 
 def test_targets_of_a_broker_answer_through_it_or_directly(tmp_path: Path) -> None:
-    """Brokering, then recruiting, each with conversations inside: four agents, every answer once."""
+    """Brokering, then recruiting, each with conversations inside: four agents, every answer
+    once.
+    """
     fleet = opened(tmp_path, "asker", "broker", *fipa.SCALES)
     try:
-        wait_for(lambda: answered(tmp_path) == list(fipa.WEIGHTS.items()), f"all is answered\n{fleet.logs()}")
-        wait_for(lambda: len(journalled(tmp_path, fipa.asker()).ends) == 2, f"both are over\n{fleet.logs()}")
+        wait_for(
+            lambda: answered(tmp_path) == list(fipa.WEIGHTS.items()),
+            f"all is answered\n{fleet.logs()}",
+        )
+        wait_for(
+            lambda: len(journalled(tmp_path, fipa.asker()).ends) == 2,
+            f"both are over\n{fleet.logs()}",
+        )
         memory = journalled(tmp_path, fipa.asker())
         assert memory.ends == ("brokering done", "recruiting done")
         assert sorted(memory.relayed) == list(fipa.WEIGHTS.items())

@@ -1,4 +1,6 @@
-"""Reasons why a router is not reached: each by a real handshake with a real router, and in the waiter's log."""
+"""Reasons why a router is not reached: each by a real handshake with a real router, and in the
+waiter's log.
+"""
 
 import datetime as dt
 import os
@@ -40,7 +42,9 @@ WEEK = dt.timedelta(days=7)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Keys of the router and of co; what co had, will have, or got from another authority; another fleet's."""
+    """Keys of the router and of co; what co had, will have, or got from another authority; another
+    fleet's.
+    """
     where, now = tmp_path_factory.mktemp("keys"), dt.datetime.now(dt.UTC)
     issuer = issuing.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
     foreign = issuing.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
@@ -49,12 +53,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for identity in ("co", "console"):
         issuing.certify(where, issuer, identity, now, now + WEEK)
     (where / "older").mkdir()
-    with pytest.MonkeyPatch.context() as older:  # versions that gave certificates no key identifiers
-        add, lacks = x509.CertificateBuilder.add_extension, (x509.AuthorityKeyIdentifier, x509.SubjectKeyIdentifier)
+    # versions that gave certificates no key identifiers
+    with pytest.MonkeyPatch.context() as older:
+        add, lacks = (
+            x509.CertificateBuilder.add_extension,
+            (x509.AuthorityKeyIdentifier, x509.SubjectKeyIdentifier),
+        )
         older.setattr(
             x509.CertificateBuilder,
             "add_extension",
-            lambda self, one, critical: self if isinstance(one, lacks) else add(self, one, critical),
+            lambda self, one, critical: (
+                self if isinstance(one, lacks) else add(self, one, critical)
+            ),
         )
         one = issuing.authority("authority", now, now + WEEK)
         issuing.publish(where / "older", one, RIGHTS)
@@ -85,10 +95,16 @@ def router(folder: Path) -> Iterator[tuple[str, str]]:
     """A process, with the keys of a folder, at two addresses."""
     first = free_endpoint().replace("tcp/", "tls/")
     second = free_endpoint().replace("tcp/127.0.0.1", "tls/127.0.0.2")
-    told = {"ROCO_LISTEN": f"{first},{second}", "ROCO_RUN_DIR": str(folder), "ROCO_TLS_DIR": str(folder)}
+    told = {
+        "ROCO_LISTEN": f"{first},{second}",
+        "ROCO_RUN_DIR": str(folder),
+        "ROCO_TLS_DIR": str(folder),
+    }
     with (folder / "router.log").open("ab") as log:
         command = [sys.executable, "-m", "services.router"]
-        process = subprocess.Popen(command, env=os.environ | told | {"ROCO_SYSTEM": SYSTEM}, stdout=log, stderr=log)
+        process = subprocess.Popen(
+            command, env=os.environ | told | {"ROCO_SYSTEM": SYSTEM}, stdout=log, stderr=log
+        )
     wait_for((folder / "router.ready").exists, "the router listens")
     yield first, second
     process.send_signal(signal.SIGTERM)
@@ -121,7 +137,9 @@ def test_a_router_with_keys_of_an_older_version_is_named(folder: Path) -> None:
     """What its certificate lacks, and what to do."""
     with router(folder / "older") as (address, _):
         said = why_not(address, client_tls(folder / "older", "co"))
-    assert_matches("names no key of its authority, as older versions made it; `roco keys make`", said)
+    assert_matches(
+        "names no key of its authority, as older versions made it; `roco keys make`", said
+    )
 
 
 @pytest.mark.parametrize("place", ["expired", "early"])
@@ -130,12 +148,16 @@ def test_a_router_with_another_clock_refuses(
 ) -> None:
     """Here the certificate seems to hold; the router says that it does not."""
     monkeypatch.setattr(reaching, "_outside", lambda own: "")
-    assert_matches("does not hold by the router's clock", why_not(routers[0], client_tls(folder / place, "co")))
+    assert_matches(
+        "does not hold by the router's clock", why_not(routers[0], client_tls(folder / place, "co"))
+    )
 
 
 def test_other_certificates_are_refused_in_words(folder: Path, routers: tuple[str, str]) -> None:
     """That of the router, and none; the router's own where it does not name the host."""
-    assert_matches("router.pem is not for a client", why_not(routers[0], client_tls(folder, ROUTER)))
+    assert_matches(
+        "router.pem is not for a client", why_not(routers[0], client_tls(folder, ROUTER))
+    )
     bare: dict[str, Any] = {"root_ca_certificate": str(folder / AUTHORITY)}
     assert_matches("is missing: the router wants one", why_not(routers[0], bare))
     assert_matches("is not for this address", why_not(routers[1], client_tls(folder, "co")))
@@ -147,12 +169,16 @@ def test_a_place_where_no_router_is_is_told(folder: Path) -> None:
     nobody = free_endpoint().replace("tcp/", "tls/")
     assert_matches("connection refused", why_not(nobody, own))
     assert_matches("connection refused", why_not(nobody.replace("tls/", "tcp/"), None))
-    assert_matches("the name nobody.invalid is not resolved", why_not("tls/nobody.invalid:7447", own))
+    assert_matches(
+        "the name nobody.invalid is not resolved", why_not("tls/nobody.invalid:7447", own)
+    )
     assert_matches("no keys are given", why_not(nobody, None))
     assert_matches("keys are given", why_not(nobody.replace("tls/", "tcp/"), own))
     assert_matches("is not an address", why_not("7447", own))
     with socket.create_server(("127.0.0.1", 0)) as mute:
-        assert_matches("does not answer the handshake", why_not(f"tls/127.0.0.1:{mute.getsockname()[1]}", own))
+        assert_matches(
+            "does not answer the handshake", why_not(f"tls/127.0.0.1:{mute.getsockname()[1]}", own)
+        )
 
 
 @pytest.mark.parametrize(
@@ -161,11 +187,17 @@ def test_a_place_where_no_router_is_is_told(folder: Path) -> None:
         ("", []),
         (
             "expired",
-            ["router: the own certificate console.pem ended", "co: no router: the own certificate co.pem ended"],
+            [
+                "router: the own certificate console.pem ended",
+                "co: no router: the own certificate co.pem ended",
+            ],
         ),
         (
             "elsewhere",
-            ["router: the router's certificate is of another", "co: no router: the router's certificate is of"],
+            [
+                "router: the router's certificate is of another",
+                "co: no router: the router's certificate is of",
+            ],
         ),
         ("nothing", ["router: .*console.pem is missing"]),
     ],
@@ -190,12 +222,16 @@ def older(folder: Path, address: str) -> None:
     context = ssl.create_default_context(cafile=folder / AUTHORITY)
     context.load_cert_chain(certificate_file(folder, "co"), key_file(folder, "co"))
     context.maximum_version = ssl.TLSVersion.TLSv1_2
-    with socket.create_connection(("127.0.0.1", int(address.rpartition(":")[2])), 10.0) as connection:
+    with socket.create_connection(
+        ("127.0.0.1", int(address.rpartition(":")[2])), 10.0
+    ) as connection:
         context.wrap_socket(connection, server_hostname="127.0.0.1").close()
 
 
 def test_doctor_lists_who_was_refused(folder: Path, routers: tuple[str, str]) -> None:
-    """Each reason of the router's log in plain words, with its count; none that it has no words for."""
+    """Each reason of the router's log in plain words, with its count; none that it has no words
+    for.
+    """
     why_not(routers[0], client_tls(folder / "foreign", "co"))
     why_not(routers[0], client_tls(folder, ROUTER))
     why_not(routers[0], client_tls(folder / "elsewhere", "co"))

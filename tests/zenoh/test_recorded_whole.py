@@ -1,6 +1,7 @@
 """The recorder, or the router, is killed or frozen amid the traffic of a fleet: it misses nothing.
 
-What was said meanwhile is in the step logs of the agents, also what somebody said who should not have.
+What was said meanwhile is in the step logs of the agents, also what somebody said who should not
+have.
 """
 
 import json
@@ -66,7 +67,9 @@ class Depot:
         """Call a verb."""
         command = [sys.executable, "-P", "-m", "operate.cli", *words]
         kept = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
-        return subprocess.run(command, cwd=self.folder, env=kept, capture_output=True, text=True, timeout=100)
+        return subprocess.run(
+            command, cwd=self.folder, env=kept, capture_output=True, text=True, timeout=100
+        )
 
     def pid(self, name: str) -> int:
         """Of a process that is ready; 0 while it is not."""
@@ -84,7 +87,11 @@ class Depot:
 
     def arrived(self, agent: str) -> list[Communicate]:
         """Return the communicates that reached an agent, by its step log."""
-        steps = [one for one in read(self.run / "steps" / f"{agent}.steps") if one.kind == Arrived.__name__]
+        steps = [
+            one
+            for one in read(self.run / "steps" / f"{agent}.steps")
+            if one.kind == Arrived.__name__
+        ]
         return [msgspec.msgpack.decode(one.input, type=Arrived).communicate for one in steps]
 
     def heard(self) -> int:
@@ -94,25 +101,39 @@ class Depot:
     def unrecorded(self) -> set[tuple[str, str, str]]:
         """Return the communicates that reached agents and that the recording lacks."""
         agents = [path.stem for path in (self.run / "steps").glob("*.steps")]
-        taken = {(one.sender, one.receiver, one.id) for agent in agents for one in self.arrived(agent)}
+        taken = {
+            (one.sender, one.receiver, one.id) for agent in agents for one in self.arrived(agent)
+        }
         return taken - {one.identity for one in self.records(Spoken)}
 
     def records(self, kind: type[R]) -> list[R]:
         """Return the recorded records of a kind."""
-        return [one for one in mcap_file.read(self.run / mcap_file.FILE).records if isinstance(one, kind)]
+        return [
+            one
+            for one in mcap_file.read(self.run / mcap_file.FILE).records
+            if isinstance(one, kind)
+        ]
 
     def ended(self) -> int:
-        """Return the number of orders the desk knows to be carried out: two informs each, that it is assigned and
-        delivered.
+        """Return the number of orders the desk knows to be carried out: two informs each, that it
+        is assigned and delivered.
         """
-        informs = {one.id for one in self.arrived("desk") if (one.protocol, one.performative) == ("request", "inform")}
+        informs = {
+            one.id
+            for one in self.arrived("desk")
+            if (one.protocol, one.performative) == ("request", "inform")
+        }
         return len(informs) // 2
 
     def judged(self) -> dict[str, Any]:
-        """Return the output of `roco traffic judge` once all orders were carried out and the fleet is down."""
+        """Return the output of `roco traffic judge` once all orders were carried out and the fleet
+        is down.
+        """
         wait_for(lambda: self.ended() >= self.orders, "all orders are carried out", 120.0)
         self.roco("down", "--run-dir", str(self.run))
-        found: dict[str, Any] = json.loads(self.roco("traffic", "judge", str(self.run), "--format", "json").stdout)
+        found: dict[str, Any] = json.loads(
+            self.roco("traffic", "judge", str(self.run), "--format", "json").stdout
+        )
         return found
 
 
@@ -190,8 +211,8 @@ def test_what_was_wrong_while_nobody_recorded_is_found(depot: Depot) -> None:
 
 
 def test_a_dead_letter_is_kept(depot: Depot) -> None:
-    """A communicate that an agent turned away is listed while the fleet runs, and after the agent's death, of the
-    folder.
+    """A communicate that an agent turned away is listed while the fleet runs, and after the agent's
+    death, of the folder.
     """
     fleet = folders.fleet(depot.run)
     assert fleet is not None
@@ -204,7 +225,10 @@ def test_a_dead_letter_is_kept(depot: Depot) -> None:
     def listed() -> list[tuple[str, ...]]:
         words = ("traffic", "dead", "--run", str(depot.run), "--agent", "mule", "--format", "json")
         letters = json.loads(depot.roco(*words).stdout)
-        return [tuple(one.get(name, "") for name in ("reason", "sender", "receiver", "id")) for one in letters]
+        return [
+            tuple(one.get(name, "") for name in ("reason", "sender", "receiver", "id"))
+            for one in letters
+        ]
 
     expected = ("turned away", "mule", "traffic", "first")
     wait_for(lambda: expected in listed(), "it is listed")

@@ -1,4 +1,6 @@
-"""The recorder works with what the fleet leaves of the processor, and makes its report as everybody else works."""
+"""The recorder works with what the fleet leaves of the processor, and makes its report as everybody
+else works.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,11 +32,15 @@ def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Fleet]:
 def threads(pid: int) -> dict[str, int]:
     """Niceness of each thread; the first is the one that began."""
     files = sorted(Path(f"/proc/{pid}/task").glob("*/stat"), key=lambda file: int(file.parent.name))
-    return {file.parent.name: int(file.read_text().rpartition(")")[2].split()[16]) for file in files}
+    return {
+        file.parent.name: int(file.read_text().rpartition(")")[2].split()[16]) for file in files
+    }
 
 
 def test_who_records_gives_way_and_who_reports_does_not(fleet: Fleet) -> None:
-    """The threads that hear and write are nicer than the fleet's, the first one, which makes the report, is not."""
+    """The threads that hear and write are nicer than the fleet's, the first one, which makes the
+    report, is not.
+    """
     pid = fleet.processes["monitor"].pid
     found, router = threads(pid), threads(fleet.processes["router"].pid)
     usual = next(iter(router.values()))
@@ -46,6 +52,8 @@ def test_who_records_gives_way_and_who_reports_does_not(fleet: Fleet) -> None:
 def test_what_it_hears_is_recorded_and_it_ends_in_order(fleet: Fleet) -> None:
     """As before it gave way: a signal reaches the thread that writes, and the file is closed."""
     with session(fleet, "hi") as hi:
-        wait_for(lambda: hi.put(KEY, b"{}") or TOPIC in (fleet.run / FILE).read_bytes(), "it is written")
+        wait_for(
+            lambda: hi.put(KEY, b"{}") or TOPIC in (fleet.run / FILE).read_bytes(), "it is written"
+        )
     assert fleet.stop("monitor") == 0
     assert (fleet.run / FILE).read_bytes().endswith(b"\x89MCAP0\r\n")

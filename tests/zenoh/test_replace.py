@@ -20,8 +20,20 @@ POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
 
 def replaced(file: Path, agent: str, code: int) -> Compared:
     """Return the agent's result; the exit code must be `code`."""
-    command = [sys.executable, "-m", "operate.cli", "replay", str(file), "--replace", agent, "--speed", "max"]
-    done = subprocess.run([*command, "--format", "json"], capture_output=True, timeout=150, check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "operate.cli",
+        "replay",
+        str(file),
+        "--replace",
+        agent,
+        "--speed",
+        "max",
+    ]
+    done = subprocess.run(
+        [*command, "--format", "json"], capture_output=True, timeout=150, check=False
+    )
     assert done.returncode == code, done.stderr.decode()
     return msgspec.json.decode(done.stdout, type=Compared)
 
@@ -31,7 +43,9 @@ def elsewhere(record: Spoken) -> Spoken:
     one = record.communicate
     content = msgspec.msgpack.decode(one.content)
     content["at"][0][0] = 9.0
-    wire = encode(msgspec.structs.replace(one, content=msgspec.Raw(msgspec.msgpack.encode(content))))
+    wire = encode(
+        msgspec.structs.replace(one, content=msgspec.Raw(msgspec.msgpack.encode(content)))
+    )
     return msgspec.structs.replace(record, wire=wire, size=len(wire))
 
 
@@ -42,7 +56,9 @@ def test_an_agent_says_again_what_it_said() -> None:
 
 
 def test_what_another_version_says_is_told() -> None:
-    """ta says again what it said up to the end of the pour: that one was not weighed, so that ta felt nothing."""
+    """ta says again what it said up to the end of the pour: that one was not weighed, so that ta
+    felt nothing.
+    """
     done = replaced(POUR, "ta", 1)
     assert done.difference is not None
     assert (done.lines, done.spoken) == (111, 105)
@@ -50,7 +66,9 @@ def test_what_another_version_says_is_told() -> None:
 
 
 def test_it_is_said_where_the_words_first_differ(tmp_path: Path) -> None:
-    """A recording in which ta asks for another act than it does: the line, the field, both words; exit code 1."""
+    """A recording in which ta asks for another act than it does: the line, the field, both words;
+    exit code 1.
+    """
     file, changed = tmp_path / "other.mcap", False
     copy = mcap_file.Recording(file)
     for record in mcap_file.read(POUR / mcap_file.FILE, SYSTEM).records:

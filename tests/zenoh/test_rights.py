@@ -1,5 +1,6 @@
-"""Every cell of the rights over TLS, at a real router and at the links of an agent: identity x key x put, subscribe,
-query, queryable, token, watch. Allowed is exactly what the design says, written out here a second time.
+"""Every cell of the rights over TLS, at a real router and at the links of an agent: identity x key
+x put, subscribe, query, queryable, token, watch. Allowed is exactly what the design says, written
+out here a second time.
 """
 
 import itertools
@@ -32,7 +33,9 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
 
 
 @pytest.fixture(scope="module", params=["", AGENT], ids=["router", AGENT])
-def open_house(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
+def open_house(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Guarded]:
     """A guard that asks for certificates and allows everything."""
     one = Guarded(tmp_path_factory.mktemp("open"), request.param, {"enabled": False})
     yield one
@@ -58,7 +61,9 @@ def until(condition: Callable[[], object], what: str) -> None:
 def passed_the_fence(guarded: Guarded, session: zenoh.Session) -> None:
     """Once this returns the guard has decided all that the session declared or put before."""
     heard: Queue[str] = Queue()
-    with guarded.guard.declare_subscriber(f"{FENCE}/in", lambda sample: heard.put(sample.payload.to_string())):
+    with guarded.guard.declare_subscriber(
+        f"{FENCE}/in", lambda sample: heard.put(sample.payload.to_string())
+    ):
         session.put(f"{FENCE}/in", "decided")
         assert heard.get(timeout=DEADLINE_S) == "decided"
 
@@ -76,7 +81,10 @@ def puts(guarded: Guarded, session: zenoh.Session) -> set[str]:
 
 def subscribes(guarded: Guarded, session: zenoh.Session) -> set[str]:
     """The keys that are let out."""
-    ears = [session.declare_subscriber(key, zenoh.handlers.FifoChannel(8)) for key in (*KEYS, f"{FENCE}/end")]
+    ears = [
+        session.declare_subscriber(key, zenoh.handlers.FifoChannel(8))
+        for key in (*KEYS, f"{FENCE}/end")
+    ]
     passed_the_fence(guarded, session)
     for key in KEYS:
         guarded.guard.put(key, b"said")
@@ -124,7 +132,10 @@ def tokens(guarded: Guarded, session: zenoh.Session) -> set[str]:
 def watches(guarded: Guarded, session: zenoh.Session) -> set[str]:
     """The keys of tokens that it sees, by subscription and by question."""
     live = session.liveliness()
-    ears = [live.declare_subscriber(key, zenoh.handlers.FifoChannel(8), history=True) for key in (*KEYS, f"{FENCE}/on")]
+    ears = [
+        live.declare_subscriber(key, zenoh.handlers.FifoChannel(8), history=True)
+        for key in (*KEYS, f"{FENCE}/on")
+    ]
     passed_the_fence(guarded, session)
     held = [guarded.guard.liveliness().declare_token(key) for key in (*KEYS, f"{FENCE}/on")]
     until(lambda: ears[-1].try_recv() is not None, "the last token is seen")
@@ -133,7 +144,8 @@ def watches(guarded: Guarded, session: zenoh.Session) -> set[str]:
     for one in (*ears, *held):
         one.undeclare()
     until(lambda: not _alive(guarded.guard, "roco/**"), "the tokens are gone")
-    return told | asked  # a question beside a subscription to the same token may come back empty (zenoh 1.10.2)
+    # a question beside a subscription to the same token may come back empty (zenoh 1.10.2)
+    return told | asked
 
 
 def _answer(query: Any) -> None:
@@ -163,7 +175,9 @@ def walked(guarded: Guarded, identities: Sequence[str]) -> dict[tuple[str, str],
 
 
 def test_exactly_the_cells_of_the_design(guarded: Guarded) -> None:
-    """The cells that get through are those of the design, key by key; nobody asks, and nobody is asked."""
+    """The cells that get through are those of the design, key by key; nobody asks, and nobody is
+    asked.
+    """
     assert len(KEYS) * len(PEOPLE) * len(ACTIONS) >= 400, "there are cells enough"
     wrong = []
     for (identity, action), through in walked(guarded, PEOPLE).items():
@@ -177,21 +191,25 @@ def test_exactly_the_cells_of_the_design_at_an_agent(linked: Guarded) -> None:
     """A neighbour says and hears what the design has between the two; all others nothing."""
     assert len(DESIGN.peers(AGENT)) == max(len(DESIGN.peers(name)) for name in DESIGN.agents)
     wrong = []
-    for (identity, action), through in walked(linked, [name for name in PEOPLE if name != AGENT]).items():
+    for (identity, action), through in walked(
+        linked, [name for name in PEOPLE if name != AGENT]
+    ).items():
         wanted = {key for key in KEYS if allowed_at(AGENT, DESIGN, identity, action, key)}
         wrong += [(identity, action, sorted(through ^ wanted))] if through != wanted else []
     assert not wrong
 
 
 def test_without_rules_every_cell_gets_through(open_house: Guarded) -> None:
-    """Denials above are due to the rules: the same tries find nothing closed where there are none."""
+    """Denials above are due to the rules: the same tries find nothing closed where there are
+    none.
+    """
     closed = {cell: set(KEYS) - through for cell, through in walked(open_house, ["co"]).items()}
     assert not any(closed.values()), closed
 
 
 def test_a_wildcard_hears_no_more(guarded: Guarded) -> None:
-    """Listening to everything is refused as a whole; to all of the system it is the recorder's right, and no more than
-    that is heard.
+    """Listening to everything is refused as a whole; to all of the system it is the recorder's
+    right, and no more than that is heard.
     """
     for identity in PEOPLE:
         recorder = identity in DESIGN.file.system.recorders
@@ -204,7 +222,10 @@ def heard_wide(guarded: Guarded, identity: str) -> set[str]:
     session = guarded.session(identity)
     wide = ("**", "*/**", f"roco/{SYSTEM}/**", f"roco/{SYSTEM}/*/*/*/*/*", f"roco/{SYSTEM}/_/**")
     heard: list[str] = []
-    ears = [session.declare_subscriber(key, lambda sample: heard.append(str(sample.key_expr))) for key in wide]
+    ears = [
+        session.declare_subscriber(key, lambda sample: heard.append(str(sample.key_expr)))
+        for key in wide
+    ]
     end = session.declare_subscriber(f"{FENCE}/end", zenoh.handlers.FifoChannel(8))
     passed_the_fence(guarded, session)
     for key in KEYS:
@@ -214,16 +235,23 @@ def heard_wide(guarded: Guarded, identity: str) -> set[str]:
     for ear in (*ears, end):
         ear.undeclare()
     session.close()  # type: ignore[no-untyped-call]
-    return {key for key in heard if not key.startswith(FENCE)}  # those are its own, which no router has seen
+    # those are its own, which no router has seen
+    return {key for key in heard if not key.startswith(FENCE)}
 
 
 def test_who_lives_may_be_asked(guarded: Guarded) -> None:
-    """All that may see a token may also ask for it once, as `roco send` does; beyond the tokens nothing is told."""
+    """All that may see a token may also ask for it once, as `roco send` does; beyond the tokens
+    nothing is told.
+    """
     token = guarded.guard.liveliness().declare_token(f"roco/{SYSTEM}/_/alive/co/7")
     other = guarded.guard.liveliness().declare_token(f"roco/{SYSTEM}/_/state/co")
     for identity in PEOPLE:
         with guarded.session(identity) as session:
-            seen = {f"roco/{SYSTEM}/_/alive/co/7"} if identity in DESIGN.signals["alive"].readers else set()
+            seen = (
+                {f"roco/{SYSTEM}/_/alive/co/7"}
+                if identity in DESIGN.signals["alive"].readers
+                else set()
+            )
             assert _alive(session, f"roco/{SYSTEM}/_/alive/co/*") == seen, identity
             assert not _alive(session, f"roco/{SYSTEM}/_/state/co"), identity
             assert not _alive(session, "**"), identity

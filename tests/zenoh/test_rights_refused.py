@@ -26,7 +26,9 @@ WEEK = dt.timedelta(days=7)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Keys of the router and of co, and what co once had, will have, or got from another authority."""
+    """Keys of the router and of co, and what co once had, will have, or got from another
+    authority.
+    """
     where, now = tmp_path_factory.mktemp("keys"), dt.datetime.now(dt.UTC)
     issuer = issuing.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
     foreign = issuing.authority("authority", now - 3 * WEEK, now + 3 * WEEK)
@@ -48,7 +50,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def router(folder: Path) -> Iterator[str]:
     """A router as a process, with those keys; its address."""
     address = free_endpoint().replace("tcp/", "tls/")
-    told = {"ROCO_LISTEN": address, "ROCO_RUN_DIR": str(folder), "ROCO_TLS_DIR": str(folder), "ROCO_SYSTEM": SYSTEM}
+    told = {
+        "ROCO_LISTEN": address,
+        "ROCO_RUN_DIR": str(folder),
+        "ROCO_TLS_DIR": str(folder),
+        "ROCO_SYSTEM": SYSTEM,
+    }
     with (folder / "router.log").open("ab") as log:
         command = [sys.executable, "-m", "services.router"]
         process = subprocess.Popen(command, env=os.environ | told, stdout=log, stderr=log)
@@ -69,8 +76,12 @@ REASONS = {
 
 
 @pytest.mark.parametrize("why", REASONS)
-def test_a_session_without_a_good_certificate_is_refused(folder: Path, router: str, why: str) -> None:
-    """The router does not let it in, and its log has one more line that says why; co with its own gets in after it."""
+def test_a_session_without_a_good_certificate_is_refused(
+    folder: Path, router: str, why: str
+) -> None:
+    """The router does not let it in, and its log has one more line that says why; co with its own
+    gets in after it.
+    """
     log = folder / "router.log"
     before = log.read_text().count(REASONS[why])
     tls, address = client_tls(folder, "co"), router
@@ -84,12 +95,17 @@ def test_a_session_without_a_good_certificate_is_refused(folder: Path, router: s
         address = router.replace("tls/", "tcp/")
     with pytest.raises(zenoh.ZError):
         zenoh.open(client_config(address, tls if address == router else None))
-    wait_for(lambda: log.read_text().count(REASONS[why]) == before + 1, f"the log says why:\n{log.read_text()}")
+    wait_for(
+        lambda: log.read_text().count(REASONS[why]) == before + 1,
+        f"the log says why:\n{log.read_text()}",
+    )
     zenoh.open(client_config(router, client_tls(folder, "co"))).close()
 
 
 def test_a_client_does_not_speak_to_a_foreign_router(tmp_path: Path, router: str) -> None:
-    """A process at the router's address without its certificate hears nothing: the client refuses it."""
+    """A process at the router's address without its certificate hears nothing: the client refuses
+    it.
+    """
     issuing.issue(tmp_path, DESIGN, (SYSTEM,))
     with pytest.raises(zenoh.ZError):
         zenoh.open(client_config(router, client_tls(tmp_path, "co")))
@@ -97,7 +113,9 @@ def test_a_client_does_not_speak_to_a_foreign_router(tmp_path: Path, router: str
 
 def test_missing_keys_and_rights_of_another_system_are_told(folder: Path) -> None:
     """Before anything is opened, with what is there and what to do."""
-    with pytest.raises(KeysError, match="identities with a key there: co, router; `roco keys make`"):
+    with pytest.raises(
+        KeysError, match="identities with a key there: co, router; `roco keys make`"
+    ):
         client_tls(folder, "ta")
     with pytest.raises(KeysError, match="'guarded', this router serves 'other'"):
         rights_of(folder, "other")
@@ -117,7 +135,9 @@ def test_an_agent_without_its_keys_ends_and_says_why(folder: Path, tmp_path: Pat
     told = {"ROCO_RUN_DIR": str(tmp_path), "ROCO_TLS_DIR": str(folder), "ROCO_SYSTEM": SYSTEM}
     told["ROCO_AGENTS"] = ",".join(f"{name}=tls/127.0.0.1:1" for name in DESIGN.agents)
     command = [sys.executable, "-m", "services.task"]
-    done = subprocess.run(command, env=os.environ | told, capture_output=True, text=True, timeout=30.0, check=False)
+    done = subprocess.run(
+        command, env=os.environ | told, capture_output=True, text=True, timeout=30.0, check=False
+    )
     assert done.returncode == 1
     assert f"{folder / 'ta.pem'} is missing" in done.stdout + done.stderr
     assert "Traceback" not in done.stdout + done.stderr

@@ -1,7 +1,9 @@
-"""Over TLS, with processes of the companion: what a thief of a key cannot say, and who tells of what was denied.
+"""Over TLS, with processes of the companion: what a thief of a key cannot say, and who tells of
+what was denied.
 
-The rules see keys only; so a lie inside a communicate and a copy are refused by whom they are said to. A copy that is
-put by its own sender cannot be told from one that is sent again, and does as little.
+The rules see keys only; so a lie inside a communicate and a copy are refused by whom they are said
+to. A copy that is put by its own sender cannot be told from one that is sent again, and does as
+little.
 """
 
 import json
@@ -38,7 +40,8 @@ CMD = LANGUAGES.named("CMD")
 RULE = DESIGN.rules["hi", "co", "request", Performative.REQUEST]
 KEY = DESIGN.key_of(SYSTEM, RULE)
 LOOK = Communicate(
-    performative=Performative.REQUEST, protocol="request", sender="hi", receiver="co", language="CMD",
+    performative=Performative.REQUEST, protocol="request", sender="hi", receiver="co",
+    language="CMD",
     ontology=RULE.ontology, content=CMD.encode(LookAround()), conversation="look",
 )  # fmt: skip
 
@@ -84,12 +87,17 @@ def said(fleet: Processes, what: str) -> dict[str, object]:
 
 
 def test_a_lie_inside_a_communicate_is_refused(fleet: Processes) -> None:
-    """hi's key lets a thief put on hi's keys; what says that it is of another is counted and named, and not taken."""
+    """hi's key lets a thief put on hi's keys; what says that it is of another is counted and named,
+    and not taken.
+    """
     for lie in ({"sender": "pl"}, {"receiver": "ta"}, {"performative": Performative.CANCEL}):
         claimed = msgspec.structs.replace(LOOK, id="1", **lie)
         puts(fleet, encode_strictly(claimed), count(fleet, "forged"))
         claims = f"{claimed.sender}/{claimed.receiver}/{claimed.protocol}/{claimed.performative}"
-        assert (KEY in str(said(fleet, "forged")), claims in str(said(fleet, "forged"))) == (True, True)
+        assert (KEY in str(said(fleet, "forged")), claims in str(said(fleet, "forged"))) == (
+            True,
+            True,
+        )
     assert fleet.beat("co").unreceipted == {}, "nothing is answered"
 
 
@@ -112,8 +120,9 @@ def puts(fleet: Processes, data: bytes, before: int) -> None:
 
 
 def test_a_recorded_communicate_does_nothing_when_it_is_put_again(fleet: Processes) -> None:
-    """By its sender it is counted and named each time, and the one task stays one. With pl's key co does not let it
-    onto hi's key; on pl's own it is a lie, counted and named. ta's key does not hear what hi says to co.
+    """By its sender it is counted and named each time, and the one task stays one. With pl's key co
+    does not let it onto hi's key; on pl's own it is a lie, counted and named. ta's key does not
+    hear what hi says to co.
     """
     heard: list[zenoh.Sample] = []
     with session(fleet, "ta", "co") as thief:
@@ -124,7 +133,9 @@ def test_a_recorded_communicate_does_nothing_when_it_is_put_again(fleet: Process
     with session(fleet, "hi", "co") as thief:
         for number in range(1, 4):
             thief.put(KEY, copy)
-            wait_for(lambda number=number: count(fleet, "taken before") >= number, "a copy is counted")
+            wait_for(
+                lambda number=number: count(fleet, "taken before") >= number, "a copy is counted"
+            )
     one = decode_strictly(copy)
     line = said(fleet, "taken before")
     assert (line["sender"], line["id"]) == ("hi", one.id)
@@ -140,14 +151,22 @@ def test_a_recorded_communicate_does_nothing_when_it_is_put_again(fleet: Process
     assert own in str(said(fleet, "forged"))
 
 
-def test_who_is_denied_is_told_by_the_fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """hi's rules deny co its answers: co's log, heartbeat and the recorder's news name co, hi and C2."""
+def test_who_is_denied_is_told_by_the_fleet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """hi's rules deny co its answers: co's log, heartbeat and the recorder's news name co, hi and
+    C2.
+    """
     made = secured(tmp_path, monkeypatch)
     deny(links_file(made.run / KEYS_FOLDER, "hi"), f"roco/{SYSTEM}/C2/co/hi/")
     try:
         made.start("router")
         made.ready("router")
-        for name, module in (("monitor", "monitor"), ("co", "coordinator"), ("hi", "human_interface")):
+        for name, module in (
+            ("monitor", "monitor"),
+            ("co", "coordinator"),
+            ("hi", "human_interface"),
+        ):
             serve(made, name, f"services.{module}")
         for file in ("hi.json", "hi.heartbeat.json"):
             wait_for((made.run / file).exists, f"hi listens\n{made.logs()}", 40.0)
@@ -160,7 +179,10 @@ def test_who_is_denied_is_told_by_the_fleet(tmp_path: Path, monkeypatch: pytest.
         assert line["level"] == "warning"
         assert "what co says to hi on C2 is not received" in str(line["why"])
         assert "perhaps the rules of hi deny it" in unheard_text("co", one, one.since)
-        wait_for(lambda: "what co says to hi on C2 is not" in (made.run / LIVE_FILE).read_text(), "the recorder tells")
+        wait_for(
+            lambda: "what co says to hi on C2 is not" in (made.run / LIVE_FILE).read_text(),
+            "the recorder tells",
+        )
     finally:
         end(made)
 
@@ -175,7 +197,9 @@ def deny(rights: Path, prefix: str) -> None:
 
 
 def test_keys_that_are_made_anew_part_nobody(fleet: Processes) -> None:
-    """Another authority under a fleet that runs: router and co listen again, and old keys do not count."""
+    """Another authority under a fleet that runs: router and co listen again, and old keys do not
+    count.
+    """
     old = (fleet.run / KEYS_FOLDER).rename(fleet.run / "old")
     both = fleet.endpoint, fleet.agents["co"]
     with (
@@ -183,7 +207,10 @@ def test_keys_that_are_made_anew_part_nobody(fleet: Processes) -> None:
         zenoh.open(client_config(both[1], client_tls(old, "hi"))),
     ):
         issuing.issue(fleet.run / KEYS_FOLDER, DESIGN, (SYSTEM,))
-        wait_for(lambda: "keys were renewed" in (fleet.run / "router.log").read_text(), "the router sees it")
+        wait_for(
+            lambda: "keys were renewed" in (fleet.run / "router.log").read_text(),
+            "the router sees it",
+        )
         wait_for(lambda: listening(fleet) == 2, "the router listens anew")
         wait_for(lambda: "keys were renewed" in (fleet.run / "co.log").read_text(), "co sees it")
     wait_for(lambda: fleet.beat("co").up, "co is back")

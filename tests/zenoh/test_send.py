@@ -1,4 +1,6 @@
-"""`roco send` over Zenoh: a person in the place of an agent that does not run, and beside one that does."""
+"""`roco send` over Zenoh: a person in the place of an agent that does not run, and beside one that
+does.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -54,8 +56,14 @@ def test_a_person_is_hi_and_then_hi_is_itself(fleet: Processes) -> None:
     assert first.heard[0]["performative"] == "agree"
     assert first.heard[0]["in_reply_to"] == "1"
     second = sent(fleet.run, *COMMAND, *LOOK, "--wait", "2")
-    assert (second.sent["id"], second.sent["conversation"], second.receipted) == ("2", "hi-2-2", True)
-    assert {one["performative"] for one in second.heard if one["conversation"] == "hi-2-2"} == {"agree"}
+    assert (second.sent["id"], second.sent["conversation"], second.receipted) == (
+        "2",
+        "hi-2-2",
+        True,
+    )
+    assert {one["performative"] for one in second.heard if one["conversation"] == "hi-2-2"} == {
+        "agree"
+    }
     wait_for(lambda: "hi" not in fleet.beat("co").unreceipted, "co's answers are receipted")
     serve(fleet, "hi", "services.human_interface")
     fleet.ready("hi")
@@ -64,7 +72,9 @@ def test_a_person_is_hi_and_then_hi_is_itself(fleet: Processes) -> None:
     task = hi.say("look around").task
     wait_for(lambda: _state(hi, task) != "asked", f"co answered\n{fleet.logs()}")
     wait_for(lambda: fleet.beat("hi").unreceipted == {}, "co receipted number 3")
-    assert [word for word in ("gap", "taken before", "stray") if fleet.beat("co").counts.get(word)] == []
+    assert [
+        word for word in ("gap", "taken before", "stray") if fleet.beat("co").counts.get(word)
+    ] == []
 
 
 def _state(hi: Hi, task: str) -> str:
@@ -72,8 +82,21 @@ def _state(hi: Hi, task: str) -> str:
 
 
 def test_beside_an_agent_that_lives_it_refuses(fleet: Processes) -> None:
-    """With the reason and what to do; by force it is a voice without a number, and the agent's streams stay whole."""
-    words = ("--as", "co", "--to", "pl", "--protocol", "request", "--performative", "cancel", "--wait", "0.2")
+    """With the reason and what to do; by force it is a voice without a number, and the agent's
+    streams stay whole.
+    """
+    words = (
+        "--as",
+        "co",
+        "--to",
+        "pl",
+        "--protocol",
+        "request",
+        "--performative",
+        "cancel",
+        "--wait",
+        "0.2",
+    )
     said = roco(fleet.run, *words, code=1)
     assert "co runs" in said
     assert "--force" in said
@@ -97,8 +120,8 @@ def test_what_is_wrong_may_be_said_on_purpose(fleet: Processes) -> None:
 
 
 def test_nobody_there(fleet: Processes, tmp_path: Path) -> None:
-    """Said to an agent that does not run it waits in the journal, and the next life says it again; without a router,
-    too.
+    """Said to an agent that does not run it waits in the journal, and the next life says it again;
+    without a router, too.
     """
     fleet.kill("co")
     said = roco(fleet.run, *COMMAND, *LOOK, "--wait", "0.1")
@@ -107,7 +130,10 @@ def test_nobody_there(fleet: Processes, tmp_path: Path) -> None:
     wait_for(lambda: fleet.beat("co").incarnation == 2, "co lives again")
     done = sent(fleet.run, *COMMAND, *LOOK, "--wait", "3")
     assert done.receipted
-    assert [one["in_reply_to"] for one in done.heard if one["performative"] == "agree"] == ["1", "2"]
+    assert [one["in_reply_to"] for one in done.heard if one["performative"] == "agree"] == [
+        "1",
+        "2",
+    ]
     fleet.kill("router")
     assert sent(fleet.run, *COMMAND, *LOOK, "--wait", "3").receipted, "agents are linked without it"
     assert "no run" in roco(tmp_path / "none", *COMMAND, *LOOK, code=3)

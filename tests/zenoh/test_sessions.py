@@ -1,6 +1,8 @@
-"""There is no way around the router: every session is its client alone, listens nowhere and looks for nobody.
+"""There is no way around the router: every session is its client alone, listens nowhere and looks
+for nobody.
 
-Except the links of an agent, which listens at its own address, dials its neighbours alone and looks for nobody either.
+Except the links of an agent, which listens at its own address, dials its neighbours alone and looks
+for nobody either.
 """
 
 import ast
@@ -33,11 +35,13 @@ SOURCES = [
 MAKERS = {"client_config", "links_config", "router_config"}
 
 
-def test_every_session_is_opened_with_our_configuration_and_whatever_is_put_is_not_too_long() -> None:
+def test_every_session_is_opened_with_our_configuration_and_whatever_is_put_is_not_too_long() -> (
+    None
+):
     """zenoh.open gets what a function of sessions.py made, and nobody else makes a configuration.
 
-    In the product `put` of sessions.py looks at the size, and nobody else puts on a session; a publisher is declared,
-    but never puts.
+    In the product `put` of sessions.py looks at the size, and nobody else puts on a session; a
+    publisher is declared, but never puts.
     """
     wrong = []
     for path in SOURCES:
@@ -47,20 +51,27 @@ def test_every_session_is_opened_with_our_configuration_and_whatever_is_put_is_n
         calls = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call))
         for node in (one for one in calls if ast.unparse(one.func) == "zenoh.open"):
             (given,) = node.args
-            if not isinstance(given, ast.Call) or ast.unparse(given.func).split(".")[-1] not in MAKERS:
+            if (
+                not isinstance(given, ast.Call)
+                or ast.unparse(given.func).split(".")[-1] not in MAKERS
+            ):
                 wrong.append(f"{path}, line {node.lineno}: {ast.unparse(node)}")
         if path.name == "sessions.py":
             continue
         putting = any(path.is_relative_to(ROOT / room) for room in ("shared", "services"))
         puts = r"|(session|publisher|opened|declare_\w+\(.*\))\.put\(|put_with" if putting else ""
-        found = re.search(rf"Config\.from_|Config\(\)|insert_json5|^from zenoh import{puts}", text, re.MULTILINE)
+        found = re.search(
+            rf"Config\.from_|Config\(\)|insert_json5|^from zenoh import{puts}", text, re.MULTILINE
+        )
         wrong += [f"{path}: {found[0]}"] if found else []
     assert not wrong
 
 
 @pytest.mark.parametrize("tls", [None, {"enable_mtls": True}], ids=["plain", "tls"])
 def test_a_client_listens_nowhere_and_looks_for_nobody(tls: dict[str, bool] | None) -> None:
-    """One endpoint to call, none to be called at, neither multicast nor gossip; the router looks for nobody, either."""
+    """One endpoint to call, none to be called at, neither multicast nor gossip; the router looks
+    for nobody, either.
+    """
     address = "tls/127.0.0.1:7447" if tls else "tcp/127.0.0.1:7447"
     client, router = client_config(address, tls), router_config(address, tls)
     assert json.loads(client.get_json("mode")) == "client"
@@ -71,7 +82,10 @@ def test_a_client_listens_nowhere_and_looks_for_nobody(tls: dict[str, bool] | No
     assert not endpoints(router, "connect")
     links = links_config(address, ("tcp/a:1", "tcp/b:2"), tls)
     assert json.loads(links.get_json("mode")) == "peer"
-    assert (endpoints(links, "listen"), endpoints(links, "connect")) == ([address], ["tcp/a:1", "tcp/b:2"])
+    assert (endpoints(links, "listen"), endpoints(links, "connect")) == (
+        [address],
+        ["tcp/a:1", "tcp/b:2"],
+    )
     for config in (client, router, links):
         for way in ("multicast", "gossip"):
             assert json.loads(config.get_json(f"scouting/{way}/enabled")) is False
@@ -108,11 +122,17 @@ def sockets() -> set[str]:
     return found
 
 
-def test_whoever_opens_a_session_is_a_client(guarded: Guarded, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tool's session, the recorder's tap, the voice of `roco send`: real sessions with keys, and no new socket."""
+def test_whoever_opens_a_session_is_a_client(
+    guarded: Guarded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A tool's session, the recorder's tap, the voice of `roco send`: real sessions with keys, and
+    no new socket.
+    """
     configs: list[zenoh.Config] = []
     really = zenoh.open
-    monkeypatch.setattr(sessions.zenoh, "open", lambda config: configs.append(config) or really(config))
+    monkeypatch.setattr(
+        sessions.zenoh, "open", lambda config: configs.append(config) or really(config)
+    )
     before, tls = sockets(), {name: client_tls(guarded.folder, name) for name in ("co", "hi")}
     session = open_client(guarded.endpoint, lambda: False, tls=tls["co"])
     options = Options(connect=guarded.endpoint, system=SYSTEM, keys=guarded.folder)

@@ -1,4 +1,6 @@
-"""Several robots at one router: nothing of one reaches an agent of another, and the router's listener hears both."""
+"""Several robots at one router: nothing of one reaches an agent of another, and the router's
+listener hears both.
+"""
 
 import os
 import signal
@@ -54,7 +56,9 @@ def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
 
 
 class Ear:
-    """Whoever has the monitor's keys: it hears everything of both systems that goes by the router."""
+    """Whoever has the monitor's keys: it hears everything of both systems that goes by the
+    router.
+    """
 
     def __init__(self, endpoint: str, keys: Path | None, samples: list[Sample]) -> None:
         def heard(sample: zenoh.Sample) -> None:
@@ -69,7 +73,9 @@ class Ear:
             for system in SYSTEMS
             for declared in (
                 self._session.declare_subscriber(f"roco/{system}/**", heard),
-                self._session.liveliness().declare_subscriber(f"roco/{system}/_/alive/*/*", lived, history=True),
+                self._session.liveliness().declare_subscriber(
+                    f"roco/{system}/_/alive/*/*", lived, history=True
+                ),
             )
         ]
 
@@ -97,8 +103,8 @@ def heard(pair: Pair, name: str, words: str) -> bool:
 
 
 def test_nothing_of_one_robot_reaches_an_agent_of_another(site: Site) -> None:
-    """No communicate, receipt, ping, pong, token, heartbeat or telemetry, though the agents have the same names: each
-    hears its own system only, and all of that.
+    """No communicate, receipt, ping, pong, token, heartbeat or telemetry, though the agents have
+    the same names: each hears its own system only, and all of that.
     """
     first, second = site.first, site.second
     for pair in (first, second):
@@ -107,14 +113,24 @@ def test_nothing_of_one_robot_reaches_an_agent_of_another(site: Site) -> None:
             pair.fence(name, b"last of " + pair.system.encode())
     for pair in (first, second):
         for name in ("co", "ta"):
-            wait_for(lambda p=pair, n=name: heard(p, n, f"last of {p.system}"), f"{name} of {pair.system} heard")
-            wait_for(lambda p=pair, n=name: len(tokens(p, n)) == 1, f"{name} of {pair.system} sees its peer")
+            wait_for(
+                lambda p=pair, n=name: heard(p, n, f"last of {p.system}"),
+                f"{name} of {pair.system} heard",
+            )
+            wait_for(
+                lambda p=pair, n=name: len(tokens(p, n)) == 1,
+                f"{name} of {pair.system} sees its peer",
+            )
     for pair, other in ((first, second), (second, first)):
         for name in ("co", "ta"):
             assert not heard(pair, name, other.system), pair.heard[name]
             incarnation = 1 if pair.system == "velma1" else 2
             assert {token.incarnation for token in tokens(pair, name)} == {incarnation}
-            mine = [item for item in pair.heard[name] if pair.system in str(item) and "last of" not in str(item)]
+            mine = [
+                item
+                for item in pair.heard[name]
+                if pair.system in str(item) and "last of" not in str(item)
+            ]
             assert len(mine) == SAID - len(KINDS) - PINGS, mine
 
 
@@ -124,15 +140,23 @@ def tokens(pair: Pair, name: str) -> list[Token]:
 
 
 def test_one_recorder_hears_both_robots(site: Site) -> None:
-    """What is for tools, and every token, each under its system's name; what agents say to each other is not heard."""
+    """What is for tools, and every token, each under its system's name; what agents say to each
+    other is not heard.
+    """
     first, second = site.first, site.second
     samples = site.samples
-    wait_for(lambda: {one.system for one in samples if one.token} == set(SYSTEMS), "the tap sees who lives")
+    wait_for(
+        lambda: {one.system for one in samples if one.token} == set(SYSTEMS),
+        "the tap sees who lives",
+    )
     for pair in (first, second):
         wait_for(lambda p=pair: _reaches(p, samples), f"the tap hears {pair.system}")
         before = len(samples)
         pair.talk("all of it")
-        wait_for(lambda b=before: sum(b"all of it" in one.data for one in samples[b:]) == 2 * len(KINDS), "it is heard")
+        wait_for(
+            lambda b=before: sum(b"all of it" in one.data for one in samples[b:]) == 2 * len(KINDS),
+            "it is heard",
+        )
         assert {one.system for one in samples[before:]} == {pair.system}
         assert {one.key.split("/")[3] for one in samples[before:]} == set(KINDS)
 
@@ -155,25 +179,42 @@ def home(tmp_path: Path) -> Iterator[tuple[str, list[Sample]]]:
     router.close()
 
 
-def test_who_is_of_one_robot_cannot_speak_for_another(tmp_path: Path, home: tuple[str, list[Sample]]) -> None:
-    """At the router an agent brings what is its own robot's, and nothing in the name of the other one."""
+def test_who_is_of_one_robot_cannot_speak_for_another(
+    tmp_path: Path, home: tuple[str, list[Sample]]
+) -> None:
+    """At the router an agent brings what is its own robot's, and nothing in the name of the other
+    one.
+    """
     endpoint, samples = home
     with zenoh.open(client_config(endpoint, client_tls(tmp_path / "velma1", "co"))) as stranger:
-        kept = [stranger.liveliness().declare_token(f"roco/{system}/_/alive/co/7") for system in reversed(SYSTEMS)]
+        kept = [
+            stranger.liveliness().declare_token(f"roco/{system}/_/alive/co/7")
+            for system in reversed(SYSTEMS)
+        ]
         for key in ("_/steps/co", "_/state/co"):
             stranger.put(f"roco/velma2/{key}", b"a lie")
             stranger.put(f"roco/velma1/{key}", b"no lie")
-        wait_for(lambda: sum(one.data == b"no lie" for one in samples) == 2, "what is its own is heard")
+        wait_for(
+            lambda: sum(one.data == b"no lie" for one in samples) == 2, "what is its own is heard"
+        )
         wait_for(lambda: any(one.token for one in samples), "its own token is seen")
         assert {one.system for one in samples} == {"velma1"}
         kept.clear()
 
 
-def test_an_agent_does_not_speak_to_one_of_another_robot(tmp_path: Path, home: tuple[str, list[Sample]]) -> None:
-    """co of one robot dials ta of the other: ta hears nothing of it under either robot's name, and hears its own co."""
+def test_an_agent_does_not_speak_to_one_of_another_robot(
+    tmp_path: Path, home: tuple[str, list[Sample]]
+) -> None:
+    """co of one robot dials ta of the other: ta hears nothing of it under either robot's name, and
+    hears its own co.
+    """
     pair = Pair("velma2", home[0], tmp_path)
-    with zenoh.open(client_config(pair.ends["ta"], client_tls(tmp_path / "velma1", "co"))) as stranger:
-        kept = [stranger.liveliness().declare_token(f"roco/{system}/_/alive/co/7") for system in SYSTEMS]
+    with zenoh.open(
+        client_config(pair.ends["ta"], client_tls(tmp_path / "velma1", "co"))
+    ) as stranger:
+        kept = [
+            stranger.liveliness().declare_token(f"roco/{system}/_/alive/co/7") for system in SYSTEMS
+        ]
         for system in SYSTEMS:
             for key in ("C1/co/ta/coordinate/request", "_/receipt/co/ta", "_/ping/co/ta"):
                 stranger.put(f"roco/{system}/{key}", b"C1 a lie")
@@ -186,7 +227,7 @@ def test_an_agent_does_not_speak_to_one_of_another_robot(tmp_path: Path, home: t
     pair.close()
 
 
-# --- one monitor, two recordings, and a link that breaks ----------------------------------------------------------
+# --- one monitor, two recordings, and a link that breaks ------------------------------------------
 
 
 @pytest.fixture
@@ -225,8 +266,12 @@ def recorded(run: Path, name: str) -> tuple[Record, ...]:
 
 
 @pytest.mark.timeout(200)
-def test_what_was_said_behind_a_link_that_broke_is_recorded(tmp_path: Path, broken: tuple[Pair, Pair, Cable]) -> None:
-    """The robot behind it goes on, and its agents' logs tell the rest as soon as the link is back."""
+def test_what_was_said_behind_a_link_that_broke_is_recorded(
+    tmp_path: Path, broken: tuple[Pair, Pair, Cable]
+) -> None:
+    """The robot behind it goes on, and its agents' logs tell the rest as soon as the link is
+    back.
+    """
     first, second, cable = broken
 
     def said(pair: Pair) -> set[str]:
@@ -238,7 +283,10 @@ def test_what_was_said_behind_a_link_that_broke_is_recorded(tmp_path: Path, brok
     cable.pull()
     second.talk("unheard")
     first.talk("meanwhile")
-    wait_for(lambda: heard(second, "ta", "unheard") and heard(second, "co", "unheard"), "the robot goes on")
+    wait_for(
+        lambda: heard(second, "ta", "unheard") and heard(second, "co", "unheard"),
+        "the robot goes on",
+    )
     wait_for(lambda: said(first) == {"before", "meanwhile"}, "the other one is recorded", 60.0)
     assert said(second) == {"before"}
     cable.plug()
@@ -252,6 +300,8 @@ def test_a_name_that_could_lead_out_of_the_folder_is_refused(tmp_path: Path) -> 
     """The monitor ends with status 2, which nobody tries again, and says what a name may be."""
     options = {"ROCO_RUN_DIR": str(tmp_path), "ROCO_SYSTEMS": "velma1,../velma2"}
     command = [sys.executable, "-m", "services.monitor"]
-    done = subprocess.run(command, env=os.environ | options, capture_output=True, text=True, timeout=50, check=False)
+    done = subprocess.run(
+        command, env=os.environ | options, capture_output=True, text=True, timeout=50, check=False
+    )
     assert done.returncode == 2
     assert "letters, digits" in done.stdout + done.stderr

@@ -1,4 +1,6 @@
-"""A short soak, as benchmarks/soak.py does it for long: cut and killed, all is taken once and in order."""
+"""A short soak, as benchmarks/soak.py does it for long: cut and killed, all is taken once and in
+order.
+"""
 
 import sys
 from pathlib import Path
@@ -25,7 +27,10 @@ def test_nothing_is_lost_doubled_or_misordered(tmp_path: Path) -> None:
     )
     try:
         for number, do in enumerate(harm, 1):
-            processes.wait(lambda number=number: processes.said() >= number * STEP * soak.EACH, f"harm {number}")
+            processes.wait(
+                lambda number=number: processes.said() >= number * STEP * soak.EACH,
+                f"harm {number}",
+            )
             do()
         processes.wait(lambda: processes.said() == EXCHANGES * soak.EACH, "the end")
     finally:

@@ -1,4 +1,6 @@
-"""A new agent in the example: a step more in the design, `new`, at most 30 lines, and it answers over Zenoh."""
+"""A new agent in the example: a step more in the design, `new`, at most 30 lines, and it answers
+over Zenoh.
+"""
 
 import difflib
 import shutil
@@ -132,7 +134,13 @@ say = ["price refuse"]
 """
 DESIGNED = (
     ("\n# --- the steps", REQUIREMENT),
-    ('\n[[step]]\nrequirements = ["R2", "R3"]\ndivide = { group = "office", into = ["desk", "dispatcher"] }', STEP),
+    (
+        (
+            '\n[[step]]\nrequirements = ["R2", "R3"]\ndivide = { group = "office", into = ["desk",'
+            ' "dispatcher"] }'
+        ),
+        STEP,
+    ),
     ('reallocate = [{ channel = "C1", to = "dispatcher" }]', MOVED),
     ("\n# --- agents: states", USE + "\n# --- agents: states"),
     ('\n[[agent]]\nname = "dispatcher"', ASKING + '\n[[agent]]\nname = "dispatcher"'),
@@ -146,16 +154,25 @@ FILLED = {
             'class PriceOf(Sentence, frozen=True):\n    """Query-ref of desk in price."""\n',
             "\n    source: str\n    target: str\n",
         ),
-        ('class Price(Sentence, frozen=True):\n    """Inform of tariff in price."""\n', "\n    euro: float\n"),
+        (
+            'class Price(Sentence, frozen=True):\n    """Inform of tariff in price."""\n',
+            "\n    euro: float\n",
+        ),
     ),
     "tariff/behaviours.py": (
         (
             "from agent_runtime.core.turn import Turn\n",
-            "from agent_runtime.core.events import Received\nfrom fipa_codec.performatives import Performative as P\n",
+            (
+                "from agent_runtime.core.events import Received\nfrom fipa_codec.performatives"
+                " import Performative as P\n"
+            ),
         ),
         (
             "from depot.design import DESIGN\n",
-            "from depot.languages.price import Price, PriceOf\nfrom depot.world import STATIONS, length, way\n",
+            (
+                "from depot.languages.price import Price, PriceOf\nfrom depot.world import"
+                " STATIONS, length, way\n"
+            ),
         ),
         (
             '    - on price query-ref: say price refuse\n    """\n',
@@ -192,8 +209,12 @@ def filled(folder: Path) -> int:
         for behind, more in parts:
             assert behind in after, behind
             after = after.replace(behind, behind + more)
-        after = after.replace(STUB, "").replace("from agent_runtime.core.agent import unfilled\n", "")
-        lines += sum(line.startswith("+ ") for line in difflib.ndiff(before.splitlines(), after.splitlines()))
+        after = after.replace(STUB, "").replace(
+            "from agent_runtime.core.agent import unfilled\n", ""
+        )
+        lines += sum(
+            line.startswith("+ ") for line in difflib.ndiff(before.splitlines(), after.splitlines())
+        )
         target.write_text(after)
     return lines
 
@@ -218,7 +239,10 @@ def running(copy: Path, tmp_path: Path) -> Iterator[tuple[Path, Path]]:
     command = [sys.executable, "-m", "depot", "--run-dir", str(run)]
     with out.open("wb") as file:
         process = subprocess.Popen(
-            [*command, "--scene", str(tmp_path / "none.toml")], cwd=copy, stdout=file, stderr=subprocess.STDOUT
+            [*command, "--scene", str(tmp_path / "none.toml")],
+            cwd=copy,
+            stdout=file,
+            stderr=subprocess.STDOUT,
         )
     yield out, run
     process.send_signal(signal.SIGINT)
@@ -232,7 +256,15 @@ def test_the_grown_design_is_consistent() -> None:
 
 def test_the_new_agents_own_tests_pass(copy: Path) -> None:
     """Before it is filled in and after: it binds, and answers what it is asked."""
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/test_tariff.py"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "tests/test_tariff.py",
+    ]
     for step in (lambda: 0, lambda: filled(copy)):
         assert step() <= MOST_LINES
         done = subprocess.run(command, cwd=copy, capture_output=True, text=True, timeout=30)
@@ -240,10 +272,14 @@ def test_the_new_agents_own_tests_pass(copy: Path) -> None:
 
 
 def test_a_new_agent_answers_after_at_most_thirty_lines(running: tuple[Path, Path]) -> None:
-    """Asked as its peer would ask, at its endpoint, the tariff says a price by the length of the way."""
+    """Asked as its peer would ask, at its endpoint, the tariff says a price by the length of the
+    way.
+    """
     out, run = running
     wait_for(lambda: "all ready" in out.read_text(), "six agents are ready")
-    content = Language("PRICE", dict).encode({"type": "PriceOf", "source": "receiving", "target": "press"})
+    content = Language("PRICE", dict).encode(
+        {"type": "PriceOf", "source": "receiving", "target": "press"}
+    )
     question = Communicate(
         performative=P.QUERY_REF,
         content=content,

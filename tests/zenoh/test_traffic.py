@@ -1,4 +1,6 @@
-"""`roco traffic`, `roco record` and `roco replay` over a real router: what goes by is counted, kept and said again."""
+"""`roco traffic`, `roco record` and `roco replay` over a real router: what goes by is counted, kept
+and said again.
+"""
 
 import signal
 import subprocess
@@ -35,10 +37,16 @@ def _now(one: HeardMessage) -> HeardMessage:
     """The same, said now: what is long ago would be late."""
     communicate = one.communicate()
     assert communicate is not None
-    return msgspec.structs.replace(one, data=encode(moved(communicate, one.at, time.time() + 5, None)))
+    return msgspec.structs.replace(
+        one, data=encode(moved(communicate, one.at, time.time() + 5, None))
+    )
 
 
-SAID = [one for sample in recorded(POUR) if sample is not None and (one := heard_message(sample)) is not None]
+SAID = [
+    one
+    for sample in recorded(POUR)
+    if sample is not None and (one := heard_message(sample)) is not None
+]
 """Communicates of a recorded run."""
 
 
@@ -58,10 +66,14 @@ class Router:
     def roco(self, *words: str) -> "subprocess.Popen[bytes]":
         """A verb, started; it hears what is said from when this comes back."""
         command = [*ROCO, *words, "--run-dir", str(self.run)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=self.run)
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=self.run
+        )
         self.running.append(process)
         ear = self.session.declare_publisher(service_key("roco", "state", "co"))
-        wait_for(lambda: ear.matching_status.matching or process.poll() is not None, "somebody listens")
+        wait_for(
+            lambda: ear.matching_status.matching or process.poll() is not None, "somebody listens"
+        )
         ear.undeclare()
         return process
 
@@ -105,12 +117,22 @@ def told(process: "subprocess.Popen[bytes]", code: int = 0) -> list[Any]:
 
 def test_echo_prints_what_is_meant_as_it_is_judged(router: Router) -> None:
     """All fields and the content; what the filter leaves out is heard by the judge all the same."""
-    process = router.roco("traffic", "echo", "--channel", "C3", "--agent", "pl", "--count", "2", "--format", "json")
+    process = router.roco(
+        "traffic", "echo", "--channel", "C3", "--agent", "pl", "--count", "2", "--format", "json"
+    )
     router.say(40)
     request, agree = told(process)
-    assert (request["sender"], request["performative"], request["verdict"]) == ("co", "request", "legal")
+    assert (request["sender"], request["performative"], request["verdict"]) == (
+        "co",
+        "request",
+        "legal",
+    )
     assert request["content"]["type"] == "GroundTaskNetwork"
-    assert (agree["sender"], agree["performative"], agree["in_reply_to"]) == ("pl", "agree", request["reply_with"])
+    assert (agree["sender"], agree["performative"], agree["in_reply_to"]) == (
+        "pl",
+        "agree",
+        request["reply_with"],
+    )
 
 
 def test_bw_counts_bytes_until_it_is_interrupted(router: Router) -> None:
@@ -143,11 +165,17 @@ def test_a_recording_has_what_is_meant(router: Router) -> None:
     """And nothing else; it is read by the other verbs."""
     file = router.run / "c4.mcap"
     count = sum(one.channel == "C4" for one in SAID[:80])
-    process = router.roco("record", "--out", str(file), "--channel", "C4", "--count", str(count), "--format", "json")
+    process = router.roco(
+        "record", "--out", str(file), "--channel", "C4", "--count", str(count), "--format", "json"
+    )
     router.say(80)
     (done,) = told(process)
     assert (done["communicates"], done["file"], done["dropped"]) == (count, str(file), 0)
-    kept = [one for sample in recorded(file) if sample is not None and (one := heard_message(sample)) is not None]
+    kept = [
+        one
+        for sample in recorded(file)
+        if sample is not None and (one := heard_message(sample)) is not None
+    ]
     assert [one.data for one in kept] == [one.data for one in router.said if one.channel == "C4"]
 
 
@@ -180,17 +208,38 @@ def _kept(file: Path) -> int:
 
 
 def test_what_is_replayed_is_judged_as_it_was(router: Router) -> None:
-    """On its own system name, with reply-by moved to now: nothing is late, and nothing is said to the fleet."""
+    """On its own system name, with reply-by moved to now: nothing is late, and nothing is said to
+    the fleet.
+    """
     heard: list[str] = []
-    fleet = router.session.declare_subscriber("roco/roco/**", lambda sample: heard.append(str(sample.key_expr)))
+    fleet = router.session.declare_subscriber(
+        "roco/roco/**", lambda sample: heard.append(str(sample.key_expr))
+    )
     count = sum(one.channel != "C4" for one in SAID)
     only = [word for channel in ("C1", "C2", "C3", "C5", "C6") for word in ("--channel", channel)]
-    words = [*ROCO, "replay", str(POUR), "--connect", router.endpoint, "--speed", "40", *only, "--format", "json"]
-    with subprocess.Popen([*words, "--after", "8"], cwd=router.run, stdout=subprocess.PIPE) as replaying:
-        wait_for(lambda: list(router.run.glob(f"runs/replay-*/{FLEET_FILE}")), "the replay says where it is")
+    words = [
+        *ROCO,
+        "replay",
+        str(POUR),
+        "--connect",
+        router.endpoint,
+        "--speed",
+        "40",
+        *only,
+        "--format",
+        "json",
+    ]
+    with subprocess.Popen(
+        [*words, "--after", "8"], cwd=router.run, stdout=subprocess.PIPE
+    ) as replaying:
+        wait_for(
+            lambda: list(router.run.glob(f"runs/replay-*/{FLEET_FILE}")),
+            "the replay says where it is",
+        )
         (folder,) = router.run.glob("runs/replay-*")
         process = subprocess.Popen(
-            [*ROCO, "traffic", "echo", "--run-dir", str(folder), "--format", "json", "--count", str(count)],
+            [*ROCO, "traffic", "echo", "--run-dir", str(folder), "--format", "json", "--count",
+             str(count)],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
         router.running.append(process)
@@ -208,11 +257,19 @@ def test_what_is_replayed_is_judged_as_it_was(router: Router) -> None:
 def test_top_shows_the_traffic_of_a_replay(tmp_path: Path) -> None:
     """By the folder that the replay names; once it is over nothing of that folder is left."""
     command = [*ROCO, "replay", str(POUR), "--speed", "20", "--loop"]
-    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as replaying:
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as replaying:
         try:
-            wait_for(lambda: list(tmp_path.glob("runs/replay-*/live.jsonl")), "the replay says where it is")
+            wait_for(
+                lambda: list(tmp_path.glob("runs/replay-*/live.jsonl")),
+                "the replay says where it is",
+            )
             (folder,) = tmp_path.glob("runs/replay-*")
-            wait_for(lambda: (folder / "live.jsonl").read_bytes().count(b'"channel":"C3"') > 4, "much was said again")
+            wait_for(
+                lambda: (folder / "live.jsonl").read_bytes().count(b'"channel":"C3"') > 4,
+                "much was said again",
+            )
             words = [*ROCO, "top", "--run-dir", str(folder), "--count", "1", "--format", "json"]
             done = subprocess.run(words, capture_output=True, timeout=DEADLINE_S, check=True)
         finally:
@@ -225,7 +282,9 @@ def test_top_shows_the_traffic_of_a_replay(tmp_path: Path) -> None:
 
 
 def test_nothing_is_replayed_into_a_living_fleet(router: Router) -> None:
-    """Nothing is said where an agent has its token, and it ends where one comes to life; both say who."""
+    """Nothing is said where an agent has its token, and it ends where one comes to life; both say
+    who.
+    """
     token = router.session.liveliness().declare_token(service_key("roco", "alive", "ta", "1"))
     words = [*ROCO, "replay", str(POUR), "--connect", router.endpoint, "--system", "roco"]
     done = subprocess.run(words, capture_output=True, timeout=DEADLINE_S, check=False)
@@ -249,7 +308,9 @@ def test_nothing_is_replayed_into_a_living_fleet(router: Router) -> None:
 
 
 def test_sniff_draws_what_goes_by_and_writes_it_at_the_end(router: Router) -> None:
-    """Each communicate as it comes, live; Ctrl-C ends it in order, and the drawing has all of it."""
+    """Each communicate as it comes, live; Ctrl-C ends it in order, and the drawing has all of
+    it.
+    """
     process = router.roco("sniff", "--channel", "C2", "--channel", "C3", "--svg", "talk.svg")
     router.say(60)
     meant = [one for one in router.said if one.channel in ("C2", "C3")]

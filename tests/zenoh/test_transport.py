@@ -1,4 +1,6 @@
-"""Effects of one session on others through the router: holding them up, or making the router keep what it sends."""
+"""Effects of one session on others through the router: holding them up, or making the router keep
+what it sends.
+"""
 
 import json
 import signal
@@ -14,7 +16,14 @@ import zenoh
 from toy_fleet import Fleet, wait_for
 
 from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.sessions import LONGEST, TooLongError, client_config, free_endpoint, open_links, router_config
+from agent_runtime.io.sessions import (
+    LONGEST,
+    TooLongError,
+    client_config,
+    free_endpoint,
+    open_links,
+    router_config,
+)
 from agent_runtime.io.zenoh_wire import ZenohWire
 from companion.binding import wiring
 from fipa_codec.communicate import MAX_BYTES
@@ -23,7 +32,9 @@ pytestmark = pytest.mark.zenoh
 ADDRESS = "tcp/127.0.0.1:7447"
 LARGE, MESSAGES = 852_000, 100
 STOPPED_S, RUNNING_S = 0.45, 0.003
-"""The slow one is never stopped as long as a session was once waited for at both ends, 0.5 s, and reads little."""
+"""The slow one is never stopped as long as a session was once waited for at both ends, 0.5 s, and
+reads little.
+"""
 
 
 def setting(config: zenoh.Config, name: str) -> int:
@@ -52,7 +63,12 @@ def router(tmp_path: Path) -> Iterator[Fleet]:
 def slow(router: Fleet) -> Iterator[int]:
     """A process that hears everything and hardly takes anything; its pid."""
     there, over = router.run / "slow.ready", threading.Event()
-    command = [sys.executable, str(Path(__file__).with_name("slow_process.py")), router.endpoint, str(there)]
+    command = [
+        sys.executable,
+        str(Path(__file__).with_name("slow_process.py")),
+        router.endpoint,
+        str(there),
+    ]
     process = subprocess.Popen(command)
 
     def hold_up() -> None:
@@ -79,8 +95,13 @@ def slow(router: Fleet) -> Iterator[int]:
 def test_one_that_is_slow_costs_the_others_no_message(router: Fleet) -> None:
     """A healthy receiver hears all large messages in order, and the sender's session stays."""
     heard, ended = list[int](), list[object]()
-    with zenoh.open(client_config(router.endpoint)) as sender, zenoh.open(client_config(router.endpoint)) as receiver:
-        declared = receiver.declare_subscriber("x", lambda one: heard.append(int(bytes(one.payload)[:4])))
+    with (
+        zenoh.open(client_config(router.endpoint)) as sender,
+        zenoh.open(client_config(router.endpoint)) as receiver,
+    ):
+        declared = receiver.declare_subscriber(
+            "x", lambda one: heard.append(int(bytes(one.payload)[:4]))
+        )
         listening = closings(sender, ended)
         publisher = known(sender)
         for number in range(MESSAGES):
@@ -108,14 +129,21 @@ def known(sender: zenoh.Session) -> zenoh.Publisher:
 
 def peak_mb(pid: int) -> float:
     """Most memory of a process so far."""
-    line = next(line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("VmHWM"))
+    line = next(
+        line
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines()
+        if line.startswith("VmHWM")
+    )
     return int(line.split()[1]) / 1024
 
 
 def test_a_message_that_is_too_long_is_dropped_alone(router: Fleet) -> None:
     """The router keeps little of it, the session stays, and the next message passes."""
     heard, ended = list[int](), list[object]()
-    with zenoh.open(client_config(router.endpoint)) as sender, zenoh.open(client_config(router.endpoint)) as receiver:
+    with (
+        zenoh.open(client_config(router.endpoint)) as sender,
+        zenoh.open(client_config(router.endpoint)) as receiver,
+    ):
         declared = receiver.declare_subscriber("x", lambda one: heard.append(len(one.payload)))
         listening = closings(sender, ended)
         publisher = known(sender)
@@ -138,7 +166,9 @@ def test_what_is_published_is_not_longer_than_the_router_takes(router: Fleet) ->
         wire = ZenohWire(open_links(free_endpoint(), ()), wiring("hi", "roco"), 1, Inbox())
         wire.join(session)
         wire.publish("state", bytes(MAX_BYTES))
-        said = f"_/state/hi has {MAX_BYTES + 1} bytes, at most {MAX_BYTES} are put: .* put it in parts"
+        said = (
+            f"_/state/hi has {MAX_BYTES + 1} bytes, at most {MAX_BYTES} are put: .* put it in parts"
+        )
         with pytest.raises(TooLongError, match=said):
             wire.publish("state", bytes(MAX_BYTES + 1))
         wire.close()

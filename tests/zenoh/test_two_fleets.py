@@ -58,7 +58,12 @@ class Site:
         """`roco` with these variables; it must end well."""
         command = [sys.executable, "-m", "operate.cli", *words]
         done = subprocess.run(
-            command, env=os.environ | told, capture_output=True, text=True, timeout=120.0, check=False
+            command,
+            env=os.environ | told,
+            capture_output=True,
+            text=True,
+            timeout=120.0,
+            check=False,
         )
         assert done.returncode == 0, done.stdout + done.stderr
 
@@ -86,12 +91,25 @@ def site(tmp_path: Path) -> Iterator[Site]:
 
 
 def done(site: Site, told: dict[str, str]) -> None:
-    """Tell each robot its sentence, all at once; whoever failed (a loaded machine is enough) is told again."""
+    """Tell each robot its sentence, all at once; whoever failed (a loaded machine is enough) is
+    told again.
+    """
     for _ in range(TRIES):
-        tasks = {name: Hi(address(Local(site.folder / name))).say(words).task for name, words in told.items()}
+        tasks = {
+            name: Hi(address(Local(site.folder / name))).say(words).task
+            for name, words in told.items()
+        }
         for name, task in tasks.items():
-            wait_for(lambda n=name, t=task: line(site, n, t).state in ENDED, f"{name} has ended its task", TASK_S)
-        told = {name: told[name] for name, task in tasks.items() if line(site, name, task).state != "done"}
+            wait_for(
+                lambda n=name, t=task: line(site, n, t).state in ENDED,
+                f"{name} has ended its task",
+                TASK_S,
+            )
+        told = {
+            name: told[name]
+            for name, task in tasks.items()
+            if line(site, name, task).state != "done"
+        }
         if not told:
             return
         time.sleep(PAUSE_S)
@@ -104,8 +122,9 @@ def line(site: Site, name: str, task: str) -> TaskLine:
 
 
 def test_each_robot_does_what_it_was_told(site: Site) -> None:
-    """At the same time: one takes the jar, the other the bowl. In the end each holds its own thing and nothing else;
-    each recording has what its own agents logged, all of it and no more, and each robot has its report.
+    """At the same time: one takes the jar, the other the bowl. In the end each holds its own thing
+    and nothing else; each recording has what its own agents logged, all of it and no more, and each
+    robot has its report.
     """
     done(site, dict.fromkeys(TOLD, "look around"))
     done(site, {name: words for name, (words, _) in TOLD.items()})
@@ -116,7 +135,11 @@ def test_each_robot_does_what_it_was_told(site: Site) -> None:
         assert past.said
         assert not [hole for hole in past.holes if hole.communicates], past.holes
         assert not past.garbage
-        held = {what for what, sides in truth(past)[-1][1].fingers_on.items() if any(n >= 3 for n in sides.values())}
+        held = {
+            what
+            for what, sides in truth(past)[-1][1].fingers_on.items()
+            if any(n >= 3 for n in sides.values())
+        }
         assert held == {thing}, name
         report = msgspec.json.decode((run / "report.json").read_bytes())
         assert report["communicates"]["total"] == len(past.said)

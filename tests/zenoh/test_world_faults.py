@@ -1,4 +1,6 @@
-"""`roco fault sensor` and `roco fault thing` on a running fleet: the simulator does it, the agents are not told."""
+"""`roco fault sensor` and `roco fault thing` on a running fleet: the simulator does it, the agents
+are not told.
+"""
 
 import json
 import os
@@ -53,7 +55,9 @@ def test_a_thing_is_pushed_removed_and_put_back(fleet: Faulty) -> None:
     assert "thing bowl_1 pushed by -0.03,0,0: healed after 1 s" in told
     fleet.wait(lambda: fleet.truth().at["bowl_1"][0] < before[0] - 0.02, "the bowl was pushed")
     pushed = fleet.truth().at["bowl_1"]
-    fault = json.loads(fleet.fault("thing", "jar_1", "--kind", "removed", "--for", "2", "--format", "json"))
+    fault = json.loads(
+        fleet.fault("thing", "jar_1", "--kind", "removed", "--for", "2", "--format", "json")
+    )
     assert (fault["kind"], fault["target"], fault["what"]) == ("thing", "loop", "jar_1 removed")
     assert fleet.last().text == "healed after 2 s"
     fleet.wait(lambda: fleet.truth().at["jar_1"][0] > 0.0, "the jar is back")
@@ -63,15 +67,26 @@ def test_a_thing_is_pushed_removed_and_put_back(fleet: Faulty) -> None:
     assert fleet.going_on() == ()
 
 
-def test_a_sense_is_ill_for_its_time_and_heals_although_its_command_was_killed(fleet: Faulty) -> None:
+def test_a_sense_is_ill_for_its_time_and_heals_although_its_command_was_killed(
+    fleet: Faulty,
+) -> None:
     """The loop reads what cannot be: all that anybody knows is what the robot itself finds out."""
-    command = [sys.executable, "-m", "operate.cli", "fault", "sensor", "encoder", "--kind", "bias", "--joint",
-               "left_arm_3_joint", "--by", "0.2", "--for", "60", "--run-dir", str(fleet.run)]  # fmt: skip
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=dict(os.environ)) as child:
+    command = [sys.executable, "-m", "operate.cli", "fault", "sensor", "encoder", "--kind", "bias",
+               "--joint",
+               "left_arm_3_joint", "--by", "0.2", "--for", "60", "--run-dir",
+               str(fleet.run)]  # fmt: skip
+    with subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=dict(os.environ)
+    ) as child:
         fleet.wait(fleet.going_on, "the order stands in the file")
         child.kill()
     (ordered,) = fleet.going_on()
-    assert (ordered.of, ordered.kind, ordered.on, ordered.by) == ("encoder", "bias", "left_arm_3_joint", (0.2,))
+    assert (ordered.of, ordered.kind, ordered.on, ordered.by) == (
+        "encoder",
+        "bias",
+        "left_arm_3_joint",
+        (0.2,),
+    )
     assert ordered.until is not None, "it would end by itself"
     told = fleet.fault("heal")
     assert "sensor encoder bias left_arm_3_joint by 0.2: healed" in told
@@ -80,7 +95,8 @@ def test_a_sense_is_ill_for_its_time_and_heals_although_its_command_was_killed(f
 
 def test_the_robot_finds_by_itself_that_a_wrist_does_not_feel(fleet: Faulty) -> None:
     """It takes the jar with a wrist that reads no number, and says so."""
-    command = [sys.executable, "-m", "operate.cli", "fault", "sensor", "wrist", "--kind", "nan", "--for", "100",
+    command = [sys.executable, "-m", "operate.cli", "fault", "sensor", "wrist", "--kind", "nan",
+               "--for", "100",
                "--run-dir", str(fleet.run)]  # fmt: skip
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as child:
         try:
@@ -107,10 +123,16 @@ def test_what_cannot_be_is_refused(fleet: Faulty) -> None:
     """With what is right; nothing is recorded."""
     before = (fleet.run / FAULTS_FILE).read_bytes()
     for words, said in (
-        (("thing", "cup_1", "--kind", "pushed"), "no thing 'cup_1' can be moved; there are jar_1, bowl_1"),
+        (
+            ("thing", "cup_1", "--kind", "pushed"),
+            "no thing 'cup_1' can be moved; there are jar_1, bowl_1",
+        ),
         (("thing", "table_1", "--kind", "tipped"), "no thing 'table_1' can be moved"),
         (("thing", "jar_1", "--kind", "pushed", "--by", "1"), "three numbers with commas between"),
-        (("sensor", "wrist", "--kind", "black"), "wrist cannot be black; it can be zero, stuck, nan, bias"),
+        (
+            ("sensor", "wrist", "--kind", "black"),
+            "wrist cannot be black; it can be zero, stuck, nan, bias",
+        ),
         (("sensor", "encoder", "--kind", "bias"), "which encoder? name its joint: --joint"),
         (("sensor", "wrist", "--kind", "zero", "--by", "1"), "wrist zero has no size"),
     ):
@@ -123,5 +145,7 @@ def test_the_report_has_them(fleet: Faulty) -> None:
     fleet.fault("thing", "bowl_1", "--kind", "pushed", "--by", "0.02,0,0", "--for", "0.5")
     fleet.roco("down")
     report = json.loads((fleet.run / "report.json").read_bytes())
-    assert ("thing", "bowl_1 pushed by 0.02,0,0") in [(one["kind"], one["what"]) for one in report["faults"]]
+    assert ("thing", "bowl_1 pushed by 0.02,0,0") in [
+        (one["kind"], one["what"]) for one in report["faults"]
+    ]
     assert "<td>thing bowl_1 pushed by 0.02,0,0</td>" in (fleet.run / "report.html").read_text()

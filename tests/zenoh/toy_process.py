@@ -1,6 +1,8 @@
-"""One of the toy agents as a process of its own: `python toy_process.py asker|server <connect> <run folder>`.
+"""One of the toy agents as a process of its own: `python toy_process.py asker|server <connect> <run
+folder>`.
 
-Words for the asker come as files: the asker's device looks at <run>/want and posts each new line as Want.
+Words for the asker come as files: the asker's device looks at <run>/want and posts each new line as
+Want.
 """
 
 import os

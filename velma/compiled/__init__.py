@@ -1,8 +1,8 @@
 """Parts of hot loops in C, for machines with a compiler: `python -m velma.compiled` builds them.
 
-Without the library everything runs by the plain code, slower and with the same results, which tests compare. Its file
-name carries a checksum of the sources and the architecture, so that no other library is loaded. ROCO_PLAIN=1 leaves it
-out.
+Without the library everything runs by the plain code, slower and with the same results, which tests
+compare. Its file name carries a checksum of the sources and the architecture, so that no other
+library is loaded. ROCO_PLAIN=1 leaves it out.
 """
 
 import ctypes

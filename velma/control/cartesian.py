@@ -1,18 +1,21 @@
-"""Cartesian impedance of both hands together: the torso and two arms as one 15-joint system with a 12-dimensional task.
+"""Cartesian impedance of both hands together: the torso and two arms as one 15-joint system with a
+12-dimensional task.
 
-The law of Velma's core (RCPRG common_controllers, cartesian_impedance.h; Albu-Schaeffer and Ott) with four changes
-that pouring runs needed: the full mass matrix instead of three blocks, the true rotation vector as error
-(Velma uses a quaternion part, which is half of it), velocity feed-forward, and a posture spring in the null space.
+The law of Velma's core (RCPRG common_controllers, cartesian_impedance.h; Albu-Schaeffer and Ott)
+with four changes that pouring runs needed: the full mass matrix instead of three blocks, the true
+rotation vector as error (Velma uses a quaternion part, which is half of it), velocity feed-forward,
+and a posture spring in the null space.
 
-    e_i   = [p_des - p ; log(R_des R^T)]                             world axes, at grip i
+    e_i   = [p_des - p ; log(R_des R^T)]                            world axes, at grip i
     Lam   = (J M^-1 J^T + r I)^-1
     D_i   = Q_i diag(2 zeta sqrt(w)) Q_i^T,  Lam_ii = Q_i Q_i^T,  K = Q_i diag(w) Q_i^T
     tau   = J^T (K e - D J (v - v_des) + h)  +  N^T (Kn (q_des - q) - Dn (v - v_des))
-    N^T   = I - J^T Lam J M^-1                                       dynamically consistent
-    h_i   = [m g ; (R_i r) x m g]                                    upwards: the weight of a held thing
+    N^T   = I - J^T Lam J M^-1                                      dynamically consistent
+    h_i   = [m g ; (R_i r) x m g]                          upwards: the weight of a held thing
 
-Closed loop in the task: Lam e'' + D e' + K e = external wrench, since the drives already hold the robot's own weight.
-All torques are beyond gravity. Functions are pure; sides are rows (0 right, 1 left), 12-vectors are (right, left).
+Closed loop in the task: Lam e'' + D e' + K e = external wrench, since the drives already hold the
+robot's own weight. All torques are beyond gravity. Functions are pure; sides are rows (0 right, 1
+left), 12-vectors are (right, left).
 """
 
 import ctypes
@@ -34,23 +37,28 @@ Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # m/s2
 REGULARISATION = 1e-3
-"""r [1/kg, 1/(kg m2)]: gives directions in which a hand can hardly move to the posture spring. Elsewhere J M^-1 J^T is
-0.04 and more; with a straight elbow it is 0.0006. With r = 1e-6 no spring held the elbow on its way through there, and
-an arm bent to the other side than its set-point (0.4 rad off in the test; in a run 2 rad, until it was too fast). With
-1e-3 it is 0.1 rad off, and a hand is up to 10 % stiffer than K (0.3 % in the median of 900 pushes at 300 postures)."""
+"""r [1/kg, 1/(kg m2)]: gives directions in which a hand can hardly move to the posture spring.
+Elsewhere J M^-1 J^T is 0.04 and more; with a straight elbow it is 0.0006. With r = 1e-6 no spring
+held the elbow on its way through there, and an arm bent to the other side than its set-point (0.4
+rad off in the test; in a run 2 rad, until it was too fast). With 1e-3 it is 0.1 rad off, and a hand
+is up to 10 % stiffer than K (0.3 % in the median of 900 pushes at 300 postures).
+"""
 
 
 class CartesianGains(msgspec.Struct, frozen=True):
-    """Gains of the law. Stiffness is Velma's default (velma_system), the others are estimates from pouring runs.
+    """Gains of the law. Stiffness is Velma's default (velma_system), the others are estimates from
+    pouring runs.
 
-    Damping ratio: Velma's 0.35 acts as 0.175, which overshoots a step by half; 0.7 is the textbook value.
+    Damping ratio: Velma's 0.35 acts as 0.175, which overshoots a step by half; 0.7 is the textbook
+    value.
     """
 
     stiffness: tuple[Stiffness, Stiffness] = (1500.0, 150.0)  # N/m, Nm/rad
     damping_ratio: DampingRatio = 0.7
     posture_stiffness: tuple[Stiffness, Stiffness] = (400.0, 20.0)  # torso, arm joints, Nm/rad
     posture_damping: tuple[Viscosity, Viscosity] = (120.0, 4.0)  # torso, arm joints, Nms/rad
-    renewed_every: Cycles = 5  # cycles between two damping designs: it changes as slowly as the posture
+    # cycles between two damping designs: it changes as slowly as the posture
+    renewed_every: Cycles = 5
 
     def task(self) -> Array:
         """Return diagonal of K, (6,)."""
@@ -84,7 +92,9 @@ def task_error(terms: Terms, goal_rotation: Array, goal_position: Array) -> Arra
     error = np.empty(12)
     for row in (0, 1):
         error[6 * row : 6 * row + 3] = goal_position[row] - terms.position[row]
-        error[6 * row + 3 : 6 * row + 6] = rotation_vector(goal_rotation[row] @ terms.rotation[row].T)
+        error[6 * row + 3 : 6 * row + 6] = rotation_vector(
+            goal_rotation[row] @ terms.rotation[row].T
+        )
     return error
 
 
@@ -98,10 +108,12 @@ def task_inertia(jacobian: Array, inverse_mass: Array) -> tuple[Array, Array]:
 
 
 def damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
-    """Return D (n, n), symmetric and positive semi-definite: every mode of (inertia, stiffness) is damped by `ratio`.
+    """Return D (n, n), symmetric and positive semi-definite: every mode of (inertia, stiffness) is
+    damped by `ratio`.
 
-    `inertia` (n, n) is positive definite, `stiffness` (n,) the diagonal of K. With D, inertia = Q Q^T and
-    K = Q diag(w) Q^T are diagonal in the same coordinates: x'' + 2 ratio sqrt(w) x' + w x = 0 in each.
+    `inertia` (n, n) is positive definite, `stiffness` (n,) the diagonal of K. With D, inertia = Q
+    Q^T and K = Q diag(w) Q^T are diagonal in the same coordinates: x'' + 2 ratio sqrt(w) x' + w x =
+    0 in each.
     """
     lower = np.linalg.cholesky(inertia)
     inverse = np.linalg.inv(lower)
@@ -119,7 +131,9 @@ def task_damping(inertia: Array, stiffness: Array, ratio: float) -> Array:
 
 
 def payload_wrench(rotation: Array, mass: Array, lever: Array) -> Array:
-    """Return h (12,): force and moment at the grips that carry masses (2,) kg at levers (2, 3) m in the grip frames."""
+    """Return h (12,): force and moment at the grips that carry masses (2,) kg at levers (2, 3) m in
+    the grip frames.
+    """
     wrench = np.zeros(12)
     for row in (0, 1):
         weight = mass[row] * GRAVITY
@@ -135,16 +149,20 @@ def null_space(torque: Array, jacobian: Array, through: Array, inertia: Array) -
     return np.asarray(torque - jacobian.T @ (inertia @ (through @ torque)))
 
 
-# --- The same as torque.c and error.c of velma.compiled compute it ----------------------------------------------------
+# --- The same as torque.c and error.c of velma.compiled compute it --------------------------------
 
 _LAW = {
-    "mass": (15, 15), "jacobian": (12, 15), "error": (12,), "slip": (15,), "stray": (15,), "wrench": (12,),
-    "stiffness": (12,), "posture_stiffness": (15,), "posture_damping": (15,), "regularisation": (1,),
-    "twice_ratio": (1,), "damping": (12, 12), "inertia": (12, 12), "through": (12, 15), "torque": (15,),
+    "mass": (15, 15), "jacobian": (12, 15), "error": (12,), "slip": (15,), "stray": (15,),
+    "wrench": (12,),
+    "stiffness": (12,), "posture_stiffness": (15,), "posture_damping": (15,),
+    "regularisation": (1,),
+    "twice_ratio": (1,), "damping": (12, 12), "inertia": (12, 12), "through": (12, 15),
+    "torque": (15,),
 }  # fmt: skip
 """As in torque.c."""
 _ERROR = {
-    "rotation": (2, 3, 3), "position": (2, 3), "goal_rotation": (2, 3, 3), "goal_position": (2, 3), "error": (12,),
+    "rotation": (2, 3, 3), "position": (2, 3), "goal_rotation": (2, 3, 3), "goal_position": (2, 3),
+    "error": (12,),
 }  # fmt: skip
 """As in error.c."""
 _NO_INVERSE = "the mass matrix of the body or of its hands is not positive definite"
@@ -155,22 +173,39 @@ class _Law:
 
     def __init__(self, built: ctypes.CDLL, record: Record) -> None:
         self._record, self._part, self._at = record, record.part, record.at
-        self._inertia, self._design, self._torque = built.law_inertia, built.law_damping, built.law_torque
-        self._inertia.restype, self._design.restype, self._torque.restype = ctypes.c_int, ctypes.c_int, None
+        self._inertia, self._design, self._torque = (
+            built.law_inertia,
+            built.law_damping,
+            built.law_torque,
+        )
+        self._inertia.restype, self._design.restype, self._torque.restype = (
+            ctypes.c_int,
+            ctypes.c_int,
+            None,
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _law, (self._record,)
 
     def set(self, **parts: Array | float) -> None:
-        """Write parts that stay: stiffness, posture_stiffness, posture_damping, regularisation, twice_ratio."""
+        """Write parts that stay: stiffness, posture_stiffness, posture_damping, regularisation,
+        twice_ratio.
+        """
         for name, value in parts.items():
             self._part[name][:] = value
 
     def inertia(self, terms: Terms, error: Array, slip: Array, stray: Array, wrench: Array) -> None:
-        """Take what the law acts on; compute Lam (12, 12). Raise LinAlgError, as numpy's inv does."""
+        """Take what the law acts on; compute Lam (12, 12). Raise LinAlgError, as numpy's inv
+        does.
+        """
         part = self._part
         part["mass"][:], part["jacobian"][:] = terms.mass, terms.jacobian
-        part["error"][:], part["slip"][:], part["stray"][:], part["wrench"][:] = error, slip, stray, wrench
+        part["error"][:], part["slip"][:], part["stray"][:], part["wrench"][:] = (
+            error,
+            slip,
+            stray,
+            wrench,
+        )
         if not self._inertia(self._at):
             raise np.linalg.LinAlgError(_NO_INVERSE)
 
@@ -218,7 +253,7 @@ def error(record: Record | None = None) -> Callable[[Terms, Array, Array], Array
     return _Error(built, record or Record(_ERROR)) if built is not None else task_error
 
 
-# --- The law with its state -------------------------------------------------------------------------------------------
+# --- The law with its state -----------------------------------------------------------------------
 
 
 class CartesianImpedance:
@@ -235,17 +270,23 @@ class CartesianImpedance:
         if self._law is not None:
             self._law.set(stiffness=self._twice, regularisation=REGULARISATION)
             self._law.set(twice_ratio=2.0 * self.gains.damping_ratio)
-            self._law.set(posture_stiffness=self._posture_stiffness, posture_damping=self._posture_damping)
+            self._law.set(
+                posture_stiffness=self._posture_stiffness, posture_damping=self._posture_damping
+            )
 
     def torque(self, terms: Terms, error: Array, slip: Array, stray: Array, wrench: Array) -> Array:
-        """Return tau (15,) for error e (12,), slip v - v_des (15,), stray q_des - q (15,), added wrench h (12,)."""
+        """Return tau (15,) for error e (12,), slip v - v_des (15,), stray q_des - q (15,), added
+        wrench h (12,).
+        """
         if self._law is not None:
             self._law.inertia(terms, error, slip, stray, wrench)
             if self._is_due():
                 self._damping = self._law.damping()
             return self._law.torque(self._damping)
         jacobian = terms.jacobian
-        inertia, through = task_inertia(jacobian, np.asarray(np.linalg.inv(terms.mass), dtype=np.float64))
+        inertia, through = task_inertia(
+            jacobian, np.asarray(np.linalg.inv(terms.mass), dtype=np.float64)
+        )
         if self._is_due():
             self._damping = task_damping(inertia, self._stiffness, self.gains.damping_ratio)
         force = self._twice * error - self._damping @ (jacobian @ slip) + wrench
@@ -253,7 +294,9 @@ class CartesianImpedance:
         return np.asarray(jacobian.T @ force + null_space(posture, jacobian, through, inertia))
 
     def renew(self) -> None:
-        """Design the damping in the next cycle: the posture may be another one, or the last design no number."""
+        """Design the damping in the next cycle: the posture may be another one, or the last design
+        no number.
+        """
         self._age = self.gains.renewed_every
 
     def _is_due(self) -> bool:

@@ -2,7 +2,8 @@
 
     tau = -d v
 
-It needs no model and no set-point, so it works when everything else has failed; it only removes energy.
+It needs no model and no set-point, so it works when everything else has failed; it only removes
+energy.
 """
 
 import numpy as np

@@ -1,8 +1,8 @@
 """The rigid-body terms of the control laws: mass matrix, Jacobians and poses of both grip frames.
 
-The only module of this package with a model in it (Pinocchio, reduced to the 15 body joints, hands and head fixed at
-zero). Sides are rows: 0 right, 1 left. Frames are those of the grip BODIES: Pinocchio 4.1 misplaces sites behind a
-chain of welded bodies.
+The only module of this package with a model in it (Pinocchio, reduced to the 15 body joints, hands
+and head fixed at zero). Sides are rows: 0 right, 1 left. Frames are those of the grip BODIES:
+Pinocchio 4.1 misplaces sites behind a chain of welded bodies.
 """
 
 from pathlib import Path
@@ -20,8 +20,9 @@ Array = NDArray[np.float64]
 class Terms(msgspec.Struct):
     """Terms at one state. Arrays belong to Dynamics, whose next call overwrites them.
 
-    `mass` (15, 15) kg m2 with armature; `jacobian` (12, 15), rows 0-5 right and 6-11 left, linear before angular, of
-    the grip frame's origin in world axes; `rotation` (2, 3, 3) and `position` (2, 3) of T_world_grip.
+    `mass` (15, 15) kg m2 with armature; `jacobian` (12, 15), rows 0-5 right and 6-11 left, linear
+    before angular, of the grip frame's origin in world axes; `rotation` (2, 3, 3) and `position`
+    (2, 3) of T_world_grip.
     """
 
     mass: Array
@@ -61,7 +62,9 @@ class Dynamics:
         return terms
 
     def grips(self, q: Array) -> tuple[Array, Array]:
-        """Return rotation (2, 3, 3) and position (2, 3) of the grip frames at `q`, apart from `terms`."""
+        """Return rotation (2, 3, 3) and position (2, 3) of the grip frames at `q`, apart from
+        `terms`.
+        """
         pin.forwardKinematics(self.model, self._goal, q)
         for row, frame in enumerate(self._grips):
             pose = pin.updateFramePlacement(self.model, self._goal, frame)

@@ -4,10 +4,11 @@
     m = F.e / |e|^2 - M                  mass in the hand; F: force of the arm on the hand of mass M
     r = | F - (M + clip(m, low, high)) e |
 
-While the hand holds a mass between low and high, r is the error of the sensors, whatever the arm does; a thing that
-slips shows in r at once, in m later. `a` is the second difference of c from the measured joints. F and a pass the same
-filters, or their lags would differ. Sides are rows: 0 right, 1 left. The numbers were measured in simulated pours
-(36 slips, 6 grips): warned within 60 ms, lost within 0.2 s (0.6 s while tilted), no false alarm.
+While the hand holds a mass between low and high, r is the error of the sensors, whatever the arm
+does; a thing that slips shows in r at once, in m later. `a` is the second difference of c from the
+measured joints. F and a pass the same filters, or their lags would differ. Sides are rows: 0 right,
+1 left. The numbers were measured in simulated pours (36 slips, 6 grips): warned within 60 ms, lost
+within 0.2 s (0.6 s while tilted), no false alarm.
 """
 
 import math
@@ -26,25 +27,34 @@ from velma.control.record import Record
 Array = NDArray[np.float64]
 
 HAND_KG = 1.2421  # below the sensor: sum of robot.yaml (a test adds it up)
-SENSOR_TO_GRIP = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])  # VR: the left palm is turned by half a turn
-POINT_M = -0.02  # c along z of the grip: 0.105 m before the sensor, the least error of the hand's mass centre in motion
+# VR: the left palm is turned by half a turn
+SENSOR_TO_GRIP = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])
+# c along z of the grip: 0.105 m before the sensor, the least error of the hand's mass centre in
+# motion
+POINT_M = -0.02
 CUTOFF_HZ, WINDOW = 12.0, 25  # of each of two low-passes; samples of the mean after them: 50 ms
-# N; normal maxima of r: jar 0.17, bowl 0.05, with noise of 0.3 N 0.26; a bowl that was turned by 45 deg 0.52 (seed 10)
+# N; normal maxima of r: jar 0.17, bowl 0.05, with noise of 0.3 N 0.26; a bowl that was turned by 45
+# deg 0.52 (seed 10)
 ARM_N, WARN_N = 0.2, 0.6
-LOAD_S = 0.15  # s, time constant of the weight: settled to 0.1 % after 1 s at rest, noise of 0.1 N is 1 g
+# s, time constant of the weight: settled to 0.1 % after 1 s at rest, noise of 0.1 N is 1 g
+LOAD_S = 0.15
 CALM_CYCLES, LIGHT_CYCLES = 25, 50  # 50, 100 ms
 WARN_CYCLES = 5  # 10 ms: no single reading
-STUCK_CYCLES, WELL_CYCLES = 10, 250  # 20 ms: no true reading is the same for so long in motion; 0.5 s (estimates)
+# 20 ms: no true reading is the same for so long in motion; 0.5 s (estimates)
+STUCK_CYCLES, WELL_CYCLES = 10, 250
 OVER_CYCLES = 250  # 0.5 s: longer than a jar takes to slide out of a tilted hand (0.44 s, measured)
 
 
 _WRISTS = {
     "wrist": (2, 6), "rotation": (2, 3, 3), "position": (2, 3),
     "sign": (2, 3), "up": (3,), "rate": (1,), "gain": (1,), "point": (1,),
-    "cycle": (1,), "first": (2, 2, 3), "second": (2, 2, 3), "window": (WINDOW, 2, 2, 3), "points": (2, 2, 3),
+    "cycle": (1,), "first": (2, 2, 3), "second": (2, 2, 3), "window": (WINDOW, 2, 2, 3),
+    "points": (2, 2, 3),
     "before": (2, 3, 3), "felt": (2, 2, 3),
 }  # fmt: skip
-"""As in wrists.c of velma.compiled: what is read, constants, what is kept from cycle to cycle, what is felt."""
+"""As in wrists.c of velma.compiled: what is read, constants, what is kept from cycle to cycle, what
+is felt.
+"""
 
 
 class Wrists:
@@ -62,7 +72,11 @@ class Wrists:
 
     def _set_constants(self) -> None:
         part = self._part
-        part["sign"][:], part["up"][:], part["point"][:] = SENSOR_TO_GRIP, (0.0, 0.0, GRAVITY), POINT_M
+        part["sign"][:], part["up"][:], part["point"][:] = (
+            SENSOR_TO_GRIP,
+            (0.0, 0.0, GRAVITY),
+            POINT_M,
+        )
         part["rate"][:] = 1.0 / (self._period_s * self._period_s)
         part["gain"][:] = 1.0 - math.exp(-2.0 * math.pi * CUTOFF_HZ * self._period_s)
 
@@ -81,9 +95,11 @@ class Wrists:
         return bool(self._part["cycle"][0] > 2 * WINDOW)
 
     def feel(self, wrist: Array, rotation: Array, position: Array) -> Array:
-        """Return force F and apparent gravity e of each hand in grip axes: (2, 2, 3), F and e in the second axis.
+        """Return force F and apparent gravity e of each hand in grip axes: (2, 2, 3), F and e in
+        the second axis.
 
-        `wrist` (2, 6): the reading, of the cycle before; `rotation` (2, 3, 3), `position` (2, 3): T_world_grip now.
+        `wrist` (2, 6): the reading, of the cycle before; `rotation` (2, 3, 3), `position` (2, 3):
+        T_world_grip now.
         """
         part = self._part
         part["wrist"][:], part["rotation"][:], part["position"][:] = wrist, rotation, position
@@ -101,8 +117,11 @@ class Wrists:
         if cycle == 0:
             points[:], part["before"][:] = point, rotation
         x = np.empty((2, 2, 3))
-        # Rows times R^T are R times columns: from grip axes to world axes, as the hand was when its force was felt.
-        x[:, :1] = (part["wrist"][:, :3] * part["sign"])[:, None] @ part["before"].transpose(0, 2, 1)
+        # Rows times R^T are R times columns: from grip axes to world axes, as the hand was when its
+        # force was felt.
+        x[:, :1] = (part["wrist"][:, :3] * part["sign"])[:, None] @ part["before"].transpose(
+            0, 2, 1
+        )
         x[:, 1] = (point - 2.0 * points[0] + points[1]) * part["rate"] + part["up"]
         points[1], points[0], part["before"][:] = points[0], point, rotation
         if cycle < 3:
@@ -126,7 +145,8 @@ class Wrong(StrEnum):
 
 
 class Health:
-    """Whether a wrist's readings may be true: numbers, with the weight of the hand, that change as the hand turns.
+    """Whether a wrist's readings may be true: numbers, with the weight of the hand, that change as
+    the hand turns.
 
     `wrong`: why they may not, "" where nothing is known against them.
     """
@@ -136,7 +156,8 @@ class Health:
         self._reading, self._rotation, self._stuck, self._well = [math.nan], [math.nan], 0, 0
 
     def judge(self, reading: list[float], rotation: list[float]) -> bool:
-        """Take the reading (6,) and the rotation (9,) of the hand in a cycle; whether this reading may be true.
+        """Take the reading (6,) and the rotation (9,) of the hand in a cycle; whether this reading
+        may be true.
 
         What was wrong is so until nothing has been for a while.
         """
@@ -157,17 +178,22 @@ class Health:
 
 
 def tare(force: Array, gravity: Array) -> Array:
-    """Return the error (3,) [N] of the sensor at an empty hand: what is felt beyond its own weight."""
+    """Return the error (3,) [N] of the sensor at an empty hand: what is felt beyond its own
+    weight.
+    """
     return np.asarray(force - HAND_KG * gravity)
 
 
 def mass(force: Sequence[float], gravity: Sequence[float]) -> float:
     """Return the mass m [kg] in a hand; `force` (3,) without the sensor's error, `gravity` (3,)."""
-    (fx, fy, fz), (gx, gy, gz) = force, gravity  # plain numbers: small arrays take three times as long
+    # plain numbers: small arrays take three times as long
+    (fx, fy, fz), (gx, gy, gz) = force, gravity
     return (fx * gx + fy * gy + fz * gz) / (gx * gx + gy * gy + gz * gz) - HAND_KG
 
 
-def residual(force: Sequence[float], gravity: Sequence[float], felt: float, low: float, high: float) -> float:
+def residual(
+    force: Sequence[float], gravity: Sequence[float], felt: float, low: float, high: float
+) -> float:
     """Return r [N] for a hand in which a mass is felt, and that holds between low and high [kg]."""
     believed = HAND_KG + min(max(felt, low), high)
     return math.hypot(*(f - believed * g for f, g in zip(force, gravity, strict=True)))
@@ -184,7 +210,9 @@ class Grip(StrEnum):
 
 
 class Watch(msgspec.Struct, frozen=True):
-    """Feeling of one thing; for how many cycles now r has been small, too large, too large with half the mass."""
+    """Feeling of one thing; for how many cycles now r has been small, too large, too large with
+    half the mass.
+    """
 
     grip: Grip = Grip.UNSURE
     calm: int = 0
@@ -203,10 +231,11 @@ _NEXT: tuple[_Row, ...] = (
 
 
 def watched(before: Watch, r: float, m: float, low: float) -> Watch:
-    """Return what is felt one cycle later: residual r [N], mass m [kg] in a hand that holds at least `low` [kg].
+    """Return what is felt one cycle later: residual r [N], mass m [kg] in a hand that holds at
+    least `low` [kg].
 
-    A reading that is not a number counts as none. What slipped or was lost stays so. A hand that lost its thing feels
-    about nothing; less than that is a push from below.
+    A reading that is not a number counts as none. What slipped or was lost stays so. A hand that
+    lost its thing feels about nothing; less than that is a push from below.
     """
     small = r < (ARM_N if before.grip is Grip.UNSURE else WARN_N)
     over = r > WARN_N
@@ -222,15 +251,17 @@ def watched(before: Watch, r: float, m: float, low: float) -> Watch:
     return now
 
 
-# --- A steady pull at what a hand holds out, felt by two senses: the wrist, and the joints, which give way -----------
-#     p = d . ((M + m) e - F)        pull [N] along d, away from the robot; F, e, M, m as in the module's docstring
+# --- A steady pull at what a hand holds out, felt by two senses: the wrist, and the joints, which
+# give way
+# p = d . ((M + m) e - F)        pull [N] along d, away from the robot; F, e, M, m as in the
+# module's docstring
 #     s = d . (x - x_set)            how far [m] the hand is beside its set-point along d
 #
-# In a cycle somebody pulls with `least` N if p of the filtered readings is more, p of the reading itself more than
-# half of it, so that a knock does not last longer than it did, and s more than half of least / K, as the impedance of
-# the arm yields. d is horizontal, so the weight of the thing, however much is in it, is no pull. A sensor that reads
-# no number, zero or always the same gives no permission; nor does one that is off by a constant, since the arm does
-# not yield.
+# In a cycle somebody pulls with `least` N if p of the filtered readings is more, p of the reading
+# itself more than half of it, so that a knock does not last longer than it did, and s more than
+# half of least / K, as the impedance of the arm yields. d is horizontal, so the weight of the
+# thing, however much is in it, is no pull. A sensor that reads no number, zero or always the same
+# gives no permission; nor does one that is off by a constant, since the arm does not yield.
 
 
 RAW_SHARE, GIVEN_SHARE = 0.5, 0.5  # estimates: noise of 0.3 N at 5 N, dry friction in the joints
@@ -239,7 +270,9 @@ Axes = Sequence[float]  # (3,)
 
 
 class Pull(msgspec.Struct, frozen=True):
-    """For how many cycles now somebody has pulled, and the wrist has read the same; its last reading (6,)."""
+    """For how many cycles now somebody has pulled, and the wrist has read the same; its last
+    reading (6,).
+    """
 
     steady: int = 0
     same: int = 0
@@ -247,13 +280,25 @@ class Pull(msgspec.Struct, frozen=True):
 
 
 def size(force: Axes, gravity: Axes, kg: float, away: Axes) -> float:
-    """Return the pull [N] along the unit vector `away`, at a hand with `kg` in it; all (3,) in the same axes."""
-    return math.fsum(d * ((HAND_KG + kg) * g - f) for f, g, d in zip(force, gravity, away, strict=True))
+    """Return the pull [N] along the unit vector `away`, at a hand with `kg` in it; all (3,) in the
+    same axes.
+    """
+    return math.fsum(
+        d * ((HAND_KG + kg) * g - f) for f, g, d in zip(force, gravity, away, strict=True)
+    )
 
 
-def pulled(before: Pull, reading: Sequence[float], smooth: float, raw: float, beside: float, least: float) -> Pull:
-    """Return what is felt one cycle later: pulls [N], filtered and of this reading (6,), the hand `beside` [m]."""
+def pulled(
+    before: Pull, reading: Sequence[float], smooth: float, raw: float, beside: float, least: float
+) -> Pull:
+    """Return what is felt one cycle later: pulls [N], filtered and of this reading (6,), the hand
+    `beside` [m].
+    """
     same = before.same + 1 if tuple(reading) == before.reading else 0
-    true = same < STUCK_CYCLES and all(map(math.isfinite, (smooth, raw, beside, *reading))) and any(reading)
+    true = (
+        same < STUCK_CYCLES
+        and all(map(math.isfinite, (smooth, raw, beside, *reading)))
+        and any(reading)
+    )
     pulls = smooth > least and raw > RAW_SHARE * least and beside > GIVEN_SHARE * least / STIFFNESS
     return Pull(before.steady + 1 if true and pulls else 0, same, tuple(reading))

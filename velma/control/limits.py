@@ -1,4 +1,6 @@
-"""Limits of Velma's lower level: a larger command makes it fall into damping (velma_system, common_predicates)."""
+"""Limits of Velma's lower level: a larger command makes it fall into damping (velma_system,
+common_predicates).
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,9 @@ _MOST = tuple(TORQUE.tolist())
 
 
 def within(x: Array, low: Array | float, high: Array | float) -> Array:
-    """Return x cut to the range, element by element: np.clip takes three times as long on six numbers (measured)."""
+    """Return x cut to the range, element by element: np.clip takes three times as long on six
+    numbers (measured).
+    """
     return np.asarray(np.minimum(np.maximum(x, low), high))
 
 

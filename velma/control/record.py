@@ -1,4 +1,6 @@
-"""Memory that C code of velma.compiled and numpy read and write: a struct of doubles, its parts by name."""
+"""Memory that C code of velma.compiled and numpy read and write: a struct of doubles, its parts by
+name.
+"""
 
 import ctypes
 from collections.abc import Mapping
@@ -12,7 +14,9 @@ Shapes = Mapping[str, tuple[int, ...]]
 
 
 class Record:
-    """`values`: all of it; `part`: arrays of these shapes, in the order of the C struct; `at`: its address."""
+    """`values`: all of it; `part`: arrays of these shapes, in the order of the C struct; `at`: its
+    address.
+    """
 
     def __init__(self, shapes: Shapes, values: Any = None) -> None:
         """`values`: of another record of these shapes, which are taken over; None: zeros."""

@@ -1,7 +1,8 @@
-"""Finds markers in a picture: OpenCV's ArUco detector with whole-pixel corners, which `edges` then makes finer.
+"""Finds markers in a picture: OpenCV's ArUco detector with whole-pixel corners, which `edges` then
+makes finer.
 
-The detector's own refinement (CORNER_REFINE_SUBPIX) is not used: its corners are off by 0.4 pixels, ten times as much
-as those of an edge fit (docs/decisions/2026-11-25-eyes.md).
+The detector's own refinement (CORNER_REFINE_SUBPIX) is not used: its corners are off by 0.4 pixels,
+ten times as much as those of an edge fit (docs/decisions/2026-11-25-eyes.md).
 """
 
 from collections.abc import Iterable
@@ -11,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-# --- The patterns of markers: OpenCV's ArUco dictionaries of 4 x 4 bits ----------------------------------------------
+# --- The patterns of markers: OpenCV's ArUco dictionaries of 4 x 4 bits ---------------------------
 
 Pixels = NDArray[np.uint8]
 
@@ -32,12 +33,18 @@ def dictionary(numbers: int) -> Any:
     for size, name in _DICTIONARIES.items():
         if numbers <= size:
             return cv2.aruco.getPredefinedDictionary(name)
-    raise ValueError(f"{numbers} markers of 4 x 4 bits, there are dictionaries of {list(_DICTIONARIES)}")
+    raise ValueError(
+        f"{numbers} markers of 4 x 4 bits, there are dictionaries of {list(_DICTIONARIES)}"
+    )
 
 
 def plate(number: int, texels: int) -> Pixels:
-    """Return the picture (n, n) of a marker's white plate, n = MODULES x `texels`; grey levels 0 and 255."""
-    square = cv2.aruco.generateImageMarker(dictionary(number + 1), number, (MODULES - 2) * texels, borderBits=1)
+    """Return the picture (n, n) of a marker's white plate, n = MODULES x `texels`; grey levels 0
+    and 255.
+    """
+    square = cv2.aruco.generateImageMarker(
+        dictionary(number + 1), number, (MODULES - 2) * texels, borderBits=1
+    )
     return np.pad(np.asarray(square, np.uint8), texels, constant_values=255)
 
 
@@ -55,7 +62,8 @@ class Detector:
         self._detector = cv2.aruco.ArucoDetector(known, settings)
 
     def find(self, grey: Pixels) -> dict[int, Array]:
-        """Return corners (4, 2) [pixels] by number, in the order of velma.model.markers; `grey` is (height, width).
+        """Return corners (4, 2) [pixels] by number, in the order of velma.model.markers; `grey` is
+        (height, width).
 
         A number that is found twice is left out: one of them is wrong.
         """
@@ -68,9 +76,10 @@ class Detector:
         }
 
 
-# --- Corners of markers by lines along their edges: to 0.04 pixels where the detector's are off by 0.6 (measured)
-# Across each side of a marker the picture is read along short profiles; the middle of the rise from black to white is
-# on the edge. A line is laid through these points, and neighbouring lines meet in the corners.
+# --- Corners of markers by lines along their edges: to 0.04 pixels where the detector's are off by
+# 0.6 (measured) Across each side of a marker the picture is read along short profiles; the middle
+# of the rise from black to white is on the edge. A line is laid through these points, and
+# neighbouring lines meet in the corners.
 
 
 Flags = NDArray[np.bool_]
@@ -78,8 +87,9 @@ Flags = NDArray[np.bool_]
 PROFILES, ENDS = 14, (0.12, 0.88)
 """Profiles across a side and where on it they begin and end: not near the corners."""
 REACH_PX, REACH_SHARE, STEPS = 2.5, 0.12, 21
-"""Profiles reach this far to both sides; on a small marker, or one seen from aside, this share of its width across the
-side: a field is a sixth of it."""
+"""Profiles reach this far to both sides; on a small marker, or one seen from aside, this share of
+its width across the side: a field is a sixth of it.
+"""
 LEAST_RISE = 25.0  # grey levels from black to white; less is no edge
 ROUNDS, REJECTIONS, REJECT = 2, 3, 3.0  # a point is left out that is off by 3 times the median
 MOST_MOVED_PX = 4.0  # a corner that moves farther belongs to something else
@@ -87,7 +97,9 @@ LEAST_POINTS = 4  # of a line
 
 
 def refined(grey: NDArray[np.uint8], corners: Array) -> tuple[Array, Flags]:
-    """Return finer corners (n, 4, 2) of markers and which of the markers (n,) have them, given the detector's."""
+    """Return finer corners (n, 4, 2) of markers and which of the markers (n,) have them, given the
+    detector's.
+    """
     picture, before = grey.astype(np.float64), corners
     good = np.ones(len(corners), dtype=bool)
     for _ in range(ROUNDS):
@@ -100,12 +112,18 @@ def refined(grey: NDArray[np.uint8], corners: Array) -> tuple[Array, Flags]:
 
 
 def _edge_points(picture: Array, corners: Array) -> tuple[Array, Array]:
-    """Return points on the edges (n, 4, PROFILES, 2) and their weights (n, 4, PROFILES): 1, or 0 where no edge is."""
+    """Return points on the edges (n, 4, PROFILES, 2) and their weights (n, 4, PROFILES): 1, or 0
+    where no edge is.
+    """
     along = np.roll(corners, -1, axis=1) - corners
     length = np.maximum(np.linalg.norm(along, axis=2), 1e-9)
-    outwards = np.stack([along[..., 1], -along[..., 0]], axis=2) / length[..., None]  # corners run clockwise
+    # corners run clockwise
+    outwards = np.stack([along[..., 1], -along[..., 0]], axis=2) / length[..., None]
     diagonals = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
-    area = np.abs(diagonals[0][:, 0] * diagonals[1][:, 1] - diagonals[0][:, 1] * diagonals[1][:, 0]) / 2
+    area = (
+        np.abs(diagonals[0][:, 0] * diagonals[1][:, 1] - diagonals[0][:, 1] * diagonals[1][:, 0])
+        / 2
+    )
     reach = np.minimum(REACH_PX, REACH_SHARE * area[:, None] / length)
     feet = corners[:, :, None] + np.linspace(*ENDS, PROFILES)[:, None] * along[:, :, None]
     steps = np.linspace(-1.0, 1.0, STEPS)
@@ -120,7 +138,9 @@ def _edge_points(picture: Array, corners: Array) -> tuple[Array, Array]:
 
 
 def _read(picture: Array, places: Array) -> Array:
-    """Return the grey levels at places (..., 2) between pixels, bilinear; outside the picture those of its rim."""
+    """Return the grey levels at places (..., 2) between pixels, bilinear; outside the picture those
+    of its rim.
+    """
     height, width = picture.shape
     x, y = np.clip(places[..., 0], 0, width - 1.001), np.clip(places[..., 1], 0, height - 1.001)
     column, row = x.astype(np.intp), y.astype(np.intp)
@@ -131,7 +151,9 @@ def _read(picture: Array, places: Array) -> Array:
 
 
 def _lines(points: Array, weights: Array) -> tuple[Array, Array, Flags]:
-    """Return unit normals (n, 4, 2), offsets (n, 4) of lines through points, and which markers (n,) have all four."""
+    """Return unit normals (n, 4, 2), offsets (n, 4) of lines through points, and which markers (n,)
+    have all four.
+    """
     for _ in range(REJECTIONS + 1):
         total = np.maximum(weights.sum(axis=2), 1e-9)
         mean = (weights[..., None] * points).sum(axis=2) / total[..., None]
@@ -146,7 +168,8 @@ def _lines(points: Array, weights: Array) -> tuple[Array, Array, Flags]:
 
 
 def _crossings(normals: Array, offsets: Array, corners: Array) -> tuple[Array, Flags]:
-    """Return where the lines of neighbouring sides meet (n, 4, 2), and which markers (n,) have four such corners.
+    """Return where the lines of neighbouring sides meet (n, 4, 2), and which markers (n,) have four
+    such corners.
 
     Corner k is between side k - 1 and side k. Where lines are nearly parallel the corner stays.
     """

@@ -1,7 +1,7 @@
 """The pose of a body by all corners of its markers that were found: Gauss-Newton on the pixels.
 
-A body that stands has 4 unknowns (x, y, z, yaw), one that is held or has tipped over has 6. Poses are in the world;
-the camera's pose is given.
+A body that stands has 4 unknowns (x, y, z, yaw), one that is held or has tipped over has 6. Poses
+are in the world; the camera's pose is given.
 """
 
 from typing import NamedTuple
@@ -17,11 +17,15 @@ Array = NDArray[np.float64]
 
 STEPS, CLOSE_M = 12, 1e-7  # a step below 0.1 um or urad is the last
 FLOOR_PX = 0.1
-"""Least error of a corner that is believed: with it 95-98 % of true poses are in the 95 % region (measured)."""
+"""Least error of a corner that is believed: with it 95-98 % of true poses are in the 95 % region
+(measured).
+"""
 
 
 class View(NamedTuple):
-    """The camera: its lens, and rotation (3, 3) and position (3,) of the optical frame in the world."""
+    """The camera: its lens, and rotation (3, 3) and position (3,) of the optical frame in the
+    world.
+    """
 
     lens: Lens
     rotation: Array
@@ -33,8 +37,9 @@ class View(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """A fitted pose. `rms_px` of the corners' deviations along an axis of the picture; `spread` [m and rad per pixel,
-    squared]: covariance for corners with an error of 1 pixel, of (x, y, z, yaw), or (x, y, z, rotation about x, y, z).
+    """A fitted pose. `rms_px` of the corners' deviations along an axis of the picture; `spread` [m
+    and rad per pixel, squared]: covariance for corners with an error of 1 pixel, of (x, y, z, yaw),
+    or (x, y, z, rotation about x, y, z).
     """
 
     rotation: Array
@@ -51,8 +56,11 @@ class Fit(NamedTuple):
         return float(np.sqrt(np.linalg.eigvalsh(self.spread[:2, :2])[-1]))
 
 
-def fit(view: View, corners: Array, pixels: Array, start: tuple[Array, Array], upright: bool) -> Fit | None:
-    """Return the pose of a body whose corners (n, 3) are seen at pixels (n, 2); None where it is not determined.
+def fit(
+    view: View, corners: Array, pixels: Array, start: tuple[Array, Array], upright: bool
+) -> Fit | None:
+    """Return the pose of a body whose corners (n, 3) are seen at pixels (n, 2); None where it is
+    not determined.
 
     `start`: rotation and position to begin with; it is stood upright for the 4 unknowns.
     """
@@ -62,14 +70,17 @@ def fit(view: View, corners: Array, pixels: Array, start: tuple[Array, Array], u
 
 
 def turn(view: View, points: Array, pixels: Array, pivot: Array) -> Fit | None:
-    """Return the rotation about `pivot` (3,) that brings points (n, 3) of the world to pixels (n, 2); None as of `fit`.
+    """Return the rotation about `pivot` (3,) that brings points (n, 3) of the world to pixels (n,
+    2); None as of `fit`.
 
     `spread`: of the rotation about x, y, z.
     """
     return _fitted(view, points - pivot, pixels, (np.eye(3), pivot), [3, 4, 5])
 
 
-def _fitted(view: View, corners: Array, pixels: Array, start: tuple[Array, Array], columns: list[int]) -> Fit | None:
+def _fitted(
+    view: View, corners: Array, pixels: Array, start: tuple[Array, Array], columns: list[int]
+) -> Fit | None:
     """Return the pose by the unknowns in these columns of (x, y, z, rotation about x, y, z)."""
     rotation, position = start
     for _ in range(STEPS):
@@ -91,7 +102,8 @@ def _fitted(view: View, corners: Array, pixels: Array, start: tuple[Array, Array
 
 
 def _linear(view: View, arms: Array, position: Array, pixels: Array) -> tuple[Array, Array]:
-    """Return deviations (2n,) [pixels] and their derivatives (2n, 6) by shifts and turns in the world's axes.
+    """Return deviations (2n,) [pixels] and their derivatives (2n, 6) by shifts and turns in the
+    world's axes.
 
     `arms` (n, 3): the corners from the body's origin, in the world's axes.
     """
@@ -115,17 +127,24 @@ def _cross(arms: Array) -> Array:
 
 
 def _stood(rotation: Array) -> Array:
-    """Return the upright rotation with the same heading: that of the least turn, about the vertical."""
+    """Return the upright rotation with the same heading: that of the least turn, about the
+    vertical.
+    """
     yaw = np.arctan2(rotation[1, 0] - rotation[0, 1], rotation[0, 0] + rotation[1, 1])
-    return np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    return np.array(
+        [[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]]
+    )
 
 
-# --- A first pose of a body, by its largest marker alone. A square far away has two that fit almost alike ------------
+# --- A first pose of a body, by its largest marker alone. A square far away has two that fit almost
+# alike
 
 
 def poses(view: View, marker: Marker, pixels: Array) -> list[tuple[Array, Array]]:
-    """Return the poses (rotation, position) in the world of the body whose marker is at pixels (4, 2): both, the more
-    upright one first, or the one that there is where it is seen from straight ahead."""
+    """Return the poses (rotation, position) in the world of the body whose marker is at pixels (4,
+    2): both, the more upright one first, or the one that there is where it is seen from straight
+    ahead.
+    """
     middle, axes, side = _frame(marker.corners)
     flat = side / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
     matrix = view.lens.matrix()
@@ -148,7 +167,9 @@ def _solved(flat: Array, pixels: Array, matrix: Array) -> list[tuple[Array, Arra
 
 
 def largest(found: dict[int, Array]) -> int:
-    """Return the number of the marker with the largest area, of corners (4, 2) [pixels] by number."""
+    """Return the number of the marker with the largest area, of corners (4, 2) [pixels] by
+    number.
+    """
     return max(found, key=lambda number: _area(found[number]))
 
 
@@ -158,7 +179,13 @@ def _area(corners: Array) -> float:
 
 
 def _frame(corners: Array) -> tuple[Array, Array, float]:
-    """Return middle (3,), axes (3, 3) as columns (right, up, towards who looks) and side of a marker, in its body."""
+    """Return middle (3,), axes (3, 3) as columns (right, up, towards who looks) and side of a
+    marker, in its body.
+    """
     right, up = corners[1] - corners[0], corners[0] - corners[3]
     side = float(np.linalg.norm(right))
-    return corners.mean(axis=0), np.column_stack([right, up, np.cross(right, up) / side]) / side, side
+    return (
+        corners.mean(axis=0),
+        np.column_stack([right, up, np.cross(right, up) / side]) / side,
+        side,
+    )

@@ -1,4 +1,6 @@
-"""The head camera's lens: a pinhole without distortion. Pixels are counted from the centre of the first one."""
+"""The head camera's lens: a pinhole without distortion. Pixels are counted from the centre of the
+first one.
+"""
 
 import math
 from typing import NamedTuple
@@ -8,7 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Simulated Kinect of Velma (velma_robot@43752e0), as in velma/model/robot.yaml: 1.047 rad across, 800 x 600.
+# Simulated Kinect of Velma (velma_robot@43752e0), as in velma/model/robot.yaml: 1.047 rad across,
+# 800 x 600.
 WIDTH, HEIGHT = 800, 600
 HALF_WIDTH = math.tan(1.047 / 2)
 HALF_HEIGHT = HALF_WIDTH * HEIGHT / WIDTH
@@ -24,11 +27,17 @@ class Lens(NamedTuple):
 
     def matrix(self) -> Array:
         """Return the camera matrix (3, 3)."""
-        return np.array([[self.focal, 0.0, self.centre_x], [0.0, self.focal, self.centre_y], [0.0, 0.0, 1.0]])
+        return np.array(
+            [[self.focal, 0.0, self.centre_x], [0.0, self.focal, self.centre_y], [0.0, 0.0, 1.0]]
+        )
 
     def project(self, points: Array) -> Array:
-        """Return pixels (n, 2) of points (n, 3) in the optical frame: x right, y down, z forward, z not 0."""
-        return np.asarray(self.focal * points[:, :2] / points[:, 2:] + np.array([self.centre_x, self.centre_y]))
+        """Return pixels (n, 2) of points (n, 3) in the optical frame: x right, y down, z forward, z
+        not 0.
+        """
+        return np.asarray(
+            self.focal * points[:, :2] / points[:, 2:] + np.array([self.centre_x, self.centre_y])
+        )
 
 
 def lens(width: int = WIDTH, height: int = HEIGHT) -> Lens:

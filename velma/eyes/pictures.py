@@ -9,9 +9,13 @@ Pixels = NDArray[np.uint8]
 QUALITY = 80  # of 100; estimate: edges are still clean
 
 
-def disturbed(pixels: Pixels, noise: float, blur_px: float, gain: float, rng: np.random.Generator) -> Pixels:
-    """Return a picture (height, width, 3) that is blurred (standard deviation of the Gaussian in pixels), multiplied by
-    `gain`, with noise (standard deviation in grey levels, each pixel by itself, alike in its three colours)."""
+def disturbed(
+    pixels: Pixels, noise: float, blur_px: float, gain: float, rng: np.random.Generator
+) -> Pixels:
+    """Return a picture (height, width, 3) that is blurred (standard deviation of the Gaussian in
+    pixels), multiplied by `gain`, with noise (standard deviation in grey levels, each pixel by
+    itself, alike in its three colours).
+    """
     if blur_px > 0.0:
         pixels = np.asarray(cv2.GaussianBlur(pixels, (0, 0), blur_px), np.uint8)
     if noise <= 0.0 and gain == 1.0:
@@ -28,6 +32,8 @@ def jpeg(pixels: Pixels) -> bytes:
 
 
 def smaller(pixels: Pixels, factor: int) -> Pixels:
-    """Return a picture (height, width, 3) `factor` times smaller; a pixel is the mean of those it covers."""
+    """Return a picture (height, width, 3) `factor` times smaller; a pixel is the mean of those it
+    covers.
+    """
     height, width = pixels.shape[0] // factor, pixels.shape[1] // factor
     return np.asarray(cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA), np.uint8)

@@ -1,7 +1,7 @@
 """What is seen in a picture: bodies by name with pose and covariance, and the markers that tell.
 
-A body is believed only through a gate: two or more markers, corners that fit together, and a place that is determined
-well. A single wrong reading passes none of them.
+A body is believed only through a gate: two or more markers, corners that fit together, and a place
+that is determined well. A single wrong reading passes none of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,15 +22,21 @@ Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 LEAST_MARKERS, MOST_RMS_PX, MOST_SIDEWAYS_M, MOST_DEVIATION_M = 2, 1.0, 0.020, 0.005
-"""The gate: number of markers, corners' deviation, and how far the place moves to the side per pixel of the corners'
-error (a wrong reading that put a thing 2.5 m away was stopped by this alone) and in all: the pour needs 5 mm."""
+"""The gate: number of markers, corners' deviation, and how far the place moves to the side per
+pixel of the corners' error (a wrong reading that put a thing 2.5 m away was stopped by this alone)
+and in all: the pour needs 5 mm.
+"""
 TIPPED_PX, TIPPED_SHARE = 0.3, 0.5
-"""Corners of a thing that fit worse than this, and by half better with 6 unknowns, are those of one that is tipped."""
+"""Corners of a thing that fit worse than this, and by half better with 6 unknowns, are those of one
+that is tipped.
+"""
 
 
 class Seen(NamedTuple):
-    """A body: its pose (rotation, position) in the world, the covariance of (x, y, z, yaw) or, of a `tipped` one, of
-    (x, y, z, rotation about x, y, z) [m, rad], the numbers of its markers that were found."""
+    """A body: its pose (rotation, position) in the world, the covariance of (x, y, z, yaw) or, of a
+    `tipped` one, of (x, y, z, rotation about x, y, z) [m, rad], the numbers of its markers that
+    were found.
+    """
 
     name: str
     rotation: Array
@@ -44,13 +50,18 @@ class Seen(NamedTuple):
 def eyes_of(scene: Scene) -> "Eyes":
     """Return the eyes for the things of a scene."""
     furniture = frozenset(thing.id for thing in scene.of(*FURNITURE))
-    openings = {thing.id: hole for thing in scene.things if (hole := content.opening(thing.model)) is not None}
+    openings = {
+        thing.id: hole
+        for thing in scene.things
+        if (hole := content.opening(thing.model)) is not None
+    }
     return Eyes(of_scene(scene), furniture, openings)
 
 
 class Eyes:
-    """Sees bodies with `markers` by name. `furniture`: those that always stand upright; `openings`: radius and height
-    [m] of the circle through which one looks into a body."""
+    """Sees bodies with `markers` by name. `furniture`: those that always stand upright; `openings`:
+    radius and height [m] of the circle through which one looks into a body.
+    """
 
     def __init__(
         self,
@@ -75,7 +86,9 @@ class Eyes:
         return content.seen_content(pixels, view, edge)
 
     def markers(self, pixels: Pixels) -> dict[int, Array]:
-        """Return the markers in a picture (height, width, 3), red green blue: fine corners (4, 2) by number."""
+        """Return the markers in a picture (height, width, 3), red green blue: fine corners (4, 2)
+        by number.
+        """
         grey = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), np.uint8)
         rough = self._detector.find(grey)
         if not rough:
@@ -95,16 +108,27 @@ class Eyes:
         at = {one.number: found[one.number] for one in markers}
         main = largest(at)
         starts = poses(view, self._of[name][main], at[main])
-        corners, pixels = np.concatenate([one.corners for one in markers]), np.concatenate(list(at.values()))
+        corners, pixels = (
+            np.concatenate([one.corners for one in markers]),
+            np.concatenate(list(at.values())),
+        )
         stands = fit(view, corners, pixels, starts[0], upright=True)
         best, tipped = stands, False
         if name not in self._furniture and (stands is None or stands.rms_px > TIPPED_PX):
-            leaning = [one for start in starts if (one := fit(view, corners, pixels, start, upright=False)) is not None]
+            leaning = [
+                one
+                for start in starts
+                if (one := fit(view, corners, pixels, start, upright=False)) is not None
+            ]
             lies = min(leaning, key=lambda one: one.rms_px, default=None)
-            tipped = lies is not None and (stands is None or lies.rms_px < TIPPED_SHARE * stands.rms_px)
+            tipped = lies is not None and (
+                stands is None or lies.rms_px < TIPPED_SHARE * stands.rms_px
+            )
             best = lies if tipped else stands
         if best is None or best.rms_px >= MOST_RMS_PX or best.sideways() >= MOST_SIDEWAYS_M:
             return None
         if best.sideways() * max(FLOOR_PX, best.rms_px) >= MOST_DEVIATION_M:
             return None
-        return Seen(name, best.rotation, best.position, best.covariance(), tipped, best.rms_px, tuple(at))
+        return Seen(
+            name, best.rotation, best.position, best.covariance(), tipped, best.rms_px, tuple(at)
+        )

@@ -1,9 +1,10 @@
 """The collision world: contact shapes of the robot and of the things around it, checked by coal.
 
-Shapes, excluded pairs and the rule "a link does not meet its neighbour" are read from the robot file that MuJoCo
-simulates, so both give the same verdicts (tested). Every geometry belongs to a group: "left_hand", "right_hand"
-(palm and fingers), "robot" (the rest), or the name of a thing. Things at rest are not checked against each other; a
-thing in a hand is checked against all but that hand. No planning, no physics.
+Shapes, excluded pairs and the rule "a link does not meet its neighbour" are read from the robot
+file that MuJoCo simulates, so both give the same verdicts (tested). Every geometry belongs to a
+group: "left_hand", "right_hand" (palm and fingers), "robot" (the rest), or the name of a thing.
+Things at rest are not checked against each other; a thing in a hand is checked against all but that
+hand. No planning, no physics.
 """
 
 import ctypes
@@ -25,9 +26,9 @@ from velma.kinematics.robot import Robot, axis, body_frame
 from velma.kinematics.shapes import distance, nearer, solid
 from velma.names import Array, Columns
 
-# --- Checks of the collision world by the library of velma.compiled: where the shapes are, and which pairs are too near
-# Pairs of spheres, of a sphere and a box, and most of boxes are decided in C, the others by coal. Must not know:
-# things, hands.
+# --- Checks of the collision world by the library of velma.compiled: where the shapes are, and
+# which pairs are too near Pairs of spheres, of a sphere and a box, and most of boxes are decided in
+# C, the others by coal. Must not know: things, hands.
 
 
 _KINDS = {coal.Sphere: 1, coal.Box: 2}
@@ -39,8 +40,14 @@ class _Near(ctypes.Structure):
 
     _fields_ = (
         *((name, ctypes.c_int) for name in ("joints", "shapes", "bodies")),
-        *((name, ctypes.c_void_p) for name in ("parent", "placed", "axis", "column", "angle", "used", "joint")),
-        *((name, ctypes.c_void_p) for name in ("on", "mounted", "moved", "at", "half", "kind", "body")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("parent", "placed", "axis", "column", "angle", "used", "joint")
+        ),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("on", "mounted", "moved", "at", "half", "kind", "body")
+        ),
         *((name, ctypes.c_void_p) for name in ("box", "body_box")),
     )
 
@@ -50,15 +57,19 @@ class _Among(ctypes.Structure):
 
     _fields_ = (
         *((name, ctypes.c_int) for name in ("pairs", "body_pairs")),
-        *((name, ctypes.c_void_p) for name in ("first_body", "second_body", "start", "first", "second", "number")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("first_body", "second_body", "start", "first", "second", "number")
+        ),
         ("found", ctypes.c_void_p),
     )
 
 
 @dataclass(frozen=True)
 class Tree:
-    """The robot's hinges as C takes them: `parent` (n,), `placed` (n, 12), `axis` (n, 3), and `column` (15,), the joint
-    of each column of a posture. Joints are those of Pinocchio but the universe, numbered from 0.
+    """The robot's hinges as C takes them: `parent` (n,), `placed` (n, 12), `axis` (n, 3), and
+    `column` (15,), the joint of each column of a posture. Joints are those of Pinocchio but the
+    universe, numbered from 0.
     """
 
     parent: Array
@@ -71,7 +82,9 @@ def tree(model: Any, column: Columns) -> Tree:
     """Return the tree of a model whose joints are hinges."""
     joints = range(1, model.njoints)
     if len(joints) > _MOST:
-        raise ValueError(f"a robot of {len(joints)} joints, expected at most {_MOST} (velma/compiled/near.c)")
+        raise ValueError(
+            f"a robot of {len(joints)} joints, expected at most {_MOST} (velma/compiled/near.c)"
+        )
     return Tree(
         np.array([model.parents[k] - 1 for k in joints], dtype=np.int32),
         np.array([numbers(model.jointPlacements[k]) for k in joints]),
@@ -87,7 +100,9 @@ def numbers(pose: Any) -> Array:
 
 @dataclass(frozen=True)
 class Among:
-    """Some of the pairs, as near.c wants them. It reads the arrays, so they are kept as long as this."""
+    """Some of the pairs, as near.c wants them. It reads the arrays, so they are kept as long as
+    this.
+    """
 
     itself: Any
     found: Any
@@ -95,10 +110,18 @@ class Among:
 
 
 class Near:
-    """Which of some shapes may be nearer than a margin in a posture (15,); `angle` (n,) [rad]: of all joints."""
+    """Which of some shapes may be nearer than a margin in a posture (15,); `angle` (n,) [rad]: of
+    all joints.
+    """
 
     def __init__(
-        self, built: ctypes.CDLL, tree: Tree, angle: Array, solids: Sequence[Any], bodies: Columns, pairs: Columns
+        self,
+        built: ctypes.CDLL,
+        tree: Tree,
+        angle: Array,
+        solids: Sequence[Any],
+        bodies: Columns,
+        pairs: Columns,
     ) -> None:
         """Of coal's shapes, of bodies numbered from 0 (n,), the pairs (2, m)."""
         count, most = len(solids), int(bodies.max()) + 1
@@ -109,21 +132,40 @@ class Near:
         kind = np.array([_KINDS.get(type(shape), 0) for shape in solids], dtype=np.uint8)
         joints = len(tree.parent)
         self._kept = (
-            *(tree.parent, tree.placed, tree.axis, tree.column, angle, np.full(joints, np.nan), np.empty((joints, 12))),
+            *(
+                tree.parent,
+                tree.placed,
+                tree.axis,
+                tree.column,
+                angle,
+                np.full(joints, np.nan),
+                np.empty((joints, 12)),
+            ),
             *(self._on, self._mounted, self._moved, self._at, half, kind, bodies.astype(np.int32)),
             *(np.empty((count, 6)), np.empty((most, 6))),
         )
         near = _Near(joints, count, most, *(array.ctypes.data for array in self._kept))
         self._itself, self._left = ctypes.byref(near), ctypes.c_int()
         self._given = np.empty(15)
-        self._one = self._given.ctypes.data, 1, 1, ctypes.byref(self._left)  # to ask numpy for an address takes a while
+        # to ask numpy for an address takes a while
+        self._one = self._given.ctypes.data, 1, 1, ctypes.byref(self._left)
         self._first, self._pairs = built.near_first, built.near_pairs
         address, number = ctypes.c_void_p, ctypes.c_double
-        self._first.argtypes = [address, address, number, address, ctypes.c_int, ctypes.c_int, address]
+        self._first.argtypes = [
+            address,
+            address,
+            number,
+            address,
+            ctypes.c_int,
+            ctypes.c_int,
+            address,
+        ]
         self._pairs.argtypes = [address, address, number, address]
         of = np.sort(bodies[pairs], axis=0)
         order = np.lexsort(of)
-        self._sorted = np.concatenate((of, pairs, [np.arange(len(order))])).astype(np.int32)[:, order]
+        self._sorted = np.concatenate((of, pairs, [np.arange(len(order))])).astype(np.int32)[
+            :, order
+        ]
 
     def among(self, wanted: Array) -> Among:
         """Return those of the pairs that are `wanted` (m,)."""
@@ -132,7 +174,13 @@ class Near:
         begins[1:] = (one_body[1:] != one_body[:-1]) | (other_body[1:] != other_body[:-1])
         start = np.append(np.flatnonzero(begins), len(begins)).astype(np.int32)
         found = np.empty(len(begins) + len(start), dtype=np.int32)
-        arrays = (one_body[begins], other_body[begins], start, *map(np.ascontiguousarray, pairs), found)
+        arrays = (
+            one_body[begins],
+            other_body[begins],
+            start,
+            *map(np.ascontiguousarray, pairs),
+            found,
+        )
         among = _Among(len(begins), len(start) - 1, *(array.ctypes.data for array in arrays))
         return Among(ctypes.byref(among), found, arrays)
 
@@ -145,7 +193,7 @@ class Near:
         pose = self._at[shape]
         return coal.Transform3s(pose[:9].reshape(3, 3), pose[9:])
 
-    # -- checks ----------------------------------------------------------------------------------------------------
+    # --- checks -----------------------------------------------------------------------------------
     def free(self, among: Among, margin: float, q: Array) -> bool:
         """Whether no pair is nearer than the margin [m]; False where an angle is not finite."""
         self._given[:] = q
@@ -154,7 +202,9 @@ class Near:
         return left == 0 or (left > 0 and not self._meets(among, margin))
 
     def first(self, among: Among, margin: float, postures: Array, free: bool) -> int:
-        """Return the number of the first posture (n, 15) that is free, or is not; n if there is none."""
+        """Return the number of the first posture (n, 15) that is free, or is not; n if there is
+        none.
+        """
         given, left = np.ascontiguousarray(postures, dtype=np.float64), self._left
         k = 0
         step, at = given.strides[0], given.ctypes.data
@@ -192,19 +242,31 @@ def _half(shape: Any) -> Array:
             return np.asarray(shape.halfSide)
         case _:
             shape.computeLocalAABB()
-            return np.asarray(np.maximum(np.abs(shape.aabb_local.max_), np.abs(shape.aabb_local.min_)))
+            return np.asarray(
+                np.maximum(np.abs(shape.aabb_local.max_), np.abs(shape.aabb_local.min_))
+            )
 
 
-# --- Checks of the collision world where there is no library of velma.compiled: by Pinocchio's broad phase and coal
+# --- Checks of the collision world where there is no library of velma.compiled: by Pinocchio's
+# broad phase and coal
 
 
 class PlainChecks:
-    """As `near.Near`, slower. `angle` (n,) [rad]: of all joints; `columns` (15,): those of a posture among them."""
+    """As `near.Near`, slower. `angle` (n,) [rad]: of all joints; `columns` (15,): those of a
+    posture among them.
+    """
 
-    def __init__(self, model: Any, angle: Array, columns: Columns, solids: Sequence[Any], pairs: Columns) -> None:
+    def __init__(
+        self, model: Any, angle: Array, columns: Columns, solids: Sequence[Any], pairs: Columns
+    ) -> None:
         """Of coal's shapes, the pairs (2, m)."""
         self.solids, self.pairs = solids, pairs
-        self._model, self._data, self._angle, self._columns = model, model.createData(), angle, columns
+        self._model, self._data, self._angle, self._columns = (
+            model,
+            model.createData(),
+            angle,
+            columns,
+        )
         self._shapes = pin.GeometryModel()
         for shape in solids:
             self._shapes.addGeometryObject(pin.GeometryObject("", 0, 0, pin.SE3.Identity(), shape))
@@ -248,7 +310,9 @@ class PlainChecks:
         return not pin.computeCollisions(self._broad, self._stop)
 
     def first(self, among: Array, margin: float, postures: Array, free: bool) -> int:
-        """Return the number of the first posture (n, 15) that is free, or is not; n if there is none."""
+        """Return the number of the first posture (n, 15) that is free, or is not; n if there is
+        none.
+        """
         verdicts = (self.free(among, margin, q) is free for q in postures)
         return next((k for k, found in enumerate(verdicts) if found), len(postures))
 
@@ -256,27 +320,40 @@ class PlainChecks:
         """Return the numbers of pairs that are nearer than the margin, in order."""
         self._keep_apart(margin)
         self._place(q)
-        return [k for k in np.flatnonzero(among).tolist() if pin.computeCollision(self._shapes, self._placed, k)]
+        return [
+            k
+            for k in np.flatnonzero(among).tolist()
+            if pin.computeCollision(self._shapes, self._placed, k)
+        ]
 
     def _keep_apart(self, margin: float) -> None:
-        """Have shapes meet that are nearer than the margin. Of Pinocchio's broad phases all boxes are quickest here."""
+        """Have shapes meet that are nearer than the margin. Of Pinocchio's broad phases all boxes
+        are quickest here.
+        """
         if margin != self._margin:
             self._margin = margin
-            self._placed.setSecurityMargins(self._shapes, np.full(2 * (len(self.solids),), margin), True, True)
-            self._broad = pin.BroadPhaseManager_NaiveCollisionManager(self._model, self._shapes, self._placed)
+            self._placed.setSecurityMargins(
+                self._shapes, np.full(2 * (len(self.solids),), margin), True, True
+            )
+            self._broad = pin.BroadPhaseManager_NaiveCollisionManager(
+                self._model, self._shapes, self._placed
+            )
 
     def _place(self, q: Array) -> None:
         self._angle[self._columns] = q
-        pin.updateGeometryPlacements(self._model, self._data, self._shapes, self._placed, self._angle)
+        pin.updateGeometryPlacements(
+            self._model, self._data, self._shapes, self._placed, self._angle
+        )
 
 
-# --- The collision world ----------------------------------------------------------------------------------------------
+# --- The collision world --------------------------------------------------------------------------
 
 
 Kind = Literal["furniture", "object"]
 
 MARGIN = 0.006  # m: kept free between any two shapes when planning (trial runs)
-DISTAL_SHARE = 1 / 3  # a finger's outer joint turns by this share of the inner one while it moves freely (BarrettHand)
+# a finger's outer joint turns by this share of the inner one while it moves freely (BarrettHand)
+DISTAL_SHARE = 1 / 3
 ROBOT = "robot"
 THIN_M = 0.001  # radius of a line of sight (estimate)
 
@@ -286,7 +363,10 @@ class UnknownThing(VelmaError):
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         self.name, self.known = name, tuple(known)
-        super().__init__(f"nothing called {name!r} was put into the collision world; it holds {', '.join(self.known)}")
+        super().__init__(
+            f"nothing called {name!r} was put into the collision world; it holds"
+            f" {', '.join(self.known)}"
+        )
 
 
 @dataclass
@@ -306,7 +386,8 @@ class _CollisionObject:
 
 @dataclass(frozen=True)
 class _Body:
-    """The robot's geometries: all 33 joints, their shapes, the group of each, and which pairs are compared (n, n).
+    """The robot's geometries: all 33 joints, their shapes, the group of each, and which pairs are
+    compared (n, n).
 
     `tree`: its hinges; `columns` (15,): the angle of each joint of a posture among all angles.
     """
@@ -331,13 +412,19 @@ def _body(robot: Robot) -> _Body:
     bodies = [model.frames[shape.parentFrame].name for shape in shapes.geometryObjects]
     joints = np.array([shape.parentJoint for shape in shapes.geometryObjects])
     parents = np.array(model.parents)[joints]
-    excluded = {frozenset((e.attrib["body1"], e.attrib["body2"])) for e in ET.parse(robot.path).iter("exclude")}
+    excluded = {
+        frozenset((e.attrib["body1"], e.attrib["body2"]))
+        for e in ET.parse(robot.path).iter("exclude")
+    }
     apart = np.array([[frozenset((a, b)) not in excluded for b in bodies] for a in bodies])
-    # MuJoCo never compares shapes on one joint, nor a link with its parent, unless that is the world.
+    # MuJoCo never compares shapes on one joint, nor a link with its parent, unless that is the
+    # world.
     neighbours = (parents[:, None] == joints) & (parents[:, None] > 0)
     meets = apart & (joints[:, None] != joints) & ~neighbours & ~neighbours.T
     columns = np.array([model.joints[model.getJointId(name)].idx_q for name in names.BODY])
-    return _Body(model, shapes, tuple(map(_group, bodies)), meets, joints == 0, tree(model, columns), columns)
+    return _Body(
+        model, shapes, tuple(map(_group, bodies)), meets, joints == 0, tree(model, columns), columns
+    )
 
 
 class World:
@@ -351,7 +438,9 @@ class World:
         self._data = model.createData()
         self._q = pin.neutral(model)
         self._head = model.getJointId(names.HEAD[-1])
-        self._index = {name: model.joints[model.getJointId(name)].idx_q for name in list(model.names)[1:]}
+        self._index = {
+            name: model.joints[model.getJointId(name)].idx_q for name in list(model.names)[1:]
+        }
         self._grip = {side: body_frame(model, names.GRIP_BODY[side]) for side in names.SIDES}
         self._things: dict[str, _CollisionObject] = {}
         self._allowed: tuple[tuple[str, str], ...] = ()
@@ -367,11 +456,17 @@ class World:
     def margin(self, margin: float) -> None:
         self._margin = margin
 
-    # -- things ----------------------------------------------------------------------------------------------------
+    # --- things -----------------------------------------------------------------------------------
     def put(self, name: str, shapes: Sequence[Any], pose: Any, kind: Kind = "furniture") -> None:
-        """Put a thing at rest at `pose`; it replaces one of that name, also a held one. Moving one is cheap."""
+        """Put a thing at rest at `pose`; it replaces one of that name, also a held one. Moving one
+        is cheap.
+        """
         old = self._things.get(name)
-        if old is not None and (old.shapes is shapes or old.shapes == tuple(shapes)) and old.kind == kind:
+        if (
+            old is not None
+            and (old.shapes is shapes or old.shapes == tuple(shapes))
+            and old.kind == kind
+        ):
             self._place(old, None, pose)
             return
         self._things[name] = _CollisionObject(tuple(shapes), kind, pose)
@@ -388,7 +483,9 @@ class World:
         self._place(self._thing(name), side, T_grip_object)
 
     def detach(self, name: str, pose: Any = None) -> None:
-        """Put a held thing at rest at `pose`; without one, where it is with all joints as last checked."""
+        """Put a held thing at rest at `pose`; without one, where it is with all joints as last
+        checked.
+        """
         thing = self._thing(name)
         if pose is None:
             pose = self._where(thing)
@@ -404,7 +501,9 @@ class World:
         return thing.pose if thing.side else None
 
     def fingers(self, side: str, angle: float) -> None:
-        """Bend all three fingers of a hand by `angle` [rad]; their outer joints follow as in free motion."""
+        """Bend all three fingers of a hand by `angle` [rad]; their outer joints follow as in free
+        motion.
+        """
         for inner, outer in zip(names.PROXIMAL[side], names.DISTAL[side], strict=True):
             self._q[self._index[inner]] = min(angle, names.FINGER_UPPER)
             self._q[self._index[outer]] = min(angle * DISTAL_SHARE, names.DISTAL_UPPER)
@@ -429,26 +528,32 @@ class World:
         thing = self._things.get(name)
         return name.startswith(f"{side}_") if thing is None else thing.side == side
 
-    # -- checks ----------------------------------------------------------------------------------------------------
+    # --- checks -----------------------------------------------------------------------------------
     def free(self, q: Array) -> bool:
         """Whether nothing comes nearer to anything than the margin, at q (15,), which is finite."""
         self.checks += 1
         return self._current().free(self._compares, self._margin, q)
 
     def first_free(self, postures: Array) -> int | None:
-        """Return the number of the first posture (n, 15) that is free, as `free` says; None if none is."""
+        """Return the number of the first posture (n, 15) that is free, as `free` says; None if none
+        is.
+        """
         found = self._current().first(self._compares, self._margin, postures, True)
         self.checks += min(found + 1, len(postures))
         return found if found < len(postures) else None
 
     def all_free(self, postures: Array) -> bool:
-        """Whether all postures (n, 15) are free, as `free` says; none is looked at after one that is not."""
+        """Whether all postures (n, 15) are free, as `free` says; none is looked at after one that
+        is not.
+        """
         found = self._current().first(self._compares, self._margin, postures, False)
         self.checks += min(found + 1, len(postures))
         return found == len(postures)
 
     def touching(self, q: Array) -> list[tuple[str, str, float]]:
-        """Return pairs nearer than the margin at q, nearest first: link or thing, link or thing, distance [m]."""
+        """Return pairs nearer than the margin at q, nearest first: link or thing, link or thing,
+        distance [m].
+        """
         checks = self._current()
         nearest: dict[tuple[str, str], float] = {}
         for k in checks.close(self._compares, self._margin, q):
@@ -460,7 +565,8 @@ class World:
         return sorted(((a, b, d) for (a, b), d in nearest.items()), key=lambda found: found[2])
 
     def hidden(self, q: Array, eye: Array, points: Sequence[Array], name: str) -> int:
-        """Return how many points (3,) of the thing `name` the robot or a thing hides from `eye` (3,), at q (15,).
+        """Return how many points (3,) of the thing `name` the robot or a thing hides from `eye`
+        (3,), at q (15,).
 
         Neither the head nor that thing itself hides any.
         """
@@ -483,12 +589,14 @@ class World:
             for name, thing in self._things.items()
             if thing.side is None
             and any(
-                coal.collide(room, there, part, _placed(thing.pose * at), request, coal.CollisionResult())
+                coal.collide(
+                    room, there, part, _placed(thing.pose * at), request, coal.CollisionResult()
+                )
                 for part, at in zip(thing.solids, thing.at, strict=True)
             )
         }
 
-    # -- inside ----------------------------------------------------------------------------------------------------
+    # --- inside -----------------------------------------------------------------------------------
     def _thing(self, name: str) -> _CollisionObject:
         try:
             return self._things[name]
@@ -499,7 +607,10 @@ class World:
         if thing.side is None:
             return thing.pose
         pin.forwardKinematics(self._body.model, self._data, self._q)
-        return pin.updateFramePlacement(self._body.model, self._data, self._grip[thing.side]) * thing.pose
+        return (
+            pin.updateFramePlacement(self._body.model, self._data, self._grip[thing.side])
+            * thing.pose
+        )
 
     def _forget(self) -> None:
         self._checks, self._fresh = None, False
@@ -508,7 +619,9 @@ class World:
         own = len(self._body.groups)
         if geometry >= own:
             return str(self._groups[geometry])
-        return str(self._body.model.frames[self._body.shapes.geometryObjects[geometry].parentFrame].name)
+        return str(
+            self._body.model.frames[self._body.shapes.geometryObjects[geometry].parentFrame].name
+        )
 
     def _place(self, thing: _CollisionObject, side: str | None, pose: Any) -> None:
         self._fresh = self._fresh and thing.side == side
@@ -525,7 +638,9 @@ class World:
             checks.mount(k, joint, T_joint_thing * at)
 
     def _current(self) -> Near | PlainChecks:
-        """Return the checks, with what may not touch as things are held and allowed now; worked out once for each."""
+        """Return the checks, with what may not touch as things are held and allowed now; worked out
+        once for each.
+        """
         checks = self._checks
         if checks is None:
             checks = self._checks = self._built()
@@ -538,7 +653,10 @@ class World:
 
     def _built(self) -> Near | PlainChecks:
         """Return checks of all shapes, with every pair that may be compared."""
-        groups, solids = list(self._body.groups), [one.geometry for one in self._body.shapes.geometryObjects]
+        groups, solids = (
+            list(self._body.groups),
+            [one.geometry for one in self._body.shapes.geometryObjects],
+        )
         for name, thing in self._things.items():
             thing.geometries = range(len(groups), len(groups) + len(thing.shapes))
             groups += [name] * len(thing.shapes)
@@ -549,10 +667,16 @@ class World:
         self._worked_out: dict[Any, Any] = {}
         body, built = self._body, library()
         if built is None:
-            return self._filled(PlainChecks(body.model, self._q, body.columns, solids, self._numbered))
-        joints = [one.parentJoint for one in body.shapes.geometryObjects] + [0] * (len(groups) - len(body.groups))
+            return self._filled(
+                PlainChecks(body.model, self._q, body.columns, solids, self._numbered)
+            )
+        joints = [one.parentJoint for one in body.shapes.geometryObjects] + [0] * (
+            len(groups) - len(body.groups)
+        )
         numbers: dict[tuple[int, str], int] = {}
-        bodies = np.array([numbers.setdefault(key, len(numbers)) for key in zip(joints, groups, strict=True)])
+        bodies = np.array(
+            [numbers.setdefault(key, len(numbers)) for key in zip(joints, groups, strict=True)]
+        )
         return self._filled(Near(built, body.tree, self._q, solids, bodies, self._numbered))
 
     def _filled(self, checks: Near | PlainChecks) -> Near | PlainChecks:
@@ -565,7 +689,9 @@ class World:
 
     def _possible(self) -> Array:
         count, own = len(self._groups), len(self._body.groups)
-        furniture = np.isin(self._groups, [name for name, t in self._things.items() if t.kind == "furniture"])
+        furniture = np.isin(
+            self._groups, [name for name, t in self._things.items() if t.kind == "furniture"]
+        )
         meets: Array = self._groups[:, None] != self._groups
         meets[:own, :own] = self._body.meets
         meets[np.ix_(furniture, furniture)] = False
@@ -580,7 +706,9 @@ class World:
         still = np.isin(self._groups, resting)
         still[: len(self._body.groups)] = self._body.fixed
         meets[np.ix_(still, still)] = False
-        carried = [(name, f"{thing.side}_hand") for name, thing in self._things.items() if thing.side]
+        carried = [
+            (name, f"{thing.side}_hand") for name, thing in self._things.items() if thing.side
+        ]
         for a, b in (*carried, *self._allowed):
             first, second = self._groups == a, self._groups == b
             meets[np.ix_(first, second)] = meets[np.ix_(second, first)] = False
@@ -592,7 +720,9 @@ def _placed(pose: Any) -> Any:
 
 
 def _crossed(shapes: Sequence[tuple[Any, Any]], eye: Array, point: Array) -> bool:
-    """Whether the line from the eye to the point meets one of the shapes, each with its transform."""
+    """Whether the line from the eye to the point meets one of the shapes, each with its
+    transform.
+    """
     way = point - eye
     length = float(np.linalg.norm(way))
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), way / length).matrix()

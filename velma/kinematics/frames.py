@@ -1,7 +1,7 @@
 """Small functions of rigid transforms. Knows no robot, scene or task.
 
-`T_a_b` is the pose of frame b in frame a (pinocchio SE3); lengths in m, angles in rad. A pose without a frame is in
-the world, whose z axis points up.
+`T_a_b` is the pose of frame b in frame a (pinocchio SE3); lengths in m, angles in rad. A pose
+without a frame is in the world, whose z axis points up.
 """
 
 import math
@@ -12,7 +12,9 @@ import numpy as np
 import pinocchio as pin
 
 _STANDS = math.cos(math.radians(15.0))
-"""Of the axis of a thing to the vertical: farther tilted, grasps of one that stands do not fit (trial: 90 deg off)."""
+"""Of the axis of a thing to the vertical: farther tilted, grasps of one that stands do not fit
+(trial: 90 deg off).
+"""
 
 
 class PoseLike(Protocol):
@@ -26,7 +28,9 @@ class PoseLike(Protocol):
 
 
 def transform(pose: PoseLike | pin.SE3) -> pin.SE3:
-    """Return the transform of a pose, its quaternion normalised; a transform is returned as it is."""
+    """Return the transform of a pose, its quaternion normalised; a transform is returned as it
+    is.
+    """
     if isinstance(pose, pin.SE3):
         return pose
     w, x, y, z = pose.quat_wxyz
@@ -36,7 +40,9 @@ def transform(pose: PoseLike | pin.SE3) -> pin.SE3:
 
 
 def xyz_quat(pose: pin.SE3) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
-    """Return translation [m] and quaternion, w first, of a transform: the parts of a pose in communicates."""
+    """Return translation [m] and quaternion, w first, of a transform: the parts of a pose in
+    communicates.
+    """
     px, py, pz, x, y, z, w = (float(v) for v in pin.SE3ToXYZQUAT(pose))
     return (px, py, pz), (w, x, y, z)
 
@@ -47,7 +53,9 @@ def pose_of(rotation: Sequence[float], position: Sequence[float]) -> pin.SE3:
 
 
 def standing(xyz: Any, yaw: float = 0.0) -> pin.SE3:
-    """Return a frame that stands upright at `xyz` (3,) [m], turned by `yaw` [rad] about the vertical."""
+    """Return a frame that stands upright at `xyz` (3,) [m], turned by `yaw` [rad] about the
+    vertical.
+    """
     return pin.SE3(pin.exp3(np.array([0.0, 0.0, yaw])), np.array(xyz, dtype=float))
 
 

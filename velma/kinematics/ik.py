@@ -1,7 +1,9 @@
-"""Inverse kinematics of a grip: iterative from a posture, in closed form from a pose, and measures of comfort.
+"""Inverse kinematics of a grip: iterative from a posture, in closed form from a pose, and measures
+of comfort.
 
-`solve` and `line` start at a posture, so their results are continuous. `sample` returns postures comfortable enough
-to end a motion in, whatever the present one. Sides are "left" and "right", poses T_world_grip, q (15,) [rad].
+`solve` and `line` start at a posture, so their results are continuous. `sample` returns postures
+comfortable enough to end a motion in, whatever the present one. Sides are "left" and "right", poses
+T_world_grip, q (15,) [rad].
 """
 
 import ctypes
@@ -20,10 +22,11 @@ from velma.compiled import library
 from velma.kinematics.robot import Limits, Robot, between
 from velma.names import Array, Columns
 
-# --- Inverse kinematics of Velma's arm in closed form: all postures of a grip pose, for many elbows and torsos at once
-# The arm (KUKA LWR) has a spherical shoulder, a hinge at the elbow and a spherical wrist. The elbow may turn about the
-# line from shoulder to wrist (the swivel angle), and each of the three parts has two solutions: 8 postures per swivel.
-# Lengths and placement are read from the model; NotSuchAnArm for another kind of arm.
+# --- Inverse kinematics of Velma's arm in closed form: all postures of a grip pose, for many elbows
+# and torsos at once The arm (KUKA LWR) has a spherical shoulder, a hinge at the elbow and a
+# spherical wrist. The elbow may turn about the line from shoulder to wrist (the swivel angle), and
+# each of the three parts has two solutions: 8 postures per swivel. Lengths and placement are read
+# from the model; NotSuchAnArm for another kind of arm.
 #
 #     shoulder R(q0, q1, q2) = Rz Ry Rz,  elbow Ry(-q3),  wrist R(q4, q5, q6) = Rz Ry Rz
 
@@ -33,11 +36,16 @@ BRANCHES = np.array(list(product((1.0, -1.0), repeat=3)))
 
 
 class NotSuchAnArm(ValueError):
-    """The arm of the model is not spherical, hinge, spherical along one line, so the closed form does not hold."""
+    """The arm of the model is not spherical, hinge, spherical along one line, so the closed form
+    does not hold.
+    """
 
     def __init__(self, side: str, joint: str, found: Any) -> None:
         self.side, self.joint, self.found = side, joint, found
-        super().__init__(f"the {side} arm has {joint} at {found}, expected on the z axis of the link before, unturned")
+        super().__init__(
+            f"the {side} arm has {joint} at {found}, expected on the z axis of the link before,"
+            " unturned"
+        )
 
 
 def _zyz(rotation: Array, sign: Array) -> tuple[Array, Array, Array]:
@@ -49,7 +57,9 @@ def _zyz(rotation: Array, sign: Array) -> tuple[Array, Array, Array]:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Cross products of vectors (n, 3); numpy's own takes twice as long for some dozens of them (measured)."""
+    """Cross products of vectors (n, 3); numpy's own takes twice as long for some dozens of them
+    (measured).
+    """
     ax, ay, az = a.T
     bx, by, bz = b.T
     return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=1)
@@ -58,7 +68,11 @@ def _cross(a: Array, b: Array) -> Array:
 class _Arm(ctypes.Structure):
     """As in arm.c."""
 
-    _fields_ = (("upper", ctypes.c_double), ("fore", ctypes.c_double), ("shoulder", ctypes.c_double * 12))
+    _fields_ = (
+        ("upper", ctypes.c_double),
+        ("fore", ctypes.c_double),
+        ("shoulder", ctypes.c_double * 12),
+    )
 
 
 class _Wanted(ctypes.Structure):
@@ -73,14 +87,19 @@ class _Wanted(ctypes.Structure):
 
 
 class Wanted:
-    """In which postures a motion may end: `margin` [rad] inside the limits (7,), the last two joints in `polygon`
-    (corners, 2), the torso within `torso` [rad] of ahead; `column`: the first of the arm in a posture (15,).
+    """In which postures a motion may end: `margin` [rad] inside the limits (7,), the last two
+    joints in `polygon` (corners, 2), the torso within `torso` [rad] of ahead; `column`: the first
+    of the arm in a posture (15,).
     """
 
-    def __init__(self, lower: Array, upper: Array, margin: float, torso: float, polygon: Array, column: int) -> None:
+    def __init__(
+        self, lower: Array, upper: Array, margin: float, torso: float, polygon: Array, column: int
+    ) -> None:
         self._arrays = [np.array(one, dtype=np.float64) for one in (lower, upper, polygon)]
         pointers = [array.ctypes.data for array in self._arrays]
-        self.itself = _Wanted(pointers[0], pointers[1], margin, torso, len(polygon), column, pointers[2])
+        self.itself = _Wanted(
+            pointers[0], pointers[1], margin, torso, len(polygon), column, pointers[2]
+        )
 
 
 def _numbers(pose: Any) -> Any:
@@ -96,12 +115,16 @@ class ArmGeometry:
         first = int(names.ARM[side][0]) + 1
         for k in range(first + 1, first + 7):
             placed = model.jointPlacements[k]
-            off_axis = np.abs(placed.translation[:2]).max() + np.abs(placed.rotation - np.eye(3)).max()
+            off_axis = (
+                np.abs(placed.translation[:2]).max() + np.abs(placed.rotation - np.eye(3)).max()
+            )
             if off_axis > 1e-6:
                 raise NotSuchAnArm(side, model.names[k], placed)
         z = [model.jointPlacements[k].translation[2] for k in range(first, first + 7)]
         self.upper, self.fore = z[2] + z[3], z[4] + z[5]  # shoulder to elbow, elbow to wrist [m]
-        self.T_torso_shoulder = model.jointPlacements[first] * pin.SE3(np.eye(3), np.array([0.0, 0.0, z[1]]))
+        self.T_torso_shoulder = model.jointPlacements[first] * pin.SE3(
+            np.eye(3), np.array([0.0, 0.0, z[1]])
+        )
         self.T_world_torso = model.jointPlacements[1]
         hand = model.frames[robot.frame[side]].placement  # last joint to grip
         self.T_grip_wrist = hand.inverse() * pin.SE3(np.eye(3), np.array([0.0, 0.0, -z[6]]))
@@ -110,23 +133,35 @@ class ArmGeometry:
         self._arm = _Arm(self.upper, self.fore, _numbers(self.T_torso_shoulder))
 
     def postures(self, target: Any, torso: Array, swivel: Array) -> Array:
-        """The 8 postures of each pair (torso, swivel), (n,) [rad] each, the grip at `target` (T_world_grip).
+        """The 8 postures of each pair (torso, swivel), (n,) [rad] each, the grip at `target`
+        (T_world_grip).
 
-        Torso + arm angles (m, 8), in the order of the pairs; pairs out of reach have none. Limits are not checked.
+        Torso + arm angles (m, 8), in the order of the pairs; pairs out of reach have none. Limits
+        are not checked.
         """
         wrist = self.T_world_torso.inverse() * target * self.T_grip_wrist
         cos, sin = np.cos(torso), np.sin(torso)
         unturn = np.zeros((len(torso), 3, 3))
-        unturn[:, 0, 0], unturn[:, 0, 1], unturn[:, 1, 0], unturn[:, 1, 1], unturn[:, 2, 2] = cos, sin, -sin, cos, 1.0
+        unturn[:, 0, 0], unturn[:, 0, 1], unturn[:, 1, 0], unturn[:, 1, 1], unturn[:, 2, 2] = (
+            cos,
+            sin,
+            -sin,
+            cos,
+            1.0,
+        )
         to_shoulder = self.T_torso_shoulder.rotation.T
         way = (unturn @ wrist.translation - self.T_torso_shoulder.translation) @ to_shoulder.T
         goal = to_shoulder @ unturn @ wrist.rotation
         reach = np.linalg.norm(way, axis=1)
-        ok = np.flatnonzero((reach < self.upper + self.fore - 1e-6) & (reach > abs(self.upper - self.fore) + 1e-6))
+        ok = np.flatnonzero(
+            (reach < self.upper + self.fore - 1e-6) & (reach > abs(self.upper - self.fore) + 1e-6)
+        )
         index = np.repeat(ok, len(BRANCHES))
         elbow, shoulder_sign, wrist_sign = np.tile(BRANCHES, (len(ok), 1)).T
         upper_axis, fore_axis, q3 = self._elbow(way[ok], reach[ok], swivel[ok])
-        upper_axis, fore_axis, q3 = (np.repeat(x, len(BRANCHES), axis=0) for x in (upper_axis, fore_axis, q3))
+        upper_axis, fore_axis, q3 = (
+            np.repeat(x, len(BRANCHES), axis=0) for x in (upper_axis, fore_axis, q3)
+        )
         q3 = q3 * elbow
         x_axis = (np.cos(q3)[:, None] * upper_axis - fore_axis) / np.sin(q3)[:, None]
         upper_frame = np.stack((x_axis, _cross(upper_axis, x_axis), upper_axis), axis=2)
@@ -136,8 +171,12 @@ class ArmGeometry:
         q4, q5, q6 = _zyz(fore_frame.transpose(0, 2, 1) @ goal[index], wrist_sign)
         return np.stack((torso[index], q0, q1, q2, q3, q4, q5, q6), axis=1)
 
-    def comfortable(self, target: Any, torso: Array, swivel: Array, wanted: Wanted, q: Array) -> Array | None:
-        """Return the postures (m, 15) of `postures` in which a motion may end, else as q; None without a library."""
+    def comfortable(
+        self, target: Any, torso: Array, swivel: Array, wanted: Wanted, q: Array
+    ) -> Array | None:
+        """Return the postures (m, 15) of `postures` in which a motion may end, else as q; None
+        without a library.
+        """
         if self._comfortable is None:
             return None
         wrist = self.T_world_torso.inverse() * target * self.T_grip_wrist
@@ -146,14 +185,19 @@ class ArmGeometry:
         (torsos, swivels), other = given
         arrays = [ctypes.c_void_p(array.ctypes.data) for array in (torsos, swivels, other, found)]
         which = ctypes.byref(self._arm), ctypes.byref(wanted.itself)
-        return found[: self._comfortable(*which, _numbers(wrist), ctypes.c_int(len(torso)), *arrays)]
+        return found[
+            : self._comfortable(*which, _numbers(wrist), ctypes.c_int(len(torso)), *arrays)
+        ]
 
     def _elbow(self, way: Array, reach: Array, swivel: Array) -> tuple[Array, Array, Array]:
-        """Return directions of upper arm and forearm (n, 3) in the shoulder frame, and elbow angle (n,), positive."""
+        """Return directions of upper arm and forearm (n, 3) in the shoulder frame, and elbow angle
+        (n,), positive.
+        """
         a, b = self.upper, self.fore
         along = way / reach[:, None]
         side = _cross(along, np.array([[0.0, 0.0, 1.0]]))
-        thin = np.linalg.norm(side, axis=1) < 1e-6  # wrist straight above the shoulder: any reference will do
+        # wrist straight above the shoulder: any reference will do
+        thin = np.linalg.norm(side, axis=1) < 1e-6
         side[thin] = np.array([1.0, 0.0, 0.0])
         side /= np.linalg.norm(side, axis=1)[:, None]
         outwards = np.cos(swivel)[:, None] * side + np.sin(swivel)[:, None] * _cross(along, side)
@@ -163,31 +207,38 @@ class ArmGeometry:
         return upper_axis, fore_axis, np.arccos((reach * reach - a * a - b * b) / (2.0 * a * b))
 
 
-# --- Inverse kinematics of a grip -------------------------------------------------------------------------------------
+# --- Inverse kinematics of a grip -----------------------------------------------------------------
 
 
 Accept = Callable[[Array], bool]
 First = Callable[[Array], int | None]
 """Of postures (n, 15), in order: the number of the first that is accepted."""
 
-TORSO_END = 1.3  # rad: distance of end postures from the torso's limit of 1.57 (trial runs: turning back needs room)
+# rad: distance of end postures from the torso's limit of 1.57 (trial runs: turning back needs room)
+TORSO_END = 1.3
 END_MARGIN = 0.08  # rad from every limit of the arm at the end of a motion (trial runs)
 _STAY_INSIDE = 0.03  # rad: iterations are clipped this far inside the limits
-_DAMPING = 1e-4  # of J J^T; small enough to reach 0.5 mm, large enough to pass the elbow's singularity
+# of J J^T; small enough to reach 0.5 mm, large enough to pass the elbow's singularity
+_DAMPING = 1e-4
 _LARGEST_TURN = 0.35  # rad a joint may move in one iteration
 _LARGEST_ERROR = 0.25  # m and rad: targets farther away are approached in parts
-_A_SECOND = 0.04  # comfort per second of travel: 8 s outweigh a third of a radian from a limit (estimate)
+# comfort per second of travel: 8 s outweigh a third of a radian from a limit (estimate)
+_A_SECOND = 0.04
 _TOLERANCE = (5e-4, 2e-3)  # m and rad, of each axis
 _ON_A_LINE = 15  # iterations from one pose of a line to the next
 _JUMP = 0.25  # rad between neighbours of a line: more means that the elbow flipped
 
 
 class PathBlocked(Exception):
-    """A straight line of the grip cannot be followed to its end; `q` is the first configuration that failed."""
+    """A straight line of the grip cannot be followed to its end; `q` is the first configuration
+    that failed.
+    """
 
     def __init__(self, reason: str, q: Array, fraction: float) -> None:
         self.reason, self.q, self.fraction = reason, q, fraction
-        super().__init__(f"the line of the grip ends at {100 * fraction:.0f} % of its length: {reason}")
+        super().__init__(
+            f"the line of the grip ends at {100 * fraction:.0f} % of its length: {reason}"
+        )
 
 
 def _step(jacobian: Array, error: Array) -> Array:
@@ -209,9 +260,11 @@ def solve(
     iterations: int = 45,
     tolerance: tuple[float, float] = _TOLERANCE,
 ) -> Array | None:
-    """Return q with the grip of `side` at `target`, reached from q by moving only `columns` (torso + arm by default).
+    """Return q with the grip of `side` at `target`, reached from q by moving only `columns` (torso
+    + arm by default).
 
-    Tolerance is per axis in m and rad; the result is a new array at least 0.03 rad inside the limits, or None.
+    Tolerance is per axis in m and rad; the result is a new array at least 0.03 rad inside the
+    limits, or None.
     """
     columns = names.COLUMNS[side] if columns is None else columns
     if not all(map(math.isfinite, q.tolist())):
@@ -232,14 +285,18 @@ def solve(
         size = np.abs(error)
         if size[:3].max() < near and size[3:].max() < turned:
             return q
-        jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).take(columns, 1)
+        jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).take(
+            columns, 1
+        )
         change = _step(jacobian, np.minimum(np.maximum(error, -_LARGEST_ERROR), _LARGEST_ERROR))
         q[columns] = np.minimum(np.maximum(q.take(columns) + change, lower), upper)
     return None
 
 
 @lru_cache(maxsize=64)
-def _limits(robot: Robot, columns: tuple[int, ...], iterations: int, tolerance: tuple[float, float]) -> Limits:
+def _limits(
+    robot: Robot, columns: tuple[int, ...], iterations: int, tolerance: tuple[float, float]
+) -> Limits:
     numbers = (iterations, *tolerance, _DAMPING, _LARGEST_TURN, _LARGEST_ERROR)
     return Limits(numbers, robot.lower + _STAY_INSIDE, robot.upper - _STAY_INSIDE, list(columns))
 
@@ -254,10 +311,12 @@ def line(
     accept: Accept | None = None,
     columns: Columns | None = None,
 ) -> list[Array]:
-    """Configurations, q first, whose grip goes straight to `target`, at most `step` [m] and 0.06 rad apart.
+    """Configurations, q first, whose grip goes straight to `target`, at most `step` [m] and 0.06
+    rad apart.
 
-    Only `columns` move (the 7 joints of the arm by default). Raises `PathBlocked` with the reason "reach" (no
-    solution), "jump" (a joint would move over 0.25 rad in one step) or "collision" (`accept` said no).
+    Only `columns` move (the 7 joints of the arm by default). Raises `PathBlocked` with the reason
+    "reach" (no solution), "jump" (a joint would move over 0.25 rad in one step) or "collision"
+    (`accept` said no).
     """
     columns = names.ARM[side] if columns is None else columns
     start = robot.grip(q, side)
@@ -282,8 +341,12 @@ def line(
     return path
 
 
-def _solved_line(robot: Robot, side: str, poses: list[Any], q: Array, columns: Columns) -> tuple[list[Array], bool]:
-    """Return a posture for each pose, up to one that is not found, or jumps from the one before; whether one does."""
+def _solved_line(
+    robot: Robot, side: str, poses: list[Any], q: Array, columns: Columns
+) -> tuple[list[Array], bool]:
+    """Return a posture for each pose, up to one that is not found, or jumps from the one before;
+    whether one does.
+    """
     path = [q]
     for pose in poses:
         following = solve(robot, side, pose, path[-1], columns=columns, iterations=_ON_A_LINE)
@@ -296,7 +359,9 @@ def _solved_line(robot: Robot, side: str, poses: list[Any], q: Array, columns: C
 
 
 def _inside(polygon: Array, x: Array, y: Array) -> Any:
-    """Return which points (n,) are inside the polygon (corners, 2): an odd number of edges is to the right of each."""
+    """Return which points (n,) are inside the polygon (corners, 2): an odd number of edges is to
+    the right of each.
+    """
     x0, y0 = polygon.T[:, :, None]
     x1, y1 = np.concatenate((polygon[1:], polygon[:1])).T[:, :, None]
     crosses = (y0 > y) != (y1 > y)
@@ -307,7 +372,9 @@ def _inside(polygon: Array, x: Array, y: Array) -> Any:
 def _to_limit(robot: Robot, arm: Array, side: str) -> Array:
     """Distance [rad] of arms (n, 7) to the nearest limit, (n,)."""
     columns = names.ARM[side]
-    return np.asarray(np.minimum(arm - robot.lower[columns], robot.upper[columns] - arm).min(axis=1))
+    return np.asarray(
+        np.minimum(arm - robot.lower[columns], robot.upper[columns] - arm).min(axis=1)
+    )
 
 
 def _to_singular(arm: Array) -> Array:
@@ -316,36 +383,50 @@ def _to_singular(arm: Array) -> Array:
 
 
 def margin(robot: Robot, q: Array, side: str) -> tuple[float, float]:
-    """Return distance [rad] of the arm to its nearest limit, and of joints 1, 3, 5 to zero, where they are singular."""
+    """Return distance [rad] of the arm to its nearest limit, and of joints 1, 3, 5 to zero, where
+    they are singular.
+    """
     arm = q[None, names.ARM[side]]
     return float(_to_limit(robot, arm, side)[0]), float(_to_singular(arm)[0])
 
 
 def _comfortable(robot: Robot, arm: Array, torso: Array, side: str) -> Any:
     fits = (_to_limit(robot, arm, side) >= END_MARGIN) & (np.abs(torso) <= TORSO_END)
-    fits[fits] = _inside(names.WRIST_POLYGON[side], *arm[fits, 5:].T)  # of few: the polygon takes longest
+    # of few: the polygon takes longest
+    fits[fits] = _inside(names.WRIST_POLYGON[side], *arm[fits, 5:].T)
     return fits
 
 
 def comfortable(robot: Robot, q: Array, side: str) -> bool:
-    """Whether a motion may end in q: 0.08 rad from limits, wrist pair allowed, torso within 1.3 rad."""
+    """Whether a motion may end in q: 0.08 rad from limits, wrist pair allowed, torso within 1.3
+    rad.
+    """
     return bool(_comfortable(robot, q[None, names.ARM[side]], q[None, names.TORSO], side)[0])
 
 
 def comfort(robot: Robot, q: Array, side: str) -> Array:
-    """Return the comfort of configurations (n, 15), larger is better: far from limits and singularities, torso ahead.
+    """Return the comfort of configurations (n, 15), larger is better: far from limits and
+    singularities, torso ahead.
 
     The weights are those that chose grasps in the trial runs.
     """
     arm = q[:, names.ARM[side]]
     to_limit, to_singular = _to_limit(robot, arm, side), _to_singular(arm)
-    return np.minimum(to_limit, 0.5) + 0.5 * np.minimum(to_singular, 0.4) - 0.25 * np.abs(q[:, names.TORSO])
+    return (
+        np.minimum(to_limit, 0.5)
+        + 0.5 * np.minimum(to_singular, 0.4)
+        - 0.25 * np.abs(q[:, names.TORSO])
+    )
 
 
 def travel(robot: Robot, side: str, q: Array, goals: Array) -> Array:
-    """Return the least time (n,) [s] of torso and arm from q to each of `goals` (n, 15), at half their speed limits."""
+    """Return the least time (n,) [s] of torso and arm from q to each of `goals` (n, 15), at half
+    their speed limits.
+    """
     columns = names.COLUMNS[side]
-    return np.asarray((np.abs(goals[:, columns] - q[columns]) / (0.5 * robot.speed[columns])).max(axis=1))
+    return np.asarray(
+        (np.abs(goals[:, columns] - q[columns]) / (0.5 * robot.speed[columns])).max(axis=1)
+    )
 
 
 @lru_cache(maxsize=8)
@@ -364,11 +445,15 @@ def postures(
     starts: int = 24,
     torso: tuple[float, float] | float = (-0.9, 0.9),
 ) -> Array:
-    """Return comfortable configurations (m, 15) with the grip at `target`, of `starts` random torsos and elbows.
+    """Return comfortable configurations (m, 15) with the grip at `target`, of `starts` random
+    torsos and elbows.
 
-    The other arm keeps its joints of q. `torso` [rad] is a range, or one angle to keep. Collisions are not checked.
+    The other arm keeps its joints of q. `torso` [rad] is a range, or one angle to keep. Collisions
+    are not checked.
     """
-    turned = np.full(starts, torso) if isinstance(torso, (int, float)) else rng.uniform(*torso, starts)
+    turned = (
+        np.full(starts, torso) if isinstance(torso, (int, float)) else rng.uniform(*torso, starts)
+    )
     swivel = rng.uniform(-np.pi, np.pi, starts)
     ended = geometry(robot, side).comfortable(target, turned, swivel, _wanted(robot, side), q)
     if ended is not None:
@@ -388,10 +473,14 @@ def _wanted(robot: Robot, side: str) -> Wanted:
     return Wanted(*limits, END_MARGIN, TORSO_END, names.WRIST_POLYGON[side], int(columns[0]))
 
 
-def reachable(robot: Robot, side: str, target: Any, rng: np.random.Generator, *, starts: int = 200) -> bool:
-    """Whether the grip can be at `target` at all, within the limits of `solve`, for one of `starts` torsos and elbows.
+def reachable(
+    robot: Robot, side: str, target: Any, rng: np.random.Generator, *, starts: int = 200
+) -> bool:
+    """Whether the grip can be at `target` at all, within the limits of `solve`, for one of `starts`
+    torsos and elbows.
 
-    Where a fiftieth of all torsos and elbows does, one in fifty is missed. Collisions are not checked.
+    Where a fiftieth of all torsos and elbows does, one in fifty is missed. Collisions are not
+    checked.
     """
     columns = names.COLUMNS[side]
     lower, upper = robot.lower[columns] + _STAY_INSIDE, robot.upper[columns] - _STAY_INSIDE

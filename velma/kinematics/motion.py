@@ -1,8 +1,9 @@
 """Free motions of one arm and the torso: from a posture to another without contact.
 
-A straight line of the joints if that is free, else random trees (OMPL) between the ends drawn back. The path is
-shortened, rounded, timed, and checked again as timed: a smoothed path that was not once hooked an arm at the cabinet.
-Iterations are counted and random numbers seeded, so equal arguments give equal results.
+A straight line of the joints if that is free, else random trees (OMPL) between the ends drawn back.
+The path is shortened, rounded, timed, and checked again as timed: a smoothed path that was not once
+hooked an arm at the cabinet. Iterations are counted and random numbers seeded, so equal arguments
+give equal results.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,14 +23,17 @@ from velma.kinematics.robot import Robot
 from velma.kinematics.timing import JOINT_FRACTION, Trajectory, dense, timed
 from velma.names import Array
 
-# --- Search of a path between two postures by OMPL's RRTConnect, limited by iterations and repeatable by its seed
+# --- Search of a path between two postures by OMPL's RRTConnect, limited by iterations and
+# repeatable by its seed
 # Knows neither robot nor scene: only bounds, and whether a posture is allowed.
 
 
-ou.setLogLevel(ou.LOG_NONE)  # also silences "changing seed": samples after `setSeed` follow the new seed
+# also silences "changing seed": samples after `setSeed` follow the new seed
+ou.setLogLevel(ou.LOG_NONE)
 
 RANGE = 0.6  # rad that one extension of the tree may go (trial runs)
-CHECKED = 0.1  # rad between states that are checked on an edge; whole motions are checked more finely later
+# rad between states that are checked on an edge; whole motions are checked more finely later
+CHECKED = 0.1
 
 
 class _Counted:
@@ -53,7 +57,8 @@ def grow(
     iterations: int,
     seed: int,
 ) -> list[Array] | None:
-    """Return postures from `start` to `goal`, all (n,) within bounds, whose straight connections are allowed, or None.
+    """Return postures from `start` to `goal`, all (n,) within bounds, whose straight connections
+    are allowed, or None.
 
     Equal arguments give equal results, whatever was planned before.
     """
@@ -62,7 +67,9 @@ def grow(
     space.setBounds(_tree_bounds(lower, upper))
     information = ob.SpaceInformation(space)
     dimensions = range(len(start))
-    information.setStateValidityChecker(lambda state: bool(allowed(np.array([state[i] for i in dimensions]))))
+    information.setStateValidityChecker(
+        lambda state: bool(allowed(np.array([state[i] for i in dimensions])))
+    )
     information.setStateValidityCheckingResolution(CHECKED / space.getMaximumExtent())
     information.setup()
     problem = ob.ProblemDefinition(information)
@@ -94,9 +101,10 @@ def _state(space: Any, values: Array) -> Any:
     return state
 
 
-# --- A path made shorter and rounder: shortcuts of all joints or of one, then moving averages along the path ---------
-# A path is an array (n, m) of postures, neighbours at most `STEP` apart. Condition, cost and random generator are
-# arguments.
+# --- A path made shorter and rounder: shortcuts of all joints or of one, then moving averages along
+# the path
+# A path is an array (n, m) of postures, neighbours at most `STEP` apart. Condition, cost and random
+# generator are arguments.
 
 
 Allowed = Callable[
@@ -107,13 +115,16 @@ Cost = Callable[[Array], Array]  # of postures (n, m): what each of the n - 1 st
 STEP = 0.05  # rad between checked states
 _TRIES, _PATIENCE = 200, 50  # shortcuts tried, and failures in a row after which to stop
 _GAIN = 1e-3  # s: the least gain that counts
-_ONE_JOINT = 0.5  # share of shortcuts that straighten a single joint, such as a torso that turns back and forth
+# share of shortcuts that straighten a single joint, such as a torso that turns back and forth
+_ONE_JOINT = 0.5
 _WINDOWS = (17, 9, 5)  # points of 0.05 rad averaged, widest first
 
 
 @lru_cache(maxsize=512)
 def halving(count: int) -> names.Columns:
-    """Return 0 .. count - 1, the middle first, then those of the halves, so that a blocked path is found early."""
+    """Return 0 .. count - 1, the middle first, then those of the halves, so that a blocked path is
+    found early.
+    """
     ranges: list[tuple[int, int]] = [(0, count)]
     order: list[int] = []
     for low, high in ranges:
@@ -140,7 +151,9 @@ def shortened(path: Array, allowed: Allowed, cost: Cost, rng: np.random.Generato
         if last - first < 2:
             continue
         piece = path[first : last + 1]
-        straight = _one_joint(piece, rng) if rng.random() < _ONE_JOINT else dense(piece[[0, -1]], STEP)
+        straight = (
+            _one_joint(piece, rng) if rng.random() < _ONE_JOINT else dense(piece[[0, -1]], STEP)
+        )
         new = cost(straight)
         if new.sum() < costs[first:last].sum() - _GAIN and clear(allowed, straight[1:-1]):
             path = np.concatenate((path[:first], straight, path[last + 1 :]))
@@ -149,7 +162,9 @@ def shortened(path: Array, allowed: Allowed, cost: Cost, rng: np.random.Generato
 
 
 def _one_joint(piece: Array, rng: np.random.Generator) -> Array:
-    """Return the piece with one joint moving evenly from first to last value: often the first joint, the slowest."""
+    """Return the piece with one joint moving evenly from first to last value: often the first
+    joint, the slowest.
+    """
     joint = 0 if rng.random() < 0.3 else int(rng.integers(piece.shape[1]))
     changed = piece.copy()
     changed[:, joint] = np.linspace(piece[0, joint], piece[-1, joint], len(piece))
@@ -168,13 +183,14 @@ def rounder(path: Array) -> Iterator[Array]:
     yield path
 
 
-# --- Free motions of one arm and the torso ----------------------------------------------------------------------------
+# --- Free motions of one arm and the torso --------------------------------------------------------
 
 
 Keep = Callable[[Array], Array]
 """Of postures (n, 15): whether each fulfils a condition (n,)."""
 
-ITERATIONS = 4000  # of a tree; half of those that succeed need 50, all under 3500 (task of benchmarks/kinematics.py)
+# of a tree; half of those that succeed need 50, all under 3500 (task of benchmarks/kinematics.py)
+ITERATIONS = 4000
 ATTEMPTS = 4  # trees; the quickest path is kept (trial runs)
 PATIENCE = 10_000  # collision checks after which the search ends, if there is a path
 TOOL_SPEED = 0.25  # m/s: tool speed for comparing the times of motions
@@ -184,13 +200,17 @@ SPARE_M = 0.002  # additional distance during the search, used up by rounding (e
 _INSIDE = 0.02  # rad: trees stay this far inside the limits
 _TORSO = 1.3  # rad: trees keep the torso away from its limit
 _WANDER = (
-    0.4  # rad: how far beyond its ends first trees turn the torso, which is four times slower than an arm (estimate)
+    # rad: how far beyond its ends first trees turn the torso, which is four times slower than an
+    # arm (estimate)
+    0.4
 )
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A free motion: postures (15,) [rad], at most 0.05 rad apart, and the time [s] that it takes."""
+    """A free motion: postures (15,) [rad], at most 0.05 rad apart, and the time [s] that it
+    takes.
+    """
 
     path: list[Array]
     duration: float
@@ -198,7 +218,9 @@ class Motion:
 
 @dataclass(frozen=True)
 class _Task:
-    """Torso + one arm between two postures; vectors of 8 stand for q with all other joints as at the start."""
+    """Torso + one arm between two postures; vectors of 8 stand for q with all other joints as at
+    the start.
+    """
 
     robot: Robot
     world: World
@@ -242,12 +264,18 @@ class _Task:
         return postures
 
     def cost(self, path: Array) -> Array:
-        """Return seconds (n - 1,) that joints and tool need for each step of a path (n, 8), without accelerations."""
-        compiled, speed = self.robot.chain[self.side], JOINT_FRACTION * self.robot.speed[self.columns]
+        """Return seconds (n - 1,) that joints and tool need for each step of a path (n, 8), without
+        accelerations.
+        """
+        compiled, speed = (
+            self.robot.chain[self.side],
+            JOINT_FRACTION * self.robot.speed[self.columns],
+        )
         if compiled is not None:
             return compiled.times(self.start, path, self.columns, self.tool_speed, speed)
         moved = (
-            np.linalg.norm(np.diff(self.robot.track(self.wholes(path), self.side), axis=0), axis=1) / self.tool_speed
+            np.linalg.norm(np.diff(self.robot.track(self.wholes(path), self.side), axis=0), axis=1)
+            / self.tool_speed
         )
         turned = np.abs(np.diff(path, axis=0)) / speed
         return np.asarray(np.maximum(moved, turned.max(axis=1)))
@@ -277,11 +305,12 @@ def plan(
 ) -> Motion | None:
     """Return a motion from `start` to `goal`, postures (15,) [rad], or None if no path was found.
 
-    Torso and the arm of `side` move, all else stays as at `start`; `keep` holds on the whole path. The path timed
-    with `tool_speed` [m/s] and the usual limits is free of collisions, except for its start if that is in contact: a
-    straight line leads out of it. Each tree has `iterations`; of up to `attempts` trees the quickest path is returned.
-    Equal arguments and worlds give equal paths. Raises MotionError for a goal beyond limits of joints, or farther
-    beyond than the start, and for a speed out of its range.
+    Torso and the arm of `side` move, all else stays as at `start`; `keep` holds on the whole path.
+    The path timed with `tool_speed` [m/s] and the usual limits is free of collisions, except for
+    its start if that is in contact: a straight line leads out of it. Each tree has `iterations`; of
+    up to `attempts` trees the quickest path is returned. Equal arguments and worlds give equal
+    paths. Raises MotionError for a goal beyond limits of joints, or farther beyond than the start,
+    and for a speed out of its range.
     """
     columns = names.COLUMNS[side]
     ranges.number("tool_speed", tool_speed, ranges.SLOWEST_TOOL, ranges.FASTEST_TOOL)
@@ -303,7 +332,9 @@ def plan(
 
 
 def _way(task: _Task, iterations: int, seed: int, attempts: int) -> tuple[Array, float] | None:
-    """Return a path (n, 8) between two free postures, and its duration [s]: straight, or the quickest of some trees."""
+    """Return a path (n, 8) between two free postures, and its duration [s]: straight, or the
+    quickest of some trees.
+    """
     first, last, columns = task.start, task.goal, task.columns
     if not (task.accepts(first) and task.accepts(last)):
         return None
@@ -315,8 +346,12 @@ def _way(task: _Task, iterations: int, seed: int, attempts: int) -> tuple[Array,
     return _quickest(task, iterations, seed, attempts, straight)
 
 
-def _quickest(task: _Task, iterations: int, seed: int, attempts: int, straight: Array) -> tuple[Array, float] | None:
-    """Return the quickest of some paths (n, 8), and its duration; enough is one hardly slower than a straight one."""
+def _quickest(
+    task: _Task, iterations: int, seed: int, attempts: int, straight: Array
+) -> tuple[Array, float] | None:
+    """Return the quickest of some paths (n, 8), and its duration; enough is one hardly slower than
+    a straight one.
+    """
     margin, begun = task.world.margin, task.world.checks
     best, enough = None, None
     try:
@@ -325,7 +360,9 @@ def _quickest(task: _Task, iterations: int, seed: int, attempts: int, straight: 
             task.world.margin = margin
         spared = task.world.margin
         for number, way in enumerate(_ways(task, iterations, seed, attempts)):
-            short = shortened(way, task.all_allowed, task.cost, np.random.default_rng([seed, number]))
+            short = shortened(
+                way, task.all_allowed, task.cost, np.random.default_rng([seed, number])
+            )
             task.world.margin = margin
             found = _in_time(task, short)
             task.world.margin = spared
@@ -363,7 +400,9 @@ def _ways(task: _Task, iterations: int, seed: int, attempts: int) -> Iterator[Ar
         number = 64 * seed + attempt
         for wander in (_WANDER, 2 * _TORSO):
             lower, upper = _bounds(task, ends, wander)
-            found = grow(task.allowed, out[-1], into[0], lower, upper, iterations=iterations, seed=number)
+            found = grow(
+                task.allowed, out[-1], into[0], lower, upper, iterations=iterations, seed=number
+            )
             if found is not None:
                 yield dense([*out[:-1], *found, *into[1:]], STEP)
                 break
@@ -372,7 +411,15 @@ def _ways(task: _Task, iterations: int, seed: int, attempts: int) -> Iterator[Ar
 
 
 def _bounds(task: _Task, ends: Array, wander: float) -> tuple[Array, Array]:
-    """Return the bounds of the trees: inside the limits, the torso `wander` beyond the ends (2, 8)."""
-    lower, upper = task.robot.lower[task.columns] + _INSIDE, task.robot.upper[task.columns] - _INSIDE
-    lower[0], upper[0] = max(-_TORSO, ends[:, 0].min() - wander), min(_TORSO, ends[:, 0].max() + wander)
+    """Return the bounds of the trees: inside the limits, the torso `wander` beyond the ends (2,
+    8).
+    """
+    lower, upper = (
+        task.robot.lower[task.columns] + _INSIDE,
+        task.robot.upper[task.columns] - _INSIDE,
+    )
+    lower[0], upper[0] = (
+        max(-_TORSO, ends[:, 0].min() - wander),
+        min(_TORSO, ends[:, 0].max() + wander),
+    )
     return np.minimum(lower, ends.min(axis=0)), np.maximum(upper, ends.max(axis=0))

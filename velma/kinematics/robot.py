@@ -1,7 +1,8 @@
 """Forward kinematics of torso and arms by Pinocchio, from the robot file that MuJoCo simulates.
 
-The 15 body joints in the order of `velma.names.BODY` are the configuration q; fingers and head are locked. Grip
-frames are frames of *bodies*: Pinocchio 4.1 misplaces a site behind several welded bodies. Knows no scene.
+The 15 body joints in the order of `velma.names.BODY` are the configuration q; fingers and head are
+locked. Grip frames are frames of *bodies*: Pinocchio 4.1 misplaces a site behind several welded
+bodies. Knows no scene.
 """
 
 import ctypes
@@ -16,7 +17,8 @@ from velma import names
 from velma.compiled import library
 from velma.names import Array, Columns
 
-# --- Torso and one arm as chain.c of velma.compiled computes with them. Must not know: scenes, sampling, comfort -----
+# --- Torso and one arm as chain.c of velma.compiled computes with them. Must not know: scenes,
+# sampling, comfort
 
 
 _MOST, ALL = 16, 15  # joints; columns of a posture; as in chain.c
@@ -25,7 +27,10 @@ _MOST, ALL = 16, 15  # joints; columns of a posture; as in chain.c
 class _Chain(ctypes.Structure):
     """As in chain.c."""
 
-    _fields_ = (("joints", ctypes.c_int), *((name, ctypes.c_void_p) for name in ("placed", "axis", "column")))
+    _fields_ = (
+        ("joints", ctypes.c_int),
+        *((name, ctypes.c_void_p) for name in ("placed", "axis", "column")),
+    )
 
 
 class _Limits(ctypes.Structure):
@@ -33,13 +38,17 @@ class _Limits(ctypes.Structure):
 
     _fields_ = (
         ("iterations", ctypes.c_int),
-        *((name, ctypes.c_double) for name in ("near", "turned", "damping", "largest_turn", "largest_error")),
+        *(
+            (name, ctypes.c_double)
+            for name in ("near", "turned", "damping", "largest_turn", "largest_error")
+        ),
         *((name, ctypes.c_void_p) for name in ("lower", "upper", "moves")),
     )
 
 
 class Limits:
-    """Of `Chain.solve`: iterations, tolerances [m], [rad], damping, steps [rad] and errors at most, joints' limits.
+    """Of `Chain.solve`: iterations, tolerances [m], [rad], damping, steps [rad] and errors at most,
+    joints' limits.
 
     `lower`, `upper`: (15,) [rad]; `columns`: those of a posture that may move.
     """
@@ -67,36 +76,49 @@ class Chain:
             np.array([model.joints[k].idx_q for k in joints], dtype=np.int32),
         )
         if len(joints) > _MOST:
-            raise ValueError(f"a chain of {len(joints)} joints, expected at most {_MOST} (velma/compiled/chain.c)")
+            raise ValueError(
+                f"a chain of {len(joints)} joints, expected at most {_MOST}"
+                " (velma/compiled/chain.c)"
+            )
         self._chain = _Chain(len(joints), *(array.ctypes.data for array in self._arrays))
         self._itself = ctypes.byref(self._chain)
         self._track, self._solve, self._times, self._upward, self._line = _declared(built)
 
     def track(self, postures: Array) -> Array:
         """Return the positions (n, 3) [m] of the frame in postures (n, 15)."""
-        given, places = np.ascontiguousarray(postures, dtype=np.float64), np.empty((len(postures), 3))
+        given, places = (
+            np.ascontiguousarray(postures, dtype=np.float64),
+            np.empty((len(postures), 3)),
+        )
         self._track(self._itself, given.ctypes.data, len(given), places.ctypes.data)
         return places
 
     def upward(self, direction: Array) -> Callable[[Array], Array]:
-        """Return the function from postures (n, 15) to the upward parts (n,) of a direction (3,) fixed to the frame."""
+        """Return the function from postures (n, 15) to the upward parts (n,) of a direction (3,)
+        fixed to the frame.
+        """
         along, one, part = np.array(direction, dtype=np.float64), np.empty(ALL), np.empty(1)
         single = one.ctypes.data, 1, along.ctypes.data, part.ctypes.data
 
         def parts(postures: Array) -> Array:
-            if len(postures) == 1:  # as a tree asks: numpy takes as long to tell an address as all the rest
+            # as a tree asks: numpy takes as long to tell an address as all the rest
+            if len(postures) == 1:
                 one[:] = postures[0]
                 self._upward(self._itself, *single)
                 return part.copy()
             given, found = np.ascontiguousarray(postures, dtype=np.float64), np.empty(len(postures))
-            self._upward(self._itself, given.ctypes.data, len(given), along.ctypes.data, found.ctypes.data)
+            self._upward(
+                self._itself, given.ctypes.data, len(given), along.ctypes.data, found.ctypes.data
+            )
             return found
 
         return parts
 
-    def times(self, q: Array, path: Array, columns: Columns, tool_speed: float, speed: Array) -> Array:
-        """Return the time (n - 1,) [s] of each step of a path (n, m) of some columns of q (15,): the frame at
-        `tool_speed` [m/s], the columns at `speed` (m,) [rad/s].
+    def times(
+        self, q: Array, path: Array, columns: Columns, tool_speed: float, speed: Array
+    ) -> Array:
+        """Return the time (n - 1,) [s] of each step of a path (n, m) of some columns of q (15,):
+        the frame at `tool_speed` [m/s], the columns at `speed` (m,) [rad/s].
         """
         arrays = [np.ascontiguousarray(one, dtype=np.float64) for one in (q, path, speed)]
         which, found = columns.astype(np.int32), np.empty(max(len(path) - 1, 0))
@@ -108,26 +130,41 @@ class Chain:
     def line(
         self, start: Any, target: Any, count: int, q: Array, limits: Limits, jump: float
     ) -> tuple[list[Array], bool]:
-        """Return postures near q (15,) with the frame straight on from `start` to `target`, up to `count`; whether the
-        last one is farther than `jump` [rad] from the one before.
+        """Return postures near q (15,) with the frame straight on from `start` to `target`, up to
+        `count`; whether the last one is farther than `jump` [rad] from the one before.
         """
         path, given, jumps = np.empty((count, ALL)), np.array(q, dtype=np.float64), ctypes.c_int()
-        ends = [(ctypes.c_double * 12)(*pose.rotation.ravel(), *pose.translation) for pose in (start, target)]
+        ends = [
+            (ctypes.c_double * 12)(*pose.rotation.ravel(), *pose.translation)
+            for pose in (start, target)
+        ]
         words = count, jump, given.ctypes.data, path.ctypes.data, ctypes.byref(jumps)
         solved = self._line(self._itself, ctypes.byref(limits.itself), *ends, *words)
         return list(path[:solved]), bool(jumps.value)
 
     def solve(self, target: Any, q: Array, limits: Limits) -> Array | None:
-        """Return a posture near q with the frame at `target`; None if the iterations do not get there."""
+        """Return a posture near q with the frame at `target`; None if the iterations do not get
+        there.
+        """
         found = np.array(q, dtype=np.float64)
         goal = (ctypes.c_double * 12)(*target.rotation.ravel(), *target.translation)
-        return found if self._solve(self._itself, ctypes.byref(limits.itself), goal, found.ctypes.data) else None
+        return (
+            found
+            if self._solve(self._itself, ctypes.byref(limits.itself), goal, found.ctypes.data)
+            else None
+        )
 
 
 def _declared(built: ctypes.CDLL) -> tuple[Any, ...]:
     """Return the library's functions of a chain."""
     address, count, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
-    calls = built.chain_track, built.chain_solve, built.chain_times, built.chain_upward, built.chain_line
+    calls = (
+        built.chain_track,
+        built.chain_solve,
+        built.chain_times,
+        built.chain_upward,
+        built.chain_line,
+    )
     track, solve, times, upward, line = calls
     track.argtypes, track.restype = [address, address, count, address], None
     solve.argtypes, solve.restype = [address, address, address, address], count
@@ -151,7 +188,7 @@ def axis(joint: Any) -> Array:
     return np.asarray(data.S).ravel()[3:]
 
 
-# --- Forward kinematics of torso and arms by Pinocchio, from the robot file that MuJoCo simulates ---------------------
+# --- Forward kinematics of torso and arms by Pinocchio, from the robot file that MuJoCo simulates -
 
 
 ROBOT_XML = Path(__file__).parents[1] / "model" / "robot.xml"
@@ -175,7 +212,9 @@ def body_frame(model: Any, body: str) -> int:
 
 
 def locked_to(full: Any, joints: tuple[str, ...]) -> Any:
-    """`full` with every joint but `joints` fixed at zero; raises `names.JointsDiffer` on another order."""
+    """`full` with every joint but `joints` fixed at zero; raises `names.JointsDiffer` on another
+    order.
+    """
     others = [full.getJointId(name) for name in list(full.names)[1:] if name not in joints]
     model = pin.buildReducedModel(full, others, pin.neutral(full))
     names.check_joints("the robot model", list(model.names)[1:], joints)
@@ -198,7 +237,9 @@ class Robot:
         self._camera = body_frame(self._sight, names.CAMERA_BODY)
 
     def grip(self, q: Array, side: str) -> Any:
-        """Return T_world_grip (`pin.SE3`, a copy) of the hand of `side` at q (15,) [rad]; z is the approach axis."""
+        """Return T_world_grip (`pin.SE3`, a copy) of the hand of `side` at q (15,) [rad]; z is the
+        approach axis.
+        """
         pin.forwardKinematics(self.model, self.data, q)
         return pin.updateFramePlacement(self.model, self.data, self.frame[side]).copy()
 
@@ -215,24 +256,36 @@ class Robot:
         return places
 
     def upward(self, side: str, direction: Array) -> Callable[[Array], Array]:
-        """Return the function from postures (n, 15) to the upward parts (n,) of a direction (3,) fixed to a grip."""
+        """Return the function from postures (n, 15) to the upward parts (n,) of a direction (3,)
+        fixed to a grip.
+        """
         compiled = self.chain[side]
         if compiled is not None:
             return compiled.upward(direction)
-        return lambda postures: np.array([self.grip(q, side).rotation[2] @ direction for q in postures])
+        return lambda postures: np.array(
+            [self.grip(q, side).rotation[2] @ direction for q in postures]
+        )
 
     def jacobian(self, q: Array, side: str) -> Array:
-        """Return J (6, 15): joint speeds [rad/s] to velocity [m/s] and rotation [rad/s] of the grip, world axes."""
-        return np.asarray(pin.computeFrameJacobian(self.model, self.data, q, self.frame[side], _WORLD_AXES))
+        """Return J (6, 15): joint speeds [rad/s] to velocity [m/s] and rotation [rad/s] of the
+        grip, world axes.
+        """
+        return np.asarray(
+            pin.computeFrameJacobian(self.model, self.data, q, self.frame[side], _WORLD_AXES)
+        )
 
     def camera(self, torso: float, pan: float, tilt: float) -> Any:
-        """Return T_world_camera (`pin.SE3`) of the Kinect's optical frame: z forward, x right; angles in rad."""
+        """Return T_world_camera (`pin.SE3`) of the Kinect's optical frame: z forward, x right;
+        angles in rad.
+        """
         pin.forwardKinematics(self._sight, self._sight_data, np.array([torso, pan, tilt]))
         return pin.updateFramePlacement(self._sight, self._sight_data, self._camera).copy()
 
 
 def between(start: Any, end: Any, count: int) -> list[Any]:
-    """Return `count` poses on the straight line and shortest rotation from `start` (excluded) to `end` (included)."""
+    """Return `count` poses on the straight line and shortest rotation from `start` (excluded) to
+    `end` (included).
+    """
     turn = pin.log3(end.rotation @ start.rotation.T)
     way = end.translation - start.translation
     return [

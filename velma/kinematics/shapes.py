@@ -1,7 +1,7 @@
 """Solid shapes for the collision world: anything with the fields of a box, a cylinder or a sphere.
 
-The content languages have such classes of their own, which this package does not import; the three classes here are
-for all others. A place is a `pin.SE3` or a pose with `xyz` and `quat_wxyz`.
+The content languages have such classes of their own, which this package does not import; the three
+classes here are for all others. A place is a `pin.SE3` or a pose with `xyz` and `quat_wxyz`.
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +23,9 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder along its own z axis, radius and length [m]; `at` is its centre in the frame of its thing."""
+    """A cylinder along its own z axis, radius and length [m]; `at` is its centre in the frame of
+    its thing.
+    """
 
     radius: float
     length: float
@@ -44,7 +46,8 @@ class NoShape(VelmaError):
     def __init__(self, found: object) -> None:
         self.found = found
         super().__init__(
-            f"{found!r} is not a shape, expected size (box), radius and length (cylinder) or radius (sphere)"
+            f"{found!r} is not a shape, expected size (box), radius and length (cylinder) or radius"
+            " (sphere)"
         )
 
 
@@ -67,7 +70,9 @@ def nearer(one: Any, there: Any, other: Any, elsewhere: Any, margin: float) -> b
 
 
 def distance(one: Any, there: Any, other: Any, elsewhere: Any) -> float:
-    """Return the distance [m] of two of coal's shapes at their transforms, negative where they overlap."""
+    """Return the distance [m] of two of coal's shapes at their transforms, negative where they
+    overlap.
+    """
     found = coal.DistanceResult()
     coal.distance(one, there, other, elsewhere, coal.DistanceRequest(), found)
     return float(found.min_distance)

@@ -1,8 +1,9 @@
 """Writes robot.xml, Velma alone in MJCF, from the numbers of robot.yaml.
 
-One file serves Pinocchio and MuJoCo: it holds dampings and armatures (so both know the same mass matrix), the
-shapes of contacts with their classes and exclusions, the drives and the coupling of the fingers. It has no site:
-Pinocchio 4.1 misplaces a site behind a chain of welded bodies, so frames are those of bodies. Knows no scene.
+One file serves Pinocchio and MuJoCo: it holds dampings and armatures (so both know the same mass
+matrix), the shapes of contacts with their classes and exclusions, the drives and the coupling of
+the fingers. It has no site: Pinocchio 4.1 misplaces a site behind a chain of welded bodies, so
+frames are those of bodies. Knows no scene.
 
 `python -m velma.model.build` writes the file; a test compares the committed one with the output.
 """
@@ -19,9 +20,10 @@ from velma.model import contacts
 from velma.model.contacts import LOOK_CLASS
 from velma.names import FINGERS, SIDES
 
-# --- The visual shapes of Velma, in a group of their own, without mass and contact -----------------------------------
-# Drawn after the proportions of the robot: a white torso on a dark base, two light arms with orange joints, dark
-# hands with light fingers, a head with a wide sensor bar. Lengths are those of the kinematic tree, the rest is design.
+# --- The visual shapes of Velma, in a group of their own, without mass and contact ----------------
+# Drawn after the proportions of the robot: a white torso on a dark base, two light arms with orange
+# joints, dark hands with light fingers, a head with a wide sensor bar. Lengths are those of the
+# kinematic tree, the rest is design.
 
 
 Point = tuple[float, float, float]
@@ -35,7 +37,9 @@ Colour = tuple[float, float, float, float]
 
 
 class Look(NamedTuple):
-    """A shape on a body: capsules and cylinders between two points, ellipsoids and boxes by centre and half axes."""
+    """A shape on a body: capsules and cylinders between two points, ellipsoids and boxes by centre
+    and half axes.
+    """
 
     kind: str
     size: Sequence[float]
@@ -49,8 +53,15 @@ def rod(start: Point, end: Point, radius: float, colour: Colour, kind: str = "ca
     return Look(kind, (radius,), colour, start, end)
 
 
-# Links of an arm from its shoulder: how far each reaches along z [m], and the radii of both ends of its shell.
-_ARM_SHELLS = {1: (0.13, 0.062), 2: (0.15, 0.060), 3: (0.15, 0.059), 4: (0.15, 0.057), 5: (0.14, 0.055)}
+# Links of an arm from its shoulder: how far each reaches along z [m], and the radii of both ends of
+# its shell.
+_ARM_SHELLS = {
+    1: (0.13, 0.062),
+    2: (0.15, 0.060),
+    3: (0.15, 0.059),
+    4: (0.15, 0.057),
+    5: (0.14, 0.055),
+}
 _TURNING_ABOUT_Y = (2, 4, 6)
 
 
@@ -81,7 +92,10 @@ _MOUNT = [
     Look("box", (0.008, 0.04, 0.046), METAL, (0.1035, 0, -0.076)),
 ]
 _KNUCKLES = {
-    "One": [rod((0, 0, 0.002), (0.048, 0, 0.002), 0.0155, METAL), rod((0.05, 0, 0.0), (0.05, 0, 0.02), 0.0165, DARK)],
+    "One": [
+        rod((0, 0, 0.002), (0.048, 0, 0.002), 0.0155, METAL),
+        rod((0.05, 0, 0.0), (0.05, 0, 0.02), 0.0165, DARK),
+    ],
     "Two": [rod((0.008, 0, 0), (0.066, 0, 0), 0.0112, SHELL)],
     "Three": [
         rod((0.004, 0, 0), (0.046, 0.001, 0), 0.0105, METAL),
@@ -91,7 +105,8 @@ _KNUCKLES = {
 
 # A chest that widens upwards: rods across, so close that they look like one surface.
 _CHEST = [rod((0, -y, z), (0, y, z), r, SHELL) for z, y, r in (
-    (0.83, 0.045, 0.100), (0.87, 0.052, 0.106), (0.91, 0.060, 0.111), (0.95, 0.068, 0.114), (0.99, 0.077, 0.115),
+    (0.83, 0.045, 0.100), (0.87, 0.052, 0.106), (0.91, 0.060, 0.111), (0.95, 0.068, 0.114),
+    (0.99, 0.077, 0.115),
     (1.03, 0.086, 0.114), (1.07, 0.094, 0.110), (1.11, 0.100, 0.102), (1.14, 0.105, 0.092),
 )]  # fmt: skip
 
@@ -123,7 +138,9 @@ LOOKS: dict[str, list[Look]] = {
     ],
 }
 for _side in SIDES:
-    LOOKS[f"calib_{_side}_arm_base_link"] = [rod((0, 0, -0.03), (0, 0, 0.09), 0.068, JOINT, "cylinder")]
+    LOOKS[f"calib_{_side}_arm_base_link"] = [
+        rod((0, 0, -0.03), (0, 0, 0.09), 0.068, JOINT, "cylinder")
+    ]
     LOOKS |= {f"{_side}_arm_{k}_link": _arm(k) for k in range(1, 7)}
     LOOKS[f"{_side}_gripper_mount_link"], LOOKS[f"{_side}_HandPalmLink"] = _MOUNT, _PALM
     for _finger_look in FINGERS:
@@ -136,7 +153,12 @@ def dress(elements: Mapping[str, ET.Element]) -> None:
     """Add the looks to the bodies `elements` (name -> element)."""
     for body, parts in LOOKS.items():
         for k, look in enumerate(parts):
-            words = {"name": f"{body}_look_{k}", "class": LOOK_CLASS, "type": look.kind, "rgba": _text(look.colour)}
+            words = {
+                "name": f"{body}_look_{k}",
+                "class": LOOK_CLASS,
+                "type": look.kind,
+                "rgba": _text(look.colour),
+            }
             words["size"] = _text(look.size)
             if look.end is None:
                 words["pos"] = _text(look.start)
@@ -149,7 +171,7 @@ def _text(numbers: Sequence[float]) -> str:
     return " ".join(f"{x:.6g}" for x in numbers)
 
 
-# --- Writes robot.xml, Velma alone in MJCF, from the numbers of robot.yaml --------------------------------------------
+# --- Writes robot.xml, Velma alone in MJCF, from the numbers of robot.yaml ------------------------
 
 
 HERE = Path(__file__).parent
@@ -187,7 +209,9 @@ def shape(parent: ET.Element, name: str, numbers: Tree, **attributes: str) -> ET
     placed = {"pos": text(numbers["xyz"])}
     if "rpy" in numbers:
         placed["quat"] = text(quat_wxyz(numbers["rpy"]))
-    return ET.SubElement(parent, "geom", {"name": name, "type": kind, "size": text(size), **placed, **attributes})
+    return ET.SubElement(
+        parent, "geom", {"name": name, "type": kind, "size": text(size), **placed, **attributes}
+    )
 
 
 def load() -> Tree:
@@ -197,7 +221,9 @@ def load() -> Tree:
 
 
 def bodies(tree: Tree) -> Iterator[dict[str, Any]]:
-    """Yield every body of the robot, parents first, with `{side}` filled in and all fingers of the hands."""
+    """Yield every body of the robot, parents first, with `{side}` filled in and all fingers of the
+    hands.
+    """
     yield from (dict(body, group="trunk") for body in tree["bodies"])
     for side in SIDES:
         yield from (_of_side(body, side, "arm") for body in tree["arm"])
@@ -239,10 +265,18 @@ def _armature(tree: Tree, joint: str) -> float:
     numbers = tree["armature"]
     if "_arm_" in joint:
         return float(numbers["arm"][int(joint.split("_")[2])])
-    for word, kind in (("torso", "torso"), ("head", "head"), ("KnuckleOne", "spread"), ("Knuckle", "finger")):
+    for word, kind in (
+        ("torso", "torso"),
+        ("head", "head"),
+        ("KnuckleOne", "spread"),
+        ("Knuckle", "finger"),
+    ):
         if word in joint:
             return float(numbers[kind])
-    raise ValueError(f"joint {joint} has no armature in robot.yaml; its name has none of torso, arm, head, Knuckle")
+    raise ValueError(
+        f"joint {joint} has no armature in robot.yaml; its name has none of torso, arm, head,"
+        " Knuckle"
+    )
 
 
 def _body(elements: dict[str, ET.Element], tree: Tree, body: Tree) -> None:
@@ -295,13 +329,19 @@ def _drives(root: ET.Element, tree: Tree) -> None:
     for side in SIDES:
         servo(f"{side}_spread", f"{side}_HandFingerOneKnuckleOneJoint", "spread")
         for finger in FINGERS:
-            servo(f"{side}_proximal_{finger}", f"{side}_HandFinger{finger}KnuckleTwoJoint", "proximal")
+            servo(
+                f"{side}_proximal_{finger}", f"{side}_HandFinger{finger}KnuckleTwoJoint", "proximal"
+            )
         for finger in FINGERS:
-            servo(f"{side}_distal_{finger}", f"{side}_HandFinger{finger}KnuckleThreeJoint", "distal")
+            servo(
+                f"{side}_distal_{finger}", f"{side}_HandFinger{finger}KnuckleThreeJoint", "distal"
+            )
 
 
 def robot() -> ET.Element:
-    """Return the robot as an MJCF tree: compiler, defaults, bodies, contact exclusions, coupling and drives."""
+    """Return the robot as an MJCF tree: compiler, defaults, bodies, contact exclusions, coupling
+    and drives.
+    """
     tree = load()
     root = ET.Element("mujoco", model="velma")
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -313,7 +353,8 @@ def robot() -> ET.Element:
     dress(elements)
     contacts.exclusions(ET.SubElement(root, "contact"), every)
     equality = ET.SubElement(root, "equality")
-    for side in SIDES:  # one motor spreads both fingers, the second mirrors the first (BHR axes are opposite)
+    # one motor spreads both fingers, the second mirrors the first (BHR axes are opposite)
+    for side in SIDES:
         one, two = (f"{side}_HandFinger{finger}KnuckleOneJoint" for finger in ("One", "Two"))
         ET.SubElement(equality, "joint", joint1=two, joint2=one, polycoef="0 1 0 0 0")
     _drives(root, tree)

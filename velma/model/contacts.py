@@ -1,8 +1,8 @@
 """Pairs of bodies that can collide, as classes of geoms and excluded pairs of MJCF.
 
-Classes are bit masks: two geoms are compared if the contype of one has a bit of the conaffinity of the other. Grains
-never touch the robot, since each would cost a contact island. The inside of the jar is a separate ring that only grains
-touch: on a jar of plates the hand would slip at the edges.
+Classes are bit masks: two geoms are compared if the contype of one has a bit of the conaffinity of
+the other. Grains never touch the robot, since each would cost a contact island. The inside of the
+jar is a separate ring that only grains touch: on a jar of plates the hand would slip at the edges.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,12 +24,13 @@ class Kind(IntFlag):
 
 ROBOT_CLASS = {"trunk": "arm", "arm": "arm", "head": "arm", "hand": "hand", "finger": "finger"}
 
-# Renderers show groups 0 to 2 by default; the shapes of looks.py are drawn in place of contact shapes.
+# Renderers show groups 0 to 2 by default; the shapes of looks.py are drawn in place of contact
+# shapes.
 SHAPE_GROUP, LOOK_GROUP = "3", "1"
 LOOK_CLASS = "look"
 
-# Shapes of forearm and hand overlap at their joint; pairs of a chain this close are never compared. From two links
-# further on the wrist can turn the hand into the forearm, and they are compared.
+# Shapes of forearm and hand overlap at their joint; pairs of a chain this close are never compared.
+# From two links further on the wrist can turn the hand into the forearm, and they are compared.
 ARM_REACH, MOUNT_REACH, PALM_REACH, FINGER_REACH = 3, 4, 3, 2
 
 
@@ -58,17 +59,25 @@ def _attribute_text(value: Any) -> str:
 
 
 def exclusions(contact: ET.Element, bodies: Sequence[Mapping[str, Any]]) -> None:
-    """Add pairs that touch by construction: neighbours in a chain, a hand and itself, torso and shoulders."""
+    """Add pairs that touch by construction: neighbours in a chain, a hand and itself, torso and
+    shoulders.
+    """
     parent = {body["name"]: body["parent"] for body in bodies}
     shaped = [body for body in bodies if "shapes" in body]
     pairs: dict[tuple[str, str], None] = {}
     for body in shaped:
         for other in shaped:
             a, b = body["name"], other["name"]
-            if a != b and (b, a) not in pairs and (_joined(body, other, parent) or _one_hand(body, other)):
+            if (
+                a != b
+                and (b, a) not in pairs
+                and (_joined(body, other, parent) or _one_hand(body, other))
+            ):
                 pairs[a, b] = None
     for side in ("right", "left"):
-        pairs[f"{side}_arm_1_link", "torso_link0"] = pairs[f"{side}_arm_2_link", "torso_link0"] = None
+        pairs[f"{side}_arm_1_link", "torso_link0"] = pairs[f"{side}_arm_2_link", "torso_link0"] = (
+            None
+        )
     pairs["head_tilt_link", "torso_link0"] = None
     for a, b in pairs:
         ET.SubElement(contact, "exclude", body1=a, body2=b)
@@ -96,4 +105,6 @@ def _joined(body: Mapping[str, Any], other: Mapping[str, Any], parent: Mapping[s
 
 def _one_hand(body: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     groups = {body["group"], other["group"]}
-    return groups <= {"hand", "finger"} and body["name"].split("_")[0] == other["name"].split("_")[0]
+    return (
+        groups <= {"hand", "finger"} and body["name"].split("_")[0] == other["name"].split("_")[0]
+    )

@@ -1,7 +1,8 @@
 """Writes the content of a jar as MJCF: balls, a body `grain_<k>` for each.
 
-Grains that do not spin slide along three axes, and their coordinates count from where they begin. Those that spin have
-a free joint, and theirs are in the world: the first three of both are along the axes of the world.
+Grains that do not spin slide along three axes, and their coordinates count from where they begin.
+Those that spin have a free joint, and theirs are in the world: the first three of both are along
+the axes of the world.
 """
 
 import math
@@ -28,7 +29,9 @@ def grain_name(k: int) -> str:
 
 
 def contacts(objects: Numbers, content: Content | None) -> Numbers:
-    """Return the numbers of all contacts, those of grains and of the inside of a jar as the content says."""
+    """Return the numbers of all contacts, those of grains and of the inside of a jar as the content
+    says.
+    """
     contact: dict[str, Numbers] = dict(objects["contact"])
     if content is not None and content.friction is not None:
         inner = contact["inner"]
@@ -44,7 +47,9 @@ def contacts(objects: Numbers, content: Content | None) -> Numbers:
 def add(world: ET.Element, objects: Numbers, jar: Vector, content: Content) -> None:
     """Add the grains, in a jar whose centre is at `jar` [m]."""
     grain = objects["grain"]
-    for k, at in zip(range(content.grains), _stacked(objects["jar"], grain["radius"]), strict=False):
+    for k, at in zip(
+        range(content.grains), _stacked(objects["jar"], grain["radius"]), strict=False
+    ):
         body = ET.SubElement(world, "body", name=grain_name(k), pos=text(np.add(jar, at)))
         if content.spin:
             ET.SubElement(body, "freejoint")
@@ -53,11 +58,15 @@ def add(world: ET.Element, objects: Numbers, jar: Vector, content: Content) -> N
                 ET.SubElement(body, "joint", type="slide", axis=axis)
         look = {"class": "grain", "material": "grain"}
         size = text([grain["radius"]])
-        ET.SubElement(body, "geom", {"type": "sphere", "size": size, "mass": text([grain["mass"]]), **look})
+        ET.SubElement(
+            body, "geom", {"type": "sphere", "size": size, "mass": text([grain["mass"]]), **look}
+        )
 
 
 def _stacked(jar: Numbers, radius: float) -> Iterator[Vector]:
-    """Yield places in a jar without overlap, layer by layer from the bottom, in the frame of the jar."""
+    """Yield places in a jar without overlap, layer by layer from the bottom, in the frame of the
+    jar.
+    """
     room = jar["radius"] - jar["wall"] - radius - 0.0015
     pitch = 2.06 * radius
     reach = int(room / pitch) + 2

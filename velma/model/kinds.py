@@ -33,7 +33,7 @@ FURNITURE = (*CABINETS, *TABLES, *DOORS)
 MOVEABLE = (Model.JAR, Model.BOWL, *BOXES, Model.LID)
 
 
-# --- The numbers of objects.yaml: what things of a scene measure and weigh -------------------------------------------
+# --- The numbers of objects.yaml: what things of a scene measure and weigh ------------------------
 
 
 Numbers = Mapping[str, Any]

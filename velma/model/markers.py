@@ -1,8 +1,9 @@
 """Square markers on things and furniture: where each is, and its number.
 
-A marker is a black square with 4 x 4 bits inside (ArUco 4x4), on a white plate one sixth of the square wider on each
-side. Sizes, places and numbers were chosen by a trial of 221 rendered views (docs/decisions/2026-11-25-eyes.md): as
-large as the thing allows, out of the way of fingers, and two or more in sight from most sides. Knows no detector.
+A marker is a black square with 4 x 4 bits inside (ArUco 4x4), on a white plate one sixth of the
+square wider on each side. Sizes, places and numbers were chosen by a trial of 221 rendered views
+(docs/decisions/2026-11-25-eyes.md): as large as the thing allows, out of the way of fingers, and
+two or more in sight from most sides. Knows no detector.
 """
 
 import math
@@ -27,14 +28,18 @@ PLATE = 4.0 / 3.0
 MOST = 250
 """Numbers that the largest dictionary of these bits has (OpenCV's DICT_4X4_250)."""
 OFF_M = 0.0005  # plates lie this far before the surface, or the surface would be drawn through them
-LARGEST_M, RIM_M = 0.06, 0.002  # on a box: largest marker, white left at the edge of a face; estimates
-FIN_M, FIN_X_M = 0.026, 0.026  # marker on a fin of a leaf: as large as on the jar; its middle before the panel's
-TABLE_INSET_M = 0.0515  # from a table's edge to the middle of a marker: the plate of 80 mm stays on the table
+# on a box: largest marker, white left at the edge of a face; estimates
+LARGEST_M, RIM_M = 0.06, 0.002
+# marker on a fin of a leaf: as large as on the jar; its middle before the panel's
+FIN_M, FIN_X_M = 0.026, 0.026
+# from a table's edge to the middle of a marker: the plate of 80 mm stays on the table
+TABLE_INSET_M = 0.0515
 
 
 class Marker(NamedTuple):
-    """Corners (4, 3) [m] of the black square in its thing's frame, as seen upright from the front: upper left, upper
-    right, lower right, lower left."""
+    """Corners (4, 3) [m] of the black square in its thing's frame, as seen upright from the front:
+    upper left, upper right, lower right, lower left.
+    """
 
     number: int
     corners: Array
@@ -46,9 +51,11 @@ class Marker(NamedTuple):
 
 
 def of_scene(scene: "Scene") -> dict[str, tuple[Marker, ...]]:
-    """Return the markers of each thing by id. Raises SceneError for the first thing for which none are left.
+    """Return the markers of each thing by id. Raises SceneError for the first thing for which none
+    are left.
 
-    The first of a kind has the numbers of the trial, all others the next ones from 46 on, in the order of the scene.
+    The first of a kind has the numbers of the trial, all others the next ones from 46 on, in the
+    order of the scene.
     """
     kept = {kind: iter(numbers) for kind, numbers in _KEPT.items()}
     free, out = count(_FREE), dict[str, tuple[Marker, ...]]()
@@ -57,26 +64,41 @@ def of_scene(scene: "Scene") -> dict[str, tuple[Marker, ...]]:
         reserved = next(kept[_kind(thing.model)], ()) if _kind(thing.model) in kept else ()
         numbers = reserved or [next(free) for _ in corners]
         if max(numbers) >= MOST:
-            most = f"at most {MOST} markers in all: they suffice for the {len(out)} things before it"
-            raise SceneError(f"thing {thing.id}", f"a {thing.model} with {len(corners)} markers", most)
-        out[thing.id] = tuple(Marker(number, at) for number, at in zip(numbers, corners, strict=True))
+            most = (
+                f"at most {MOST} markers in all: they suffice for the {len(out)} things before it"
+            )
+            raise SceneError(
+                f"thing {thing.id}", f"a {thing.model} with {len(corners)} markers", most
+            )
+        out[thing.id] = tuple(
+            Marker(number, at) for number, at in zip(numbers, corners, strict=True)
+        )
     return out
 
 
 def _square(centre: Array, normal: Array, up: Array, side: float) -> Array:
-    """Return the corners (4, 3) of a square that looks along `normal`; both directions of length 1."""
+    """Return the corners (4, 3) of a square that looks along `normal`; both directions of
+    length 1.
+    """
     right = np.cross(up, normal)
-    return np.array([centre + side / 2 * (x * right + y * up) for x, y in ((-1, 1), (1, 1), (1, -1), (-1, -1))])
+    return np.array(
+        [centre + side / 2 * (x * right + y * up) for x, y in ((-1, 1), (1, 1), (1, -1), (-1, -1))]
+    )
 
 
-def _ring(amount: int, side: float, radius: float, z: float, rise: float, first: float = 0.0) -> Iterator[Array]:
-    """Yield squares about the z axis. `rise`: angle of the normals above the horizontal; beyond 90 degrees they look
-    inwards. `first`: angle about z of the first one. All in rad."""
+def _ring(
+    amount: int, side: float, radius: float, z: float, rise: float, first: float = 0.0
+) -> Iterator[Array]:
+    """Yield squares about the z axis. `rise`: angle of the normals above the horizontal; beyond 90
+    degrees they look inwards. `first`: angle about z of the first one. All in rad.
+    """
     for k in range(amount):
         around = first + math.tau * k / amount
         out = np.array([math.cos(around), math.sin(around), 0.0])
         normal = math.cos(rise) * out + math.sin(rise) * np.array([0.0, 0.0, 1.0])
-        up = math.copysign(1.0, math.cos(rise)) * (math.cos(rise) * np.array([0.0, 0.0, 1.0]) - math.sin(rise) * out)
+        up = math.copysign(1.0, math.cos(rise)) * (
+            math.cos(rise) * np.array([0.0, 0.0, 1.0]) - math.sin(rise) * out
+        )
         yield _square(radius * out + np.array([0.0, 0.0, z]), normal, up, side)
 
 
@@ -90,7 +112,8 @@ def _jar() -> Iterator[Array]:
 def _bowl() -> Iterator[Array]:
     """Yield a skirt about the foot, below the fingers, and a ring inside along the wall."""
     yield from _ring(10, 0.028, 0.087, 0.018, math.radians(50.0))
-    slant = math.atan2(0.039, 0.091)  # of the wall's inner side from the vertical, velma.model.surfaces
+    # of the wall's inner side from the vertical, velma.model.surfaces
+    slant = math.atan2(0.039, 0.091)
     yield from _ring(8, 0.030, 0.0765, 0.066, math.pi - slant)
 
 
@@ -103,9 +126,14 @@ def _cabinet() -> Iterator[Array]:
 
 
 def _cabinet_door() -> Iterator[Array]:
-    """Yield four on the low board, below the leaves, and two that stand on the roof, where no leaf hides them."""
+    """Yield four on the low board, below the leaves, and two that stand on the roof, where no leaf
+    hides them.
+    """
     ahead, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    for side, across, z, x in ((0.036, (0.24, 0.08, -0.08, -0.24), -0.32, 0.123), (0.045, (0.26, -0.26), 0.38, 0.149)):
+    for side, across, z, x in (
+        (0.036, (0.24, 0.08, -0.08, -0.24), -0.32, 0.123),
+        (0.045, (0.26, -0.26), 0.38, 0.149),
+    ):
         for y in across:
             yield _square(np.array([x, y, z]), ahead, up, side)
 
@@ -115,7 +143,10 @@ def _table(model: Model) -> Iterator[Array]:
     top = objects()[model]["parts"]["top"]
     x, y, z = np.array(top["box"]) / 2
     for across, along in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-        at = np.array([across * (x - TABLE_INSET_M), along * (y - TABLE_INSET_M), z + OFF_M]) + top["xyz"]
+        at = (
+            np.array([across * (x - TABLE_INSET_M), along * (y - TABLE_INSET_M), z + OFF_M])
+            + top["xyz"]
+        )
         yield _square(at, np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 0.0]), 0.06)
 
 
@@ -128,12 +159,15 @@ def _box(model: Model) -> Iterator[Array]:
         side = min((min(half[long], 2 * half[short]) - RIM_M) / PLATE, LARGEST_M)
         middle = sign * (half[axis] + OFF_M) * axes[axis]
         for shift in (-0.5, 0.5):
-            yield _square(middle + shift * half[long] * axes[long], sign * axes[axis], axes[short], side)
+            yield _square(
+                middle + shift * half[long] * axes[long], sign * axes[axis], axes[short], side
+            )
 
 
 def _door(model: Model) -> Iterator[Array]:
-    """Yield four on each side of the panel, beside the handle and the edges of the shelves, and three on fins that
-    stand between panel and bar: who looks along an open leaf sees them."""
+    """Yield four on each side of the panel, beside the handle and the edges of the shelves, and
+    three on fins that stand between panel and bar: who looks along an open leaf sees them.
+    """
     panel = objects()[model]["parts"]["panel"]
     thick, width, _ = panel["box"]
     middle, ahead, up = np.array(panel["xyz"]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])

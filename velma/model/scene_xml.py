@@ -1,7 +1,8 @@
 """Writes a scene as MJCF around the robot: furniture, vessels, and the settings of the physics.
 
-Contact shapes (groups 0 and 3) and visual shapes (group 1) are separate: a vessel is plates and rings for physics and a
-smooth surface for pictures. Names: a body per thing under its id; those of content are in grains.py.
+Contact shapes (groups 0 and 3) and visual shapes (group 1) are separate: a vessel is plates and
+rings for physics and a smooth surface for pictures. Names: a body per thing under its id; those of
+content are in grains.py.
 """
 
 import math
@@ -22,10 +23,15 @@ def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
     """Return the MJCF of the robot in a scene, ready for `mujoco.MjModel.from_xml_string`."""
     root = ET.parse(ROBOT_XML).getroot()
     root.set("model", scene.name)
-    option = {key: value if isinstance(value, str) else f"{value:g}" for key, value in objects()["option"].items()}
-    # An unstable simulation must not be reset: the robot would be back at the start as if nothing had happened.
+    option = {
+        key: value if isinstance(value, str) else f"{value:g}"
+        for key, value in objects()["option"].items()
+    }
+    # An unstable simulation must not be reset: the robot would be back at the start as if nothing
+    # had happened.
     ET.SubElement(ET.SubElement(root, "option", option), "flag", autoreset="disable")
-    ET.SubElement(root, "size", memory="16M")  # 60 grains that spin need 2 MB in a pour (measured); the loop locks all
+    # 60 grains that spin need 2 MB in a pour (measured); the loop locks all
+    ET.SubElement(root, "size", memory="16M")
     default, world = root.find("default"), root.find("worldbody")
     assert default is not None
     assert world is not None
@@ -41,7 +47,9 @@ def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
 
 
 def _wrists(root: ET.Element) -> None:
-    """Add the wrist sensors. Their sites cannot stand in robot.xml: Pinocchio would misplace them."""
+    """Add the wrist sensors. Their sites cannot stand in robot.xml: Pinocchio would misplace
+    them.
+    """
     bodies = {body.get("name"): body for body in root.iter("body")}
     sensors = ET.SubElement(root, "sensor")
     for side, name in FT_BODY.items():
@@ -53,18 +61,36 @@ def _wrists(root: ET.Element) -> None:
 def _classes(default: ET.Element, contact: Numbers) -> None:
     def words(kind: str) -> dict[str, str]:
         numbers = contact[kind]
-        return {key: text(value) if isinstance(value, list) else f"{value:g}" for key, value in numbers.items()}
+        return {
+            key: text(value) if isinstance(value, list) else f"{value:g}"
+            for key, value in numbers.items()
+        }
 
     robot, thing = Kind.ARM | Kind.HAND, Kind.WORLD | Kind.HAND | Kind.OBJECT | Kind.ARM
     furniture = masks(Kind.WORLD, robot | Kind.OBJECT | Kind.GRAIN)
     add_class(default, "furniture", **furniture, **words("furniture"))
     hidden = {"group": SHAPE_GROUP, "mass": "0"}
     add_class(default, "jar", **hidden, **masks(Kind.OBJECT, thing), **words("object"))
-    add_class(default, "box", **masks(Kind.OBJECT, thing), material="carton", mass="0", **words("object"))
-    add_class(default, "lid", **masks(Kind.OBJECT, thing), material="steel", mass="0", **words("object"))
+    add_class(
+        default, "box", **masks(Kind.OBJECT, thing), material="carton", mass="0", **words("object")
+    )
+    add_class(
+        default, "lid", **masks(Kind.OBJECT, thing), material="steel", mass="0", **words("object")
+    )
     add_class(default, "inner", **hidden, **masks(Kind.INNER, Kind.GRAIN), **words("inner"))
-    add_class(default, "bowl", **hidden, **masks(Kind.OBJECT | Kind.INNER, thing | Kind.GRAIN), **words("object"))
-    add_class(default, "grain", **masks(Kind.GRAIN, Kind.GRAIN | Kind.INNER | Kind.WORLD), **words("grain"))
+    add_class(
+        default,
+        "bowl",
+        **hidden,
+        **masks(Kind.OBJECT | Kind.INNER, thing | Kind.GRAIN),
+        **words("object"),
+    )
+    add_class(
+        default,
+        "grain",
+        **masks(Kind.GRAIN, Kind.GRAIN | Kind.INNER | Kind.WORLD),
+        **words("grain"),
+    )
 
 
 def _body(world: ET.Element, thing: SceneObject, *, free: bool) -> ET.Element:
@@ -76,7 +102,11 @@ def _body(world: ET.Element, thing: SceneObject, *, free: bool) -> ET.Element:
 
 
 def _geom(body: ET.Element, name: str, kind: str, size: Sequence[float], **attributes: str) -> None:
-    ET.SubElement(body, "geom", {"name": f"{body.get('name')}_{name}", "type": kind, "size": text(size), **attributes})
+    ET.SubElement(
+        body,
+        "geom",
+        {"name": f"{body.get('name')}_{name}", "type": kind, "size": text(size), **attributes},
+    )
 
 
 def _furniture(world: ET.Element, thing: SceneObject) -> None:
@@ -90,14 +120,26 @@ def _parts(body: ET.Element, model: Model) -> None:
 
 
 def _jar(world: ET.Element, thing: SceneObject) -> None:
-    """Add an outer cylinder for hands and furniture, and inside a ring of plates and a bottom for grains."""
+    """Add an outer cylinder for hands and furniture, and inside a ring of plates and a bottom for
+    grains.
+    """
     jar, body = objects()["jar"], _body(world, thing, free=True)
-    ET.SubElement(body, "inertial", pos="0 0 0", mass=text([jar["mass"]]), diaginertia=text(jar["inertia"]))
+    ET.SubElement(
+        body, "inertial", pos="0 0 0", mass=text([jar["mass"]]), diaginertia=text(jar["inertia"])
+    )
     radius, half, wall = jar["radius"], jar["height"] / 2, jar["wall"]
     _geom(body, "side", "cylinder", (radius, half), **{"class": "jar"})
     ring, inner = jar["inner_ring"], radius - wall
-    # A thick bottom below that of the jar: thicker than the radius of a grain, so that none is pressed through.
-    _geom(body, "bottom", "cylinder", (radius + 0.005, 0.01), pos=text((0, 0, -half - 0.005)), **{"class": "inner"})
+    # A thick bottom below that of the jar: thicker than the radius of a grain, so that none is
+    # pressed through.
+    _geom(
+        body,
+        "bottom",
+        "cylinder",
+        (radius + 0.005, 0.01),
+        pos=text((0, 0, -half - 0.005)),
+        **{"class": "inner"},
+    )
     thick, plates = ring["thickness"], ring["plates"]
     width, middle = (inner + thick) * math.tan(math.pi / plates), inner + thick / 2
     for k in range(plates):
@@ -106,16 +148,28 @@ def _jar(world: ET.Element, thing: SceneObject) -> None:
             "pos": text((middle * math.cos(around), middle * math.sin(around), 0.004)),
             "quat": text(quat_wxyz((0, 0, around))),
         }
-        _geom(body, f"inner_{k}", "box", (thick / 2, width, half - 0.004), **place, **{"class": "inner"})
+        _geom(
+            body,
+            f"inner_{k}",
+            "box",
+            (thick / 2, width, half - 0.004),
+            **place,
+            **{"class": "inner"},
+        )
     _look(body, "jar")
 
 
 def _bowl(world: ET.Element, thing: SceneObject) -> None:
-    """Add a disc and slanted plates that everything touches: flared, so that fingers and grains meet the real wall."""
+    """Add a disc and slanted plates that everything touches: flared, so that fingers and grains
+    meet the real wall.
+    """
     bowl, body = objects()["bowl"], _body(world, thing, free=True)
     mass, rim, base, height = bowl["mass"], bowl["rim_radius"], bowl["base_radius"], bowl["height"]
-    about = text((0.006 * mass, 0.006 * mass, 0.008 * mass))  # of a flared shell with a base, estimate
-    ET.SubElement(body, "inertial", pos=text((0, 0, 0.4 * height)), mass=text([mass]), diaginertia=about)
+    # of a flared shell with a base, estimate
+    about = text((0.006 * mass, 0.006 * mass, 0.008 * mass))
+    ET.SubElement(
+        body, "inertial", pos=text((0, 0, 0.4 * height)), mass=text([mass]), diaginertia=about
+    )
     foot = bowl["base"] / 2
     _geom(body, "base", "cylinder", (base, foot), pos=text((0, 0, foot)), **{"class": "bowl"})
     slant, length = math.atan2(rim - base, height - foot), math.hypot(rim - base, height - foot)
@@ -124,7 +178,14 @@ def _bowl(world: ET.Element, thing: SceneObject) -> None:
         around = 2 * math.pi * k / bowl["plates"]
         at = (middle * math.cos(around), middle * math.sin(around), (height + foot) / 2)
         place = {"pos": text(at), "quat": text(quat_wxyz((0, slant, around)))}
-        _geom(body, f"plate_{k}", "box", (bowl["wall"] / 2, width, length / 2), **place, **{"class": "bowl"})
+        _geom(
+            body,
+            f"plate_{k}",
+            "box",
+            (bowl["wall"] / 2, width, length / 2),
+            **place,
+            **{"class": "bowl"},
+        )
     _look(body, "bowl")
 
 
@@ -138,7 +199,9 @@ def _door(world: ET.Element, thing: SceneObject) -> None:
     ET.SubElement(body, "joint", {"name": thing.id, **turn})
     x, y, z = panel["box"]
     about = text([leaf["mass"] / 12 * (a * a + b * b) for a, b in ((y, z), (x, z), (x, y))])
-    ET.SubElement(body, "inertial", pos=text(panel["xyz"]), mass=text([leaf["mass"]]), diaginertia=about)
+    ET.SubElement(
+        body, "inertial", pos=text(panel["xyz"]), mass=text([leaf["mass"]]), diaginertia=about
+    )
     _parts(body, thing.model)
 
 
@@ -164,7 +227,9 @@ def _lid(world: ET.Element, thing: SceneObject) -> None:
 def _look(body: ET.Element, mesh: str) -> None:
     for part in surfaces.VESSELS[mesh]:
         look = {"class": LOOK_CLASS, "mesh": part.mesh, "material": part.material}
-        ET.SubElement(body, "geom", {"name": f"{body.get('name')}_{part.mesh}", "type": "mesh", **look})
+        ET.SubElement(
+            body, "geom", {"name": f"{body.get('name')}_{part.mesh}", "type": "mesh", **look}
+        )
 
 
 _DRAW = {

@@ -1,4 +1,6 @@
-"""Visuals of a scene: materials, light, and smooth surfaces of revolution for vessels. No physics."""
+"""Visuals of a scene: materials, light, and smooth surfaces of revolution for vessels. No
+physics.
+"""
 
 import math
 from typing import NamedTuple
@@ -54,7 +56,8 @@ VESSELS = {
     ),
 }
 
-# rgba, specular, shininess, reflectance. Warm wood, white robot, one strong colour for what matters: the grains.
+# rgba, specular, shininess, reflectance. Warm wood, white robot, one strong colour for what
+# matters: the grains.
 MATERIALS = {
     "wood": ((0.80, 0.62, 0.44, 1.0), 0.2, 0.2, 0.0),
     # Transparent sides: a closed cabinet would hide jar and bowl from most viewpoints.
@@ -81,35 +84,78 @@ def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> N
     """Add materials, meshes, lights and the floor."""
     asset = ET.SubElement(root, "asset")
     for name, (rgba, specular, shininess, reflectance) in MATERIALS.items():
-        shine = {"specular": f"{specular:g}", "shininess": f"{shininess:g}", "reflectance": f"{reflectance:g}"}
-        ET.SubElement(asset, "material", {"name": name, "rgba": " ".join(f"{x:g}" for x in rgba), **shine})
-    sky = {"builtin": "gradient", "rgb1": "0.86 0.90 0.94", "rgb2": "0.62 0.68 0.76", "width": "256", "height": "256"}
+        shine = {
+            "specular": f"{specular:g}",
+            "shininess": f"{shininess:g}",
+            "reflectance": f"{reflectance:g}",
+        }
+        ET.SubElement(
+            asset, "material", {"name": name, "rgba": " ".join(f"{x:g}" for x in rgba), **shine}
+        )
+    sky = {
+        "builtin": "gradient",
+        "rgb1": "0.86 0.90 0.94",
+        "rgb2": "0.62 0.68 0.76",
+        "width": "256",
+        "height": "256",
+    }
     ET.SubElement(asset, "texture", {"name": "sky", "type": "skybox", **sky})
-    tiles = {"builtin": "checker", "rgb1": "0.80 0.80 0.79", "rgb2": "0.76 0.76 0.75", "width": "512", "height": "512"}
+    tiles = {
+        "builtin": "checker",
+        "rgb1": "0.80 0.80 0.79",
+        "rgb2": "0.76 0.76 0.75",
+        "width": "512",
+        "height": "512",
+    }
     ET.SubElement(asset, "texture", {"name": "tiles", "type": "2d", **tiles})
     floor = {"texture": "tiles", "texrepeat": "1.5 1.5", "texuniform": "true", "specular": "0.1"}
     ET.SubElement(asset, "material", {"name": "floor", **floor})
     for part in (part for parts in VESSELS.values() for part in parts):
-        ET.SubElement(asset, "mesh", {"name": part.mesh, "inertia": "shell", **turned(part.outline)})
+        ET.SubElement(
+            asset, "mesh", {"name": part.mesh, "inertia": "shell", **turned(part.outline)}
+        )
     visual = ET.SubElement(root, "visual")
     width, height = offscreen
     ET.SubElement(visual, "global", offwidth=str(width), offheight=str(height))
-    ET.SubElement(visual, "headlight", ambient="0.38 0.38 0.40", diffuse="0.25 0.25 0.25", specular="0.1 0.1 0.1")
+    ET.SubElement(
+        visual,
+        "headlight",
+        ambient="0.38 0.38 0.40",
+        diffuse="0.25 0.25 0.25",
+        specular="0.1 0.1 0.1",
+    )
     ET.SubElement(visual, "quality", shadowsize="8192", offsamples="8")
     ET.SubElement(visual, "map", haze="0.25", fogstart="6", fogend="14", shadowclip="8")
     ET.SubElement(visual, "rgba", haze="0.86 0.90 0.94 1", fog="0.86 0.90 0.94 1")
     ET.SubElement(root, "statistic", center="0.5 0 0.9", extent="2.2")
-    lamp = {"directional": "true", "diffuse": "0.55 0.53 0.50", "specular": "0.25 0.25 0.25", "castshadow": "true"}
-    ET.SubElement(world, "light", {"name": "sun", "pos": "-0.6 0.8 3.2", "dir": "0.35 -0.25 -1", **lamp})
+    lamp = {
+        "directional": "true",
+        "diffuse": "0.55 0.53 0.50",
+        "specular": "0.25 0.25 0.25",
+        "castshadow": "true",
+    }
+    ET.SubElement(
+        world, "light", {"name": "sun", "pos": "-0.6 0.8 3.2", "dir": "0.35 -0.25 -1", **lamp}
+    )
     fill = {"directional": "true", "diffuse": "0.22 0.24 0.28", "castshadow": "false"}
     ET.SubElement(world, "light", {"name": "fill", "pos": "2 -3 3", "dir": "-0.5 0.8 -0.6", **fill})
     ET.SubElement(
-        world, "geom", {"name": "floor", "type": "plane", "size": "0 0 0.1", "material": "floor", "class": "furniture"}
+        world,
+        "geom",
+        {
+            "name": "floor",
+            "type": "plane",
+            "size": "0 0 0.1",
+            "material": "floor",
+            "class": "furniture",
+        },
     )
 
 
 def turned(outline: tuple[tuple[float, float], ...], segments: int = SEGMENTS) -> dict[str, str]:
-    """Return vertices and faces of an outline (radius, z) turned about z, as MJCF words; faces look left of its way."""
+    """Return vertices and faces of an outline (radius, z) turned about z, as MJCF words; faces look
+    left of its way.
+    """
     around = [2 * math.pi * k / segments for k in range(segments)]
     points = [(r * math.cos(a), r * math.sin(a), z) for r, z in outline for a in around]
     faces = []

@@ -1,8 +1,9 @@
 """The interface of a robot behind the loop: it tells its state, takes a command and steps 2 ms.
 
-The torques of a command are beyond gravity: the drives hold the arms' own weight (the LWR does, and the torso's axis
-is vertical), so a robot without torque commands is at rest. The interface is the same for a simulated, a mock and a
-real robot. Sides are rows: 0 right, 1 left (`velma.names.SIDES`).
+The torques of a command are beyond gravity: the drives hold the arms' own weight (the LWR does, and
+the torso's axis is vertical), so a robot without torque commands is at rest. The interface is the
+same for a simulated, a mock and a real robot. Sides are rows: 0 right, 1 left
+(`velma.names.SIDES`).
 """
 
 from typing import Protocol
@@ -17,14 +18,17 @@ Array = NDArray[np.float64]
 
 PERIOD_S = 0.002  # VS: the deployed loop and its simulator step 2 ms
 
-# Drive limits of the fingers' proximal joints while closing, Nm. One and two push against three alone, so they take
-# about half each (pour runs: equal limits push the jar aside); a distal joint takes a third of its proximal one.
+# Drive limits of the fingers' proximal joints while closing, Nm. One and two push against three
+# alone, so they take about half each (pour runs: equal limits push the jar aside); a distal joint
+# takes a third of its proximal one.
 PAIR_LIMIT, SINGLE_LIMIT = 0.8, 1.5
 DISTAL_SHARE = 1.0 / 3.0
 
 
 class State(msgspec.Struct):
-    """The measured robot. Arrays belong to the back-end and are overwritten by the next `observe`."""
+    """The measured robot. Arrays belong to the back-end and are overwritten by the next
+    `observe`.
+    """
 
     time: float  # simulated s
     q: Array  # (15,) body joints, rad
@@ -33,7 +37,8 @@ class State(msgspec.Struct):
     spread: Array  # (2,) rad
     proximal: Array  # (2, 3) rad, fingers one, two, three
     distal: Array  # (2, 3) rad
-    wrist: Array | None = None  # (2, 6) N, Nm of the arm on the hand, axes of the sensor; None: no sensor
+    # (2, 6) N, Nm of the arm on the hand, axes of the sensor; None: no sensor
+    wrist: Array | None = None
 
 
 class Command(msgspec.Struct):
@@ -61,7 +66,9 @@ class Backend(Protocol):
         ...
 
     def configuration(self) -> Array:
-        """Return all coordinates of the world model, (nq,), for a copy of it; empty if there is none."""
+        """Return all coordinates of the world model, (nq,), for a copy of it; empty if there is
+        none.
+        """
         ...
 
     @property
@@ -78,4 +85,6 @@ def at_rest() -> State:
 
 def no_command() -> Command:
     """Return a command without torque, head ahead, hands open and unlocked."""
-    return Command(np.zeros(15), np.zeros(2), np.zeros(2), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros(2))
+    return Command(
+        np.zeros(15), np.zeros(2), np.zeros(2), np.zeros((2, 3)), np.zeros((2, 3)), np.zeros(2)
+    )

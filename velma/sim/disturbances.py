@@ -1,8 +1,10 @@
-"""Faults of a simulated robot's senses and of its world, as plain data, and the file by which they are ordered.
+"""Faults of a simulated robot's senses and of its world, as plain data, and the file by which they
+are ordered.
 
-A sense is spoiled where the simulated sensor is made (spoiled_senses.py, photographs.py), a thing is moved in the
-simulated world (disturbed_world.py). Only the simulator reads the file: nobody who controls the robot is told. What
-stands in the file goes on; what is taken out of it has ended. Simulated robots only.
+A sense is spoiled where the simulated sensor is made (spoiled_senses.py, photographs.py), a thing
+is moved in the simulated world (disturbed_world.py). Only the simulator reads the file: nobody who
+controls the robot is told. What stands in the file goes on; what is taken out of it has ended.
+Simulated robots only.
 """
 
 import os
@@ -58,8 +60,8 @@ class Kind(StrEnum):
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One kind of disturbance. `by`: its size where none is said; `unit`: of that size, "" where it has none; `most`:
-    the largest one, from which on a wrong unit is meant (estimates).
+    """One kind of disturbance. `by`: its size where none is said; `unit`: of that size, "" where it
+    has none; `most`: the largest one, from which on a wrong unit is meant (estimates).
     """
 
     by: tuple[float, ...] = ()
@@ -68,7 +70,8 @@ class Row(msgspec.Struct, frozen=True):
 
 
 _BIAS_N = 3.0  # estimate: six times the largest constant error of the scenes' wrist sensors
-_DIM = 0.12  # estimate: a room at dusk; 8 of 255 levels then tell black from white fields of a marker
+# estimate: a room at dusk; 8 of 255 levels then tell black from white fields of a marker
+_DIM = 0.12
 ROWS: dict[Of, dict[Kind, Row]] = {
     Of.WRIST: {
         Kind.ZERO: Row(),
@@ -82,19 +85,24 @@ ROWS: dict[Of, dict[Kind, Row]] = {
         Kind.DIMMED: Row((_DIM,), "share of the light that is left", 1.0),
         Kind.MIRRORED: Row(),
     },
-    Of.ENCODER: {Kind.BIAS: Row((0.05,), "rad", 3.0), Kind.STUCK: Row()},  # estimate: a slipped coupling
+    # estimate: a slipped coupling
+    Of.ENCODER: {Kind.BIAS: Row((0.05,), "rad", 3.0), Kind.STUCK: Row()},
     Of.GRIP: {Kind.STUCK: Row(), Kind.ZERO: Row()},
-    Of.JOINT: {Kind.STICKS: Row((500.0,), "Nm of dry friction", 1e4)},  # more than any drive has (velma.names.TORQUE)
-    Of.FINGER: {Kind.STICKS: Row((50.0,), "Nm of dry friction", 1e4)},  # as above: a finger has 1.5 Nm
+    # more than any drive has (velma.names.TORQUE)
+    Of.JOINT: {Kind.STICKS: Row((500.0,), "Nm of dry friction", 1e4)},
+    # as above: a finger has 1.5 Nm
+    Of.FINGER: {Kind.STICKS: Row((50.0,), "Nm of dry friction", 1e4)},
     Of.HANDS: {Kind.SLIPPERY: Row()},
-    Of.GRAINS: {Kind.HEAVY: Row((4.0,), "times as heavy", 100.0)},  # estimate: steel in place of beans
+    # estimate: steel in place of beans
+    Of.GRAINS: {Kind.HEAVY: Row((4.0,), "times as heavy", 100.0)},
     Of.THING: {
         Kind.PUSHED: Row((0.0, 0.05, 0.0), "m", 0.5),  # estimate: as far as a passing arm pushes
         Kind.REMOVED: Row(),
         Kind.TIPPED: Row((0.0, 1.0, 0.0), "direction", 10.0),
         Kind.ADDED: Row((), "m, place", 10.0),
         Kind.MOVED: Row((0.0, 0.05, 0.0), "m", 0.5),
-        Kind.PULLED: Row((10.0, 0.0, 0.0), "N", 30.0),  # estimate: away from the robot, as one takes a cup from a hand
+        # estimate: away from the robot, as one takes a cup from a hand
+        Kind.PULLED: Row((10.0, 0.0, 0.0), "N", 30.0),
         Kind.KNOCKED: Row((20.0, 0.0, 0.0), "N", 60.0),  # estimate: an elbow in passing
     },
 }
@@ -104,8 +112,9 @@ FINGER_NAMES = tuple(f"{side} {finger}" for side in SIDES for finger in FINGERS)
 
 
 class Disturbance(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fields=True):
-    """One fault. `on`: the side, joint, finger or thing that it befalls, "" for both sides; `by`: its size, () for that
-    of its row. `until`: when it ends by itself [unix s]; None: when it is taken away.
+    """One fault. `on`: the side, joint, finger or thing that it befalls, "" for both sides; `by`:
+    its size, () for that of its row. `until`: when it ends by itself [unix s]; None: when it is
+    taken away.
     """
 
     id: str
@@ -131,7 +140,9 @@ ON: dict[Of, tuple[str, ...]] = {
     Of.HANDS: ("",),
     Of.GRAINS: ("",),
 }
-"""What a disturbance can befall; "": all of them, or the only one. Things are known to the scene."""
+"""What a disturbance can befall; "": all of them, or the only one. Things are known to the
+scene.
+"""
 
 
 def wrong(one: Disturbance) -> str:
@@ -141,15 +152,25 @@ def wrong(one: Disturbance) -> str:
         return f"{one.of} cannot be {one.kind}; it can be {', '.join(kinds)}"
     on = ON.get(one.of)
     if on is not None and one.on not in on:
-        there = f"there are {', '.join(filter(None, on))}" if any(on) else f"{one.of} has no parts, name none"
+        there = (
+            f"there are {', '.join(filter(None, on))}"
+            if any(on)
+            else f"{one.of} has no parts, name none"
+        )
         return f"no {one.of} at {one.on!r}; {there}"
     row = kinds[one.kind]
     if one.by and not row.unit:
         return f"{one.of} {one.kind} has no size"
     if one.by and len(one.by) != (len(row.by) or 3):
-        return f"{one.of} {one.kind} by {len(one.by)} numbers; it takes {len(row.by) or 3} ({row.unit})"
+        return (
+            f"{one.of} {one.kind} by {len(one.by)} numbers; it takes {len(row.by) or 3}"
+            f" ({row.unit})"
+        )
     if not all(abs(x) <= row.most for x in one.by):
-        return f"{one.of} {one.kind} by {', '.join(f'{x:g}' for x in one.by)}; at most {row.most:g} ({row.unit})"
+        return (
+            f"{one.of} {one.kind} by {', '.join(f'{x:g}' for x in one.by)}; at most {row.most:g}"
+            f" ({row.unit})"
+        )
     return ""
 
 
@@ -184,7 +205,8 @@ def read(path: Path) -> tuple[Disturbance, ...]:
 class Orders:
     """The file as the simulator looks at it. `going_on`: what has been ordered and has not ended.
 
-    A look is one call of the system at most every LOOK_S, none without a file's name: it may be made in every cycle.
+    A look is one call of the system at most every LOOK_S, none without a file's name: it may be
+    made in every cycle.
     """
 
     def __init__(self, path: Path | None) -> None:
@@ -215,5 +237,8 @@ class Orders:
             stamp = None
         ordered = self.going_on if stamp == self._seen else read(self._path) if stamp else ()
         now, self._seen = time.time(), stamp
-        before, self.going_on = self.going_on, tuple(one for one in ordered if not (one.until and one.until < now))
+        before, self.going_on = (
+            self.going_on,
+            tuple(one for one in ordered if not (one.until and one.until < now)),
+        )
         return self.going_on != before

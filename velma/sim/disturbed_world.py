@@ -1,11 +1,13 @@
-"""The simulated world as disturbances.py disturbs it: things that somebody pushes, tips, takes away or brings, joints
-and fingers that stick, hands without friction, heavy grains, furniture that is moved.
+"""The simulated world as disturbances.py disturbs it: things that somebody pushes, tips, takes away
+or brings, joints and fingers that stick, hands without friction, heavy grains, furniture that is
+moved.
 
-Somebody's hand that pushes is a force near the thing's foot that follows a moving point, with a limit: what stands in
-the way stops it, and nothing is turned. One that tips is a torque, until the thing has fallen or time is over.
-What is taken away or brought is at its new place at once: nobody sees by whom. The content of a vessel goes with it.
-A person who takes a thing out of the robot's hand is a spring between the thing and a hand that is drawn away: the pull
-grows up to its size, and when nothing holds the thing against it any more, the person has it and carries it off.
+Somebody's hand that pushes is a force near the thing's foot that follows a moving point, with a
+limit: what stands in the way stops it, and nothing is turned. One that tips is a torque, until the
+thing has fallen or time is over. What is taken away or brought is at its new place at once: nobody
+sees by whom. The content of a vessel goes with it. A person who takes a thing out of the robot's
+hand is a spring between the thing and a hand that is drawn away: the pull grows up to its size, and
+when nothing holds the thing against it any more, the person has it and carries it off.
 """
 
 import math
@@ -22,18 +24,26 @@ from velma.names import DISTAL, FINGERS, PROXIMAL
 from velma.sim.backend import PERIOD_S, Array
 from velma.sim.disturbances import Disturbance, Kind, Of
 
-PUSH_S, PUSH_N = 0.3, 12.0  # how long a hand pushes, and how hard at most; estimates: a careless arm
-STIFF, DAMPED = 1500.0, 40.0  # N/m, Ns/m of a pushing hand; a jar of 0.2 kg lags by 1 mm against friction
+# how long a hand pushes, and how hard at most; estimates: a careless arm
+PUSH_S, PUSH_N = 0.3, 12.0
+# N/m, Ns/m of a pushing hand; a jar of 0.2 kg lags by 1 mm against friction
+STIFF, DAMPED = 1500.0, 40.0
 LOW_M = 0.01  # above its foot: higher up, the hand would topple a jar
 TIP_S = 1.0  # the longest tip; estimate
-FALLEN_DEG, ROLLED_DEG = 60.0, 100.0  # from there on a jar or box falls by itself; a bowl, past its rim
+# from there on a jar or box falls by itself; a bowl, past its rim
+FALLEN_DEG, ROLLED_DEG = 60.0, 100.0
 OVER = 2.0  # times the torque that just tips a thing; estimate
 PULL_S = 0.6  # until a pull has its full size; estimate: a person takes a cup from a hand so
 TAKER, TAKER_DAMPED, TAKER_N = 300.0, 30.0, 30.0
-"""N/m, Ns/m, N: stiffness, damping and most force of a person's hand that takes a thing (estimates: a relaxed arm)."""
-TURNER, TURNER_DAMPED = 3.0, 0.1  # Nm/rad, Nms/rad of it; estimates: it turns a jar against no stiff hand
+"""N/m, Ns/m, N: stiffness, damping and most force of a person's hand that takes a thing (estimates:
+a relaxed arm).
+"""
+# Nm/rad, Nms/rad of it; estimates: it turns a jar against no stiff hand
+TURNER, TURNER_DAMPED = 3.0, 0.1
 WITH_IT_M, AWAY_M, AWAY_SPEED = 0.02, 0.4, 0.3
-"""m, m, m/s: a person whose thing gives way by so much has it, and carries it so far away, so fast (estimates)."""
+"""m, m, m/s: a person whose thing gives way by so much has it, and carries it so far away, so fast
+(estimates).
+"""
 KNOCK_S = 0.12  # estimate: a blow of an arm that is not stopped
 MOVE_S = 1.0  # for furniture; estimate: what stands on it stays on it
 ASIDE = (-2.0, 2.0)  # m, on the floor behind the robot, where it neither looks nor reaches
@@ -46,7 +56,9 @@ Going = Generator[None, None, None]
 
 
 class DisturbedWorld:
-    """What goes on in a world. Call `set` between two steps, and `step` before each as long as `busy`."""
+    """What goes on in a world. Call `set` between two steps, and `step` before each as long as
+    `busy`.
+    """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, scene: Scene) -> None:
         self._model, self._data = model, data
@@ -64,7 +76,9 @@ class DisturbedWorld:
         return bool(self._going)
 
     def set(self, going_on: Sequence[Disturbance]) -> bool:
-        """Begin what is new, undo what has ended. Return whether the world was changed, so that nothing rests."""
+        """Begin what is new, undo what has ended. Return whether the world was changed, so that
+        nothing rests.
+        """
         now = {one.id: one for one in going_on if one.of in _BEGIN}
         ended = [name for name in self._undo if name not in now]
         for name in ended:
@@ -79,11 +93,15 @@ class DisturbedWorld:
         return bool(ended or begun)
 
     def forget(self, going_on: Sequence[Disturbance]) -> None:
-        """Take what befell things as done: another simulator did it, and this one goes on in its world."""
+        """Take what befell things as done: another simulator did it, and this one goes on in its
+        world.
+        """
         for one in going_on:
             if one.of is Of.THING and one.kind is not Kind.MOVED:
                 back = one.kind is Kind.REMOVED and one.on in self._kind
-                self._undo[one.id] = self._bringing(one.on, self._home[one.on]) if back else _nothing
+                self._undo[one.id] = (
+                    self._bringing(one.on, self._home[one.on]) if back else _nothing
+                )
         self._data.xfrc_applied[:] = 0.0
 
     def step(self) -> None:
@@ -92,7 +110,7 @@ class DisturbedWorld:
             if next(going, _ENDED) is _ENDED:
                 del self._going[name]
 
-    # --- things -------------------------------------------------------------------------------------------------------
+    # --- things -----------------------------------------------------------------------------------
 
     def _thing(self, one: Disturbance) -> Callable[[], None]:
         if one.on not in self._kind:
@@ -131,7 +149,10 @@ class DisturbedWorld:
                 speed = (by / PUSH_S if share < 1.0 else 0.0) - (now - before) / PERIOD_S
                 force = (STIFF * (wanted - now) + DAMPED * speed) * flat
                 force *= min(1.0, PUSH_N / max(1e-9, float(np.linalg.norm(force))))
-                foot = data.xpos[body] - (_height(self._kind[name]) - LOW_M) * data.xmat[body].reshape(3, 3)[:, 2]
+                foot = (
+                    data.xpos[body]
+                    - (_height(self._kind[name]) - LOW_M) * data.xmat[body].reshape(3, 3)[:, 2]
+                )
                 data.xfrc_applied[body] = (*force, *np.cross(foot - now, force))
                 before = now
                 yield
@@ -139,7 +160,9 @@ class DisturbedWorld:
             data.xfrc_applied[body] = 0.0
 
     def _pull(self, name: str, force: Array) -> Going:
-        """Pull at a thing with a force (3,) [N] that grows, as long as that is ordered; carry off what gives way."""
+        """Pull at a thing with a force (3,) [N] that grows, as long as that is ordered; carry off
+        what gives way.
+        """
         body, data = self._model.body(name).id, self._data
         begun, turn = data.xipos[body].copy(), data.xquat[body].copy()
         way, cycle, has = force / max(1e-9, float(np.linalg.norm(force))), 0, False
@@ -158,14 +181,18 @@ class DisturbedWorld:
                 self._carry(name, self._aside(name))
 
     def _draw(self, body: int, to: Array, turn: Array) -> None:
-        """Draw a thing to a point (3,) and an orientation (4,) as a spring does, which carries its weight, too."""
+        """Draw a thing to a point (3,) and an orientation (4,) as a spring does, which carries its
+        weight, too.
+        """
         data, spin, off, angle = self._data, np.empty(6), np.empty(4), np.empty(3)
         mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_BODY, body, spin, 0)
         force = TAKER * (to - data.xipos[body]) - TAKER_DAMPED * spin[3:]
         mujoco.mju_negQuat(off, data.xquat[body])
         mujoco.mju_mulQuat(off, turn, off.copy())
         mujoco.mju_quat2Vel(angle, off, 1.0)
-        data.xfrc_applied[body, :3] = force * min(1.0, TAKER_N / max(1e-9, float(np.linalg.norm(force))))
+        data.xfrc_applied[body, :3] = force * min(
+            1.0, TAKER_N / max(1e-9, float(np.linalg.norm(force)))
+        )
         data.xfrc_applied[body, 3:] = TURNER * angle - TURNER_DAMPED * spin[:3]
 
     def _knock(self, name: str, force: Array) -> Going:
@@ -181,7 +208,9 @@ class DisturbedWorld:
     def _tip(self, name: str, towards: Array) -> Going:
         """Tip a thing over in a direction (3,), of which the horizontal part counts."""
         body, model, data = self._model.body(name).id, self._model, self._data
-        weight = 9.81 * (model.body_mass[body] + sum(model.body(g).mass[0] for g in self._inside(name)))
+        weight = 9.81 * (
+            model.body_mass[body] + sum(model.body(g).mass[0] for g in self._inside(name))
+        )
         x, y, _ = towards / max(1e-9, float(np.linalg.norm(towards[:2])))
         torque = OVER * weight * _foot(self._kind[name]) * np.array([-y, x, 0.0])
         over = math.cos(math.radians(ROLLED_DEG if self._kind[name] is Model.BOWL else FALLEN_DEG))
@@ -196,13 +225,17 @@ class DisturbedWorld:
 
     def _aside(self, name: str) -> Array:
         number = list(self._kind).index(name)
-        return np.array([ASIDE[0], ASIDE[1] + APART_M * number, _height(self._kind[name]) + STANDS_M])
+        return np.array(
+            [ASIDE[0], ASIDE[1] + APART_M * number, _height(self._kind[name]) + STANDS_M]
+        )
 
     def _bringing(self, name: str, at: Array) -> Callable[[], None]:
         return lambda: self._carry(name, at)
 
     def _carry(self, name: str, to: Array) -> None:
-        """Put a thing upright and at rest with its origin at `to` (3,) [m, world], what is in it with it."""
+        """Put a thing upright and at rest with its origin at `to` (3,) [m, world], what is in it
+        with it.
+        """
         body = self._data.body(name)
         turn, at = body.xmat.reshape(3, 3).copy(), body.xpos.copy()
         inside = [(g, turn.T @ (self._data.body(g).xpos - at)) for g in self._inside(name)]
@@ -220,15 +253,21 @@ class DisturbedWorld:
         body = self._data.body(name)
         up = body.xmat.reshape(3, 3)[:, 2]
         middle = body.xpos + (0.05 * up if self._kind[name] is Model.BOWL else 0.0)
-        return [g for g in self._grains if np.linalg.norm(self._data.body(g).xpos - middle) < NEAR_M]
+        return [
+            g for g in self._grains if np.linalg.norm(self._data.body(g).xpos - middle) < NEAR_M
+        ]
 
     def _shift(self, name: str, by: Array) -> None:
-        self._data.qpos[self._model.jnt_qposadr[self._model.body(name).jntadr[0]] + np.arange(3)] += by
+        self._data.qpos[
+            self._model.jnt_qposadr[self._model.body(name).jntadr[0]] + np.arange(3)
+        ] += by
 
     def _still(self, name: str) -> None:
-        self._data.qvel[self._model.jnt_dofadr[self._model.body(name).jntadr[0]] + np.arange(3)] = 0.0
+        self._data.qvel[self._model.jnt_dofadr[self._model.body(name).jntadr[0]] + np.arange(3)] = (
+            0.0
+        )
 
-    # --- furniture ----------------------------------------------------------------------------------------------------
+    # --- furniture --------------------------------------------------------------------------------
 
     def _furniture(self, key: str, name: str, by: Array) -> Callable[[], None]:
         """Move furniture with what stands in and on it; what ends it moves it back."""
@@ -242,7 +281,8 @@ class DisturbedWorld:
 
     def _drag(self, name: str, base: Array, to: Array) -> Going:
         along, cycles = self._standing(name), round(MOVE_S / PERIOD_S)
-        self._model.opt.enableflags &= ~_SLEEP  # MuJoCo does not place again what is fast while things sleep
+        # MuJoCo does not place again what is fast while things sleep
+        self._model.opt.enableflags &= ~_SLEEP
         try:
             for cycle in range(1, cycles + 1):
                 before = self._model.body(name).pos.copy()
@@ -255,16 +295,20 @@ class DisturbedWorld:
             self._model.opt.enableflags |= _SLEEP
 
     def _standing(self, name: str) -> list[str]:
-        """Return things and grains in the space of furniture, and above it as far as things reach."""
+        """Return things and grains in the space of furniture, and above it as far as things
+        reach.
+        """
         model, data, body = self._model, self._data, self._model.body(name).id
         geoms = np.flatnonzero(model.geom_bodyid == body)
-        corners = np.concatenate([_corners(data.geom_xmat[g], data.geom_xpos[g], model.geom_size[g]) for g in geoms])
+        corners = np.concatenate(
+            [_corners(data.geom_xmat[g], data.geom_xpos[g], model.geom_size[g]) for g in geoms]
+        )
         low, high = corners.min(axis=0), corners.max(axis=0) + np.array([0.0, 0.0, OVER_TOP_M])
         moveable = [one for one, kind in self._kind.items() if kind in MOVEABLE]
         at = {one: data.body(one).xpos for one in (*moveable, *self._grains)}
         return [one for one, xyz in at.items() if (low < xyz).all() and (xyz < high).all()]
 
-    # --- what is a parameter of the model -----------------------------------------------------------------------------
+    # --- what is a parameter of the model ---------------------------------------------------------
 
     def _stick(self, one: Disturbance) -> Callable[[], None]:
         names = (one.on,) if one.of is Of.JOINT else _finger(one.on)

@@ -1,8 +1,10 @@
-"""OpenGL contexts without a display: by EGL, else by OSMesa. Both draw in software where there is no graphics card.
+"""OpenGL contexts without a display: by EGL, else by OSMesa. Both draw in software where there is
+no graphics card.
 
-`required` and `lost` draw in a process of their own: only that tells whether it works here. `MUJOCO_GL` in the
-environment means what it means to MuJoCo: egl, osmesa, or off for neither. A context belongs to the thread that made
-it. A process that has one must not be forked, the child would hang: start children by `subprocess`.
+`required` and `lost` draw in a process of their own: only that tells whether it works here.
+`MUJOCO_GL` in the environment means what it means to MuJoCo: egl, osmesa, or off for neither. A
+context belongs to the thread that made it. A process that has one must not be forked, the child
+would hang: start children by `subprocess`.
 """
 
 import ctypes
@@ -20,7 +22,8 @@ LIBRARIES = {EGL: "libEGL.so.1", OSMESA: "libOSMesa.so.8"}
 FUNCTIONS = ("libOpenGL.so.0", "libGL.so.1")
 """One of them has the functions of OpenGL that go with EGL; OSMesa has its own."""
 OFF = ("disable", "disabled", "off", "false", "0")
-_PLATFORM_DEVICE = 0x313F  # EGL_PLATFORM_DEVICE_EXT of EGL_EXT_platform_device: the only platform that MuJoCo tries
+# EGL_PLATFORM_DEVICE_EXT of EGL_EXT_platform_device: the only platform that MuJoCo tries
+_PLATFORM_DEVICE = 0x313F
 _MOST_DEVICES = 8
 _SIDE = 8  # of the picture that is drawn to try it [pixels]
 _COLOUR = (255, 128, 0)
@@ -28,25 +31,32 @@ _WITHIN_S = 60.0  # estimate: it takes 0.5 s, or 20 on a machine with much other
 
 
 def required() -> str:
-    """Return the name of the library that draws here. Raises GlError where none does, with what is in the way.
+    """Return the name of the library that draws here. Raises GlError where none does, with what is
+    in the way.
 
-    A process of its own draws as the robot's will, and reads a pixel of it: so a library that vanished is noticed, and
-    one that kills the process is survived.
+    A process of its own draws as the robot's will, and reads a pixel of it: so a library that
+    vanished is noticed, and one that kills the process is survived.
     """
     command = [sys.executable, "-P", "-m", "velma.sim.gl"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_WITHIN_S, check=False)
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_WITHIN_S, check=False
+        )
     except subprocess.TimeoutExpired:
         raise GlError(f"nothing was drawn within {_WITHIN_S:g} s") from None
     if done.returncode < 0:
-        raise GlError(f"{signal.Signals(-done.returncode).name} killed the process that tried to draw")
+        raise GlError(
+            f"{signal.Signals(-done.returncode).name} killed the process that tried to draw"
+        )
     if done.returncode:
         raise GlError((done.stderr.splitlines() or [f"exit status {done.returncode}"])[-1])
     return done.stdout.strip()
 
 
 def lost() -> str:
-    """Return why nothing can be drawn here, and what to install; "" where `required` returns a name."""
+    """Return why nothing can be drawn here, and what to install; "" where `required` returns a
+    name.
+    """
     try:
         required()
     except GlError as error:
@@ -64,7 +74,9 @@ def context(width: int, height: int) -> Any:
         made = importlib.import_module(f"mujoco.{name}").GLContext(width, height)
         made.make_current()
     except Exception as error:  # of PyOpenGL, MuJoCo or a driver: they declare none
-        raise GlError(f"{name} makes no context: {type(error).__name__}: {' '.join(str(error).split())}") from error
+        raise GlError(
+            f"{name} makes no context: {type(error).__name__}: {' '.join(str(error).split())}"
+        ) from error
     return made
 
 
@@ -73,7 +85,8 @@ def drawn() -> str:
 
     Raises GlError where that fails.
     """
-    name = _chosen()  # first: MuJoCo cannot be imported where MUJOCO_GL names a library that is not here
+    # first: MuJoCo cannot be imported where MUJOCO_GL names a library that is not here
+    name = _chosen()
     import mujoco  # only here: who asks by `required` needs no simulator
     import numpy as np
 
@@ -98,7 +111,9 @@ def drawn() -> str:
 
 
 def _chosen() -> str:
-    """Return the name of the first library of which everything is here. Raises GlError where there is none."""
+    """Return the name of the first library of which everything is here. Raises GlError where there
+    is none.
+    """
     asked = os.environ.get("MUJOCO_GL", "").strip().lower()
     if asked in OFF:
         raise GlError(f"MUJOCO_GL={asked} in the environment forbids it")
@@ -114,7 +129,8 @@ def _lack(name: str) -> str:
     try:
         library = ctypes.CDLL(LIBRARIES[name])
     except OSError as error:
-        return f"no {LIBRARIES[name]}" if "No such file" in str(error) else str(error)  # which begins with the name
+        # which begins with the name
+        return f"no {LIBRARIES[name]}" if "No such file" in str(error) else str(error)
     if name == OSMESA:
         return ""
     if not any(_loads(one) for one in FUNCTIONS):
@@ -132,14 +148,18 @@ def _loads(library: str) -> bool:
 
 def _has_device(egl: ctypes.CDLL) -> bool:
     egl.eglGetProcAddress.restype = ctypes.c_void_p
-    query, display_of = (egl.eglGetProcAddress(name) for name in (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT"))
+    query, display_of = (
+        egl.eglGetProcAddress(name) for name in (b"eglQueryDevicesEXT", b"eglGetPlatformDisplayEXT")
+    )
     if not query or not display_of:
         return False
     devices, count = (ctypes.c_void_p * _MOST_DEVICES)(), ctypes.c_int(0)
     kind = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
     if not kind(query)(_MOST_DEVICES, ctypes.byref(devices), ctypes.byref(count)):
         return False
-    open_display = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(display_of)
+    open_display = ctypes.CFUNCTYPE(
+        ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p
+    )(display_of)
     egl.eglInitialize.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
     displays = (open_display(_PLATFORM_DEVICE, device, None) for device in devices[: count.value])
     return any(display and egl.eglInitialize(display, None, None) for display in displays)

@@ -14,17 +14,18 @@ from velma.names import (
 )
 from velma.sim.backend import PERIOD_S, Array, Command, State, at_rest
 
-# A light joint with heavy friction: it creeps when pushed and stops at once. Per joint, kg m2 and Nms/rad.
+# A light joint with heavy friction: it creeps when pushed and stops at once. Per joint, kg m2 and
+# Nms/rad.
 INERTIA, FRICTION = 1.0, 20.0
 FINGER_SPEED = 3.27  # rad/s, BHR
 
 
 class MockBackend:
-    """Fifteen separate joints, each I dv/dt = tau - d v, with hard ends. The head follows its target at once, the
-    fingers at a finite speed within their ranges.
+    """Fifteen separate joints, each I dv/dt = tau - d v, with hard ends. The head follows its
+    target at once, the fingers at a finite speed within their ranges.
 
-    `grasped[row]`: finger angle [rad] at which the fingers of a row meet an object (None: no object). They stop there,
-    and the servo error grows.
+    `grasped[row]`: finger angle [rad] at which the fingers of a row meet an object (None: no
+    object). They stop there, and the servo error grows.
     """
 
     period_s = PERIOD_S

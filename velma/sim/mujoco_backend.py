@@ -1,7 +1,7 @@
 """Velma in MuJoCo: the scene, stepped at the control period. True poses are in truth.py only.
 
-A step is `mj_step2` and then `mj_step1`, so that all that is read between two steps (gravity, contacts, poses) belongs
-to the present state and not to the one before.
+A step is `mj_step2` and then `mj_step1`, so that all that is read between two steps (gravity,
+contacts, poses) belongs to the present state and not to the one before.
 """
 
 import ctypes
@@ -18,12 +18,21 @@ from velma.errors import SceneError
 from velma.model.scene import Noise, Scene, checked
 from velma.model.scene_xml import WRIST_SENSORS, scene_xml
 from velma.names import BODY, DISTAL, FINGERS, HEAD, PROXIMAL, SIDES, SPREAD, START, check_joints
-from velma.sim.backend import DISTAL_SHARE, PAIR_LIMIT, PERIOD_S, SINGLE_LIMIT, Array, Command, State, at_rest
+from velma.sim.backend import (
+    DISTAL_SHARE,
+    PAIR_LIMIT,
+    PERIOD_S,
+    SINGLE_LIMIT,
+    Array,
+    Command,
+    State,
+    at_rest,
+)
 from velma.sim.disturbances import Disturbance, Orders
 from velma.sim.disturbed_world import DisturbedWorld
 from velma.sim.spoiled_senses import SpoiledReadings
 
-# --- MuJoCo's sleep: what is at rest and touched by nothing awake is not simulated -----------------------------------
+# --- MuJoCo's sleep: what is at rest and touched by nothing awake is not simulated ----------------
 
 AWAKE = -1
 
@@ -34,7 +43,9 @@ def allow_sleep(model: mujoco.MjModel) -> None:
 
 
 def sleep_again(model: mujoco.MjModel, data: mujoco.MjData, asleep: Array) -> None:
-    """Put to sleep the trees that slept when `data.tree_asleep` was `asleep` (ntree,), at the coordinates of `data`."""
+    """Put to sleep the trees that slept when `data.tree_asleep` was `asleep` (ntree,), at the
+    coordinates of `data`.
+    """
     data.tree_asleep[:] = AWAKE
     mujoco.mj_step1(model, data)  # what sleeps is placed only while it is awake
     data.tree_asleep[:] = asleep.astype(np.int32)
@@ -44,18 +55,23 @@ def sleep_again(model: mujoco.MjModel, data: mujoco.MjData, asleep: Array) -> No
 
 @cache
 def _update() -> Any:
-    """Return the function of MuJoCo's library that makes its lists of what is awake; Python's bindings leave it out."""
+    """Return the function of MuJoCo's library that makes its lists of what is awake; Python's
+    bindings leave it out.
+    """
     (path,) = Path(mujoco.__file__).parent.glob("libmujoco.so.*")
     update = ctypes.CDLL(str(path)).mj_updateSleep
     update.argtypes, update.restype = [ctypes.c_void_p, ctypes.c_void_p], None
     return update
 
 
-# --- Things of a scene that stand in each other or in the robot. Read from the contacts of the simulation at its start
+# --- Things of a scene that stand in each other or in the robot. Read from the contacts of the
+# simulation at its start
 
 
 MOST_M = (
-    0.003  # [m] estimate: a recorded scene is true to some millimetres, and what stands is pressed in by less than 1
+    # [m] estimate: a recorded scene is true to some millimetres, and what stands is pressed in by
+    # less than 1
+    0.003
 )
 
 
@@ -73,21 +89,30 @@ def refuse(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if not named or any(name.startswith("grain_") for name in (first, second)):
             continue
         other = second if first == named[0] else first
-        around = other if other in things else ("the floor" if other == "world" else f"the robot ({other})")
+        around = (
+            other
+            if other in things
+            else ("the floor" if other == "world" else f"the robot ({other})")
+        )
         deep = f"{-1000 * contact.dist:.0f} mm inside {around}"
         raise SceneError(
-            f"thing {named[0]}", deep, f"things that overlap by at most {1000 * MOST_M:.0f} mm; move one of them"
+            f"thing {named[0]}",
+            deep,
+            f"things that overlap by at most {1000 * MOST_M:.0f} mm; move one of them",
         )
 
 
-# --- Errors of the simulated robot and of what is known of it: the same in the same cycle of a scene, also restored
+# --- Errors of the simulated robot and of what is known of it: the same in the same cycle of a
+# scene, also restored
 
 
 CYCLES = 4001  # 8 s, then the noise repeats: longer than every average over it (estimate)
 
 
 def wrists(noise: Noise) -> Array:
-    """Return errors (CYCLES, 2, 6) [N, Nm] by cycle and side: a constant one and white noise, drawn from the seed."""
+    """Return errors (CYCLES, 2, 6) [N, Nm] by cycle and side: a constant one and white noise, drawn
+    from the seed.
+    """
     rng = np.random.default_rng([noise.seed, *b"wrist"])
     bias = np.array([noise.force_bias] * 3 + [noise.torque_bias] * 3)
     spread = np.array([noise.force] * 3 + [noise.torque] * 3)
@@ -96,8 +121,9 @@ def wrists(noise: Noise) -> Array:
 
 
 def joints(noise: Noise) -> Array:
-    """Return errors (CYCLES, 2, 15) of body joints by cycle: of positions [rad], and of speeds [rad/s], which a drive
-    computes from two positions."""
+    """Return errors (CYCLES, 2, 15) of body joints by cycle: of positions [rad], and of speeds
+    [rad/s], which a drive computes from two positions.
+    """
     rng = np.random.default_rng([noise.seed, *b"joint"])
     positions = noise.joint * rng.standard_normal((CYCLES, len(BODY)))
     return np.stack((positions, (positions - np.roll(positions, 1, axis=0)) / PERIOD_S), axis=1)
@@ -115,28 +141,36 @@ def masses(noise: Noise, count: int) -> Array:
     return np.asarray(1.0 + noise.mass * rng.uniform(-1.0, 1.0, count))
 
 
-# --- Velma in MuJoCo --------------------------------------------------------------------------------------------------
+# --- Velma in MuJoCo ------------------------------------------------------------------------------
 
 
-# A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate: carries jar and bowl
-# without creep; data from the maker of the gear would be better.
+# A locked hand holds by dry friction of its worm gears: proximal and spread, distal, Nm. Estimate:
+# carries jar and bowl without creep; data from the maker of the gear would be better.
 LOCK_PROXIMAL, LOCK_DISTAL = 3.0, 1.0
-# MuJoCo's dry friction is soft by default: 1.5 Nm would turn a locked finger by 0.7 rad/s. With these it is 0.02 rad/s.
+# MuJoCo's dry friction is soft by default: 1.5 Nm would turn a locked finger by 0.7 rad/s. With
+# these it is 0.02 rad/s.
 LOCK_SOLREF, LOCK_SOLIMP = 0.005, (0.99, 0.999)
 
 
 def compiled(scene: Scene) -> mujoco.MjModel:
-    """Return the model of a scene, its joints checked. A mirror of the world is made the same way."""
+    """Return the model of a scene, its joints checked. A mirror of the world is made the same
+    way.
+    """
     model = mujoco.MjModel.from_xml_string(scene_xml(checked(scene)))
     joints = [model.joint(j).name for j in range(model.njnt)]
     check_joints(f"scene {scene.name}", [name for name in joints if name in BODY])
     if abs(model.opt.timestep - PERIOD_S) > 1e-12:
-        raise ValueError(f"scene {scene.name} steps {model.opt.timestep} s, the loop {PERIOD_S} s: see objects.yaml")
+        raise ValueError(
+            f"scene {scene.name} steps {model.opt.timestep} s, the loop {PERIOD_S} s: see"
+            " objects.yaml"
+        )
     return model
 
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""Everything that the next step depends on, but the locks, which are parameters of the model here."""
+"""Everything that the next step depends on, but the locks, which are parameters of the model
+here.
+"""
 
 
 class MujocoBackend:
@@ -152,8 +186,8 @@ class MujocoBackend:
         self.model = model = model or compiled(scene)
         allow_sleep(model)
         self.data = mujoco.MjData(model)
-        # MuJoCo would write its warnings to a file in the working folder; errors show in the numbers, which the loop
-        # checks.
+        # MuJoCo would write its warnings to a file in the working folder; errors show in the
+        # numbers, which the loop checks.
         mujoco.set_mju_user_warning(lambda _message: None)
         self._places()
         self._limits()
@@ -171,9 +205,18 @@ class MujocoBackend:
         self._readings, self._world = SpoiledReadings(), DisturbedWorld(model, self.data, scene)
         self.orders = Orders.named()
         self._work = 0.0
-        sizes = [mujoco.mj_stateSize(model, STATE), 2, 1, self._wrist.size, self._before.size, model.ntree]
+        sizes = [
+            mujoco.mj_stateSize(model, STATE),
+            2,
+            1,
+            self._wrist.size,
+            self._before.size,
+            model.ntree,
+        ]
         self._saved, ends = np.zeros(sum(sizes)), np.cumsum(sizes)
-        self._parts = [slice(int(end - size), int(end)) for end, size in zip(ends, sizes, strict=True)]
+        self._parts = [
+            slice(int(end - size), int(end)) for end, size in zip(ends, sizes, strict=True)
+        ]
 
     def _places(self) -> None:
         model = self.model
@@ -193,12 +236,19 @@ class MujocoBackend:
         self._spread_servos = drive(tuple(f"{side}_spread" for side in SIDES))
         self._proximal = np.stack([position(PROXIMAL[side]) for side in SIDES])
         self._distal = np.stack([position(DISTAL[side]) for side in SIDES])
-        servos = [[drive(tuple(f"{s}_{kind}_{f}" for f in FINGERS)) for s in SIDES] for kind in ("proximal", "distal")]
+        servos = [
+            [drive(tuple(f"{s}_{kind}_{f}" for f in FINGERS)) for s in SIDES]
+            for kind in ("proximal", "distal")
+        ]
         self._proximal_servos, self._distal_servos = np.stack(servos[0]), np.stack(servos[1])
         self._stiff_dofs = [speed((*PROXIMAL[side], *SPREAD[side])) for side in SIDES]
         self._distal_dofs = [speed(DISTAL[side]) for side in SIDES]
-        firsts = [[model.sensor(f"{side}_{kind}").adr[0] for kind in WRIST_SENSORS] for side in SIDES]
-        self._wrist = np.array([[at + k for at in row for k in range(3)] for row in firsts], dtype=np.intp)
+        firsts = [
+            [model.sensor(f"{side}_{kind}").adr[0] for kind in WRIST_SENSORS] for side in SIDES
+        ]
+        self._wrist = np.array(
+            [[at + k for at in row for k in range(3)] for row in firsts], dtype=np.intp
+        )
 
     def _limits(self) -> None:
         closing = np.array([PAIR_LIMIT, PAIR_LIMIT, SINGLE_LIMIT])
@@ -219,11 +269,15 @@ class MujocoBackend:
         mujoco.mj_setConst(self.model, self.data)
 
     def observe(self) -> State:
-        """Return the state, with the errors and the delay that the scene's noise says; forces before the last step."""
+        """Return the state, with the errors and the delay that the scene's noise says; forces
+        before the last step.
+        """
         state, qpos = self._state, self.data.qpos
         state.time = self.data.time
         cycle = round(self.data.time / PERIOD_S) % CYCLES
-        state.q[:], state.v[:] = self._before if self._late else (qpos[self._q], self.data.qvel[self._v])
+        state.q[:], state.v[:] = (
+            self._before if self._late else (qpos[self._q], self.data.qvel[self._v])
+        )
         if self._joint_errors is not None:
             state.q += self._joint_errors[cycle, 0]
             state.v += self._joint_errors[cycle, 1]
@@ -236,7 +290,9 @@ class MujocoBackend:
         return state
 
     def disturb(self, going_on: Sequence[Disturbance]) -> bool:
-        """Take what goes on now in place of what did; return whether the world was changed, so that nothing rests."""
+        """Take what goes on now in place of what did; return whether the world was changed, so that
+        nothing rests.
+        """
         self._readings.set(going_on)
         return self._world.set(going_on)
 
@@ -245,7 +301,9 @@ class MujocoBackend:
         return self.orders.changed() and self.disturb(self.orders.going_on)
 
     def resume(self) -> None:
-        """Go on in a restored world: what was ordered has befallen its things already, senses are ill again."""
+        """Go on in a restored world: what was ordered has befallen its things already, senses are
+        ill again.
+        """
         self.orders.look()
         self._world.forget(self.orders.going_on)
         self.disturb(self.orders.going_on)
@@ -291,20 +349,27 @@ class MujocoBackend:
         return hashlib.sha256(f"{mujoco.__version__} {scene_xml(self.scene)}".encode()).digest()
 
     def save(self) -> bytes:
-        """Return the state between two steps, with the locks, the work so far, what was measured last and before.
+        """Return the state between two steps, with the locks, the work so far, what was measured
+        last and before.
 
         What sleeps is part of it, too.
         """
         state, locked, work, wrist, before, asleep = (self._saved[part] for part in self._parts)
         mujoco.mj_getState(self.model, self.data, state, STATE)
         asleep[:] = self.data.tree_asleep
-        locked[:], work[:], wrist[:] = self._locked, self._work, self.data.sensordata[self._wrist.ravel()]
+        locked[:], work[:], wrist[:] = (
+            self._locked,
+            self._work,
+            self.data.sensordata[self._wrist.ravel()],
+        )
         before[:] = self._before.ravel()
         return self._saved.tobytes()
 
     def restore(self, saved: bytes) -> None:
         """Take up a state of `save`: the same commands lead to the same states, bit for bit."""
-        state, locked, work, wrist, before, asleep = (np.frombuffer(saved)[part] for part in self._parts)
+        state, locked, work, wrist, before, asleep = (
+            np.frombuffer(saved)[part] for part in self._parts
+        )
         mujoco.mj_setState(self.model, self.data, state, STATE)
         sleep_again(self.model, self.data, asleep)
         self._lock(locked)
@@ -315,5 +380,7 @@ class MujocoBackend:
 
     @property
     def work_J(self) -> float:
-        """Work of the body joints so far, J: the integral of |torque x speed| with the weight of the arms in it."""
+        """Work of the body joints so far, J: the integral of |torque x speed| with the weight of
+        the arms in it.
+        """
         return self._work

@@ -1,5 +1,6 @@
-"""Pictures of the head camera as a real one would take them: with noise, blur, exposure, and a camera that is not quite
-where the robot's model has it (all of the scene's noise)."""
+"""Pictures of the head camera as a real one would take them: with noise, blur, exposure, and a
+camera that is not quite where the robot's model has it (all of the scene's noise).
+"""
 
 import math
 from collections.abc import Sequence
@@ -19,9 +20,9 @@ from velma.sim.disturbances import Disturbance, Kind, Of, Orders
 from velma.sim.head_camera import CAMERA, Array, HeadCamera, Pixels
 from velma.sim.spoiled_senses import SpoiledPictures
 
-# --- Markers on the things of a simulated world, for pictures. They have no mass and no contact -----------------------
-# The physics is the same. A body has one texture with all its plates and one mesh of squares: so many geoms would be
-# slower to draw.
+# --- Markers on the things of a simulated world, for pictures. They have no mass and no contact ---
+# The physics is the same. A body has one texture with all its plates and one mesh of squares: so
+# many geoms would be slower to draw.
 
 
 TEXELS = 12
@@ -29,7 +30,9 @@ TEXELS = 12
 
 
 def marked(scene: Scene) -> mujoco.MjModel:
-    """Return the model of a scene with markers on its things. Its coordinates are those of the model without."""
+    """Return the model of a scene with markers on its things. Its coordinates are those of the
+    model without.
+    """
     spec = mujoco.MjSpec.from_string(scene_xml(checked(scene)))
     for name, markers in of_scene(scene).items():
         _mark(spec, name, markers)
@@ -42,23 +45,31 @@ def _mark(spec: Any, name: str, markers: Sequence[Marker]) -> None:
     rows = math.ceil(len(markers) / columns)
     sheet = _sheet(markers, rows, columns)
     height, width = sheet.shape
-    texture = spec.add_texture(name=label, type=mujoco.mjtTexture.mjTEXTURE_2D, width=width, height=height, nchannel=3)
+    texture = spec.add_texture(
+        name=label, type=mujoco.mjtTexture.mjTEXTURE_2D, width=width, height=height, nchannel=3
+    )
     texture.data = np.repeat(sheet[..., None], 3, axis=2).tobytes()
     material = spec.add_material(name=label, specular=0.0, shininess=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = label
-    faces = np.array([(4 * k + a, 4 * k + b, 4 * k + c) for k in range(len(markers)) for a, b, c in _HALVES])
+    faces = np.array(
+        [(4 * k + a, 4 * k + b, 4 * k + c) for k in range(len(markers)) for a, b, c in _HALVES]
+    )
     mesh = spec.add_mesh(name=label)
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # an open surface has no volume
     mesh.uservert = np.concatenate([marker.plate() for marker in markers]).ravel().tolist()
     mesh.usertexcoord = _texcoords(len(markers), rows, columns).ravel().tolist()
     mesh.userface = mesh.userfacetexcoord = faces.ravel().tolist()
-    geom = spec.body(name).add_geom(name=label, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=label, material=label)
+    geom = spec.body(name).add_geom(
+        name=label, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=label, material=label
+    )
     geom.contype = geom.conaffinity = 0
     geom.group, geom.mass = int(LOOK_GROUP), 0.0
 
 
 _HALVES = ((3, 2, 1), (3, 1, 0))
-"""Triangles of a square whose corners are upper left, upper right, lower right, lower left: seen from its front."""
+"""Triangles of a square whose corners are upper left, upper right, lower right, lower left: seen
+from its front.
+"""
 
 
 def _sheet(markers: Sequence[Marker], rows: int, columns: int) -> np.ndarray:
@@ -67,25 +78,31 @@ def _sheet(markers: Sequence[Marker], rows: int, columns: int) -> np.ndarray:
     sheet = np.full((rows * side, columns * side), 255, np.uint8)
     for k, marker in enumerate(markers):
         y, x = divmod(k, columns)
-        sheet[y * side : (y + 1) * side, x * side : (x + 1) * side] = detect.plate(marker.number, TEXELS)
+        sheet[y * side : (y + 1) * side, x * side : (x + 1) * side] = detect.plate(
+            marker.number, TEXELS
+        )
     return sheet
 
 
 def _texcoords(count: int, rows: int, columns: int) -> np.ndarray:
-    """Return where (count, 4, 2) the corners of the plates are in the sheet, 0 to 1, v downwards from the top row."""
+    """Return where (count, 4, 2) the corners of the plates are in the sheet, 0 to 1, v downwards
+    from the top row.
+    """
     at = np.array([divmod(k, columns)[::-1] for k in range(count)])[:, None, :]
     corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])[None]
     return np.asarray((at + corners) / np.array([columns, rows]))
 
 
-# --- Pictures of the head camera as a real one would take them --------------------------------------------------------
+# --- Pictures of the head camera as a real one would take them ------------------------------------
 
 
 _MOUNT, _PICTURE = 1, 2  # random streams of a scene's seed
 
 
 class Photographs:
-    """Takes pictures in a copy of the world of a scene, things with their markers. Raises GlError without OpenGL."""
+    """Takes pictures in a copy of the world of a scene, things with their markers. Raises GlError
+    without OpenGL.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self._noise = scene.noise
@@ -96,11 +113,16 @@ class Photographs:
         self._orders, self._spoiled = Orders.named(), SpoiledPictures()
 
     def take(self, qpos: Array, number: int) -> Pixels:
-        """Return the picture (HEIGHT, WIDTH, 3) of the state qpos (nq,); `number`: which look it is, for its noise."""
+        """Return the picture (HEIGHT, WIDTH, 3) of the state qpos (nq,); `number`: which look it
+        is, for its noise.
+        """
         return self.both(qpos, number)[1]
 
-    def both(self, qpos: Array, number: int, spoiled: SpoiledPictures | None = None) -> tuple[Pixels, Pixels]:
-        """Return the picture of a perfect camera, and the one that `take` returns, or that of another camera beside it.
+    def both(
+        self, qpos: Array, number: int, spoiled: SpoiledPictures | None = None
+    ) -> tuple[Pixels, Pixels]:
+        """Return the picture of a perfect camera, and the one that `take` returns, or that of
+        another camera beside it.
 
         `spoiled`: what goes on in the pictures of that one.
         """
@@ -122,7 +144,9 @@ class Photographs:
                 self._model.body(one.on).pos[:] += one.size
 
     def room(self, qpos: Array) -> Pixels:
-        """Return the robot in the state qpos (nq,), from a place in the room (velma.sim.head_camera)."""
+        """Return the robot in the state qpos (nq,), from a place in the room
+        (velma.sim.head_camera).
+        """
         return self._camera.room(qpos)
 
     def close(self) -> None:
@@ -131,11 +155,20 @@ class Photographs:
 
 
 def _misplace(model: mujoco.MjModel, scene: Scene) -> None:
-    """Turn and shift the camera against the model that the robot has of itself, uniform on each axis."""
+    """Turn and shift the camera against the model that the robot has of itself, uniform on each
+    axis.
+    """
     noise, camera = scene.noise, model.camera(CAMERA).id
     rng = np.random.default_rng([noise.seed, _MOUNT])
-    turn, off = noise.camera_turn * rng.uniform(-1, 1, 3), noise.camera_shift * rng.uniform(-1, 1, 3)
-    quaternion, before, angle = np.zeros(4), model.cam_quat[camera].copy(), float(np.linalg.norm(turn))
+    turn, off = (
+        noise.camera_turn * rng.uniform(-1, 1, 3),
+        noise.camera_shift * rng.uniform(-1, 1, 3),
+    )
+    quaternion, before, angle = (
+        np.zeros(4),
+        model.cam_quat[camera].copy(),
+        float(np.linalg.norm(turn)),
+    )
     mujoco.mju_axisAngle2Quat(quaternion, turn / max(1e-12, angle), angle)
     mujoco.mju_mulQuat(model.cam_quat[camera], quaternion, before)
     model.cam_pos[camera] += off

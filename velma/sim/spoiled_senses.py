@@ -1,4 +1,6 @@
-"""Readings of the simulated robot's joints, wrists, fingers and camera, spoiled as disturbances.py says."""
+"""Readings of the simulated robot's joints, wrists, fingers and camera, spoiled as disturbances.py
+says.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -14,7 +16,9 @@ Spoil = Callable[[State], None]
 
 
 class SpoiledReadings:
-    """What goes on in the readings of a robot. A reading that is stuck stays as it was first read then."""
+    """What goes on in the readings of a robot. A reading that is stuck stays as it was first read
+    then.
+    """
 
     def __init__(self) -> None:
         self._going_on: dict[Disturbance, list[Array]] = {}
@@ -48,7 +52,8 @@ def _spoiled(reading: Array, first: Array, one: Disturbance) -> Array | float:
             return reading + one.size[0] * (_AXES if one.of is Of.WRIST else 1.0)
 
 
-_AXES = np.array([1.0] * 3 + [0.05] * 3)  # of a wrist: torques at a lever of 0.05 m, as of Noise (velma.model.scene)
+# of a wrist: torques at a lever of 0.05 m, as of Noise (velma.model.scene)
+_AXES = np.array([1.0] * 3 + [0.05] * 3)
 _Part = tuple[Array, tuple[slice, ...]]
 
 
@@ -77,7 +82,9 @@ _READINGS: dict[Of, Callable[[State, str], Iterator[_Part]]] = {
 
 
 class SpoiledPictures:
-    """What goes on in the pictures of a camera. A frozen camera gives the picture before, else its first one."""
+    """What goes on in the pictures of a camera. A frozen camera gives the picture before, else its
+    first one.
+    """
 
     def __init__(self) -> None:
         self._last: Pixels | None = None

@@ -1,4 +1,6 @@
-"""The true state of the world, for the report and for tests. Agents must not read it; they have the receptor."""
+"""The true state of the world, for the report and for tests. Agents must not read it; they have the
+receptor.
+"""
 
 import math
 
@@ -16,7 +18,8 @@ from velma.sim.mujoco_backend import MujocoBackend
 
 Vector = tuple[float, float, float]
 
-# --- Forces of the simulated world, for pictures: contacts of robot and things, torques of drives, wrenches at wrists
+# --- Forces of the simulated world, for pictures: contacts of robot and things, torques of drives,
+# wrenches at wrists
 # All is read between two steps; nothing here changes the simulation.
 
 
@@ -28,21 +31,29 @@ LEAST_N = 0.05
 
 
 class Forces:
-    """Reads `data`. `robot`, `grains`: which bodies (nbody,) are of the robot, and which are grains."""
+    """Reads `data`. `robot`, `grains`: which bodies (nbody,) are of the robot, and which are
+    grains.
+    """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, robot: Flags, grains: Flags) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, robot: Flags, grains: Flags
+    ) -> None:
         self._model, self._data = model, data
         self._robot, self._thing = robot, ~robot & ~grains
         self._motors = np.array([model.actuator(name).id for name in BODY], dtype=np.intp)
         self._sensors = {side: [f"{side}_{kind}" for kind in WRIST_SENSORS] for side in SIDES}
 
     def contacts(self) -> tuple[tuple[Vector, Vector], ...]:
-        """Return points where the robot touches a thing and the forces on the thing, world frame, strongest first."""
+        """Return points where the robot touches a thing and the forces on the thing, world frame,
+        strongest first.
+        """
         data = self._data
         bodies = self._model.geom_bodyid[data.contact.geom[: data.ncon]].reshape(-1, 2)
         robot, thing = self._robot[bodies], self._thing[bodies]
         found = []
-        for k in np.flatnonzero((robot[:, 0] & thing[:, 1]) | (robot[:, 1] & thing[:, 0]))[: 4 * MOST_CONTACTS]:
+        for k in np.flatnonzero((robot[:, 0] & thing[:, 1]) | (robot[:, 1] & thing[:, 0]))[
+            : 4 * MOST_CONTACTS
+        ]:
             force = np.zeros(6)
             mujoco.mj_contactForce(self._model, data, int(k), force)
             # The frame's rows are its axes; the force is that on the second body of the pair.
@@ -57,7 +68,9 @@ class Forces:
         return tuple(self._data.actuator_force[self._motors].tolist())
 
     def wrenches(self) -> dict[str, tuple[float, ...]]:
-        """Return by side force [N], torque [Nm] of the arm on the hand in the last step, axes of the wrist sensor."""
+        """Return by side force [N], torque [Nm] of the arm on the hand in the last step, axes of
+        the wrist sensor.
+        """
         data = self._data
         return {
             side: tuple(x for name in names for x in data.sensor(name).data.tolist())
@@ -65,29 +78,32 @@ class Forces:
         }
 
 
-# --- The true state of the world, for the report and for tests --------------------------------------------------------
+# --- The true state of the world, for the report and for tests ------------------------------------
 
 
 Array = NDArray[np.float64]
 Quaternion = tuple[float, float, float, float]
 
-# A grain counts as inside a vessel up to this far outside its walls, since contacts are soft. m, estimate.
+# A grain counts as inside a vessel up to this far outside its walls, since contacts are soft. m,
+# estimate.
 SLACK = 0.005
 
 
 class Truth(msgspec.Struct, frozen=True):
     """The true state at a time: grains by vessel, tilt of everything that can be taken, contacts.
 
-    `poses`, `models` and `grains_at` are for pictures: thing id -> (origin, quaternion w first) in the world and model
-    (velma.model.kinds.Model), furniture too; centres of the grains. m. So are the last three: where the robot
-    touches a thing and the force on the thing (world frame, m and N), the strongest MOST_CONTACTS; torques of the
-    drives of the body; by side force N and torque Nm of the arm on the hand without errors, axes of the wrist's sensor.
+    `poses`, `models` and `grains_at` are for pictures: thing id -> (origin, quaternion w first) in
+    the world and model (velma.model.kinds.Model), furniture too; centres of the grains. m. So are
+    the last three: where the robot touches a thing and the force on the thing (world frame, m and
+    N), the strongest MOST_CONTACTS; torques of the drives of the body; by side force N and torque
+    Nm of the arm on the hand without errors, axes of the wrist's sensor.
     """
 
     time_s: float
     grains: int
     grains_in: dict[str, int]  # vessel id -> count
-    tilt_deg: dict[str, float]  # id of a thing that can be taken -> angle of its axis from the vertical
+    # id of a thing that can be taken -> angle of its axis from the vertical
+    tilt_deg: dict[str, float]
     at: dict[str, Vector]  # id -> origin, m
     fingers_on: dict[str, dict[str, int]]  # id -> side -> finger and palm links that touch it
     furniture_touched: bool  # the robot touches furniture
@@ -106,9 +122,13 @@ class TruthReader:
     def __init__(self, backend: MujocoBackend) -> None:
         self._backend = backend
         model, scene = backend.model, backend.scene
-        self._vessels = {thing.id: _cavity(thing.model) for thing in scene.of(Model.JAR, Model.BOWL)}
+        self._vessels = {
+            thing.id: _cavity(thing.model) for thing in scene.of(Model.JAR, Model.BOWL)
+        }
         self._moveable = tuple(thing.id for thing in scene.of(*MOVEABLE))
-        self._grain_bodies = np.array([model.body(grain_name(k)).id for k in range(_grains(scene))], dtype=np.intp)
+        self._grain_bodies = np.array(
+            [model.body(grain_name(k)).id for k in range(_grains(scene))], dtype=np.intp
+        )
         self._models = {thing.id: str(thing.model) for thing in scene.things}
         self._bodies = {thing.id: model.body(thing.id).id for thing in scene.things}
         parts = [_side(model, body) for body in range(model.nbody)]
@@ -116,7 +136,9 @@ class TruthReader:
         self._hand = {side: np.array([part == side for part in parts]) for side in SIDES}
         grains = np.isin(np.arange(model.nbody), self._grain_bodies)
         self._forces = Forces(model, backend.data, self._is_robot, grains)
-        self._is_furniture = np.isin(np.arange(model.nbody), [self._bodies[thing.id] for thing in scene.of(*FURNITURE)])
+        self._is_furniture = np.isin(
+            np.arange(model.nbody), [self._bodies[thing.id] for thing in scene.of(*FURNITURE)]
+        )
 
     def read(self) -> Truth:
         """Return the truth now."""
@@ -161,7 +183,11 @@ class TruthReader:
         rotation, position = self.pose(name)
         local = (self._backend.data.xpos[self._grain_bodies] - position) @ rotation
         radius, low, high = self._vessels[name]
-        within = (np.hypot(local[:, 0], local[:, 1]) < radius) & (local[:, 2] > low) & (local[:, 2] < high)
+        within = (
+            (np.hypot(local[:, 0], local[:, 1]) < radius)
+            & (local[:, 2] > low)
+            & (local[:, 2] < high)
+        )
         return int(within.sum())
 
     def fingers_on(self, name: str) -> dict[str, int]:
@@ -203,7 +229,9 @@ def _cavity(model: Model) -> tuple[float, float, float]:
 
 
 def _side(model: mujoco.MjModel, body: int) -> str:
-    """Return right or left for a link of that arm or hand, "body" for the rest of the robot, "" for anything else."""
+    """Return right or left for a link of that arm or hand, "body" for the rest of the robot, "" for
+    anything else.
+    """
     name: str = model.body(body).name
     first = name.removeprefix("calib_").split("_")[0]
     if first in SIDES:

@@ -1,7 +1,9 @@
-"""The depot's small world, kinematics only: stations in two halls, one aisle between them, straight ways at one speed.
+"""The depot's small world, kinematics only: stations in two halls, one aisle between them, straight
+ways at one speed.
 
-Lengths in m, times in s. No dynamics, no collisions: the aisle is kept free by talking, not by looking. Every number is
-an estimate, chosen so that a transport takes some seconds and a person can follow it.
+Lengths in m, times in s. No dynamics, no collisions: the aisle is kept free by talking, not by
+looking. Every number is an estimate, chosen so that a transport takes some seconds and a person can
+follow it.
 """
 
 import math

@@ -15,7 +15,9 @@ def alone() -> Alone:
 
 
 def test_it_is_bound_to_the_design():
-    """Every behaviour and condition of the design has its function, and no other; it starts where the design says."""
+    """Every behaviour and condition of the design has its function, and no other; it starts where
+    the design says.
+    """
     made = agent()
     entry = DESIGN.agent("desk")
     assert made.start == entry.initial
@@ -29,7 +31,9 @@ def test_its_interface_is_the_designs():
 
 
 def test_it_subscribes_once_for_each_life_of_the_dispatcher():
-    """One that is seen again after an outage of the router knows the subscription; a new life does not."""
+    """One that is seen again after an outage of the router knows the subscription; a new life does
+    not.
+    """
     desk = alone()
     for life in (1, 2, 2):
         desk.seen("dispatcher", life)

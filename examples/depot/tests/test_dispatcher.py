@@ -22,7 +22,9 @@ def alone() -> Alone:
 
 
 def test_it_is_bound_to_the_design():
-    """Every behaviour and condition of the design has its function, and no other; it starts where the design says."""
+    """Every behaviour and condition of the design has its function, and no other; it starts where
+    the design says.
+    """
     made = agent()
     entry = DESIGN.agent("dispatcher")
     assert made.start == entry.initial
@@ -37,7 +39,9 @@ def test_its_interface_is_the_designs():
 
 @pytest.mark.parametrize(("peer", "protocol", "act", "content"), ASKED)
 def test_whatever_it_is_asked_is_answered(peer, protocol, act, content):
-    """A sample of each question gets a word within a minute, or waits where the design's rows do not take it yet."""
+    """A sample of each question gets a word within a minute, or waits where the design's rows do
+    not take it yet.
+    """
     one = alone()
     name = one.ask(peer, protocol, act, sample_named(LANGUAGES, content), reply_by=one.now + 60.0)
     one.wait(60.0)

@@ -1,4 +1,5 @@
-"""A pytest plugin: the tests that every back-end of the executor must pass. docs/back-ends.md is their contract.
+"""A pytest plugin: the tests that every back-end of the executor must pass. docs/back-ends.md is
+their contract.
 
     python -P -m pytest -p services.executor.conformance --backend my_lab.robot:make
 
@@ -26,11 +27,15 @@ from velma.model import scene
 __all__ = ["CHECKS", "Check", "Result", "Subject", "judged"]
 
 HUNG = pytest.StashKey[str]()
-"""The check that did not come back: after it nothing else is tried, since the robot may still be in it."""
+"""The check that did not come back: after it nothing else is tried, since the robot may still be in
+it.
+"""
 
 
 class Result(msgspec.Struct, frozen=True):
-    """What a check has measured and where; None where nothing could be measured, and then why. In words as `str`."""
+    """What a check has measured and where; None where nothing could be measured, and then why. In
+    words as `str`.
+    """
 
     check: Check
     value: float | None
@@ -40,7 +45,9 @@ class Result(msgspec.Struct, frozen=True):
     @property
     def passed(self) -> bool:
         """Whether the property holds."""
-        return self.value is not None and math.isfinite(self.value) and self.value <= self.check.limit
+        return (
+            self.value is not None and math.isfinite(self.value) and self.value <= self.check.limit
+        )
 
     @property
     def measured(self) -> str:
@@ -50,7 +57,11 @@ class Result(msgspec.Struct, frozen=True):
 
     def __str__(self) -> str:
         check = self.check
-        value = "nothing could be measured" if self.value is None else f"{self.value:.3g} {check.unit}".rstrip()
+        value = (
+            "nothing could be measured"
+            if self.value is None
+            else f"{self.value:.3g} {check.unit}".rstrip()
+        )
         limit = f"{check.limit:.3g} {check.unit}".rstrip()
         return (
             f"{check.name}: {check.says}\n"
@@ -61,7 +72,9 @@ class Result(msgspec.Struct, frozen=True):
 
 
 def judged(check: Check, subject: Subject) -> Result:
-    """The result of one check. Never raises; returns within the time of the check even if the robot hangs."""
+    """The result of one check. Never raises; returns within the time of the check even if the robot
+    hangs.
+    """
     found: list[Measured | BaseException] = []
 
     def measure() -> None:
@@ -74,13 +87,15 @@ def judged(check: Check, subject: Subject) -> Result:
     thread.start()
     thread.join(check.most_s)
     if not found:
-        return Result(check, None, f"no answer within {check.most_s:g} s: a call does not return", hung=True)
+        return Result(
+            check, None, f"no answer within {check.most_s:g} s: a call does not return", hung=True
+        )
     if isinstance(found[0], BaseException):
         return Result(check, None, f"{type(found[0]).__name__}: {found[0]}")
     return Result(check, *found[0])
 
 
-# --- The plugin -------------------------------------------------------------------------------------------------------
+# --- The plugin -----------------------------------------------------------------------------------
 
 
 class Property(pytest.Item):
@@ -111,10 +126,18 @@ class Property(pytest.Item):
 def pytest_addoption(parser: pytest.Parser) -> None:
     """The options."""
     group = parser.getgroup("back-end", "a back-end of the executor (docs/back-ends.md)")
-    group.addoption("--backend", help=f"package.module:function that makes a back-end; {', '.join(SHORT)}")
-    group.addoption("--paced", action="store_true", help="A robot in real time: a step every period.")
-    group.addoption("--gentle", action="store_true", help="Leave out what pushes joints to their ends.")
-    group.addoption("--push", type=float, default=0.1, help="Share of the accepted torque that moves a joint.")
+    group.addoption(
+        "--backend", help=f"package.module:function that makes a back-end; {', '.join(SHORT)}"
+    )
+    group.addoption(
+        "--paced", action="store_true", help="A robot in real time: a step every period."
+    )
+    group.addoption(
+        "--gentle", action="store_true", help="Leave out what pushes joints to their ends."
+    )
+    group.addoption(
+        "--push", type=float, default=0.1, help="Share of the accepted torque that moves a joint."
+    )
 
 
 def pytest_collection(session: pytest.Session) -> bool | None:
@@ -125,16 +148,21 @@ def pytest_collection(session: pytest.Session) -> bool | None:
         return None
     try:
         make = maker(backend, scene.load())
-        getattr(make(), "close", lambda: None)()  # what is no back-end is told once, and not by every check
+        # what is no back-end is told once, and not by every check
+        getattr(make(), "close", lambda: None)()
     except BackendError as error:
         raise pytest.UsageError(str(error)) from None
     paced, gentle, push = (config.getoption(name) for name in ("paced", "gentle", "push"))
     subject = Subject(make, paced=paced, gentle=gentle, push=push)
     session.items = [
-        Property.from_parent(session, name=check.name, nodeid=f"{check.area}::{check}", check=check, subject=subject)
+        Property.from_parent(
+            session, name=check.name, nodeid=f"{check.area}::{check}", check=check, subject=subject
+        )
         for check in CHECKS
     ]
-    config.hook.pytest_collectreport(report=pytest.CollectReport("", "passed", None, list(session.items)))
+    config.hook.pytest_collectreport(
+        report=pytest.CollectReport("", "passed", None, list(session.items))
+    )
     config.hook.pytest_collection_modifyitems(session=session, config=config, items=session.items)
     session.testscollected = len(session.items)
     config.hook.pytest_collection_finish(session=session)
@@ -144,7 +172,9 @@ def pytest_collection(session: pytest.Session) -> bool | None:
 def pytest_report_collectionfinish(config: pytest.Config, items: list[pytest.Item]) -> list[str]:
     """With --collect-only each property with its limit and the source of that."""
     lines = []
-    for check in (item.check for item in items if isinstance(item, Property) and config.option.collectonly):
+    for check in (
+        item.check for item in items if isinstance(item, Property) and config.option.collectonly
+    ):
         limit = f"at most {check.limit:.3g} {check.unit}".rstrip()
         lines += [f"{check.area}: {check}", f"  {check.says}", f"  {limit}: {check.source}"]
     return lines

@@ -1,6 +1,7 @@
 """The properties that the executor relies on: a table of checks, and how each is measured.
 
-A check measures how far a back-end is from a property; more than the limit fails. docs/back-ends.md is the contract.
+A check measures how far a back-end is from a property; more than the limit fails. docs/back-ends.md
+is the contract.
 """
 
 import math
@@ -44,7 +45,9 @@ Measured = tuple[float, str]  # how far from the property, in the check's unit; 
 
 
 class Check(msgspec.Struct, frozen=True):
-    """One property: in words, its limit with the source, the remedy if it does not hold, how it is measured."""
+    """One property: in words, its limit with the source, the remedy if it does not hold, how it is
+    measured.
+    """
 
     name: str
     area: str
@@ -61,7 +64,7 @@ class Check(msgspec.Struct, frozen=True):
         return self.name
 
 
-# --- Time: one period a cycle, no call that blocks the loop, no memory that grows -------------------------------------
+# --- Time: one period a cycle, no call that blocks the loop, no memory that grows -----------------
 
 LATE_PERIODS = 5
 
@@ -81,13 +84,19 @@ def coming_back(subject: Subject) -> Measured:
             robot.backend.step(robot.command)
             robot.backend.observe()
             took.append(time.monotonic() - began)
-    return sorted(took)[-3], f"of 200 cycles, the two longest left out; the longest {max(took):.3f} s"
+    return (
+        sorted(took)[-3],
+        f"of 200 cycles, the two longest left out; the longest {max(took):.3f} s",
+    )
 
 
 def passing(subject: Subject) -> Measured:
     """The largest difference between a step of the state's time and the period [s]."""
     with bench(subject) as robot:
-        told = [float(robot.backend.observe().time), *(float(state.time) for state in robot.steps(1.0))]
+        told = [
+            float(robot.backend.observe().time),
+            *(float(state.time) for state in robot.steps(1.0)),
+        ]
         off = np.abs(np.diff(told) - robot.backend.period_s)
     k = int(np.argmax(off))
     return float(off[k]), f"cycle {k}: from {told[k]:.6f} s to {told[k + 1]:.6f} s"
@@ -154,7 +163,9 @@ class Slow:
 
 
 def late(subject: Subject) -> Measured:
-    """What the loop's figures miss of a late cycle: one of twenty steps takes some periods longer."""
+    """What the loop's figures miss of a late cycle: one of twenty steps takes some periods
+    longer.
+    """
     with bench(subject) as robot:
         slow, pacer = Slow(robot.backend, 10), subject.pacer(robot.backend.period_s)
         for _ in range(20):
@@ -168,9 +179,16 @@ def late(subject: Subject) -> Measured:
     return missed, f"{told.missed} missed, the longest cycle {1e-3 * longest:.1f} ms"
 
 
-# --- Readings: true, up to date, in the right units, order and sign ---------------------------------------------------
+# --- Readings: true, up to date, in the right units, order and sign -------------------------------
 
-SHAPES = {"q": (15,), "v": (15,), "head": (2,), "spread": (2,), "proximal": (2, 3), "distal": (2, 3)}
+SHAPES = {
+    "q": (15,),
+    "v": (15,),
+    "head": (2,),
+    "spread": (2,),
+    "proximal": (2, 3),
+    "distal": (2, 3),
+}
 WRIST = (2, 6)
 RANGES: dict[str, tuple[Array | float, Array | float]] = {
     "q": (LOWER, UPPER),
@@ -206,7 +224,8 @@ def form(subject: Subject) -> Measured:
     with bench(subject) as robot:
         state = robot.step()
         wrong = [
-            f"{name} is {getattr(value, 'dtype', type(value).__name__)} {getattr(value, 'shape', '')}"
+            f"{name} is {getattr(value, 'dtype', type(value).__name__)}"
+            f" {getattr(value, 'shape', '')}"
             for name, shape in SHAPES.items()
             if not isinstance(value := getattr(state, name), np.ndarray)
             or value.shape != shape
@@ -222,7 +241,9 @@ def form(subject: Subject) -> Measured:
 
 
 def numbers(subject: Subject) -> Measured:
-    """The number of cycles, in two seconds at rest and in motion, with a reading that is not a number."""
+    """The number of cycles, in two seconds at rest and in motion, with a reading that is not a
+    number.
+    """
     with bench(subject) as robot:
         size = robot.backend.configuration().size
         good = [_finite(robot, state) for state in robot.steps(1.0)]
@@ -274,13 +295,17 @@ def own_joint(subject: Subject) -> Measured:
             for state in robot.push(joint, 0.1):  # noqa: B007  (the last one counts)
                 pass
             if not (state.q[joint] - began > 1e-4 and state.v[joint] > 0.0):
-                wrong.append(f"{name} by {state.q[joint] - began:+.4f} rad at {state.v[joint]:+.3f} rad/s")
+                wrong.append(
+                    f"{name} by {state.q[joint] - began:+.4f} rad at {state.v[joint]:+.3f} rad/s"
+                )
             robot.calm()
     return len(wrong), "; ".join(wrong) or "all 15 joints"
 
 
 def agreeing(subject: Subject) -> Measured:
-    """How far positions and integrated speeds differ within a window, beyond the cost of a filter [rad]."""
+    """How far positions and integrated speeds differ within a window, beyond the cost of a filter
+    [rad].
+    """
     with bench(subject) as robot:
         rows = [(state.q.copy(), state.v.copy()) for state in robot.wave(1.0)]
         dt = robot.backend.period_s
@@ -302,7 +327,9 @@ def fresh(subject: Subject) -> Measured:
         for joint in (0, 1, 7, 8, 14):
             robot.calm()
             before = float(robot.backend.observe().v[joint])
-            seen = next((k for k, s in enumerate(robot.push(joint, 0.1)) if s.v[joint] - before > 1e-3), 99)
+            seen = next(
+                (k for k, s in enumerate(robot.push(joint, 0.1)) if s.v[joint] - before > 1e-3), 99
+            )
             worst, where = max((worst, where), (seen + 1, BODY[joint]))
     return worst, where
 
@@ -324,7 +351,11 @@ def hands(subject: Subject) -> Measured:
     with bench(subject) as robot:
         goals = {name: getattr(robot.command, name).copy() for name in FINGERS}
         for row, side in enumerate(SIDES):
-            for name, move, speed in (("spread", 0.3, 0.7), ("proximal", 0.6, 1.0), ("distal", 0.2, 0.33)):
+            for name, move, speed in (
+                ("spread", 0.3, 0.7),
+                ("proximal", 0.6, 1.0),
+                ("distal", 0.2, 0.33),
+            ):
                 goals[name][row] += move
                 state = robot.towards(name, goals[name], speed)
             for name, goal in goals.items():
@@ -346,14 +377,16 @@ def locks(subject: Subject) -> Measured:
 
 
 def work(subject: Subject) -> Measured:
-    """The number of cycles in which the work fell or was not a number; one more if motion cost no work."""
+    """The number of cycles in which the work fell or was not a number; one more if motion cost no
+    work.
+    """
     with bench(subject) as robot:
         told = [robot.backend.work_J, *(robot.backend.work_J for _ in robot.wave(0.5))]
     wrong = int((~(np.diff(told) >= 0.0)).sum())
     return wrong + (not told[-1] > told[0]), f"{told[0]:.3f} J to {told[-1]:.3f} J"
 
 
-# --- Limits: the loop limits its commands, the back-end its joints ----------------------------------------------------
+# --- Limits: the loop limits its commands, the back-end its joints --------------------------------
 
 
 class Listening:
@@ -388,11 +421,15 @@ SERVOS = ("head", "spread", "proximal", "distal")
 
 
 def accepted(subject: Subject) -> Measured:
-    """The largest command of a motion that is much too fast, as a share of what the lower level accepts."""
+    """The largest command of a motion that is much too fast, as a share of what the lower level
+    accepts.
+    """
     with bench(subject) as robot:
         heard = Listening(robot.backend)
         core = subject.core(heard, dynamics=dynamics())
-        jerk = core.setpoint + np.linspace(0.0, 0.5, 6)[:, None] * np.where(core.setpoint > 0.0, -1.0, 1.0)
+        jerk = core.setpoint + np.linspace(0.0, 0.5, 6)[:, None] * np.where(
+            core.setpoint > 0.0, -1.0, 1.0
+        )
         core.begin(motion("too fast", jerk, tolerance_m=10.0))
         for _ in range(150):
             core.cycle()
@@ -427,13 +464,15 @@ def servo_ends(subject: Subject) -> Measured:
     return worst
 
 
-# --- The robot stops: for a person, after a fault, and when nobody commands it any more -------------------------------
+# --- The robot stops: for a person, after a fault, and when nobody commands it any more -----------
 
 REACH = 0.1  # rad, of the motion that is stopped
 
 
 class Broken(Listening):
-    """A back-end that fails on demand: observe raises ("throws") or gives NaN ("lies"); step raises ("stepped")."""
+    """A back-end that fails on demand: observe raises ("throws") or gives NaN ("lies"); step raises
+    ("stepped").
+    """
 
     def __init__(self, backend: Backend) -> None:
         super().__init__(backend)
@@ -512,7 +551,9 @@ def stop_way(subject: Subject) -> Measured:
 
 
 def stop_kept(subject: Subject) -> Measured:
-    """By how many cycles a stop, released at once, is too short; one more if a motion could start."""
+    """By how many cycles a stop, released at once, is too short; one more if a motion could
+    start.
+    """
     with moving(subject) as (core, _, _):
         core.stop()
         failed = core.report.phase is Phase.FAILED
@@ -561,7 +602,9 @@ def after_fault(how: str) -> Callable[[Subject], Measured]:
 def _pushed(heard: Listening, first: int) -> int:
     """The number of commands from `first` on that add energy or are not numbers."""
     rows = zip(heard.taus[first:], heard.speeds[first:], strict=True)
-    return sum(not (np.isfinite(tau).all() and float(tau @ np.nan_to_num(v)) <= 1e-6) for tau, v in rows)
+    return sum(
+        not (np.isfinite(tau).all() and float(tau @ np.nan_to_num(v)) <= 1e-6) for tau, v in rows
+    )
 
 
 def fault_rest(subject: Subject) -> Measured:
@@ -582,7 +625,11 @@ def turning(subject: Subject) -> Iterator[tuple[LoopProcess, Listening, Path]]:
         core = subject.core(heard, dynamics=dynamics())
         speed = Speed.REAL if subject.paced else Speed.MAX
         pacer = subject.pacer(robot.backend.period_s)
-        yield subject.process(core, LoopLink(path), speed=speed, truth=None, pacer=pacer), heard, path
+        yield (
+            subject.process(core, LoopLink(path), speed=speed, truth=None, pacer=pacer),
+            heard,
+            path,
+        )
 
 
 def stop_file(subject: Subject) -> Measured:
@@ -601,7 +648,9 @@ def stop_file(subject: Subject) -> Measured:
 
 
 def heartbeat(subject: Subject) -> Measured:
-    """The turns of the loop that move the set-point, or keep a motion, after the agent's silence."""
+    """The turns of the loop that move the set-point, or keep a motion, after the agent's
+    silence.
+    """
     at_rest, late = LATE_TURNS + math.ceil(BRAKE_S / PERIOD_S), 0
     with turning(subject) as (loop, _, path):
         AgentLink(path).send(rising(loop.core, 60.0))
@@ -627,13 +676,15 @@ def last_commands(subject: Subject) -> Measured:
         return _pushed(heard, first), f"{len(heard.taus) - first} cycles"
 
 
-# --- Slots: what they show was measured, fits, and is never half a record ---------------------------------------------
+# --- Slots: what they show was measured, fits, and is never half a record -------------------------
 
 RECORDS = 4000
 
 
 def shown(subject: Subject) -> Measured:
-    """The largest difference between what the slots show after a motion and what the back-end measures."""
+    """The largest difference between what the slots show after a motion and what the back-end
+    measures.
+    """
     with turning(subject) as (loop, heard, path):
         agent = AgentLink(path)
         agent.send(rising(loop.core))
@@ -646,9 +697,14 @@ def shown(subject: Subject) -> Measured:
         assert told is not None
         pairs = {"q": told.q, "v": told.v, "head": told.head}
         fingers = [told.fingers(row) for row in (0, 1)]
-        pairs |= {"proximal": np.array([f[0] for f in fingers]), "distal": np.array([f[1] for f in fingers])}
+        pairs |= {
+            "proximal": np.array([f[0] for f in fingers]),
+            "distal": np.array([f[1] for f in fingers]),
+        }
         off = {name: float(np.abs(state[name] - value).max()) for name, value in pairs.items()}
-        off["configuration"] = float(np.abs(heard.configuration() - told.configuration).max(initial=0.0))
+        off["configuration"] = float(
+            np.abs(heard.configuration() - told.configuration).max(initial=0.0)
+        )
         off["work"] = abs(heard.work_J - told.work_J)
     where = max(off, key=lambda name: off[name])
     return off[where], f"{where}, {told.cycles} cycles"
@@ -661,7 +717,10 @@ def room(subject: Subject) -> Measured:
         slot = AgentLink(path).file.slots["state"]
         found = slot.read()
         size = len(found[1]) if found else 0
-        return size / slot.capacity, f"{size} bytes, {heard.configuration().size} coordinates of the world model"
+        return (
+            size / slot.capacity,
+            f"{size} bytes, {heard.configuration().size} coordinates of the world model",
+        )
 
 
 def whole(subject: Subject) -> Measured:
@@ -685,80 +744,106 @@ def whole(subject: Subject) -> Measured:
     return torn + lost, f"of {seen} read while {RECORDS} were written"
 
 
-# --- The table, in the order in which the checks run ------------------------------------------------------------------
+# --- The table, in the order in which the checks run ----------------------------------------------
 
 T, R, L, S, M, P = "timing", "readings", "limits", "stop", "safe mode", "slots"
-LOOP = "this is the loop's part; a back-end fails it by keeping an old command, or by raising where it should not"
+LOOP = (
+    "this is the loop's part; a back-end fails it by keeping an old command, or by raising where it"
+    " should not"
+)
 
 # fmt: off
 CHECKS = (
     Check("step-returns", T, "observe and step come back", 0.05, "s",
           "half of the 0.1 s after which a silent agent ends a motion (executor/loop/process.py)",
-          "send and return: leave waiting for the robot to a thread of your own", coming_back, most_s=15.0),
+          "send and return: leave waiting for the robot to a thread of your own", coming_back,
+          most_s=15.0),
     Check("period", T, "a step is the period of the control laws", 1e-9, "s",
           "velma_system: the deployed loop steps 2 ms",
           "set period_s to velma.sim.backend.PERIOD_S; run a faster bus inside of step", period),
-    Check("time-passes", T, "time grows by one period a cycle, never back, and observing takes none", PERIOD_S, "s",
+    Check("time-passes", T,
+          "time grows by one period a cycle, never back, and observing takes none", PERIOD_S, "s",
           "one lost cycle of the robot's clock",
-          "count steps, or take the robot's clock at the status that belongs to the command", passing),
+          "count steps, or take the robot's clock at the status that belongs to the command",
+          passing),
     Check("time-keeps-pace", T, "time and cycles agree over a second", 0.02, "of it",
-          "estimate: planned durations and reply-by rely on it", "give time in seconds since the start, not in ticks",
+          "estimate: planned durations and reply-by rely on it",
+          "give time in seconds since the start, not in ticks",
           passing_on_the_whole),
-    Check("step-cost", T, "observe and step leave the cycle to the control law", 0.8 * 1e3 * PERIOD_S / 2, "ms",
+    Check("step-cost", T, "observe and step leave the cycle to the control law",
+          0.8 * 1e3 * PERIOD_S / 2, "ms",
           "the law takes about 0.3 ms of 2 ms (benchmarks/loop.py); the rest is margin",
           "do slow things (logging, cameras, waiting) elsewhere", cost),
     Check("memory", T, "1000 cycles leave nothing behind", 8192.0, "bytes",
-          "estimate: caches of the interpreter; an array of 15 kept in each cycle leaves over 100 kB",
+          "estimate: caches of the interpreter; an array of 15 kept in each cycle leaves over "
+          "100 kB",
           "write into the arrays made at the start; keep no history", memory),
     Check("late-cycles", T, "a late cycle is counted", 0.0, "uncounted",
           "executor/loop/timing.py; measured in every report", LOOP, late),
-    Check("form", R, "readings are float64 arrays of the documented shapes", 0.0, "fields", "velma/sim/backend.py",
+    Check("form", R, "readings are float64 arrays of the documented shapes", 0.0, "fields",
+          "velma/sim/backend.py",
           "make State once by velma.sim.backend.at_rest() and write into its arrays", form),
     Check("numbers", R, "readings are numbers, always", 0.0, "cycles",
           "velma_system: an invalid status drops the body to its safe state",
           "raise if the robot does not answer: the loop then brakes", numbers),
     Check("ranges", R, "the robot begins inside of its joints' ranges", 0.01, "rad",
-          "velma.names (RCPRG velma_robot, calibration of 2021)", "use rad, zero and sign as in velma.names",
+          "velma.names (RCPRG velma_robot, calibration of 2021)",
+          "use rad, zero and sign as in velma.names",
           inside),
     Check("looking", R, "observing twice gives the same and moves nothing", 0.0, "",
-          "velma/sim/backend.py: a step is what lets time pass", "let time pass in step only", looking),
+          "velma/sim/backend.py: a step is what lets time pass", "let time pass in step only",
+          looking),
     Check("rest", R, "without a torque the body stays: its weight is held", 0.01, "rad",
           "estimate; 1e-3 rad in simulation (measured)",
-          "add gravity (and the tool's weight) to the torques: Command.tau is beyond gravity", resting),
-    Check("own-joint", R, "a positive torque moves its own joint in the positive sense", 0.0, "joints",
+          "add gravity (and the tool's weight) to the torques: Command.tau is beyond gravity",
+          resting),
+    Check("own-joint", R, "a positive torque moves its own joint in the positive sense", 0.0,
+          "joints",
           "velma.names.BODY: the order and sign of every array",
           "map joints by name; turn the sign where the drive counts the other way", own_joint),
     Check("agreement", R, "positions are the integral of speeds", 0.005, "rad",
-          "half a period at 5 rad/s, and a tenth for filters; estimate", "give rad and rad/s of the same moment",
+          "half a period at 5 rad/s, and a tenth for filters; estimate",
+          "give rad and rad/s of the same moment",
           agreeing),
     Check("fresh", R, "a torque is seen in the next readings", 3.0, "cycles",
-          "the impedance law is stable up to a period of 12 ms (measured in simulation); delay costs the same",
+          "the impedance law is stable up to a period of 12 ms (measured in simulation); delay "
+          "costs the same",
           "return the newest status, not the one before; empty the buffer of the socket", fresh),
     Check("head", R, "the head follows its targets: pan left, tilt down", 0.05, "rad",
-          "estimate; servo error in simulation 0.01 rad (measured)", "order (pan, tilt), signs as in velma.names.HEAD",
+          "estimate; servo error in simulation 0.01 rad (measured)",
+          "order (pan, tilt), signs as in velma.names.HEAD",
           head),
     Check("hands", R, "each finger follows its target, hand by hand", 0.05, "rad",
           "estimate; servo error in simulation 0.02 rad (measured)",
           "rows are right, left; columns finger one, two, three", hands),
-    Check("locks", R, "locked fingers stay", 0.03, "rad", "estimate: the worm gear of the real hand does not yield",
+    Check("locks", R, "locked fingers stay", 0.03, "rad",
+          "estimate: the worm gear of the real hand does not yield",
           "stop the finger drives of a locked hand", locks),
     Check("work", R, "work is measured, and never falls", 0.0, "cycles",
           "velma/sim/backend.py: the integral of |torque x speed|",
           "add |torque x speed| x period of the 15 body joints in each step", work),
-    Check("accepted-torques", L, "no command is beyond what the lower level accepts", 1.0, "of the limit",
-          "velma_system common_predicates: 100; 50 50 30 20 20 10 10 Nm", LOOP, accepted, rough=True),
-    Check("joint-ends", L, "pushed joints stay in their ranges", 0.1, "rad", "ranges: velma.names; soft ends estimate",
+    Check("accepted-torques", L, "no command is beyond what the lower level accepts", 1.0,
+          "of the limit",
+          "velma_system common_predicates: 100; 50 50 30 20 20 10 10 Nm", LOOP, accepted,
+          rough=True),
+    Check("joint-ends", L, "pushed joints stay in their ranges", 0.1, "rad",
+          "ranges: velma.names; soft ends estimate",
           "stop a joint at its end; use rad", ends, rough=True),
-    Check("servo-ends", L, "head and fingers with targets too far away stay in their ranges", 0.1, "rad",
-          "ranges: velma.names; soft ends estimate", "cut targets to the range before the drives get them",
+    Check("servo-ends", L, "head and fingers with targets too far away stay in their ranges", 0.1,
+          "rad",
+          "ranges: velma.names; soft ends estimate",
+          "cut targets to the range before the drives get them",
           servo_ends, rough=True),
     Check("stop-rest", S, "after a person's stop the robot comes to rest", 0.1, "rad/s",
-          "estimate; 0.05 rad/s in simulation (measured)", "use the command of this cycle and none before",
+          "estimate; 0.05 rad/s in simulation (measured)",
+          "use the command of this cycle and none before",
           stop_rest),
     Check("stop-way", S, "after a person's stop no joint goes far", 0.05, "rad",
-          "estimate; 0.02 rad in simulation (measured)", "use the command of this cycle and none before",
+          "estimate; 0.02 rad in simulation (measured)",
+          "use the command of this cycle and none before",
           stop_way),
-    Check("stop-dwell", S, "a stop ends the motion, and lasts its dwell however soon it is released", 0.0, "cycles",
+    Check("stop-dwell", S,
+          "a stop ends the motion, and lasts its dwell however soon it is released", 0.0, "cycles",
           "velma_core_ve_body: 500 cycles in the safe state", LOOP, stop_kept),
     Check("stop-waits", S, "a stop waits for its release", 0.0, "cycles",
           "velma_core_ve_body: left on an explicit command only", LOOP, stop_waits),
@@ -771,16 +856,20 @@ CHECKS = (
     Check("safe-step", M, "drives that fail end in damping, then hold", 0.0, "cycles",
           "velma_core_ve_body: viscous damping torque", LOOP, after_fault("stepped")),
     Check("safe-rest", M, "after a fault the robot comes to rest", 0.1, "rad/s",
-          "estimate; 0.05 rad/s in simulation (measured)", "use the command of this cycle and none before",
+          "estimate; 0.05 rad/s in simulation (measured)",
+          "use the command of this cycle and none before",
           fault_rest),
-    Check("silent-agent", M, "a motion rests while its agent is silent, and ends when that lasts", 0.0, "turns",
+    Check("silent-agent", M, "a motion rests while its agent is silent, and ends when that lasts",
+          0.0, "turns",
           f"executor/loop/process.py: {LATE_TURNS} turns of silence, {GONE_TURNS} turns", LOOP,
           heartbeat),
     Check("last-commands", M, "the last commands of a loop are damping", 0.0, "commands",
           "executor/loop/process.py: end()", LOOP, last_commands),
-    Check("shown", P, "what the agent sees is what was measured", 0.0, "", "executor/loop/link.py: LoopState",
+    Check("shown", P, "what the agent sees is what was measured", 0.0, "",
+          "executor/loop/link.py: LoopState",
           "keep the state still between step and the next observe", shown),
-    Check("room", P, "the state fits its slot", 1.0, "of the slot", "executor/loop/slots.py: 16 KiB",
+    Check("room", P, "the state fits its slot", 1.0, "of the slot",
+          "executor/loop/slots.py: 16 KiB",
           "give fewer coordinates of the world model, or raise SIZES", room),
     Check("whole-records", P, "nobody reads half a record", 0.0, "records",
           "executor/loop/slots.py: a number that is odd while a record is written", LOOP, whole),

@@ -1,4 +1,6 @@
-"""The back-end under test, and a bench that moves it: one cycle after the other, in real time if it needs that."""
+"""The back-end under test, and a bench that moves it: one cycle after the other, in real time if it
+needs that.
+"""
 
 import functools
 import time
@@ -23,11 +25,12 @@ Array = NDArray[np.float64]
 
 
 class Subject(msgspec.Struct, frozen=True):
-    """The back-end under test. `make` returns a new back-end, at rest, hands empty; its `close()` is called if it has
-    one.
+    """The back-end under test. `make` returns a new back-end, at rest, hands empty; its `close()`
+    is called if it has one.
 
-    `paced`: it lives in real time, so a step is taken every `period_s`. `gentle`: nothing is pushed to its end.
-    `push`: share of the accepted torque with which a joint is moved. The last four are the loop around it.
+    `paced`: it lives in real time, so a step is taken every `period_s`. `gentle`: nothing is pushed
+    to its end. `push`: share of the accepted torque with which a joint is moved. The last four are
+    the loop around it.
     """
 
     make: Callable[[], Backend]
@@ -53,7 +56,9 @@ class Bench:
     def step(self) -> State:
         """Run one cycle; return the state after it, which the next one overwrites."""
         if self.subject.paced:
-            self._next = max(self._next + self.backend.period_s, time.monotonic() - self.backend.period_s)
+            self._next = max(
+                self._next + self.backend.period_s, time.monotonic() - self.backend.period_s
+            )
             time.sleep(max(0.0, self._next - time.monotonic()))
         self.backend.step(self.command)
         return self.backend.observe()
@@ -72,7 +77,9 @@ class Bench:
     def wave(self, seconds: float) -> Iterator[State]:
         """Move all body joints back and forth, twice a second."""
         for k in range(round(seconds / self.backend.period_s)):
-            self.command.tau[:] = self.subject.push * TORQUE * np.sin(4 * np.pi * k * self.backend.period_s)
+            self.command.tau[:] = (
+                self.subject.push * TORQUE * np.sin(4 * np.pi * k * self.backend.period_s)
+            )
             yield self.step()
 
     def calm(self, seconds: float = 0.4) -> None:

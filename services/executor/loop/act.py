@@ -10,27 +10,33 @@ from companion.skills.loop_messages import KNOT_S, HandReport, Motion, Phase, Re
 from velma.errors import MotionError
 from velma.names import BODY, SIDES
 
-# --- A timed trajectory followed at a rate that may fall to zero: position and velocity set-points for each cycle
-# Between knots the position is linear and the velocity is the central difference. The first knots are blended with the
-# set-point before, so that set-points never jump.
+# --- A timed trajectory followed at a rate that may fall to zero: position and velocity set-points
+# for each cycle Between knots the position is linear and the velocity is the central difference.
+# The first knots are blended with the set-point before, so that set-points never jump.
 
 
-BRAKE_S = 0.3  # time in which a motion comes to rest along its path, or starts again; estimate: 0.35 m/s over 5 cm
+# time in which a motion comes to rest along its path, or starts again; estimate: 0.35 m/s over 5 cm
+BRAKE_S = 0.3
 BLEND_S = 0.3
 Array = NDArray[np.float64]
-FARTHEST_START = 0.05  # rad: the largest difference that is blended; a hand is then at most 4 cm beside its path
+# rad: the largest difference that is blended; a hand is then at most 4 cm beside its path
+FARTHEST_START = 0.05
 
 
 class Track:
     """The set-points of the body over time."""
 
     def __init__(self, knots: Array, told: Array) -> None:
-        """Raise MotionError if the knots (n, 15) do not start near `told` (15,), the last set-point."""
+        """Raise MotionError if the knots (n, 15) do not start near `told` (15,), the last
+        set-point.
+        """
         self._knots, self._offset = knots, told - knots[0]
         worst = int(np.argmax(np.abs(self._offset)))
         if not abs(self._offset[worst]) <= FARTHEST_START:
             found = f"{abs(self._offset[worst]):.3f} rad from the set-point in {BODY[worst]}"
-            raise MotionError("first knot", found, f"within {FARTHEST_START} rad: start at the reported set-point")
+            raise MotionError(
+                "first knot", found, f"within {FARTHEST_START} rad: start at the reported set-point"
+            )
         self.duration = (len(knots) - 1) * KNOT_S
         self._time, self._since, self._rate, self._wanted, self._braked = 0.0, 0.0, 1.0, 1.0, False
         self.q, self.v = told.copy(), np.zeros_like(told)
@@ -88,18 +94,23 @@ class Track:
         self.v = self.v - (30.0 * s * s * (1.0 - s) ** 2 / BLEND_S * self._rate) * self._offset
 
 
-# --- A motion under way -----------------------------------------------------------------------------------------------
+# --- A motion under way ---------------------------------------------------------------------------
 
 
 Verdict = tuple[Phase, Facts]
 """How a motion ends, and why."""
 
-LATE_S = 3.0  # for a joint that follows late; estimate: a light robot (MockBackend) comes within 0.06 rad in 1.3 s
-HANDS_S = 120.0  # since the begin; the slowest that may be asked for closes in 25 s, squeezes in 25, waits 60
+# for a joint that follows late; estimate: a light robot (MockBackend) comes within 0.06 rad in 1.3
+# s
+LATE_S = 3.0
+# since the begin; the slowest that may be asked for closes in 25 s, squeezes in 25, waits 60
+HANDS_S = 120.0
 
 
 class Act:
-    """One motion from its start to its report. `track` is None as soon as the body has to stay where it is."""
+    """One motion from its start to its report. `track` is None as soon as the body has to stay
+    where it is.
+    """
 
     def __init__(self, motion: Motion, told: Array, began_s: float) -> None:
         """Raise MotionError if the motion does not start near `told` (15,), the last set-point."""
@@ -138,7 +149,9 @@ class Act:
         self._look_s += in_s
 
     def interrupt(self, verdict: Verdict | None) -> Verdict | None:
-        """Come to rest along the path; return how it ends, at rest. None before, or while that is unknown."""
+        """Come to rest along the path; return how it ends, at rest. None before, or while that is
+        unknown.
+        """
         if self.track is not None:
             self.track.brake()
         return verdict if self._at_rest else None
@@ -156,7 +169,9 @@ class Act:
         if self.cancelled:
             return (Phase.CANCELLED, (fact(Kind.CANCELLED),)) if self._at_rest else None
         if not (hands_done and head_done) and self._at_rest and now_s - self._began_s > HANDS_S:
-            return Phase.FAILED, (fact(Kind.NOT_ARRIVED, "head" if hands_done else "hand", HANDS_S),)
+            return Phase.FAILED, (
+                fact(Kind.NOT_ARRIVED, "head" if hands_done else "hand", HANDS_S),
+            )
         if pulled and self._at_rest:
             self._ended_by = Until.PULL
             return Phase.DONE, ()
@@ -171,7 +186,9 @@ class Act:
         return (Phase.DONE, ()) if now_s - self._settling_s >= self.motion.settle_s - 1e-9 else None
 
     def wait(self, now_s: float, why: Facts) -> Verdict | None:
-        """Wait for what is not at the end of the motion; return how it ends if it does not come. `why`: what is off."""
+        """Wait for what is not at the end of the motion; return how it ends if it does not come.
+        `why`: what is off.
+        """
         if self._late_s is None:
             self._late_s = now_s
         if now_s - self._late_s < LATE_S:
@@ -200,7 +217,8 @@ class Act:
         if asked.until is Until.CONTACT:
             below = -error[6 * SIDES.index(asked.contact_side) + 2]
             if self._below_at_start is None:
-                self._below_at_start = below  # the error of a load that is not fed forward exactly is not a contact
+                # the error of a load that is not fed forward exactly is not a contact
+                self._below_at_start = below
             if below - self._below_at_start > asked.contact_m:
                 self.track = None
                 return Until.CONTACT
@@ -210,7 +228,9 @@ class Act:
             return Until.TOUCH if hands_done and self._at_rest else None
         return Until.END if self._at_rest else None
 
-    def report(self, phase: Phase, why: Facts, now_s: float, right: HandReport, left: HandReport) -> Report:
+    def report(
+        self, phase: Phase, why: Facts, now_s: float, right: HandReport, left: HandReport
+    ) -> Report:
         """Return the report of the motion at this time."""
         return Report(
             key=self.motion.key,

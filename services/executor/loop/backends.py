@@ -1,7 +1,8 @@
-"""Back-ends by name: `package.module:function`, or a short name of one that comes with the executor.
+"""Back-ends by name: `package.module:function`, or a short name of one that comes with the
+executor.
 
-The function takes nothing, or the scene (velma.model.scene.Scene) if it is a simulator. The current folder is searched
-last, after everything that is installed.
+The function takes nothing, or the scene (velma.model.scene.Scene) if it is a simulator. The current
+folder is searched last, after everything that is installed.
 """
 
 import importlib
@@ -22,8 +23,8 @@ PARTS = ("period_s", "observe", "step", "configuration", "work_J")
 
 
 def maker(name: str, scene: Scene) -> Callable[[], Backend]:
-    """Return the function that makes the back-end of this name. BackendError where there is no such function, or where
-    it makes none.
+    """Return the function that makes the back-end of this name. BackendError where there is no such
+    function, or where it makes none.
     """
     package, _, function = SHORT.get(name, name).partition(":")
     if str(Path.cwd()) not in sys.path:
@@ -49,7 +50,9 @@ def _wanted() -> tuple[str, str]:
 def _parameters(found: Callable[..., Backend]) -> bool:
     """Whether the function has an argument without a default."""
     try:
-        return any(each.default is each.empty for each in inspect.signature(found).parameters.values())
+        return any(
+            each.default is each.empty for each in inspect.signature(found).parameters.values()
+        )
     except ValueError:  # a class in C without a signature
         return False
 
@@ -60,12 +63,17 @@ def _checked(name: str, make: Callable[[], Backend]) -> Backend:
         made = make()
     except Exception as error:  # of anybody's code: there is no robot
         told = f"it raised {type(error).__name__}: {error}"
-        raise NoRobotError(name, told, right, "see whether the robot answers, and what its function does") from error
+        raise NoRobotError(
+            name, told, right, "see whether the robot answers, and what its function does"
+        ) from error
     missing = [part for part in PARTS if not hasattr(made, part)]
     if missing:
         kind = f"it made a {type(made).__name__} without {', '.join(missing)}"
         raise BackendError(name, kind, right, "add what is missing (docs/back-ends.md)")
     if not isinstance(state := made.observe(), State):
-        told, state_there = f"observe() returned a {type(state).__name__}", "a velma.sim.backend.State"
+        told, state_there = (
+            f"observe() returned a {type(state).__name__}",
+            "a velma.sim.backend.State",
+        )
         raise BackendError(name, told, state_there, "fill the one of at_rest() (docs/back-ends.md)")
     return made

@@ -1,9 +1,9 @@
 """The control loop without its process: one `cycle` is observe, check, control, command.
 
-Whatever exception is raised inside, the cycle ends in a command. After a fault that command is viscous damping for
-some cycles, then a held posture until an explicit release (the rules of Velma's lower level). No clock, no file, no
-log: the process around it (`__main__`) owns those. It runs as fast as it is called; one call runs a whole motion:
-`LoopCore(backend).run(motion)`.
+Whatever exception is raised inside, the cycle ends in a command. After a fault that command is
+viscous damping for some cycles, then a held posture until an explicit release (the rules of Velma's
+lower level). No clock, no file, no log: the process around it (`__main__`) owns those. It runs as
+fast as it is called; one call runs a whole motion: `LoopCore(backend).run(motion)`.
 """
 
 import math
@@ -44,12 +44,12 @@ from velma.names import BODY, LOWER, SPEED, UPPER
 from velma.ranges import MOST_KG, MOST_LEVER_M
 from velma.sim.backend import Backend, Command, State, no_command
 
-# --- The loads of the hands that the loop feeds forward; a new load is taken up gradually ----------------------------
+# --- The loads of the hands that the loop feeds forward; a new load is taken up gradually ---------
 
 Array = NDArray[np.float64]
 
-# kg/s. Velma takes a weight up within 1000 cycles; a bowl of 0.3 kg here in 0.2 s, so that it is lifted at once but not
-# thrown. Estimate.
+# kg/s. Velma takes a weight up within 1000 cycles; a bowl of 0.3 kg here in 0.2 s, so that it is
+# lifted at once but not thrown. Estimate.
 RATE = 1.5
 
 
@@ -61,7 +61,9 @@ class Payloads:
         self._goal = np.zeros(2)
 
     def take(self, row: int, payload: Payload | None) -> None:
-        """Set the load of a hand; None: no change. An emptied hand keeps its lever until its mass is 0."""
+        """Set the load of a hand; None: no change. An emptied hand keeps its lever until its mass
+        is 0.
+        """
         if payload is None:
             return
         self._goal[row] = payload.mass
@@ -79,8 +81,12 @@ class Payloads:
             self.mass += np.clip(self._goal - self.mass, -step, step)
 
     def mend(self) -> None:
-        """Have possible numbers: a mass that is none becomes its goal, a goal that is none what is carried now."""
-        self._goal = np.where(_sane(self._goal), self._goal, np.where(_sane(self.mass), self.mass, 0.0))
+        """Have possible numbers: a mass that is none becomes its goal, a goal that is none what is
+        carried now.
+        """
+        self._goal = np.where(
+            _sane(self._goal), self._goal, np.where(_sane(self.mass), self.mass, 0.0)
+        )
         self.mass = np.where(_sane(self.mass), self.mass, self._goal)
         self.lever = np.where(np.abs(self.lever) <= MOST_LEVER_M, self.lever, 0.0)
 
@@ -89,21 +95,28 @@ def _sane(mass: Array) -> Array:
     return np.asarray((mass >= 0.0) & (mass <= MOST_KG))
 
 
-# --- The control of the robot, cycle by cycle -------------------------------------------------------------------------
+# --- The control of the robot, cycle by cycle -----------------------------------------------------
 
 DAMPING_CYCLES = 20  # of viscous damping after a fault, then the posture is held
 FAST_CYCLES = 5  # in a row in which a joint is too fast; estimate: noise of its sensor is not
 HEAD_NEAR = 0.02  # rad: closer than this the head has arrived
-BEYOND = 0.5  # rad: no joint can be farther beyond its end; estimate: joints of a conforming robot yield by 0.1 at most
+# rad: no joint can be farther beyond its end; estimate: joints of a conforming robot yield by 0.1
+# at most
+BEYOND = 0.5
 _LEAST, _MOST = LOWER - BEYOND, UPPER + BEYOND
 _RANGES = tuple(zip(_LEAST.tolist(), _MOST.tolist(), strict=True))
-TOO_FAST = 1.5 * SPEED  # rad/s; estimate: with its limits in the plan, an arm that pulls a door was 1.04 times as fast
+# rad/s; estimate: with its limits in the plan, an arm that pulls a door was 1.04 times as fast
+TOO_FAST = 1.5 * SPEED
 _SPEEDS = tuple(TOO_FAST.tolist())
 JOINT_OFF, HAND_OFF_M, HAND_OFF, FINGER_OFF = 0.06, 0.01, 0.03, 0.05
-"""rad, m, rad, rad: at the end of a motion nothing is farther off than that. Twice and more the most in 304 motions of
-ten good runs (canonical, env2, doors): 0.028 rad of a joint, 4.4 mm and 0.009 rad of a hand, 0.015 rad of a finger."""
-JOINT_BESIDE = 0.4  # rad: on the way no joint is farther off; twice the most in 214 motions of six good runs (0.15)
-SERVO_SLACK = 0.1  # rad: a measured joint may be beyond its end by that, and become a set-point (estimate)
+"""rad, m, rad, rad: at the end of a motion nothing is farther off than that. Twice and more the
+most in 304 motions of ten good runs (canonical, env2, doors): 0.028 rad of a joint, 4.4 mm and
+0.009 rad of a hand, 0.015 rad of a finger.
+"""
+# rad: on the way no joint is farther off; twice the most in 214 motions of six good runs (0.15)
+JOINT_BESIDE = 0.4
+# rad: a measured joint may be beyond its end by that, and become a set-point (estimate)
+SERVO_SLACK = 0.1
 _KINDS = (
     ("the head's pan", names.HEAD_LOWER[0], names.HEAD_UPPER[0], 1),
     ("the head's tilt", names.HEAD_LOWER[1], names.HEAD_UPPER[1], 1),
@@ -113,7 +126,9 @@ _KINDS = (
     ("a lock", 0.0, 1.0, 2),
 )
 _SERVOS = tuple(
-    (float(least) - SERVO_SLACK, float(most) + SERVO_SLACK) for _, least, most, count in _KINDS for _ in range(count)
+    (float(least) - SERVO_SLACK, float(most) + SERVO_SLACK)
+    for _, least, most, count in _KINDS
+    for _ in range(count)
 )
 """Least and most of each set-point of `_servos`."""
 
@@ -124,15 +139,21 @@ class Fault(VelmaError):
 
 def impossible(state: State) -> str:
     """Return why no robot can be in this state, with joint and reading; "" for a possible state."""
-    # In every cycle: plain numbers take a third of the time of small arrays. NaN fails each comparison.
+    # In every cycle: plain numbers take a third of the time of small arrays. NaN fails each
+    # comparison.
     slow = all(-damping.FASTEST <= v <= damping.FASTEST for v in state.v.tolist())
-    if slow and all(least <= q <= most for q, (least, most) in zip(state.q.tolist(), _RANGES, strict=True)):
+    if slow and all(
+        least <= q <= most for q, (least, most) in zip(state.q.tolist(), _RANGES, strict=True)
+    ):
         return ""
     if not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
         return "a joint measurement is not a finite number"
     fastest = int(np.argmax(np.abs(state.v)))
     if abs(state.v[fastest]) > damping.FASTEST:
-        return f"{BODY[fastest]} is measured at {state.v[fastest]:.3g} rad/s, at most {damping.FASTEST:g} is possible"
+        return (
+            f"{BODY[fastest]} is measured at {state.v[fastest]:.3g} rad/s, at most"
+            f" {damping.FASTEST:g} is possible"
+        )
     farthest = int(np.argmax(np.maximum(LOWER - state.q, state.q - UPPER)))
     possible = f"{_LEAST[farthest]:.2f} to {_MOST[farthest]:.2f}"
     return f"{BODY[farthest]} is measured at {state.q[farthest]:.3g} rad, possible are {possible}"
@@ -153,10 +174,17 @@ def _impossible_servo(servos: list[float]) -> str:
 
 
 def _not_followed(joints: Array, most: float) -> Facts:
-    """Return which part is farther than `most` [rad] from its set-point, () if none is. `joints` (15,): distances."""
+    """Return which part is farther than `most` [rad] from its set-point, () if none is. `joints`
+    (15,): distances.
+    """
     worst = int(joints.argmax())
-    # The impedance moves the other joints of an arm for one that sticks: which one sticks is not known.
-    return (fact(Kind.NOT_FOLLOWED, BODY[worst].rsplit("_", 2)[0], joints[worst]),) if joints[worst] > most else ()
+    # The impedance moves the other joints of an arm for one that sticks: which one sticks is not
+    # known.
+    return (
+        (fact(Kind.NOT_FOLLOWED, BODY[worst].rsplit("_", 2)[0], joints[worst]),)
+        if joints[worst] > most
+        else ()
+    )
 
 
 class LoopCore:
@@ -172,25 +200,34 @@ class LoopCore:
     ) -> None:
         self.backend = backend
         self.dynamics = dynamics or Dynamics(ROBOT_XML)
-        self.impedance, self._hold_gains = CartesianImpedance(gains), ranges.checked(hold or JointGains())
+        self.impedance, self._hold_gains = (
+            CartesianImpedance(gains),
+            ranges.checked(hold or JointGains()),
+        )
         self._error = cartesian.error()
         self._terms: Terms | None = None
         self.command = no_command()
         self.state: State = backend.observe()
-        self._cycle_s = self.state.time  # of the last cycle; whoever observes again changes the time of the state
+        # of the last cycle; whoever observes again changes the time of the state
+        self._cycle_s = self.state.time
         self.setpoint: Array = self.state.q.copy()
         self.fingers, self.payloads = Fingers(), Payloads()
         self.grips = GripWatch(backend.period_s)
         self.fingers.start_from(self.state)
         self._sent = _servos(self.command)  # of head and hands, as they were sent last
-        self._head_target, self._head_goal, self._head_speed = self.state.head.copy(), self.state.head.copy(), 0.0
+        self._head_target, self._head_goal, self._head_speed = (
+            self.state.head.copy(),
+            self.state.head.copy(),
+            0.0,
+        )
         self.mode, self._dwell, self._release, self._fast = Mode.MOTION, 0, False, 0
-        self.stopped = False  # by a person, who has not released the robot: it holds also after a fault
+        # by a person, who has not released the robot: it holds also after a fault
+        self.stopped = False
         self.cycles, self.saturated, self.faults, self.last_fault = 0, 0, 0, ""
         self.act: Act | None = None
         self.report = Report()
 
-    # -- what the outside may ask ------------------------------------------------------------------------------------
+    # --- what the outside may ask -----------------------------------------------------------------
 
     def begin(self, asked: Motion) -> Refusal | None:
         """Start a motion now; or return why it is refused.
@@ -201,15 +238,22 @@ class LoopCore:
         if refused is None:
             self._tell(Phase.RUNNING)
         elif self.act is None:
-            self.report = Report(asked.key, Phase.FAILED, refused.why, right=self._hand(0), left=self._hand(1))
+            self.report = Report(
+                asked.key, Phase.FAILED, refused.why, right=self._hand(0), left=self._hand(1)
+            )
         return refused
 
     def _started(self, asked: Motion) -> Refusal | None:
         if self.act is not None:
-            running = f"motion {self.act.motion.key} is still running; cancel it or wait for its end"
+            running = (
+                f"motion {self.act.motion.key} is still running; cancel it or wait for its end"
+            )
             return Refusal((fact(Kind.BUSY, "loop"),), running)
         if self.mode is not Mode.MOTION:
-            return Refusal((fact(Kind.HELD_STILL, self.mode),), f"the robot is in mode {self.mode}; release it first")
+            return Refusal(
+                (fact(Kind.HELD_STILL, self.mode),),
+                f"the robot is in mode {self.mode}; release it first",
+            )
         try:
             asked = checked(asked)
             act = Act(asked, self.setpoint, self.state.time)
@@ -228,7 +272,10 @@ class LoopCore:
         return None
 
     def _look(self, goal: HeadGoal) -> None:
-        self._head_goal, self._head_speed = joint.reachable(np.array((goal.pan, goal.tilt))), goal.speed
+        self._head_goal, self._head_speed = (
+            joint.reachable(np.array((goal.pan, goal.tilt))),
+            goal.speed,
+        )
 
     def cancel(self, key: str | None = None) -> None:
         """Bring the running motion (only if it has this key) smoothly to rest."""
@@ -242,7 +289,9 @@ class LoopCore:
         return self.act is not None and self.act.look_due(self._cycle_s)
 
     def look_again(self, key: str, in_s: float) -> None:
-        """Let the next look at the running motion (only if it has this key) be due `in_s` [s] after this one."""
+        """Let the next look at the running motion (only if it has this key) be due `in_s` [s] after
+        this one.
+        """
         if self.look_due and self.act is not None and key == self.act.motion.key:
             self.act.look_again(in_s)
 
@@ -267,9 +316,13 @@ class LoopCore:
             self._enter(Mode.DAMPING, why, Phase.INTERRUPTED)
 
     def run(self, asked: Motion) -> Result:
-        """Run a motion to its end and return its report. Raises MotionError while another one runs."""
+        """Run a motion to its end and return its report. Raises MotionError while another one
+        runs.
+        """
         if self.act is not None:
-            raise MotionError("running", self.act.motion.key, "no motion running; cancel it or wait for its end")
+            raise MotionError(
+                "running", self.act.motion.key, "no motion running; cancel it or wait for its end"
+            )
         self.begin(asked)
         while self.report.phase is Phase.RUNNING:
             self.cycle()
@@ -290,7 +343,7 @@ class LoopCore:
         """Whether a cancelled motion comes to rest: it ends without anybody."""
         return self.act is not None and self.act.cancelled
 
-    # -- one cycle ---------------------------------------------------------------------------------------------------
+    # --- one cycle --------------------------------------------------------------------------------
 
     def cycle(self) -> None:
         """Run one period: observe, check, control, command."""
@@ -330,7 +383,9 @@ class LoopCore:
         return limits.accepted(tau)
 
     def _blamed(self, why: str, tau: Array) -> Array:
-        """Return the safe torque after a fault of head or hands; in a safe mode, the joints stay in it."""
+        """Return the safe torque after a fault of head or hands; in a safe mode, the joints stay in
+        it.
+        """
         if self.mode is Mode.MOTION:
             self._fault(Fault(why))
             return self._safe()
@@ -348,22 +403,29 @@ class LoopCore:
         self._head_target, self._head_goal = joint, joint.copy()
 
     def _safe(self) -> Array:
-        """Return damping with the weight of what the hands hold, if that can be known: nothing else moves a joint."""
+        """Return damping with the weight of what the hands hold, if that can be known: nothing else
+        moves a joint.
+        """
         tau = damping.torque(self.state.v)
         with suppress(Exception):  # the model may be what has failed
             if self.payloads.mass.any():
                 if not impossible(self.state):
                     self._terms = self.dynamics.terms(self.state.q)
                 if (terms := self._terms) is not None:  # of the last posture that was known
-                    wrench = cartesian.payload_wrench(terms.rotation, self.payloads.mass, self.payloads.lever)
+                    wrench = cartesian.payload_wrench(
+                        terms.rotation, self.payloads.mass, self.payloads.lever
+                    )
                     held = tau + terms.jacobian.T @ wrench
                     return limits.accepted(held) if np.isfinite(held).all() else tau
         return tau
 
     def _check(self, state: State) -> None:
-        # In every cycle: plain numbers take a third of the time of small arrays. NaN fails each comparison.
+        # In every cycle: plain numbers take a third of the time of small arrays. NaN fails each
+        # comparison.
         slow = all(-most <= v <= most for v, most in zip(state.v.tolist(), _SPEEDS, strict=True))
-        if slow and all(least <= q <= most for q, (least, most) in zip(state.q.tolist(), _RANGES, strict=True)):
+        if slow and all(
+            least <= q <= most for q, (least, most) in zip(state.q.tolist(), _RANGES, strict=True)
+        ):
             self._fast = 0
         else:
             self._judge_state(state)
@@ -376,7 +438,9 @@ class LoopCore:
             self.impedance.renew()
 
     def _judge_state(self, state: State) -> None:
-        """Raise Fault for a state in which no robot can be, or in which a joint has been too fast for some cycles."""
+        """Raise Fault for a state in which no robot can be, or in which a joint has been too fast
+        for some cycles.
+        """
         wrong = impossible(state)
         if wrong:
             raise Fault(wrong)
@@ -384,13 +448,16 @@ class LoopCore:
         self._fast = self._fast + 1 if abs(state.v[fastest]) > TOO_FAST[fastest] else 0
         if self._fast >= FAST_CYCLES:
             raise Fault(
-                f"{BODY[fastest]} turns at {state.v[fastest]:.3g} rad/s, at most {TOO_FAST[fastest]:.3g} is allowed"
+                f"{BODY[fastest]} turns at {state.v[fastest]:.3g} rad/s, at most"
+                f" {TOO_FAST[fastest]:.3g} is allowed"
             )
 
     def _control(self, state: State) -> Array:
         dt = self.backend.period_s
         if self._head_target.tolist() != self._head_goal.tolist():
-            self._head_target = joint.advance(self._head_target, self._head_goal, self._head_speed, dt)
+            self._head_target = joint.advance(
+                self._head_target, self._head_goal, self._head_speed, dt
+            )
         self.command.head[:] = self._head_target
         self.payloads.advance(dt)
         self.fingers.update(state, self.command, dt)
@@ -427,11 +494,14 @@ class LoopCore:
             verdict = act.beside(error) or act.interrupt(self.grips.verdict)
         else:
             hands_done, pulled = self.fingers.at_rest, self.grips.pulled
-            verdict = act.judge(state.time, error, hands_done=hands_done, head_done=head_done, pulled=pulled)
+            verdict = act.judge(
+                state.time, error, hands_done=hands_done, head_done=head_done, pulled=pulled
+            )
             done = verdict is not None and verdict[0] is Phase.DONE and not act.given_way
             if done and (off := self._off(act.motion, joints, error)):
                 verdict = act.wait(state.time, off)
-        if act.track is not followed:  # so that no force remains: the set-point is where the body is
+        # so that no force remains: the set-point is where the body is
+        if act.track is not followed:
             self.setpoint = state.q.copy()
         if verdict is not None:
             self._end(*verdict)
@@ -444,7 +514,9 @@ class LoopCore:
         if off := _not_followed(joints, JOINT_OFF):
             return off
         for row, (side, command) in enumerate(zip(names.SIDES, asked.hands(), strict=True)):
-            away, turned = (float(np.linalg.norm(error[at : at + 3])) for at in (6 * row, 6 * row + 3))
+            away, turned = (
+                float(np.linalg.norm(error[at : at + 3])) for at in (6 * row, 6 * row + 3)
+            )
             if away > HAND_OFF_M or turned > HAND_OFF:
                 return (fact(Kind.HAND_OFF, side, away, turned),)
             if isinstance(command, Move):
@@ -454,7 +526,7 @@ class LoopCore:
                     return (fact(Kind.FINGER_NOT_FOLLOWED, side, number, bent.max()),)
         return ()
 
-    # -- ends and faults ---------------------------------------------------------------------------------------------
+    # --- ends and faults --------------------------------------------------------------------------
 
     def _end(self, phase: Phase, why: Facts) -> None:
         if phase is not Phase.DONE:
@@ -467,7 +539,9 @@ class LoopCore:
         self.report = self.act.report(phase, why, self.state.time, self._hand(0), self._hand(1))
 
     def _hand(self, row: int) -> HandReport:
-        return msgspec.structs.replace(self.fingers.report(row, self.state), grip=self.grips.report(row))
+        return msgspec.structs.replace(
+            self.fingers.report(row, self.state), grip=self.grips.report(row)
+        )
 
     def _fault(self, error: Exception) -> None:
         self.faults += 1

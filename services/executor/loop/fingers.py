@@ -1,4 +1,6 @@
-"""Both hands as the loop drives them: motor travels, closing by touch, squeeze, lock. The law is velma.control.hand."""
+"""Both hands as the loop drives them: motor travels, closing by touch, squeeze, lock. The law is
+velma.control.hand.
+"""
 
 from enum import StrEnum
 
@@ -37,12 +39,16 @@ class Fingers:
         self.spread, self._spread_goal = np.zeros(2), np.zeros(2)
         self.locked = np.zeros(2)
         self.touched = np.zeros((2, 3), dtype=bool)
-        self._pushing, self._stalling = np.zeros((2, 3), dtype=np.intp), np.zeros((2, 3), dtype=np.intp)
+        self._pushing, self._stalling = (
+            np.zeros((2, 3), dtype=np.intp),
+            np.zeros((2, 3), dtype=np.intp),
+        )
         self._activity = [Activity.REST, Activity.REST]
         self._closing: list[Close | None] = [None, None]
         self._left_s = [0.0, 0.0]
         self._limit = np.array([[PAIR_LIMIT, PAIR_LIMIT, SINGLE_LIMIT]] * 2)
-        self._settled = False  # at rest, the motors at their goals, and all this in the last command
+        # at rest, the motors at their goals, and all this in the last command
+        self._settled = False
 
     def start_from(self, state: State) -> None:
         """Take the measured hands as set-points."""
@@ -58,7 +64,9 @@ class Fingers:
     def check(self, row: int, command: HandCommand) -> None:
         """Raise MotionError if this hand cannot do that now."""
         if isinstance(command, Move | Close) and self.locked[row]:
-            raise MotionError(f"{SIDES[row]} hand", f"locked, asked to {type(command).__name__}", "an Open before")
+            raise MotionError(
+                f"{SIDES[row]} hand", f"locked, asked to {type(command).__name__}", "an Open before"
+            )
 
     def begin(self, row: int, command: HandCommand) -> None:
         """Start what `check` allowed."""
@@ -91,7 +99,8 @@ class Fingers:
         return self._activity[0] is Activity.REST and self._activity[1] is Activity.REST
 
     def update(self, state: State, command: Command, dt: float) -> None:
-        """Run one cycle: detect touch, move the motors, write servo targets and locks into `command`.
+        """Run one cycle: detect touch, move the motors, write servo targets and locks into
+        `command`.
 
         `command` is that of the cycle before.
         """
@@ -137,7 +146,9 @@ class Fingers:
 
     def _feel(self, row: int, state: State, close: Close) -> None:
         pushing = (
-            hand.touching(self.motor[row], state.proximal[row], state.distal[row], close.speed, close.effort)
+            hand.touching(
+                self.motor[row], state.proximal[row], state.distal[row], close.speed, close.effort
+            )
             & ~self.touched[row]
         )
         self._pushing[row] = np.where(pushing, self._pushing[row] + 1, 0)
@@ -156,4 +167,6 @@ class Fingers:
         """Return the report of this hand."""
         one, two, three = (bool(x) for x in self.touched[row])
         p, d = [float(x) for x in state.proximal[row]], [float(x) for x in state.distal[row]]
-        return HandReport((one, two, three), (p[0], p[1], p[2]), (d[0], d[1], d[2]), bool(self.locked[row]))
+        return HandReport(
+            (one, two, three), (p[0], p[1], p[2]), (d[0], d[1], d[2]), bool(self.locked[row])
+        )

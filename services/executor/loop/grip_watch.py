@@ -1,9 +1,11 @@
-"""Both hands watched by the sensors in the wrists: is what a hand has taken still in it? The law is velma.control.grip.
+"""Both hands watched by the sensors in the wrists: is what a hand has taken still in it? The law is
+velma.control.grip.
 
-A hand is tared as a motion says, while it is empty and free, and watched from the payload that it is told to carry
-until it opens. On its way down to put something down it is not watched: the support takes the load. Nor is it while it
-holds something out to a person, who takes the load: then it feels for a pull (velma.control.grip). With a sensor that
-is not well a hand feels nothing, and says why.
+A hand is tared as a motion says, while it is empty and free, and watched from the payload that it
+is told to carry until it opens. On its way down to put something down it is not watched: the
+support takes the load. Nor is it while it holds something out to a person, who takes the load: then
+it feels for a pull (velma.control.grip). With a sensor that is not well a hand feels nothing, and
+says why.
 """
 
 import numpy as np
@@ -32,7 +34,8 @@ class GripWatch:
         self.wrists = grip.Wrists(period_s)
         self._period_s = period_s
         self._share = 1.0 - np.exp(-period_s / grip.LOAD_S)
-        self._sensed, self._felt = False, np.zeros((2, 2, 3))  # whether there are sensors; force, gravity of each hand
+        # whether there are sensors; force, gravity of each hand
+        self._sensed, self._felt = False, np.zeros((2, 2, 3))
         self._error = np.zeros((2, 3))  # N, of each sensor at its empty hand
         self._low, self._high = np.zeros(2), np.zeros(2)  # kg; high 0: the hand is empty
         self._load = np.zeros(2)
@@ -53,16 +56,24 @@ class GripWatch:
             if payload is not None:
                 self._expect(row, payload)
             out = asked.until is Until.PULL and asked.pull_side == SIDES[row]
-            self._wanted_n[row], self._wanted_s[row] = (asked.pull_n, asked.pull_s) if out else (0.0, 0.0)
+            self._wanted_n[row], self._wanted_s[row] = (
+                (asked.pull_n, asked.pull_s) if out else (0.0, 0.0)
+            )
             self._pull[row] = Pull()
-            self._down[row] = out or (asked.until is Until.CONTACT and asked.contact_side == SIDES[row])
+            self._down[row] = out or (
+                asked.until is Until.CONTACT and asked.contact_side == SIDES[row]
+            )
             if self._down[row] or self._watch[row].grip is Grip.SLIPPED:
                 self._watch[row] = Watch()
 
     def _expect(self, row: int, payload: Payload) -> None:
-        if not payload.mass or not self._high[row] or self._watch[row].grip is Grip.LOST:  # it is there after all
+        # it is there after all
+        if not payload.mass or not self._high[row] or self._watch[row].grip is Grip.LOST:
             self._watch[row] = Watch()
-        self._low[row], self._high[row] = payload.mass, payload.mass + payload.content if payload.mass else 0.0
+        self._low[row], self._high[row] = (
+            payload.mass,
+            payload.mass + payload.content if payload.mass else 0.0,
+        )
 
     def update(self, state: State, terms: Terms) -> None:
         """Take the readings of a cycle."""
@@ -71,11 +82,15 @@ class GripWatch:
         readings = self._well(state.wrist, terms)
         self._sensed, self._felt = True, self.wrists.feel(readings, terms.rotation, terms.position)
         forces, gravities = (self._felt[:, 0] - self._error).tolist(), self._felt[:, 1].tolist()
-        masses = [grip.mass(force, gravity) for force, gravity in zip(forces, gravities, strict=True)]
+        masses = [
+            grip.mass(force, gravity) for force, gravity in zip(forces, gravities, strict=True)
+        ]
         self._load += self._share * (masses - self._load)
         if not self.wrists.settled:
             return
-        for row, (low, high) in enumerate(zip(self._low.tolist(), self._high.tolist(), strict=True)):
+        for row, (low, high) in enumerate(
+            zip(self._low.tolist(), self._high.tolist(), strict=True)
+        ):
             if self._wanted_n[row]:
                 self._feel_pull(row, state.wrist[row], terms, min(max(masses[row], low), high))
             if self._health[row].wrong:
@@ -91,7 +106,8 @@ class GripWatch:
         raw = reading[:3] * grip.SENSOR_TO_GRIP[row] - self._error[row]
         self._pull_n[row] = smooth = grip.size(force - self._error[row], gravity, kg, out)
         self._pull[row] = grip.pulled(
-            self._pull[row], reading.tolist(), smooth, grip.size(raw, rotation[2] * GRAVITY, kg, out),
+            self._pull[row], reading.tolist(), smooth,
+            grip.size(raw, rotation[2] * GRAVITY, kg, out),
             float(self._beside[row] @ away), self._wanted_n[row],
         )  # fmt: skip
         if self._health[row].wrong:
@@ -108,10 +124,15 @@ class GripWatch:
         return self._pulled(0) or self._pulled(1)
 
     def _pulled(self, row: int) -> bool:
-        return bool(self._wanted_n[row]) and self._pull[row].steady * self._period_s >= self._wanted_s[row] - 1e-9
+        return (
+            bool(self._wanted_n[row])
+            and self._pull[row].steady * self._period_s >= self._wanted_s[row] - 1e-9
+        )
 
     def _well(self, wrist: Array, terms: Terms) -> Array:
-        """Return the readings (2, 6); of a sensor that reads what cannot be, the last that could."""
+        """Return the readings (2, 6); of a sensor that reads what cannot be, the last that
+        could.
+        """
         well = [
             health.judge(reading.tolist(), rotation.ravel().tolist())
             for health, reading, rotation in zip(self._health, wrist, terms.rotation, strict=True)
@@ -145,4 +166,6 @@ class GripWatch:
         """Return what is felt in a hand."""
         wrong = self._health[row].wrong
         felt = "" if wrong or not (self._sensed and self._high[row]) else str(self._watch[row].grip)
-        return GripReport(felt, float(self._load[row]), wrong, self._pull_n[row] if self._pulled(row) else 0.0)
+        return GripReport(
+            felt, float(self._load[row]), wrong, self._pull_n[row] if self._pulled(row) else 0.0
+        )

@@ -1,4 +1,6 @@
-"""Both ends of the slot file: `AgentLink` for the executor's agent, `StopLink` for people, `LoopLink` for the loop."""
+"""Both ends of the slot file: `AgentLink` for the executor's agent, `StopLink` for people,
+`LoopLink` for the loop.
+"""
 
 import mmap
 import os
@@ -66,9 +68,11 @@ class LoopState(msgspec.Struct, frozen=True):
 
 
 class LoopAnswer(msgspec.Struct, frozen=True):
-    """The loop's answer: number of the last command taken, its refusal if any, the report of the motion.
+    """The loop's answer: number of the last command taken, its refusal if any, the report of the
+    motion.
 
-    `look`: a look at the motion is due; the state that was published before this is that of its time.
+    `look`: a look at the motion is due; the state that was published before this is that of its
+    time.
     """
 
     taken: int = 0
@@ -78,7 +82,9 @@ class LoopAnswer(msgspec.Struct, frozen=True):
 
 
 class Timing(msgspec.Struct, frozen=True):
-    """Lateness of cycles against their deadlines [us]. `missed`: cycles whose command came after the next deadline."""
+    """Lateness of cycles against their deadlines [us]. `missed`: cycles whose command came after
+    the next deadline.
+    """
 
     cycles: int = 0
     missed: int = 0
@@ -105,7 +111,9 @@ class AgentLink:
         self._beat = Counters(self.file.slots["beat"], 1)
 
     def send(self, command: LoopCommand) -> int:
-        """Send a command; return its number. Wait until `told().taken` shows it before sending the next."""
+        """Send a command; return its number. Wait until `told().taken` shows it before sending the
+        next.
+        """
         return self.file.slots["command"].write(packed(command))
 
     def beat(self) -> None:
@@ -123,7 +131,9 @@ class AgentLink:
         return _TOLD(found[1]) if found else LoopAnswer()
 
     def sealed_truth(self) -> bytes:
-        """Return the newest truth, encoded, for the monitor; the agent must not read it. Empty if there is none."""
+        """Return the newest truth, encoded, for the monitor; the agent must not read it. Empty if
+        there is none.
+        """
         found = self.file.slots["truth"].read()
         return found[1] if found else b""
 
@@ -134,7 +144,9 @@ class AgentLink:
 
 
 def reopened(link: AgentLink | None, path: Path) -> AgentLink:
-    """The link to the loop, or another one where a new loop has replaced its file. Raise SlotError where none is."""
+    """The link to the loop, or another one where a new loop has replaced its file. Raise SlotError
+    where none is.
+    """
     if link is not None and not link.file.replaced:
         return link
     newer = AgentLink(path)  # where this raises, the old one stays open, and is asked again
@@ -144,7 +156,8 @@ def reopened(link: AgentLink | None, path: Path) -> AgentLink:
 
 
 class StopLink:
-    """The end of a person: one byte in a file beside the slots (docs/run-folder.md). It works with every agent dead.
+    """The end of a person: one byte in a file beside the slots (docs/run-folder.md). It works with
+    every agent dead.
 
     `path`: the slot file. The byte is written in place, since the loop has the file mapped.
     """
@@ -180,7 +193,9 @@ class LoopLink:
         self._body, self._hands = np.zeros((3, 15)), np.zeros(16)
 
     def command(self) -> tuple[int, LoopCommand | msgspec.DecodeError] | None:
-        """Return the next command with its number, once; a DecodeError in place of bytes that are no command."""
+        """Return the next command with its number, once; a DecodeError in place of bytes that are
+        no command.
+        """
         slot = self._slots["command"]
         if slot.number in (self._taken, self._taken + 1):
             return None

@@ -1,8 +1,10 @@
-"""The memory of the loop between two cycles, and of the simulated world: a new loop goes on where a killed one was.
+"""The memory of the loop between two cycles, and of the simulated world: a new loop goes on where a
+killed one was.
 
-Saved after every cycle, by turns in two slots of a file beside those of the agent: one of them is whole whenever the
-loop is killed. The motion is saved once, when it begins. The file is that of one world: its fingerprint (scene,
-simulator) and its epoch, a name that a world has from its beginning to its end.
+Saved after every cycle, by turns in two slots of a file beside those of the agent: one of them is
+whole whenever the loop is killed. The motion is saved once, when it begins. The file is that of one
+world: its fingerprint (scene, simulator) and its epoch, a name that a world has from its beginning
+to its end.
 
 A real robot has no such memory: its world does not end with the process.
 """
@@ -33,10 +35,16 @@ MEMORY = "loop.memory"
 """Name of the file, beside the slots."""
 MAGIC = b"VELMAWM7"
 _HEAD = struct.Struct("<8s32s16s")  # magic, fingerprint of the world, its epoch
-_PLACES = {"motion": (64, 4 << 20), "even": ((4 << 20) + 64, 5 << 20), "odd": ((5 << 20) + 64, 6 << 20)}
+_PLACES = {
+    "motion": (64, 4 << 20),
+    "even": ((4 << 20) + 64, 5 << 20),
+    "odd": ((5 << 20) + 64, 6 << 20),
+}
 """Start and end of the slots [bytes]. A world of 60 grains, the most, has 20 kB where they spin."""
 _TOUCHED = 1 << 20
-"""First bytes of the file, a motion of 80 s, that are in memory from the start: else they are read as one begins."""
+"""First bytes of the file, a motion of 80 s, that are in memory from the start: else they are read
+as one begins.
+"""
 
 
 @runtime_checkable
@@ -58,7 +66,9 @@ class Restorable(Protocol):
 
 
 class _Saved(msgspec.Struct, frozen=True, array_like=True):
-    """Attributes of an object of the loop, by their names with or without a leading underscore; arrays as bytes."""
+    """Attributes of an object of the loop, by their names with or without a leading underscore;
+    arrays as bytes.
+    """
 
     @classmethod
     def of(cls, one: object) -> Self:
@@ -66,7 +76,9 @@ class _Saved(msgspec.Struct, frozen=True, array_like=True):
         read = _READERS.get(cls)
         if read is None:
             values = vars(one)
-            read = _READERS[cls] = attrgetter(*[n if n in values else f"_{n}" for n in cls.__struct_fields__])
+            read = _READERS[cls] = attrgetter(
+                *[n if n in values else f"_{n}" for n in cls.__struct_fields__]
+            )
         return cls(*read(one))
 
     def give(self, one: object) -> None:
@@ -174,7 +186,9 @@ class _Track(_Saved, frozen=True, array_like=True):
 
 
 class LoopMemory(msgspec.Struct, frozen=True, array_like=True):
-    """The memory of a core and its world between two cycles; `number` counts, `act` is None without a motion."""
+    """The memory of a core and its world between two cycles; `number` counts, `act` is None without
+    a motion.
+    """
 
     number: int
     world: bytes
@@ -228,10 +242,14 @@ _motion = msgspec.msgpack.Decoder(Motion).decode
 
 
 class Keeper:
-    """Saves the memory of a core after each cycle; `epoch` names its world, `restored` tells whether it was found."""
+    """Saves the memory of a core after each cycle; `epoch` names its world, `restored` tells
+    whether it was found.
+    """
 
     def __init__(self, path: Path, core: LoopCore, backend: Restorable) -> None:
-        """Restore the core from the file, or begin a new world where there is none of the same scene and simulator."""
+        """Restore the core from the file, or begin a new world where there is none of the same
+        scene and simulator.
+        """
         self._core, self._backend = core, backend
         found = _opened(path, backend.fingerprint)
         self._file, self.epoch = found or _begun(path, backend.fingerprint)
@@ -244,7 +262,9 @@ class Keeper:
         self.restored = found is not None and self._recall()
 
     def save(self) -> None:
-        """Save now: 24 us after a cycle (benchmarks/loop.py, 2026-11-23); 35, busy, before it 46 (2026-11-27)."""
+        """Save now: 24 us after a cycle (benchmarks/loop.py, 2026-11-23); 35, busy, before it 46
+        (2026-11-27).
+        """
         core = self._core
         if core.act is not self._running:
             self._running = core.act
@@ -279,7 +299,9 @@ def _opened(path: Path, fingerprint: bytes) -> tuple[mmap.mmap, str] | None:
         if os.fstat(file).st_size != _PLACES["odd"][1]:
             return None
         magic, print_, epoch = _HEAD.unpack(os.pread(file, _HEAD.size, 0))
-        return (mmap.mmap(file, 0), epoch.hex()) if (magic, print_) == (MAGIC, fingerprint) else None
+        return (
+            (mmap.mmap(file, 0), epoch.hex()) if (magic, print_) == (MAGIC, fingerprint) else None
+        )
     finally:
         os.close(file)
 

@@ -1,7 +1,9 @@
-"""Whether this machine holds 500 Hz with what runs now: `python -m services.executor.loop.pace` prints a Pace as JSON.
+"""Whether this machine holds 500 Hz with what runs now: `python -m services.executor.loop.pace`
+prints a Pace as JSON.
 
-The loop moves the simulated robot in real time for a second, with the priority that it would get. With the slot file of
-a loop that runs (`... pace FILE`) it is that loop which is watched, unless its world stands still.
+The loop moves the simulated robot in real time for a second, with the priority that it would get.
+With the slot file of a loop that runs (`... pace FILE`) it is that loop which is watched, unless
+its world stands still.
 """
 
 import sys
@@ -21,11 +23,13 @@ from velma.sim.mujoco_backend import MujocoBackend
 MEASURED_S, WARM_S = 1.0, 0.2
 WATCHED_S = 2.5  # a loop shows its timing once a second, or later where it is late
 REACH = 0.1  # rad: every joint moves, in the start posture nothing is near
-MOST_LATE = 0.1  # estimate: idle machines with two slow cores are late in 3 to 9 % of the cycles and keep real time
+# estimate: idle machines with two slow cores are late in 3 to 9 % of the cycles and keep real time
+MOST_LATE = 0.1
 
 
 class Pace(msgspec.Struct, frozen=True):
-    """Number of periods, of those with a late or skipped cycle, whether real time is held, computing time [us].
+    """Number of periods, of those with a late or skipped cycle, whether real time is held,
+    computing time [us].
 
     `realtime`: the loop has the kernel's real-time priority.
     """
@@ -38,7 +42,9 @@ class Pace(msgspec.Struct, frozen=True):
 
 
 def measure(core: LoopCore, pacer: Pacer, seconds: float = MEASURED_S) -> Pace:
-    """Return the pace of a motion of this duration in real time [s]; the core must be at rest in mode motion."""
+    """Return the pace of a motion of this duration in real time [s]; the core must be at rest in
+    mode motion.
+    """
     core.begin(motion("pace", _rise(core.setpoint, seconds)))
     for _ in range(round(seconds / core.backend.period_s)):
         pacer.wait()
@@ -48,7 +54,9 @@ def measure(core: LoopCore, pacer: Pacer, seconds: float = MEASURED_S) -> Pace:
 
 
 def between(before: Timing, after: Timing) -> Pace:
-    """Return the pace of a loop between two looks at its timing; no periods where it keeps no real time."""
+    """Return the pace of a loop between two looks at its timing; no periods where it keeps no real
+    time.
+    """
     skipped = after.skipped - before.skipped
     periods, late = after.cycles - before.cycles + skipped, after.missed - before.missed + skipped
     if not after.lateness_us:  # at speed max it has no deadlines
@@ -57,13 +65,16 @@ def between(before: Timing, after: Timing) -> Pace:
 
 
 def _rise(start: np.ndarray, seconds: float) -> np.ndarray:
-    """Return knots (n, 15) of a smooth motion of all joints from `start` (15,) by REACH and back."""
+    """Return knots (n, 15) of a smooth motion of all joints from `start` (15,) by REACH and
+    back.
+    """
     u = np.arange(0.0, seconds + KNOT_S, KNOT_S) / seconds
     return start + REACH * np.sin(np.pi * u)[:, None] ** 2
 
 
 def watch(slots: Path) -> Pace:
-    """Return the pace of the loop that runs, over some seconds; not of one that replaces it. Raises SlotError.
+    """Return the pace of the loop that runs, over some seconds; not of one that replaces it. Raises
+    SlotError.
 
     While its world stands still it computes nothing: then another one is tried out.
     """

@@ -1,15 +1,19 @@
-"""The loop with its clock and its slots. `__main__` calls `turn` for ever; tests call it step by step.
+"""The loop with its clock and its slots. `__main__` calls `turn` for ever; tests call it step by
+step.
 
-`--speed 1`: a cycle every 2 ms of wall time. A simulated world that stands still is not computed until something is
-asked of the robot: every 50 ms its time passes, and it is shown every 0.1 s.
-`--speed max`: simulated time goes on only while something happens, as fast as possible; between acts it stands still.
+`--speed 1`: a cycle every 2 ms of wall time. A simulated world that stands still is not computed
+until something is asked of the robot: every 50 ms its time passes, and it is shown every 0.1 s.
+`--speed max`: simulated time goes on only while something happens, as fast as possible; between
+acts it stands still.
 
-If a motion is watched, the loop says when a look is due. In real time the motion goes on meanwhile, and a slow machine
-looks less often. At `--speed max` time stands still until the look is answered or the motion is cancelled.
+If a motion is watched, the loop says when a look is due. In real time the motion goes on meanwhile,
+and a slow machine looks less often. At `--speed max` time stands still until the look is answered
+or the motion is cancelled.
 
-The agent sends heartbeats during an act. If one is late, the arms come to rest along their path and go on with the
-next one (at `--speed max` time stands still meanwhile). If none comes for long, the act is interrupted. A cancelled act
-needs no heartbeat. Silence is counted in turns, so suspending a machine with agent and loop does not count.
+The agent sends heartbeats during an act. If one is late, the arms come to rest along their path and
+go on with the next one (at `--speed max` time stands still meanwhile). If none comes for long, the
+act is interrupted. A cancelled act needs no heartbeat. Silence is counted in turns, so suspending a
+machine with agent and loop does not count.
 """
 
 import time
@@ -28,7 +32,7 @@ from services.executor.loop.memory import Keeper
 from services.executor.loop.timing import Pacer
 from velma.sim.truth import TruthReader
 
-# --- Whether a simulated world stands still: then its cycles need not be computed ------------------------------------
+# --- Whether a simulated world stands still: then its cycles need not be computed -----------------
 
 WINDOW = 250  # cycles, 0.5 s; estimate
 STILL = 1e-7  # rad or m, by which nothing moves in a window; estimate: 200 times what was measured
@@ -39,12 +43,16 @@ class Restable(Protocol):
     """A back-end whose time can pass without steps."""
 
     def pass_time(self, periods: int) -> None:
-        """Let as many periods of 2 ms pass in which nothing moves; the caller knows that nothing would."""
+        """Let as many periods of 2 ms pass in which nothing moves; the caller knows that nothing
+        would.
+        """
         ...
 
 
 class Stillness:
-    """Watches the coordinates of a world over windows of cycles; `reached` tells whether it stands still."""
+    """Watches the coordinates of a world over windows of cycles; `reached` tells whether it stands
+    still.
+    """
 
     def __init__(self, core: LoopCore, world: Restable) -> None:
         self._core, self._world = core, world
@@ -56,7 +64,9 @@ class Stillness:
         self._before = self._core.backend.configuration().copy()
 
     def computed(self) -> None:
-        """Count a cycle that was computed; compare the world at the end of a window with that at its beginning."""
+        """Count a cycle that was computed; compare the world at the end of a window with that at
+        its beginning.
+        """
         self._cycles += 1
         if self._cycles == WINDOW:
             now = self._core.backend.configuration()
@@ -70,12 +80,17 @@ class Stillness:
         self._core.cycles += periods
 
 
-LATE_TURNS = 50  # turns without a heartbeat, 0.1 s: ten beats of the agent (services/executor/loop_device.py)
-GONE_TURNS = 2500  # 5 s; estimate: a killed agent is back after 3.3 s (measured), and finds its motion at rest
+# turns without a heartbeat, 0.1 s: ten beats of the agent (services/executor/loop_device.py)
+LATE_TURNS = 50
+# 5 s; estimate: a killed agent is back after 3.3 s (measured), and finds its motion at rest
+GONE_TURNS = 2500
 SETTLE_S = 0.4  # for things to come to rest on their shelves before anybody looks
 SHOW_EVERY, TRUTH_EVERY, TIMING_EVERY = 5, 50, 500  # cycles: 10 ms, 0.1 s, 1 s
-LOOK_EVERY, SHOW_STILL_EVERY = 25, 50  # cycles of a still world between two looks for a command, and two states shown
-UNREST_S = 2.0  # simulated, until what somebody pushed or tipped rests; at speed max nothing else moves it; estimate
+# cycles of a still world between two looks for a command, and two states shown
+LOOK_EVERY, SHOW_STILL_EVERY = 25, 50
+# simulated, until what somebody pushed or tipped rests; at speed max nothing else moves it;
+# estimate
+UNREST_S = 2.0
 IDLE_S = 0.002  # pause between two looks while time stands still
 
 
@@ -87,12 +102,14 @@ class Speed(StrEnum):
 
 
 class LoopProcess:
-    """Runs a core by commands from slots. `turn` is one cycle, or a short pause while time stands still.
+    """Runs a core by commands from slots. `turn` is one cycle, or a short pause while time stands
+    still.
 
-    `keeper` saves the core after each cycle, None for a robot whose world does not end with this process. A motion that
-    a killed loop left is cancelled: who asked for it sees a new loop, and takes it for lost. `still`: None for a robot
-    whose every cycle has to be computed. `stirred`: returns whether a fault has just changed the simulated world, so
-    that it does not rest; called in each turn.
+    `keeper` saves the core after each cycle, None for a robot whose world does not end with this
+    process. A motion that a killed loop left is cancelled: who asked for it sees a new loop, and
+    takes it for lost. `still`: None for a robot whose every cycle has to be computed. `stirred`:
+    returns whether a fault has just changed the simulated world, so that it does not rest; called
+    in each turn.
     """
 
     def __init__(
@@ -108,7 +125,13 @@ class LoopProcess:
         stirred: Callable[[], bool] | None = None,
         settle_s: float = SETTLE_S,
     ) -> None:
-        self.core, self._link, self._speed, self._truth, self._pacer = core, link, speed, truth, pacer
+        self.core, self._link, self._speed, self._truth, self._pacer = (
+            core,
+            link,
+            speed,
+            truth,
+            pacer,
+        )
         self._keeper, self._still = keeper, still
         self._stirred, self._unrest = stirred, 0
         self._told, self._shown = LoopAnswer(), core.mode
@@ -121,7 +144,9 @@ class LoopProcess:
         self._publish()
 
     def turn(self) -> None:
-        """Take commands, run the cycles that are due, publish what is new; in real time, wait for them first."""
+        """Take commands, run the cycles that are due, publish what is new; in real time, wait for
+        them first.
+        """
         if self._speed is Speed.REAL:
             self._pacer.wait()
         self._people()
@@ -129,7 +154,11 @@ class LoopProcess:
         self._listen()
         self._look_at_world()
         if self._speed is Speed.REAL:
-            if self._still is not None and self._still.reached and self.core.cycles % LOOK_EVERY == 0:
+            if (
+                self._still is not None
+                and self._still.reached
+                and self.core.cycles % LOOK_EVERY == 0
+            ):
                 self._rest(self._still)
             else:
                 self._cycle()
@@ -235,7 +264,11 @@ class LoopProcess:
 
     def _show(self) -> None:
         core = self.core
-        if core.report is not self._told.report or core.mode is not self._shown or core.look_due != self._told.look:
+        if (
+            core.report is not self._told.report
+            or core.mode is not self._shown
+            or core.look_due != self._told.look
+        ):
             self._publish()
         elif core.cycles % SHOW_EVERY == 0:
             self._show_state()
@@ -245,14 +278,19 @@ class LoopProcess:
                 self._link.show("timing", self._pacer.timing())
 
     def _publish(self) -> None:
-        """Save and publish all; state and truth first, so that a reader of a motion's end finds the state after it."""
+        """Save and publish all; state and truth first, so that a reader of a motion's end finds the
+        state after it.
+        """
         if self._still is not None:
             self._still.restart()
         self._keep()
         self._show_state()
         self._show_truth()
         told, core = self._told, self.core
-        self._told, self._shown = msgspec.structs.replace(told, report=core.report, look=core.look_due), core.mode
+        self._told, self._shown = (
+            msgspec.structs.replace(told, report=core.report, look=core.look_due),
+            core.mode,
+        )
         self._link.show("told", self._told)
         self._link.show("timing", self._pacer.timing())
 

@@ -1,7 +1,9 @@
-"""What the loop does in a robot's life, done once with a robot of its own before the true one moves.
+"""What the loop does in a robot's life, done once with a robot of its own before the true one
+moves.
 
-The memory of the loop is locked page by page as it is touched (timing.py). A page of a library that was never needed
-before has to be found, or even read from the disk, in the middle of a cycle. Those that motions need are there then.
+The memory of the loop is locked page by page as it is touched (timing.py). A page of a library that
+was never needed before has to be found, or even read from the disk, in the middle of a cycle. Those
+that motions need are there then.
 """
 
 import copy
@@ -85,7 +87,8 @@ def _motions(start: Array) -> tuple[Motion, ...]:
     open_ = Open(0.01, 1.0)
     return (
         motion(
-            "there", there, head=HeadGoal(0.02, 0.02, 1.0), right=Move((0.02, 0.02, 0.02)), payload_right=payload,
+            "there", there, head=HeadGoal(0.02, 0.02, 1.0), right=Move((0.02, 0.02, 0.02)),
+            payload_right=payload,
             tare="left", look_every_s=0.02, **rest,
         ),
         motion("back", back, until=Until.CONTACT, payload_right=Payload(), **rest),

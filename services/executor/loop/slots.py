@@ -1,8 +1,10 @@
-"""Shared memory between the loop and the rest: fixed slots in an mmap'ed file, each with a single writer.
+"""Shared memory between the loop and the rest: fixed slots in an mmap'ed file, each with a single
+writer.
 
-A slot is a sequence number, a length and bytes. Its writer makes the number odd, writes, and makes it even; a reader
-that sees an odd or a changed number reads again, so nobody waits for a lock. The file outlives a process that
-dies. A new loop puts a new file in the same place; `LoopFile.replaced` tells those who still hold the old one.
+A slot is a sequence number, a length and bytes. Its writer makes the number odd, writes, and makes
+it even; a reader that sees an odd or a changed number reads again, so nobody waits for a lock. The
+file outlives a process that dies. A new loop puts a new file in the same place; `LoopFile.replaced`
+tells those who still hold the old one.
 
     command   agent -> loop    a motion, cancel or release, numbered by the slot itself
     beat      agent -> loop    a counter: the agent lives
@@ -35,7 +37,8 @@ SIZES = {
     "truth": 16 << 10,
     "timing": 16 << 10,
 }
-READ_TRIES = 50  # a write takes microseconds; after this many failed reads the writer must have died in the middle
+# a write takes microseconds; after this many failed reads the writer must have died in the middle
+READ_TRIES = 50
 
 
 class Slot:
@@ -46,11 +49,15 @@ class Slot:
 
     @property
     def number(self) -> int:
-        """The sequence number: grows by 2 with each record; 0 before the first, odd during a write."""
+        """The sequence number: grows by 2 with each record; 0 before the first, odd during a
+        write.
+        """
         return int(_HEAD.unpack_from(self._view)[0])
 
     def write(self, record: bytes | bytearray | memoryview) -> int:
-        """Replace the record (only one writer per slot); return its number. Raises SlotError if it does not fit."""
+        """Replace the record (only one writer per slot); return its number. Raises SlotError if it
+        does not fit.
+        """
         if len(record) > self.capacity:
             raise SlotError("", f"a record of {len(record)} bytes", f"at most {self.capacity}")
         number = self.number | 1  # correct also after a writer that died in the middle
@@ -61,7 +68,9 @@ class Slot:
         return number + 1
 
     def read(self) -> tuple[int, bytes] | None:
-        """Return the record and its number; None before the first one, or if it cannot be read whole."""
+        """Return the record and its number; None before the first one, or if it cannot be read
+        whole.
+        """
         for _ in range(READ_TRIES):
             number, length = _HEAD.unpack_from(self._view)
             if number == 0:
@@ -74,10 +83,11 @@ class Slot:
 
 
 def begun(path: Path, size: int) -> tuple[int, Path]:
-    """Return a new file that will be mapped, open, and its name until it takes the place of `path`; its owner's alone.
+    """Return a new file that will be mapped, open, and its name until it takes the place of `path`;
+    its owner's alone.
 
-    All of its `size` [bytes] is on the disk: a write to a mapped page for which there is no room ends the process with
-    SIGBUS. Raise OSError where there is none.
+    All of its `size` [bytes] is on the disk: a write to a mapped page for which there is no room
+    ends the process with SIGBUS. Raise OSError where there is none.
     """
     fresh = path.with_name(f".{path.name}.{os.getpid()}")
     file = os.open(fresh, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
@@ -100,7 +110,9 @@ class LoopFile:
         finally:
             os.close(file)
         self._view = memoryview(self._map)
-        self.slots = {name: Slot(self._view[start:end]) for name, (start, end) in _layout()[0].items()}
+        self.slots = {
+            name: Slot(self._view[start:end]) for name, (start, end) in _layout()[0].items()
+        }
 
     @classmethod
     def create(cls, path: Path) -> "LoopFile":
@@ -117,11 +129,17 @@ class LoopFile:
         try:
             file = os.open(path, os.O_RDWR)
         except FileNotFoundError:
-            raise SlotError(str(path), "no such file", "the file of a running loop; start the loop first") from None
+            raise SlotError(
+                str(path), "no such file", "the file of a running loop; start the loop first"
+            ) from None
         size, magic = os.fstat(file).st_size, os.pread(file, len(MAGIC), 0)
         if size != _layout()[1] or magic != MAGIC:
             os.close(file)
-            raise SlotError(str(path), f"{size} bytes beginning {magic!r}", f"{_layout()[1]} bytes beginning {MAGIC!r}")
+            raise SlotError(
+                str(path),
+                f"{size} bytes beginning {magic!r}",
+                f"{_layout()[1]} bytes beginning {MAGIC!r}",
+            )
         return cls(path, file)
 
     @property

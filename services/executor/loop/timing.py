@@ -17,7 +17,8 @@ from services.executor.loop.link import Timing
 FIFO_PRIORITY = 80  # below the kernel's own threads (99), above everything normal
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # mlockall(2)
 
-BIN_US, BINS = 5, 8000  # up to 40 ms; anything later is in the last bin, the maximum is kept separately
+# up to 40 ms; anything later is in the last bin, the maximum is kept separately
+BIN_US, BINS = 5, 8000
 MOST_BEHIND = 10  # periods that are caught up by running faster; more are skipped and counted
 
 
@@ -35,13 +36,17 @@ class Histogram:
         self._max = max(self._max, us)
 
     def figures(self) -> dict[str, float]:
-        """Return p50, p99, p999 (upper edges of their bins) and max [us]; {} if nothing was counted."""
+        """Return p50, p99, p999 (upper edges of their bins) and max [us]; {} if nothing was
+        counted.
+        """
         if not self._count:
             return {}
         upto = np.cumsum(self._bins)
         out = {}
         for name, share in (("p50", 0.5), ("p99", 0.99), ("p999", 0.999)):
-            out[name] = min(self._max, float(BIN_US * (1 + np.searchsorted(upto, share * self._count))))
+            out[name] = min(
+                self._max, float(BIN_US * (1 + np.searchsorted(upto, share * self._count)))
+            )
         out["max"] = self._max
         return out
 
@@ -59,7 +64,9 @@ class Paging:
         if moving and self._before != before:
             minor, major = (now - then for now, then in zip(self._before, before, strict=True))
             told = self.told
-            self.told = PageFaults(told.minor + minor, told.major + major, told.late + (missed and major > 0))
+            self.told = PageFaults(
+                told.minor + minor, told.major + major, told.late + (missed and major > 0)
+            )
 
 
 def _page_faults() -> tuple[int, int]:
@@ -68,12 +75,21 @@ def _page_faults() -> tuple[int, int]:
 
 
 class Pacer:
-    """Keeps real time: a cycle starts a period after the one before, or after as many as were rested."""
+    """Keeps real time: a cycle starts a period after the one before, or after as many as were
+    rested.
+    """
 
     def __init__(self, period_s: float, realtime: bool = False) -> None:
-        self._period, self._next, self._since = period_s, 0.0, 1  # _since: periods from the last wait to the next
+        # _since: periods from the last wait to the next
+        self._period, self._next, self._since = period_s, 0.0, 1
         self._late, self._compute = Histogram(), Histogram()
-        self._cycles, self._missed, self._skipped, self._rested, self._realtime = 0, 0, 0, 0, realtime
+        self._cycles, self._missed, self._skipped, self._rested, self._realtime = (
+            0,
+            0,
+            0,
+            0,
+            realtime,
+        )
         self._began = 0.0
         self._paging = Paging()
 
@@ -93,7 +109,9 @@ class Pacer:
         self._late.add(1e6 * max(0.0, late))
 
     def go(self) -> None:
-        """Start a cycle at once, without a deadline. Its computing time is counted; longer than a period is a miss."""
+        """Start a cycle at once, without a deadline. Its computing time is counted; longer than a
+        period is a miss.
+        """
         self._began = self._next = time.monotonic()
 
     def done(self, moving: bool = True) -> None:
@@ -134,7 +152,10 @@ def take_priority() -> str:
         refused.append(f"locked memory ({os.strerror(ctypes.get_errno())})")
     if not refused:
         return ""
-    return f"no {' and no '.join(refused)}: some cycles will be late; needs CAP_SYS_NICE and CAP_IPC_LOCK"
+    return (
+        f"no {' and no '.join(refused)}: some cycles will be late; needs CAP_SYS_NICE and"
+        " CAP_IPC_LOCK"
+    )
 
 
 def still_memory() -> None:

@@ -1,9 +1,9 @@
 """An agent as its designer writes it: states, arcs and behaviours (paper, section 3).
 
-An elementary action computes (c', y) := f(c, x); a behaviour repeats it until its terminal or error condition holds;
-then the first arc whose initial condition holds picks the next state (no condition: True). States, arcs and the names
-of conditions come from the design; an agent binds Python functions to the names. Everything here is pure: functions of
-memory and turn.
+An elementary action computes (c', y) := f(c, x); a behaviour repeats it until its terminal or error
+condition holds; then the first arc whose initial condition holds picks the next state (no
+condition: True). States, arcs and the names of conditions come from the design; an agent binds
+Python functions to the names. Everything here is pure: functions of memory and turn.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,10 +41,11 @@ def everything(memory: Any, event: Taken) -> bool:
 class Behaviour(Generic[M]):
     """The transition, the end conditions and the accepted events of one state.
 
-    `transition(memory, turn) -> memory` is called once with `turn.event is None` when the state is entered (at a start
-    of the process with Started instead), then once per event. It must not change the memory it is given.
-    `takes(memory, event)` is asked of every Received, Local and Late; one not taken waits in the inbox, unreceipted,
-    in order. Started, Woken, PeerChanged and Ordered are handed over always; ignore those you do not know.
+    `transition(memory, turn) -> memory` is called once with `turn.event is None` when the state is
+    entered (at a start of the process with Started instead), then once per event. It must not
+    change the memory it is given. `takes(memory, event)` is asked of every Received, Local and
+    Late; one not taken waits in the inbox, unreceipted, in order. Started, Woken, PeerChanged and
+    Ordered are handed over always; ignore those you do not know.
     """
 
     transition: Callable[[M, Turn], M]
@@ -55,7 +56,9 @@ class Behaviour(Generic[M]):
 
 @dataclass(frozen=True)
 class Arc:
-    """An arc to the next state, taken when the behaviour of `source` ended and condition `when` holds ("" = always)."""
+    """An arc to the next state, taken when the behaviour of `source` ended and condition `when`
+    holds ("" = always).
+    """
 
     source: str
     target: str
@@ -63,7 +66,9 @@ class Arc:
 
 
 class Rows(Protocol):
-    """The conversational behaviour of an agent in the design; topdown.model.machines reads it from the design file."""
+    """The conversational behaviour of an agent in the design; topdown.model.machines reads it from
+    the design file.
+    """
 
     def takes(self, state: str, use: str, act: Performative, kind: Kind) -> bool:
         """Whether a message is taken in this state."""
@@ -78,11 +83,12 @@ class Rows(Protocol):
 class Agent(Generic[M]):
     """The table of an agent with its bindings; `memory` is the memory of the first start.
 
-    Memory is a frozen msgspec Struct and is journalled whole whenever it changes, except a field named `soft`, if
-    there is one: that one is lost by a death and comes back as `type(soft)()`. A field that is UNSET stands in no
-    record. `local` is the union of Structs that `Local` events carry. `rows`: what the design says of its steps; a
-    message that no row of the state names waits in the inbox, and a step that fits no row is logged and counted. None:
-    not said. `parameters`: values that an operator may set while it runs; None: there are none.
+    Memory is a frozen msgspec Struct and is journalled whole whenever it changes, except a field
+    named `soft`, if there is one: that one is lost by a death and comes back as `type(soft)()`. A
+    field that is UNSET stands in no record. `local` is the union of Structs that `Local` events
+    carry. `rows`: what the design says of its steps; a message that no row of the state names waits
+    in the inbox, and a step that fits no row is logged and counted. None: not said. `parameters`:
+    values that an operator may set while it runs; None: there are none.
     """
 
     name: str
@@ -98,14 +104,20 @@ class Agent(Generic[M]):
     def __post_init__(self) -> None:
         states = ", ".join(sorted(self.behaviours))
         if self.start not in self.behaviours:
-            raise AgentTableError(self.name, f"start state {self.start!r} has no behaviour", f"states are {states}")
+            raise AgentTableError(
+                self.name, f"start state {self.start!r} has no behaviour", f"states are {states}"
+            )
         for arc in self.arcs:
             for state in (arc.source, arc.target):
                 if state not in self.behaviours:
-                    raise AgentTableError(self.name, f"arc {arc} names {state!r}", f"states are {states}")
+                    raise AgentTableError(
+                        self.name, f"arc {arc} names {state!r}", f"states are {states}"
+                    )
             if arc.when and arc.when not in self.conditions:
                 known = ", ".join(sorted(self.conditions)) or "none"
-                raise AgentTableError(self.name, f"arc {arc} has an unbound condition", f"bound are {known}")
+                raise AgentTableError(
+                    self.name, f"arc {arc} has an unbound condition", f"bound are {known}"
+                )
 
     def next_state(self, state: str, memory: M) -> str | None:
         """The target of the first arc that may be taken; None if there is none."""
@@ -115,17 +127,21 @@ class Agent(Generic[M]):
         return None
 
 
-# --- A behaviour that is not written yet ------------------------------------------------------------------------------
-# A skeleton made from a design runs with these functions: they refuse, with the reason, and keep the state. So every
-# question is answered, and no peer waits for a behaviour that is still to be written.
+# --- A behaviour that is not written yet ----------------------------------------------------------
+# A skeleton made from a design runs with these functions: they refuse, with the reason, and keep
+# the state. So every question is answered, and no peer waits for a behaviour that is still to be
+# written.
 
 
 NOES = (Performative.REFUSE, Performative.FAILURE, Performative.REJECT_PROPOSAL)
-"""Acts of refusal, mildest first; not-understood remains where a protocol or a design has none of them."""
+"""Acts of refusal, mildest first; not-understood remains where a protocol or a design has none of
+them.
+"""
 
 
 def decline(turn: Turn, why: str) -> Performative | None:
-    """Answer the message of this turn with the mildest refusal that protocol and design allow; return its performative.
+    """Answer the message of this turn with the mildest refusal that protocol and design allow;
+    return its performative.
 
     None where nothing was taken, or where the message needs no answer.
     """
@@ -134,7 +150,10 @@ def decline(turn: Turn, why: str) -> Performative | None:
         return None
     talk = turn.conversation(event.conversation)
     for act in NOES:
-        kind = next((k for k in (Kind.PLAIN, Kind.CANCEL) if talk.table.find(talk.state, SEND, act, k)), None)
+        kind = next(
+            (k for k in (Kind.PLAIN, Kind.CANCEL) if talk.table.find(talk.state, SEND, act, k)),
+            None,
+        )
         # With the reason, or without content where the design has none there.
         for content in (Reason(why), None) if kind is not None else ():
             with suppress(LocalProtocolError):
@@ -147,7 +166,9 @@ def decline(turn: Turn, why: str) -> Performative | None:
 
 
 def unfilled(memory: M, turn: Turn, behaviour: str) -> M:
-    """Decline the request of this turn and change nothing; stands in for the named behaviour, whose state stays."""
+    """Decline the request of this turn and change nothing; stands in for the named behaviour, whose
+    state stays.
+    """
     why = f"behaviour {behaviour} of {turn.me} is not filled in"
     act = decline(turn, why)
     if act is not None:

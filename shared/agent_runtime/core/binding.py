@@ -1,8 +1,10 @@
-"""Makes a running agent of a design: its table of states with Python bound by name, and its wiring to the others.
+"""Makes a running agent of a design: its table of states with Python bound by name, and its wiring
+to the others.
 
-A design file says which behaviour a state has, which conditions end it and label its arcs, which protocols join whom;
-code says what the behaviours and conditions do. Every name must be bound, and no other. Must not know: any system, what
-any agent does, Zenoh. The only module of this room that sees topdown.
+A design file says which behaviour a state has, which conditions end it and label its arcs, which
+protocols join whom; code says what the behaviours and conditions do. Every name must be bound, and
+no other. Must not know: any system, what any agent does, Zenoh. The only module of this room that
+sees topdown.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -26,14 +28,19 @@ Takes = Callable[[M, Taken], bool]
 
 
 class BindingError(Exception):
-    """`agent`'s Python does not fit the design: `missing` names of `kind` that nothing is bound to, `extra` ones."""
+    """`agent`'s Python does not fit the design: `missing` names of `kind` that nothing is bound to,
+    `extra` ones.
+    """
 
     def __init__(self, agent: str, kind: str, missing: Iterable[str], extra: Iterable[str]) -> None:
         self.agent, self.kind = agent, kind
         self.missing, self.extra = tuple(sorted(missing)), tuple(sorted(extra))
         lacks = f"nothing is bound to {', '.join(self.missing)}; " if self.missing else ""
         knows_not = f"the design has no {', '.join(self.extra)}; " if self.extra else ""
-        super().__init__(f"{kind} of agent {agent!r}: {lacks}{knows_not}bind exactly the names of the design file")
+        super().__init__(
+            f"{kind} of agent {agent!r}: {lacks}{knows_not}bind exactly the names of the design"
+            " file"
+        )
 
 
 def bind(
@@ -48,10 +55,11 @@ def bind(
 ) -> Agent[M]:
     """The agent `name` of `design`.
 
-    `behaviours`: behaviour name -> transition, for all of its states. `conditions`: name -> predicate of the memory,
-    for all terminal, error and initial conditions. `takes`: behaviour name -> which events it takes; a behaviour
-    without one takes everything. `local`: union of the Structs that Local carries. Raises BindingError, and
-    topdown's NoSuchEntry for an agent that is not in the design.
+    `behaviours`: behaviour name -> transition, for all of its states. `conditions`: name ->
+    predicate of the memory, for all terminal, error and initial conditions. `takes`: behaviour name
+    -> which events it takes; a behaviour without one takes everything. `local`: union of the
+    Structs that Local carries. Raises BindingError, and topdown's NoSuchEntry for an agent that is
+    not in the design.
     """
     entry, kept = design.agent(name), takes or {}
     wanted = {state.behaviour for state in entry.state}
@@ -62,7 +70,9 @@ def bind(
         name=name,
         start=entry.initial,
         memory=memory,
-        behaviours={state.name: _behaviour(state, behaviours, conditions, kept) for state in entry.state},
+        behaviours={
+            state.name: _behaviour(state, behaviours, conditions, kept) for state in entry.state
+        },
         arcs=tuple(Arc(arc.source, arc.target, arc.when) for arc in entry.arc),
         conditions=dict(conditions),
         local=local,
@@ -72,9 +82,11 @@ def bind(
 
 
 def wiring(name: str, system: str, *, design: Design, languages: Languages) -> Wiring:
-    """The wiring of agent `name` of `design` in the system called `system` (the prefix of its keys).
+    """The wiring of agent `name` of `design` in the system called `system` (the prefix of its
+    keys).
 
-    `languages`: those of the design, by name. Raises topdown's NoSuchEntry for an agent that is not in the design.
+    `languages`: those of the design, by name. Raises topdown's NoSuchEntry for an agent that is not
+    in the design.
     """
     design.agent(name)
     uses = [use for use in design.file.protocol if name in (use.initiator, use.participant)]
@@ -134,6 +146,11 @@ def _delivery(use: elements.Protocol) -> Delivery:
 
 
 def _silent(name: str, use: elements.Protocol) -> str:
-    """The language of the agent's acts without content: its first language where every act has content."""
+    """The language of the agent's acts without content: its first language where every act has
+    content.
+    """
     mine = [message for message in use.message if message.sender == name]
-    return next((message.language for message in (*mine, *use.message) if not message.content), mine[0].language)
+    return next(
+        (message.language for message in (*mine, *use.message) if not message.content),
+        mine[0].language,
+    )

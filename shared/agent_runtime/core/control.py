@@ -1,7 +1,9 @@
-"""Orders of an operator to one agent while it runs: pause and resume, log level, values of its parameters.
+"""Orders of an operator to one agent while it runs: pause and resume, log level, values of its
+parameters.
 
-An order is an event like any other: it is journalled before it counts, and replayed with the rest of the log. What was
-set is kept over a restart of the agent until it is set again. Must not know: which parameters there are, and the wire.
+An order is an event like any other: it is journalled before it counts, and replayed with the rest
+of the log. What was set is kept over a restart of the agent until it is set again. Must not know:
+which parameters there are, and the wire.
 """
 
 from collections.abc import Mapping
@@ -10,7 +12,9 @@ from typing import Protocol
 import msgspec
 
 KIND = "control"
-"""The signal on which orders travel: from its owner, the operator, to the agent that is its peer."""
+"""The signal on which orders travel: from its owner, the operator, to the agent that is its
+peer.
+"""
 LEVELS = ("debug", "info", "warning", "error")
 Value = bool | int | float | str
 
@@ -54,7 +58,9 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 class Settings(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Settings made by orders, kept in the journal. `level` "": as the process was started; `parameters`: those set."""
+    """Settings made by orders, kept in the journal. `level` "": as the process was started;
+    `parameters`: those set.
+    """
 
     paused: bool = False
     level: str = ""
@@ -72,7 +78,9 @@ class Parameters(Protocol):
         """The value of each parameter that nobody has set."""
 
     def fitted(self, name: str, value: Value) -> Value:
-        """The value in the parameter's type. Raise ValueError where it does not fit, with what would."""
+        """The value in the parameter's type. Raise ValueError where it does not fit, with what
+        would.
+        """
 
 
 def obeyed(settings: Settings, order: Order, parameters: Parameters | None) -> Settings:
@@ -86,13 +94,21 @@ def obeyed(settings: Settings, order: Order, parameters: Parameters | None) -> S
             return msgspec.structs.replace(settings, level=level)
         case SetParameter(name=name, value=value):
             if parameters is None:
-                raise ValueError(f"parameter {name!r} is not there; the design gives this agent none")
+                raise ValueError(
+                    f"parameter {name!r} is not there; the design gives this agent none"
+                )
             fitting = parameters.fitted(name, value)
-            return msgspec.structs.replace(settings, parameters={**settings.parameters, name: fitting})
+            return msgspec.structs.replace(
+                settings, parameters={**settings.parameters, name: fitting}
+            )
 
 
-def values(settings: Settings, parameters: Parameters | None) -> tuple[dict[str, Value], tuple[str, ...]]:
-    """The value of each parameter, and the names whose kept value does not fit the design any more."""
+def values(
+    settings: Settings, parameters: Parameters | None
+) -> tuple[dict[str, Value], tuple[str, ...]]:
+    """The value of each parameter, and the names whose kept value does not fit the design any
+    more.
+    """
     found, unfit = dict(parameters.defaults) if parameters is not None else {}, []
     for name, value in settings.parameters.items():
         try:

@@ -1,9 +1,10 @@
-"""Digests of the messages taken under a stream's newest numbers, so that another one under such a number is no copy.
+"""Digests of the messages taken under a stream's newest numbers, so that another one under such a
+number is no copy.
 
-Whoever has an agent's key can send a message under its next number; the agent's own under that number comes later. So a
-receipt names the message it is for by its digest, and a message that is not the one that was taken is refused. A
-message says which message of its sender it follows, while that one is not receipted: it is not taken before that one,
-whatever number either of them gets.
+Whoever has an agent's key can send a message under its next number; the agent's own under that
+number comes later. So a receipt names the message it is for by its digest, and a message that is
+not the one that was taken is refused. A message says which message of its sender it follows, while
+that one is not receipted: it is not taken before that one, whatever number either of them gets.
 """
 
 from collections.abc import Sequence
@@ -19,14 +20,19 @@ from agent_runtime.core.state import CoreState, Outgoing, Record, Waiting
 from fipa_codec.communicate import LONGEST_LABEL, Communicate
 
 KEPT = 16
-"""Messages of a stream that are remembered: as many as its sender's outbox holds in ordinary use (OUTBOX_BOUND)."""
-DIGEST_BYTES = 8
-"""Length of a digest: to find another message with the same one takes 2^64 tries; the right one is taken meanwhile."""
-JUMP = 65_536
-"""Farthest number after the last one that a message may have. Estimate: farther than a thief gets in a round trip, and
-with a thousand messages a second the numbers (18 digits) last 480 years.
+"""Messages of a stream that are remembered: as many as its sender's outbox holds in ordinary use
+(OUTBOX_BOUND).
 """
-_encode = msgspec.msgpack.Encoder().encode  # what came was decoded, what is sent encoded: without their checks
+DIGEST_BYTES = 8
+"""Length of a digest: to find another message with the same one takes 2^64 tries; the right one is
+taken meanwhile.
+"""
+JUMP = 65_536
+"""Farthest number after the last one that a message may have. Estimate: farther than a thief gets
+in a round trip, and with a thousand messages a second the numbers (18 digits) last 480 years.
+"""
+# what came was decoded, what is sent encoded: without their checks
+_encode = msgspec.msgpack.Encoder().encode
 
 
 def digest_of(communicate: Communicate) -> bytes:
@@ -47,7 +53,9 @@ def receipt(record: Record, peer: str) -> Receipt:
 
 
 def receipted(sender: str, one: Receipt, journal: str = "", believed: str = "") -> Receipted:
-    """The event that a receipt of `sender` is for whom it names; the names of journals as in Arrived."""
+    """The event that a receipt of `sender` is for whom it names; the names of journals as in
+    Arrived.
+    """
     parts = {name: getattr(one, name) for name in one.__struct_fields__ if name != "peer"}
     return Receipted(peer=sender, journal=journal, believed=believed, **parts)
 
@@ -71,16 +79,20 @@ def covered(sent: Sequence[Outgoing], taken: int, digest: bytes) -> int:
 
     Receipts of test programs name no message, and are believed.
     """
-    if not digest or any(one.number == taken and digest_of(one.communicate) == digest for one in sent):
+    if not digest or any(
+        one.number == taken and digest_of(one.communicate) == digest for one in sent
+    ):
         return taken
     return 0
 
 
-def follows(state: CoreState, arrived: Arrived, waiting: Sequence[Waiting], number: int, last: int) -> bool:
+def follows(
+    state: CoreState, arrived: Arrived, waiting: Sequence[Waiting], number: int, last: int
+) -> bool:
     """Whether a message is the next one of its stream after `last`.
 
-    The one it follows was taken or waits. Then its number may be farther on: between the two its sender said nothing,
-    though others did in its name.
+    The one it follows was taken or waits. Then its number may be farther on: between the two its
+    sender said nothing, though others did in its name.
     """
     if not _known(state, arrived, waiting):
         return False
@@ -101,11 +113,20 @@ def _known(state: CoreState, arrived: Arrived, waiting: Sequence[Waiting]) -> bo
 
 def taken_before(state: CoreState, out: Out, communicate: Communicate, number: int) -> None:
     """Receipt a copy of what was taken; refuse another message under the number of one."""
-    peer, digest, kept = communicate.sender, digest_of(communicate), state.recent.get(communicate.sender, ())
+    peer, digest, kept = (
+        communicate.sender,
+        digest_of(communicate),
+        state.recent.get(communicate.sender, ()),
+    )
     copy, unknown = (number, digest) in kept, len(kept) == KEPT and number < kept[0][0]
     if copy or unknown:
         state.count("taken before")
-        out.log("taken before", sender=peer, id=communicate.id, conversation=communicate.conversation[:LONGEST_LABEL])
+        out.log(
+            "taken before",
+            sender=peer,
+            id=communicate.id,
+            conversation=communicate.conversation[:LONGEST_LABEL],
+        )
     else:
         tell(state, out, communicate, "was taken")
     if copy:
@@ -115,17 +136,23 @@ def taken_before(state: CoreState, out: Out, communicate: Communicate, number: i
 
 
 def refuse(state: CoreState, out: Out, peer: str, digest: bytes, *, unknown: bool = False) -> None:
-    """Tell the sender of a message that it was not taken, or (`unknown`) that this is not known any more."""
+    """Tell the sender of a message that it was not taken, or (`unknown`) that this is not known any
+    more.
+    """
     out.receipts.append(replace(receipt(state, peer), refused=digest, unknown=unknown))
 
 
 def tell(state: CoreState, out: Out, communicate: Communicate, what: str) -> None:
-    """Log that two speak in the name of a peer; `what` became of the other message under the number of this one."""
+    """Log that two speak in the name of a peer; `what` became of the other message under the number
+    of this one.
+    """
     peer, number = communicate.sender, communicate.id
     why = (
-        f"{peer} said two words under its number {number}, of which the other {what}: somebody else speaks with its "
-        f"key; `roco keys revoke {peer}`"
+        f"{peer} said two words under its number {number}, of which the other {what}: somebody else"
+        f" speaks with its key; `roco keys revoke {peer}`"
     )
     state.count("another speaker")
     conversation = communicate.conversation[:LONGEST_LABEL]
-    out.log("another speaker", level="error", sender=peer, id=number, conversation=conversation, why=why)
+    out.log(
+        "another speaker", level="error", sender=peer, id=number, conversation=conversation, why=why
+    )

@@ -1,6 +1,8 @@
-"""Effects of a step for the shell (or the in-memory wire), in this order: record, receipts, sends, tells, logs.
+"""Effects of a step for the shell (or the in-memory wire), in this order: record, receipts, sends,
+tells, logs.
 
-The order is the guarantee: nothing leaves the agent before the record that covers it is on the disk.
+The order is the guarantee: nothing leaves the agent before the record that covers it is on the
+disk.
 """
 
 from typing import Any
@@ -13,11 +15,13 @@ from fipa_codec.performatives import Performative
 
 
 class Receipt(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
-    """A receipt for a peer: all stream messages up to `taken`, or (taken 0) this version of the subject, are kept.
+    """A receipt for a peer: all stream messages up to `taken`, or (taken 0) this version of the
+    subject, are kept.
 
-    `digest`: of the message that was taken under that number. `refused`: of one that came and was not taken (`unknown`:
-    perhaps it was, long before), as its number is another's. `heard`: the last number of its own that the peer has
-    receipted, told in each `life` of the peer until that life answers (`answer`).
+    `digest`: of the message that was taken under that number. `refused`: of one that came and was
+    not taken (`unknown`: perhaps it was, long before), as its number is another's. `heard`: the
+    last number of its own that the peer has receipted, told in each `life` of the peer until that
+    life answers (`answer`).
     """
 
     peer: str
@@ -47,8 +51,9 @@ Act = tuple[str, Performative, Kind]
 class Deed(msgspec.Struct, frozen=True):
     """A step in the words of a design: state before and after, event, messages said.
 
-    `took`: the message that was taken, None for another event, whose class then is `event` (an agent's name behind
-    PeerChanged, the use behind Late and Broken). `owed`: peers to whom observations are due after it.
+    `took`: the message that was taken, None for another event, whose class then is `event` (an
+    agent's name behind PeerChanged, the use behind Late and Broken). `owed`: peers to whom
+    observations are due after it.
     """
 
     before: str
@@ -60,10 +65,12 @@ class Deed(msgspec.Struct, frozen=True):
 
 
 class Effects(msgspec.Struct, frozen=True):
-    """Effects of a step. `record` None: nothing durable happened. `more`: a waiting message can be taken by Next().
+    """Effects of a step. `record` None: nothing durable happened. `more`: a waiting message can be
+    taken by Next().
 
-    `wake_at`: unix seconds at which a Tick is wanted (None: never). `handled`: the event the behaviour saw, None if
-    none. `parents`: (conversation opened, conversation for whose sake), where the behaviour said so.
+    `wake_at`: unix seconds at which a Tick is wanted (None: never). `handled`: the event the
+    behaviour saw, None if none. `parents`: (conversation opened, conversation for whose sake),
+    where the behaviour said so.
     """
 
     record: bytes | None = None

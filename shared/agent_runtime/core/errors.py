@@ -1,9 +1,11 @@
 """Errors of the runtime; blame is in the type (fipa_codec.errors has those of protocols).
 
 RuntimeFault
-  AgentTableError     the agent's table of states, arcs and behaviours does not hold together (found when it is built)
+  AgentTableError     the agent's table of states, arcs and behaviours does not hold together (found
+                      when it is built)
   BehaviourError      a behaviour asked for something impossible: a bug of the agent, always raised
-  JournalError        the journal cannot be used (held by another process, of another agent, unreadable)
+  JournalError        the journal cannot be used (held by another process, of another agent,
+                      unreadable)
   StepLogError        a step log is damaged before its end
   KeysError           a folder of keys lacks something, or is of another system (secured.py)
   TooLongError        a message is longer than a router hands on; nothing was put (sessions.py)

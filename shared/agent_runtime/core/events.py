@@ -1,7 +1,9 @@
-"""Events of an agent: the x of the paper's (c', y) := f(c, x), one event per step (paper, section 3).
+"""Events of an agent: the x of the paper's (c', y) := f(c, x), one event per step (paper, section
+3).
 
-The first group reaches behaviours as `turn.event`; the second is the core's own (receipts, time, the state of the
-wire). Events say nothing of sockets or clocks: a shell or a pretend wire makes them and passes the time beside them.
+The first group reaches behaviours as `turn.event`; the second is the core's own (receipts, time,
+the state of the wire). Events say nothing of sockets or clocks: a shell or a pretend wire makes
+them and passes the time beside them.
 """
 
 from typing import Any
@@ -18,17 +20,19 @@ class Event(msgspec.Struct, frozen=True, tag=True):
 
 
 class Started(Event, frozen=True):
-    """The agent was started (`first`) or restored after a death; its soft memory and soft conversations are gone."""
+    """The agent was started (`first`) or restored after a death; its soft memory and soft
+    conversations are gone.
+    """
 
     first: bool = True
 
 
 class Received(Event, frozen=True):
-    """A communicate in its turn and in sequence; `content` is decoded by the language it names (None where it has
-    none), `talk` is the conversation after it, ended or not.
+    """A communicate in its turn and in sequence; `content` is decoded by the language it names
+    (None where it has none), `talk` is the conversation after it, ended or not.
 
-    A cancel for a conversation that has ended or never was is answered by the runtime, as the protocol says, and not
-    seen.
+    A cancel for a conversation that has ended or never was is answered by the runtime, as the
+    protocol says, and not seen.
     """
 
     communicate: Communicate
@@ -42,7 +46,8 @@ class Received(Event, frozen=True):
 
 
 class Late(Event, frozen=True):
-    """The reply-by of a conversation opened by this agent has passed. Once per conversation; a durable one stays open.
+    """The reply-by of a conversation opened by this agent has passed. Once per conversation; a
+    durable one stays open.
 
     `peer`: whose answer is late, where the conversation has several participants.
     """
@@ -52,8 +57,9 @@ class Late(Event, frozen=True):
 
 
 class Broken(Event, frozen=True):
-    """A conversation ended out of sequence: a message of the peer could not be accepted (the peer was sent
-    not-understood), or the peer lost its journal and knows nothing of it. Whatever is said in it now goes nowhere.
+    """A conversation ended out of sequence: a message of the peer could not be accepted (the peer
+    was sent not-understood), or the peer lost its journal and knows nothing of it. Whatever is said
+    in it now goes nowhere.
 
     `peer`: with whom it ended, where it has several participants.
     """
@@ -64,7 +70,9 @@ class Broken(Event, frozen=True):
 
 
 class Settled(Event, frozen=True):
-    """The last observation due to this subscriber is receipted (the barrier before a final report)."""
+    """The last observation due to this subscriber is receipted (the barrier before a final
+    report).
+    """
 
     peer: str
 
@@ -76,13 +84,16 @@ class Woken(Event, frozen=True):
 
 
 class Local(Event, frozen=True):
-    """A message from the agent's own devices: a worker process, a person over HTTP, an outcome of the loop."""
+    """A message from the agent's own devices: a worker process, a person over HTTP, an outcome of
+    the loop.
+    """
 
     content: Any
 
 
 class PeerChanged(Event, frozen=True):
-    """A peer appeared under an incarnation, or is gone (None). The same one may appear again after an outage.
+    """A peer appeared under an incarnation, or is gone (None). The same one may appear again after
+    an outage.
 
     `journal`: the name of its journal, "" for one that has none (test programs).
     """
@@ -95,9 +106,10 @@ class PeerChanged(Event, frozen=True):
 class Arrived(Event, frozen=True, omit_defaults=True):
     """A communicate came off the wire; the core decides whether it is kept.
 
-    `journal`: the name of its sender's journal; `believed`: of the journal that the sender believes this agent to have.
-    Both are "" where no memory of numbers is needed, and of senders without a journal. `after`: digest of the durable
-    message that it follows, while that is not receipted; `heard`: else the number of that message.
+    `journal`: the name of its sender's journal; `believed`: of the journal that the sender believes
+    this agent to have. Both are "" where no memory of numbers is needed, and of senders without a
+    journal. `after`: digest of the durable message that it follows, while that is not receipted;
+    `heard`: else the number of that message.
     """
 
     communicate: Communicate
@@ -108,7 +120,8 @@ class Arrived(Event, frozen=True, omit_defaults=True):
 
 
 class Receipted(Event, frozen=True, omit_defaults=True):
-    """The peer has journalled all stream messages up to `taken`, or (taken 0) this version of a subject.
+    """The peer has journalled all stream messages up to `taken`, or (taken 0) this version of a
+    subject.
 
     `journal`, `believed`: as in Arrived; the rest: as in Receipt.
     """
@@ -128,7 +141,9 @@ class Receipted(Event, frozen=True, omit_defaults=True):
 
 
 class Garbled(Event, frozen=True):
-    """Bytes on the agent's key that cannot be decoded, or (`forged`) a communicate that contradicts its key."""
+    """Bytes on the agent's key that cannot be decoded, or (`forged`) a communicate that contradicts
+    its key.
+    """
 
     key: str
     reason: str
@@ -136,15 +151,17 @@ class Garbled(Event, frozen=True):
 
 
 class LinkChanged(Event, frozen=True):
-    """The agent opened its links with its peers, or closed them; while closed, nothing is sent and no peer counts as
-    dead.
+    """The agent opened its links with its peers, or closed them; while closed, nothing is sent and
+    no peer counts as dead.
     """
 
     up: bool
 
 
 class Ordered(Event, frozen=True):
-    """An order of the operator; obeyed, or refused with a reason. A behaviour is told of a parameter that was set."""
+    """An order of the operator; obeyed, or refused with a reason. A behaviour is told of a
+    parameter that was set.
+    """
 
     command: Command
 

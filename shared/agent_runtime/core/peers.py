@@ -1,12 +1,14 @@
-"""Liveness of peers, told apart from links that this agent closed itself: tokens in, PeerChanged and LinkChanged out.
+"""Liveness of peers, told apart from links that this agent closed itself: tokens in, PeerChanged
+and LinkChanged out.
 
-A token that vanishes is believed at once: each neighbour's comes by a link of its own. Where the agent opens all its
-links again, with renewed keys, tokens come back by themselves; one that does not within RETURN_S belongs to an agent
-that died meanwhile.
+A token that vanishes is believed at once: each neighbour's comes by a link of its own. Where the
+agent opens all its links again, with renewed keys, tokens come back by themselves; one that does
+not within RETURN_S belongs to an agent that died meanwhile.
 
-Believed is the highest incarnation whose token is there. Whoever has a peer's key may declare a higher one than the
-peer itself: when that token is gone, the peer's own counts again. A journal's name stays believed while a token with it
-is there or may come back; then the name that appeared last is believed. Pure: time comes in as an argument.
+Believed is the highest incarnation whose token is there. Whoever has a peer's key may declare a
+higher one than the peer itself: when that token is gone, the peer's own counts again. A journal's
+name stays believed while a token with it is there or may come back; then the name that appeared
+last is believed. Pure: time comes in as an argument.
 """
 
 from collections.abc import Iterator, Set
@@ -19,15 +21,23 @@ from agent_runtime.core.streams import live_subscription
 from agent_runtime.core.wiring import Wiring
 
 RETURN_S = 3.0
-"""Reconnection is tried at least every 0.5 s, a cut-off peer is dropped after the lease of 2 s; a little more."""
+"""Reconnection is tried at least every 0.5 s, a cut-off peer is dropped after the lease of 2 s; a
+little more.
+"""
 HASTE_S = 0.2
-"""From one news of a peer to the next; a process takes 0.8 s to come back (measured), so only floods wait."""
+"""From one news of a peer to the next; a process takes 0.8 s to come back (measured), so only
+floods wait.
+"""
 TOKENS = 1024
-"""Tokens of a peer that are remembered; estimate: one or two are there, of others a memory is needed."""
+"""Tokens of a peer that are remembered; estimate: one or two are there, of others a memory is
+needed.
+"""
 
 
 class Peers:
-    """Of one agent; `known` are those it talks to. `alive`: the incarnation that is believed of each."""
+    """Of one agent; `known` are those it talks to. `alive`: the incarnation that is believed of
+    each.
+    """
 
     def __init__(self, known: tuple[str, ...]) -> None:
         self._known = frozenset(known)
@@ -39,7 +49,9 @@ class Peers:
         self._told: dict[str, float] = {}
         self._later: dict[str, float] = {}
 
-    def token(self, agent: str, incarnation: int, alive: bool, now: float, journal: str = "") -> list[PeerChanged]:
+    def token(
+        self, agent: str, incarnation: int, alive: bool, now: float, journal: str = ""
+    ) -> list[PeerChanged]:
         """A token appeared or vanished. `journal`: the name in it."""
         if agent not in self._known:
             return []
@@ -55,7 +67,10 @@ class Peers:
             there.discard(incarnation)
             if not there:
                 del lives[journal]
-            if (self._journal.get(agent), self.alive.get(agent)) == (journal, incarnation) and self.up:
+            if (self._journal.get(agent), self.alive.get(agent)) == (
+                journal,
+                incarnation,
+            ) and self.up:
                 self._doubted.setdefault(agent, now)
         return []
 
@@ -71,7 +86,9 @@ class Peers:
         return [LinkChanged(up)]
 
     def gone(self, now: float) -> list[PeerChanged]:
-        """News that had to wait: whose token did not come back in time, and who had too much news."""
+        """News that had to wait: whose token did not come back in time, and who had too much
+        news.
+        """
         news = []
         for agent in _due(self._later, now):
             del self._later[agent]
@@ -92,7 +109,9 @@ class Peers:
         return [PeerChanged(agent, None)]
 
     def _news(self, agent: str, now: float) -> list[PeerChanged]:
-        """Believe the highest life of the journal's name that counts, unless there was news just now: then later."""
+        """Believe the highest life of the journal's name that counts, unless there was news just
+        now: then later.
+        """
         self._later.pop(agent, None)
         lives = self._tokens.get(agent, {})
         name = self._name(agent)
@@ -108,7 +127,9 @@ class Peers:
         return [PeerChanged(agent, self.alive[agent], name)]
 
     def _name(self, agent: str) -> str | None:
-        """The journal's name that counts: the believed one, else the last; None where neither is known yet."""
+        """The journal's name that counts: the believed one, else the last; None where neither is
+        known yet.
+        """
         lives, believed = self._tokens.get(agent, {}), self._journal.get(agent)
         if believed in lives:
             return believed
@@ -125,19 +146,24 @@ def _due(times: dict[str, float], now: float) -> list[str]:
     return [agent for agent, at in times.items() if at <= now]
 
 
-# --- Detects peers that are alive but do not receive this agent: Zenoh reports no denied put to its sender -----------
-# The signs are the agent's own: a communicate without a receipt, a ping without a pong, a question that is asked again
-# and again, while the peer's liveliness token is there. A peer that hangs gives the same signs, and is reported as
-# well. Pure: time comes in as an argument; the shell looks once a second.
+# --- Detects peers that are alive but do not receive this agent: Zenoh reports no denied put to its
+# sender
+# The signs are the agent's own: a communicate without a receipt, a ping without a pong, a question
+# that is asked again and again, while the peer's liveliness token is there. A peer that hangs gives
+# the same signs, and is reported as well. Pure: time comes in as an argument; the shell looks once
+# a second.
 
 
 PATIENCE_S = {"said": 3.0, "pinged": 10.0, "asked": 30.0}
-"""A receipt takes ms, and re-sending goes up to every 2 s; on a loaded machine a first pong is late; km may have to
-wait with an answer for ex's first look around (estimates)."""
+"""A receipt takes ms, and re-sending goes up to every 2 s; on a loaded machine a first pong is
+late; km may have to wait with an answer for ex's first look around (estimates).
+"""
 
 
 class Unheard(msgspec.Struct, frozen=True):
-    """Messages to `peer` on `channel` have had no effect since `since` [unix s]. `what`: "said", "asked", "pinged"."""
+    """Messages to `peer` on `channel` have had no effect since `since` [unix s]. `what`: "said",
+    "asked", "pinged".
+    """
 
     peer: str
     channel: str
@@ -155,12 +181,16 @@ WHY = "perhaps the rules of {peer} deny it, or {peer} hangs"
 
 def unheard_text(agent: str, one: Unheard, now: float) -> str:
     """A sentence for people: sender, receiver, duration, possible cause."""
-    said = _TEXTS[one.what].format(agent=agent, peer=one.peer, channel=one.channel, s=max(0.0, now - one.since))
+    said = _TEXTS[one.what].format(
+        agent=agent, peer=one.peer, channel=one.channel, s=max(0.0, now - one.since)
+    )
     return f"{said}: {WHY.format(peer=one.peer)}"
 
 
 class Watch:
-    """State of one agent. `now`: unheard messages; `look` returns the changes: (what, whether it is still so)."""
+    """State of one agent. `now`: unheard messages; `look` returns the changes: (what, whether it is
+    still so).
+    """
 
     def __init__(self, wiring: Wiring) -> None:
         self.now: tuple[Unheard, ...] = ()
@@ -169,29 +199,43 @@ class Watch:
         self._receipts: dict[str, int] = {}
 
     def receipted(self, peer: str) -> None:
-        """Note a receipt: the peer hears this agent. The peer may still wait with messages it does not take now."""
+        """Note a receipt: the peer hears this agent. The peer may still wait with messages it does
+        not take now.
+        """
         self._receipts[peer] = self._receipts.get(peer, 0) + 1
 
     def look(
         self, state: CoreState, unanswered: Set[tuple[str, bytes]], peers: Peers, now: float
     ) -> list[tuple[Unheard, bool]]:
-        """Compare waiting messages with those of the last look; what still waits is reported when old enough."""
+        """Compare waiting messages with those of the last look; what still waits is reported when
+        old enough.
+        """
         before = {(one.peer, one.channel, one.what): one for one in self.now}
         waits: dict[tuple[str, str, str], tuple[object, float]] = {}
         for peer, channel, what, mark in self._waiting(state, unanswered) if peers.up else ():
             if peer in peers.alive:
-                sign = (peers.alive[peer], mark, self._receipts.get(peer) if what == "said" else None)
+                sign = (
+                    peers.alive[peer],
+                    mark,
+                    self._receipts.get(peer) if what == "said" else None,
+                )
                 last = self._waits.get((peer, channel, what))
-                waits[peer, channel, what] = last if last is not None and last[0] == sign else (sign, now)
+                waits[peer, channel, what] = (
+                    last if last is not None and last[0] == sign else (sign, now)
+                )
         self._waits = waits
         self.now = tuple(
-            Unheard(*place, since) for place, (_, since) in waits.items() if now - since >= PATIENCE_S[place[2]]
+            Unheard(*place, since)
+            for place, (_, since) in waits.items()
+            if now - since >= PATIENCE_S[place[2]]
         )
         still = {(one.peer, one.channel, one.what) for one in self.now}
         fresh = [(one, True) for one in self.now if (one.peer, one.channel, one.what) not in before]
         return fresh + [(one, False) for place, one in before.items() if place not in still]
 
-    def _waiting(self, state: CoreState, unanswered: Set[tuple[str, bytes]]) -> Iterator[tuple[str, str, str, object]]:
+    def _waiting(
+        self, state: CoreState, unanswered: Set[tuple[str, bytes]]
+    ) -> Iterator[tuple[str, str, str, object]]:
         """Peer, channel, what, and the oldest waiting message of its kind."""
         for peer, channel in unanswered:
             yield peer, channel.decode(), "pinged", None
@@ -205,7 +249,9 @@ class Watch:
         oldest_of: dict[str, tuple[float, str, str]] = {}
         for name, ask in state.soft.asks.items():
             one = (ask.communicate.sent or 0.0, name, ask.communicate.protocol)
-            oldest_of[ask.communicate.receiver] = min(one, oldest_of.get(ask.communicate.receiver, one))
+            oldest_of[ask.communicate.receiver] = min(
+                one, oldest_of.get(ask.communicate.receiver, one)
+            )
         for peer, (_, name, protocol) in oldest_of.items():
             yield peer, self._channel(peer, protocol), "asked", name
 

@@ -1,4 +1,5 @@
-"""Reception of an event, before anything is taken: bookkeeping of streams, peers, orders and the router.
+"""Reception of an event, before anything is taken: bookkeeping of streams, peers, orders and the
+router.
 
 What the behaviour is to be told is put into the inbox.
 """
@@ -11,7 +12,16 @@ from msgspec.structs import replace
 
 from agent_runtime.core import control, lineage, streams
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.duplicate_digests import JUMP, digest_of, follows, receipt, refuse, taken_before, tell, too_far
+from agent_runtime.core.duplicate_digests import (
+    JUMP,
+    digest_of,
+    follows,
+    receipt,
+    refuse,
+    taken_before,
+    tell,
+    too_far,
+)
 from agent_runtime.core.effects import Out, Receipt
 from agent_runtime.core.errors import BehaviourError
 from agent_runtime.core.events import (
@@ -37,11 +47,12 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 
-# --- Intake of a message: it is kept for its turn, receipted again, or dropped and counted ----------------------------
-# Durable: only the next number of the sender's stream is kept; a copy of an older one is receipted again, another
-# message under its number is refused (duplicate_digests); a gap is dropped without receipt, so it comes again.
-# Observations: only a newer version of the subject, and only in a conversation that is held. Volatile: every message
-# but copies of a waiting one, up to a bound. Nothing is answered here: answers follow the order of the stream.
+# --- Intake of a message: it is kept for its turn, receipted again, or dropped and counted --------
+# Durable: only the next number of the sender's stream is kept; a copy of an older one is receipted
+# again, another message under its number is refused (duplicate_digests); a gap is dropped without
+# receipt, so it comes again. Observations: only a newer version of the subject, and only in a
+# conversation that is held. Volatile: every message but copies of a waiting one, up to a bound.
+# Nothing is answered here: answers follow the order of the stream.
 
 
 # Before Python 3.12 a member found by its class takes 0.1 us.
@@ -51,7 +62,8 @@ HELD_OF_STREAM = 16
 """Waiting messages of one stream; as many as its sender's outbox holds."""
 HELD_VOLATILE = 256
 HELD_BYTES = 16 * 1024 * 1024
-"""Waiting volatile messages of a sender, and their contents; estimates. One beyond is dropped, its sender asks again.
+"""Waiting volatile messages of a sender, and their contents; estimates. One beyond is dropped, its
+sender asks again.
 """
 
 
@@ -61,7 +73,11 @@ def admit(state: CoreState, out: Out, wiring: Wiring, arrived: Arrived) -> None:
     link = wiring.link(communicate.sender, communicate.protocol)
     if communicate.receiver != state.agent or link is None:
         reject(
-            state, out, communicate, "not for us", f"no {communicate.protocol[:64]!r} with {communicate.sender[:64]!r}"
+            state,
+            out,
+            communicate,
+            "not for us",
+            f"no {communicate.protocol[:64]!r} with {communicate.sender[:64]!r}",
         )
     elif link.delivery is _DURABLE:
         _admit_durable(state, out, wiring, link, arrived)
@@ -90,11 +106,19 @@ def reject(state: CoreState, out: Out, communicate: Communicate, what: str, why:
     )
 
 
-def _admit_durable(state: CoreState, out: Out, wiring: Wiring, link: Link, arrived: Arrived) -> None:
+def _admit_durable(
+    state: CoreState, out: Out, wiring: Wiring, link: Link, arrived: Arrived
+) -> None:
     communicate, peer = arrived.communicate, arrived.communicate.sender
     number, taken = number_of(communicate.id), state.taken.get(peer, 0)
     if not number:
-        reject(state, out, communicate, "no stream number", "a durable communicate has its stream's number as id")
+        reject(
+            state,
+            out,
+            communicate,
+            "no stream number",
+            "a durable communicate has its stream's number as id",
+        )
         return
     waiting = [one for one in state.soft.inbox if one.number and one.peer == peer]
     last = waiting[-1].number if waiting else taken
@@ -104,16 +128,27 @@ def _admit_durable(state: CoreState, out: Out, wiring: Wiring, link: Link, arriv
         state.count("waiting already")
         if digest_of(communicate) not in [one.digest for one in waiting]:
             tell(state, out, communicate, "waits to be taken")
-        out.receipts.append(receipt(state, peer))  # the sender learns that it is heard, though not its turn
+        # the sender learns that it is heard, though not its turn
+        out.receipts.append(receipt(state, peer))
     elif len(waiting) < HELD_OF_STREAM and follows(state, arrived, waiting, number, last):
-        _wait(state, wiring, link, communicate, peer=peer, number=number, digest=digest_of(communicate))
+        _wait(
+            state,
+            wiring,
+            link,
+            communicate,
+            peer=peer,
+            number=number,
+            digest=digest_of(communicate),
+        )
     else:
         state.count("gap")
         if not waiting and too_far(state, arrived, number, last):
             refuse(state, out, peer, digest_of(communicate))
 
 
-def _admit_observation(state: CoreState, out: Out, wiring: Wiring, link: Link, communicate: Communicate) -> None:
+def _admit_observation(
+    state: CoreState, out: Out, wiring: Wiring, link: Link, communicate: Communicate
+) -> None:
     peer, parsed = communicate.sender, parse_observation(communicate.id)
     held = state.soft.conversations.get(communicate.conversation)
     if parsed is None or held is None:
@@ -131,16 +166,37 @@ def _admit_observation(state: CoreState, out: Out, wiring: Wiring, link: Link, c
     _wait(state, wiring, link, communicate, peer=peer, subject=subject, version=version)
 
 
-def _admit_volatile(state: CoreState, out: Out, wiring: Wiring, link: Link, communicate: Communicate) -> None:
+def _admit_volatile(
+    state: CoreState, out: Out, wiring: Wiring, link: Link, communicate: Communicate
+) -> None:
     inbox, peer = state.soft.inbox, communicate.sender
-    waiting = [one for one in inbox if one.peer == peer and isinstance(one.event, Arrived) and not one.number]
+    waiting = [
+        one
+        for one in inbox
+        if one.peer == peer and isinstance(one.event, Arrived) and not one.number
+    ]
     same = [one for one in waiting if one.event.communicate.id == communicate.id]
     if any(one.event.communicate.conversation == communicate.conversation for one in same):
         state.count("waiting already")
     elif len(waiting) >= HELD_VOLATILE:
-        reject(state, out, communicate, "inbox full", f"{HELD_VOLATILE} volatile messages of it wait already")
-    elif waiting and sum(_size(one.event.communicate) for one in waiting) + _size(communicate) > HELD_BYTES:
-        reject(state, out, communicate, "inbox full", f"{HELD_BYTES >> 20} MiB of volatile messages of it wait already")
+        reject(
+            state,
+            out,
+            communicate,
+            "inbox full",
+            f"{HELD_VOLATILE} volatile messages of it wait already",
+        )
+    elif (
+        waiting
+        and sum(_size(one.event.communicate) for one in waiting) + _size(communicate) > HELD_BYTES
+    ):
+        reject(
+            state,
+            out,
+            communicate,
+            "inbox full",
+            f"{HELD_BYTES >> 20} MiB of volatile messages of it wait already",
+        )
     else:
         _wait(state, wiring, link, communicate, peer=peer)
 
@@ -149,7 +205,9 @@ def _size(communicate: Communicate) -> int:
     return 0 if communicate.content is UNSET else len(communicate.content)
 
 
-def _wait(state: CoreState, wiring: Wiring, link: Link, communicate: Communicate, **place: Any) -> None:
+def _wait(
+    state: CoreState, wiring: Wiring, link: Link, communicate: Communicate, **place: Any
+) -> None:
     fault: RemoteProtocolError | None = None
     try:
         content, kind = wiring.languages.read(communicate)
@@ -157,27 +215,36 @@ def _wait(state: CoreState, wiring: Wiring, link: Link, communicate: Communicate
         link.require_heard(communicate.performative, name)
     except RemoteProtocolError as error:
         content, kind, fault = None, Kind.PLAIN, error
-    _queue(state, Waiting(Arrived(communicate), link=link, content=content, kind=kind, fault=fault, **place))
+    _queue(
+        state,
+        Waiting(Arrived(communicate), link=link, content=content, kind=kind, fault=fault, **place),
+    )
 
 
-# --- Renumbering: a sender whose numbers another used for its messages sends its own again, under new numbers ---------
-# Whoever has this agent's key can do so. The receiver's receipt names the message that it took by its digest
-# (duplicate_digests), or says that one was refused. Order is kept: what follows a refused message in the outbox gets
-# new numbers, too, and each message says which one it follows. With each message that is refused the new numbers lie
-# farther ahead, so a thief who always uses the next number is passed; after AT_ONCE tries without one that is taken,
-# the next is made when it is time to re-send. Where the receiver cannot know any more whether a message was taken, it
-# is not sent again: its conversation is lost, and the behaviour is told.
+# --- Renumbering: a sender whose numbers another used for its messages sends its own again, under
+# new numbers
+# Whoever has this agent's key can do so. The receiver's receipt names the message that it took by
+# its digest (duplicate_digests), or says that one was refused. Order is kept: what follows a
+# refused message in the outbox gets new numbers, too, and each message says which one it follows.
+# With each message that is refused the new numbers lie farther ahead, so a thief who always uses
+# the next number is passed; after AT_ONCE tries without one that is taken, the next is made when it
+# is time to re-send. Where the receiver cannot know any more whether a message was taken, it is not
+# sent again: its conversation is lost, and the behaviour is told.
 
 
 AT_ONCE = 5
 FARTHER = 16
-"""New numbers lie 0, 15, 255, 4095, 32767 beyond the next one: a thief sends a few in a round trip (estimate)."""
+"""New numbers lie 0, 15, 255, 4095, 32767 beyond the next one: a thief sends a few in a round trip
+(estimate).
+"""
 MOST = 10**MOST_DIGITS - 2 * JUMP
 """Numbers beyond it are of a receiver that lies: none could follow them."""
 
 
 def look(state: CoreState, out: Out, event: Receipted, now: float) -> None:
-    """After the messages that a receipt covers are settled: see whether it is for another's, or refuses one."""
+    """After the messages that a receipt covers are settled: see whether it is for another's, or
+    refuses one.
+    """
     peer, taken = event.peer, event.taken
     if event.subject or not (event.digest or event.refused) or not 0 <= taken <= MOST:
         return
@@ -194,21 +261,31 @@ def look(state: CoreState, out: Out, event: Receipted, now: float) -> None:
 
 
 def _another_taken(one: Outgoing, event: Receipted) -> bool:
-    """Whether a receipt says that another message has the number of this one, or that it is too far on."""
+    """Whether a receipt says that another message has the number of this one, or that it is too far
+    on.
+    """
     if event.refused:
-        return digest_of(one.communicate) == event.refused and not event.taken < one.number <= event.taken + JUMP
+        return (
+            digest_of(one.communicate) == event.refused
+            and not event.taken < one.number <= event.taken + JUMP
+        )
     return one.number == event.taken
 
 
 def _renumber(state: CoreState, out: Out, peer: str, place: int, taken: int, now: float) -> None:
-    """Send the message at this place of the outbox, and what follows it, under numbers after the last one taken."""
+    """Send the message at this place of the outbox, and what follows it, under numbers after the
+    last one taken.
+    """
     sent, soft = state.outbox[peer], state.soft
     tries = soft.renumbered.get(peer, 0)
     kept = sent[:place]
     first = max(taken, kept[-1].number if kept else 0) + min(FARTHER**tries, JUMP // 2)
     again = enumerate((one.communicate for one in sent[place:]), first)
     moved = tuple(Outgoing(number, replace(one, id=str(number))) for number, one in again)
-    why = f"took another word than this agent's as number {sent[place].number}; it is said again as {first}"
+    why = (
+        f"took another word than this agent's as number {sent[place].number}; it is said again as"
+        f" {first}"
+    )
     _tell(state, out, peer, why)
     state.outbox[peer] = (*kept, *moved)
     state.issued[peer] = moved[-1].number
@@ -221,16 +298,25 @@ def _renumber(state: CoreState, out: Out, peer: str, place: int, taken: int, now
 
 
 def _give_up(state: CoreState, out: Out, peer: str, place: int, taken: int, now: float) -> None:
-    """Never send the message at this place again, nor what follows in its conversation, which is lost."""
+    """Never send the message at this place again, nor what follows in its conversation, which is
+    lost.
+    """
     sent = state.outbox[peer]
     given_up = sent[place].communicate
-    why = f"does not know any more whether it took number {given_up.id} from this agent or from another"
+    why = (
+        f"does not know any more whether it took number {given_up.id} from this agent or from"
+        " another"
+    )
     _tell(state, out, peer, f"{why}; the conversation is over")
     for key, held in list(state.conversations.items()):
         if (held.conversation.peer, held.conversation.id) == (peer, given_up.conversation):
-            state.lost[key] = Lost(held, f"{peer} {why}; perhaps it was done, look before you say it again")
+            state.lost[key] = Lost(
+                held, f"{peer} {why}; perhaps it was done, look before you say it again"
+            )
             del state.conversations[key]
-    rest = tuple(one for one in sent[place + 1 :] if one.communicate.conversation != given_up.conversation)
+    rest = tuple(
+        one for one in sent[place + 1 :] if one.communicate.conversation != given_up.conversation
+    )
     streams.put(state.outbox, peer, (*sent[:place], *rest))
     out.durable = True
     if rest:
@@ -241,19 +327,26 @@ def _give_up(state: CoreState, out: Out, peer: str, place: int, taken: int, now:
 
 def _tell(state: CoreState, out: Out, peer: str, what: str) -> None:
     me = state.agent
-    why = f"{peer} {what}: somebody else speaks with {me}'s key, or its journal is an old copy; `roco keys revoke {me}`"
+    why = (
+        f"{peer} {what}: somebody else speaks with {me}'s key, or its journal is an old copy; `roco"
+        f" keys revoke {me}`"
+    )
     state.count("another speaker")
     out.log("another speaker", level="error", peer=peer, why=why)
 
 
-# --- Reception of an event, before anything is taken ------------------------------------------------------------------
+# --- Reception of an event, before anything is taken ----------------------------------------------
 
 
 REFUSED = "order refused"
 
 
-def note(agent: Agent[Any], wiring: Wiring, state: CoreState, out: Out, event: AnyEvent, now: float) -> None:
-    """Take note of an event, and queue what the behaviour is to be told. Raises BehaviourError for another event."""
+def note(
+    agent: Agent[Any], wiring: Wiring, state: CoreState, out: Out, event: AnyEvent, now: float
+) -> None:
+    """Take note of an event, and queue what the behaviour is to be told. Raises BehaviourError for
+    another event.
+    """
     match event:
         case Arrived():
             _arrive(wiring, state, out, event, now)
@@ -284,7 +377,9 @@ def note(agent: Agent[Any], wiring: Wiring, state: CoreState, out: Out, event: A
         case Next():
             pass
         case _:
-            raise BehaviourError(agent.name, state.state, f"was stepped with {event!r}", "that is the core's own")
+            raise BehaviourError(
+                agent.name, state.state, f"was stepped with {event!r}", "that is the core's own"
+            )
 
 
 def _arrive(wiring: Wiring, state: CoreState, out: Out, event: Arrived, now: float) -> None:
@@ -297,7 +392,9 @@ def _arrive(wiring: Wiring, state: CoreState, out: Out, event: Arrived, now: flo
 
 
 def _obey(agent: Agent[Any], state: CoreState, out: Out, event: Ordered) -> None:
-    """Obey an order, or say why not; either way the answer names it. Of a copy the behaviour is not told again."""
+    """Obey an order, or say why not; either way the answer names it. Of a copy the behaviour is not
+    told again.
+    """
     command, parameters = event.command, agent.parameters
     order, copy = control.worded(command.order), command.id == state.soft.answer.id
     try:
@@ -356,7 +453,9 @@ def _flush(peers: Sequence[str], wiring: Wiring, state: CoreState, out: Out, now
 
 
 def _forget_unanswered(state: CoreState, now: float) -> None:
-    """Drop questions of peers left unanswered until their reply-by: no peer waits for them any more."""
+    """Drop questions of peers left unanswered until their reply-by: no peer waits for them any
+    more.
+    """
     for name, held in list(state.soft.conversations.items()):
         talk = held.conversation
         if held.delivery is _VOLATILE and talk.role is _PARTICIPANT and talk.late(now):

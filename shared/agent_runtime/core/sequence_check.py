@@ -1,9 +1,9 @@
 """Whether a waiting message is in sequence, and what the runtime does with one that is not.
 
-Nothing a peer says kills an agent. In sequence: it goes to the behaviour. A cancel that came too late is answered as
-its protocol demands. A question asked again gets its answer again. What is wrong on a durable stream, or as an
-opening, is answered not-understood, which ends the conversation on both sides. Volatile strays are dropped: copies and
-late answers are normal there.
+Nothing a peer says kills an agent. In sequence: it goes to the behaviour. A cancel that came too
+late is answered as its protocol demands. A question asked again gets its answer again. What is
+wrong on a durable stream, or as an opening, is answered not-understood, which ends the conversation
+on both sides. Volatile strays are dropped: copies and late answers are normal there.
 """
 
 from enum import StrEnum
@@ -37,7 +37,8 @@ class What(StrEnum):
 
 
 class Verdict(msgspec.Struct, frozen=True):
-    """`held`: the conversation after the message (TAKE, LATE_CANCEL), or as it was (REPEAT, REFUSE).
+    """`held`: the conversation after the message (TAKE, LATE_CANCEL), or as it was (REPEAT,
+    REFUSE).
 
     `kind`: which use of its performative the message makes (TAKE).
     """
@@ -75,7 +76,9 @@ def judge(state: CoreState, waiting: Waiting) -> Verdict:
     except RemoteProtocolError as error:
         durable = waiting.number > 0
         return Verdict(What.REFUSE if durable else What.DROP, held if durable else None, error)
-    kind = held.conversation.kind_of(communicate.performative, communicate.in_reply_to, waiting.kind)
+    kind = held.conversation.kind_of(
+        communicate.performative, communicate.in_reply_to, waiting.kind
+    )
     return Verdict(_TAKE, replace(held, conversation=talk), kind=kind)
 
 
@@ -87,9 +90,15 @@ def _judge_new(state: CoreState, waiting: Waiting, communicate: Communicate) -> 
     if waiting.fault is not None:
         return Verdict(What.REFUSE, error=waiting.fault)
     if opening and (communicate.sender, communicate.conversation) in state.soft.over:
-        return Verdict(What.DROP, error=RemoteProtocolError("conversation", "has ended; its last word was said"))
+        return Verdict(
+            What.DROP,
+            error=RemoteProtocolError("conversation", "has ended; its last word was said"),
+        )
     if opening and link.delivery is _LATEST and _outlived(state, communicate):
-        return Verdict(What.DROP, error=RemoteProtocolError("conversation", "a newer subscription took its place"))
+        return Verdict(
+            What.DROP,
+            error=RemoteProtocolError("conversation", "a newer subscription took its place"),
+        )
     try:
         talk = Conversation.answering(communicate, state.agent).receive(communicate, waiting.kind)
     except RemoteProtocolError as error:
@@ -100,9 +109,10 @@ def _judge_new(state: CoreState, waiting: Waiting, communicate: Communicate) -> 
 def _outlived(state: CoreState, communicate: Communicate) -> bool:
     """Whether a subscription is a late copy of one that its subscriber replaced by a newer one.
 
-    A subscriber asks again until agreed, so copies of its older `subscribe` may come in after the newer one. To take
-    one would send the observations into a conversation that no agent holds, for ever. A subscription of the present
-    life is newer than all others: a subscriber whose journal was lost counts its lives from 1 again.
+    A subscriber asks again until agreed, so copies of its older `subscribe` may come in after the
+    newer one. To take one would send the observations into a conversation that no agent holds, for
+    ever. A subscription of the present life is newer than all others: a subscriber whose journal
+    was lost counts its lives from 1 again.
     """
     alive = state.soft.peers.get(communicate.sender)
 
@@ -110,7 +120,11 @@ def _outlived(state: CoreState, communicate: Communicate) -> bool:
         incarnation, counter = age(name) or (0, 0)
         return incarnation == alive, incarnation, counter
 
-    held = (held.conversation.id for held in state.soft.conversations.values() if _same_subscriber(held, communicate))
+    held = (
+        held.conversation.id
+        for held in state.soft.conversations.values()
+        if _same_subscriber(held, communicate)
+    )
     return any(rank(name) > rank(communicate.conversation) for name in held)
 
 
@@ -123,14 +137,18 @@ def _same_subscriber(held: Held, communicate: Communicate) -> bool:
 def carry_out(
     state: CoreState, out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict, now: float
 ) -> Received | Broken | None:
-    """Count the message as taken, carry the verdict out; return the event for the behaviour, None if there is none."""
+    """Count the message as taken, carry the verdict out; return the event for the behaviour, None
+    if there is none.
+    """
     communicate: Communicate = waiting.event.communicate
     if waiting.number:
         note(state, waiting.peer, waiting.number, waiting.digest)
         out.receipts.append(receipt(state, waiting.peer))
         out.durable = True
     elif waiting.subject:
-        state.versions[waiting.peer] = state.versions.get(waiting.peer, {}) | {waiting.subject: waiting.version}
+        state.versions[waiting.peer] = state.versions.get(waiting.peer, {}) | {
+            waiting.subject: waiting.version
+        }
         out.receipts.append(Receipt(waiting.peer, subject=waiting.subject, version=waiting.version))
         out.durable = True
     held = verdict.held
@@ -154,7 +172,8 @@ def carry_out(
             else:
                 state.count(What.DROP)
                 if waiting.link.role is _INITIATOR:
-                    out.receipts.append(Receipt(communicate.sender, subject=communicate.id))  # perhaps its last word
+                    # perhaps its last word
+                    out.receipts.append(Receipt(communicate.sender, subject=communicate.id))
     return None
 
 
@@ -168,7 +187,8 @@ def _take(state: CoreState, out: Out, waiting: Waiting, held: Held) -> Received:
         out.receipts.append(Receipt(communicate.sender, subject=communicate.id))
     if not talk.cancel or talk.ended:  # what crosses a cancel is not an answer to it
         asks.pop(communicate.conversation, None)
-    if held.delivery is _LATEST and talk.role is _PARTICIPANT:  # a subscriber's new conversation replaces its older one
+    # a subscriber's new conversation replaces its older one
+    if held.delivery is _LATEST and talk.role is _PARTICIPANT:
         for name, other in list(state.soft.conversations.items()):
             if name != talk.id and _same_subscriber(other, communicate):
                 del state.soft.conversations[name]
@@ -197,7 +217,9 @@ def _answer_late_cancel(state: CoreState, out: Out, wiring: Wiring, held: Held, 
 def _refuse(
     state: CoreState, out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict, now: float
 ) -> Broken | None:
-    """Answer not-understood with the reason; end the conversation it was said in, and tell the behaviour."""
+    """Answer not-understood with the reason; end the conversation it was said in, and tell the
+    behaviour.
+    """
     communicate: Communicate = waiting.event.communicate
     error = verdict.error or RemoteProtocolError("", "not understood")
     reject(state, out, communicate, What.REFUSE, str(error))

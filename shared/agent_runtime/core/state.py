@@ -1,7 +1,9 @@
-"""The whole state of an agent between two steps: the journalled part, and the soft part that a death may lose.
+"""The whole state of an agent between two steps: the journalled part, and the soft part that a
+death may lose.
 
-The journal record is the whole durable state. Soft: the inbox (unreceipted, so it is sent again), questions under way,
-the conversations of queries and subscriptions, who is alive, when to send again.
+The journal record is the whole durable state. Soft: the inbox (unreceipted, so it is sent again),
+questions under way, the conversations of queries and subscriptions, who is alive, when to send
+again.
 """
 
 from typing import Annotated, Any, Protocol
@@ -17,7 +19,9 @@ from fipa_codec.languages import Kind
 
 _DURABLE = Delivery.DURABLE  # found by its class it takes 0.1 us before Python 3.12
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-"""A number that grows by one; from here it can, and be written down: MessagePack has integers below 2**64."""
+"""A number that grows by one; from here it can, and be written down: MessagePack has integers below
+2**64.
+"""
 Version = tuple[int, int]
 """(incarnation, counter) of the observer: greater is newer."""
 
@@ -42,10 +46,11 @@ class Due(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Held(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An open conversation. `reply_by`: when the wait for its end is over (None: never); `late`: that was told.
+    """An open conversation. `reply_by`: when the wait for its end is over (None: never); `late`:
+    that was told.
 
-    `answer`: the last thing said by the participant of a volatile one, repeated when asked again. `several`: one of
-    several conversations of this agent with the same id, each with its own peer.
+    `answer`: the last thing said by the participant of a volatile one, repeated when asked again.
+    `several`: one of several conversations of this agent with the same id, each with its own peer.
     """
 
     conversation: Conversation
@@ -79,10 +84,12 @@ class Ask(msgspec.Struct, frozen=True):
 
 
 class Waiting(msgspec.Struct, frozen=True):
-    """An entry of the inbox: an event that was not taken yet. `number`: of the stream of `peer`, 0 for none.
+    """An entry of the inbox: an event that was not taken yet. `number`: of the stream of `peer`, 0
+    for none.
 
-    `forced`: handed over whatever the behaviour takes. `held`: not before an outbox has room. A communicate has its
-    link, and is read at once: content and kind, or what is wrong. `digest`: of a durable one.
+    `forced`: handed over whatever the behaviour takes. `held`: not before an outbox has room. A
+    communicate has its link, and is read at once: content and kind, or what is wrong. `digest`: of
+    a durable one.
     """
 
     event: Any
@@ -100,13 +107,15 @@ class Waiting(msgspec.Struct, frozen=True):
 
 
 class Soft(msgspec.Struct):
-    """The part lost by a death. `up`: the router is connected; `full`: the peer whose outbox has no room.
+    """The part lost by a death. `up`: the router is connected; `full`: the peer whose outbox has no
+    room.
 
-    `held`: keys of the wake-ups and of the late conversations that wait for room. `parameters`: the value of each, set
-    or not; `answer`: to the last order. `last`: last words in volatile conversations, by id, until they are receipted;
-    `over`: the newest of those conversations (peer, conversation), which no late copy of their opening opens again.
-    `renumbered`: how often messages to a peer got new numbers since it receipted one. `untold`: lives of peers that
-    have not answered yet how much of this agent's messages they had receipted (lineage).
+    `held`: keys of the wake-ups and of the late conversations that wait for room. `parameters`: the
+    value of each, set or not; `answer`: to the last order. `last`: last words in volatile
+    conversations, by id, until they are receipted; `over`: the newest of those conversations (peer,
+    conversation), which no late copy of their opening opens again. `renumbered`: how often messages
+    to a peer got new numbers since it receipted one. `untold`: lives of peers that have not
+    answered yet how much of this agent's messages they had receipted (lineage).
     """
 
     step: int = 0
@@ -127,14 +136,15 @@ class Soft(msgspec.Struct):
 
 
 class Record(msgspec.Struct, kw_only=True):
-    """The journalled part. `taken`, `issued`, `heard`: last stream number per peer that was taken of it, said to it,
-    receipted by it; `counter`: for ids and versions.
+    """The journalled part. `taken`, `issued`, `heard`: last stream number per peer that was taken
+    of it, said to it, receipted by it; `counter`: for ids and versions.
 
     `recent`: number and digest of the newest messages that were taken of a peer's stream.
 
-    `journal`: the random name that the journal got when it was made; `journals`: those of the peers, never changed in
-    place; `given_up`: names that peers had before. `lost`: conversations with peers that lost their journal.
-    `settings` stands in the record only once an operator has set something.
+    `journal`: the random name that the journal got when it was made; `journals`: those of the
+    peers, never changed in place; `given_up`: names that peers had before. `lost`: conversations
+    with peers that lost their journal. `settings` stands in the record only once an operator has
+    set something.
     """
 
     agent: str
@@ -160,7 +170,9 @@ class Record(msgspec.Struct, kw_only=True):
 
 
 class CoreState(Record, kw_only=True):
-    """The durable part (as in Record, with the memory as an object) and the soft part. A value: step() copies it."""
+    """The durable part (as in Record, with the memory as an object) and the soft part. A value:
+    step() copies it.
+    """
 
     memory: Any
     kept: bytes = b""
@@ -207,7 +219,8 @@ class CoreState(Record, kw_only=True):
     def held(self, conversation: str, peer: str = "") -> Held | None:
         """The open conversation of that id; of several, which are durable, the one with the peer.
 
-        One that waits for any answerer becomes, for each agent that answers, a conversation with that agent.
+        One that waits for any answerer becomes, for each agent that answers, a conversation with
+        that agent.
         """
         one = self.conversations.get(conversation) or self.soft.conversations.get(conversation)
         if one is not None or not self.conversations:
@@ -216,7 +229,9 @@ class CoreState(Record, kw_only=True):
         anybody = None if one or not peer else self.conversations.get(anybodys(conversation))
         if anybody is None:
             return one
-        return msgspec.structs.replace(anybody, conversation=msgspec.structs.replace(anybody.conversation, peer=peer))
+        return msgspec.structs.replace(
+            anybody, conversation=msgspec.structs.replace(anybody.conversation, peer=peer)
+        )
 
     def keep(self, held: Held) -> None:
         """Store a conversation after a step; an ended one is deleted."""
@@ -242,9 +257,13 @@ def anybodys(conversation: str) -> str:
 
 
 def age(name: str) -> Version | None:
-    """(incarnation, counter) from an id of `CoreState.name`, None for other ids; greater is newer."""
+    """(incarnation, counter) from an id of `CoreState.name`, None for other ids; greater is
+    newer.
+    """
     parts = name.rsplit("-", 2)
-    incarnation, counter = (number_of(part) for part in parts[1:]) if len(parts) == 3 else (None, None)
+    incarnation, counter = (
+        (number_of(part) for part in parts[1:]) if len(parts) == 3 else (None, None)
+    )
     return None if incarnation is None or counter is None else (incarnation, counter)
 
 
@@ -255,14 +274,17 @@ _decoder = msgspec.msgpack.Decoder(Record)
 def encode_memory(memory: Any) -> bytes:
     """The memory without its soft field, and without what is UNSET."""
     hard = {name: getattr(memory, name) for name in memory.__struct_fields__ if name != "soft"}
-    return _encoder.encode({name: value for name, value in hard.items() if value is not msgspec.UNSET})
+    return _encoder.encode(
+        {name: value for name, value in hard.items() if value is not msgspec.UNSET}
+    )
 
 
 def same_memory(old: Any, new: Any) -> bool:
     """Whether nothing durable was touched: the same objects in all hard fields."""
     if type(old) is not type(new):
         return False
-    for name in old.__struct_fields__:  # noqa: SIM110 - a generator of its own takes longer than all the rest
+    # A generator of its own takes longer than all the rest.
+    for name in old.__struct_fields__:
         if name != "soft" and getattr(old, name) is not getattr(new, name):
             return False
     return True
@@ -274,7 +296,9 @@ def encode_record(state: CoreState) -> bytes:
 
 
 class Start(Protocol):
-    """The fields of an agent's table (agent_runtime.core.agent.Agent) from which its first state is made."""
+    """The fields of an agent's table (agent_runtime.core.agent.Agent) from which its first state is
+    made.
+    """
 
     @property
     def name(self) -> str:
@@ -304,7 +328,9 @@ def fresh(agent: Start, journal: str = "") -> CoreState:
 
 
 def restored(agent: Start, record: bytes) -> CoreState:
-    """The state in a journal record, with an empty soft part. Raises msgspec.MsgspecError for another shape."""
+    """The state in a journal record, with an empty soft part. Raises msgspec.MsgspecError for
+    another shape.
+    """
     stored = _decoder.decode(record)
     memory = msgspec.msgpack.decode(stored.memory, type=type(agent.memory))
     parts = {name: getattr(stored, name) for name in Record.__struct_fields__}

@@ -1,13 +1,14 @@
-"""The pure core of an agent: step(state, event, now) -> (state, effects). No clock, no I/O, no thread.
+"""The pure core of an agent: step(state, event, now) -> (state, effects). No clock, no I/O, no
+thread.
 
-A step takes at most one event to the behaviour, runs it and the chain of states it leads to, and ends in one journal
-record if anything durable happened: a stream message or an observation was taken, a durable communicate or an
-observation issued, the FSM's state or the memory (but for its `soft` field) changed, or the behaviour asked for it by
-`turn.keep()`. Else the record is None.
+A step takes at most one event to the behaviour, runs it and the chain of states it leads to, and
+ends in one journal record if anything durable happened: a stream message or an observation was
+taken, a durable communicate or an observation issued, the FSM's state or the memory (but for its
+`soft` field) changed, or the behaviour asked for it by `turn.keep()`. Else the record is None.
 
-Driver: state = core.boot(last record); sync core.record(state) before anything else; step with Started, then with each
-event; after each step carry the effects out in their order; while `effects.more`, step with Next(); at `wake_at` with
-Tick().
+Driver: state = core.boot(last record); sync core.record(state) before anything else; step with
+Started, then with each event; after each step carry the effects out in their order; while
+`effects.more`, step with Next(); at `wake_at` with Tick().
 """
 
 from collections.abc import Sequence
@@ -46,12 +47,20 @@ CHAIN_BOUND = 16
 OUTSIDE = "step outside the design"
 UNFIT = "kept value does not fit the design"
 KNOWN_DEEDS = 1024
-"""Steps known to fit the design; estimate: an agent of the paper has some hundred different ones."""
+"""Steps known to fit the design; estimate: an agent of the paper has some hundred different
+ones.
+"""
 # Before Python 3.12 a member found by its class takes 0.1 us.
-_DURABLE, _TAKE, _INITIATOR, _COMPLAINT = Delivery.DURABLE, What.TAKE, Role.INITIATOR, Performative.NOT_UNDERSTOOD
+_DURABLE, _TAKE, _INITIATOR, _COMPLAINT = (
+    Delivery.DURABLE,
+    What.TAKE,
+    Role.INITIATOR,
+    Performative.NOT_UNDERSTOOD,
+)
 
 
-# --- Choice of the next event: from the inbox, wake-ups, late and lost conversations; and when to look again ----------
+# --- Choice of the next event: from the inbox, wake-ups, late and lost conversations; and when to
+# look again
 
 
 LATE_AFTER = 0.001
@@ -59,8 +68,8 @@ LATE_AFTER = 0.001
 
 
 class Choice(msgspec.Struct, frozen=True):
-    """An event that can be taken: an entry of the inbox with its verdict, a late conversation, a wake-up's name, or the
-    key of a lost conversation.
+    """An event that can be taken: an entry of the inbox with its verdict, a late conversation, a
+    wake-up's name, or the key of a lost conversation.
     """
 
     waiting: Waiting | None = None
@@ -77,8 +86,12 @@ class Choices:
         self.agent = agent
         self._taken_in: dict[tuple[str, str, Performative, Kind], bool] = {}
 
-    def next(self, state: CoreState, now: float, waits: Sequence[Held] | None = None) -> Choice | None:
-        """What can be taken first; None for nothing. `waits`: what `unended` returned, where it is known."""
+    def next(
+        self, state: CoreState, now: float, waits: Sequence[Held] | None = None
+    ) -> Choice | None:
+        """What can be taken first; None for nothing. `waits`: what `unended` returned, where it is
+        known.
+        """
         soft = state.soft
         for key, one in state.lost.items():
             if not one.told and key not in soft.held:
@@ -86,7 +99,11 @@ class Choices:
         if soft.inbox and (choice := self._find_waiting(state)) is not None:
             return choice
         if state.wakes:
-            due = [(at, name) for name, at in state.wakes.items() if at <= now and wake_key(name) not in soft.held]
+            due = [
+                (at, name)
+                for name, at in state.wakes.items()
+                if at <= now and wake_key(name) not in soft.held
+            ]
             if due:
                 return Choice(wake=min(due)[1])
         takes = self.agent.behaviours[state.state].takes
@@ -97,7 +114,9 @@ class Choices:
         return None
 
     def _find_waiting(self, state: CoreState) -> Choice | None:
-        """The first inbox entry that can be taken. Streams keep their order: an entry not taken blocks the rest."""
+        """The first inbox entry that can be taken. Streams keep their order: an entry not taken
+        blocks the rest.
+        """
         passed: set[str] = set()
         takes = self.agent.behaviours[state.state].takes
         for waiting in state.soft.inbox:
@@ -113,7 +132,9 @@ class Choices:
             if verdict.what is not _TAKE:
                 return Choice(waiting, verdict)
             communicate = waiting.event.communicate
-            if self._named(state, waiting, verdict) and takes(state.memory, Received(communicate, waiting.content)):
+            if self._named(state, waiting, verdict) and takes(
+                state.memory, Received(communicate, waiting.content)
+            ):
                 return Choice(waiting, verdict)
             if waiting.number:
                 passed.add(waiting.peer)
@@ -124,7 +145,8 @@ class Choices:
         rows, act = self.agent.rows, waiting.event.communicate.performative
         if rows is None or act is _COMPLAINT:
             return True
-        place = state.state, waiting.link.use, act, verdict.kind  # all of the design, so their number is bounded
+        # all of the design, so their number is bounded
+        place = state.state, waiting.link.use, act, verdict.kind
         taken = self._taken_in.get(place)
         if taken is None:
             taken = self._taken_in[place] = rows.takes(*place)
@@ -132,7 +154,9 @@ class Choices:
 
 
 def wake_at(state: CoreState, waits: Sequence[Held] | None, now: float) -> float | None:
-    """When the next Tick is wanted; times already past wait for a behaviour that takes them, or for room."""
+    """When the next Tick is wanted; times already past wait for a behaviour that takes them, or for
+    room.
+    """
     soft, times = state.soft, []
     if soft.up and soft.resend:
         times += [at for at, _ in soft.resend.values()]
@@ -151,12 +175,14 @@ def wake_key(name: str) -> str:
 
 
 def unended(state: CoreState) -> list[Held]:
-    """Conversations in which this agent waits for an end, and whose Late event was not raised yet."""
+    """Conversations in which this agent waits for an end, and whose Late event was not raised
+    yet.
+    """
     both = (*state.conversations.values(), *state.soft.conversations.values())
     return [held for held in both if not held.late and held.conversation.role is _INITIATOR]
 
 
-# --- The core ---------------------------------------------------------------------------------------------------------
+# --- The core -------------------------------------------------------------------------------------
 
 
 class Core(Generic[M]):
@@ -164,27 +190,38 @@ class Core(Generic[M]):
 
     def __init__(self, agent: Agent[M], wiring: Wiring) -> None:
         if agent.name != wiring.agent:
-            raise AgentTableError(agent.name, f"is wired as {wiring.agent!r}", "give it its own wiring")
+            raise AgentTableError(
+                agent.name, f"is wired as {wiring.agent!r}", "give it its own wiring"
+            )
         self.agent, self.wiring = agent, wiring
         self._designed: set[Deed] = set()
         self._choices = Choices(agent)
         try:
             restored(agent, encode_record(fresh(agent)))
         except (msgspec.MsgspecError, TypeError, AttributeError) as error:
-            hint = "memory is a msgspec Struct whose fields, but for `soft`, msgspec encodes and decodes"
-            raise AgentTableError(agent.name, f"its memory cannot be journalled: {error}", hint) from error
+            hint = (
+                "memory is a msgspec Struct whose fields, but for `soft`, msgspec encodes and"
+                " decodes"
+            )
+            raise AgentTableError(
+                agent.name, f"its memory cannot be journalled: {error}", hint
+            ) from error
 
     def first(self, journal: str) -> bytes:
         """The record that a new journal of this name begins with."""
         return encode_record(fresh(self.agent, journal))
 
     def boot(self, record: bytes | None) -> CoreState:
-        """The start state of the next incarnation: the first memory, or the state in the journal's record."""
+        """The start state of the next incarnation: the first memory, or the state in the journal's
+        record.
+        """
         try:
             state = fresh(self.agent) if record is None else restored(self.agent, record)
         except UNREADABLE as error:
             hint = "it is of another version, or damaged: start a new run, or move the journal away"
-            raise AgentTableError(self.agent.name, f"its journal cannot be read: {error}", hint) from error
+            raise AgentTableError(
+                self.agent.name, f"its journal cannot be read: {error}", hint
+            ) from error
         if state.agent != self.agent.name or state.state not in self.agent.behaviours:
             raise AgentTableError(
                 self.agent.name,
@@ -224,7 +261,9 @@ class Core(Generic[M]):
         return after, out
 
     def end(self, state: CoreState, after: CoreState, out: Out, now: float) -> Effects:
-        """Run the rest, for which no peer waits: compare the step with the design, find the time of the next step."""
+        """Run the rest, for which no peer waits: compare the step with the design, find the time of
+        the next step.
+        """
         deed = out.deed(state.state, after.state, tuple(after.due))
         if deed is not None and deed not in self._designed:
             why = self.agent.rows.why_not(deed) if self.agent.rows is not None else ""
@@ -237,10 +276,12 @@ class Core(Generic[M]):
         more = waits is not None and self._choices.next(after, now, waits) is not None
         return out.sealed(more, wake_at(after, waits, now), deed)
 
-    # --- taking one event ---------------------------------------------------------------------------------------------
+    # --- taking one event -------------------------------------------------------------------------
 
     def _take_one(self, state: CoreState, out: Out, now: float) -> tuple[CoreState, Out]:
-        """Take what can be taken first. With a full outbox: the first that fits, and what does not fit stays."""
+        """Take what can be taken first. With a full outbox: the first that fits, and what does not
+        fit stays.
+        """
         while (choice := self._choices.next(state, now)) is not None:
             if not (state.outbox and streams.crowded(state)):
                 self._take(state, out, choice, now)
@@ -256,9 +297,14 @@ class Core(Generic[M]):
             soft, held = state.soft, choice.waiting
             soft.full = full
             if held is not None:
-                soft.inbox = tuple(replace(one, held=True) if one is held else one for one in soft.inbox)
+                soft.inbox = tuple(
+                    replace(one, held=True) if one is held else one for one in soft.inbox
+                )
             else:
-                soft.held |= {choice.lost or (wake_key(choice.wake) if choice.late is None else choice.late.key)}
+                soft.held |= {
+                    choice.lost
+                    or (wake_key(choice.wake) if choice.late is None else choice.late.key)
+                }
         return state, out
 
     def _take(self, state: CoreState, out: Out, choice: Choice, now: float) -> None:
@@ -271,14 +317,20 @@ class Core(Generic[M]):
             out.durable = True
             talk = lost.held.conversation
             out.about = self.wiring.required(talk.peer, talk.protocol).use
-            self._run(state, out, Broken(talk.id, lost.why, talk.peer if lost.held.several else ""), now)
+            self._run(
+                state, out, Broken(talk.id, lost.why, talk.peer if lost.held.several else ""), now
+            )
         else:
             del state.wakes[choice.wake]
             self._run(state, out, Woken(choice.wake), now)
 
-    def _take_waiting(self, state: CoreState, out: Out, waiting: Waiting, verdict: Verdict | None, now: float) -> None:
+    def _take_waiting(
+        self, state: CoreState, out: Out, waiting: Waiting, verdict: Verdict | None, now: float
+    ) -> None:
         inbox = state.soft.inbox
-        state.soft.inbox = tuple(one for one in inbox if one is not waiting) if len(inbox) > 1 else ()
+        state.soft.inbox = (
+            tuple(one for one in inbox if one is not waiting) if len(inbox) > 1 else ()
+        )
         event: Seen | None = waiting.event
         if verdict is not None:
             if verdict.what is _TAKE:  # the message in the words of the design
@@ -301,10 +353,12 @@ class Core(Generic[M]):
         out.about = self.wiring.required(held.conversation.peer, held.conversation.protocol).use
         self._run(state, out, Late(name, held.conversation.peer if held.several else ""), now)
 
-    # --- the behaviour ------------------------------------------------------------------------------------------------
+    # --- the behaviour ----------------------------------------------------------------------------
 
     def _run(self, state: CoreState, out: Out, event: Seen, now: float) -> None:
-        """Run one elementary action, then the arcs it opens; on entry a behaviour runs once without an event."""
+        """Run one elementary action, then the arcs it opens; on entry a behaviour runs once without
+        an event.
+        """
         out.handled = event
         if isinstance(event, PeerChanged):
             out.about = event.agent if event.incarnation is not None else ""
@@ -318,10 +372,15 @@ class Core(Generic[M]):
             target = self.agent.next_state(state.state, state.memory)
             if target is None:
                 arcs = ", ".join(
-                    f"{a.when or 'always'} -> {a.target}" for a in self.agent.arcs if a.source == state.state
+                    f"{a.when or 'always'} -> {a.target}"
+                    for a in self.agent.arcs
+                    if a.source == state.state
                 )
                 raise BehaviourError(
-                    self.agent.name, state.state, "ended, and no arc may be taken", f"arcs: {arcs or 'none'}"
+                    self.agent.name,
+                    state.state,
+                    "ended, and no arc may be taken",
+                    f"arcs: {arcs or 'none'}",
                 )
             out.log("state", old=state.state, new=target, conversation=conversation_of(event))
             state.state = target
@@ -344,5 +403,10 @@ class Core(Generic[M]):
                 talk = held.conversation
                 if was.get(name) is not held and talk.owes:
                     wanted = ", ".join(row.word for row in talk.table.allowed(talk.state, SEND))
-                    what = f"took a message in {talk.id} ({talk.protocol}, {talk.state}) and owes its answer"
-                    raise BehaviourError(self.agent.name, state.state, what, f"say {wanted} in the same step")
+                    what = (
+                        f"took a message in {talk.id} ({talk.protocol}, {talk.state}) and owes its"
+                        " answer"
+                    )
+                    raise BehaviourError(
+                        self.agent.name, state.state, what, f"say {wanted} in the same step"
+                    )

@@ -1,10 +1,11 @@
-"""Durable numbered streams, latest-value observations, repeated questions: sending, keeping, receipts, sending again.
+"""Durable numbered streams, latest-value observations, repeated questions: sending, keeping,
+receipts, sending again.
 
-The receiver keeps one number per stream, with digests of the newest messages (duplicate_digests); the sender keeps the
-unreceipted messages (messages of another under its numbers: reception). They are sent again at once when the peer
-(re)appears, else after RESEND_FIRST, then after twice the wait up to RESEND_LAST, for ever: reply-by does not end this.
-All functions change the forked state they are given and add to `out`; nothing here knows protocols' tables or
-behaviours.
+The receiver keeps one number per stream, with digests of the newest messages (duplicate_digests);
+the sender keeps the unreceipted messages (messages of another under its numbers: reception). They
+are sent again at once when the peer (re)appears, else after RESEND_FIRST, then after twice the wait
+up to RESEND_LAST, for ever: reply-by does not end this. All functions change the forked state they
+are given and add to `out`; nothing here knows protocols' tables or behaviours.
 """
 
 from typing import Any
@@ -23,20 +24,29 @@ from fipa_codec.tables import Role
 
 RESEND_FIRST = 0.2
 RESEND_LAST = 2.0
-"""Seconds; proposed with the scheme of delivery, not measured: a receipt takes a disk sync and a router hop (ms)."""
+"""Seconds; proposed with the scheme of delivery, not measured: a receipt takes a disk sync and a
+router hop (ms).
+"""
 OUTBOX_BOUND = 16
-"""Unreceipted messages to one peer at which an agent opens no conversation with it of itself. The explored fleet never
-held more than 5."""
+"""Unreceipted messages to one peer at which an agent opens no conversation with it of itself. The
+explored fleet never held more than 5.
+"""
 ANSWERS_BOUND = 4 * OUTBOX_BOUND
-"""Such messages at which others add nothing to them: slots kept for answers. A full outbox of openings, and three
-answers (agree, result, reply to a cancel) to each opening in the peer's. Messages of the peer itself may add as many
-again: one in answer to each; a peer that says more floods."""
+"""Such messages at which others add nothing to them: slots kept for answers. A full outbox of
+openings, and three answers (agree, result, reply to a cancel) to each opening in the peer's.
+Messages of the peer itself may add as many again: one in answer to each; a peer that says more
+floods.
+"""
 LAST_MESSAGES = 64
-"""Unreceipted last messages of volatile conversations; estimate: more subscriptions than an agent ends at once."""
+"""Unreceipted last messages of volatile conversations; estimate: more subscriptions than an agent
+ends at once.
+"""
 
 
 def issue(state: CoreState, out: Out, communicate: Communicate, now: float) -> None:
-    """Put a durable communicate, whose id is the next number of its stream, into the outbox and send it."""
+    """Put a durable communicate, whose id is the next number of its stream, into the outbox and
+    send it.
+    """
     peer, number = communicate.receiver, int(communicate.id)
     state.issued[peer] = number
     state.outbox[peer] = (*state.outbox.get(peer, ()), Outgoing(number, communicate))
@@ -64,18 +74,21 @@ def crowded(state: CoreState) -> bool:
 def overfull(before: CoreState, after: CoreState, event: Any) -> str:
     """The peer whose outbox has no room for what a step said after `event`; "" where there is room.
 
-    The end of a conversation is taken however full its peer's outbox is: otherwise two agents whose outboxes are full
-    towards each other would wait for each other for ever.
+    The end of a conversation is taken however full its peer's outbox is: otherwise two agents whose
+    outboxes are full towards each other would wait for each other for ever.
     """
     said = event.communicate if isinstance(event, Arrived) else None
     held = None if said is None else before.held(said.conversation, said.sender)
     ended = held is not None and after.held(held.conversation.id, held.conversation.peer) is None
     for peer, sent in after.outbox.items():
         old, own = len(before.outbox.get(peer, ())), said is not None and said.sender == peer
-        if len(sent) == old or old < (OUTBOX_BOUND if said is None else 2 * ANSWERS_BOUND if own else ANSWERS_BOUND):
+        if len(sent) == old or old < (
+            OUTBOX_BOUND if said is None else 2 * ANSWERS_BOUND if own else ANSWERS_BOUND
+        ):
             continue
         opening = any(
-            one.performative in named(one.protocol).openings and before.held(one.conversation, one.receiver) is None
+            one.performative in named(one.protocol).openings
+            and before.held(one.conversation, one.receiver) is None
             for one in (outgoing.communicate for outgoing in sent[old:])
         )
         if (opening and not (own and ended)) or (old >= ANSWERS_BOUND and not ended):
@@ -92,7 +105,9 @@ def release(state: CoreState) -> None:
 
 
 def observed(state: CoreState, out: Out, peer: str, subject: str, due: Due, now: float) -> None:
-    """Make an observation the newest of its subject that is due to `peer`; an older one is deleted."""
+    """Make an observation the newest of its subject that is due to `peer`; an older one is
+    deleted.
+    """
     state.due[peer] = state.due.get(peer, {}) | {subject: due}
     out.durable = True
     state.soft.resend.setdefault(peer, (now + RESEND_FIRST, RESEND_FIRST))
@@ -111,7 +126,9 @@ def last_waits(state: CoreState, peer: str) -> bool:
     return not all(due.last for due in state.due.get(peer, {}).values())
 
 
-def send_observation(state: CoreState, out: Out, wiring: Wiring, peer: str, subject: str, due: Due, now: float) -> None:
+def send_observation(
+    state: CoreState, out: Out, wiring: Wiring, peer: str, subject: str, due: Due, now: float
+) -> None:
     """Send one observation, if `peer` has a live subscription."""
     held = live_subscription(state, peer)
     if held is None:
@@ -153,7 +170,9 @@ def parse_observation(id: str) -> tuple[str, Version] | None:
 
 
 def settle(state: CoreState, out: Out, wiring: Wiring, event: Receipted, now: float) -> bool:
-    """Delete messages that a receipt covers. Whether the last observation due to the peer was among them."""
+    """Delete messages that a receipt covers. Whether the last observation due to the peer was among
+    them.
+    """
     if event.subject and state.soft.last.pop(event.subject, None) is not None:
         return False
     peer, emptied, waited = event.peer, False, last_waits(state, event.peer)
@@ -181,10 +200,14 @@ def settle(state: CoreState, out: Out, wiring: Wiring, event: Receipted, now: fl
     return emptied
 
 
-def flush(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float, *, force: bool) -> None:
-    """Send everything `peer` has not receipted or answered, in order, and restart the re-send timer.
+def flush(
+    state: CoreState, out: Out, wiring: Wiring, peer: str, now: float, *, force: bool
+) -> None:
+    """Send everything `peer` has not receipted or answered, in order, and restart the re-send
+    timer.
 
-    Without `force`, what was sent less than RESEND_FIRST ago is not sent at once, but when that time is over.
+    Without `force`, what was sent less than RESEND_FIRST ago is not sent at once, but when that
+    time is over.
     """
     if state.outbox.get(peer) or state.due.get(peer) or peer in state.soft.untold:
         at, gap = state.soft.resend.get(peer, (0.0, 0.0))
@@ -195,16 +218,25 @@ def flush(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float, *, 
     for table in (state.soft.asks, state.soft.last):
         for name, one in list(table.items()):
             if one.communicate.receiver == peer:
-                last, fresh = one.at - one.gap, not force and now - (one.at - one.gap) < RESEND_FIRST
+                last, fresh = (
+                    one.at - one.gap,
+                    not force and now - (one.at - one.gap) < RESEND_FIRST,
+                )
                 if not fresh:
                     send(state, out, one.communicate)
-                table[name] = Ask(one.communicate, (last if fresh else now) + RESEND_FIRST, RESEND_FIRST)
+                table[name] = Ask(
+                    one.communicate, (last if fresh else now) + RESEND_FIRST, RESEND_FIRST
+                )
 
 
 def resend(state: CoreState, out: Out, wiring: Wiring, peer: str, now: float) -> None:
-    """Send the outbox of a peer once more, in order, and the observations due; tell it again what it had receipted."""
+    """Send the outbox of a peer once more, in order, and the observations due; tell it again what
+    it had receipted.
+    """
     if peer in state.soft.untold and state.soft.up:
-        told = replace(receipt(state, peer), heard=state.heard.get(peer, 0), life=state.soft.untold[peer])
+        told = replace(
+            receipt(state, peer), heard=state.heard.get(peer, 0), life=state.soft.untold[peer]
+        )
         out.receipts.append(told)
     for outgoing in state.outbox.get(peer, ()) if _named(state, peer) else ():
         send(state, out, outgoing.communicate)
@@ -218,7 +250,8 @@ def ask(state: CoreState, out: Out, communicate: Communicate, now: float) -> Non
 
 
 def say_last(state: CoreState, out: Out, communicate: Communicate, now: float) -> None:
-    """Send the last message of a volatile conversation in which nothing is asked any more, until it is receipted.
+    """Send the last message of a volatile conversation in which nothing is asked any more, until it
+    is receipted.
 
     Of more than LAST_MESSAGES the oldest is given up.
     """
@@ -227,19 +260,26 @@ def say_last(state: CoreState, out: Out, communicate: Communicate, now: float) -
         state.count("last word given up")
         del last[next(iter(last))]
     last[communicate.id] = Ask(communicate, now + RESEND_FIRST, RESEND_FIRST)
-    state.soft.over = (*state.soft.over[1 - LAST_MESSAGES :], (communicate.receiver, communicate.conversation))
+    state.soft.over = (
+        *state.soft.over[1 - LAST_MESSAGES :],
+        (communicate.receiver, communicate.conversation),
+    )
     send(state, out, communicate)
 
 
 def forget_last(state: CoreState, peer: str) -> None:
-    """Send no last messages to a peer that is gone or has restarted: it knows nothing of those conversations."""
+    """Send no last messages to a peer that is gone or has restarted: it knows nothing of those
+    conversations.
+    """
     for name in [name for name, one in state.soft.last.items() if one.communicate.receiver == peer]:
         del state.soft.last[name]
     state.soft.over = tuple(one for one in state.soft.over if one[0] != peer)
 
 
 def on_time(state: CoreState, out: Out, wiring: Wiring, now: float) -> None:
-    """Re-send and ask again whatever is due; each wait doubles. Nothing is sent while the router is away."""
+    """Re-send and ask again whatever is due; each wait doubles. Nothing is sent while the router is
+    away.
+    """
     if not state.soft.up:
         return
     for peer, (at, gap) in list(state.soft.resend.items()):
@@ -258,7 +298,9 @@ def on_time(state: CoreState, out: Out, wiring: Wiring, now: float) -> None:
 
 
 def send(state: CoreState, out: Out, communicate: Communicate) -> None:
-    """Send now, unless the router is away (what must arrive is kept elsewhere and flushed when it is back)."""
+    """Send now, unless the router is away (what must arrive is kept elsewhere and flushed when it
+    is back).
+    """
     if state.soft.up:
         out.sends.append(communicate)
 

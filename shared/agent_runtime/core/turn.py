@@ -1,7 +1,7 @@
 """One elementary action as seen by a behaviour: its event, its time, and the messages it may send.
 
-A turn has no clock, no socket and no file; a message leaves the agent only after the step's record is on the
-disk.
+A turn has no clock, no socket and no file; a message leaves the agent only after the step's record
+is on the disk.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,17 @@ from msgspec.structs import replace
 from agent_runtime.core import streams
 from agent_runtime.core.effects import Out
 from agent_runtime.core.errors import BehaviourError
-from agent_runtime.core.events import Broken, Late, Local, Ordered, PeerChanged, Received, Settled, Started, Woken
+from agent_runtime.core.events import (
+    Broken,
+    Late,
+    Local,
+    Ordered,
+    PeerChanged,
+    Received,
+    Settled,
+    Started,
+    Woken,
+)
 from agent_runtime.core.state import CoreState, Due, Held, anybodys
 from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec.communicate import Communicate
@@ -43,7 +53,7 @@ class Turn(msgspec.Struct, eq=False):
     event: Seen | None
     now: float
 
-    # --- communicates -------------------------------------------------------------------------------------------------
+    # --- communicates -----------------------------------------------------------------------------
 
     def open(
         self,
@@ -57,11 +67,14 @@ class Turn(msgspec.Struct, eq=False):
     ) -> str:
         """Open a conversation with `to` as its initiator; return its id.
 
-        `reply_by_s`: seconds from now after which Late comes, unless the conversation has ended. A durable one then
-        stays open until the peer's last word; a volatile question is given up. LocalProtocolError where the design has
-        no such link. `parent`: the conversation for whose sake it is opened; only the step log has it (`roco trace`).
+        `reply_by_s`: seconds from now after which Late comes, unless the conversation has ended. A
+        durable one then stays open until the peer's last word; a volatile question is given up.
+        LocalProtocolError where the design has no such link. `parent`: the conversation for whose
+        sake it is opened; only the step log has it (`roco trace`).
         """
-        return self._open(self._state.name(), to, protocol, performative, content, reply_by_s, parent).id
+        return self._open(
+            self._state.name(), to, protocol, performative, content, reply_by_s, parent
+        ).id
 
     def open_all(
         self,
@@ -73,38 +86,53 @@ class Turn(msgspec.Struct, eq=False):
         reply_by_s: float | None = None,
         parent: str = "",
     ) -> Multicast:
-        """Open one conversation-id with several participants, each with a state machine; the Multicast tracks them.
+        """Open one conversation-id with several participants, each with a state machine; the
+        Multicast tracks them.
 
-        Name the participant (`to`) wherever you say something in it later, and note in the Multicast what became of
-        it: `group.noted(event.talk, turn.now)`, `group.noted(turn.say(...), turn.now)`. Late and Broken come for each
-        participant. Only over durable links: LocalProtocolError elsewhere, and where nobody or one twice is named.
+        Name the participant (`to`) wherever you say something in it later, and note in the
+        Multicast what became of it: `group.noted(event.talk, turn.now)`,
+        `group.noted(turn.say(...), turn.now)`. Late and Broken come for each participant. Only over
+        durable links: LocalProtocolError elsewhere, and where nobody or one twice is named.
         """
         name = self._state.name()
         for peer in to:
             if self._wiring.required(peer, protocol).delivery is not _DURABLE:
-                raise LocalProtocolError("protocol", f"{protocol} with {peer!r} is not durable; open it with one peer")
+                raise LocalProtocolError(
+                    "protocol", f"{protocol} with {peer!r} is not durable; open it with one peer"
+                )
         return Multicast.opened(
-            [self._open(name, peer, protocol, performative, content, reply_by_s, parent, several=True) for peer in to]
+            [
+                self._open(
+                    name, peer, protocol, performative, content, reply_by_s, parent, several=True
+                )
+                for peer in to
+            ]
         )
 
     def join(self, talk: Conversation) -> None:
-        """Take part in a conversation that was opened for this agent by another (recruiting: fipa_codec.proxying).
+        """Take part in a conversation that was opened for this agent by another (recruiting:
+        fipa_codec.proxying).
 
-        A target joins a conversation it has accepted; a client joins one whose answers it awaits, best before it asks,
-        with peer "": then each agent that answers has its own conversation, until `leave`, and no Late comes. Raises
-        LocalProtocolError where the design has no durable link for it in that role.
+        A target joins a conversation it has accepted; a client joins one whose answers it awaits,
+        best before it asks, with peer "": then each agent that answers has its own conversation,
+        until `leave`, and no Late comes. Raises LocalProtocolError where the design has no durable
+        link for it in that role.
         """
         link = self._wiring.required(talk.peer, talk.protocol) if talk.peer else None
         if link and (link.role is not talk.role or link.delivery is not _DURABLE):
             wanted = f"a durable link as {talk.role} of {talk.protocol} with {talk.peer!r}"
-            raise LocalProtocolError("protocol", f"{self.me!r} has no {wanted}, but {link.delivery} as {link.role}")
+            raise LocalProtocolError(
+                "protocol", f"{self.me!r} has no {wanted}, but {link.delivery} as {link.role}"
+            )
         initiates = talk.role is _INITIATOR
         reply_by = talk.deadline if initiates and talk.peer else None
         self._state.keep(Held(talk, Delivery.DURABLE, reply_by=reply_by, several=initiates))
         self._out.durable = True
 
     def leave(self, conversation: str) -> None:
-        """Accept no more answerers in a conversation that was joined with peer ""; those under way go on."""
+        """Accept no more answerers in a conversation that was joined with peer ""; those under way
+        go on.
+        """
         self._state.conversations.pop(anybodys(conversation), None)
         self._out.durable = True
 
@@ -119,12 +147,13 @@ class Turn(msgspec.Struct, eq=False):
         reply_by_s: float | None = None,
         to: str = "",
     ) -> Conversation:
-        """Say something in an open conversation and return it; the language is that of the content's class.
+        """Say something in an open conversation and return it; the language is that of the
+        content's class.
 
-        `in_reply_to` None: what the protocol says. `kind=Kind.CANCEL`: this answers the peer's cancel. `reply_by_s`
-        sets a new time for Late. `to`: which participant, where there are several. BehaviourError where the
-        conversation is not open, LocalProtocolError where the protocol forbids it. In one that ended because the peer
-        lost its journal nothing is sent.
+        `in_reply_to` None: what the protocol says. `kind=Kind.CANCEL`: this answers the peer's
+        cancel. `reply_by_s` sets a new time for Late. `to`: which participant, where there are
+        several. BehaviourError where the conversation is not open, LocalProtocolError where the
+        protocol forbids it. In one that ended because the peer lost its journal nothing is sent.
         """
         lost = self._state.lost.get(conversation) or self._state.lost.get(f"{conversation} {to}")
         if lost is not None and not self.holds(conversation, to):
@@ -134,15 +163,21 @@ class Turn(msgspec.Struct, eq=False):
         reply_by = None if reply_by_s is None else self.now + reply_by_s
         if reply_by is not None:
             held = replace(held, reply_by=reply_by, late=False)
-        return self._speak(held, link, performative, content, in_reply_to=in_reply_to, kind=kind, reply_by=reply_by)
+        return self._speak(
+            held, link, performative, content, in_reply_to=in_reply_to, kind=kind, reply_by=reply_by
+        )
 
     def drop(self, conversation: str) -> None:
-        """Give up a volatile conversation silently: nothing is asked again, later answers are ignored.
+        """Give up a volatile conversation silently: nothing is asked again, later answers are
+        ignored.
 
-        Nothing happens where it is over already; BehaviourError for a durable one, which ends by its protocol only.
+        Nothing happens where it is over already; BehaviourError for a durable one, which ends by
+        its protocol only.
         """
         if conversation in self._state.conversations:
-            raise self._error(f"dropped durable conversation {conversation!r}", "say cancel, and wait for the end")
+            raise self._error(
+                f"dropped durable conversation {conversation!r}", "say cancel, and wait for the end"
+            )
         self._state.soft.conversations.pop(conversation, None)
         self._state.soft.asks.pop(conversation, None)
 
@@ -151,49 +186,71 @@ class Turn(msgspec.Struct, eq=False):
         return self._state.held(conversation, to) is not None
 
     def conversation(self, conversation: str, to: str = "") -> Conversation:
-        """The open conversation: protocol, role, peer, state, `.cancel`. BehaviourError where it is not open."""
+        """The open conversation: protocol, role, peer, state, `.cancel`. BehaviourError where it is
+        not open.
+        """
         return self._held(conversation, to).conversation
 
     def conversations(self, peer: str = "", protocol: str = "") -> tuple[Conversation, ...]:
         """All open conversations, or those with a peer or of a protocol, oldest first."""
         both = (*self._state.conversations.values(), *self._state.soft.conversations.values())
         talks = (held.conversation for held in both)
-        return tuple(talk for talk in talks if peer in ("", talk.peer) and protocol in ("", talk.protocol))
+        return tuple(
+            talk for talk in talks if peer in ("", talk.peer) and protocol in ("", talk.protocol)
+        )
 
-    # --- observations -------------------------------------------------------------------------------------------------
+    # --- observations -----------------------------------------------------------------------------
 
     def observe(self, to: str, subject: str, content: Any, *, last: bool = False) -> None:
-        """Queue this newest observation of `subject` for `to` until it is receipted, subscribed at present or not.
+        """Queue this newest observation of `subject` for `to` until it is receipted, subscribed at
+        present or not.
 
-        `to` is the subscriber, not the conversation: a renewed subscription gets what is due. `last`: it is sent when
-        every other one due is receipted, so a subscriber that has it has the others, whatever was lost on the way.
+        `to` is the subscriber, not the conversation: a renewed subscription gets what is due.
+        `last`: it is sent when every other one due is receipted, so a subscriber that has it has
+        the others, whatever was lost on the way.
         """
         if not subject or not subject.isascii() or not subject.isprintable() or " " in subject:
-            raise self._error(f"observed subject {subject!r}", "a subject is printable ASCII without blanks")
+            raise self._error(
+                f"observed subject {subject!r}", "a subject is printable ASCII without blanks"
+            )
         if not any(link.peer == to and link.delivery is _LATEST for link in self._wiring.links):
             raise self._error(
-                f"observed for {to!r}", "only a peer with a latest-value subscription is owed observations"
+                f"observed for {to!r}",
+                "only a peer with a latest-value subscription is owed observations",
             )
         language = self._wiring.language(content)
         self._state.counter += 1
-        due = Due((self._state.incarnation, self._state.counter), language.name, language.encode(content), last)
+        due = Due(
+            (self._state.incarnation, self._state.counter),
+            language.name,
+            language.encode(content),
+            last,
+        )
         streams.observed(self._state, self._out, to, subject, due, self.now)
         if not (last and streams.last_waits(self._state, to)):
-            streams.send_observation(self._state, self._out, self._wiring, to, subject, due, self.now)
+            streams.send_observation(
+                self._state, self._out, self._wiring, to, subject, due, self.now
+            )
 
     @property
     def due(self) -> tuple[tuple[str, str], ...]:
-        """(subscriber, subject) of every unreceipted observation; the event Settled reports the last receipt."""
+        """(subscriber, subject) of every unreceipted observation; the event Settled reports the
+        last receipt.
+        """
         return tuple((peer, subject) for peer, due in self._state.due.items() for subject in due)
 
-    # --- the own side -------------------------------------------------------------------------------------------------
+    # --- the own side -----------------------------------------------------------------------------
 
     def tell(self, content: Any) -> None:
-        """Hand a Struct to the agent's own devices (worker, loop, HTTP), after the record is on the disk."""
+        """Hand a Struct to the agent's own devices (worker, loop, HTTP), after the record is on the
+        disk.
+        """
         self._out.tells.append(content)
 
     def wake(self, name: str, at: float) -> None:
-        """Raise Woken(name) at `at` [unix s]; a second call with the name moves it. It survives a death."""
+        """Raise Woken(name) at `at` [unix s]; a second call with the name moves it. It survives a
+        death.
+        """
         self._state.wakes[name] = at
 
     def unwake(self, name: str) -> None:
@@ -204,7 +261,9 @@ class Turn(msgspec.Struct, eq=False):
         self._out.durable = True
 
     def log(self, event: str, level: str = "info", **fields: Any) -> None:
-        """Write one structured line; the conversation of the present event goes with it unless another is given."""
+        """Write one structured line; the conversation of the present event goes with it unless
+        another is given.
+        """
         self._out.log(event, level, **({"conversation": conversation_of(self.event)} | fields))
 
     def count(self, what: str) -> None:
@@ -217,10 +276,15 @@ class Turn(msgspec.Struct, eq=False):
         """
         found = self._state.soft.parameters
         if name not in found:
-            raise self._error(f"parameter {name!r} is not in the design", f"there are {', '.join(found) or 'none'}")
+            raise self._error(
+                f"parameter {name!r} is not in the design",
+                f"there are {', '.join(found) or 'none'}",
+            )
         value = found[name]
         if type(value) is not kind:
-            raise self._error(f"parameter {name!r} was read as {kind.__name__}", f"it is {type(value).__name__}")
+            raise self._error(
+                f"parameter {name!r} was read as {kind.__name__}", f"it is {type(value).__name__}"
+            )
         return value
 
     @property
@@ -237,7 +301,7 @@ class Turn(msgspec.Struct, eq=False):
         """The incarnation of every peer that is known to be alive."""
         return self._state.soft.peers
 
-    # ------------------------------------------------------------------------------------------------------------------
+    # ----------------------------------------------------------------------------------------------
 
     def _open(
         self,
@@ -287,14 +351,24 @@ class Turn(msgspec.Struct, eq=False):
         )
         use_kind = held.conversation.kind_of(performative, communicate.in_reply_to, kind)
         self._out.said.append((link.use, performative, use_kind))
-        dispatch(self._state, self._out, self._wiring, replace(held, conversation=talk), communicate, self.now)
+        dispatch(
+            self._state,
+            self._out,
+            self._wiring,
+            replace(held, conversation=talk),
+            communicate,
+            self.now,
+        )
         return talk
 
     def _held(self, conversation: str, to: str = "") -> Held:
         held = self._state.held(conversation, to)
         if held is None:
             known = ", ".join(talk.id for talk in self.conversations()) or "none"
-            raise self._error(f"conversation {conversation!r} is not open", f"open are {known}; ask turn.holds() first")
+            raise self._error(
+                f"conversation {conversation!r} is not open",
+                f"open are {known}; ask turn.holds() first",
+            )
         return held
 
     def _error(self, what: str, hint: str) -> BehaviourError:
@@ -306,14 +380,17 @@ def conversation_of(event: Seen | None) -> str:
     return event.conversation if isinstance(event, _OF_A_TALK) else ""
 
 
-def dispatch(state: CoreState, out: Out, wiring: Wiring, held: Held, communicate: Communicate, now: float) -> None:
+def dispatch(
+    state: CoreState, out: Out, wiring: Wiring, held: Held, communicate: Communicate, now: float
+) -> None:
     """Keep the conversation and send its newest communicate as its delivery demands."""
     talk = held.conversation
     if held.delivery is _DURABLE:
         streams.issue(state, out, communicate, now)
     elif talk.role is _INITIATOR and not talk.ended:
         streams.ask(state, out, communicate, now)
-    elif talk.ended and held.answer is not None:  # it was answered before: nobody asks again, so it is said again
+    # it was answered before: nobody asks again, so it is said again
+    elif talk.ended and held.answer is not None:
         streams.say_last(state, out, communicate, now)
     else:
         if not talk.ended:  # an ended one is forgotten, and its answer with it

@@ -1,9 +1,10 @@
 """Wiring of one agent: for each peer and protocol the channel, the role, the delivery and the
 languages.
 
-The design file of a system has all this; agent_runtime.core.binding builds the Wiring from it, so the runtime
-imports no system. Key expressions: `roco/<system>/<channel>/<sender>/<receiver>/<protocol>/<performative>` for
-communicates, `roco/<system>/_/<kind>/<owner>[/<peer>]` for other traffic (receipts, pings, liveliness).
+The design file of a system has all this; agent_runtime.core.binding builds the Wiring from it, so
+the runtime imports no system. Key expressions:
+`roco/<system>/<channel>/<sender>/<receiver>/<protocol>/<performative>` for communicates,
+`roco/<system>/_/<kind>/<owner>[/<peer>]` for other traffic (receipts, pings, liveliness).
 """
 
 from collections.abc import Collection
@@ -29,17 +30,21 @@ class Delivery(StrEnum):
     VOLATILE = "volatile"
     """Asked again until answered; the answer is a pure function (queries)."""
     LATEST = "latest"
-    """The opening is volatile; of the informs each subject's newest is kept until receipted (observations)."""
+    """The opening is volatile; of the informs each subject's newest is kept until receipted
+    (observations).
+    """
 
 
 class Link(msgspec.Struct, frozen=True):
-    """This agent's side of one protocol with one peer; `silent`: the language named by acts without content.
+    """This agent's side of one protocol with one peer; `silent`: the language named by acts without
+    content.
 
-    `use`: the name the design gives to this use of the protocol, "" where there is no design. `awaited`: the agent is
-    ready only when this peer has answered; false for a group, whose end nobody of this design runs.
+    `use`: the name the design gives to this use of the protocol, "" where there is no design.
+    `awaited`: the agent is ready only when this peer has answered; false for a group, whose end
+    nobody of this design runs.
 
-    `says`, `hears`: the interface: LANGUAGE.Class of each content an act may have, () for an act without content. Empty
-    tables: not checked (toys).
+    `says`, `hears`: the interface: LANGUAGE.Class of each content an act may have, () for an act
+    without content. Empty tables: not checked (toys).
     """
 
     peer: str
@@ -55,17 +60,33 @@ class Link(msgspec.Struct, frozen=True):
     hears: dict[Performative, tuple[str, ...]] = {}
 
     def require_said(self, performative: Performative, content: str) -> None:
-        """Raise LocalProtocolError if the interface lacks this act, or this content for it (LANGUAGE.Class or "")."""
-        wrong = None if content in self.says.get(performative, ()) else _misfit(self.says, performative, content)
+        """Raise LocalProtocolError if the interface lacks this act, or this content for it
+        (LANGUAGE.Class or "").
+        """
+        wrong = (
+            None
+            if content in self.says.get(performative, ())
+            else _misfit(self.says, performative, content)
+        )
         if wrong is not None:
-            raise LocalProtocolError(wrong[0], f"{self.protocol} with {self.peer!r} on {self.channel}: {wrong[1]}")
+            raise LocalProtocolError(
+                wrong[0], f"{self.protocol} with {self.peer!r} on {self.channel}: {wrong[1]}"
+            )
 
     def require_heard(self, performative: Performative, content: str) -> None:
-        """Raise ContentError likewise, for messages of the peer, and where an opening lacks its content."""
-        wrong = None if content in self.hears.get(performative, ()) else _misfit(self.hears, performative, content)
+        """Raise ContentError likewise, for messages of the peer, and where an opening lacks its
+        content.
+        """
+        wrong = (
+            None
+            if content in self.hears.get(performative, ())
+            else _misfit(self.hears, performative, content)
+        )
         wrong = wrong if wrong or content else self._lacking(performative)
         if wrong is not None:
-            raise ContentError(wrong[0], f"{self.protocol} of {self.peer!r} on {self.channel}: {wrong[1]}")
+            raise ContentError(
+                wrong[0], f"{self.protocol} of {self.peer!r} on {self.channel}: {wrong[1]}"
+            )
 
     def _lacking(self, act: Performative) -> tuple[str, str] | None:
         """Field and reason where an act without content asks for what stands in it."""
@@ -75,19 +96,28 @@ class Link(msgspec.Struct, frozen=True):
         return "content", f"{act} has none; it carries {', '.join(wanted)}"
 
 
-def _misfit(table: dict[Performative, tuple[str, ...]], act: Performative, content: str) -> tuple[str, str] | None:
-    """Field and reason, None if it fits. An act with contents may also come without: the tables decide that."""
+def _misfit(
+    table: dict[Performative, tuple[str, ...]], act: Performative, content: str
+) -> tuple[str, str] | None:
+    """Field and reason, None if it fits. An act with contents may also come without: the tables
+    decide that.
+    """
     if not table:
         return None
     if act not in table:
         return "performative", f"{act} is not in the design; there are {', '.join(sorted(table))}"
     if content and content not in table[act]:
-        return "content", f"{act} does not carry {content}; it carries {', '.join(table[act]) or 'nothing'}"
+        return (
+            "content",
+            f"{act} does not carry {content}; it carries {', '.join(table[act]) or 'nothing'}",
+        )
     return None
 
 
 class Wiring(msgspec.Struct, frozen=True, dict=True):
-    """All links of `agent` in `system`, and the system's languages. Raises LocalProtocolError for an invalid name."""
+    """All links of `agent` in `system`, and the system's languages. Raises LocalProtocolError for
+    an invalid name.
+    """
 
     system: str
     agent: str
@@ -96,7 +126,9 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
 
     def __post_init__(self) -> None:
         """Raise LocalProtocolError for names that cannot stand in a communicate or an address."""
-        links = [("peer", link.peer) for link in self.links] + [("protocol", link.protocol) for link in self.links]
+        links = [("peer", link.peer) for link in self.links] + [
+            ("protocol", link.protocol) for link in self.links
+        ]
         links += [("ontology", link.ontology) for link in self.links if link.ontology]
         for field, name in [("agent", self.agent), *links]:
             if not is_word(name):
@@ -109,7 +141,11 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
     @cached_property
     def _by_class(self) -> dict[type, tuple[Language, str]]:
         named = [self.languages.named(name) for name in self.languages.names]
-        return {kind: (language, f"{language.name}.{kind.__name__}") for language in named for kind in language.classes}
+        return {
+            kind: (language, f"{language.name}.{kind.__name__}")
+            for language in named
+            for kind in language.classes
+        }
 
     @cached_property
     def peers(self) -> tuple[str, ...]:
@@ -124,7 +160,9 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
         link = self._by_peer.get((peer, protocol))
         if link is None:
             known = ", ".join(f"{p}:{name}" for p, name in self._by_peer)
-            raise LocalProtocolError("protocol", f"{self.agent!r} has no {protocol!r} with {peer!r}, it has {known}")
+            raise LocalProtocolError(
+                "protocol", f"{self.agent!r} has no {protocol!r} with {peer!r}, it has {known}"
+            )
         return link
 
     def language(self, content: Any) -> Language:
@@ -135,25 +173,36 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
         """The language, and LANGUAGE.Class, as the interfaces of a design name it."""
         found = self._by_class.get(type(content))
         if found is None:
-            raise LocalProtocolError("content", f"{type(content).__name__} belongs to none of {self.languages.names}")
+            raise LocalProtocolError(
+                "content", f"{type(content).__name__} belongs to none of {self.languages.names}"
+            )
         return found
 
     def key(self, communicate: Communicate) -> str:
         """The key expression on which this agent puts a communicate."""
         link = self.required(communicate.receiver, communicate.protocol)
         return communicate_key(
-            self.system, link.channel, self.agent, link.peer, link.protocol, communicate.performative
+            self.system,
+            link.channel,
+            self.agent,
+            link.peer,
+            link.protocol,
+            communicate.performative,
         )
 
     @cached_property
     def groups(self) -> frozenset[str]:
-        """The peers that are groups, not agents. A process that speaks for a group is connected to the router."""
+        """The peers that are groups, not agents. A process that speaks for a group is connected to
+        the router.
+        """
         return frozenset(link.peer for link in self.links if not link.awaited)
 
     def inbox_keys(self, peers: Collection[str]) -> tuple[str, ...]:
         """The key expressions on which this agent hears these peers, one per channel and peer."""
         pairs = sorted({(link.channel, link.peer) for link in self.links if link.peer in peers})
-        return tuple(f"roco/{self.system}/{channel}/{peer}/{self.agent}/*/*" for channel, peer in pairs)
+        return tuple(
+            f"roco/{self.system}/{channel}/{peer}/{self.agent}/*/*" for channel, peer in pairs
+        )
 
 
 def communicate_key(
@@ -163,7 +212,9 @@ def communicate_key(
 
 
 def life(incarnation: int, journal: str) -> str:
-    """The last chunk of a liveliness token's key: which life of the agent, by the name of its journal."""
+    """The last chunk of a liveliness token's key: which life of the agent, by the name of its
+    journal.
+    """
     return f"{incarnation}.{journal}" if journal else str(incarnation)
 
 

@@ -1,8 +1,9 @@
-"""The one command line of all services: `python -m services.<x> --help`, each option also as ROCO_<OPTION> in the
-environment.
+"""The one command line of all services: `python -m services.<x> --help`, each option also as
+ROCO_<OPTION> in the environment.
 
-A service's `__main__.py` is `if __name__ == "__main__": cli.run("planner", "what it does", serve)`, where
-`serve(options)` gives the exit status. A wrong option ends with status 2, which no supervisor tries again.
+A service's `__main__.py` is `if __name__ == "__main__": cli.run("planner", "what it does", serve)`,
+where `serve(options)` gives the exit status. A wrong option ends with status 2, which no supervisor
+tries again.
 """
 
 from collections.abc import Callable
@@ -39,13 +40,18 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
 
     @command.command(help=text)
     def main(
-        connect: Annotated[str, typer.Option(envvar="ROCO_CONNECT", help="The router's endpoint.")] = _DEFAULT.connect,
+        connect: Annotated[
+            str, typer.Option(envvar="ROCO_CONNECT", help="The router's endpoint.")
+        ] = _DEFAULT.connect,
         listen: Annotated[
             str,
             typer.Option(
                 envvar=LISTEN_VARIABLE,
-                help="Where it listens: a router, comma between, else at --connect; an agent, else at its endpoint in"
-                " --agents.",
+                help=(
+                    "Where it listens: a router, comma between, else at --connect; an agent, else"
+                    " at its endpoint in"
+                    " --agents."
+                ),
             ),
         ] = _DEFAULT.listen,
         system: Annotated[
@@ -53,13 +59,22 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
         ] = _DEFAULT.system,
         systems: Annotated[
             str,
-            typer.Option(envvar="ROCO_SYSTEMS", help="Of router and monitor: names of several robots, comma between."),
+            typer.Option(
+                envvar="ROCO_SYSTEMS",
+                help="Of router and monitor: names of several robots, comma between.",
+            ),
         ] = "",
         run_dir: Annotated[
-            Path, typer.Option(envvar="ROCO_RUN_DIR", help="Folder of this run: journals, logs, ready files.")
+            Path,
+            typer.Option(
+                envvar="ROCO_RUN_DIR", help="Folder of this run: journals, logs, ready files."
+            ),
         ] = _DEFAULT.run_dir,
         log_level: Annotated[
-            Level, typer.Option(envvar="ROCO_LOG_LEVEL", help="Least level shown; the log file has everything.")
+            Level,
+            typer.Option(
+                envvar="ROCO_LOG_LEVEL", help="Least level shown; the log file has everything."
+            ),
         ] = Level.INFO,
         speed: Annotated[
             Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
@@ -68,21 +83,34 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
             int, typer.Option(envvar="ROCO_SEED", help="Varies poses and noise; 0: nothing.")
         ] = _DEFAULT.seed,
         scene: Annotated[
-            str, typer.Option(envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one.")
+            str,
+            typer.Option(
+                envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one."
+            ),
         ] = "",
         keys: Annotated[
-            str, typer.Option(envvar="ROCO_TLS_DIR", help="Folder of keys (`roco keys make`); empty: no encryption.")
+            str,
+            typer.Option(
+                envvar="ROCO_TLS_DIR",
+                help="Folder of keys (`roco keys make`); empty: no encryption.",
+            ),
         ] = "",
         agents: Annotated[
             str,
             typer.Option(
                 envvar=AGENTS_VARIABLE,
-                help="Of an agent: its endpoint and those of its neighbours, as co=tls/co:7448,ta=tls/ta:7448.",
+                help=(
+                    "Of an agent: its endpoint and those of its neighbours, as"
+                    " co=tls/co:7448,ta=tls/ta:7448."
+                ),
             ),
         ] = "",
         replay: Annotated[
             str,
-            typer.Option(envvar="ROCO_REPLAY", help="Of an agent: a step log to run again offline instead of serving."),
+            typer.Option(
+                envvar="ROCO_REPLAY",
+                help="Of an agent: a step log to run again offline instead of serving.",
+            ),
         ] = "",
     ) -> None:
         options = Options(
@@ -114,7 +142,9 @@ def endpoints(text: str) -> dict[str, str]:
     pairs = [one.partition("=") for one in listed(text)]
     wrong = ", ".join(name for name, _, endpoint in pairs if not endpoint)
     if wrong:
-        raise typer.BadParameter(f"{wrong} has no endpoint; NAME=ENDPOINT, comma between", param_hint="--agents")
+        raise typer.BadParameter(
+            f"{wrong} has no endpoint; NAME=ENDPOINT, comma between", param_hint="--agents"
+        )
     return {name: endpoint for name, _, endpoint in pairs}
 
 

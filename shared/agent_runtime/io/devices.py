@@ -1,7 +1,8 @@
 """Devices of an agent: a worker process, the loop, an HTTP server, or a plain function in tests.
 
-`turn.tell(struct)` reaches the device's `tell`; what the device `post`s reaches the agent as Local(struct). The shell
-and the pretend wires use the same interface, so an agent and its devices are wired alike in both.
+`turn.tell(struct)` reaches the device's `tell`; what the device `post`s reaches the agent as
+Local(struct). The shell and the pretend wires use the same interface, so an agent and its devices
+are wired alike in both.
 """
 
 from collections.abc import Callable, Iterable
@@ -15,7 +16,9 @@ class Post(Protocol):
         """Hand a Struct to the agent as Local, after `delay_s`."""
 
     def publish(self, kind: str, data: bytes) -> None:
-        """Put something on the agent's key of this kind (`telemetry`, `truth`); dropped where it would have to wait."""
+        """Put something on the agent's key of this kind (`telemetry`, `truth`); dropped where it
+        would have to wait.
+        """
 
 
 class Device(Protocol):
@@ -25,7 +28,9 @@ class Device(Protocol):
     def busy(self) -> bool: ...
 
     def tell(self, content: Any) -> None:
-        """Take a word of the agent; must not block. On one thread at a time, not always the same."""
+        """Take a word of the agent; must not block. On one thread at a time, not always the
+        same.
+        """
 
     def close(self) -> None:
         """The agent's process ends (or died, in the pretend wires)."""
@@ -41,14 +46,18 @@ class NoDevice:
 
     def tell(self, content: Any) -> None:
         """Refuse."""
-        raise TypeError(f"this agent has no device to tell {type(content).__name__} to: give shell or wires one")
+        raise TypeError(
+            f"this agent has no device to tell {type(content).__name__} to: give shell or wires one"
+        )
 
     def close(self) -> None:
         """Nothing to close."""
 
 
 class Called:
-    """A function as a device: called with each word, it gives what to post back after how many seconds."""
+    """A function as a device: called with each word, it gives what to post back after how many
+    seconds.
+    """
 
     busy = False
 

@@ -1,7 +1,8 @@
-"""Processes of a fleet that live, found by the variables they were started with, whatever became of their run folder.
+"""Processes of a fleet that live, found by the variables they were started with, whatever became of
+their run folder.
 
-A supervisor gives each process the id of its fleet (FLEET_VARIABLE) besides the run folder. A person's shell may name a
-run folder, too, but no fleet.
+A supervisor gives each process the id of its fleet (FLEET_VARIABLE) besides the run folder. A
+person's shell may name a run folder, too, but no fleet.
 """
 
 import os
@@ -9,7 +10,14 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD, STOP_RELEASED, opened
+from agent_runtime.io.run_files import (
+    FLEET_VARIABLE,
+    RUN_FOLDER_VARIABLE,
+    STOP_FILE,
+    STOP_HELD,
+    STOP_RELEASED,
+    opened,
+)
 
 PROC = Path("/proc")
 
@@ -17,14 +25,18 @@ PROC = Path("/proc")
 def variables(pid: int) -> dict[str, str]:
     """The variables that a process was started with; none where it is gone or another user's."""
     try:
-        words = (PROC / str(pid) / "environ").read_bytes().decode(errors="surrogateescape").split("\0")
+        words = (
+            (PROC / str(pid) / "environ").read_bytes().decode(errors="surrogateescape").split("\0")
+        )
     except OSError:
         return {}
     return dict(word.split("=", 1) for word in words if "=" in word)
 
 
 def started_in(run: Path) -> tuple[int, ...]:
-    """The pids of this user's processes that a supervisor started for a run folder, oldest first."""
+    """The pids of this user's processes that a supervisor started for a run folder, oldest
+    first.
+    """
     return tuple(sorted(pid for pid, folder in _started() if folder == run))
 
 
@@ -34,8 +46,12 @@ def run_folders() -> tuple[Path, ...]:
 
 
 def started_with(variable: str, value: str) -> Path | None:
-    """The run folder of a fleet of this user that lives and has this value of a variable; None: none has."""
-    return next((folder for pid, folder in _started() if variables(pid).get(variable) == value), None)
+    """The run folder of a fleet of this user that lives and has this value of a variable; None:
+    none has.
+    """
+    return next(
+        (folder for pid, folder in _started() if variables(pid).get(variable) == value), None
+    )
 
 
 def _started() -> Iterator[tuple[int, Path]]:
@@ -50,9 +66,11 @@ def _started() -> Iterator[tuple[int, Path]]:
 
 
 def set_stop(run: Path, held: bool) -> None:
-    """Have the robot held, as by a person's stop, or released. The byte is written in place. Raise OSError.
+    """Have the robot held, as by a person's stop, or released. The byte is written in place. Raise
+    OSError.
 
-    Where the run folder was deleted, a control loop still has the old file open: that one is written, too.
+    Where the run folder was deleted, a control loop still has the old file open: that one is
+    written, too.
     """
     byte, failed = STOP_HELD if held else STOP_RELEASED, None
     try:
@@ -68,7 +86,9 @@ def set_stop(run: Path, held: bool) -> None:
 
 
 def deleted_files(run: Path, name: str) -> list[Path]:
-    """Files in /proc: a file that was deleted from a run folder, where processes of the fleet have it open."""
+    """Files in /proc: a file that was deleted from a run folder, where processes of the fleet have
+    it open.
+    """
     return [file for file, target in _opened_by(run) if target == f"{run / name} (deleted)"]
 
 
@@ -79,7 +99,9 @@ def listens(run: Path, port: int) -> bool:
 
 
 def _opened_by(run: Path) -> Iterator[tuple[Path, str]]:
-    """Yield what the processes of a run folder have open: the file in /proc, and what it stands for."""
+    """Yield what the processes of a run folder have open: the file in /proc, and what it stands
+    for.
+    """
     for pid in started_in(run):
         with suppress(OSError):
             for file in (PROC / str(pid) / "fd").iterdir():

@@ -1,9 +1,11 @@
-"""`python -m agent_runtime.io.fork_server MODULES`: import them once, then make processes by fork, until SIGTERM.
+"""`python -m agent_runtime.io.fork_server MODULES`: import them once, then make processes by fork,
+until SIGTERM.
 
-A process that is forked need not import again what all share. The server has one thread when it forks, so nothing is
-lost by that. Where what it imported has changed since, or the process is to start with other variables of the loader or
-interpreter, it makes nothing, and the caller starts the process itself. Only the same user can ask: the socket is in
-the run's folder. A process that it made does not need it any more.
+A process that is forked need not import again what all share. The server has one thread when it
+forks, so nothing is lost by that. Where what it imported has changed since, or the process is to
+start with other variables of the loader or interpreter, it makes nothing, and the caller starts the
+process itself. Only the same user can ask: the socket is in the run's folder. A process that it
+made does not need it any more.
 """
 
 import atexit
@@ -33,8 +35,10 @@ from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, ready_file
 
 MOST_BYTES, MOST_FILES = 1 << 20, 16  # of a request: an environment has some kB
 AT_THE_START = ("LD_", "PYTHON", "GLIBC_", "MALLOC_", "OMP_", "OPENBLAS_")
-"""Beginnings of the variables that loader, C library, interpreter and numeric libraries read only when they start (by
-their manuals; more than those count for nothing but a start without the server)."""
+"""Beginnings of the variables that loader, C library, interpreter and numeric libraries read only
+when they start (by their manuals; more than those count for nothing but a start without the
+server).
+"""
 
 
 class Sources:
@@ -42,7 +46,9 @@ class Sources:
 
     def __init__(self) -> None:
         files = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
-        self._times = {file: _changed(file) for file in files if file and "site-packages" not in file}
+        self._times = {
+            file: _changed(file) for file in files if file and "site-packages" not in file
+        }
 
     def changed(self) -> bool:
         """Whether one of them is another now."""
@@ -62,7 +68,9 @@ def at_the_start(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 class Server:
-    """Serves requests in one thread. A process that it made leaves `serve` with what it is to run."""
+    """Serves requests in one thread. A process that it made leaves `serve` with what it is to
+    run.
+    """
 
     def __init__(self, place: Path, beat: Callable[[], None], start: Mapping[str, str]) -> None:
         """`place`: of the socket; `start`: variables that counted when this interpreter started."""
@@ -89,7 +97,9 @@ class Server:
         self._ending = True
 
     def serve(self) -> Asked | None:
-        """Serve until a signal ends it, then return None; in a process that it made, return what that is to run."""
+        """Serve until a signal ends it, then return None; in a process that it made, return what
+        that is to run.
+        """
         while not self._ending:
             self._beat()
             for key, _ in self._selector.select(PERIOD_S):
@@ -98,7 +108,10 @@ class Server:
                 elif key.fileobj is self._woken:
                     with suppress(BlockingIOError):
                         self._woken.recv(4096)
-                elif isinstance(key.fileobj, socket.socket) and (asked := self._read(key.fileobj)) is not None:
+                elif (
+                    isinstance(key.fileobj, socket.socket)
+                    and (asked := self._read(key.fileobj)) is not None
+                ):
                     return asked
             self._bury()
         return None
@@ -116,7 +129,8 @@ class Server:
         try:
             data, files, _, _ = socket.recv_fds(line, MOST_BYTES, MOST_FILES)
             asked = Asked.decoded(data)
-            # An interpreter of its own would be another than this one: by its sources, or how it starts.
+            # An interpreter of its own would be another than this one: by its sources, or how it
+            # starts.
             other = self._sources.changed() or at_the_start(asked.environment) != self._start
             if len(files) != len(asked.places) or other:
                 raise OSError("nothing is made")
@@ -157,7 +171,8 @@ class Server:
 
 
 def _become(asked: Asked, files: Sequence[int], line: socket.socket) -> None:
-    """Say that the new process is there, wait until it is wanted, and give it its files, folder and environment.
+    """Say that the new process is there, wait until it is wanted, and give it its files, folder and
+    environment.
 
     It ends where it is not wanted any more.
     """
@@ -172,7 +187,8 @@ def _become(asked: Asked, files: Sequence[int], line: socket.socket) -> None:
     except OSError:
         os._exit(0)
     line.close()
-    above = [fcntl.fcntl(file, fcntl.F_DUPFD_CLOEXEC, 1 + max(asked.places)) for file in files]  # no place is taken
+    # no place is taken
+    above = [fcntl.fcntl(file, fcntl.F_DUPFD_CLOEXEC, 1 + max(asked.places)) for file in files]
     for file in files:
         os.close(file)
     for file, place in zip(above, asked.places, strict=True):
@@ -198,7 +214,9 @@ def run(asked: Asked) -> None:
 
 
 def _exit(code: int) -> NoReturn:
-    """End as an interpreter does, but take down nothing imported: libraries complain of what they hold."""
+    """End as an interpreter does, but take down nothing imported: libraries complain of what they
+    hold.
+    """
     threading._shutdown()  # type: ignore[attr-defined]
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
@@ -216,18 +234,25 @@ def _code(end: SystemExit) -> int:
 
 
 def rename(module: str, *arguments: str) -> None:
-    """Write the command line over that of the server, as far as that is long: `ps` and the tools tell it by that."""
+    """Write the command line over that of the server, as far as that is long: `ps` and the tools
+    tell it by that.
+    """
     numbers = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
-    start, end = int(numbers[45]), int(numbers[46])  # arg_start and arg_end of proc(5), the 48th and 49th of all
+    # arg_start and arg_end of proc(5), the 48th and 49th of all
+    start, end = int(numbers[45]), int(numbers[46])
     if not 0 < start < end:
         return
-    words = b"\0".join(os.fsencode(word) for word in (sys.executable, "-P", "-m", module, *arguments)) + b"\0"
+    words = (
+        b"\0".join(os.fsencode(word) for word in (sys.executable, "-P", "-m", module, *arguments))
+        + b"\0"
+    )
     ctypes.memmove(start, words.ljust(end - start, b"\0")[: end - start - 1] + b"\0", end - start)
 
 
 def main(modules: Sequence[str]) -> Asked | None:
     """Import the modules and serve; one that cannot be imported is left to who needs it."""
-    start, run_folder = at_the_start(os.environ), Path(os.environ[RUN_FOLDER_VARIABLE])  # imports may set some
+    # imports may set some
+    start, run_folder = at_the_start(os.environ), Path(os.environ[RUN_FOLDER_VARIABLE])
     pulse = ProcessHeartbeat(run_folder, FORKS)
     for module in modules:
         pulse.beat()
@@ -236,7 +261,10 @@ def main(modules: Sequence[str]) -> Asked | None:
         except Exception as error:  # any module, any reason
             print(f"{module} is not kept ready: {error}", file=sys.stderr)
     if len(threads := os.listdir("/proc/self/task")) > 1:
-        sys.exit(f"{len(threads)} threads run after the imports, expected 1: processes are started one by one")
+        sys.exit(
+            f"{len(threads)} threads run after the imports, expected 1: processes are started one"
+            " by one"
+        )
     gc.collect()
     gc.freeze()  # or a collection in each process would write to all that they share
     server = Server(Path(os.environ[FORKS_VARIABLE]), pulse.beat, start)

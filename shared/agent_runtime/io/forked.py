@@ -1,7 +1,9 @@
-"""Client of the fork server (fork_server.py): `fork` asks for a process; `Forked` watches and ends it.
+"""Client of the fork server (fork_server.py): `fork` asks for a process; `Forked` watches and ends
+it.
 
-The variable ROCO_FORKS holds the path of the server's socket. Without an answer of a server, `fork` returns None, and
-the caller starts the process itself. A new process waits for the caller's go, and ends if the caller is gone.
+The variable ROCO_FORKS holds the path of the server's socket. Without an answer of a server, `fork`
+returns None, and the caller starts the process itself. A new process waits for the caller's go, and
+ends if the caller is gone.
 """
 
 import json
@@ -30,7 +32,8 @@ UNKNOWN = 1  # exit code of a process whose end nobody saw: its parent had died
 
 
 class Asked(msgspec.Struct, frozen=True):
-    """Run `python -m module arguments` in this folder and environment, in a session of its own if so asked.
+    """Run `python -m module arguments` in this folder and environment, in a session of its own if
+    so asked.
 
     `places`: the number that each file handed over has in the new process.
     """
@@ -43,7 +46,9 @@ class Asked(msgspec.Struct, frozen=True):
     places: tuple[int, ...]
 
     def encoded(self) -> bytes:
-        """Return it as JSON; unlike msgspec's, this has a place for a variable that is not UTF-8."""
+        """Return it as JSON; unlike msgspec's, this has a place for a variable that is not
+        UTF-8.
+        """
         return json.dumps(msgspec.structs.asdict(self)).encode()
 
     @classmethod
@@ -60,7 +65,8 @@ class Handed(NamedTuple):
 
 
 class Other:
-    """A process that is not a child of this one, by a handle: another one that gets its number later is not meant.
+    """A process that is not a child of this one, by a handle: another one that gets its number
+    later is not meant.
 
     Any thread may use it. The handle is closed with the object.
     """
@@ -124,14 +130,22 @@ def fork(
     hand: Sequence[Handed],
     session: bool = False,
 ) -> Forked | None:
-    """The process that runs this module, made by the server; None where the server does not make it.
+    """The process that runs this module, made by the server; None where the server does not make
+    it.
 
     `environment`: of the new process; it names the server, too.
     """
     place = environment.get(FORKS_VARIABLE)
     if not place:
         return None
-    asked = Asked(module, arguments, str(Path.cwd()), dict(environment), session, tuple(one.place for one in hand))
+    asked = Asked(
+        module,
+        arguments,
+        str(Path.cwd()),
+        dict(environment),
+        session,
+        tuple(one.place for one in hand),
+    )
     line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     line.settimeout(WITHIN_S)
     try:
@@ -140,7 +154,8 @@ def fork(
         socket.send_fds(line, [asked.encoded()], [one.file for one in hand])
         made = Forked(NUMBER.unpack(line.recv(NUMBER.size))[0], line)
         line.send(GO)
-    except (OSError, struct.error):  # the new process, if there is one, sees that nobody waits for it, and ends
+    # the new process, if there is one, sees that nobody waits for it, and ends
+    except (OSError, struct.error):
         line.close()
         return None
     return made
@@ -148,7 +163,9 @@ def fork(
 
 @contextmanager
 def short(place: Path) -> Iterator[str]:
-    """Yield an address of this socket that is short enough, however long the path is (107 bytes are allowed)."""
+    """Yield an address of this socket that is short enough, however long the path is (107 bytes are
+    allowed).
+    """
     folder = os.open(place.parent, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         yield f"/proc/self/fd/{folder}/{place.name}"

@@ -1,7 +1,9 @@
-"""Behaviour of an agent whose disk is full: it says so once, keeps the events in order, and tries again.
+"""Behaviour of an agent whose disk is full: it says so once, keeps the events in order, and tries
+again.
 
-A step whose record cannot be written has not happened: nothing of it was receipted, sent or told. So the event waits,
-with those behind it, until there is room; peers send again what no receipt covers.
+A step whose record cannot be written has not happened: nothing of it was receipted, sent or told.
+So the event waits, with those behind it, until there is room; peers send again what no receipt
+covers.
 """
 
 import errno
@@ -32,7 +34,9 @@ def worded(path: object, error: OSError) -> str:
 
 
 class FullDisk:
-    """State of one agent. `why`: what is wrong now, "" where nothing is; `events`: those that wait, oldest first."""
+    """State of one agent. `why`: what is wrong now, "" where nothing is; `events`: those that wait,
+    oldest first.
+    """
 
     def __init__(self, log: Log) -> None:
         self._log = log
@@ -44,7 +48,10 @@ class FullDisk:
         """Note a write that failed; said once."""
         if not self.why:
             self.why = worded(path, error)
-            why = f"{self.why}; nothing is receipted, said or done until there is room, then it goes on by itself"
+            why = (
+                f"{self.why}; nothing is receipted, said or done until there is room, then it goes"
+                " on by itself"
+            )
             self._log.write("no room", level="error", why=why)
 
     def freed(self) -> None:
@@ -61,7 +68,9 @@ class FullDisk:
     def wait_for_room(
         self, happen: Callable[[Any], None], beat: Callable[[], None], stopped: Callable[[], bool]
     ) -> None:
-        """Try the steps that could not be recorded again, until they can or a signal comes; beat on meanwhile."""
+        """Try the steps that could not be recorded again, until they can or a signal comes; beat on
+        meanwhile.
+        """
         while self.events and not stopped():
             beat()
             time.sleep(self.pause_s())
@@ -71,7 +80,8 @@ class FullDisk:
 
 
 def overwrite(path: Path, data: bytes) -> None:
-    """Write over a small file where there is no room for another beside it; a longer one is only touched.
+    """Write over a small file where there is no room for another beside it; a longer one is only
+    touched.
 
     Raise OSError.
     """

@@ -1,6 +1,8 @@
-"""The heartbeat of an agent: a file and a message, each second and after each change, that say what it is at.
+"""The heartbeat of an agent: a file and a message, each second and after each change, that say what
+it is at.
 
-Where there is no room for a new file it is written over the old one, since who stands still is killed.
+Where there is no room for a new file it is written over the old one, since who stands still is
+killed.
 """
 
 from collections import deque
@@ -17,7 +19,7 @@ from agent_runtime.core.state import CoreState
 from agent_runtime.io.full_disk import overwrite
 from agent_runtime.io.run_files import heartbeat_file, ready_file, write_whole
 
-# --- Inside of an agent, for people who look into it: its inbox, open conversations, and last steps -------------------
+# --- Inside of an agent, for people who look into it: its inbox, open conversations, and last steps
 
 
 SHOWN = 16
@@ -27,7 +29,9 @@ STEPS = 8
 
 
 class Waits(msgspec.Struct, frozen=True):
-    """An entry of the inbox. `what`: the act, or the event's class where it is not a communicate."""
+    """An entry of the inbox. `what`: the act, or the event's class where it is not a
+    communicate.
+    """
 
     what: str
     peer: str = ""
@@ -46,7 +50,9 @@ class Talk(msgspec.Struct, frozen=True):
 
 
 class Did(msgspec.Struct, frozen=True):
-    """A step in the words of the design: what was taken, what was said, the states. `at`: unix time [s]."""
+    """A step in the words of the design: what was taken, what was said, the states. `at`: unix time
+    [s].
+    """
 
     at: float
     before: str
@@ -77,7 +83,9 @@ def looked_into(state: CoreState, steps: "deque[tuple[float, Deed]]") -> Inside:
             waits.append(Waits(type(waiting.event).__name__, waiting.peer))
     for one in held[:SHOWN]:
         talk = one.conversation
-        talks.append(Talk(talk.id, talk.peer, talk.protocol, talk.role.value, str(talk.state), one.reply_by))
+        talks.append(
+            Talk(talk.id, talk.peer, talk.protocol, talk.role.value, str(talk.state), one.reply_by)
+        )
     did = []
     for at, deed in steps:
         event = deed.event if deed.took is None else _act(deed.took)
@@ -90,14 +98,15 @@ def _act(act: Act) -> str:
     return f"{use} {performative}[{kind}]" if kind else f"{use} {performative}"
 
 
-# --- The heartbeat ----------------------------------------------------------------------------------------------------
+# --- The heartbeat --------------------------------------------------------------------------------
 
 
 class Heartbeat(msgspec.Struct, frozen=True):
-    """<agent>.heartbeat.json and the key `_/state/<agent>`: state and work of the agent. `at`: unix seconds.
+    """<agent>.heartbeat.json and the key `_/state/<agent>`: state and work of the agent. `at`: unix
+    seconds.
 
-    `up`: whether it reaches the router, which is for tools. `inside`: what it has at hand; in the file only. `trouble`:
-    why it waits, in words.
+    `up`: whether it reaches the router, which is for tools. `inside`: what it has at hand; in the
+    file only. `trouble`: why it waits, in words.
     """
 
     agent: str
@@ -122,7 +131,9 @@ class Heartbeat(msgspec.Struct, frozen=True):
 
 
 def write(run: Path, whole: Heartbeat, short: Heartbeat) -> None:
-    """Write the heartbeat, and once it is ready the file that says so; `short`: where there is little room."""
+    """Write the heartbeat, and once it is ready the file that says so; `short`: where there is
+    little room.
+    """
     file, ready = heartbeat_file(run, whole.agent), ready_file(run, whole.agent)
     try:
         write_whole(file, msgspec.json.encode(whole))
@@ -130,4 +141,6 @@ def write(run: Path, whole: Heartbeat, short: Heartbeat) -> None:
             write_whole(ready, str(whole.incarnation).encode())
     except OSError:
         with suppress(OSError):
-            overwrite(file, msgspec.json.encode(msgspec.structs.replace(short, counts={}, parameters={})))
+            overwrite(
+                file, msgspec.json.encode(msgspec.structs.replace(short, counts={}, parameters={}))
+            )

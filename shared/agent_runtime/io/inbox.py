@@ -1,9 +1,10 @@
-"""Inbox that holds events of callbacks and devices until the loop thread takes them: in turns, bounded for each sender.
+"""Inbox that holds events of callbacks and devices until the loop thread takes them: in turns,
+bounded for each sender.
 
-A callback that worked or waited would hold up every other subscriber of the session, silently; so callbacks only put.
-Each sender has a lane of each class, and the lanes are served in turns: whoever floods waits behind its own. What is
-beyond a bound is dropped and counted, and nothing is lost by it for good: streams are re-sent, questions asked again,
-receipts repeated.
+A callback that worked or waited would hold up every other subscriber of the session, silently; so
+callbacks only put. Each sender has a lane of each class, and the lanes are served in turns: whoever
+floods waits behind its own. What is beyond a bound is dropped and counted, and nothing is lost by
+it for good: streams are re-sent, questions asked again, receipts repeated.
 """
 
 import threading
@@ -32,9 +33,11 @@ class Class(StrEnum):
 
 
 class Bound(msgspec.Struct, frozen=True):
-    """`waiting`: most entries of a sender; beyond it the newest is dropped, or (`latest`) the oldest.
+    """`waiting`: most entries of a sender; beyond it the newest is dropped, or (`latest`) the
+    oldest.
 
-    `rate`: how many a second are taken from a sender, after `burst` at once; more are dropped before they cost a step.
+    `rate`: how many a second are taken from a sender, after `burst` at once; more are dropped
+    before they cost a step.
     """
 
     waiting: int
@@ -49,10 +52,12 @@ BOUNDS = {
     Class.STREAM: Bound(64, rate=1000.0, burst=1000.0),
     Class.VOLATILE: Bound(256, rate=4000.0, burst=4000.0),
 }
-"""Waiting: 16 unreceipted messages with copies; some seconds of questions; all of Peers' tokens (estimates).
+"""Waiting: 16 unreceipted messages with copies; some seconds of questions; all of Peers' tokens
+(estimates).
 
-Rates: whoever asks, and asks again when the answer is there, says 900 things a second (1.1 ms, benchmarks/README.md); a
-machine four times as fast was assumed. What is durable waits for a disk, and its receipt with it (estimate).
+Rates: whoever asks, and asks again when the answer is there, says 900 things a second (1.1 ms,
+benchmarks/README.md); a machine four times as fast was assumed. What is durable waits for a disk,
+and its receipt with it (estimate).
 """
 MOST_BYTES = 16 * 1024 * 1024
 """Of what waits in a lane; estimate: four of the longest messages."""
@@ -66,7 +71,9 @@ class _Interrupt(msgspec.Struct, frozen=True):
 
 
 class Inbox:
-    """A queue for many writers and one reader. `dropped`: how many entries of which sender and class."""
+    """A queue for many writers and one reader. `dropped`: how many entries of which sender and
+    class.
+    """
 
     def __init__(self) -> None:
         self._turns = OneReaderQueue[_Lane | _Interrupt]()
@@ -110,16 +117,22 @@ class Inbox:
             return fits
 
     def interrupt(self, item: Any) -> None:
-        """Leave an entry from a signal handler: takes no lock that the interrupted thread might hold."""
+        """Leave an entry from a signal handler: takes no lock that the interrupted thread might
+        hold.
+        """
         self._turns.put(_Interrupt(item))
 
     @property
     def idle(self) -> bool:
-        """Whether no entry waits, and the reader is done with the last one: it asked for the next."""
+        """Whether no entry waits, and the reader is done with the last one: it asked for the
+        next.
+        """
         return self._unfinished == 0
 
     def get(self, timeout_s: float | None) -> Any:
-        """The oldest entry of whose turn it is; None when there is none within the time (None: wait for ever)."""
+        """The oldest entry of whose turn it is; None when there is none within the time (None: wait
+        for ever).
+        """
         if self._in_hand:
             with self._lock:
                 self._unfinished -= 1
@@ -147,7 +160,9 @@ class Inbox:
         self.dropped[f"{name[0]} of {name[1]}"] += 1
         if not bound.latest or size > MOST_BYTES:
             return False
-        while len(lane) > 1 and (len(lane) >= bound.waiting or self._bytes[name] + size > MOST_BYTES):
+        while len(lane) > 1 and (
+            len(lane) >= bound.waiting or self._bytes[name] + size > MOST_BYTES
+        ):
             self._bytes[name] -= lane.popleft()[1]
             self._unfinished -= 1
         return len(lane) < bound.waiting and self._bytes[name] + size <= MOST_BYTES

@@ -1,9 +1,11 @@
-"""The keys of a whole fleet, from its design: who gets which certificate, where, and the rules of router and agents.
+"""The keys of a whole fleet, from its design: who gets which certificate, where, and the rules of
+router and agents.
 
-All in one folder where everybody runs as one user; `apart`, a folder for each identity, where each process sees only
-its own (containers). Several systems may stand behind one router: then each system has a folder, and the certificates
-in it name the system. What is there and still holds for `keep_days` may be kept: a new authority separates agents with
-its keys from those with the old ones.
+All in one folder where everybody runs as one user; `apart`, a folder for each identity, where each
+process sees only its own (containers). Several systems may stand behind one router: then each
+system has a folder, and the certificates in it name the system. What is there and still holds for
+`keep_days` may be kept: a new authority separates agents with its keys from those with the old
+ones.
 """
 
 import datetime as dt
@@ -38,11 +40,11 @@ from agent_runtime.io.secured import (
 from topdown.model.design import Design
 from topdown.model.rights import access_control, common_names, links_control
 
-# --- Certificates: an authority and one for each identity, short-lived, renewed rather than revoked -------------------
-# The common name (CN) of a certificate is the identity that the router's rights name; only certificates of the
-# router and of agents name hosts. The authority's private key is never written: who needs one more certificate
-# makes all of them again. Elliptic keys (P-256, RFC 5480) because rustls, which Zenoh uses, takes them and a handshake
-# stays short.
+# --- Certificates: an authority and one for each identity, short-lived, renewed rather than revoked
+# The common name (CN) of a certificate is the identity that the router's rights name; only
+# certificates of the router and of agents name hosts. The authority's private key is never written:
+# who needs one more certificate makes all of them again. Elliptic keys (P-256, RFC 5480) because
+# rustls, which Zenoh uses, takes them and a handshake stays short.
 
 
 DAYS = 7.0
@@ -50,8 +52,9 @@ DAYS = 7.0
 BACK = dt.timedelta(minutes=5)
 """They hold from a little before now, for machines whose clocks differ (estimate)."""
 HOSTS = ("localhost", "127.0.0.1", "::1", "router", "wires")
-"""Names under which router and agents are reached: here, as the services of these names, and by the proxy for
-faults."""
+"""Names under which router and agents are reached: here, as the services of these names, and by the
+proxy for faults.
+"""
 _SERVER, _CLIENT = ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH
 
 
@@ -75,7 +78,11 @@ def authority(name: str, begin: dt.datetime, end: dt.datetime) -> Issuer:
     key = ec.generate_private_key(ec.SECP256R1())
     builder = _builder(name, name, key.public_key(), key.public_key(), begin, end)
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-    return Issuer(name, key, builder.add_extension(_usage(certificates=True), critical=True).sign(key, hashes.SHA256()))
+    return Issuer(
+        name,
+        key,
+        builder.add_extension(_usage(certificates=True), critical=True).sign(key, hashes.SHA256()),
+    )
 
 
 def certify(
@@ -89,20 +96,30 @@ def certify(
     name: str = "",
     joins: bool = False,
 ) -> None:
-    """Write certificate and private key of an identity; with `hosts` it may listen there, else only connect.
+    """Write certificate and private key of an identity; with `hosts` it may listen there, else only
+    connect.
 
-    `name`: the common name, where it is not the identity. `joins`: who listens may connect, too (agents).
+    `name`: the common name, where it is not the identity. `joins`: who listens may connect, too
+    (agents).
     """
     key = ec.generate_private_key(ec.SECP256R1())
     uses = ([_SERVER, _CLIENT] if joins else [_SERVER]) if hosts else [_CLIENT]
-    builder = _builder(name or identity, issuer.name, key.public_key(), issuer.key.public_key(), begin, end)
-    builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+    builder = _builder(
+        name or identity, issuer.name, key.public_key(), issuer.key.public_key(), begin, end
+    )
+    builder = builder.add_extension(
+        x509.BasicConstraints(ca=False, path_length=None), critical=True
+    )
     builder = builder.add_extension(_usage(certificates=False), critical=True)
     builder = builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False)
     if hosts:
-        builder = builder.add_extension(x509.SubjectAlternativeName([host(name) for name in hosts]), critical=False)
+        builder = builder.add_extension(
+            x509.SubjectAlternativeName([host(name) for name in hosts]), critical=False
+        )
     signed = builder.sign(issuer.key, hashes.SHA256())
-    write_secret(certificate_file(folder, identity), signed.public_bytes(serialization.Encoding.PEM))
+    write_secret(
+        certificate_file(folder, identity), signed.public_bytes(serialization.Encoding.PEM)
+    )
     private = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
@@ -112,8 +129,11 @@ def certify(
 def _builder(
     subject: str, issuer: str, key: Any, issuers_key: Any, begin: dt.datetime, end: dt.datetime
 ) -> x509.CertificateBuilder:
-    named = [x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)]) for name in (subject, issuer)]
-    own, signer = x509.SubjectKeyIdentifier, x509.AuthorityKeyIdentifier  # wanted by RFC 5280, 4.2.1.1 and 4.2.1.2
+    named = [
+        x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)]) for name in (subject, issuer)
+    ]
+    # wanted by RFC 5280, 4.2.1.1 and 4.2.1.2
+    own, signer = x509.SubjectKeyIdentifier, x509.AuthorityKeyIdentifier
     return (
         x509.CertificateBuilder()
         .subject_name(named[0])
@@ -153,7 +173,9 @@ OWNER_ONLY = 0o700
 
 
 class Seat(msgspec.Struct, frozen=True):
-    """Place of an identity's keys: files of `identity` in `folder`, in a certificate with the common name `name`."""
+    """Place of an identity's keys: files of `identity` in `folder`, in a certificate with the
+    common name `name`.
+    """
 
     identity: str
     name: str
@@ -161,7 +183,9 @@ class Seat(msgspec.Struct, frozen=True):
 
 
 class Issued(msgspec.Struct, frozen=True):
-    """A folder of keys. `until`: end of their validity (UTC); `made_now`: whether they were made, not kept."""
+    """A folder of keys. `until`: end of their validity (UTC); `made_now`: whether they were made,
+    not kept.
+    """
 
     folder: str
     systems: tuple[str, ...]
@@ -203,12 +227,18 @@ def issue(
     rights = Rights(tuple(systems), access_control(design, *systems))
     links = {}  # each agent's rules for its neighbours, by its common name
     for system in systems:
-        pairs = ((name, one) for name, ones in common_names(design, systems).items() for one in ones)
+        pairs = (
+            (name, one) for name, ones in common_names(design, systems).items() for one in ones
+        )
         names = {who: name for name, (who, of) in pairs if of == system}
         for agent in design.agents:
             links[names[agent]] = Rights((system,), links_control(design, system, agent, names))
     until = None if keep_days is None else holding(places, rights, hosts, links)
-    kept = until is not None and keep_days is not None and until >= begin + dt.timedelta(days=keep_days)
+    kept = (
+        until is not None
+        and keep_days is not None
+        and until >= begin + dt.timedelta(days=keep_days)
+    )
     if until is None or not kept:
         until = _make(folder, places, rights, begin, days, hosts, links)
     return Issued(str(folder), rights.systems, tuple(seat.name for seat in places), until, not kept)
@@ -228,9 +258,11 @@ def _make(
     routed = {seat.folder for seat in places if seat.identity == ROUTER}
     for where in (folder, *dict.fromkeys(seat.folder for seat in places)):
         where.mkdir(parents=True, exist_ok=True)
-        if stat.S_IMODE(where.stat().st_mode) != OWNER_ONLY:  # a mount point may be on a disk that is read only
+        # a mount point may be on a disk that is read only
+        if stat.S_IMODE(where.stat().st_mode) != OWNER_ONLY:
             where.chmod(OWNER_ONLY)
-    for seat in sorted(places, key=lambda one: one.identity == ROUTER):  # the router's last: it looks for new ones
+    # the router's last: it looks for new ones
+    for seat in sorted(places, key=lambda one: one.identity == ROUTER):
         routes = seat.identity == ROUTER
         if routes or (seat.name in links and seat.folder not in routed):
             # The revoked keys are of an authority that was replaced.
@@ -238,20 +270,33 @@ def _make(
         publish(seat.folder, issuer, rights if routes else None)
         listening = hosts if routes or seat.name in links else ()
         if seat.name in links:
-            write_secret(links_file(seat.folder, seat.identity), msgspec.json.encode(links[seat.name]))
-        certify(seat.folder, issuer, seat.identity, begin, end, listening, name=seat.name, joins=seat.name in links)
+            write_secret(
+                links_file(seat.folder, seat.identity), msgspec.json.encode(links[seat.name])
+            )
+        certify(
+            seat.folder,
+            issuer,
+            seat.identity,
+            begin,
+            end,
+            listening,
+            name=seat.name,
+            joins=seat.name in links,
+        )
     return end
 
 
 def revoke(folder: Path, name: str, *, undo: bool = False) -> tuple[str, ...]:
     """Deny the common name every right at each router and agent whose keys lie in the folder.
 
-    Return all that are denied. Raise KeysError where no router's keys are there, or it knows no such name. `undo`:
-    grant them again.
+    Return all that are denied. Raise KeysError where no router's keys are there, or it knows no
+    such name. `undo`: grant them again.
     """
     routers = sorted(file.parent for file in folder.rglob(RIGHTS))
     if not routers:
-        raise KeysError(f"no {RIGHTS} in {folder} or below; give the folder that `roco keys make` wrote")
+        raise KeysError(
+            f"no {RIGHTS} in {folder} or below; give the folder that `roco keys make` wrote"
+        )
     known = {one["id"] for where in routers for one in rights_of(where).access_control["subjects"]}
     if name not in known:
         raise KeysError(f"no certificate is named {name!r}; there are {', '.join(sorted(known))}")
@@ -266,14 +311,17 @@ def revoke(folder: Path, name: str, *, undo: bool = False) -> tuple[str, ...]:
 def holding(
     places: Sequence[Seat], rights: Rights, hosts: Sequence[str], links: Mapping[str, Rights]
 ) -> dt.datetime | None:
-    """Until when all that is there holds; None where something lacks, or is of another authority, system or design, or
-    where key identifiers lack, as in certificates of older versions, which Python 3.13 refuses.
+    """Until when all that is there holds; None where something lacks, or is of another authority,
+    system or design, or where key identifiers lack, as in certificates of older versions, which
+    Python 3.13 refuses.
 
     `links`: the agents' rules, by common name.
     """
     try:
         authorities = {(seat.folder / AUTHORITY).read_bytes() for seat in places}
-        found = [(seat, _certificate(certificate_file(seat.folder, seat.identity))) for seat in places]
+        found = [
+            (seat, _certificate(certificate_file(seat.folder, seat.identity))) for seat in places
+        ]
         there = all(key_file(seat.folder, seat.identity).is_file() for seat in places)
         routers = [seat.folder for seat in places if seat.identity == ROUTER]
         wanted = msgspec.json.decode(msgspec.json.encode(rights), type=Rights)
@@ -283,14 +331,18 @@ def holding(
             same = same and rules == msgspec.json.encode(links[seat.name])
         (issuer,) = map(x509.load_pem_x509_certificate, authorities)
         signed = all(_signed(one, issuer, seat.name) for seat, one in found)
-        identified = all(_identified(one) for one in (issuer, *(certificate for _, certificate in found)))
+        identified = all(
+            _identified(one) for one in (issuer, *(certificate for _, certificate in found))
+        )
         listening = (one for seat, one in found if seat.identity == ROUTER or seat.name in links)
         listens = all(_listens(one, hosts) for one in listening)
     except (OSError, ValueError, KeysError):
         return None
     if not (there and same and signed and identified and listens):
         return None
-    return min(one.not_valid_after_utc for one in (issuer, *(certificate for _, certificate in found)))
+    return min(
+        one.not_valid_after_utc for one in (issuer, *(certificate for _, certificate in found))
+    )
 
 
 def lifetime(file: Path) -> tuple[dt.datetime, dt.datetime]:
@@ -306,7 +358,8 @@ def _certificate(file: Path) -> x509.Certificate:
 def _signed(certificate: x509.Certificate, issuer: x509.Certificate, name: str) -> bool:
     try:
         certificate.verify_directly_issued_by(issuer)
-    except Exception:  # cryptography raises InvalidSignature, ValueError or TypeError: it is not of this authority
+    # cryptography raises InvalidSignature, ValueError or TypeError: it is not of this authority
+    except Exception:
         return False
     return bool(certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == name)
 

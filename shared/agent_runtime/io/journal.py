@@ -1,10 +1,11 @@
-"""The journal: an append-only file with one synced record per durable step (write-ahead; the last record wins).
+"""The journal: an append-only file with one synced record per durable step (write-ahead; the last
+record wins).
 
-Each record is the whole durable state, so the last one is the state. A torn tail (killed while writing) was neither
-receipted nor sent, hence it is cut off; a damaged record with whole ones behind it is not from a kill, and the file is
-refused (`repair`). At open, and whenever the file has grown past COMPACT_BYTES, it is rewritten with one record. A
-write that fails leaves the file as it was before, whatever part of it came through. It knows bytes only, not what they
-mean.
+Each record is the whole durable state, so the last one is the state. A torn tail (killed while
+writing) was neither receipted nor sent, hence it is cut off; a damaged record with whole ones
+behind it is not from a kill, and the file is refused (`repair`). At open, and whenever the file has
+grown past COMPACT_BYTES, it is rewritten with one record. A write that fails leaves the file as it
+was before, whatever part of it came through. It knows bytes only, not what they mean.
 """
 
 import fcntl
@@ -24,9 +25,11 @@ from agent_runtime.core.lineage import begin_again
 from agent_runtime.core.state import Record
 from agent_runtime.io.run_files import opened
 
-# --- The bytes of a journal file: a first line with the format's version, then framed records. Knows no file ---------
-# A frame is <mark 4 bytes><length u32><crc32 u32><record>, little endian. The mark is searched for only where a frame
-# is damaged, to see whether whole records follow: a tail that a kill tore off has none behind it.
+# --- The bytes of a journal file: a first line with the format's version, then framed records.
+# Knows no file
+# A frame is <mark 4 bytes><length u32><crc32 u32><record>, little endian. The mark is searched for
+# only where a frame is damaged, to see whether whole records follow: a tail that a kill tore off
+# has none behind it.
 
 
 VERSION = 3
@@ -40,7 +43,8 @@ LARGEST_RECORD = 256 * 1024 * 1024  # estimate: a length beyond it is garbage
 class Scan(msgspec.Struct, frozen=True):
     """Contents of a file. `good`: records, `last`: the newest of them, `end`: the offset behind it.
 
-    `damaged`: offsets at which bytes begin that are not a record and have whole records behind them.
+    `damaged`: offsets at which bytes begin that are not a record and have whole records behind
+    them.
     """
 
     good: int
@@ -62,7 +66,9 @@ def frame(record: bytes) -> bytes:
 
 
 def records(data: bytes) -> Iterator[bytes]:
-    """All whole records up to the first that is not, oldest first; none of a file of another version."""
+    """All whole records up to the first that is not, oldest first; none of a file of another
+    version.
+    """
     at = len(MAGIC) if data.startswith(MAGIC) else len(data)
     while (record := _record(data, at)) is not None:
         yield record
@@ -104,7 +110,7 @@ def _record(data: bytes, at: int) -> bytes | None:
     return body if zlib.crc32(body) == crc else None
 
 
-# --- The journal ------------------------------------------------------------------------------------------------------
+# --- The journal ----------------------------------------------------------------------------------
 
 
 COMPACT_BYTES = 64 * 1024 * 1024
@@ -122,7 +128,8 @@ def journal_file(run: Path, agent: str) -> Path:
 
 
 def locked(path: Path) -> int:
-    """Take a journal for this process alone; return the descriptor that holds it. Raise JournalError where it is held.
+    """Take a journal for this process alone; return the descriptor that holds it. Raise
+    JournalError where it is held.
 
     Raise OSError where the lock cannot be made.
     """
@@ -137,14 +144,21 @@ def locked(path: Path) -> int:
 
 
 def looked_through(path: Path, data: bytes) -> Scan:
-    """What the file holds. Raise JournalError for another format; a torn first line is an empty journal."""
+    """What the file holds. Raise JournalError for another format; a torn first line is an empty
+    journal.
+    """
     if MAGIC.startswith(data[: len(MAGIC)]):
         return scan(data) if data.startswith(MAGIC) else Scan(0, None, 0)
     other = version(data)
     if other is None:
-        raise JournalError(path, "this file is not a journal", "move it away or choose another run folder")
+        raise JournalError(
+            path, "this file is not a journal", "move it away or choose another run folder"
+        )
     what = f"it is of format {other}, this version of the software reads format {VERSION}"
-    hint = "use the version that wrote it, or delete it: the agent then begins with an empty memory, and its peers know"
+    hint = (
+        "use the version that wrote it, or delete it: the agent then begins with an empty memory,"
+        " and its peers know"
+    )
     raise JournalError(path, what, hint)
 
 
@@ -152,7 +166,9 @@ class Journal:
     """The open journal file of one agent; the process that holds it is the only one (flock)."""
 
     def __init__(self, path: Path) -> None:
-        """Open or create. Raises JournalError where it is held, of another format or damaged, OSError for the disk."""
+        """Open or create. Raises JournalError where it is held, of another format or damaged,
+        OSError for the disk.
+        """
         self.path = path
         self._fd = -1
         self._size = 0
@@ -161,7 +177,9 @@ class Journal:
             found = looked_through(path, path.read_bytes() if path.exists() else b"")
             if found.damaged:
                 what = f"the record at byte {found.damaged[0]} is damaged, and whole ones follow it"
-                raise JournalError(path, what, f"look at the disk; then: roco agent repair {path.stem}")
+                raise JournalError(
+                    path, what, f"look at the disk; then: roco agent repair {path.stem}"
+                )
             self.last = found.last
             self._rewrite(self.last)
         except BaseException:
@@ -169,7 +187,9 @@ class Journal:
             raise
 
     def append(self, record: bytes) -> None:
-        """Write one record; when this returns it is on the disk. Raises OSError, and the file is as it was."""
+        """Write one record; when this returns it is on the disk. Raises OSError, and the file is as
+        it was.
+        """
         if self._size > COMPACT_BYTES:
             self._rewrite(record)
         else:
@@ -199,8 +219,13 @@ class Journal:
 
 
 def put(path: Path, record: bytes | None) -> tuple[int, int]:
-    """Put a journal with at most one record in the place of a file; return its descriptor and size. Raise OSError."""
-    fresh, data = path.with_name(path.name + ".new"), MAGIC + (frame(record) if record is not None else b"")
+    """Put a journal with at most one record in the place of a file; return its descriptor and size.
+    Raise OSError.
+    """
+    fresh, data = (
+        path.with_name(path.name + ".new"),
+        MAGIC + (frame(record) if record is not None else b""),
+    )
     fd = opened(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
     try:
         _write(fd, data)
@@ -225,16 +250,20 @@ def _write(fd: int, data: bytes) -> None:
         view = view[os.write(fd, view) :]
 
 
-# --- Repair: a damaged journal made usable again; its newest whole record is kept, and the damaged file beside it -----
-# What came after the newest whole record cannot be known, and peers may have heard of it: then the agent goes on with
-# that memory under another journal's name, so that its peers begin again with it (core.lineage).
+# --- Repair: a damaged journal made usable again; its newest whole record is kept, and the damaged
+# file beside it
+# What came after the newest whole record cannot be known, and peers may have heard of it: then the
+# agent goes on with that memory under another journal's name, so that its peers begin again with it
+# (core.lineage).
 
 
 WHY = "this agent's journal was damaged, and what it knew of this conversation is not certain"
 
 
 class Repaired(msgspec.Struct, frozen=True):
-    """Result of a repair. `kept`: the journal's bytes as they were, "" where nothing was wrong. `lost`: in words."""
+    """Result of a repair. `kept`: the journal's bytes as they were, "" where nothing was wrong.
+    `lost`: in words.
+    """
 
     path: str
     good: int
@@ -244,7 +273,9 @@ class Repaired(msgspec.Struct, frozen=True):
 
 
 def repair(path: Path) -> Repaired:
-    """Repair a journal. Raise JournalError where there is none, an agent holds it, or it is of another version."""
+    """Repair a journal. Raise JournalError where there is none, an agent holds it, or it is of
+    another version.
+    """
     if not path.exists():
         raise JournalError(path, "there is none", "look with `roco runs` which run folder is meant")
     lock = locked(path)
@@ -270,15 +301,23 @@ def _goes_on(last: bytes | None, tail: int) -> tuple[bytes | None, str]:
     if not tail:
         return last, "nothing: the newest record is whole, and each one is the agent's whole memory"
     record = msgspec.msgpack.decode(last, type=Record)
-    peers = {held.conversation.peer for held in record.conversations.values()} | {*record.issued, *record.taken}
+    peers = {held.conversation.peer for held in record.conversations.values()} | {
+        *record.issued,
+        *record.taken,
+    }
     for peer in peers:
         begin_again(record, peer, WHY)
     record.journal = new_name()
-    what = f"what the agent did after its newest whole record ({tail} bytes behind it cannot be read)"
+    what = (
+        f"what the agent did after its newest whole record ({tail} bytes behind it cannot be read)"
+    )
     return msgspec.msgpack.encode(record), f"{what}; open conversations end: {len(record.lost)}"
 
 
 def free_name(path: Path) -> Path:
     """A name beside the file that nothing has."""
-    names = (path.with_name(f"{path.name}.damaged{f'-{number}' if number else ''}") for number in range(1000))
+    names = (
+        path.with_name(f"{path.name}.damaged{f'-{number}' if number else ''}")
+        for number in range(1000)
+    )
     return next(name for name in names if not name.exists())

@@ -1,7 +1,9 @@
-"""Structured logs: every event as one JSON line in a file, and what the level asks for as a short line on the console.
+"""Structured logs: every event as one JSON line in a file, and what the level asks for as a short
+line on the console.
 
-Each line has time, agent and event; lines about a conversation have its id. A flood fills no disk: lines that blame
-somebody are told singly up to a number, then as a sum; a file that is full becomes the last but one.
+Each line has time, agent and event; lines about a conversation have its id. A flood fills no disk:
+lines that blame somebody are told singly up to a number, then as a sum; a file that is full becomes
+the last but one.
 """
 
 import logging
@@ -18,18 +20,22 @@ import msgspec
 
 from agent_runtime.io import clock
 
-# --- Rate limit for reports of one kind, so that a sender of many wrong messages fills no disk: pure, without a clock
-# The first of a kind are told one by one. What comes beyond them within a window is counted, and told as one number
-# when the window is over.
+# --- Rate limit for reports of one kind, so that a sender of many wrong messages fills no disk:
+# pure, without a clock The first of a kind are told one by one. What comes beyond them within a
+# window is counted, and told as one number when the window is over.
 
 
 K = TypeVar("K", bound=Hashable)
 
 SINGLY = 20
-"""Reports of a kind in a window that are told one by one; estimate: a person reads no more of them."""
+"""Reports of a kind in a window that are told one by one; estimate: a person reads no more of
+them.
+"""
 WINDOW_S = 10.0
 KINDS = 1024
-"""Kinds in a window; what is of further ones is not told singly, and counted together. Estimate: there are dozens."""
+"""Kinds in a window; what is of further ones is not told singly, and counted together. Estimate:
+there are dozens.
+"""
 
 
 class Repeats(Generic[K]):
@@ -55,7 +61,9 @@ class Repeats(Generic[K]):
         return count <= SINGLY
 
     def over(self, now: float) -> list[tuple[K, int]]:
-        """How many of which kind were not told in the window that is over by `now` [s], which is forgotten."""
+        """How many of which kind were not told in the window that is over by `now` [s], which is
+        forgotten.
+        """
         if now < self._until:
             return []
         withheld = [(kind, count - SINGLY) for kind, count in self._seen.items() if count > SINGLY]
@@ -63,14 +71,21 @@ class Repeats(Generic[K]):
         return withheld
 
 
-# --- Structured logs --------------------------------------------------------------------------------------------------
+# --- Structured logs ------------------------------------------------------------------------------
 
 
-LEVELS = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+LEVELS = {
+    "debug": logging.DEBUG,
+    "info": logging.INFO,
+    "warning": logging.WARNING,
+    "error": logging.ERROR,
+}
 
 
 MOST_BYTES = 32 * 1024 * 1024
-"""Of a log file; then it is FILE.1, and the FILE.1 before it is gone. Estimate: a pour writes 0.3 MB in a minute."""
+"""Of a log file; then it is FILE.1, and the FILE.1 before it is gone. Estimate: a pour writes 0.3
+MB in a minute.
+"""
 MORE = "more of a kind"
 """Event of a line that sums up lines that were not written."""
 _Line = tuple[float, str, str, dict[str, Any]]
@@ -78,13 +93,18 @@ _Kind = tuple[str, str, str]
 
 
 class Log:
-    """`file`: JSON lines are appended there, from debug on; `level`: the least that the console shows.
+    """`file`: JSON lines are appended there, from debug on; `level`: the least that the console
+    shows.
 
     Lines that the disk does not take are lost, and how many is the next line that it takes.
     """
 
     def __init__(
-        self, agent: str, level: str = "info", file: Path | None = None, console: TextIO | None = None
+        self,
+        agent: str,
+        level: str = "info",
+        file: Path | None = None,
+        console: TextIO | None = None,
     ) -> None:
         """Raises ValueError for an unknown level."""
         if level not in LEVELS:
@@ -110,7 +130,9 @@ class Log:
     def write_all(self, lines: Sequence[_Line]) -> None:
         """Lines in one go: of each the time [unix s], the event, its level and its fields."""
         told = [*self._summed(lines[0][0] if lines else clock.now())]
-        told += [line for line in lines if not _blames(line) or self._repeats.told(_kind(line), line[0])]
+        told += [
+            line for line in lines if not _blames(line) or self._repeats.told(_kind(line), line[0])
+        ]
         self._put(told)
 
     def look(self) -> None:
@@ -129,16 +151,24 @@ class Log:
         for at, event, level, fields in lines:
             if LEVELS.get(level, logging.ERROR) >= self._least:
                 with suppress(OSError):  # a file, too, under a supervisor
-                    self._console.write(self._short(at, event, level, fields) + "\n")  # one write: others have threads
+                    # one write: others have threads
+                    self._console.write(self._short(at, event, level, fields) + "\n")
                     self._console.flush()
 
     def _line(self, at: float, event: str, level: str, fields: dict[str, Any]) -> bytes:
-        return _encoder.encode({"agent": self._agent, "t": at, "level": level, **fields, "event": event}) + b"\n"
+        return (
+            _encoder.encode(
+                {"agent": self._agent, "t": at, "level": level, **fields, "event": event}
+            )
+            + b"\n"
+        )
 
     def _short(self, at: float, event: str, level: str, fields: dict[str, Any]) -> str:
         """`12:00:01.123 ta   sent  inform to co  co-1-4`: time, agent, event, the rest as words."""
         rest = " ".join(
-            f"{name}={value}" for name, value in fields.items() if name != "conversation" and value not in ("", None)
+            f"{name}={value}"
+            for name, value in fields.items()
+            if name != "conversation" and value not in ("", None)
         )
         when = time.strftime("%H:%M:%S", time.localtime(at)) + f".{int(at % 1 * 1000):03d}"
         mark = {"warning": "! ", "error": "!! "}.get(level, "")
@@ -148,7 +178,11 @@ class Log:
     def _append(self, file: FileIO, data: bytes, count: int) -> None:
         if self._lost:
             why = f"{self._lost} lines before this one are lost: the disk took nothing"
-            data = b"\n" * self._torn + self._line(clock.now(), "lines lost", "warning", {"why": why}) + data
+            data = (
+                b"\n" * self._torn
+                + self._line(clock.now(), "lines lost", "warning", {"why": why})
+                + data
+            )
         try:
             taken = file.write(data)
         except OSError:

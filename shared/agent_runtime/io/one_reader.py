@@ -1,11 +1,14 @@
-"""A queue and an event of many writers and one reader, whose waits end. A signal handler may put and set.
+"""A queue and an event of many writers and one reader, whose waits end. A signal handler may put
+and set.
 
-In CPython 3.11 `queue.SimpleQueue.get` with a time-out can wait for ever: where the deadline passes between two tries,
-the C code waits with a negative time-out (seen on 3.11.2 and 3.11.7). `queue.Queue.put` and `threading.Event.set`
-take a lock that the interrupted thread might hold: then it waits for itself for ever (seen in 3 of 1,500 processes that
-waited for an event 0.2 ms at a time, and were ended by a signal).
+In CPython 3.11 `queue.SimpleQueue.get` with a time-out can wait for ever: where the deadline passes
+between two tries, the C code waits with a negative time-out (seen on 3.11.2 and 3.11.7).
+`queue.Queue.put` and `threading.Event.set` take a lock that the interrupted thread might hold: then
+it waits for itself for ever (seen in 3 of 1,500 processes that waited for an event 0.2 ms at a
+time, and were ended by a signal).
 
-A put and a get take 0.6 us; with SimpleQueue 0.1 us, with queue.Queue 2.4 us (measured on 2 cores, load 5, 2026-11-23).
+A put and a get take 0.6 us; with SimpleQueue 0.1 us, with queue.Queue 2.4 us (measured on 2 cores,
+load 5, 2026-11-23).
 """
 
 import threading
@@ -21,8 +24,9 @@ T = TypeVar("T")
 class OneReaderQueue(Generic[T]):
     """Items in the order in which they were put. Only one thread may `get`.
 
-    The lock is free while something may be there: who puts frees it, the reader takes it before it waits. Both steps of
-    `put` are atomic, so a put amid another put or a get, as by a signal handler, is as good as any.
+    The lock is free while something may be there: who puts frees it, the reader takes it before it
+    waits. Both steps of `put` are atomic, so a put amid another put or a get, as by a signal
+    handler, is as good as any.
     """
 
     def __init__(self) -> None:
@@ -42,7 +46,9 @@ class OneReaderQueue(Generic[T]):
             pass
 
     def get(self, timeout_s: float | None = None) -> T:
-        """The oldest item; wait for one at most `timeout_s` [s], None: for ever. Raise queue.Empty."""
+        """The oldest item; wait for one at most `timeout_s` [s], None: for ever. Raise
+        queue.Empty.
+        """
         try:
             return self._items.popleft()
         except IndexError:
@@ -51,7 +57,9 @@ class OneReaderQueue(Generic[T]):
     def _awaited(self, timeout_s: float | None) -> T:
         until = None if timeout_s is None else monotonic() + timeout_s
         while True:
-            left = -1.0 if until is None else min(max(0.0, until - monotonic()), threading.TIMEOUT_MAX)
+            left = (
+                -1.0 if until is None else min(max(0.0, until - monotonic()), threading.TIMEOUT_MAX)
+            )
             woken = self._nothing.acquire(timeout=left)
             try:
                 return self._items.popleft()

@@ -1,7 +1,9 @@
-"""The heartbeat of a process other than an agent: `<name>.heartbeat.json`, whose time of change is the last beat.
+"""The heartbeat of a process other than an agent: `<name>.heartbeat.json`, whose time of change is
+the last beat.
 
-Who supervises from outside (deploy/healthy) ends a process whose heartbeat stands still and starts another. An agent's
-heartbeat says more, and others hear it (shell.py); a router, a recorder and a control loop have this one.
+Who supervises from outside (deploy/healthy) ends a process whose heartbeat stands still and starts
+another. An agent's heartbeat says more, and others hear it (shell.py); a router, a recorder and a
+control loop have this one.
 """
 
 import os
@@ -29,7 +31,8 @@ class ProcessHeartbeat:
         self._write()
 
     def beat(self) -> None:
-        """Say that the process gets on: a change of the file's time, no more. A run folder that is gone is made again.
+        """Say that the process gets on: a change of the file's time, no more. A run folder that is
+        gone is made again.
 
         A beat that cannot be written is missed.
         """
@@ -49,7 +52,8 @@ class ProcessHeartbeat:
 
 
 class Turns:
-    """Beats for a loop that may not wait for a disk: it counts its turns, a thread sees that they go on.
+    """Beats for a loop that may not wait for a disk: it counts its turns, a thread sees that they
+    go on.
 
     Before the first turn it beats as long as the process runs.
 

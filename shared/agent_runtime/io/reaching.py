@@ -1,7 +1,8 @@
-"""Reasons why a router is not reached, in words: found by a connection and a TLS handshake with one's own files.
+"""Reasons why a router is not reached, in words: found by a connection and a TLS handshake with
+one's own files.
 
-Zenoh tells a client only that there is no session. A handshake of Python's own tells whether the name is resolved, the
-port answers, and which of the two certificates is not taken.
+Zenoh tells a client only that there is no session. A handshake of Python's own tells whether the
+name is resolved, the port answers, and which of the two certificates is not taken.
 """
 
 import datetime as dt
@@ -15,13 +16,19 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-LOOPBACK_REMEDY = "`ip link set lo up`, and `ip address add 127.0.0.1/8 dev lo` if it has no such address"
+LOOPBACK_REMEDY = (
+    "`ip link set lo up`, and `ip address add 127.0.0.1/8 dev lo` if it has no such address"
+)
 TRY_S = 1.0
 """Longest of a connection, and of a handshake (estimate: it takes some ms in one house)."""
 REFUSED_S = 0.5
-"""A router that does not take a certificate says so after the handshake of TLS 1.3, in 1 ms (measured); with room."""
+"""A router that does not take a certificate says so after the handshake of TLS 1.3, in 1 ms
+(measured); with room.
+"""
 FIRST_S = 5.0
-"""A fleet that starts waits for its router for some seconds; after these the reason is looked for (estimate)."""
+"""A fleet that starts waits for its router for some seconds; after these the reason is looked for
+(estimate).
+"""
 EACH_S = 10.0
 """Between two looks (estimate: people read it)."""
 
@@ -35,23 +42,34 @@ _OWN = {
     "CERTIFICATE_UNKNOWN": "is not taken",
     "ACCESS_DENIED": "is not taken",
 }
-"""Alerts of the router about one's own certificate (RFC 8446, 6.2), by the end of OpenSSL's word for them."""
-_MAKE, _START = "`roco keys make` makes new keys, `roco up` at each start", "they may be of another start"
+"""Alerts of the router about one's own certificate (RFC 8446, 6.2), by the end of OpenSSL's word
+for them.
+"""
+_MAKE, _START = (
+    "`roco keys make` makes new keys, `roco up` at each start",
+    "they may be of another start",
+)
 _THEIRS = {
     9: "does not hold yet by the clock of this machine: is the clock behind?",
     10: "has ended, by the clock of this machine: it listens with old keys, or the clock is wrong",
     62: "is not for this host: `roco keys make --host` names one more",
     64: "is not for this address: `roco keys make --host` names one more",
     **dict.fromkeys((85, 86), f"names no key of its authority, as older versions made it; {_MAKE}"),
-    **dict.fromkeys((7, 18, 19, 20, 21), f"is of another authority than the own keys: {_MAKE}; {_START}"),
+    **dict.fromkeys(
+        (7, 18, 19, 20, 21), f"is of another authority than the own keys: {_MAKE}; {_START}"
+    ),
 }
 """Codes of OpenSSL's verification of the router's certificate (x509_vfy.h)."""
 
 
 class Tries:
-    """Tries that failed: after some time, and then now and again, the reason is told if it is another one."""
+    """Tries that failed: after some time, and then now and again, the reason is told if it is
+    another one.
+    """
 
-    def __init__(self, endpoint: str, tls: dict[str, Any] | None, told: Callable[[str], None]) -> None:
+    def __init__(
+        self, endpoint: str, tls: dict[str, Any] | None, told: Callable[[str], None]
+    ) -> None:
         self._endpoint, self._tls, self._told = endpoint, tls, told
         self._look_at, self._last = time.monotonic() + FIRST_S, ""
 
@@ -67,9 +85,11 @@ class Tries:
 
 
 def why_not(endpoint: str, tls: dict[str, Any] | None) -> str:
-    """Why a session is not had at an endpoint (tls/host:port) with these files; "" where all is well so far.
+    """Why a session is not had at an endpoint (tls/host:port) with these files; "" where all is
+    well so far.
 
-    `tls`: as `secured.client_tls` returns it. Blocks for some seconds at most, beside the resolution of a name.
+    `tls`: as `secured.client_tls` returns it. Blocks for some seconds at most, beside the
+    resolution of a name.
     """
     address = re.match(r"(\w+)/\[?([^\[\]]+)\]?:(\d+)", endpoint)
     if address is None:
@@ -82,18 +102,24 @@ def why_not(endpoint: str, tls: dict[str, Any] | None) -> str:
         with socket.create_connection((host, port), TRY_S) as connection:
             return _handshake(connection, host, tls) if tls else ""
     except socket.gaierror as error:
-        return f"the name {host} is not resolved ({error.strerror}): is it right in ROCO_CONNECT, and its host up?"
+        return (
+            f"the name {host} is not resolved ({error.strerror}): is it right in ROCO_CONNECT, and"
+            " its host up?"
+        )
     except ConnectionRefusedError:
         return f"nobody listens at {endpoint} (connection refused): is the router up?"
     except TimeoutError:
-        return f"{endpoint} does not answer within {TRY_S:g} s: is its host up, is a firewall in the way?"
+        return (
+            f"{endpoint} does not answer within {TRY_S:g} s: is its host up, is a firewall in the"
+            " way?"
+        )
     except OSError as error:
         return f"{endpoint} is not reached: {error.strerror or error}"
 
 
 def no_loopback() -> str:
-    """Why the processes of this host cannot meet on 127.0.0.1; "" where they can: a port there takes a
-    connection.
+    """Why the processes of this host cannot meet on 127.0.0.1; "" where they can: a port there
+    takes a connection.
     """
     try:
         with (
@@ -106,24 +132,29 @@ def no_loopback() -> str:
 
 
 def require_loopback() -> None:
-    """Raise OSError where the processes of this host cannot meet on 127.0.0.1; it says what to do."""
+    """Raise OSError where the processes of this host cannot meet on 127.0.0.1; it says what to
+    do.
+    """
     if why := no_loopback():
         raise OSError(f"{why}: {LOOPBACK_REMEDY}")
 
 
 RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
 PORTS, TRIES = 10_000, 100
-"""So many ports below those of outgoing connections are looked at, and so often (estimate: few of them are taken)."""
+"""So many ports below those of outgoing connections are looked at, and so often (estimate: few of
+them are taken).
+"""
 _KEPT: list[socket.socket] = []
 """UDP sockets that tell other fleets of this machine which TCP ports will be listened at."""
 
 
 def free_port() -> int:
-    """A TCP port of the loopback interface that nobody listens on now, so that several fleets run side by side.
+    """A TCP port of the loopback interface that nobody listens on now, so that several fleets run
+    side by side.
 
-    Who listens does so seconds later: it is none of those that the system may give to outgoing connections meanwhile,
-    and no other fleet is given it while this process lives, since the UDP port of the same number is kept. Raise
-    OSError.
+    Who listens does so seconds later: it is none of those that the system may give to outgoing
+    connections meanwhile, and no other fleet is given it while this process lives, since the UDP
+    port of the same number is kept. Raise OSError.
     """
     require_loopback()
     lowest = _lowest_given()
@@ -140,7 +171,9 @@ def free_port() -> int:
 
 
 def _lowest_given() -> int:
-    """Return the lowest port that the system gives to outgoing connections; 32768, Linux's default, elsewhere."""
+    """Return the lowest port that the system gives to outgoing connections; 32768, Linux's default,
+    elsewhere.
+    """
     with suppress(OSError, ValueError, IndexError):
         return max(int(RANGE.read_text().split()[0]), 1024 + PORTS)
     return 32768
@@ -149,7 +182,8 @@ def _lowest_given() -> int:
 def _handshake(connection: socket.socket, host: str, tls: dict[str, Any]) -> str:
     try:
         context = ssl.create_default_context(cafile=tls["root_ca_certificate"])
-        context.verify_flags |= ssl.VERIFY_X509_STRICT  # the default since Python 3.13: the same answer in each version
+        # the default since Python 3.13: the same answer in each version
+        context.verify_flags |= ssl.VERIFY_X509_STRICT
         own = Path(tls.get("connect_certificate", ""))
         if own.name:
             context.load_cert_chain(own, tls["connect_private_key"])
@@ -166,11 +200,16 @@ def _handshake(connection: socket.socket, host: str, tls: dict[str, Any]) -> str
     except ssl.SSLError as error:
         return _refused(error, own)
     except TimeoutError:
-        return f"who listens there does not answer the handshake within {TRY_S:g} s: it speaks no TLS, or hangs"
+        return (
+            f"who listens there does not answer the handshake within {TRY_S:g} s: it speaks no TLS,"
+            " or hangs"
+        )
 
 
 def _answer(secured: ssl.SSLSocket) -> str:
-    """Wait for the alert of a router that does not take the own certificate. Raise ssl.SSLError with it."""
+    """Wait for the alert of a router that does not take the own certificate. Raise ssl.SSLError
+    with it.
+    """
     secured.settimeout(REFUSED_S)
     try:
         return "" if secured.recv(1) else "the router ends the connection after the handshake"

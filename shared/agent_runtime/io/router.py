@@ -1,4 +1,6 @@
-"""Serving as the fleet's router: the body of services.router, here because only this package speaks Zenoh."""
+"""Serving as the fleet's router: the body of services.router, here because only this package speaks
+Zenoh.
+"""
 
 import signal
 import time
@@ -16,14 +18,18 @@ from agent_runtime.io.secured import ROUTER, KeysError, age, granted, revoked, r
 from agent_runtime.io.sessions import close, open_router
 
 KEYS_S = 10.0
-"""Keys take a tenth of a second to make; some seconds on a machine that is busy with much else (measured)."""
+"""Keys take a tenth of a second to make; some seconds on a machine that is busy with much else
+(measured).
+"""
 
 
 def serve(options: Options) -> int:
-    """Listen until SIGTERM or SIGINT. 0: stopped in order; 1: the address or the keys cannot be had.
+    """Listen until SIGTERM or SIGINT. 0: stopped in order; 1: the address or the keys cannot be
+    had.
 
-    With keys it grants the rights that are beside them, and Zenoh writes each session it refuses to standard error.
-    Where the keys are renewed, or one is revoked, it listens again; its clients reconnect and read theirs.
+    With keys it grants the rights that are beside them, and Zenoh writes each session it refuses to
+    standard error. Where the keys are renewed, or one is revoked, it listens again; its clients
+    reconnect and read theirs.
     """
     run = options.run_dir
     make_run(run)
@@ -45,8 +51,12 @@ def serve(options: Options) -> int:
     return 0
 
 
-def _listen(options: Options, log: Log, ready: Path, pulse: ProcessHeartbeat, ended: OneReaderEvent) -> None:
-    """Be the router until the end is asked for, or other keys are there. Raises zenoh.ZError, KeysError."""
+def _listen(
+    options: Options, log: Log, ready: Path, pulse: ProcessHeartbeat, ended: OneReaderEvent
+) -> None:
+    """Be the router until the end is asked for, or other keys are there. Raises zenoh.ZError,
+    KeysError.
+    """
     keys = _awaited(options, pulse, ended)
     if ended.is_set():
         return
@@ -64,22 +74,33 @@ def _listen(options: Options, log: Log, ready: Path, pulse: ProcessHeartbeat, en
 
 
 def _tell_ready(ready: Path, options: Options) -> None:
-    """Write the ready file where it is not there; on a full disk it waits for the next turn, and nothing else does."""
+    """Write the ready file where it is not there; on a full disk it waits for the next turn, and
+    nothing else does.
+    """
     if not ready.exists() or not ready.stat().st_size:
         with suppress(OSError):
             ready.write_text(_at(options))
 
 
-def _awaited(options: Options, pulse: ProcessHeartbeat, ended: OneReaderEvent) -> tuple[int, int] | None:
+def _awaited(
+    options: Options, pulse: ProcessHeartbeat, ended: OneReaderEvent
+) -> tuple[int, int] | None:
     """The age of the keys, which may be in the making."""
     until = time.monotonic() + KEYS_S
-    while options.keys is not None and _age(options) is None and time.monotonic() < until and not ended.wait(0.01):
+    while (
+        options.keys is not None
+        and _age(options) is None
+        and time.monotonic() < until
+        and not ended.wait(0.01)
+    ):
         pulse.beat()
     return _age(options)
 
 
 def _age(options: Options) -> tuple[int, int] | None:
-    """The age of the router's keys, of those that are made together the last ones; None: there are none."""
+    """The age of the router's keys, of those that are made together the last ones; None: there are
+    none.
+    """
     return None if options.keys is None else age(options.keys, ROUTER)
 
 

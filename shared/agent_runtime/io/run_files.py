@@ -1,4 +1,6 @@
-"""Names in a run folder, and the variables that name it (docs/run-folder.md); addresses at which people are heard."""
+"""Names in a run folder, and the variables that name it (docs/run-folder.md); addresses at which
+people are heard.
+"""
 
 import errno
 import os
@@ -11,7 +13,8 @@ RUN_FOLDER_VARIABLE = "ROCO_RUN_DIR"
 FLEET_VARIABLE = "ROCO_FLEET"  # id of the fleet that a supervisor started a process for
 KEYS_VARIABLE = "ROCO_TLS_DIR"  # a folder of keys; none: nothing is encrypted
 KEYS_FOLDER = "keys"  # certificates and private keys of this run, mode 0700 (docs/security.md)
-# The stop flag: one byte, written in place (a process may hold the file mapped; a rename would cut it off).
+# The stop flag: one byte, written in place (a process may hold the file mapped; a rename would cut
+# it off).
 STOP_FILE = "stop"
 STOP_RELEASED = b"\x00"
 STOP_HELD = b"\x01"
@@ -29,14 +32,18 @@ def ready_file(run: Path, name: str) -> Path:
 
 
 def make_run(run: Path) -> None:
-    """Make a run folder that other users cannot enter: TLS would hide nothing from who reads the recording.
+    """Make a run folder that other users cannot enter: TLS would hide nothing from who reads the
+    recording.
 
-    One that is there keeps its mode. Raise OSError, also where its path is not UTF-8: files of the run would name it.
+    One that is there keeps its mode. Raise OSError, also where its path is not UTF-8: files of the
+    run would name it.
     """
     try:
         str(run).encode()
     except UnicodeEncodeError as error:
-        raise OSError(errno.EILSEQ, "this path is not UTF-8; rename its folders, or name another path", run) from error
+        raise OSError(
+            errno.EILSEQ, "this path is not UTF-8; rename its folders, or name another path", run
+        ) from error
     run.mkdir(mode=0o700, parents=True, exist_ok=True)
 
 
@@ -44,12 +51,15 @@ class LinkedError(OSError):
     """A symbolic link stands where a file of a run is written in place."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(f"{path} is a symbolic link, and is not written through: remove it; a run's files are its own")
+        super().__init__(
+            f"{path} is a symbolic link, and is not written through: remove it; a run's files are"
+            " its own"
+        )
 
 
 def opened(path: Path, flags: int, mode: int = 0o666) -> int:
-    """Open a file of a run that is written in place. Raise OSError; LinkedError where a symbolic link stands there: the
-    run may be another user's, who would choose the file that is written.
+    """Open a file of a run that is written in place. Raise OSError; LinkedError where a symbolic
+    link stands there: the run may be another user's, who would choose the file that is written.
     """
     try:
         return os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, mode)
@@ -61,7 +71,8 @@ def opened(path: Path, flags: int, mode: int = 0o666) -> int:
 
 @contextmanager
 def replaced(path: Path, mode: int = 0o666) -> Iterator[BinaryIO]:
-    """A new file that takes the place of another by rename: a reader sees the old one or the new one, whole.
+    """A new file that takes the place of another by rename: a reader sees the old one or the new
+    one, whole.
 
     A symbolic link in its place is replaced, and never followed. Raise OSError.
     """
@@ -102,5 +113,7 @@ def listen_at(text: str) -> tuple[str, int]:
         return LOOPBACK
     host, colon, port = text.rpartition(":")
     if not (host and colon and port.isascii() and port.isdecimal() and int(port) < 65536):
-        raise ValueError(f"{text!r} is not an address to listen at, expected host:port, such as 127.0.0.1:8350")
+        raise ValueError(
+            f"{text!r} is not an address to listen at, expected host:port, such as 127.0.0.1:8350"
+        )
     return host, int(port)

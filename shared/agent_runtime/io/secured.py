@@ -1,8 +1,9 @@
-"""A folder of keys as a session needs it: which files an identity opens, and what of Zenoh's configuration they become.
+"""A folder of keys as a session needs it: which files an identity opens, and what of Zenoh's
+configuration they become.
 
-The folder holds `authority.pem`, `<identity>.pem` and `<identity>.key` of each identity there, and where the router's
-are `rights.json` (agent_runtime/keys.py writes it) and, where a key was revoked, `revoked.json`. Without a folder
-nothing is encrypted and nobody is asked who it is.
+The folder holds `authority.pem`, `<identity>.pem` and `<identity>.key` of each identity there, and
+where the router's are `rights.json` (agent_runtime/keys.py writes it) and, where a key was revoked,
+`revoked.json`. Without a folder nothing is encrypted and nobody is asked who it is.
 """
 
 import os
@@ -22,12 +23,15 @@ LINKS = ".links.json"
 REVOKED = "revoked.json"
 ROUTER = "router"
 SEND_BUFFER_BYTES = 1_000_000
-"""Of the socket of a TLS link. With a size of its own, a busy sender learns of a cut cable within 2.0 to 2.6 s
-(212,992 to 4,000,000 bytes tried); without one, when the cable is back: the close waits for a stuck write (measured).
+"""Of the socket of a TLS link. With a size of its own, a busy sender learns of a cut cable within
+2.0 to 2.6 s (212,992 to 4,000,000 bytes tried); without one, when the cable is back: the close
+waits for a stuck write (measured).
 """
 
 _SEPARATORS = {";", "?"}
-"""Of Zenoh's endpoints, where the files of keys become parameters; all other marks were tried and do no harm."""
+"""Of Zenoh's endpoints, where the files of keys become parameters; all other marks were tried and
+do no harm.
+"""
 
 
 class Rights(msgspec.Struct, frozen=True):
@@ -64,7 +68,9 @@ def client_tls(folder: Path, identity: str) -> dict[str, Any]:
 
 
 def links_tls(folder: Path, identity: str) -> dict[str, Any]:
-    """`transport/link/tls` of an agent that listens to its neighbours, and dials them. Raises KeysError."""
+    """`transport/link/tls` of an agent that listens to its neighbours, and dials them. Raises
+    KeysError.
+    """
     certificate, key = _pair(folder, identity)
     return router_tls(folder, identity) | {
         "connect_certificate": certificate,
@@ -74,8 +80,8 @@ def links_tls(folder: Path, identity: str) -> dict[str, Any]:
 
 
 def router_tls(folder: Path, identity: str = ROUTER) -> dict[str, Any]:
-    """`transport/link/tls` of the router: a client without a certificate of this authority is refused. Raises
-    KeysError.
+    """`transport/link/tls` of the router: a client without a certificate of this authority is
+    refused. Raises KeysError.
     """
     certificate, key = _pair(folder, identity)
     return {
@@ -93,23 +99,31 @@ def rights_of(folder: Path, *systems: str) -> Rights:
     try:
         rights = msgspec.json.decode(Path(_file(folder / RIGHTS)).read_bytes(), type=Rights)
     except msgspec.MsgspecError as error:
-        raise KeysError(f"{folder / RIGHTS} cannot be read ({error}); make the keys again") from error
+        raise KeysError(
+            f"{folder / RIGHTS} cannot be read ({error}); make the keys again"
+        ) from error
     missing = ", ".join(repr(system) for system in systems if system not in rights.systems)
     if missing:
         there = ", ".join(repr(system) for system in rights.systems)
         raise KeysError(
-            f"the rights in {folder} are of system {there}, this router serves {missing}: everything would be denied;"
-            f" make keys for {missing}"
+            f"the rights in {folder} are of system {there}, this router serves {missing}:"
+            f" everything would be denied; make keys for {missing}"
         )
     return rights
 
 
 def links_of(folder: Path, agent: str) -> dict[str, Any]:
-    """An agent's rules for its neighbours, without those whose keys are revoked. Raises KeysError."""
+    """An agent's rules for its neighbours, without those whose keys are revoked. Raises
+    KeysError.
+    """
     try:
-        rights = msgspec.json.decode(Path(_file(links_file(folder, agent))).read_bytes(), type=Rights)
+        rights = msgspec.json.decode(
+            Path(_file(links_file(folder, agent))).read_bytes(), type=Rights
+        )
     except msgspec.MsgspecError as error:
-        raise KeysError(f"{links_file(folder, agent)} cannot be read ({error}); make the keys again") from error
+        raise KeysError(
+            f"{links_file(folder, agent)} cannot be read ({error}); make the keys again"
+        ) from error
     return granted(rights.access_control, revoked(folder))
 
 
@@ -119,8 +133,8 @@ def links_file(folder: Path, agent: str) -> Path:
 
 
 def age(folder: Path, identity: str) -> tuple[int, int] | None:
-    """When the key of an identity was written, and the list of revoked ones; None: there is no key (now); 0: no
-    list.
+    """When the key of an identity was written, and the list of revoked ones; None: there is no key
+    (now); 0: no list.
     """
     try:
         made = key_file(folder, identity).stat().st_mtime_ns
@@ -139,13 +153,18 @@ def revoked(folder: Path) -> tuple[str, ...]:
         return ()
     except (OSError, msgspec.MsgspecError) as error:
         raise KeysError(
-            f"{folder / REVOKED} cannot be read ({error}); write a JSON list of names, or make the keys again"
+            f"{folder / REVOKED} cannot be read ({error}); write a JSON list of names, or make the"
+            " keys again"
         ) from error
 
 
 def granted(access_control: dict[str, Any], denied: tuple[str, ...]) -> dict[str, Any]:
-    """The router's rules without those for common names that are denied: what no rule allows is refused."""
-    kept = [policy for policy in access_control["policies"] if not set(policy["subjects"]) & set(denied)]
+    """The router's rules without those for common names that are denied: what no rule allows is
+    refused.
+    """
+    kept = [
+        policy for policy in access_control["policies"] if not set(policy["subjects"]) & set(denied)
+    ]
     return access_control | {"policies": kept}
 
 
@@ -156,7 +175,10 @@ def _pair(folder: Path, identity: str) -> tuple[str, str]:
 def _file(path: Path) -> str:
     if not path.is_file():
         there = ", ".join(sorted(one.stem for one in path.parent.glob("*.key"))) or "none"
-        raise KeysError(f"{path} is missing; identities with a key there: {there}; `roco keys make` writes all of them")
+        raise KeysError(
+            f"{path} is missing; identities with a key there: {there}; `roco keys make` writes all"
+            " of them"
+        )
     whole = path.resolve()
     return f"{_opened(whole.parent)}/{path.name}" if _SEPARATORS & set(str(whole)) else str(whole)
 

@@ -1,9 +1,11 @@
-"""Sessions of Zenoh, of an agent linked with its neighbours, of a client and of the router: settings, and the reasons.
+"""Sessions of Zenoh, of an agent linked with its neighbours, of a client and of the router:
+settings, and the reasons.
 
-Scouting off (no way around the router's rights), lease 2 s (a frozen process is seen in 1.6-2.0 s, a pause of 1.2 s is
-not), fast reconnect, a frozen peer holds nobody up for more than 0.1 s, no message beyond LONGEST, shared memory off
-(852 kB in a third of the time, but messages of one process were lost after another was killed, and nobody was told).
-All measured with eclipse-zenoh 1.10.2.
+Scouting off (no way around the router's rights), lease 2 s (a frozen process is seen in 1.6-2.0 s,
+a pause of 1.2 s is not), fast reconnect, a frozen peer holds nobody up for more than 0.1 s, no
+message beyond LONGEST, shared memory off (852 kB in a third of the time, but messages of one
+process were lost after another was killed, and nobody was told). All measured with eclipse-zenoh
+1.10.2.
 """
 
 import ctypes
@@ -24,14 +26,17 @@ from agent_runtime.io.reaching import Tries, free_port
 from agent_runtime.io.secured import age, client_tls, links_of, links_tls
 from fipa_codec.communicate import MAX_BYTES
 
-# --- Largest size of a message: the sender checks before it puts, since a router silently drops what is too long -----
+# --- Largest size of a message: the sender checks before it puts, since a router silently drops
+# what is too long
 
 
 LONGEST = 8_000_000
-"""Bytes of a message that a router or client puts together again; more of it is dropped, the session stays.
+"""Bytes of a message that a router or client puts together again; more of it is dropped, the
+session stays.
 
-Zenoh's default is 1 GiB, and rights are looked at afterwards. When somebody sent 50 MB a router's memory peaked at
-44 MiB with this limit, and at 117 without (measured). Receivers take no more than MAX_BYTES; the rest is room.
+Zenoh's default is 1 GiB, and rights are looked at afterwards. When somebody sent 50 MB a router's
+memory peaked at 44 MiB with this limit, and at 117 without (measured). Receivers take no more than
+MAX_BYTES; the rest is room.
 """
 
 
@@ -41,46 +46,57 @@ class TooLongError(RuntimeFault):
     def __init__(self, key: str, size: int, limit: int = MAX_BYTES) -> None:
         self.key, self.size, self.limit = key, size, limit
         super().__init__(
-            f"a message for {key} has {size} bytes, at most {limit} are put: a longer one would be dropped on the way,"
-            " and nobody told; put it in parts, or less of it"
+            f"a message for {key} has {size} bytes, at most {limit} are put: a longer one would be"
+            " dropped on the way, and nobody told; put it in parts, or less of it"
         )
 
 
 def put(session: zenoh.Session, key: zenoh.KeyExpr | str, data: bytes, **how: Any) -> None:
-    """Put data on a key. `how`: options of zenoh.Session.put. Raises TooLongError; tests see that nobody else puts."""
+    """Put data on a key. `how`: options of zenoh.Session.put. Raises TooLongError; tests see that
+    nobody else puts.
+    """
     if len(data) > MAX_BYTES:
         raise TooLongError(str(key), len(data))
     session.put(key, data, **how)
 
 
-# --- Sessions of Zenoh, of an agent linked with its neighbours, of a client and of the router -------------------------
+# --- Sessions of Zenoh, of an agent linked with its neighbours, of a client and of the router -----
 
 
 LEASE_MS = 2000
 KEPT_BYTES = 128 * 1024 * 1024
-"""Free memory that a process keeps (estimate: some dozen of the largest messages, MAX_BYTES, with their copies)."""
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # glibc's malloc.h; its largest mmap threshold is 32 MB
+"""Free memory that a process keeps (estimate: some dozen of the largest messages, MAX_BYTES, with
+their copies).
+"""
+# glibc's malloc.h; its largest mmap threshold is 32 MB
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _QUEUE = {"interactive_high": 16, "data": 16, "data_low": 16}
-"""Batches (64 kB each) of a priority that may be on the way; the default of 2 holds an answer of 852 kB up by 20 %."""
+"""Batches (64 kB each) of a priority that may be on the way; the default of 2 holds an answer of
+852 kB up by 20 %.
+"""
 ROUTER_PATIENCE_MS, CLIENT_PATIENCE_MS = 100, LEASE_MS
-"""Longest time that a receiver that takes nothing delays its senders, before what it does not take is dropped (at the
-router, _DROPPED_AT_LAST) or the session is closed.
+"""Longest time that a receiver that takes nothing delays its senders, before what it does not take
+is dropped (at the router, _DROPPED_AT_LAST) or the session is closed.
 
-The router must lose its patience well before a client does: while it waits for a slow monitor, it reads nothing from
-the sender either. With 500 ms at both the sender's session was closed, and a healthy receiver got 45, 88, 150 of 150
-messages of 852 kB; so all 150, three times (measured).
+The router must lose its patience well before a client does: while it waits for a slow monitor, it
+reads nothing from the sender either. With 500 ms at both the sender's session was closed, and a
+healthy receiver got 45, 88, 150 of 150 messages of 852 kB; so all 150, three times (measured).
 """
 CLOSE_S = 3.0
-"""For a session to close; estimate: it takes some ms, and the supervisor kills an agent that needs more than 5 s."""
+"""For a session to close; estimate: it takes some ms, and the supervisor kills an agent that needs
+more than 5 s.
+"""
 LINK_PATIENCE_MS = 300
-"""Longest time that a frozen neighbour holds up what is put to it, before the link is closed. With 2000 ms a thread
-that put to a healthy neighbour waited for 1.1 s, too; with 100 to 500 ms for 1 to 10 ms (measured)."""
+"""Longest time that a frozen neighbour holds up what is put to it, before the link is closed. With
+2000 ms a thread that put to a healthy neighbour waited for 1.1 s, too; with 100 to 500 ms for 1 to
+10 ms (measured).
+"""
 MORE_SESSIONS = 20
-"""Sessions at a router beside as many as there are identities; more are refused. Estimate: a dozen verbs of
-`roco` that listen, and processes that come back before their last session has ended.
+"""Sessions at a router beside as many as there are identities; more are refused. Estimate: a dozen
+verbs of `roco` that listen, and processes that come back before their last session has ended.
 
-The companion's eleven identities may have 31 then. With an unfinished message of 7.9 MB in each of 30 sessions the
-router took 231 MiB (measured); its container has 256.
+The companion's eleven identities may have 31 then. With an unfinished message of 7.9 MB in each of
+30 sessions the router took 231 MiB (measured); its container has 256.
 """
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}
 _DROPPED_AT_LAST = {
@@ -89,17 +105,18 @@ _DROPPED_AT_LAST = {
     "flows": ["egress"],
     "overwrite": {"congestion_control": "drop"},
 }
-"""A router drops what a receiver does not take in time, whatever its sender asked for, and keeps the session.
+"""A router drops what a receiver does not take in time, whatever its sender asked for, and keeps
+the session.
 
-Else whoever puts faster than a receiver takes cuts it off: with 60,000 messages a second co lost its router 4 times in
-8 s, and not once so (benchmarks/floods.py).
+Else whoever puts faster than a receiver takes cuts it off: with 60,000 messages a second co lost
+its router 4 times in 8 s, and not once so (benchmarks/floods.py).
 """
 _NO_SCOUTING = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
 
 
 def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Config:
-    """Configuration of a client of the router. `endpoint` like tcp/127.0.0.1:7447; with `tls` (secured.client_tls)
-    tls/...
+    """Configuration of a client of the router. `endpoint` like tcp/127.0.0.1:7447; with `tls`
+    (secured.client_tls) tls/...
     """
     parts: dict[str, Any] = {
         "mode": "client",
@@ -116,14 +133,21 @@ def links_config(
     tls: dict[str, Any] | None = None,
     access_control: dict[str, Any] | None = None,
 ) -> zenoh.Config:
-    """Configuration of an agent's links: it listens, and dials each neighbour, as long as that is not there.
+    """Configuration of an agent's links: it listens, and dials each neighbour, as long as that is
+    not there.
 
-    With keys (secured.links_tls) it grants its neighbours the rights of `access_control`; all others get none.
+    With keys (secured.links_tls) it grants its neighbours the rights of `access_control`; all
+    others get none.
     """
     parts: dict[str, Any] = {
         "mode": "peer",
         "listen": {"endpoints": [listen]},
-        "connect": {"endpoints": list(neighbours), "timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY},
+        "connect": {
+            "endpoints": list(neighbours),
+            "timeout_ms": -1,
+            "exit_on_failure": False,
+            "retry": _RETRY,
+        },
         "scouting": _NO_SCOUTING,
         # Else each open waits 0.5 s for neighbours that are not there yet.
         "open": {"return_conditions": {"connect_scouted": False, "declares": False}},
@@ -139,9 +163,11 @@ def router_config(
     tls: dict[str, Any] | None = None,
     access_control: dict[str, Any] | None = None,
 ) -> zenoh.Config:
-    """Configuration of the fleet's router. With keys (secured.router_tls) it grants the rights of `access_control`.
+    """Configuration of the fleet's router. With keys (secured.router_tls) it grants the rights of
+    `access_control`.
 
-    `endpoint`: several, comma between, are independent: a flood of handshakes at one locks that one alone.
+    `endpoint`: several, comma between, are independent: a flood of handshakes at one locks that one
+    alone.
     """
     parts: dict[str, Any] = {
         "mode": "router",
@@ -153,7 +179,9 @@ def router_config(
     }
     if access_control is not None:
         parts["access_control"] = access_control
-        parts["transport"]["unicast"] = {"max_sessions": len(access_control.get("subjects", ())) + MORE_SESSIONS}
+        parts["transport"]["unicast"] = {
+            "max_sessions": len(access_control.get("subjects", ())) + MORE_SESSIONS
+        }
     return zenoh.Config.from_json5(json.dumps(parts))
 
 
@@ -161,20 +189,32 @@ def _transport(tls: dict[str, Any] | None, patience_ms: int, *, router: bool) ->
     patience = patience_ms * 1000
     waiting = {
         "block": {"wait_before_close": patience},
-        "drop": {"wait_before_drop": patience, "max_wait_before_drop_fragments": patience} if router else {},
+        "drop": (
+            {"wait_before_drop": patience, "max_wait_before_drop_fragments": patience}
+            if router
+            else {}
+        ),
     }
     link: dict[str, Any] = {
-        "tx": {"lease": LEASE_MS, "keep_alive": 4, "queue": {"size": _QUEUE, "congestion_control": waiting}},
+        "tx": {
+            "lease": LEASE_MS,
+            "keep_alive": 4,
+            "queue": {"size": _QUEUE, "congestion_control": waiting},
+        },
         "rx": {"max_message_size": LONGEST},
     }
-    return {"link": link if tls is None else link | {"tls": tls}, "shared_memory": {"enabled": False}}
+    return {
+        "link": link if tls is None else link | {"tls": tls},
+        "shared_memory": {"enabled": False},
+    }
 
 
 def keep_memory() -> None:
-    """Let the C library keep memory that large messages need repeatedly; else each page is mapped again each time.
+    """Let the C library keep memory that large messages need repeatedly; else each page is mapped
+    again each time.
 
-    An answer of 852 kB through two agents takes two thirds of the time with it (benchmarks/as_shipped.py). Of glibc;
-    elsewhere nothing happens.
+    An answer of 852 kB through two agents takes two thirds of the time with it
+    (benchmarks/as_shipped.py). Of glibc; elsewhere nothing happens.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
@@ -187,7 +227,9 @@ def open_router(
     tls: dict[str, Any] | None = None,
     access_control: dict[str, Any] | None = None,
 ) -> zenoh.Session:
-    """A router in this process; when this returns it listens. Raises zenoh.ZError where the address is taken."""
+    """A router in this process; when this returns it listens. Raises zenoh.ZError where the address
+    is taken.
+    """
     keep_memory()
     return zenoh.open(router_config(endpoint, tls, access_control))
 
@@ -198,7 +240,9 @@ def open_links(
     tls: dict[str, Any] | None = None,
     access_control: dict[str, Any] | None = None,
 ) -> zenoh.Session:
-    """The links of an agent, whether its neighbours are there or not. Raises zenoh.ZError: the address is taken."""
+    """The links of an agent, whether its neighbours are there or not. Raises zenoh.ZError: the
+    address is taken.
+    """
     keep_memory()
     return zenoh.open(links_config(listen, neighbours, tls, access_control))
 
@@ -210,7 +254,8 @@ def open_client(
     tls: dict[str, Any] | None = None,
     told: Callable[[str], None] = lambda why: None,
 ) -> zenoh.Session | None:
-    """A session, as soon as the router is there; None when `give_up` says so first. Blocks for one try at a time.
+    """A session, as soon as the router is there; None when `give_up` says so first. Blocks for one
+    try at a time.
 
     `told` gets the reason where it takes longer, and again where it is another one.
     """
@@ -226,33 +271,41 @@ def open_client(
 
 
 def close(session: zenoh.Session, within_s: float = CLOSE_S) -> bool:
-    """Close a session; return False, and say so on standard error, where that has not ended in time.
+    """Close a session; return False, and say so on standard error, where that has not ended in
+    time.
 
-    Zenoh waits without a limit for its tasks and callbacks; the process goes on, to its journal and its reports.
+    Zenoh waits without a limit for its tasks and callbacks; the process goes on, to its journal and
+    its reports.
     """
     closing = threading.Thread(target=session.close, name="close", daemon=True)
     closing.start()
     closing.join(within_s)
     if closing.is_alive():
         print(
-            f"the Zenoh session has not closed within {within_s:g} s; it is left as it is", file=sys.stderr, flush=True
+            f"the Zenoh session has not closed within {within_s:g} s; it is left as it is",
+            file=sys.stderr,
+            flush=True,
         )
     return not closing.is_alive()
 
 
 def free_endpoint() -> str:
-    """A loopback endpoint whose port nobody uses now. Raise OSError where processes cannot meet there."""
+    """A loopback endpoint whose port nobody uses now. Raise OSError where processes cannot meet
+    there.
+    """
     return f"tcp/127.0.0.1:{free_port()}"
 
 
-# --- The links of an agent with its neighbours: one session, opened again where keys were renewed or one was revoked --
-# Both ends of a link listen and dial, so that a restarted agent is linked again at once, and a storm of connections has
-# to hit both ends to keep them apart. The session is open whether a neighbour is there or not.
+# --- The links of an agent with its neighbours: one session, opened again where keys were renewed
+# or one was revoked -- Both ends of a link listen and dial, so that a restarted agent is linked
+# again at once, and a storm of connections has to hit both ends to keep them apart. The session is
+# open whether a neighbour is there or not.
 
 
 UNIX_SOCKET = "unixsock-stream/"
-"""Endpoints of sockets of this host begin so. They do not tell who is at the other end: rules by certificate would
-refuse all, so there are none. A user who may write the folder of the sockets may speak as any agent.
+"""Endpoints of sockets of this host begin so. They do not tell who is at the other end: rules by
+certificate would refuse all, so there are none. A user who may write the folder of the sockets may
+speak as any agent.
 """
 
 
@@ -264,15 +317,17 @@ class Links:
     """Of one agent, at the endpoint that `options.agents` has for it."""
 
     def __init__(self, options: Options, wiring: Wiring) -> None:
-        """Raises KeysError where the keys or the rules of this agent are missing, NoEndpointError where an endpoint."""
+        """Raises KeysError where the keys or the rules of this agent are missing, NoEndpointError
+        where an endpoint.
+        """
         linked = [peer for peer in wiring.peers if peer not in wiring.groups]
         unknown = [name for name in (wiring.agent, *linked) if name not in options.agents]
         if unknown:
             there = ", ".join(options.agents) or "none"
             raise NoEndpointError(
                 f"{AGENTS_VARIABLE} has no endpoint of {', '.join(unknown)}; it has {there}, and"
-                f" {wiring.agent} is linked with {', '.join(linked)}: `roco up` tells each agent, else set"
-                f" {AGENTS_VARIABLE}={wiring.agent}=tls/HOST:PORT,..."
+                f" {wiring.agent} is linked with {', '.join(linked)}: `roco up` tells each agent,"
+                f" else set {AGENTS_VARIABLE}={wiring.agent}=tls/HOST:PORT,..."
             )
         self._keys, self._name = options.keys, wiring.agent
         self.at = options.listen or options.agents[wiring.agent]
@@ -303,16 +358,24 @@ class Links:
 
 
 class Joining:
-    """Joins the router of the tools beside the agent's work: tried at once, then in a thread until it is there."""
+    """Joins the router of the tools beside the agent's work: tried at once, then in a thread until
+    it is there.
+    """
 
     def __init__(
-        self, options: Options, name: str, join: Callable[[zenoh.Session], None], told: Callable[[str], None]
+        self,
+        options: Options,
+        name: str,
+        join: Callable[[zenoh.Session], None],
+        told: Callable[[str], None],
     ) -> None:
         """`told`: gets the reason where it takes longer, and again where it is another one."""
         self._options, self._join, self._told = options, join, told
         self._tls = client_tls(options.keys, name) if options.keys else None
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._try, args=(self._ended.is_set,), name="join", daemon=True)
+        self._thread = threading.Thread(
+            target=self._try, args=(self._ended.is_set,), name="join", daemon=True
+        )
         once = iter((False, True))
         if not self._try(lambda: next(once)):
             self._thread.start()

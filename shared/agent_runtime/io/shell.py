@@ -1,10 +1,11 @@
 """The shell around the core: one loop thread that owns session, clock, journal and signals.
 
-One step at a time, on the loop's thread or on the one that heard (see step_lock): it steps the core and carries the
-effects out in the one order that keeps the promise: record synced, receipts, sends, messages to the devices. Where the
-record cannot be written, the step has not happened, and its event waits (full_disk). Logs and step log, which nobody
-waits for, are written in the next pause. SIGTERM and SIGINT stop it between steps. An exception of the agent's own code
-ends the process with status 1: the journal is as before the step, and the supervisor restarts it.
+One step at a time, on the loop's thread or on the one that heard (see step_lock): it steps the core
+and carries the effects out in the one order that keeps the promise: record synced, receipts, sends,
+messages to the devices. Where the record cannot be written, the step has not happened, and its
+event waits (full_disk). Logs and step log, which nobody waits for, are written in the next pause.
+SIGTERM and SIGINT stop it between steps. An exception of the agent's own code ends the process with
+status 1: the journal is as before the step, and the supervisor restarts it.
 """
 
 import gc
@@ -64,7 +65,8 @@ from agent_runtime.io.zenoh_wire import (
     receipt,
 )
 
-# --- The way of devices to their agent: what they post waits at the step lock, what they publish goes onto the wire --
+# --- The way of devices to their agent: what they post waits at the step lock, what they publish
+# goes onto the wire
 
 
 class Posted(msgspec.Struct, frozen=True):
@@ -87,11 +89,14 @@ class DevicePort:
         self._wire.publish(kind, data)
 
 
-# --- Sums of what one agent was told too much of, and that the disk has its share: said in its log, for people -------
+# --- Sums of what one agent was told too much of, and that the disk has its share: said in its log,
+# for people
 
 
 class Floods:
-    """Writer of the log lines about dropped messages and the full step log; it remembers what it has logged."""
+    """Writer of the log lines about dropped messages and the full step log; it remembers what it
+    has logged.
+    """
 
     def __init__(self, log: Log) -> None:
         self._log = log
@@ -99,31 +104,45 @@ class Floods:
         self._full_told = False
 
     def look(self, dropped: Mapping[str, int], *, full: bool) -> None:
-        """Log who says more than is taken (`dropped`: "kind of peer" -> how often so far); `full`: the step log is."""
+        """Log who says more than is taken (`dropped`: "kind of peer" -> how often so far); `full`:
+        the step log is.
+        """
         for what, count in tuple(dropped.items()):
             new = count - self._dropped.get(what, 0)
             if new:
                 self._dropped[what] = count
                 kind, _, peer = what.partition(" of ")
                 why = "more than a peer may say: what is durable or asked comes again"
-                self._log.write("over quota", level="warning", sender=peer, kind=kind, count=new, why=why)
+                self._log.write(
+                    "over quota", level="warning", sender=peer, kind=kind, count=new, why=why
+                )
         if full and not self._full_told:
             self._full_told = True
-            why = "the step log is full, steps are not logged any more: begin a new run folder to have them"
+            why = (
+                "the step log is full, steps are not logged any more: begin a new run folder to"
+                " have them"
+            )
             self._log.write("disk limit", level="error", why=why)
         self._log.look()
 
 
-# --- The shell around the core ----------------------------------------------------------------------------------------
+# --- The shell around the core --------------------------------------------------------------------
 
 
 QUIET_S = 0.005
-"""Without anything new, after which logs are written; eight round trips. A kill -9 takes what was not (estimate)."""
+"""Without anything new, after which logs are written; eight round trips. A kill -9 takes what was
+not (estimate).
+"""
 COLLECT_AFTER = 10_000
-"""Objects made and not freed, after which the youngest are collected; Python's own 700 are a few steps' (estimate)."""
-LISTEN_S = 0.1  # between two tries to listen where the address is taken or keys are in the making (estimate)
+"""Objects made and not freed, after which the youngest are collected; Python's own 700 are a few
+steps' (estimate).
+"""
+# between two tries to listen where the address is taken or keys are in the making (estimate)
+LISTEN_S = 0.1
 HEARTBEAT_S = 1.0
-"""Of the heartbeat file and of pings until they are answered; estimate: people look once a second."""
+"""Of the heartbeat file and of pings until they are answered; estimate: people look once a
+second.
+"""
 
 
 class Stop(msgspec.Struct, frozen=True):
@@ -135,11 +154,14 @@ class Stop(msgspec.Struct, frozen=True):
 class Shell:
     """One agent in one process; `run` returns the exit status."""
 
-    def __init__(self, agent: Agent[Any], wiring: Wiring, options: Options, device: DeviceMaker | None = None) -> None:
+    def __init__(
+        self, agent: Agent[Any], wiring: Wiring, options: Options, device: DeviceMaker | None = None
+    ) -> None:
         """Opens files, takes the journal; nothing is sent before `run`.
 
-        Raises JournalError where another process has the journal, KeysError where keys are missing, NoEndpointError
-        where nobody told where neighbours are, OSError where the disk takes nothing.
+        Raises JournalError where another process has the journal, KeysError where keys are missing,
+        NoEndpointError where nobody told where neighbours are, OSError where the disk takes
+        nothing.
         """
         self.name = agent.name
         self._options, run = options, options.run_dir
@@ -157,7 +179,9 @@ class Shell:
         self._maker = device
         self._device: Device = NoDevice()
         self._later: list[tuple[float, int, Any]] = []
-        self._unanswered = {(link.peer, link.channel.encode()) for link in wiring.links if link.awaited}
+        self._unanswered = {
+            (link.peer, link.channel.encode()) for link in wiring.links if link.awaited
+        }
         try:
             self._steps = StepLog(run / "steps" / f"{agent.name}.steps")
             self._state: CoreState = self._boot()
@@ -183,7 +207,7 @@ class Shell:
         ready_file(self._options.run_dir, self.name).unlink(missing_ok=True)
         return state
 
-    # --- the loop -----------------------------------------------------------------------------------------------------
+    # --- the loop ---------------------------------------------------------------------------------
 
     def run(self) -> int:
         """Serve until a signal comes. 0: stopped in order; 1: an error of the agent's own."""
@@ -215,7 +239,12 @@ class Shell:
             return
         state = self._state
         self._wire = ZenohWire(
-            session, self._core.wiring, state.incarnation, self._step_lock, state.journal, self._steps.path
+            session,
+            self._core.wiring,
+            state.incarnation,
+            self._step_lock,
+            state.journal,
+            self._steps.path,
         )
 
         def router_away(why: str) -> None:
@@ -227,11 +256,13 @@ class Shell:
         if self._maker is not None:
             self._device = self._maker(DevicePort(self._step_lock, self._wire))
         first = self._state.incarnation == 1
-        self.log.write("started", incarnation=self._state.incarnation, state=self._state.state, first=first)
+        self.log.write(
+            "started", incarnation=self._state.incarnation, state=self._state.state, first=first
+        )
         self._happen(Started(first))
-        # Objects made so far stay: no collection need look at them again (34 ms each in km, at times amid an answer).
-        # Those that steps leave are freed without one: a question took 1.43 instead of 1.44 of a get
-        # (benchmarks/as_shipped.py).
+        # Objects made so far stay: no collection need look at them again (34 ms each in km, at
+        # times amid an answer). Those that steps leave are freed without one: a question took 1.43
+        # instead of 1.44 of a get (benchmarks/as_shipped.py).
         gc.collect()
         gc.freeze()
         gc.set_threshold(COLLECT_AFTER)
@@ -245,7 +276,9 @@ class Shell:
                 if isinstance(item, Failed):
                     raise item.error
                 if self._disk.events:
-                    self._disk.wait_for_room(self._happen, self._beat, lambda: self._stop is not None)
+                    self._disk.wait_for_room(
+                        self._happen, self._beat, lambda: self._stop is not None
+                    )
                 if item is not None:
                     self._step_lock.step(item)
                 self._on_time()
@@ -298,7 +331,11 @@ class Shell:
         if self._disk.events:
             return 0.0
         at = self._beat_at
-        for other in (self._wake_at, self._peers.look_at, self._later[0][0] if self._later else None):
+        for other in (
+            self._wake_at,
+            self._peers.look_at,
+            self._later[0][0] if self._later else None,
+        ):
             if other is not None and other < at:
                 at = other
         return min(at, self._quiet_at) if self._recorder.pending else at
@@ -320,8 +357,19 @@ class Shell:
             self._link_again()
             self._ping_all()
             for one, still in self._unheard.look(self._state, self._unanswered, self._peers, now):
-                why, level = (unheard_text(self.name, one, now), "warning") if still else ("heard again", "info")
-                self.log.write("unheard", level=level, peer=one.peer, channel=one.channel, what=one.what, why=why)
+                why, level = (
+                    (unheard_text(self.name, one, now), "warning")
+                    if still
+                    else ("heard again", "info")
+                )
+                self.log.write(
+                    "unheard",
+                    level=level,
+                    peer=one.peer,
+                    channel=one.channel,
+                    what=one.what,
+                    why=why,
+                )
             self._floods.look(self._inbox.dropped, full=self._steps.full)
             self._beat()
 
@@ -340,7 +388,7 @@ class Shell:
         self.log.write("stopped")
         self.log.close()
 
-    # --- what comes in ------------------------------------------------------------------------------------------------
+    # --- what comes in ----------------------------------------------------------------------------
 
     def _take(self, item: Any) -> None:
         match item:
@@ -358,7 +406,9 @@ class Shell:
             case Posted(content=content, at=at):
                 heapq.heappush(self._later, (at, id(item), content))
             case Token():
-                for change in self._peers.token(item.agent, item.incarnation, item.alive, clock.now(), item.journal):
+                for change in self._peers.token(
+                    item.agent, item.incarnation, item.alive, clock.now(), item.journal
+                ):
                     self._changed(change)
             case Ping():
                 self._pinged(item)
@@ -366,14 +416,18 @@ class Shell:
     def _changed(self, change: PeerChanged | LinkChanged) -> None:
         if isinstance(change, PeerChanged):
             level = "info" if change.incarnation is not None else "warning"
-            self.log.write("peer", level=level, peer=change.agent, incarnation=change.incarnation or "gone")
+            self.log.write(
+                "peer", level=level, peer=change.agent, incarnation=change.incarnation or "gone"
+            )
             self._ping_all()
         self._happen(change)
 
-    # --- steps --------------------------------------------------------------------------------------------------------
+    # --- steps ------------------------------------------------------------------------------------
 
     def _happen(self, event: AnyEvent) -> None:
-        """Step, and again while more can be taken. What cannot be recorded waits, and all that follows behind it."""
+        """Step, and again while more can be taken. What cannot be recorded waits, and all that
+        follows behind it.
+        """
         if self._disk.events:
             self._disk.events.append(event)
             return
@@ -400,7 +454,11 @@ class Shell:
             following = Next() if effects.more else None
             self._quiet_at = now + QUIET_S
             if after.journal != before.journal:
-                raise JournalError(self._journal.path, "its end was lost", "the agent goes on under another name of it")
+                raise JournalError(
+                    self._journal.path,
+                    "its end was lost",
+                    "the agent goes on under another name of it",
+                )
         if self._recorder.full or not self._serving:
             self._recorder.write()
 
@@ -416,7 +474,9 @@ class Shell:
         return True
 
     def _carry_out(self, out: Out, after: CoreState) -> list[int]:
-        """Do what comes after the record, in this order; return the bytes of each communicate sent."""
+        """Do what comes after the record, in this order; return the bytes of each communicate
+        sent.
+        """
         assert self._wire is not None
         for one in out.receipts:
             self._wire.send_receipt(one)
@@ -428,7 +488,7 @@ class Shell:
     def _show_level(self) -> None:
         self.log.show(self._state.now_set.level or self._options.log_level)
 
-    # --- readiness and life -------------------------------------------------------------------------------------------
+    # --- readiness and life -----------------------------------------------------------------------
 
     def _ping_all(self) -> None:
         """Ask on every channel that has not answered yet."""
@@ -448,7 +508,10 @@ class Shell:
 
     def _beat(self) -> None:
         """Say what the agent is at: file, key, and once it is ready the file that says so."""
-        trouble, level = self._disk.why or self._recorder.trouble, self._state.now_set.level or self._options.log_level
+        trouble, level = (
+            self._disk.why or self._recorder.trouble,
+            self._state.now_set.level or self._options.log_level,
+        )
         up, ready = self._wire is not None and self._wire.at_router, not self._unanswered
         state = self._state
         beat = Heartbeat(
@@ -462,7 +525,8 @@ class Shell:
             peers=dict(self._peers.alive),
             unreceipted={peer: len(sent) for peer, sent in state.outbox.items()},
             due={peer: len(due) for peer, due in state.due.items()},
-            counts=state.counts | {f"dropped {kind}": count for kind, count in self._inbox.dropped.items()},
+            counts=state.counts
+            | {f"dropped {kind}": count for kind, count in self._inbox.dropped.items()},
             at=clock.now(),
             unheard=self._unheard.now,
             paused=state.paused,
@@ -495,7 +559,8 @@ def run(
     *,
     prepare: Callable[[Shell], None] | None = None,
 ) -> int:
-    """Run an agent until a stop signal; return the exit status. `prepare` sees the shell before it serves (tests).
+    """Run an agent until a stop signal; return the exit status. `prepare` sees the shell before it
+    serves (tests).
 
     With `options.replay` it does not serve: its steps are run again, and how that went is printed.
     """

@@ -1,9 +1,11 @@
-"""The thread that steps an agent: its loop thread, or a thread that hears, where nothing waits before what it heard.
+"""The thread that steps an agent: its loop thread, or a thread that hears, where nothing waits
+before what it heard.
 
-Who steps has the lock, one at a time. What is heard while the lock is free is taken at once by the thread that heard
-it, and no second thread has to be woken for it: with that, a question and its answer took a tenth longer
-(benchmarks/as_shipped.py). What is heard while the lock is taken waits in the inbox, in its sender's order; so does
-what devices post, whose threads have work of their own.
+Who steps has the lock, one at a time. What is heard while the lock is free is taken at once by the
+thread that heard it, and no second thread has to be woken for it: with that, a question and its
+answer took a tenth longer (benchmarks/as_shipped.py). What is heard while the lock is taken waits
+in the inbox, in its sender's order; so does what devices post, whose threads have work of their
+own.
 """
 
 import threading
@@ -25,8 +27,12 @@ class Failed(msgspec.Struct, frozen=True):
 class StepLock:
     """`until`: unix time until which the loop thread may sleep."""
 
-    def __init__(self, inbox: Inbox, take: Callable[[Any], None], next_at: Callable[[], float]) -> None:
-        """`take` steps with an entry; `next_at`: unix time at which the loop thread has to look again."""
+    def __init__(
+        self, inbox: Inbox, take: Callable[[Any], None], next_at: Callable[[], float]
+    ) -> None:
+        """`take` steps with an entry; `next_at`: unix time at which the loop thread has to look
+        again.
+        """
         self._inbox, self._take, self._next_at = inbox, take, next_at
         self._lock = threading.Lock()
         self._open = False
@@ -35,7 +41,7 @@ class StepLock:
         self._own: list[Any] = []
         self.until = 0.0
 
-    # --- the loop thread ----------------------------------------------------------------------------------------------
+    # --- the loop thread --------------------------------------------------------------------------
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -59,7 +65,9 @@ class StepLock:
             self._open = False
 
     def step(self, item: Any) -> None:
-        """Take an entry, then what the own side posted meanwhile on the same thread. Only by who has the lock."""
+        """Take an entry, then what the own side posted meanwhile on the same thread. Only by who
+        has the lock.
+        """
         self._speaker = threading.get_ident()
         try:
             self._take(item)
@@ -70,12 +78,14 @@ class StepLock:
             for posted in own:
                 self._take(posted)
 
-    # --- any thread ---------------------------------------------------------------------------------------------------
+    # --- any thread -------------------------------------------------------------------------------
 
     def put(self, kind: Class, item: Any, sender: str = "", size: int = 0) -> None:
-        """From a thread that hears: step with the item, or leave it in the inbox. Never waits for another step.
+        """From a thread that hears: step with the item, or leave it in the inbox. Never waits for
+        another step.
 
-        What is beyond the sender's rate is dropped here: a flood would else be all that this thread has time for.
+        What is beyond the sender's rate is dropped here: a flood would else be all that this thread
+        has time for.
         """
         if sender and not self._inbox.admits(kind, sender):
             return
@@ -99,7 +109,8 @@ class StepLock:
         try:
             self.step(item)
         except Exception as error:
-            self._inbox.put(Class.OWN, Failed(error))  # whatever is heard from now on waits behind it
+            # whatever is heard from now on waits behind it
+            self._inbox.put(Class.OWN, Failed(error))
             return
         at = self._next_at()
         if at < self.until:

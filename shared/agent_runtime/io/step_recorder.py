@@ -1,6 +1,8 @@
-"""The record of an agent's steps for people and for replay, written in the next pause: log lines and the step log.
+"""The record of an agent's steps for people and for replay, written in the next pause: log lines
+and the step log.
 
-Nobody waits for it, so nothing of it stands between a message and its answer. A kill -9 takes what was not written.
+Nobody waits for it, so nothing of it stands between a message and its answer. A kill -9 takes what
+was not written.
 """
 
 from collections.abc import Iterator
@@ -17,21 +19,25 @@ from agent_runtime.io.steplog import StepLog, noted
 from fipa_codec.communicate import Communicate
 
 MOST_UNWRITTEN = 64
-"""Steps after which logs are written though there is no pause; 6 to 11 us each, warm, for which who asks next waits."""
+"""Steps after which logs are written though there is no pause; 6 to 11 us each, warm, for which who
+asks next waits.
+"""
 MOST_HEARD = 512 * 1024
-"""Bytes of content in such steps; with more they are copied into the step log's buffer at once. Else the next message
-has to take other memory, which is in no cache: 852 kB took 1.50 instead of 1.43 of a get (benchmarks/as_shipped.py).
+"""Bytes of content in such steps; with more they are copied into the step log's buffer at once.
+Else the next message has to take other memory, which is in no cache: 852 kB took 1.50 instead of
+1.43 of a get (benchmarks/as_shipped.py).
 """
 MOST_SAID = 8 * 1024 * 1024
-"""Bytes of communicates in such steps, after which logs are written, too: they wait longer, since to hash them takes
-time of those who hear them. Estimate: ten of the largest answers (852 kB).
+"""Bytes of communicates in such steps, after which logs are written, too: they wait longer, since
+to hash them takes time of those who hear them. Estimate: ten of the largest answers (852 kB).
 """
 
 
 class _Done(msgspec.Struct, frozen=True):
     """A step that is carried out and not written down yet; `sizes`: bytes of each communicate sent.
 
-    It holds no decoded content: that may be as large as the message and is free for the next one at once.
+    It holds no decoded content: that may be as large as the message and is free for the next one at
+    once.
     """
 
     event: AnyEvent
@@ -68,11 +74,15 @@ class StepRecorder:
         """Whether it must be written without waiting for a pause."""
         return self._noted >= MOST_UNWRITTEN or self._said >= MOST_SAID
 
-    def note(self, event: AnyEvent, at: float, after: CoreState, effects: Effects, sizes: list[int]) -> None:
+    def note(
+        self, event: AnyEvent, at: float, after: CoreState, effects: Effects, sizes: list[int]
+    ) -> None:
         """Keep a step in mind; `sizes`: bytes of each communicate sent."""
         received = effects.handled.communicate if isinstance(effects.handled, Received) else None
         rest = msgspec.structs.replace(effects, handled=None)
-        self._unwritten.append(_Done(event, at, after.incarnation, after.soft.step, rest, sizes, received))
+        self._unwritten.append(
+            _Done(event, at, after.incarnation, after.soft.step, rest, sizes, received)
+        )
         heard = event.communicate if isinstance(event, Arrived) else received
         content = b"" if heard is None or heard.content is msgspec.UNSET else heard.content
         self._noted += 1
@@ -113,7 +123,9 @@ class StepRecorder:
         for sent, size in zip(one.effects.sends, one.sizes, strict=True):
             yield one.at, *self._spoken("sent", sent, size)
 
-    def _spoken(self, event: str, communicate: Communicate, size: int) -> tuple[str, str, dict[str, Any]]:
+    def _spoken(
+        self, event: str, communicate: Communicate, size: int
+    ) -> tuple[str, str, dict[str, Any]]:
         peer = communicate.receiver if event == "sent" else communicate.sender
         link = self._wiring.link(peer, communicate.protocol)
         durable = link is not None and link.delivery is Delivery.DURABLE

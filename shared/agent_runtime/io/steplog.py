@@ -1,10 +1,11 @@
-"""The unsynced log of steps in the run folder: what came in, when, what went out to whom, and a hash of it.
+"""The unsynced log of steps in the run folder: what came in, when, what went out to whom, and a
+hash of it.
 
-It replays an agent to the same bytes: each life begins with the journal record it started from. The logs of all agents
-are the record of a run: a communicate is in the log of its receiver, and its sender's log has all of it but the
-content. The log is never synced: a kill -9 takes at most the lines of the last milliseconds. A line is
-<length u32><msgpack array>, and behind it the content of the communicate that came, where that is much; a torn last
-line is ignored.
+It replays an agent to the same bytes: each life begins with the journal record it started from. The
+logs of all agents are the record of a run: a communicate is in the log of its receiver, and its
+sender's log has all of it but the content. The log is never synced: a kill -9 takes at most the
+lines of the last milliseconds. A line is <length u32><msgpack array>, and behind it the content of
+the communicate that came, where that is much; a torn last line is ignored.
 """
 
 import hashlib
@@ -35,9 +36,13 @@ HEAD = struct.Struct("<I")
 BULK = struct.Struct("<II")
 MUCH_BYTES = 64 * 1024  # estimate: blake2b needs 80 us for that
 BUFFER_BYTES = 4 * 1024 * 1024
-"""Of lines that wait in memory for `flush`; estimate: some of the largest messages (852 kB), a wait of 1 to 10 ms."""
+"""Of lines that wait in memory for `flush`; estimate: some of the largest messages (852 kB), a wait
+of 1 to 10 ms.
+"""
 MOST_BYTES = 1024 * 1024 * 1024
-"""Of a log; then no more steps are logged. Estimate: 200 B a step, so some days; a pour writes 3 MB in a minute."""
+"""Of a log; then no more steps are logged. Estimate: 200 B a step, so some days; a pour writes 3 MB
+in a minute.
+"""
 BOOT = "boot"
 NOTHING = msgspec.Raw()
 """The end mark of a line whose input is whole."""
@@ -55,13 +60,14 @@ class SentMessage(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Step(msgspec.Struct, frozen=True, array_like=True):
-    """`kind`: the event's class, or "boot" with the record a life starts from as input. `output`: 8 bytes of hash.
+    """`kind`: the event's class, or "boot" with the record a life starts from as input. `output`: 8
+    bytes of hash.
 
-    `deed`: what was done, in the words of the design; None where no event reached the behaviour. `apart`: bytes of the
-    content that stand behind the line instead of in `input`; 0 in what `read` gives. `took`: sender and id of the
-    communicate that the behaviour saw, which may have come in an earlier step; "" for none, and in logs of older
-    versions. `parents`: as in Effects. `said`: what the step said, with its time as `sent`; None in logs of older
-    versions.
+    `deed`: what was done, in the words of the design; None where no event reached the behaviour.
+    `apart`: bytes of the content that stand behind the line instead of in `input`; 0 in what `read`
+    gives. `took`: sender and id of the communicate that the behaviour saw, which may have come in
+    an earlier step; "" for none, and in logs of older versions. `parents`: as in Effects. `said`:
+    what the step said, with its time as `sent`; None in logs of older versions.
     """
 
     incarnation: int
@@ -84,10 +90,13 @@ _decoder = msgspec.msgpack.Decoder(Step)
 def fingerprint(effects: Effects) -> bytes:
     """A hash of everything a step put out: record, receipts, communicates, words to the devices.
 
-    It is to tell two runs apart, not to withstand anybody: of much a checksum (a fifth of the time) and the length do.
+    It is to tell two runs apart, not to withstand anybody: of much a checksum (a fifth of the time)
+    and the length do.
     """
     parted = [_without_content(one) for one in effects.sends]
-    sends = [(one, len(content), zlib.crc32(content)) if content else one for one, content in parted]
+    sends = [
+        (one, len(content), zlib.crc32(content)) if content else one for one, content in parted
+    ]
     data = _encoder.encode((effects.record, effects.receipts, sends, effects.tells))
     if len(data) > MUCH_BYTES:
         return BULK.pack(len(data), zlib.crc32(data))
@@ -106,8 +115,8 @@ def noted(
 ) -> tuple[Step, msgspec.Raw]:
     """One step of the core as it is written, and the content that stands behind it.
 
-    `seen`: the communicate that the behaviour saw. `sizes`: bytes of each communicate that was sent. `without_log`:
-    receivers that keep no log.
+    `seen`: the communicate that the behaviour saw. `sizes`: bytes of each communicate that was
+    sent. `without_log`: receivers that keep no log.
     """
     content, took = NOTHING, "" if seen is None else f"{seen.sender} {seen.id}"
     if isinstance(event, events.Arrived):
@@ -120,9 +129,22 @@ def noted(
     for one, size in zip(effects.sends, sizes, strict=True):
         bare, check = checked(one)
         said.append(SentMessage(one if one.receiver in without_log else bare, size, check))
-    return Step(
-        incarnation, step, at, kind, data, hashed, effects.deed, len(content), took, effects.parents, tuple(said)
-    ), content
+    return (
+        Step(
+            incarnation,
+            step,
+            at,
+            kind,
+            data,
+            hashed,
+            effects.deed,
+            len(content),
+            took,
+            effects.parents,
+            tuple(said),
+        ),
+        content,
+    )
 
 
 def checked(one: Communicate) -> tuple[Communicate, int]:
@@ -133,7 +155,9 @@ def checked(one: Communicate) -> tuple[Communicate, int]:
 
 
 def _without_content(communicate: Communicate) -> tuple[Communicate, msgspec.Raw]:
-    """Without its content, and that, where it is much: who asks next waits for each copy. Else itself, and nothing."""
+    """Without its content, and that, where it is much: who asks next waits for each copy. Else
+    itself, and nothing.
+    """
     content = communicate.content
     if content is msgspec.UNSET or len(content) <= MUCH_BYTES:
         return communicate, NOTHING
@@ -151,7 +175,8 @@ def _joined(step: Step, content: bytes) -> Step:
 class StepLog:
     """The open log of one agent; `waiting`: bytes that are not in the file yet.
 
-    While the disk takes nothing, lines wait up to BUFFER_BYTES; those beyond are `lost`, and `trouble` says why.
+    While the disk takes nothing, lines wait up to BUFFER_BYTES; those beyond are `lost`, and
+    `trouble` says why.
     """
 
     def __init__(self, path: Path) -> None:
@@ -168,12 +193,15 @@ class StepLog:
         return self._size >= MOST_BYTES
 
     def boot(self, incarnation: int, record: bytes, now: float) -> None:
-        """A life begins from this record; that of a first one has incarnation 0, and the name of its journal."""
+        """A life begins from this record; that of a first one has incarnation 0, and the name of
+        its journal.
+        """
         self.write([(Step(incarnation, 0, now, BOOT, record), NOTHING)])
         self.flush()
 
     def write(self, steps: Iterable[tuple[Step, msgspec.Raw]]) -> None:
-        """Steps of the core, into the file at the next flush, or before it where they are too many to wait.
+        """Steps of the core, into the file at the next flush, or before it where they are too many
+        to wait.
 
         Nothing is left of a line for a later write but of one that is longer than BUFFER_BYTES.
         """
@@ -207,14 +235,16 @@ class StepLog:
 
 
 class Reader:
-    """Reads a log from `at` [bytes] on, also while it is written: `new` goes on where the last call ended."""
+    """Reads a log from `at` [bytes] on, also while it is written: `new` goes on where the last call
+    ended.
+    """
 
     def __init__(self, path: Path, at: int = 0) -> None:
         self.path, self.at = path, at
 
     def new(self) -> Iterator[Step]:
-        """The whole lines since the last call; a line is read once it is yielded. Raise StepLogError for one that is
-        none, OSError.
+        """The whole lines since the last call; a line is read once it is yielded. Raise
+        StepLogError for one that is none, OSError.
         """
         if self.path.stat().st_size <= self.at:
             return
@@ -238,45 +268,61 @@ class Reader:
             content = file.read(step.apart)
             if len(content) < step.apart:
                 return None
-            return _joined(step, content) if step.apart else step, self.at + HEAD.size + length + step.apart
+            return (
+                _joined(step, content) if step.apart else step
+            ), self.at + HEAD.size + length + step.apart
         except UNREADABLE as error:
             raise StepLogError(self.path, self.at, str(error)) from error
 
 
 def read(path: Path) -> Iterator[Step]:
-    """All whole lines of a log. Raise StepLogError for one that is none; a torn last line is left out."""
+    """All whole lines of a log. Raise StepLogError for one that is none; a torn last line is left
+    out.
+    """
     return Reader(path).new()
 
 
 def deeds(folder: Path) -> list[tuple[str, Deed]]:
-    """(agent, deed) of all agents whose logs AGENT.steps lie in a folder, in an order in which it can have been.
+    """(agent, deed) of all agents whose logs AGENT.steps lie in a folder, in an order in which it
+    can have been.
 
-    An agent's steps stay in their order, and what is taken was said before; the rest is put in order by time. Time
-    alone does not do: clocks of two hosts differ, and one may be set back.
+    An agent's steps stay in their order, and what is taken was said before; the rest is put in
+    order by time. Time alone does not do: clocks of two hosts differ, and one may be set back.
     """
     logs = {path.stem: list(read(path)) for path in sorted(folder.glob("*.steps"))}
     return [(agent, step.deed) for agent, step in _in_order(logs) if step.deed is not None]
 
 
 def _in_order(logs: dict[str, list[Step]]) -> Iterator[tuple[str, Step]]:
-    said_at = {(agent, step.at): place for agent, steps in logs.items() for place, step in enumerate(steps)}
+    said_at = {
+        (agent, step.at): place for agent, steps in logs.items() for place, step in enumerate(steps)
+    }
     causes = {agent: _causes(steps, said_at) for agent, steps in logs.items()}
     begun = dict.fromkeys(logs, 0)
     while left := [agent for agent, steps in logs.items() if begun[agent] < len(steps)]:
         heads = {agent: (logs[agent][begun[agent]], causes[agent][begun[agent]]) for agent in left}
-        free = [agent for agent, (_, cause) in heads.items() if cause is None or cause[1] < begun[cause[0]]]
+        free = [
+            agent
+            for agent, (_, cause) in heads.items()
+            if cause is None or cause[1] < begun[cause[0]]
+        ]
         agent = min(free or left, key=lambda one: heads[one][0].at)
         yield agent, heads[agent][0]
         begun[agent] += 1
 
 
-def _causes(steps: list[Step], said_at: dict[tuple[str, float], int]) -> list[tuple[str, int] | None]:
-    """For each step the agent and place of the one that said what it took; None where no log shows it."""
+def _causes(
+    steps: list[Step], said_at: dict[tuple[str, float], int]
+) -> list[tuple[str, int] | None]:
+    """For each step the agent and place of the one that said what it took; None where no log shows
+    it.
+    """
     came: dict[str, tuple[str, float]] = {}
     causes: list[tuple[str, int] | None] = []
     for step in steps:
         if step.kind == events.Arrived.__name__ and step.input:
-            with suppress(msgspec.MsgspecError):  # a recorded history may have been cut to its deeds
+            # a recorded history may have been cut to its deeds
+            with suppress(msgspec.MsgspecError):
                 one = msgspec.msgpack.decode(step.input, type=events.Arrived).communicate
                 came.setdefault(f"{one.sender} {one.id}", (str(one.sender), one.sent))
         source = came.get(step.took)
@@ -285,7 +331,9 @@ def _causes(steps: list[Step], said_at: dict[tuple[str, float], int]) -> list[tu
 
 
 def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effects]]:
-    """Run a core through a log: each step with its effects now; compare `fingerprint(effects)` with `step.output`."""
+    """Run a core through a log: each step with its effects now; compare `fingerprint(effects)` with
+    `step.output`.
+    """
     state = core.boot(None)
     for step in steps:
         if step.kind == BOOT:
@@ -296,7 +344,9 @@ def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effec
 
 
 def booted(core: Core[Any], record: bytes) -> CoreState:
-    """The state in which a life of the log begins; a first one with the memory that the code gives it now."""
+    """The state in which a life of the log begins; a first one with the memory that the code gives
+    it now.
+    """
     if not record:
         return core.boot(None)
     begun = msgspec.msgpack.decode(record, type=_Begun)
@@ -304,7 +354,9 @@ def booted(core: Core[Any], record: bytes) -> CoreState:
 
 
 def journal_of(record: bytes) -> str:
-    """The name of the journal that a life of the log begins with. Raise msgspec.MsgspecError for no record."""
+    """The name of the journal that a life of the log begins with. Raise msgspec.MsgspecError for no
+    record.
+    """
     return msgspec.msgpack.decode(record, type=_Begun).journal if record else ""
 
 
@@ -326,16 +378,19 @@ class _RawLocal(msgspec.Struct, tag="Local"):
     content: msgspec.Raw
 
 
-# --- Sender of a step log to a recorder on another host, for as long as that asks for it ------------------------------
-# The recorder says how much of the log it has, again and again; from there on the sender puts what is in the file, in
-# parts, and what is added to it. So whatever was lost on the way, or was written while no recorder was there, is sent
-# once more. A thread of its own: nothing waits for it. It rests, without a thread, while nobody asks.
+# --- Sender of a step log to a recorder on another host, for as long as that asks for it ----------
+# The recorder says how much of the log it has, again and again; from there on the sender puts what
+# is in the file, in parts, and what is added to it. So whatever was lost on the way, or was written
+# while no recorder was there, is sent once more. A thread of its own: nothing waits for it. It
+# rests, without a thread, while nobody asks.
 
 
 LOG_PART, LOG_WANTED = "steps", "want"
 """Kinds of signals: a part of a log, and that one is wanted."""
 OFFSET = struct.Struct("<Q")
-"""A place in a log [bytes]: before a part of it; alone, where the recorder has the log up to there."""
+"""A place in a log [bytes]: before a part of it; alone, where the recorder has the log up to
+there.
+"""
 PART_BYTES = 256 * 1024
 """Of a part (estimate: 2 ms of a network of 1 Gbit/s)."""
 PAUSE_S = 0.1
@@ -356,13 +411,16 @@ class LogSender:
         self._over = threading.Event()
 
     def wanted(self, data: bytes) -> None:
-        """A recorder has so much of it. From Zenoh's threads; never blocks. What is no offset is ignored."""
+        """A recorder has so much of it. From Zenoh's threads; never blocks. What is no offset is
+        ignored.
+        """
         if len(data) != OFFSET.size:
             return
         (there,) = OFFSET.unpack(data)
         with self._lock:
             self._until = time.monotonic() + SENDER_LEASE_S
-            if there > self._at or there == self._asked:  # it has more, or got nothing since it asked before
+            # it has more, or got nothing since it asked before
+            if there > self._at or there == self._asked:
                 self._at = there
             self._asked = there
             if self._thread is None and not self._over.is_set():
@@ -376,7 +434,8 @@ class LogSender:
         with self._lock:
             thread = self._thread
         if thread is not None:
-            thread.join(PAUSE_S)  # a put may hang where its cable is cut; the process ends all the same
+            # a put may hang where its cable is cut; the process ends all the same
+            thread.join(PAUSE_S)
 
     def _send(self) -> None:
         while not self._over.is_set():
@@ -397,16 +456,19 @@ class LogSender:
                     self._at = at + len(part)
 
 
-# --- An agent run again from its step log, offline: whether each step puts out the bytes that it put out then ---------
-# A process of the agent does this instead of serving (`--replay LOG`): it runs the code that the fleet runs, without a
-# router, devices or a clock. What devices said is in the log.
+# --- An agent run again from its step log, offline: whether each step puts out the bytes that it
+# put out then
+# A process of the agent does this instead of serving (`--replay LOG`): it runs the code that the
+# fleet runs, without a router, devices or a clock. What devices said is in the log.
 
 
 DIGEST_BYTES = 16
 
 
 class Put(msgspec.Struct, frozen=True):
-    """Output of a step run now. `sends`: as on the wire; `tells`: the words to the devices, as they are hashed."""
+    """Output of a step run now. `sends`: as on the wire; `tells`: the words to the devices, as they
+    are hashed.
+    """
 
     record: bytes | None
     receipts: tuple[Receipt, ...]
@@ -418,8 +480,8 @@ class Put(msgspec.Struct, frozen=True):
 class Parted(msgspec.Struct, frozen=True):
     """The first step that puts out something else than what the log says.
 
-    `output`: the hash in the log; `deed`: what was done then. `before`: the journal record that was written last before
-    it. `now` None: the step could not be run, and `error` says why.
+    `output`: the hash in the log; `deed`: what was done then. `before`: the journal record that was
+    written last before it. `now` None: the step could not be run, and `error` says why.
     """
 
     incarnation: int
@@ -434,7 +496,9 @@ class Parted(msgspec.Struct, frozen=True):
 
 
 class SentAgain(msgspec.Struct, frozen=True):
-    """A communicate that a step put out: which step, to whom, its id, and what tells its bytes from any other."""
+    """A communicate that a step put out: which step, to whom, its id, and what tells its bytes from
+    any other.
+    """
 
     incarnation: int
     step: int
@@ -446,7 +510,9 @@ class SentAgain(msgspec.Struct, frozen=True):
 
 
 class Again(msgspec.Struct, frozen=True):
-    """An agent's lives, run again up to the first difference (`parted`; None: there is none). `said`: copies too."""
+    """An agent's lives, run again up to the first difference (`parted`; None: there is none).
+    `said`: copies too.
+    """
 
     agent: str
     lives: int
@@ -473,11 +539,16 @@ def again(core: Core[Any], path: Path) -> Again:
                 lives += 1
                 before = core.record(booted(core, step.input))
             elif (step.incarnation, step.step) != (was.incarnation, was.step + 1):
-                raise ValueError(f"the log goes on with step {step.step} of life {step.incarnation}; steps are missing")
+                raise ValueError(
+                    f"the log goes on with step {step.step} of life {step.incarnation}; steps are"
+                    " missing"
+                )
             yield step
 
     def parted(now: Put | None, error: str = "") -> Again:
-        difference = Parted(at.incarnation, at.step, at.at, at.kind, at.output, at.deed, before, now, error)
+        difference = Parted(
+            at.incarnation, at.step, at.at, at.kind, at.output, at.deed, before, now, error
+        )
         return Again(core.agent.name, lives, count, tuple(said), difference)
 
     try:
@@ -488,11 +559,20 @@ def again(core: Core[Any], path: Path) -> Again:
                 return parted(Put(effects.record, effects.receipts, sends, tells, effects.deed))
             count += 1
             said += [
-                SentAgain(step.incarnation, step.step, step.at, step.kind, one.receiver, one.id, digest(wire))
+                SentAgain(
+                    step.incarnation,
+                    step.step,
+                    step.at,
+                    step.kind,
+                    one.receiver,
+                    one.id,
+                    digest(wire),
+                )
                 for one, wire in zip(effects.sends, sends, strict=True)
             ]
             before = before if effects.record is None else effects.record
-    except Exception as error:  # any mistake of the agent's own code is the difference that is looked for
+    # any mistake of the agent's own code is the difference that is looked for
+    except Exception as error:
         return parted(None, str(error) or type(error).__name__)
     return Again(core.agent.name, lives, count, tuple(said), None)
 
@@ -504,11 +584,13 @@ def tell(agent: Agent[Any], wiring: Wiring, path: Path) -> int:
     return 0
 
 
-# --- Step logs of agents that do not run: of a recording that is said again, and of tests -----------------------------
+# --- Step logs of agents that do not run: of a recording that is said again, and of tests ---------
 
 
 class StepLogs:
-    """The logs of a run folder, AGENT.steps in its folder steps; each line is in its file at once."""
+    """The logs of a run folder, AGENT.steps in its folder steps; each line is in its file at
+    once.
+    """
 
     def __init__(self, run: Path) -> None:
         self._folder = run / "steps"
@@ -536,8 +618,12 @@ class StepLogs:
         """A life of an agent begins."""
         self._write(agent, Step(incarnation, 0, at, BOOT, b""))
 
-    def _note(self, agent: str, at: float, event: events.AnyEvent, said: tuple[SentMessage, ...] = ()) -> None:
-        self._write(agent, Step(1, 0, at, type(event).__name__, msgspec.msgpack.encode(event), said=said))
+    def _note(
+        self, agent: str, at: float, event: events.AnyEvent, said: tuple[SentMessage, ...] = ()
+    ) -> None:
+        self._write(
+            agent, Step(1, 0, at, type(event).__name__, msgspec.msgpack.encode(event), said=said)
+        )
 
     def _write(self, agent: str, step: Step) -> None:
         log = StepLog(self._folder / f"{agent}.steps")

@@ -1,8 +1,9 @@
-"""Listening beside the agents: heartbeats, telemetry, orders and liveliness tokens of one or more systems, one session.
+"""Listening beside the agents: heartbeats, telemetry, orders and liveliness tokens of one or more
+systems, one session.
 
-Takes part in nothing: it sends no receipt and declares no token, so nobody waits for it. What agents say to each other
-it does not hear; their step logs have that. Callbacks of Zenoh call `on_sample`, which must only enqueue: while it
-works, every other sample waits.
+Takes part in nothing: it sends no receipt and declares no token, so nobody waits for it. What
+agents say to each other it does not hear; their step logs have that. Callbacks of Zenoh call
+`on_sample`, which must only enqueue: while it works, every other sample waits.
 """
 
 import threading
@@ -24,14 +25,17 @@ from agent_runtime.io.sessions import close, open_client, put
 RECORDER = "monitor"
 """The identity that hears everything, where there are keys."""
 LATEST_S = 60.0
-"""Longest time from the router to here for which its stamp is believed; estimate: pauses of a minute are tried."""
+"""Longest time from the router to here for which its stamp is believed; estimate: pauses of a
+minute are tried.
+"""
 
 
 class Sample(msgspec.Struct, frozen=True):
-    """Something said on `key` at `at` [unix s]. `token`: a liveliness token, declared or (`gone`) withdrawn.
+    """Something said on `key` at `at` [unix s]. `token`: a liveliness token, declared or (`gone`)
+    withdrawn.
 
-    `size`: bytes of a communicate of which `data` has all but the content, since nobody took it; else 0. `broken`: why
-    bytes that reached an agent, and are not known, were no communicate.
+    `size`: bytes of a communicate of which `data` has all but the content, since nobody took it;
+    else 0. `broken`: why bytes that reached an agent, and are not known, were no communicate.
     """
 
     key: str
@@ -51,7 +55,9 @@ class Sample(msgspec.Struct, frozen=True):
 class Tap:
     """The open subscriptions."""
 
-    def __init__(self, session: zenoh.Session, systems: tuple[str, ...], on_sample: Callable[[Sample], None]) -> None:
+    def __init__(
+        self, session: zenoh.Session, systems: tuple[str, ...], on_sample: Callable[[Sample], None]
+    ) -> None:
         self._session = session
 
         def heard(sample: zenoh.Sample) -> None:
@@ -61,14 +67,19 @@ class Tap:
             gone = sample.kind == zenoh.SampleKind.DELETE
             on_sample(Sample(str(sample.key_expr), b"", time.time(), token=True, gone=gone))
 
-        # References are kept: a dropped declaration is undeclared. Of keys that name a peer orders alone are heard.
+        # References are kept: a dropped declaration is undeclared. Of keys that name a peer orders
+        # alone are heard.
         keys = [
-            key for system in systems for key in (service_key(system, "*", "*"), service_key(system, KIND, "*", "*"))
+            key
+            for system in systems
+            for key in (service_key(system, "*", "*"), service_key(system, KIND, "*", "*"))
         ]
         self._declared = (
             *(session.declare_subscriber(key, heard) for key in keys),
             *(
-                session.liveliness().declare_subscriber(service_key(system, "alive", "*", "*"), lived, history=True)
+                session.liveliness().declare_subscriber(
+                    service_key(system, "alive", "*", "*"), lived, history=True
+                )
                 for system in systems
             ),
         )
@@ -89,7 +100,9 @@ class Ear:
     def __init__(self, session: zenoh.Session, key: str, on_data: Callable[[bytes], None]) -> None:
         """`on_data` gets what is put, from Zenoh's threads."""
         self._session = session
-        self._declared = session.declare_subscriber(key, lambda sample: on_data(sample.payload.to_bytes()))
+        self._declared = session.declare_subscriber(
+            key, lambda sample: on_data(sample.payload.to_bytes())
+        )
 
     def close(self) -> None:
         """Hear no more."""
@@ -97,9 +110,15 @@ class Ear:
 
 
 def open_ear(
-    options: Options, key: str, on_data: Callable[[bytes], None], give_up: Callable[[], bool], identity: str
+    options: Options,
+    key: str,
+    on_data: Callable[[bytes], None],
+    give_up: Callable[[], bool],
+    identity: str,
 ) -> Ear | None:
-    """An ear, as soon as the router is there; None when `give_up` says so first. `identity`: with keys, whose."""
+    """An ear, as soon as the router is there; None when `give_up` says so first. `identity`: with
+    keys, whose.
+    """
     tls = client_tls(options.keys, identity) if options.keys else None
     session = open_client(options.connect, give_up, tls=tls)
     return None if session is None else Ear(session, key, on_data)
@@ -124,7 +143,8 @@ def open_tap(
     identity: str = RECORDER,
     told: Callable[[str], None] = lambda why: None,
 ) -> Tap | None:
-    """A tap, as soon as the router is there; None when `give_up` says so first. `identity`: with keys, whose.
+    """A tap, as soon as the router is there; None when `give_up` says so first. `identity`: with
+    keys, whose.
 
     `told` gets the reason where it takes longer.
     """
@@ -133,7 +153,8 @@ def open_tap(
     return None if session is None else Tap(session, options.all_systems, on_sample)
 
 
-# --- Samples of a tap that wait for the one thread that takes them: bounded, so that a slow reader costs no memory
+# --- Samples of a tap that wait for the one thread that takes them: bounded, so that a slow reader
+# costs no memory
 
 
 MOST_WAITING = 100_000
@@ -163,7 +184,9 @@ class Waiting:
         self._queue.put(sample)
 
     def fill(self, lines: Iterable[bytes]) -> None:
-        """From a thread of its own: put samples that another process wrote, a JSON object a line; then stop."""
+        """From a thread of its own: put samples that another process wrote, a JSON object a line;
+        then stop.
+        """
         decoder = msgspec.json.Decoder(Sample)
         for line in lines:
             with suppress(msgspec.DecodeError):  # the last one may be cut off

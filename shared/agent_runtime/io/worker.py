@@ -1,12 +1,14 @@
-"""A killable child process that talks msgspec Structs over a socket pair: the planner's search, the executor's skills.
+"""A killable child process that talks msgspec Structs over a socket pair: the planner's search, the
+executor's skills.
 
-Parent: `Worker("package.module:function", answers=Union, on_message=post)`; `tell` never blocks (a thread writes),
-messages come by `on_message` on a thread that may only enqueue, `on_end(reason)` says that the child ended by itself,
-and why: its exception, the signal that killed it, or its exit status. `kill` is at
-once. Child: `function(link)` with the plain blocking `link.send(struct)` and `link.recv(Union)`. A child whose parent
-dies, however it dies, ends at once: it watches a second pipe that only the parent holds. Frames: <length u32 little
-endian><msgpack>. The child's environment and interpreter are the parent's; nothing is pickled and no module of the
-parent's main is imported.
+Parent: `Worker("package.module:function", answers=Union, on_message=post)`; `tell` never blocks (a
+thread writes), messages come by `on_message` on a thread that may only enqueue, `on_end(reason)`
+says that the child ended by itself, and why: its exception, the signal that killed it, or its exit
+status. `kill` is at once. Child: `function(link)` with the plain blocking `link.send(struct)` and
+`link.recv(Union)`. A child whose parent dies, however it dies, ends at once: it watches a second
+pipe that only the parent holds. Frames: <length u32 little endian><msgpack>. The child's
+environment and interpreter are the parent's; nothing is pickled and no module of the parent's main
+is imported.
 """
 
 import contextlib
@@ -46,7 +48,9 @@ class Link:
         self.send_bytes(msgspec.msgpack.encode(message))
 
     def recv(self, kind: type[T] | Any = Any) -> T | Any:
-        """The next message, decoded as `kind` (a Struct or a tagged union); EOFError when the other side is gone."""
+        """The next message, decoded as `kind` (a Struct or a tagged union); EOFError when the other
+        side is gone.
+        """
         return msgspec.msgpack.decode(self.recv_bytes(), type=kind)
 
     def waiting(self) -> bool:
@@ -84,9 +88,11 @@ class Worker:
         on_end: Callable[[str], None] | None = None,
         nice: int = 0,
     ) -> None:
-        """Start `entry` ("package.module:function"); `answers` is the union of Structs the child sends.
+        """Start `entry` ("package.module:function"); `answers` is the union of Structs the child
+        sends.
 
-        Raises WorkerError where `entry` is not of that form; a function that is not there shows by `on_end`.
+        Raises WorkerError where `entry` is not of that form; a function that is not there shows by
+        `on_end`.
         """
         if entry.count(":") != 1:
             raise WorkerError(entry, "names no function", "write package.module:function")
@@ -102,7 +108,9 @@ class Worker:
         os.close(watched)
         self._outgoing = OneReaderQueue[bytes | None]()
         self._muted, self._closing = threading.Event(), threading.Lock()
-        self._threads = [threading.Thread(target=run, daemon=True) for run in (self._write, self._read)]
+        self._threads = [
+            threading.Thread(target=run, daemon=True) for run in (self._write, self._read)
+        ]
         for thread in self._threads:
             thread.start()
 
@@ -115,11 +123,15 @@ class Worker:
         return self._process.poll() is None
 
     def tell(self, message: Any) -> None:
-        """Hand the child a Struct; never blocks. Words to a dead child are lost, as its end is told by `on_end`."""
+        """Hand the child a Struct; never blocks. Words to a dead child are lost, as its end is told
+        by `on_end`.
+        """
         self._outgoing.put(msgspec.msgpack.encode(message))
 
     def kill(self) -> None:
-        """End the child now; nothing it said arrives after this, and `on_end` is not called. May be repeated."""
+        """End the child now; nothing it said arrives after this, and `on_end` is not called. May be
+        repeated.
+        """
         self._muted.set()
         self._process.kill()
         self._process.wait()
@@ -179,14 +191,21 @@ def _ended(code: int) -> str:
 
 
 def _end_with_parent(lifeline: int) -> None:
-    """Block until the parent's end of the pipe is gone, then leave without clean-up: nobody wants the result."""
+    """Block until the parent's end of the pipe is gone, then leave without clean-up: nobody wants
+    the result.
+    """
     os.read(lifeline, 1)
     os._exit(1)
 
 
 def main(arguments: list[str]) -> None:
     """The child: entry, socket, lifeline, niceness."""
-    entry, end, lifeline, nice = arguments[0], int(arguments[1]), int(arguments[2]), int(arguments[3])
+    entry, end, lifeline, nice = (
+        arguments[0],
+        int(arguments[1]),
+        int(arguments[2]),
+        int(arguments[3]),
+    )
     threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
     if nice:
         os.nice(nice)

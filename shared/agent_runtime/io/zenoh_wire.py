@@ -1,9 +1,10 @@
 """The wire of one agent over sessions of Zenoh: it hands on what it hears, and sends.
 
-Every communicate is a put on its own key; receipts, pings and pongs are puts beside them; a liveliness token says
-which incarnation of the agent is alive. All this goes to the neighbours, with which the agent is linked. What is for
-tools (the state, samples for people, the log) goes by the router, and orders come from there. A process that speaks for
-a group of the design is connected to the router.
+Every communicate is a put on its own key; receipts, pings and pongs are puts beside them; a
+liveliness token says which incarnation of the agent is alive. All this goes to the neighbours, with
+which the agent is linked. What is for tools (the state, samples for people, the log) goes by the
+router, and orders come from there. A process that speaks for a group of the design is connected to
+the router.
 """
 
 from collections.abc import Collection, Mapping
@@ -26,7 +27,7 @@ from agent_runtime.io.steplog import LOG_PART, LOG_WANTED, LogSender
 from fipa_codec.communicate import UNREADABLE, Communicate, decode, encode, number_of
 from fipa_codec.errors import MalformedError
 
-# --- Samples that an agent hears, as they came off the wire: nothing is decoded yet -----------------------------------
+# --- Samples that an agent hears, as they came off the wire: nothing is decoded yet ---------------
 
 
 NAMELESS = ("", "")
@@ -78,7 +79,8 @@ class Token(msgspec.Struct, frozen=True):
     journal: str = ""
 
 
-# --- From bytes of the wire to events of the core; what cannot be read, or says what its key does not, is Garbled
+# --- From bytes of the wire to events of the core; what cannot be read, or says what its key does
+# not, is Garbled
 
 
 def ordered(data: bytes) -> AnyEvent:
@@ -90,7 +92,9 @@ def ordered(data: bytes) -> AnyEvent:
 
 
 def arrived(item: Bytes) -> AnyEvent:
-    """The communicate in what came, if it is one and says what its key says (the router's rights go by the key)."""
+    """The communicate in what came, if it is one and says what its key says (the router's rights go
+    by the key).
+    """
     try:
         communicate = decode(item.data)
     except MalformedError as error:
@@ -116,14 +120,20 @@ BULK_BYTES = 16 * 1024
 KNOWN_KEYS = 1024
 """Keys that are known; estimate: an agent hears on some dozen."""
 LONGEST_NAMES = 64
-"""Bytes of an attachment that are read; ours have 25, with a digest 42, with a number of 18 digits 45."""
+"""Bytes of an attachment that are read; ours have 25, with a digest 42, with a number of 18 digits
+45.
+"""
 NOBODYS = b"?"
 """In the place of a digest that cannot be read: of no message."""
 KNOWN_NAMES = 256
 """Attachments that are known; estimate: some for each peer."""
 Attached = tuple[tuple[str, str], bytes, int]
 NOTHING: Attached = (NAMELESS, b"", 0)
-_FIRST, _SECOND, _LAST = zenoh.Priority.INTERACTIVE_HIGH, zenoh.Priority.DATA, zenoh.Priority.DATA_LOW
+_FIRST, _SECOND, _LAST = (
+    zenoh.Priority.INTERACTIVE_HIGH,
+    zenoh.Priority.DATA,
+    zenoh.Priority.DATA_LOW,
+)
 _BLOCK = zenoh.CongestionControl.BLOCK
 
 
@@ -151,8 +161,8 @@ class ZenohWire:
     ) -> None:
         """Declare what the agent listens to, then its token, with the name of its journal.
 
-        `session`: linked with the neighbours; `join` gives the one at the router. `log`: its step log, for a recorder
-        that cannot read it.
+        `session`: linked with the neighbours; `join` gives the one at the router. `log`: its step
+        log, for a recorder that cannot read it.
         """
         self._wiring, self._inbox = wiring, inbox
         self._routes: dict[tuple[str, str, str], tuple[zenoh.KeyExpr | str, Any, Any, bool]] = {}
@@ -179,10 +189,15 @@ class ZenohWire:
         ]
 
     def _heard(self, session: zenoh.Session, peers: Collection[str], owner: str) -> list[Any]:
-        """Hear these peers in a session. `owner`: the chunk of the runtime's own keys that names them."""
+        """Hear these peers in a session. `owner`: the chunk of the runtime's own keys that names
+        them.
+        """
         system, me = self._wiring.system, self._wiring.agent
         return [
-            *(session.declare_subscriber(key, self._on_communicate) for key in self._wiring.inbox_keys(peers)),
+            *(
+                session.declare_subscriber(key, self._on_communicate)
+                for key in self._wiring.inbox_keys(peers)
+            ),
             session.declare_subscriber(service_key(system, "receipt", owner, me), self._on_receipt),
             session.declare_subscriber(service_key(system, "ping", owner, me), self._on_ping),
             session.declare_subscriber(service_key(system, "pong", owner, me), self._on_pong),
@@ -205,22 +220,32 @@ class ZenohWire:
             session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
             session.declare_subscriber(service_key(system, LOG_WANTED, "*", me), self._on_wanted),
             session.liveliness().declare_token(self._life),
-            *(one for group in sorted(self._wiring.groups) for one in self._heard(session, {group}, group)),
+            *(
+                one
+                for group in sorted(self._wiring.groups)
+                for one in self._heard(session, {group}, group)
+            ),
         ]
 
     @property
     def at_router(self) -> bool:
         """Whether the session for tools is connected."""
-        return self._tools is not None and not self._tools.is_closed() and bool(self._tools.info.routers_zid())
+        return (
+            self._tools is not None
+            and not self._tools.is_closed()
+            and bool(self._tools.info.routers_zid())
+        )
 
-    # --- out ----------------------------------------------------------------------------------------------------------
+    # --- out --------------------------------------------------------------------------------------
 
     def knows(self, journals: Mapping[str, str]) -> None:
         """From now on the peers have journals of these names."""
         self._names = {peer: f"{self._journal}/{name}".encode() for peer, name in journals.items()}
 
     def send(self, communicate: Communicate, after: bytes = b"", heard: int = 0) -> int:
-        """Put a communicate; its size in bytes. `after`, `heard`: which one it follows (recent.preceding)."""
+        """Put a communicate; its size in bytes. `after`, `heard`: which one it follows
+        (recent.preceding).
+        """
         data = encode(communicate)
         act = (communicate.receiver, communicate.protocol, communicate.performative)
         route = self._routes.get(act)
@@ -230,14 +255,18 @@ class ZenohWire:
         names = self._attached(communicate.receiver) if kept else None
         if names and (after or heard):
             names += b"/" + after.hex().encode() + (f"/{heard}".encode() if heard else b"")
-        self._put(communicate.receiver, key, data, priority if len(data) < BULK_BYTES else bulky, names)
+        self._put(
+            communicate.receiver, key, data, priority if len(data) < BULK_BYTES else bulky, names
+        )
         return len(data)
 
     def _attached(self, peer: str) -> bytes | None:
         return self._names.get(peer) or (f"{self._journal}/".encode() if self._journal else None)
 
     def _route(self, communicate: Communicate) -> tuple[zenoh.KeyExpr | str, Any, Any, bool]:
-        """Key and priorities. One for a whole stream: an overtaking message would only be dropped as a gap."""
+        """Key and priorities. One for a whole stream: an overtaking message would only be dropped
+        as a gap.
+        """
         link = self._wiring.required(communicate.receiver, communicate.protocol)
         key: zenoh.KeyExpr | str = self._wiring.key(communicate)
         if communicate.receiver not in self._wiring.groups:
@@ -248,7 +277,9 @@ class ZenohWire:
 
     def send_receipt(self, receipt: Receipt) -> None:
         key = service_key(self._wiring.system, "receipt", self._wiring.agent, receipt.peer)
-        self._put(receipt.peer, key, msgspec.msgpack.encode(receipt), _FIRST, self._attached(receipt.peer))
+        self._put(
+            receipt.peer, key, msgspec.msgpack.encode(receipt), _FIRST, self._attached(receipt.peer)
+        )
 
     def ping(self, peer: str, channel: bytes, *, pong: bool = False) -> None:
         """Ask whether `peer` is there on a channel, or answer its question."""
@@ -259,8 +290,9 @@ class ZenohWire:
         """Put something for people: dropped where it would have to wait. Raises TooLongError."""
         key, tools = service_key(self._wiring.system, kind, self._wiring.agent), self._tools
         if tools is not None and not tools.is_closed():
-            # More than about 1 MB/s of it must not be put: if the cable is cut under 3 MB/s, such a put never returns
-            # (eclipse-zenoh 1.10.2, with any size of the socket's buffer). 0.6 MB/s does no harm (measured).
+            # More than about 1 MB/s of it must not be put: if the cable is cut under 3 MB/s, such a
+            # put never returns (eclipse-zenoh 1.10.2, with any size of the socket's buffer). 0.6
+            # MB/s does no harm (measured).
             drop = zenoh.CongestionControl.DROP
             put(tools, key, data, congestion_control=drop)
 
@@ -275,7 +307,12 @@ class ZenohWire:
         self._orders.clear()
 
     def _put(
-        self, peer: str, key: zenoh.KeyExpr | str, data: bytes, priority: Any, attached: bytes | None = None
+        self,
+        peer: str,
+        key: zenoh.KeyExpr | str,
+        data: bytes,
+        priority: Any,
+        attached: bytes | None = None,
     ) -> None:
         session = self._tools if peer in self._wiring.groups else self._session
         if session is None or session.is_closed():  # it is said again once it is open
@@ -283,15 +320,28 @@ class ZenohWire:
         if attached is None:
             put(session, key, data, priority=priority, congestion_control=_BLOCK)
         else:
-            put(session, key, data, priority=priority, congestion_control=_BLOCK, attachment=attached)
+            put(
+                session,
+                key,
+                data,
+                priority=priority,
+                congestion_control=_BLOCK,
+                attachment=attached,
+            )
 
     def _put_log(self, data: bytes) -> None:
         """Put a part of the log, behind everything else."""
         if self._tools is not None and not self._tools.is_closed():
             key = service_key(self._wiring.system, LOG_PART, self._wiring.agent)
-            put(self._tools, key, data, priority=zenoh.Priority.BACKGROUND, congestion_control=_BLOCK)
+            put(
+                self._tools,
+                key,
+                data,
+                priority=zenoh.Priority.BACKGROUND,
+                congestion_control=_BLOCK,
+            )
 
-    # --- in: on Zenoh's threads ---------------------------------------------------------------------------------------
+    # --- in: on Zenoh's threads -------------------------------------------------------------------
 
     def _on_communicate(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
@@ -301,7 +351,9 @@ class ZenohWire:
         self._inbox.put(kind, Bytes(key, address, data, *attached), address[0], len(data))
 
     def _read_key(self, key: str) -> tuple[Class, tuple[str, ...], bool]:
-        """The parts of a key, cached up to a bound, since strangers may make up keys without end."""
+        """The parts of a key, cached up to a bound, since strangers may make up keys without
+        end.
+        """
         chunks = key.split("/")
         link = self._wiring.link(chunks[3], chunks[5])
         durable = link is not None and link.delivery is Delivery.DURABLE
@@ -314,7 +366,9 @@ class ZenohWire:
     def _on_receipt(self, sample: zenoh.Sample) -> None:
         peer, data = _owner(sample), sample.payload.to_bytes()
         if peer in self._channels:
-            self._inbox.put(Class.CONTROL, ReceiptBytes(peer, data, _attachment(sample)[0]), peer, len(data))
+            self._inbox.put(
+                Class.CONTROL, ReceiptBytes(peer, data, _attachment(sample)[0]), peer, len(data)
+            )
 
     def _on_order(self, sample: zenoh.Sample) -> None:
         data = sample.payload.to_bytes()
@@ -331,7 +385,9 @@ class ZenohWire:
         self._on_question(sample, pong=True)
 
     def _on_question(self, sample: zenoh.Sample, *, pong: bool) -> None:
-        """Take it only of a channel that there is: a pong says the channel again, however long it is."""
+        """Take it only of a channel that there is: a pong says the channel again, however long it
+        is.
+        """
         peer, channel = _owner(sample), sample.payload.to_bytes()
         if channel in self._channels.get(peer, ()):
             self._inbox.put(Class.CONTROL, Ping(peer, channel, pong), peer, len(channel))

@@ -1,14 +1,25 @@
-"""One agent by itself, for tests: its peers' words go in, what it says comes out, and time is pretended.
+"""One agent by itself, for tests: its peers' words go in, what it says comes out, and time is
+pretended.
 
-The peers hold real conversations, so whatever the agent says out of sequence raises; they receipt at once and never say
-anything by themselves. A whole fleet in memory is agent_runtime.testing.memory_bus.
+The peers hold real conversations, so whatever the agent says out of sequence raises; they receipt
+at once and never say anything by themselves. A whole fleet in memory is
+agent_runtime.testing.memory_bus.
 """
 
 from typing import Any
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.effects import Effects, LogLine
-from agent_runtime.core.events import AnyEvent, Arrived, Local, Next, PeerChanged, Receipted, Started, Tick
+from agent_runtime.core.events import (
+    AnyEvent,
+    Arrived,
+    Local,
+    Next,
+    PeerChanged,
+    Receipted,
+    Started,
+    Tick,
+)
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import Delivery, Wiring
 from fipa_codec.communicate import Communicate
@@ -18,7 +29,9 @@ from fipa_codec.performatives import Performative
 
 
 class Alone:
-    """`said`: every communicate, newest last; `told`: words for its devices; `logs`; `state`, `memory`: where it is."""
+    """`said`: every communicate, newest last; `told`: words for its devices; `logs`; `state`,
+    `memory`: where it is.
+    """
 
     def __init__(self, agent: Agent[Any], wiring: Wiring, *, now: float = 1_000_000.0) -> None:
         """Start the agent with all its peers there."""
@@ -47,22 +60,32 @@ class Alone:
         """Entries of its inbox that it has not taken."""
         return len(self._state.soft.inbox)
 
-    def ask(self, peer: str, protocol: str, performative: Performative, content: Any = None, **more: Any) -> str:
+    def ask(
+        self, peer: str, protocol: str, performative: Performative, content: Any = None, **more: Any
+    ) -> str:
         """Open a conversation as `peer`; its id. `more` as for Conversation.send: reply_by ..."""
         link = self.wiring.required(peer, protocol)
         name = f"{peer}-1-{len(self.talks) + 1}"
-        self.talks[name] = Conversation.open(protocol, link.role.other, id=name, me=peer, peer=self.wiring.agent)
+        self.talks[name] = Conversation.open(
+            protocol, link.role.other, id=name, me=peer, peer=self.wiring.agent
+        )
         self.answer(name, performative, content, **more)
         return name
 
-    def answer(self, conversation: str, performative: Performative, content: Any = None, **more: Any) -> None:
+    def answer(
+        self, conversation: str, performative: Performative, content: Any = None, **more: Any
+    ) -> None:
         """Say something as the peer of an open conversation."""
         talk = self.talks[conversation]
         link = self.wiring.required(talk.me, talk.protocol)
         language = None if content is None else self.wiring.language(content)
         if link.delivery is Delivery.DURABLE:
             self._numbers[talk.me] += 1
-        number = self._numbers[talk.me] if link.delivery is Delivery.DURABLE else f"{talk.me}-1-{len(self.said)}"
+        number = (
+            self._numbers[talk.me]
+            if link.delivery is Delivery.DURABLE
+            else f"{talk.me}-1-{len(self.said)}"
+        )
         self.talks[conversation], communicate = talk.send(
             performative,
             id=str(number),
@@ -87,7 +110,9 @@ class Alone:
         self.now = end
 
     def seen(self, peer: str, incarnation: int) -> None:
-        """A peer appears: as a new life, or the same one again, as after an outage of the router."""
+        """A peer appears: as a new life, or the same one again, as after an outage of the
+        router.
+        """
         self._happen(PeerChanged(peer, incarnation))
 
     def answers(self, conversation: str) -> tuple[Performative, ...]:
@@ -114,7 +139,9 @@ class Alone:
             if communicate in self.said:
                 continue
             self.said.append(communicate)
-            talk = self.talks.get(communicate.conversation) or Conversation.answering(communicate, link.peer)
+            talk = self.talks.get(communicate.conversation) or Conversation.answering(
+                communicate, link.peer
+            )
             _, kind = self.wiring.languages.read(communicate)
             self.talks[communicate.conversation] = talk.receive(communicate, kind)
             if link.delivery is Delivery.DURABLE:

@@ -1,9 +1,10 @@
-"""Pretend wires: several agents in one process under a virtual clock, with seeded faults and journals in memory.
+"""Pretend wires: several agents in one process under a virtual clock, with seeded faults and
+journals in memory.
 
-The same core, the same order of effects, the same bytes as over the real wire; only sockets, disks and time are
-pretended. Faults: loss, duplication, delay (which reorders), and crashes of a chosen agent at a chosen point of a
-step, with a restart from its journal. While a device of an agent computes (a real worker process), the virtual clock
-stands still.
+The same core, the same order of effects, the same bytes as over the real wire; only sockets, disks
+and time are pretended. Faults: loss, duplication, delay (which reorders), and crashes of a chosen
+agent at a chosen point of a step, with a restart from its journal. While a device of an agent
+computes (a real worker process), the virtual clock stands still.
 """
 
 import heapq
@@ -22,7 +23,16 @@ from agent_runtime.core.control import Command, Order
 from agent_runtime.core.duplicate_digests import preceding, receipted
 from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.core.errors import RuntimeFault
-from agent_runtime.core.events import AnyEvent, Arrived, Local, Next, Ordered, PeerChanged, Started, Tick
+from agent_runtime.core.events import (
+    AnyEvent,
+    Arrived,
+    Local,
+    Next,
+    Ordered,
+    PeerChanged,
+    Started,
+    Tick,
+)
 from agent_runtime.core.state import CoreState, restored
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import Delivery, Wiring
@@ -31,7 +41,9 @@ from agent_runtime.io.one_reader import OneReaderQueue
 from fipa_codec.communicate import Communicate, decode, encode
 
 LATENCY_S = 0.0005
-"""One way through a router on loopback, some 0.4 ms for a whole round trip of 4 kB (measured); rounded up."""
+"""One way through a router on loopback, some 0.4 ms for a whole round trip of 4 kB (measured);
+rounded up.
+"""
 
 
 class Point(StrEnum):
@@ -48,7 +60,9 @@ class Point(StrEnum):
 
 
 class Faults(msgspec.Struct, frozen=True):
-    """Chances per message or step. `delay`: chance of up to `delay_s` more on the way, which reorders."""
+    """Chances per message or step. `delay`: chance of up to `delay_s` more on the way, which
+    reorders.
+    """
 
     loss: float = 0.0
     duplication: float = 0.0
@@ -100,11 +114,14 @@ class _DevicePort:
 class MemoryBus:
     """Agents are `add`ed, then `run` goes on until a condition holds.
 
-    `now`: the virtual clock [unix s]; `traffic`: every communicate sent, copies too; `published`: (agent, kind) -> the
-    newest thing for people; `on_step(agent, effects)` is called after each step.
+    `now`: the virtual clock [unix s]; `traffic`: every communicate sent, copies too; `published`:
+    (agent, kind) -> the newest thing for people; `on_step(agent, effects)` is called after each
+    step.
     """
 
-    def __init__(self, *, seed: int = 0, faults: Faults | None = None, now: float = 1_000_000.0) -> None:
+    def __init__(
+        self, *, seed: int = 0, faults: Faults | None = None, now: float = 1_000_000.0
+    ) -> None:
         self.now = now
         self.faults = faults or Faults()
         self.nodes: dict[str, Node] = {}
@@ -116,7 +133,7 @@ class MemoryBus:
         self._agenda: list[tuple[float, int, Callable[[], None]]] = []
         self.posted = OneReaderQueue[tuple[str, int, Any, float]]()
 
-    # --- for tests and fleets -----------------------------------------------------------------------------------------
+    # --- for tests and fleets ---------------------------------------------------------------------
 
     def add(self, agent: Agent[Any], wiring: Wiring, device: DeviceMaker | None = None) -> Node:
         """Put an agent on the wires; it starts when the clock runs."""
@@ -130,13 +147,19 @@ class MemoryBus:
         if node.state is not None:
             return node.state.memory
         agent_table = node.core.agent
-        return agent_table.memory if node.journal is None else restored(agent_table, node.journal).memory
+        return (
+            agent_table.memory
+            if node.journal is None
+            else restored(agent_table, node.journal).memory
+        )
 
     def up(self, agent: str) -> bool:
         return self.nodes[agent].state is not None
 
     def post(self, agent: str, content: Any, delay_s: float = 0.0) -> None:
-        """A word from the agent's own side, as a device would post it; repeated until the agent is up."""
+        """A word from the agent's own side, as a device would post it; repeated until the agent is
+        up.
+        """
         self._at(self.now + delay_s, lambda: self._local(agent, content))
 
     def order(self, agent: str, what: Order) -> None:
@@ -144,8 +167,12 @@ class MemoryBus:
         command = Command(f"order-{next(self._order)}", what)
         self._at(self.now, lambda: self._happen(agent, Ordered(command)))
 
-    def crash(self, agent: str, point: Point = Point.BEFORE, *, in_steps: int = 1, restart_s: float = 0.5) -> None:
-        """Kill the agent at this point of its nth step from now; it comes back `restart_s` later."""
+    def crash(
+        self, agent: str, point: Point = Point.BEFORE, *, in_steps: int = 1, restart_s: float = 0.5
+    ) -> None:
+        """Kill the agent at this point of its nth step from now; it comes back `restart_s`
+        later.
+        """
         node = self.nodes[agent]
         node.crash_at, node.restart_s = (point, node.steps + in_steps), restart_s
 
@@ -155,27 +182,35 @@ class MemoryBus:
             self._die(agent, restart_s)
 
     def lose_journal(self, agent: str, *, restart_s: float = 0.5) -> None:
-        """Kill the agent and delete its journal; it comes back `restart_s` later, under another journal's name."""
+        """Kill the agent and delete its journal; it comes back `restart_s` later, under another
+        journal's name.
+        """
         self.put_back(agent, None, restart_s=restart_s)
 
     def put_back(self, agent: str, journal: bytes | None, *, restart_s: float = 0.5) -> None:
-        """Kill the agent and put another record in place of its journal; it comes back `restart_s` later."""
+        """Kill the agent and put another record in place of its journal; it comes back `restart_s`
+        later.
+        """
         self._die(agent, restart_s)
         self.nodes[agent].journal = journal
 
     def deliver(self, communicate: Communicate, journals: tuple[str, str] = ("", "")) -> None:
-        """Put a communicate on the wire as a stranger might; `journals`: the names that are said with it."""
+        """Put a communicate on the wire as a stranger might; `journals`: the names that are said
+        with it.
+        """
         self._carry(communicate, *journals)
 
     def call(self, delay_s: float, act: Callable[[], None]) -> None:
         """Call it when the virtual clock is there."""
         self._at(self.now + delay_s, act)
 
-    def run(self, until: Callable[[], bool], *, limit_s: float = 600.0, patience_s: float = 60.0) -> None:
+    def run(
+        self, until: Callable[[], bool], *, limit_s: float = 600.0, patience_s: float = 60.0
+    ) -> None:
         """Go on until the condition holds.
 
-        Raises Quiet when nothing is left to happen, when `limit_s` of virtual time are over, or when a device that
-        computes said nothing for `patience_s` of real time.
+        Raises Quiet when nothing is left to happen, when `limit_s` of virtual time are over, or
+        when a device that computes said nothing for `patience_s` of real time.
         """
         end = self.now + limit_s
         while not until():
@@ -198,7 +233,7 @@ class MemoryBus:
         for node in self.nodes.values():
             node.device.close()
 
-    # --- devices ------------------------------------------------------------------------------------------------------
+    # --- devices ----------------------------------------------------------------------------------
 
     def _drain(self, patience_s: float) -> None:
         """Take what devices posted; wait for them before the clock goes on."""
@@ -206,10 +241,14 @@ class MemoryBus:
             busy = any(node.device.busy for node in self.nodes.values())
             later = not self._agenda or self._agenda[0][0] > self.now
             try:
-                agent, boot, content, delay_s = self.posted.get(patience_s if busy and later else 0.0)
+                agent, boot, content, delay_s = self.posted.get(
+                    patience_s if busy and later else 0.0
+                )
             except Empty:
                 if busy and later and any(node.device.busy for node in self.nodes.values()):
-                    raise Quiet(f"a device said nothing for {patience_s} s", self.now, self._states()) from None
+                    raise Quiet(
+                        f"a device said nothing for {patience_s} s", self.now, self._states()
+                    ) from None
                 return
             if boot == self.nodes[agent].boots:
                 self.post(agent, content, delay_s)
@@ -220,7 +259,7 @@ class MemoryBus:
         else:
             self._happen(agent, Local(content))
 
-    # --- life and death -----------------------------------------------------------------------------------------------
+    # --- life and death ---------------------------------------------------------------------------
 
     def _boot(self, agent: str) -> None:
         node = self.nodes[agent]
@@ -255,7 +294,7 @@ class MemoryBus:
                 self._later(name, PeerChanged(agent, None))
         self._at(self.now + restart_s, lambda: self._boot(agent))
 
-    # --- steps --------------------------------------------------------------------------------------------------------
+    # --- steps ------------------------------------------------------------------------------------
 
     def _later(self, agent: str, event: AnyEvent, delay_s: float = LATENCY_S) -> None:
         self._at(self.now + delay_s, lambda: self._happen(agent, event))
@@ -302,7 +341,9 @@ class MemoryBus:
         return None, 0.0
 
     def _wake(self, agent: str, node: Node, at: float | None) -> None:
-        """Schedule a Tick at `at`, unless an earlier one is scheduled (the core then asks again)."""
+        """Schedule a Tick at `at`, unless an earlier one is scheduled (the core then asks
+        again).
+        """
         if at is None or (node.wake_at is not None and self.now <= node.wake_at <= at):
             return
         at = node.wake_at = max(at, self.now)
@@ -315,12 +356,16 @@ class MemoryBus:
 
         self._at(at, tick)
 
-    # --- the wire -----------------------------------------------------------------------------------------------------
+    # --- the wire ---------------------------------------------------------------------------------
 
     def _emit(self, agent: str, effects: Effects, *, receipts_only: bool) -> None:
         for receipt in effects.receipts:
             if receipt.peer in self.nodes:
-                arrive = partial(self._happen, receipt.peer, receipted(agent, receipt, *self._journals(agent, receipt)))
+                arrive = partial(
+                    self._happen,
+                    receipt.peer,
+                    receipted(agent, receipt, *self._journals(agent, receipt)),
+                )
                 self._through(arrive)
         for communicate in () if receipts_only else effects.sends:
             self.traffic.append(communicate)
@@ -340,17 +385,30 @@ class MemoryBus:
         return node.state.journal, node.state.journals.get(peer, "")
 
     def _carry(
-        self, communicate: Communicate, journal: str = "", believed: str = "", after: bytes = b"", heard: int = 0
+        self,
+        communicate: Communicate,
+        journal: str = "",
+        believed: str = "",
+        after: bytes = b"",
+        heard: int = 0,
     ) -> None:
         data = encode(communicate)
         receiver = communicate.receiver
         if receiver in self.nodes:
-            self._through(lambda: self._happen(receiver, Arrived(decode(data), journal, believed, after, heard)))
+            self._through(
+                lambda: self._happen(
+                    receiver, Arrived(decode(data), journal, believed, after, heard)
+                )
+            )
 
     def _through(self, arrive: Callable[[], None]) -> None:
         for _ in range(2 if self._happens(self.faults.duplication) else 1):
             if not self._happens(self.faults.loss):
-                extra = self._chance.uniform(0.0, self.faults.delay_s) if self._happens(self.faults.delay) else 0.0
+                extra = (
+                    self._chance.uniform(0.0, self.faults.delay_s)
+                    if self._happens(self.faults.delay)
+                    else 0.0
+                )
                 self._at(self.now + LATENCY_S + extra, arrive)
 
     def _happens(self, chance: float) -> bool:
@@ -360,4 +418,7 @@ class MemoryBus:
         heapq.heappush(self._agenda, (time, next(self._order), act))
 
     def _states(self) -> dict[str, str]:
-        return {name: "down" if node.state is None else node.state.state for name, node in self.nodes.items()}
+        return {
+            name: "down" if node.state is None else node.state.state
+            for name, node in self.nodes.items()
+        }

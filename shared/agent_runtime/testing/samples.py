@@ -1,4 +1,6 @@
-"""A plain content of any class of a language, made from the types of its fields: what tests say when any will do."""
+"""A plain content of any class of a language, made from the types of its fields: what tests say
+when any will do.
+"""
 
 from typing import Any
 
@@ -32,7 +34,8 @@ class NoSample(TypeError):
 
 
 def sample(kind: type) -> Any:
-    """An instance of a Struct class: defaults where there are some, else the plainest value of each field's type.
+    """An instance of a Struct class: defaults where there are some, else the plainest value of each
+    field's type.
 
     Raises NoSample where a type has no plain value, or the class's own checks refuse it.
     """
@@ -67,7 +70,11 @@ def _value(info: inspect.Type) -> Any:
         case inspect.Metadata(type=inner):
             return _value(inner)
         case inspect.UnionType(types=types):
-            return None if any(isinstance(one, inspect.NoneType) for one in types) else _value(types[0])
+            return (
+                None
+                if any(isinstance(one, inspect.NoneType) for one in types)
+                else _value(types[0])
+            )
     for plain, value in _PLAIN:
         if isinstance(info, plain):
             return _within(info, value)

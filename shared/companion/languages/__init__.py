@@ -1,1 +1,3 @@
-"""The six content languages of the Robot Companion, one module each; `companion.all_languages` has them by name."""
+"""The six content languages of the Robot Companion, one module each; `companion.all_languages` has
+them by name.
+"""

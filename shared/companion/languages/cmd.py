@@ -1,6 +1,8 @@
-"""CMD, the language of human commands and task states on channel C2 (ours: the paper leaves C2's language open).
+"""CMD, the language of human commands and task states on channel C2 (ours: the paper leaves C2's
+language open).
 
-Objects are named by the person's words ("jar"); which thing of the world that is, pl finds out from km.
+Objects are named by the person's words ("jar"); which thing of the world that is, pl finds out from
+km.
 """
 
 from enum import StrEnum
@@ -14,12 +16,21 @@ from companion.languages.facts import Facts
 from companion.languages.hfsm import Place, Step
 
 
-class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
-    """A command of a person. Each task has its own: companion.tasks.<task>.command; companion.commands finds them.
+class Command(
+    msgspec.Struct,
+    frozen=True,
+    tag=True,
+    forbid_unknown_fields=True,
+    omit_defaults=True,
+    kw_only=True,
+):
+    """A command of a person. Each task has its own: companion.tasks.<task>.command;
+    companion.commands finds them.
 
-    `urgency`: more urgent ones come first; `deadline`, `start`: until when it is to be done, and when it may begin,
-    unix time [s], 0 for none. `after`: the task said before it in the same sentence. `surveys`: it is about no thing,
-    and its end tells what was seen. `gives`: once it is done, a person has its things.
+    `urgency`: more urgent ones come first; `deadline`, `start`: until when it is to be done, and
+    when it may begin, unix time [s], 0 for none. `after`: the task said before it in the same
+    sentence. `surveys`: it is about no thing, and its end tells what was seen. `gives`: once it is
+    done, a person has its things.
     """
 
     surveys: ClassVar[bool] = False
@@ -37,7 +48,9 @@ class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True,
 
     @property
     def says(self) -> str:
-        """The row of [say] in the task's phrases.toml that says this command; its blanks are fields of the command."""
+        """The row of [say] in the task's phrases.toml that says this command; its blanks are fields
+        of the command.
+        """
         raise NotImplementedError
 
     @property
@@ -46,7 +59,9 @@ class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True,
         return tuple(name for field in THINGS if (name := getattr(self, field, "")))
 
     def settled(self, plan: hfsm.HierarchicalPlan) -> hfsm.Task | None:
-        """The task that later plans are for, where this plan settled what the words mean; None for the same."""
+        """The task that later plans are for, where this plan settled what the words mean; None for
+        the same.
+        """
         return None
 
 
@@ -68,12 +83,14 @@ class TaskState(StrEnum):
     CANCELLED = "cancelled"
 
 
-class TaskReport(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """State of a task, and why. `steps`: with a new plan, what it does one after the other. `evidence`: at the end,
-    what is true now and which senses told.
+class TaskReport(
+    msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True
+):
+    """State of a task, and why. `steps`: with a new plan, what it does one after the other.
+    `evidence`: at the end, what is true now and which senses told.
 
-    `at`: where in the plan it is, or, where it `asks`, what waits for an operator. `number`: of the step there, the
-    first is 1; 0 where it is none of the steps.
+    `at`: where in the plan it is, or, where it `asks`, what waits for an operator. `number`: of the
+    step there, the first is 1; 0 where it is none of the steps.
     """
 
     state: TaskState

@@ -1,4 +1,5 @@
-"""Evidence: which sense told that something is true after an act, of which thing, when, and how surely.
+"""Evidence: which sense told that something is true after an act, of which thing, when, and how
+surely.
 
 The row of each act (companion.acts) says what must be true after it, and which senses can tell.
 """
@@ -16,8 +17,8 @@ Of = Annotated[str, msgspec.Meta(pattern=r"\A[!-~]{0,64}\Z")]
 
 
 class AnyClaim(StrEnum):
-    """Something that must be true after an act: a general claim, or one of a task. `kept`: it is about a thing, and a
-    plan keeps it until its end; others are over with their act.
+    """Something that must be true after an act: a general claim, or one of a task. `kept`: it is
+    about a thing, and a plan keeps it until its end; others are over with their act.
     """
 
     kept: bool
@@ -56,8 +57,9 @@ class Otherwise(StrEnum):
 
 
 class Check(msgspec.Struct, frozen=True):
-    """What must be true after an act, `of` which thing (the field of the command that names it, "" for what the moving
-    hand holds, or for no thing), `by` which senses, and what becomes of the act otherwise.
+    """What must be true after an act, `of` which thing (the field of the command that names it, ""
+    for what the moving hand holds, or for no thing), `by` which senses, and what becomes of the act
+    otherwise.
     """
 
     claim: AnyClaim
@@ -73,10 +75,12 @@ else:
 
 
 class Evidence(msgspec.Struct, frozen=True, array_like=True):
-    """A claim about a thing ("" for none), and which senses told that it is true; none: it was not checked.
+    """A claim about a thing ("" for none), and which senses told that it is true; none: it was not
+    checked.
 
-    `at`: when the last of them told, 0 where none did [s, simulated]; `within`: standard deviation of the thing's place
-    by the eyes [m], 0 where it is not known. Raises ValueError for an unknown claim.
+    `at`: when the last of them told, 0 where none did [s, simulated]; `within`: standard deviation
+    of the thing's place by the eyes [m], 0 where it is not known. Raises ValueError for an unknown
+    claim.
     """
 
     claim: ClaimOfAct
@@ -91,14 +95,18 @@ class Evidence(msgspec.Struct, frozen=True, array_like=True):
             msgspec.structs.force_setattr(self, "claim", member(AnyClaim, self.claim))
 
 
-def newest(known: Iterable[Evidence], told: Iterable[Evidence], held: Iterable[str]) -> tuple[Evidence, ...]:
+def newest(
+    known: Iterable[Evidence], told: Iterable[Evidence], held: Iterable[str]
+) -> tuple[Evidence, ...]:
     """What is known after an act that `told` this, and after which hands hold the things `held`.
 
     A thing that is held stands nowhere, and one that is not held any more is in no hand.
     """
     found = {(one.claim, one.of): one for one in (*known, *told) if one.claim.kept}
     now = set(held)
-    over = {(Claim.STANDS, name) for name in now} | {key for key in found if key[0] is Claim.HELD and key[1] not in now}
+    over = {(Claim.STANDS, name) for name in now} | {
+        key for key in found if key[0] is Claim.HELD and key[1] not in now
+    }
     return tuple(one for key, one in found.items() if key not in over)
 
 

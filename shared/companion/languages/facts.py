@@ -1,7 +1,9 @@
-"""Facts say why, what and how much in the content languages: a kind with its things, hand, numbers and words.
+"""Facts say why, what and how much in the content languages: a kind with its things, hand, numbers
+and words.
 
-Programs decide by kinds and parts. Sentences are made where a person reads them (companion.sentences). Here are the
-kinds that several tasks share; a kind of one task is in its room (companion.tasks, part `done`).
+Programs decide by kinds and parts. Sentences are made where a person reads them
+(companion.sentences). Here are the kinds that several tasks share; a kind of one task is in its
+room (companion.tasks, part `done`).
 """
 
 import re
@@ -17,9 +19,10 @@ from companion.languages.values import Side
 
 
 class AnyKind(StrEnum):
-    """What a fact says: a general kind, or one of a task. Behind each kind stand its parts, in the order of a sentence:
-    `a`, `b` for things, `things` for any number of them, `side` for a hand, `x:m` for a number with its unit, `w:part`
-    for a word of a list, `because` for facts that are the reason. `asks`: its sentence asks a person to do something.
+    """What a fact says: a general kind, or one of a task. Behind each kind stand its parts, in the
+    order of a sentence: `a`, `b` for things, `things` for any number of them, `side` for a hand,
+    `x:m` for a number with its unit, `w:part` for a word of a list, `because` for facts that are
+    the reason. `asks`: its sentence asks a person to do something.
     """
 
     parts: tuple[str, ...]
@@ -115,7 +118,8 @@ class Kind(AnyKind):
     MET_SOMETHING = "met-something", "side a x:m"  # above the place of the thing
     NO_OPENING = "no-opening", "a"
     NO_KNOWN_GRASP = "no-known-grasp", "a"
-    LINE_ENDS = "line-ends", "x:percent w:limit"  # of a straight way of the hand: by reach, jump or collision
+    # of a straight way of the hand: by reach, jump or collision
+    LINE_ENDS = "line-ends", "x:percent w:limit"
     # The body
     NOT_FOLLOWED = "not-followed", "w:part x:rad"
     FINGER_NOT_FOLLOWED = "finger-not-followed", "side x:number y:rad"
@@ -197,7 +201,8 @@ class Kind(AnyKind):
 if TYPE_CHECKING:
     KindOfFact = AnyKind
 else:
-    KindOfFact = str  # msgspec takes one enumeration for a field, and there is one more for each task
+    # msgspec takes one enumeration for a field, and there is one more for each task
+    KindOfFact = str
 
 
 class Fact(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -228,11 +233,19 @@ def fact(kind: AnyKind, *parts: Any) -> Fact:
     Parts are str, Side, float and, as reasons, Fact or Facts.
     """
     left = list(parts)
-    found: dict[str, list[Any]] = {"things": [], "side": [], "numbers": [], "words": [], "because": []}
+    found: dict[str, list[Any]] = {
+        "things": [],
+        "side": [],
+        "numbers": [],
+        "words": [],
+        "because": [],
+    }
     for name in kind.parts:
         field = _FIELDS[name.partition(":")[0]]
         if name == "because":
-            reasons = [one for part in left for one in (part if isinstance(part, tuple) else (part,))]
+            reasons = [
+                one for part in left for one in (part if isinstance(part, tuple) else (part,))
+            ]
             found[field] = [one for one in reasons if isinstance(one, Fact)]
             left = [one for one in reasons if not isinstance(one, Fact)]
         elif name == "things":
@@ -248,13 +261,15 @@ def fact(kind: AnyKind, *parts: Any) -> Fact:
         kind,
         tuple(map(_name, found["things"])),
         Side(found["side"][0]) if found["side"] else None,
-        tuple(float(f"{number:.4g}") for number in found["numbers"]),  # a sentence has no more digits
+        # a sentence has no more digits
+        tuple(float(f"{number:.4g}") for number in found["numbers"]),
         tuple(map(_name, found["words"])),
         tuple(found["because"]),
     )
 
 
-_FIELDS = {"a": "things", "b": "things", "things": "things", "side": "side", "x": "numbers", "y": "numbers",
+_FIELDS = {"a": "things", "b": "things", "things": "things", "side": "side", "x": "numbers",
+           "y": "numbers",
            "w": "words", "v": "words", "because": "because"}  # fmt: skip
 _BECAUSE_BYTES = len(msgspec.msgpack.encode("because")) + 3
 """Of the name and the length of reasons."""
@@ -273,7 +288,9 @@ def with_reasons(facts: Facts) -> Iterator[Fact]:
 
 
 def fitting(facts: Facts, room: int) -> Facts:
-    """The first facts, as many as fit into so many bytes; the last one with as many of its reasons."""
+    """The first facts, as many as fit into so many bytes; the last one with as many of its
+    reasons.
+    """
     told: list[Fact] = []
     for one in facts:
         if (left := room - len(msgspec.msgpack.encode(one))) < 0:

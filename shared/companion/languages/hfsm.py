@@ -1,9 +1,10 @@
 """HFSM, the language of tasks and plans on channels C3 and C1 (paper, sections 5.4 and 5.6).
 
-A GroundTaskNetwork asks for a plan; a HierarchicalPlan is the answer, and ta runs it as its super-state without further
-knowledge of pl. A plan is a tree: machines contain states, leaves act (RC) or ask km (WM). Arcs name the outcome that
-leads on; the target is a sibling state or an outcome of the machine itself. Names of states are ids among their
-siblings; what a state does, its step says.
+A GroundTaskNetwork asks for a plan; a HierarchicalPlan is the answer, and ta runs it as its
+super-state without further knowledge of pl. A plan is a tree: machines contain states, leaves act
+(RC) or ask km (WM). Arcs name the outcome that leads on; the target is a sibling state or an
+outcome of the machine itself. Names of states are ids among their siblings; what a state does, its
+step says.
 """
 
 from collections.abc import Iterator
@@ -27,14 +28,18 @@ class Outcome(StrEnum):
 
 
 class Task(msgspec.Struct, frozen=True):
-    """One ground task: its name in the planning domain, as a task's `plan` declares it, and its arguments."""
+    """One ground task: its name in the planning domain, as a task's `plan` declares it, and its
+    arguments.
+    """
 
     name: str
     arguments: tuple[str, ...]
 
 
 class Step(msgspec.Struct, frozen=True, array_like=True, omit_defaults=True):
-    """What a part of a plan does: a row of the catalogues' [step] table, with which things, and with which hand."""
+    """What a part of a plan does: a row of the catalogues' [step] table, with which things, and
+    with which hand.
+    """
 
     does: str
     things: tuple[str, ...] = ()
@@ -42,8 +47,8 @@ class Step(msgspec.Struct, frozen=True, array_like=True, omit_defaults=True):
 
 
 class Place(msgspec.Struct, frozen=True, array_like=True, omit_defaults=True):
-    """A leaf of a plan that is under way, or waits: names of states from below the root to it, the step that it is in,
-    the class of its act ("" for none), and the hand that acts.
+    """A leaf of a plan that is under way, or waits: names of states from below the root to it, the
+    step that it is in, the class of its act ("" for none), and the hand that acts.
     """
 
     path: tuple[str, ...]
@@ -53,12 +58,16 @@ class Place(msgspec.Struct, frozen=True, array_like=True, omit_defaults=True):
 
     @property
     def id(self) -> str:
-        """The path as one text: what an operator names when the act may begin. No program takes it apart."""
+        """The path as one text: what an operator names when the act may begin. No program takes it
+        apart.
+        """
         return "/".join(self.path)
 
 
 class GroundTaskNetwork(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """Tasks to be done in this order. `id` names the request; ids of hypothetical states begin with it."""
+    """Tasks to be done in this order. `id` names the request; ids of hypothetical states begin with
+    it.
+    """
 
     id: str
     tasks: tuple[Task, ...]
@@ -80,7 +89,9 @@ class ActState(msgspec.Struct, frozen=True, tag=True):
 
 
 class AskState(msgspec.Struct, frozen=True, tag=True):
-    """A leaf that asks km; it succeeds when the answer equals `expect`, else it ends with `otherwise`."""
+    """A leaf that asks km; it succeeds when the answer equals `expect`, else it ends with
+    `otherwise`.
+    """
 
     name: str
     query: AnyQuery
@@ -90,7 +101,9 @@ class AskState(msgspec.Struct, frozen=True, tag=True):
 
 
 class EndState(msgspec.Struct, frozen=True, tag=True):
-    """A leaf that ends its machine with an outcome at once (a plan that knows it must be followed by another)."""
+    """A leaf that ends its machine with an outcome at once (a plan that knows it must be followed
+    by another).
+    """
 
     name: str
     outcome: Outcome
@@ -100,8 +113,9 @@ class EndState(msgspec.Struct, frozen=True, tag=True):
 class Machine(msgspec.Struct, frozen=True, tag=True):
     """A container of states; `initial` is entered first. A missing arc passes the outcome up.
 
-    `safe`: run in place of the rest when the plan is cancelled while this machine is active and something is held
-    (put it down); None: the act is stopped and nothing else is needed. `step`: what it does; None for a root.
+    `safe`: run in place of the rest when the plan is cancelled while this machine is active and
+    something is held (put it down); None: the act is stopped and nothing else is needed. `step`:
+    what it does; None for a root.
     """
 
     name: str
@@ -135,13 +149,17 @@ def step_of(state: State) -> Step | None:
 
 
 PUT_DOWN_S = 15.0
-"""To put one thing down and retreat [s, simulated], as cancels took (measured); for planner and coordinator."""
+"""To put one thing down and retreat [s, simulated], as cancels took (measured); for planner and
+coordinator.
+"""
 
 
 class ScheduleParameters(msgspec.Struct, frozen=True, array_like=True):
-    """Costs of a plan while its state `at` is active, in simulated seconds (TaskER: ScheduleParams).
+    """Costs of a plan while its state `at` is active, in simulated seconds (TaskER:
+    ScheduleParams).
 
-    `rest`: until the task is done. `suspend`: until it is safely left. `resume`: until it is back where it was left.
+    `rest`: until the task is done. `suspend`: until it is safely left. `resume`: until it is back
+    where it was left.
     """
 
     at: str
@@ -158,11 +176,15 @@ class Rejected(msgspec.Struct, frozen=True, array_like=True):
     why: Facts
 
 
-class HierarchicalPlan(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """A plan. `duration`: expected time of all its acts [s, simulated]; `queries`: how many km answered for it.
+class HierarchicalPlan(
+    msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True
+):
+    """A plan. `duration`: expected time of all its acts [s, simulated]; `queries`: how many km
+    answered for it.
 
-    `schedule`: for each state of its root, in their order. `holds`: what the hands hold when the task is done.
-    `rejected`: what the search tried before, the first of them; co does not pass it on.
+    `schedule`: for each state of its root, in their order. `holds`: what the hands hold when the
+    task is done. `rejected`: what the search tried before, the first of them; co does not pass it
+    on.
     """
 
     id: str

@@ -1,4 +1,6 @@
-"""Enumerations to which the tasks add: the general members here, those of one task in its part `done`."""
+"""Enumerations to which the tasks add: the general members here, those of one task in its part
+`done`.
+"""
 
 from enum import StrEnum
 from functools import cache
@@ -11,12 +13,17 @@ E = TypeVar("E", bound=StrEnum)
 
 @cache
 def members(base: type[E]) -> dict[str, E]:
-    """The members of all enumerations made from `base`, by value. Raises ValueError if two have the same one."""
+    """The members of all enumerations made from `base`, by value. Raises ValueError if two have the
+    same one.
+    """
     parts("done")
     found: dict[str, E] = {}
     for one in (one for table in base.__subclasses__() for one in table.__members__.values()):
         if one.value in found:
-            raise ValueError(f"both {type(found[one.value]).__name__} and {type(one).__name__} have {one.value!r}")
+            raise ValueError(
+                f"both {type(found[one.value]).__name__} and {type(one).__name__} have"
+                f" {one.value!r}"
+            )
         found[one.value] = one
     return found
 

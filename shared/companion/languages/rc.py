@@ -1,11 +1,12 @@
 """RC, the language of robot commands on channel C5 (ta asks, ex acts) and of their outcomes.
 
-The paper names no language for C5; this one is ours. A command is one skill. Its key names the act (plan id and step),
-so that an act is never begun twice. Free motions carry joint paths planned by pl; the other skills carry what is wanted
-in the object's frame, and ex solves the joints again from its newest observation.
+The paper names no language for C5; this one is ours. A command is one skill. Its key names the act
+(plan id and step), so that an act is never begun twice. Free motions carry joint paths planned by
+pl; the other skills carry what is wanted in the object's frame, and ex solves the joints again from
+its newest observation.
 
-Here are the acts that several tasks share; the act of one task is in its room (companion.tasks, part `done`). All of
-them, with what must be true after each, are in companion.acts.
+Here are the acts that several tasks share; the act of one task is in its room (companion.tasks,
+part `done`). All of them, with what must be true after each, are in companion.acts.
 """
 
 import math
@@ -19,7 +20,8 @@ from companion.languages.facts import Facts
 from companion.languages.rs import Seen
 from companion.languages.values import BodyPosture, Pose, Side, Vector, Within
 
-# What numbers may be; ex refuses others. As in velma.ranges, which has the sources (a test compares them).
+# What numbers may be; ex refuses others. As in velma.ranges, which has the sources (a test compares
+# them).
 Angle = Annotated[float, Within(-math.tau, math.tau)]  # rad
 Bend = Annotated[float, Within(0.0, 2.443389)]  # rad, of a finger
 ToolSpeed = Annotated[float, Within(0.01, 2.0)]  # m/s
@@ -37,8 +39,9 @@ class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True)
 class MoveJoint(Command, frozen=True):
     """Move the torso and one arm along a joint path; the other arm keeps its joints.
 
-    `path`: points of 8 joint positions [rad], torso first. `speed`: limit of the tool [m/s]. `fingers`: angle [rad] the
-    moving hand takes at the start of the motion, or None to leave it as it is (always None while it holds something).
+    `path`: points of 8 joint positions [rad], torso first. `speed`: limit of the tool [m/s].
+    `fingers`: angle [rad] the moving hand takes at the start of the motion, or None to leave it as
+    it is (always None while it holds something).
     """
 
     side: Side
@@ -55,7 +58,9 @@ class Segment(msgspec.Struct, frozen=True):
 
 
 class MoveCartesian(Command, frozen=True):
-    """Move the grip frame straight, with its orientation kept and the torso still: lift, pull out."""
+    """Move the grip frame straight, with its orientation kept and the torso still: lift, pull
+    out.
+    """
 
     side: Side
     segments: tuple[Segment, ...]
@@ -71,8 +76,9 @@ class ApproachPoint(msgspec.Struct, frozen=True):
 class Grasp(Command, frozen=True):
     """Approach an object through `approach`, close until touch, squeeze, lock.
 
-    `approach`: in the object's frame, outermost first, the grasp last. `squeeze`: motor travel after touch [rad].
-    `speed`: at which the fingers close [rad/s]. `mass`: what the hand will carry [kg], fed forward from the lock on.
+    `approach`: in the object's frame, outermost first, the grasp last. `squeeze`: motor travel
+    after touch [rad]. `speed`: at which the fingers close [rad/s]. `mass`: what the hand will carry
+    [kg], fed forward from the lock on.
     """
 
     side: Side
@@ -85,12 +91,14 @@ class Grasp(Command, frozen=True):
 
 
 class Release(Command, frozen=True, omit_defaults=True):
-    """Put a held object down at `place` (its wanted pose in the world) until contact, open, retreat.
+    """Put a held object down at `place` (its wanted pose in the world) until contact, open,
+    retreat.
 
-    `retreat`: grip poses seen from the grip that lets go, nearest first. `surface`: what it is put on. Where the hand
-    is not yet above the place, ex plans the way there itself; `place` None lets ex choose a free spot of the surface.
-    `way`: offsets from the place [m, world frame] through which the object comes, the last one above the place; none:
-    straight down from where every object comes down.
+    `retreat`: grip poses seen from the grip that lets go, nearest first. `surface`: what it is put
+    on. Where the hand is not yet above the place, ex plans the way there itself; `place` None lets
+    ex choose a free spot of the surface. `way`: offsets from the place [m, world frame] through
+    which the object comes, the last one above the place; none: straight down from where every
+    object comes down.
     """
 
     side: Side
@@ -129,7 +137,9 @@ class Sensor(StrEnum):
 
 
 class Fault(StrEnum):
-    """What is wrong with a sense. As in velma.control.grip and velma.eyes.health (a test compares them)."""
+    """What is wrong with a sense. As in velma.control.grip and velma.eyes.health (a test compares
+    them).
+    """
 
     NO_NUMBER = "no-number"
     ZERO = "zero"
@@ -151,13 +161,14 @@ class Ill(msgspec.Struct, frozen=True):
 
 
 class Done(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """An act ended as wanted: what was seen at its end, the posture, what each hand holds (object, T_grip_object).
+    """An act ended as wanted: what was seen at its end, the posture, what each hand holds (object,
+    T_grip_object).
 
-    `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not felt. `placed`: things
-    where a hand let go of them, not seen since. `arrived`: whether what left the source of a pour is in the
-    destination, by a look into it; None: not looked into. `missing`: things that were looked for and are not where they
-    should be, though nothing hides the place. `ill`: faulty sensors. `evidence`: for each check of the act, which
-    senses told that it is true.
+    `weighed`: mass in the hand before and after a pour, felt in the same posture [kg]; None: not
+    felt. `placed`: things where a hand let go of them, not seen since. `arrived`: whether what left
+    the source of a pour is in the destination, by a look into it; None: not looked into. `missing`:
+    things that were looked for and are not where they should be, though nothing hides the place.
+    `ill`: faulty sensors. `evidence`: for each check of the act, which senses told that it is true.
     """
 
     key: str
@@ -186,7 +197,8 @@ class NotDoneKind(StrEnum):
     MISSING = "missing"  # a thing is not where it should be
     BLOCKED = "blocked"  # a hand was beside its path: it met something
     CANCELLED = "cancelled"
-    INTERRUPTED = "interrupted"  # the machine was too slow, or a process died while the robot stood still
+    # the machine was too slow, or a process died while the robot stood still
+    INTERRUPTED = "interrupted"
     UNKNOWN = "unknown"  # a process died while the robot moved
     NEW_WORLD = "new-world"  # the simulated world was lost: nothing that was known of it is so
 

@@ -1,6 +1,8 @@
-"""RS, the language of readings on channel C5: what the virtual receptor of ex saw, and the robot's state.
+"""RS, the language of readings on channel C5: what the virtual receptor of ex saw, and the robot's
+state.
 
-Ours (the paper names no language for C5). A pose here was seen by the head camera, with noise; no true pose travels.
+Ours (the paper names no language for C5). A pose here was seen by the head camera, with noise; no
+true pose travels.
 """
 
 import msgspec
@@ -24,7 +26,9 @@ class Seen(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, om
 
 
 class RobotState(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
-    """The robot's state, on subscription: posture, what the loop does, its lateness [us] and missed cycles."""
+    """The robot's state, on subscription: posture, what the loop does, its lateness [us] and missed
+    cycles.
+    """
 
     body: BodyPosture
     mode: str

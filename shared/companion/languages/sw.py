@@ -1,4 +1,5 @@
-"""SW (supervised worker), the language of ta's states on channel C1, in protocol coordinate (paper, 5.4 and 5.5).
+"""SW (supervised worker), the language of ta's states on channel C1, in protocol coordinate (paper,
+5.4 and 5.5).
 
 confirm and cancel name this language and carry no content (formula 4); the inform carries a Report.
 """
@@ -26,12 +27,14 @@ class WorkerState(StrEnum):
     REPLAN = "Replan"
 
 
-FINAL = frozenset({WorkerState.SUCCEEDED, WorkerState.FAILED, WorkerState.PREEMPTED, WorkerState.REPLAN})
+FINAL = frozenset(
+    {WorkerState.SUCCEEDED, WorkerState.FAILED, WorkerState.PREEMPTED, WorkerState.REPLAN}
+)
 
 
 class Report(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """ta's state, and why. `at`: where in the plan it is, while Waiting what comes next. `evidence`: at the end of a
-    plan, what its acts made true, and which senses told.
+    """ta's state, and why. `at`: where in the plan it is, while Waiting what comes next.
+    `evidence`: at the end of a plan, what its acts made true, and which senses told.
     """
 
     state: WorkerState

@@ -1,7 +1,8 @@
 """Values that several content languages share: sides, poses, shapes.
 
-Units m and rad. A pose `T_A_B` is the frame B seen in the frame A; the world is `torso_base` (x forward, y left, z up),
-as in the robot's own description. Nothing here knows a protocol or an agent.
+Units m and rad. A pose `T_A_B` is the frame B seen in the frame A; the world is `torso_base` (x
+forward, y left, z up), as in the robot's own description. Nothing here knows a protocol or an
+agent.
 """
 
 import math
@@ -12,12 +13,15 @@ import msgspec
 
 Vector = tuple[float, float, float]
 Name = Annotated[str, msgspec.Meta(pattern=r"\A[!-~]{1,64}\Z")]
-"""Name of an object: printable ASCII without blanks, short, since it becomes a part of the id of an observation."""
+"""Name of an object: printable ASCII without blanks, short, since it becomes a part of the id of an
+observation.
+"""
 
 
 class Within(NamedTuple):
-    """The range of a number, as a note in its type. It is not checked where a message is read, but where it is acted
-    on: a refusal can say more than that a message is not understood."""
+    """The range of a number, as a note in its type. It is not checked where a message is read, but
+    where it is acted on: a refusal can say more than that a message is not understood.
+    """
 
     least: float
     most: float
@@ -38,8 +42,8 @@ class Pose(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Uncertainty(msgspec.Struct, frozen=True, array_like=True):
-    """How far a seen pose may be off: the covariance of x, y, z in the world [m^2], its upper triangle row by row, and
-    the variance of the rotation about the vertical [rad^2].
+    """How far a seen pose may be off: the covariance of x, y, z in the world [m^2], its upper
+    triangle row by row, and the variance of the rotation about the vertical [rad^2].
     """
 
     xyz: tuple[float, float, float, float, float, float]
@@ -59,7 +63,9 @@ class Box(msgspec.Struct, frozen=True, tag=True):
 
 
 class Cylinder(msgspec.Struct, frozen=True, tag=True):
-    """A cylinder along its own z axis, radius and length [m]; `at` is its centre in the object's frame."""
+    """A cylinder along its own z axis, radius and length [m]; `at` is its centre in the object's
+    frame.
+    """
 
     radius: float
     length: float
@@ -77,7 +83,9 @@ Shape = Box | Cylinder | Sphere
 
 
 class BodyPosture(msgspec.Struct, frozen=True):
-    """Joint positions [rad] of the body: torso, right and left arm (7), head pan and tilt, fingers (3 and spread)."""
+    """Joint positions [rad] of the body: torso, right and left arm (7), head pan and tilt, fingers
+    (3 and spread).
+    """
 
     torso: float
     right_arm: tuple[float, ...]

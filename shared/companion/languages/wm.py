@@ -1,4 +1,6 @@
-"""WM (world model), the language of queries, answers and observations on channels C4 and C6 (paper, section 5.4)."""
+"""WM (world model), the language of queries, answers and observations on channels C4 and C6 (paper,
+section 5.4).
+"""
 
 from enum import StrEnum
 
@@ -8,7 +10,7 @@ from companion.languages.evidence import Sense
 from companion.languages.facts import Facts
 from companion.languages.values import BodyPosture, Pose, Shape, Side, Uncertainty, Vector
 
-# --- Changes that a hypothetical state makes to another one -----------------------------------------------------------
+# --- Changes that a hypothetical state makes to another one ---------------------------------------
 
 
 class Change(msgspec.Struct, frozen=True, tag=True):
@@ -40,7 +42,9 @@ class Released(Change, frozen=True):
 
 
 class Configured(Change, frozen=True):
-    """Joints of the body [rad]: `part` is torso, right_arm, left_arm, head, right_hand or left_hand."""
+    """Joints of the body [rad]: `part` is torso, right_arm, left_arm, head, right_hand or
+    left_hand.
+    """
 
     part: str
     q: tuple[float, ...]
@@ -63,12 +67,19 @@ class Poured(Change, frozen=True):
 AnyChange = Moved | Grasped | Released | Configured | Reserved | Poured
 
 
-# --- Queries to km: each names a hypothetical state, or "" for the world as observed ----------------------------------
-# The list is a reconstruction: that of 2022 is not public. It follows what the published planner of the same group asks
-# of its world (proghtn-backstream, StatesInterface and generators).
+# --- Queries to km: each names a hypothetical state, or "" for the world as observed --------------
+# The list is a reconstruction: that of 2022 is not public. It follows what the published planner of
+# the same group asks of its world (proghtn-backstream, StatesInterface and generators).
 
 
-class Query(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True, kw_only=True):
+class Query(
+    msgspec.Struct,
+    frozen=True,
+    tag=True,
+    forbid_unknown_fields=True,
+    omit_defaults=True,
+    kw_only=True,
+):
     """A question to km about `state`."""
 
     state: str = ""
@@ -187,7 +198,9 @@ class RobotReach(Query, frozen=True):
 
 
 class Relation(StrEnum):
-    """The relations that `Holds` asks for. On the wire a relation is a str: km answers one that it does not know."""
+    """The relations that `Holds` asks for. On the wire a relation is a str: km answers one that it
+    does not know.
+    """
 
     IS_IN = "isIn"
     IS_ON = "isOn"
@@ -205,7 +218,9 @@ class Holds(Query, frozen=True):
 
 
 class HypotheticalState(Query, frozen=True):
-    """Make the state `id` out of `state` by these changes; made twice it is the same (idempotent) -> Made"""
+    """Make the state `id` out of `state` by these changes; made twice it is the same (idempotent)
+    -> Made
+    """
 
     id: str
     changes: tuple[AnyChange, ...] = ()
@@ -244,7 +259,7 @@ AnyQuery = (
 )
 
 
-# --- Answers of km: each is a pure function of the store and of the state that was asked about ------------------------
+# --- Answers of km: each is a pure function of the store and of the state that was asked about ----
 
 
 class Answer(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -264,7 +279,9 @@ class Objects(Answer, frozen=True):
 
 
 class PoseOf(Answer, frozen=True):
-    """Pose in the world; `exact` False: predicted, not observed. `held_by`: it moves with this hand."""
+    """Pose in the world; `exact` False: predicted, not observed. `held_by`: it moves with this
+    hand.
+    """
 
     object: str
     pose: Pose
@@ -274,7 +291,9 @@ class PoseOf(Answer, frozen=True):
 
 
 class ModelOf(Answer, frozen=True):
-    """Shapes in the object's frame, mass [kg]; `symmetric`: about its z axis; it stands on a disc at base_z [m]."""
+    """Shapes in the object's frame, mass [kg]; `symmetric`: about its z axis; it stands on a disc
+    at base_z [m].
+    """
 
     object: str
     model: str
@@ -287,7 +306,8 @@ class ModelOf(Answer, frozen=True):
 
 
 class Hole(Answer, frozen=True):
-    """The opening, in the object's frame: its centre [m], radius of its largest circle [m], the direction out of it.
+    """The opening, in the object's frame: its centre [m], radius of its largest circle [m], the
+    direction out of it.
 
     A jar opens upwards; a cabinet without doors opens along its x axis.
     """
@@ -320,17 +340,21 @@ class GraspOf(Answer, frozen=True):
 
 
 class GraspStep(msgspec.Struct, frozen=True, array_like=True):
-    """Pose of the object in the grip frame (T_grip_object), finger angle [rad] of fingers 1-3 there."""
+    """Pose of the object in the grip frame (T_grip_object), finger angle [rad] of fingers 1-3
+    there.
+    """
 
     pose: Pose
     fingers: float
 
 
 class GraspDef(msgspec.Struct, frozen=True):
-    """A grasp: steps from the outermost to the grasp itself, how it is closed, how far out of its place the thing goes.
+    """A grasp: steps from the outermost to the grasp itself, how it is closed, how far out of its
+    place the thing goes.
 
-    `closed`: angle [rad] the closed fingers are taken for. `squeeze`: motor travel [rad] after touch. `speed`: of the
-    closing fingers [rad/s]. `out`: way [m] after which the thing is out of what it stood in.
+    `closed`: angle [rad] the closed fingers are taken for. `squeeze`: motor travel [rad] after
+    touch. `speed`: of the closing fingers [rad/s]. `out`: way [m] after which the thing is out of
+    what it stood in.
     """
 
     id: str
@@ -380,7 +404,9 @@ class Made(Answer, frozen=True):
 
 
 class Unknown(Answer, frozen=True):
-    """km cannot answer, and why: an unknown object, nothing observed. `later`: it may be able to soon."""
+    """km cannot answer, and why: an unknown object, nothing observed. `later`: it may be able to
+    soon.
+    """
 
     why: Facts
     later: bool = False
@@ -410,15 +436,20 @@ AnyAnswer = (
 )
 
 
-# --- Observations that ta tells km ------------------------------------------------------------------------------------
+# --- Observations that ta tells km ----------------------------------------------------------------
 
 
-class Observation(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
-    """An observation that ta tells km, one subject each: the newest one of a subject is the true one."""
+class Observation(
+    msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True
+):
+    """An observation that ta tells km, one subject each: the newest one of a subject is the true
+    one.
+    """
 
 
 class SeenObject(Observation, frozen=True):
-    """`content`: mass of what was seen in the object [kg], right to some grams; None: it was not looked into.
+    """`content`: mass of what was seen in the object [kg], right to some grams; None: it was not
+    looked into.
 
     `uncertainty`: of the pose; None: it is not known.
     """
@@ -436,7 +467,9 @@ class SeenBody(Observation, frozen=True):
 
 
 class SeenHand(Observation, frozen=True):
-    """The content of a hand; object "" when it is empty. `by`: senses that told it last; none: it was not checked."""
+    """The content of a hand; object "" when it is empty. `by`: senses that told it last; none: it
+    was not checked.
+    """
 
     side: Side
     object: str = ""
@@ -477,24 +510,39 @@ class GivenObject(Observation, frozen=True):
 
 
 class MissingObject(Observation, frozen=True):
-    """An object was looked for, and is not where it should be: nothing hides the place. Nobody knows where it is."""
+    """An object was looked for, and is not where it should be: nothing hides the place. Nobody
+    knows where it is.
+    """
 
     object: str
 
 
 class NothingSeen(Observation, frozen=True):
-    """A look around is over, and showed nothing: why. One that showed something ends with the posture."""
+    """A look around is over, and showed nothing: why. One that showed something ends with the
+    posture.
+    """
 
     why: Facts
 
 
 class WorldLost(Observation, frozen=True):
-    """A new simulated world was made, so no earlier observation holds; why. A look around follows."""
+    """A new simulated world was made, so no earlier observation holds; why. A look around
+    follows.
+    """
 
     why: Facts
 
 
-AnySight = SeenObject | PlacedObject | SeenBody | SeenHand | FeltContent | LostObject | GivenObject | MissingObject
+AnySight = (
+    SeenObject
+    | PlacedObject
+    | SeenBody
+    | SeenHand
+    | FeltContent
+    | LostObject
+    | GivenObject
+    | MissingObject
+)
 AnyObservation = AnySight | NothingSeen | WorldLost
 
 

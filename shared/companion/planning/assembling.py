@@ -1,4 +1,6 @@
-"""From the steps of the search to the HFSM that ta runs: one machine per step, and how to make it safe if cancelled."""
+"""From the steps of the search to the HFSM that ta runs: one machine per step, and how to make it
+safe if cancelled.
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -20,14 +22,16 @@ from velma.kinematics.tasks.placing import backwards
 
 STOP_S = 1.0  # [s] to stop an act, as cancels took (measured)
 TAKE_S = 12.0  # [s] to take again what stands on a table (estimate)
-AGAIN_S = 30.0  # [s] of the plan that follows one that ends with a look: a pour with its plan (estimate)
+# [s] of the plan that follows one that ends with a look: a pour with its plan (estimate)
+AGAIN_S = 30.0
 PUT_DOWN = hfsm.Step("put-everything-down")
 WHATEVER = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED, hfsm.Outcome.REPLAN)
 
 
 class Found(NamedTuple):
-    """Result of a search: steps, the thing to be localized before the same task is planned again ("" if the steps do
-    the whole task), what is told to the person when they are done, and the outcome if the thing is not localized.
+    """Result of a search: steps, the thing to be localized before the same task is planned again
+    ("" if the steps do the whole task), what is told to the person when they are done, and the
+    outcome if the thing is not localized.
     """
 
     steps: list[Step]
@@ -36,8 +40,12 @@ class Found(NamedTuple):
     otherwise: hfsm.Outcome = hfsm.Outcome.REPLAN
 
 
-def plan(request: str, task: str, found: Found, queries: int, held: dict[Side, rc.Release]) -> hfsm.HierarchicalPlan:
-    """The plan of these steps in order; `held`: the commands that put down what the hands hold at the start."""
+def plan(
+    request: str, task: str, found: Found, queries: int, held: dict[Side, rc.Release]
+) -> hfsm.HierarchicalPlan:
+    """The plan of these steps in order; `held`: the commands that put down what the hands hold at
+    the start.
+    """
     steps, sought, told, otherwise = found
     holding = dict(held)
     states: list[hfsm.State] = []
@@ -46,7 +54,9 @@ def plan(request: str, task: str, found: Found, queries: int, held: dict[Side, r
     for number, (name, step) in enumerate(zip(names, steps, strict=True), start=1):
         for grasp in step.commands:
             if isinstance(grasp, rc.Grasp):
-                retreat = approach_points(backwards([(transform(p.at), p.fingers) for p in grasp.approach]))
+                retreat = approach_points(
+                    backwards([(transform(p.at), p.fingers) for p in grasp.approach])
+                )
                 holding[grasp.side] = rc.Release("", grasp.side, grasp.object, "", None, retreat)
         in_hand.append({side: release.object for side, release in holding.items()})
         states.append(_machine(request, number, name, step, _safe(request, number, holding)))
@@ -90,17 +100,22 @@ def _name(step: hfsm.Step) -> str:
 def schedule(
     names: list[str], steps: list[Step], in_hand: list[dict[Side, str]], *, again: bool
 ) -> tuple[hfsm.ScheduleParameters, ...]:
-    """The schedule parameters at each step; `in_hand`: what is held in it; `again`: another plan follows.
+    """The schedule parameters at each step; `in_hand`: what is held in it; `again`: another plan
+    follows.
 
-    What is held is put down when the task is left, and taken again when it goes on: that takes as long as taking it
-    does, or TAKE_S where it was held before.
+    What is held is put down when the task is left, and taken again when it goes on: that takes as
+    long as taking it does, or TAKE_S where it was held before.
     """
-    taking = {c.object: step.duration for step in steps for c in step.commands if isinstance(c, rc.Grasp)}
+    taking = {
+        c.object: step.duration for step in steps for c in step.commands if isinstance(c, rc.Grasp)
+    }
     found, rest = [], AGAIN_S if again else 0.0
     for name, step, held in zip(reversed(names), reversed(steps), reversed(in_hand), strict=True):
         rest += step.duration
         resume = _added(taking.get(thing, TAKE_S) for thing in held.values())
-        found.append(hfsm.ScheduleParameters(name, rest, STOP_S + hfsm.PUT_DOWN_S * len(held), resume))
+        found.append(
+            hfsm.ScheduleParameters(name, rest, STOP_S + hfsm.PUT_DOWN_S * len(held), resume)
+        )
     return tuple(reversed(found))
 
 
@@ -113,7 +128,10 @@ def _chained(
     states: Sequence[hfsm.State], on: tuple[hfsm.Outcome, ...] = (hfsm.Outcome.SUCCEEDED,)
 ) -> tuple[hfsm.State, ...]:
     """The states, each with arcs to the following one on these outcomes; an end has none."""
-    return (*(_then(state, following.name, on) for state, following in pairwise(states)), *states[-1:])
+    return (
+        *(_then(state, following.name, on) for state, following in pairwise(states)),
+        *states[-1:],
+    )
 
 
 def _then(state: hfsm.State, following: str, on: tuple[hfsm.Outcome, ...]) -> hfsm.State:
@@ -122,7 +140,9 @@ def _then(state: hfsm.State, following: str, on: tuple[hfsm.Outcome, ...]) -> hf
     return replace(state, arcs=tuple(hfsm.Arc(outcome, following) for outcome in on))
 
 
-def _machine(request: str, number: int, name: str, step: Step, safe: hfsm.Machine | None) -> hfsm.Machine:
+def _machine(
+    request: str, number: int, name: str, step: Step, safe: hfsm.Machine | None
+) -> hfsm.Machine:
     """One step as a machine; its states are the commands, each with its key.
 
     Behind them is what is done instead where the last command fails, with the failure at its end.
@@ -132,14 +152,18 @@ def _machine(request: str, number: int, name: str, step: Step, safe: hfsm.Machin
         for index, command in enumerate(step.commands, start=1)
     ]
     otherwise: list[hfsm.State] = [
-        hfsm.ActState(f"{_verb(one)} instead {index}", replace(one, key=f"{request}/{number}.instead{index}"))
+        hfsm.ActState(
+            f"{_verb(one)} instead {index}", replace(one, key=f"{request}/{number}.instead{index}")
+        )
         for index, one in enumerate(step.instead, start=1)
     ]
     *states, last = _chained(leaves)
     if otherwise:
         otherwise.append(hfsm.EndState("failed", hfsm.Outcome.FAILED, step.why))
         last = _then(last, otherwise[0].name, (hfsm.Outcome.FAILED,))
-    return hfsm.Machine(name, leaves[0].name, (*states, last, *_chained(otherwise)), safe=safe, step=step.step)
+    return hfsm.Machine(
+        name, leaves[0].name, (*states, last, *_chained(otherwise)), safe=safe, step=step.step
+    )
 
 
 def _verb(command: rc.Command) -> str:
@@ -149,10 +173,11 @@ def _verb(command: rc.Command) -> str:
 
 
 def _safe(request: str, number: int, holding: dict[Side, rc.Release]) -> hfsm.Machine | None:
-    """The machine that puts down all that may be held, last taken first; an empty hand's release does nothing.
+    """The machine that puts down all that may be held, last taken first; an empty hand's release
+    does nothing.
 
-    Arms go home when all stands. It goes on if an act fails: what could not be put down for the other arm is put down
-    when ta tries all of it again, with the arms at home.
+    Arms go home when all stands. It goes on if an act fails: what could not be put down for the
+    other arm is put down when ta tries all of it again, with the arms at home.
     """
     if not holding:
         return None
@@ -166,7 +191,7 @@ def _safe(request: str, number: int, holding: dict[Side, rc.Release]) -> hfsm.Ma
     return hfsm.Machine(_name(PUT_DOWN), states[0].name, states, step=PUT_DOWN)
 
 
-# --- what the hands hold when the plan begins -------------------------------------------------------------------------
+# --- what the hands hold when the plan begins -----------------------------------------------------
 
 
 def held_at(asking: Asking, state: str) -> dict[Side, rc.Release]:

@@ -1,4 +1,6 @@
-"""Which grasps of a thing can be reached where it stands, and the primitive step that takes it by one of them."""
+"""Which grasps of a thing can be reached where it stands, and the primitive step that takes it by
+one of them.
+"""
 
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
@@ -6,19 +8,35 @@ from companion.languages.values import Side
 from companion.models import HANDLE, LYING
 from companion.planning.methods import fallen
 from companion.planning.situation import Situation, configured, on_wire
-from companion.planning.steps import CLOSE_S, Geometry, Step, approach_points, free_speed, horizontal, move
+from companion.planning.steps import (
+    CLOSE_S,
+    Geometry,
+    Step,
+    approach_points,
+    free_speed,
+    horizontal,
+    move,
+)
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.speeds import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
 
 GRASPS = 8  # estimate: found in 0.1 s
-FLOOR_M = 0.3  # [m] height below which no hand reaches a thing: IK 0 of 15 on the floor, from 0.30 to 0.45 m some
-ANY_TORSO = (-0.9, 0.9)  # [rad] range of the torso at a grasp; same runs; never tried for a box (face)
-TORSO = {"side": (-0.7, 0.7), "rim_two_inside": (-1.0, 1.0), "rim_one_inside": (-1.0, 1.0)}  # [rad], same runs
+# [m] height below which no hand reaches a thing: IK 0 of 15 on the floor, from 0.30 to 0.45 m some
+FLOOR_M = 0.3
+# [rad] range of the torso at a grasp; same runs; never tried for a box (face)
+ANY_TORSO = (-0.9, 0.9)
+# [rad], same runs
+TORSO = {"side": (-0.7, 0.7), "rim_two_inside": (-1.0, 1.0), "rim_one_inside": (-1.0, 1.0)}
 
 
 def take(
-    geometry: Geometry, state: str, name: str, side: Side, *number: str, only: frozenset[str] | None = None
+    geometry: Geometry,
+    state: str,
+    name: str,
+    side: Side,
+    *number: str,
+    only: frozenset[str] | None = None,
 ) -> Step | None:
     """The step that grasps an object where it stands and pulls it out; the hand must be empty.
 
@@ -51,7 +69,9 @@ def take(
     segments = (rc.Segment((0.0, 0.0, LIFT_M), LIFT_SPEED), rc.Segment((x, y, z), LOADED_SPEED))
     pull = rc.MoveCartesian(key="", side=side, segments=segments)
     changes = (
-        wm.Grasped(object=name, side=side, grasp=grasp.id, pose=on_wire(approach.steps[-1][0].inverse())),
+        wm.Grasped(
+            object=name, side=side, grasp=grasp.id, pose=on_wire(approach.steps[-1][0].inverse())
+        ),
         *configured(side, approach.way_out[-1], grasp.closed),
     )
     duration = (
@@ -65,17 +85,25 @@ def take(
 
 
 def reachable(geometry: Geometry, state: str, name: str, side: Side) -> bool:
-    """Whether a thing can be grasped with a hand and pulled out at all; looked for once in a state."""
+    """Whether a thing can be grasped with a hand and pulled out at all; looked for once in a
+    state.
+    """
     key = (state, name, side)
     if key not in geometry.reachable:
         known = preferred(geometry, state, name)
         target = _target(geometry, state, name, known[0].out)
-        geometry.reachable[key] = bool(_approaches(geometry, geometry.at(state), side, target, known, (), 1))
+        geometry.reachable[key] = bool(
+            _approaches(geometry, geometry.at(state), side, target, known, (), 1)
+        )
     return geometry.reachable[key]
 
 
-def graspable(geometry: Geometry, here: Situation, side: Side, name: str, known: list[wm.GraspDef]) -> bool:
-    """Whether a thing can be grasped and pulled out by one of its known grasps, in the collision world of `here`."""
+def graspable(
+    geometry: Geometry, here: Situation, side: Side, name: str, known: list[wm.GraspDef]
+) -> bool:
+    """Whether a thing can be grasped and pulled out by one of its known grasps, in the collision
+    world of `here`.
+    """
     target = _target(geometry, here.state, name, known[0].out)
     return bool(_approaches(geometry, here, side, target, known, (), 1))
 
@@ -102,7 +130,8 @@ def _approaches(
         return []
     found = approaches(
         geometry.robot, here.world, side, here.q, target, ways(known),
-        geometry.rng("take", target.name, side, *number), torso=TORSO.get(kind, ANY_TORSO), wanted=wanted,
+        geometry.rng("take", target.name, side, *number), torso=TORSO.get(kind, ANY_TORSO),
+        wanted=wanted,
     )  # fmt: skip
     if not found:
         geometry.failed(fact(Kind.NO_GRASP, side, target.name, (how,) if how else ()))
@@ -121,7 +150,9 @@ def ways(known: list[wm.GraspDef]) -> list[GraspWay]:
 
 
 def _target(geometry: Geometry, state: str, name: str, distance: float) -> Target:
-    """An object as it is grasped. It leaves its place out of the opening of what it is in; else towards the robot."""
+    """An object as it is grasped. It leaves its place out of the opening of what it is in; else
+    towards the robot.
+    """
     pose, model = geometry.pose(state, name), geometry.model(state, name)
     if geometry.facts.inside(state, name):
         out = geometry.outwards(state, geometry.facts.support(state, name))

@@ -1,7 +1,8 @@
 """What methods of tasks decide by: facts of a state at km, and the notes why something is not done.
 
-A method gets Known, the id of the state at km, and the arguments of its task. It returns subtasks, or None if it does
-not apply; it raises Unanswered if km does not know a fact. Must not know: geometry.
+A method gets Known, the id of the state at km, and the arguments of its task. It returns subtasks,
+or None if it does not apply; it raises Unanswered if km does not know a fact. Must not know:
+geometry.
 """
 
 import math
@@ -31,7 +32,9 @@ class Unanswered(Exception):
 
 
 class Asking:
-    """Asks each query once (an answer is a pure function of query and state) and counts the queries."""
+    """Asks each query once (an answer is a pure function of query and state) and counts the
+    queries.
+    """
 
     def __init__(self, ask: Callable[[wm.AnyQuery], wm.AnyAnswer], request: str) -> None:
         self._ask, self.request = ask, request
@@ -51,26 +54,35 @@ class Asking:
         raise Unanswered(query, answer.why if isinstance(answer, wm.Unknown) else unknown)
 
     def suppose(self, state: str, changes: tuple[wm.AnyChange, ...]) -> str:
-        """Have km make a hypothetical state, `state` with these changes, once; return its id. Raise Unanswered."""
+        """Have km make a hypothetical state, `state` with these changes, once; return its id. Raise
+        Unanswered.
+        """
         if (state, changes) not in self._states:
             name = f"{self.request}/{len(self._states) + 1}"
-            self._states[state, changes] = self(wm.HypotheticalState(state=state, id=name, changes=changes), wm.Made).id
+            self._states[state, changes] = self(
+                wm.HypotheticalState(state=state, id=name, changes=changes), wm.Made
+            ).id
         return self._states[state, changes]
 
 
-# --- What methods of tasks decide by: facts of a state at km, and the notes why something is not done -----------------
+# --- What methods of tasks decide by: facts of a state at km, and the notes why something is not
+# done
 
 
-# --- The facts that methods of the domain need of a state at km: what is held, what stands where, what was seen ------
+# --- The facts that methods of the domain need of a state at km: what is held, what stands where,
+# what was seen
 
 
 SAME_PLACE_M = 0.05  # nearer to where it stood before, a thing is there again (estimate)
-BESIDE_M, LEVEL_M = 0.4, 0.3  # nearer than this a thing may be in a hand's way to another one; in height (estimates)
+# nearer than this a thing may be in a hand's way to another one; in height (estimates)
+BESIDE_M, LEVEL_M = 0.4, 0.3
 HOME_WITHIN = 0.1  # [rad] of each joint (estimate: more than the impedance control leaves)
 
 
 class StateFacts:
-    """Facts of a state; `state` is an id at km. Each method raises Unanswered if km does not know."""
+    """Facts of a state; `state` is an id at km. Each method raises Unanswered if km does not
+    know.
+    """
 
     def __init__(self, ask: Asking) -> None:
         self._ask = ask
@@ -97,20 +109,28 @@ class StateFacts:
         found = self._ask(wm.StaticObjects(state=state), wm.Objects).objects
         kind = word.capitalize()
         return tuple(
-            one.id for one in found if word == one.id or self._true(state, wm.Relation.IS_INSTANCE_OF, one.id, kind)
+            one.id
+            for one in found
+            if word == one.id or self._true(state, wm.Relation.IS_INSTANCE_OF, one.id, kind)
         )
 
     def moveable(self, state: str) -> tuple[str, ...]:
         """All things that can be taken."""
-        return tuple(one.id for one in self._ask(wm.MoveableObjects(state=state), wm.Objects).objects)
+        return tuple(
+            one.id for one in self._ask(wm.MoveableObjects(state=state), wm.Objects).objects
+        )
 
     def beside(self, state: str, name: str) -> list[str]:
-        """What stands near the thing and can be taken, nearest first; nothing that the plan itself put there."""
+        """What stands near the thing and can be taken, nearest first; nothing that the plan itself
+        put there.
+        """
         others = self._near(state, name, BESIDE_M, LEVEL_M)
         return [one for one in others if self.holder(state, one) is None and self.exact(state, one)]
 
     def _near(self, state: str, name: str, radius: float, height: float) -> list[str]:
-        """The other moveable things within a distance and a difference of height [m], nearest first."""
+        """The other moveable things within a distance and a difference of height [m], nearest
+        first.
+        """
         at = {
             one: np.array(self._ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose.xyz)
             for one in self.moveable(state)
@@ -118,8 +138,12 @@ class StateFacts:
         if name not in at:
             return []
         away = {one: xyz - at[name] for one, xyz in at.items() if one != name}
-        distance = {one: float(np.hypot(x, y)) for one, (x, y, z) in away.items() if abs(z) < height}
-        return sorted((one for one, far in distance.items() if far < radius), key=distance.__getitem__)
+        distance = {
+            one: float(np.hypot(x, y)) for one, (x, y, z) in away.items() if abs(z) < height
+        }
+        return sorted(
+            (one for one, far in distance.items() if far < radius), key=distance.__getitem__
+        )
 
     def origin(self, state: str, name: str) -> wm.PoseOf:
         """Where the thing stood before it was taken."""
@@ -131,21 +155,35 @@ class StateFacts:
 
     def filled(self, state: str, name: str) -> bool:
         """Whether something was poured into the thing."""
-        return any(self._true(state, wm.Relation.IS_IN, f"{one}.content", name) for one in self.moveable(state))
+        return any(
+            self._true(state, wm.Relation.IS_IN, f"{one}.content", name)
+            for one in self.moveable(state)
+        )
 
     def at(self, state: str, name: str, where: str) -> bool:
-        """Whether the thing stands on or in the place already, or where it stood before it was taken."""
+        """Whether the thing stands on or in the place already, or where it stood before it was
+        taken.
+        """
         here = self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf)
         if where == BACK:
-            return here.held_by is None and math.dist(here.pose.xyz, self.origin(state, name).pose.xyz) < SAME_PLACE_M
-        return here.on in self.places(state, where) and self.container(state, here.on) == self.inside(state, name)
+            return (
+                here.held_by is None
+                and math.dist(here.pose.xyz, self.origin(state, name).pose.xyz) < SAME_PLACE_M
+            )
+        return here.on in self.places(state, where) and self.container(
+            state, here.on
+        ) == self.inside(state, name)
 
     def fallen(self, state: str, name: str) -> Fact | None:
         """How the thing lies that does not stand; None for one that stands."""
-        return fallen(name, transform(self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose))
+        return fallen(
+            name, transform(self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose)
+        )
 
     def inside(self, state: str, name: str) -> bool:
-        """Whether the thing stands inside another one, so that it must come out before anything is poured into it."""
+        """Whether the thing stands inside another one, so that it must come out before anything is
+        poured into it.
+        """
         on = self.support(state, name)
         return bool(on) and self._true(state, wm.Relation.IS_IN, name, on)
 
@@ -165,21 +203,23 @@ def fallen(name: str, pose: pin.SE3) -> Fact | None:
     return fact(Kind.UPSIDE_DOWN if upside_down(pose) else Kind.LIES, name)
 
 
-# --- What methods of tasks decide by ----------------------------------------------------------------------------------
+# --- What methods of tasks decide by --------------------------------------------------------------
 
 
 OTHER = {Side.LEFT: Side.RIGHT, Side.RIGHT: Side.LEFT}
 
 Subtasks = list[tuple[Any, ...]]
-"""Tasks and actions by their names, with arguments, in order. Those of other tasks are named too, never imported."""
+"""Tasks and actions by their names, with arguments, in order. Those of other tasks are named too,
+never imported.
+"""
 
 
 @dataclass
 class Known:
     """Queries to km and the facts made of them.
 
-    `why`: reasons why a task or step cannot be done, newest last. `not_now`: why the method that was tried last does
-    not apply.
+    `why`: reasons why a task or step cannot be done, newest last. `not_now`: why the method that
+    was tried last does not apply.
     """
 
     ask: Asking
@@ -202,4 +242,8 @@ class Known:
 
 def away(known: Known, km: str) -> list[Side]:
     """The sides of empty arms that are not at home."""
-    return [side for side in Side if not known.facts.in_hand(km, side) and not known.facts.at_home(km, side)]
+    return [
+        side
+        for side in Side
+        if not known.facts.in_hand(km, side) and not known.facts.at_home(km, side)
+    ]

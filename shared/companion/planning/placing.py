@@ -14,23 +14,46 @@ from companion.languages.facts import Kind, fact
 from companion.languages.values import Cylinder, Pose, Shape, Side
 from companion.planning.grasping import ANY_TORSO, TORSO, preferred
 from companion.planning.situation import Held, Situation, configured, on_wire
-from companion.planning.steps import EFFORTS, OPEN_S, QUICK, Geometry, Step, approach_points, hand_steps, move
+from companion.planning.steps import (
+    EFFORTS,
+    OPEN_S,
+    QUICK,
+    Geometry,
+    Step,
+    approach_points,
+    hand_steps,
+    move,
+)
 from velma.kinematics.frames import heading, transform
 from velma.kinematics.motion import Motion
 from velma.kinematics.shapes import solid
 from velma.kinematics.tasks.grasping import LIFT_M, GraspWay
 from velma.kinematics.tasks.inserting import Opening, insertions
-from velma.kinematics.tasks.placing import FROM_ABOVE, Placing, Volume, backwards, placings, points_on, turned, within
+from velma.kinematics.tasks.placing import (
+    FROM_ABOVE,
+    Placing,
+    Volume,
+    backwards,
+    placings,
+    points_on,
+    turned,
+    within,
+)
 from velma.kinematics.tasks.speeds import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
 
-# --- Places to put something down: free spots on flat surfaces that km knows, in reach of the arm, best first --------
+# --- Places to put something down: free spots on flat surfaces that km knows, in reach of the arm,
+# best first
 
 
-GRID_M, MARGIN_M = 0.025, 0.05  # placement grid and margin of the published planner (proghtn-backstream@019fd34)
-BEST_DISTANCE_M, BEST_HEADING = 0.78, math.radians(42.0)  # where runs with the true robot model put and poured
-TURNING_M = 0.5  # a radian from the best heading is as bad as this distance [m] from the best distance (estimate)
+# placement grid and margin of the published planner (proghtn-backstream@019fd34)
+GRID_M, MARGIN_M = 0.025, 0.05
+# where runs with the true robot model put and poured
+BEST_DISTANCE_M, BEST_HEADING = 0.78, math.radians(42.0)
+# a radian from the best heading is as bad as this distance [m] from the best distance (estimate)
+TURNING_M = 0.5
 TOGETHER = 8  # spots tried together (estimate)
-NEAR_M = 0.05  # [m] from a spot that is not free; once more from those tried for each time (estimate)
+# [m] from a spot that is not free; once more from those tried for each time (estimate)
+NEAR_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -48,11 +71,12 @@ class Spot:
 def spots(
     geometry: Geometry, state: str, side: Side, foot: float, name: str, on: tuple[str, ...] = ()
 ) -> Iterator[list[Spot]]:
-    """Yield free spots for the thing `name`, which stands on a disc of radius `foot` [m], some at a time; `on`: on this
-    furniture alone.
+    """Yield free spots for the thing `name`, which stands on a disc of radius `foot` [m], some at a
+    time; `on`: on this furniture alone.
 
-    Those above the shoulders come last. km is asked only for the spots that are used. The spot where the thing itself
-    stood counts as free."""
+    Those above the shoulders come last. km is asked only for the spots that are used. The spot
+    where the thing itself stood counts as free.
+    """
     reach = geometry.ask(wm.RobotReach(state=state, side=side), wm.Reach)
     surfaces = geometry.ask(wm.FlatSurfaces(state=state), wm.Surfaces).surfaces
     shoulders, shoulder = turned(reach.shoulders), max(s[2] for s in reach.shoulders)
@@ -72,7 +96,9 @@ def spots(
 
 
 def _free(geometry: Geometry, state: str, found: list[Spot], name: str) -> Iterator[list[Spot]]:
-    """Yield free spots, each time farther from those before: beside some that did not do, others rarely do."""
+    """Yield free spots, each time farther from those before: beside some that did not do, others
+    rarely do.
+    """
     taken: list[Spot] = []
     tried: list[Spot] = []
     free: list[Spot] = []
@@ -100,7 +126,7 @@ def clear(geometry: Geometry, state: str, spot: Spot, name: str, room: Volume = 
     return not geometry.ask(query, wm.Objects).objects
 
 
-# --- Goal places of a thing -------------------------------------------------------------------------------------------
+# --- Goal places of a thing -----------------------------------------------------------------------
 
 
 BESIDE_M = 0.02  # room beside a thing behind an opening, for a finger (estimate)
@@ -111,7 +137,9 @@ NEXT_M = 0.08  # between two of them (estimate)
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Furniture that a thing may be put on from above, all of it where none is named; there a single spot, if any."""
+    """Furniture that a thing may be put on from above, all of it where none is named; there a
+    single spot, if any.
+    """
 
     on: tuple[str, ...] = ()
     spot: Spot | None = None
@@ -129,7 +157,9 @@ Place = Surfaces | Inside
 
 
 def places(geometry: Geometry, state: str, name: str, where: str) -> Iterator[Place]:
-    """Yield where a thing may go; `where`: an id or class of furniture, BACK, or "" for any surface."""
+    """Yield where a thing may go; `where`: an id or class of furniture, BACK, or "" for any
+    surface.
+    """
     facts = geometry.facts
     if not where:
         yield Surfaces()
@@ -139,7 +169,9 @@ def places(geometry: Geometry, state: str, name: str, where: str) -> Iterator[Pl
         if not origin.on:
             geometry.failed(fact(Kind.FIRST_PLACE_UNKNOWN, name))
             return
-        spot = Spot(origin.on, np.add(origin.pose.xyz, (0.0, 0.0, geometry.model(state, name).base_z)))
+        spot = Spot(
+            origin.on, np.add(origin.pose.xyz, (0.0, 0.0, geometry.model(state, name).base_z))
+        )
         if facts.container(state, origin.on) and spot.at[2] < _edges(geometry, state, origin.on)[1]:
             yield from _inside(geometry, state, name, origin.on, [spot])
         else:
@@ -153,7 +185,9 @@ def places(geometry: Geometry, state: str, name: str, where: str) -> Iterator[Pl
             yield from _inside(geometry, state, name, around, _grid(geometry, state, name, around))
 
 
-def _inside(geometry: Geometry, state: str, name: str, around: str, spots: list[Spot]) -> Iterator[Place]:
+def _inside(
+    geometry: Geometry, state: str, name: str, around: str, spots: list[Spot]
+) -> Iterator[Place]:
     """Yield the free ones of these spots."""
     model = geometry.model(state, name)
     corners = np.concatenate([_corners(shape) for shape in model.shapes])
@@ -162,7 +196,11 @@ def _inside(geometry: Geometry, state: str, name: str, around: str, spots: list[
     room = Volume(radius + BESIDE_M, top - model.base_z + LIFT_M)
     free: list[Spot] = []
     for spot in spots:
-        if len(free) < BEHIND_OPENING and not spot.near(free, NEXT_M) and clear(geometry, state, spot, name, room):
+        if (
+            len(free) < BEHIND_OPENING
+            and not spot.near(free, NEXT_M)
+            and clear(geometry, state, spot, name, room)
+        ):
             free.append(spot)
     if free:
         yield Inside(opening(geometry, state, name, around), tuple(free))
@@ -176,7 +214,11 @@ def _grid(geometry: Geometry, state: str, name: str, around: str) -> list[Spot]:
     middle, top = _edges(geometry, state, around)
     foot = geometry.model(state, name).base_radius
     found = [
-        (float(np.linalg.norm(at - shelf.at.xyz)) + abs(shelf.at.xyz[2] - middle), number, Spot(around, at))
+        (
+            float(np.linalg.norm(at - shelf.at.xyz)) + abs(shelf.at.xyz[2] - middle),
+            number,
+            Spot(around, at),
+        )
         for number, shelf in enumerate(shelves)
         if shelf.at.xyz[2] < top
         for at in grid(shelf, foot, EDGE_M)
@@ -207,23 +249,33 @@ def _corners(shape: Shape) -> np.ndarray:
     return np.array([at.act(np.array(corner)) for corner in product(*zip(low, high, strict=True))])
 
 
-# --- Where a held thing can be put down, and the primitive step that puts it there ------------------------------------
+# --- Where a held thing can be put down, and the primitive step that puts it there ----------------
 
 
-# --- Grasps and places behind an opening that go together ------------------------------------------------------------
+# --- Grasps and places behind an opening that go together -----------------------------------------
 
 
 INSERTIONS, BEST = 6, 3  # looked for; each takes 30 ms (measured on the canonical scene)
 
 
 def inserted(
-    geometry: Geometry, here: Situation, side: Side, name: str, target: Inside, known: list[GraspWay], number: str = ""
+    geometry: Geometry,
+    here: Situation,
+    side: Side,
+    name: str,
+    target: Inside,
+    known: list[GraspWay],
+    number: str = "",
 ) -> list[tuple[str, Placing]]:
     """Some grasps of the known ones, each with a place for the thing behind the opening.
 
-    Those come first after which the hand gets farthest away, so that it is out of the opening before it goes home.
+    Those come first after which the hand gets farthest away, so that it is out of the opening
+    before it goes home.
     """
-    base_z, kind = geometry.model(here.state, name).base_z, preferred(geometry, here.state, name)[0].kind
+    base_z, kind = (
+        geometry.model(here.state, name).base_z,
+        preferred(geometry, here.state, name)[0].kind,
+    )
     found = insertions(
         geometry.robot,
         here.world,
@@ -244,12 +296,17 @@ def inserted(
     )
 
 
-# --- Where a held thing can be put down, and the primitive step that puts it there ------------------------------------
+# --- Where a held thing can be put down, and the primitive step that puts it there ----------------
 
 
-# [rad] largest tilt of a thing on its way, and iterations of a tree, tried in turn: an empty bowl may tilt more. At 60
-# degrees it slipped in the fingers in two runs (doors, seed 10; hard errors of eyes, seed 223), at 40 in neither.
-CARRIED_TILT = ((math.radians(25.0), QUICK), (math.radians(40.0), EFFORTS), (math.radians(60.0), EFFORTS))
+# [rad] largest tilt of a thing on its way, and iterations of a tree, tried in turn: an empty bowl
+# may tilt more. At 60 degrees it slipped in the fingers in two runs (doors, seed 10; hard errors of
+# eyes, seed 223), at 40 in neither.
+CARRIED_TILT = (
+    (math.radians(25.0), QUICK),
+    (math.radians(40.0), EFFORTS),
+    (math.radians(60.0), EFFORTS),
+)
 PLACINGS, TRIES = 12, 300  # placings to choose from, samples tried (estimates)
 BATCHES = 6  # groups of spots tried (estimate)
 Way = Sequence[np.ndarray]
@@ -259,7 +316,9 @@ Retreat = list[tuple[pin.SE3, float]]
 
 
 def place(geometry: Geometry, state: str, side: Side, where: str = "") -> Step | None:
-    """The step that puts the held object on a flat surface, opens the hand and retreats; `where`: see places."""
+    """The step that puts the held object on a flat surface, opens the hand and retreats; `where`:
+    see places.
+    """
     here = geometry.at(state)
     held = here.held[side]
     retreat = retreating(geometry, state, held.object, held.grasp)
@@ -278,13 +337,17 @@ def place(geometry: Geometry, state: str, side: Side, where: str = "") -> Step |
 def above(
     geometry: Geometry, here: Situation, side: Side, retreat: Retreat, target: Surfaces
 ) -> tuple[Placing, Motion] | None:
-    """A place for the held object and the motion to above it; None, with the reason noted, if there is none."""
+    """A place for the held object and the motion to above it; None, with the reason noted, if there
+    is none.
+    """
     held, state = here.held[side], here.state
     model = geometry.model(state, held.object)
     if target.spot is None:
         some_spots = spots(geometry, state, side, model.base_radius, held.object, target.on)
     else:
-        some_spots = iter([[target.spot]] if clear(geometry, state, target.spot, held.object) else [])
+        some_spots = iter(
+            [[target.spot]] if clear(geometry, state, target.spot, held.object) else []
+        )
     tried = 0
     for free in islice(some_spots, BATCHES):
         tried += len(free)
@@ -311,10 +374,15 @@ def above(
 def _through(
     geometry: Geometry, here: Situation, side: Side, retreat: Retreat, target: Inside
 ) -> tuple[Placing, Motion] | None:
-    """A place behind an opening and the motion to before it; None, with the reason noted, if there is none."""
+    """A place behind an opening and the motion to before it; None, with the reason noted, if there
+    is none.
+    """
     held = here.held[side]
     T_held = held.T_grip_object
-    outermost_first = [(T_release_grip.inverse() * T_held, fingers) for T_release_grip, fingers in reversed(retreat)]
+    outermost_first = [
+        (T_release_grip.inverse() * T_held, fingers)
+        for T_release_grip, fingers in reversed(retreat)
+    ]
     way = GraspWay(held.grasp, (*outermost_first, (T_held, retreat[0][1])))
     some = [placing for _, placing in inserted(geometry, here, side, held.object, target, [way])]
     found = reached(geometry, here, side, some[:BEST]) or reached(geometry, here, side, some[BEST:])
@@ -323,13 +391,19 @@ def _through(
     return found
 
 
-def reached(geometry: Geometry, here: Situation, side: Side, some: list[Placing]) -> tuple[Placing, Motion] | None:
-    """One of the placings and the motion to its start; what was poured into the object is not tilted out."""
+def reached(
+    geometry: Geometry, here: Situation, side: Side, some: list[Placing]
+) -> tuple[Placing, Motion] | None:
+    """One of the placings and the motion to its start; what was poured into the object is not
+    tilted out.
+    """
     goals, name = [placing.above for placing in some], here.held[side].object
     for number, (largest_tilt, efforts) in enumerate(CARRIED_TILT if goals else ()):
         if number and geometry.facts.filled(here.state, name):
             break
-        reached = geometry.free_motion(here, side, goals, largest_tilt=largest_tilt, efforts=efforts)
+        reached = geometry.free_motion(
+            here, side, goals, largest_tilt=largest_tilt, efforts=efforts
+        )
         if reached is not None:
             return some[reached[0]], reached[1]
     return None
@@ -341,8 +415,12 @@ def retreating(geometry: Geometry, state: str, name: str, grasp: str) -> Retreat
     return backwards(hand_steps(geometry.ask(query, wm.Grasps).grasps[0]))
 
 
-def _placing(geometry: Geometry, held: Held, placing: Placing, side: Side, motion: Motion, way: Way) -> Step:
-    """The step of a solved placing; `motion` leads above it, or to the beginning of the `way` there."""
+def _placing(
+    geometry: Geometry, held: Held, placing: Placing, side: Side, motion: Motion, way: Way
+) -> Step:
+    """The step of a solved placing; `motion` leads above it, or to the beginning of the `way`
+    there.
+    """
     commands = (
         move(side, motion, LOADED_SPEED),
         rc.Release(

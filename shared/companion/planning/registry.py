@@ -1,8 +1,10 @@
-"""What the `plan` part of a task declares as PLAN, one row per task folder, and how the search finds them.
+"""What the `plan` part of a task declares as PLAN, one row per task folder, and how the search
+finds them.
 
-Any task may name, besides what the rows declare: `localize` a thing (look at it, then plan again), `a_look` at a thing,
-`a_confirm` that a thing stands where it was put, `a_home` with a hand, `a_tell` a fact at the end, `a_replan` once a
-thing is localized, `a_some_done` (go on only if the plan has a step); around a task, `after_arms_home`.
+Any task may name, besides what the rows declare: `localize` a thing (look at it, then plan again),
+`a_look` at a thing, `a_confirm` that a thing stands where it was put, `a_home` with a hand,
+`a_tell` a fact at the end, `a_replan` once a thing is localized, `a_some_done` (go on only if the
+plan has a step); around a task, `after_arms_home`.
 """
 
 from collections.abc import Callable, Iterator
@@ -36,7 +38,9 @@ Method = Callable[..., Subtasks | None]
 
 
 class Each(NamedTuple):
-    """A method that is tried with one value after the other; it gets the value before its arguments."""
+    """A method that is tried with one value after the other; it gets the value before its
+    arguments.
+    """
 
     method: Method
     values: tuple[Any, ...]
@@ -53,15 +57,17 @@ def each_try(method: Method) -> Each:
 
 @dataclass(frozen=True)
 class Plan:
-    """One task's part in the planning domain. Names are those that subtasks use, each declared in one row only.
+    """One task's part in the planning domain. Names are those that subtasks use, each declared in
+    one row only.
 
-    `tasks`: what can be asked for, with the kinds of the arguments.
-    `refused`: of these tasks, function of the arguments (ids of km) that returns why they make no sense, or None.
-    `methods`: of each task and subtask, in the order in which they are tried. A string names a method `around` tasks.
-    `around`: methods that do something else first. They get the name of the task before its arguments.
-    `actions`: primitive steps, functions (geometry, state at km, arguments) -> Step, or None with the reason noted.
-    `conditions`: as actions, but they only tell whether the search goes on; None and False end the branch.
-    `reveals`: function (known, state at km) that yields what may bring into sight a thing that was never seen.
+    `tasks`: what can be asked for, with the kinds of the arguments. `refused`: of these tasks,
+    function of the arguments (ids of km) that returns why they make no sense, or None. `methods`:
+    of each task and subtask, in the order in which they are tried. A string names a method `around`
+    tasks. `around`: methods that do something else first. They get the name of the task before its
+    arguments. `actions`: primitive steps, functions (geometry, state at km, arguments) -> Step, or
+    None with the reason noted. `conditions`: as actions, but they only tell whether the search goes
+    on; None and False end the branch. `reveals`: function (known, state at km) that yields what may
+    bring into sight a thing that was never seen.
     """
 
     tasks: dict[str, tuple[Argument, ...]] = field(default_factory=dict)
@@ -87,4 +93,6 @@ def tasks() -> dict[str, tuple[Argument, ...]]:
 
 def object_arguments(task: str, arguments: tuple[str, ...]) -> tuple[str, ...]:
     """The arguments of a task that are things."""
-    return tuple(one for one, kind in zip(arguments, tasks()[task], strict=True) if kind is Argument.THING)
+    return tuple(
+        one for one, kind in zip(arguments, tasks()[task], strict=True) if kind is Argument.THING
+    )

@@ -1,4 +1,6 @@
-"""The search as one function: from a task network, and a function that asks km, to a plan or the reason for none."""
+"""The search as one function: from a task network, and a function that asks km, to a plan or the
+reason for none.
+"""
 
 import os
 from collections.abc import Callable, Iterator
@@ -24,7 +26,7 @@ from velma.kinematics.robot import Robot
 os.environ.setdefault("GTPYHOP_QUIET", "true")  # else it prints a greeting when imported
 import gtpyhop
 
-# --- Methods and steps that belong to no task: what others do first, in between, or in the end -----------------------
+# --- Methods and steps that belong to no task: what others do first, in between, or in the end ----
 
 
 def localize(known: Known, km: str, name: str) -> Subtasks | None:
@@ -33,7 +35,9 @@ def localize(known: Known, km: str, name: str) -> Subtasks | None:
 
 
 def after_arms_home(known: Known, km: str, task: str, *arguments: str) -> Subtasks | None:
-    """Bring empty arms home, then do the task: after an interrupted act one may be in the way, in a cabinet say."""
+    """Bring empty arms home, then do the task: after an interrupted act one may be in the way, in a
+    cabinet say.
+    """
     sides = away(known, km)
     if not sides:
         return known.unfit(fact(Kind.ARMS_HOME))
@@ -47,12 +51,15 @@ COMMON = Plan(
 )
 
 
-# --- The search -------------------------------------------------------------------------------------------------------
+# --- The search -----------------------------------------------------------------------------------
 
 
-MOST_REJECTED, LARGEST_WHY = 24, 100  # of a search, the first ones; bytes of a reason: 4 kB hold them (estimates)
+# of a search, the first ones; bytes of a reason: 4 kB hold them (estimates)
+MOST_REJECTED, LARGEST_WHY = 24, 100
 MOST_STEPS = 200
-"""Steps that a search tries, each of which counts its own iterations. Estimate: the tests' searches try 45 at most."""
+"""Steps that a search tries, each of which counts its own iterations. Estimate: the tests' searches
+try 45 at most.
+"""
 V = TypeVar("V")
 
 
@@ -77,7 +84,13 @@ class _State(gtpyhop.State):  # type: ignore[misc]
     All parts are immutable, so a copy is cheap."""
 
     def copy(self, new_name: str | None = None) -> "_State":
-        return _State(new_name or self.__name__, km=self.km, steps=self.steps, sought=self.sought, told=self.told)
+        return _State(
+            new_name or self.__name__,
+            km=self.km,
+            steps=self.steps,
+            sought=self.sought,
+            told=self.told,
+        )
 
 
 class Search:
@@ -95,13 +108,22 @@ class Search:
         try:
             gtpyhop.set_current_domain(self.domain)
             gtpyhop.declare_actions(self.a_replan, self.a_tell, self.a_some_done, self.a_end)
-            gtpyhop.declare_actions(*(self._action(name, compute) for name, compute in ACTIONS.items()))
-            gtpyhop.declare_actions(*(self._condition(name, holds) for name, holds in CONDITIONS.items()))
+            gtpyhop.declare_actions(
+                *(self._action(name, compute) for name, compute in ACTIONS.items())
+            )
+            gtpyhop.declare_actions(
+                *(self._condition(name, holds) for name, holds in CONDITIONS.items())
+            )
             for task, methods in METHODS.items():
-                gtpyhop.declare_task_methods(task, *(method for one in methods for method in self._methods(task, one)))
+                gtpyhop.declare_task_methods(
+                    task, *(method for one in methods for method in self._methods(task, one))
+                )
             start = _State("start", km=state, steps=(), sought="", told=())
             options = {"strategy": "recursive_dfs", "structured_logging": False}
-            with redirect_stdout(StringIO()), gtpyhop.PlannerSession(domain=self.domain, **options) as session:
+            with (
+                redirect_stdout(StringIO()),
+                gtpyhop.PlannerSession(domain=self.domain, **options) as session,
+            ):
                 found = session.find_plan(start, [*todo, ("a_end",)])
         finally:
             # It would keep each domain, and all that its methods know.
@@ -121,10 +143,14 @@ class Search:
         """Methods that were tried and rejected, in this order."""
         return tuple(self._rejected)
 
-    # --- how methods and actions are bound to GTPyhop -----------------------------------------------------------------
+    # --- how methods and actions are bound to GTPyhop ---------------------------------------------
 
-    def _methods(self, task: str, declared: Method | Each | str) -> Iterator[Callable[..., Subtasks | None]]:
-        """Yield the methods that one entry of a row stands for, with their names as they are rejected by."""
+    def _methods(
+        self, task: str, declared: Method | Each | str
+    ) -> Iterator[Callable[..., Subtasks | None]]:
+        """Yield the methods that one entry of a row stands for, with their names as they are
+        rejected by.
+        """
         if isinstance(declared, str):
             for _, method, values in _each(AROUND[declared]):
                 yield self._answered(method.__name__, method, *values, task)
@@ -143,15 +169,21 @@ class Search:
             except Unanswered as unanswered:
                 known.failed(*unanswered.why)
                 found = None
-            if found is None and (why := known.why[-1] if len(known.why) > failed else known.not_now):
+            if found is None and (
+                why := known.why[-1] if len(known.why) > failed else known.not_now
+            ):
                 self._reject(name, arguments, why)
             return found
 
         answered.__name__ = name
         return answered
 
-    def _action(self, name: str, compute: Callable[..., Step | None]) -> Callable[..., _State | bool]:
-        """The action that appends a step and has km make its changes; not applicable if there is no step."""
+    def _action(
+        self, name: str, compute: Callable[..., Step | None]
+    ) -> Callable[..., _State | bool]:
+        """The action that appends a step and has km make its changes; not applicable if there is no
+        step.
+        """
 
         def appended(state: _State, *arguments: str) -> bool:
             step = compute(self.geometry, state.km, *arguments)
@@ -162,12 +194,18 @@ class Search:
 
         return self._attempt(name, appended)
 
-    def _condition(self, name: str, holds: Callable[..., bool | None]) -> Callable[..., _State | bool]:
+    def _condition(
+        self, name: str, holds: Callable[..., bool | None]
+    ) -> Callable[..., _State | bool]:
         """The action that only tells whether the search goes on."""
-        return self._attempt(name, lambda state, *arguments: holds(self.geometry, state.km, *arguments))
+        return self._attempt(
+            name, lambda state, *arguments: holds(self.geometry, state.km, *arguments)
+        )
 
     def _attempt(self, name: str, done: Callable[..., bool | None]) -> Callable[..., _State | bool]:
-        """What counts as one tried step; the reason is noted where it is not applicable, or km does not know."""
+        """What counts as one tried step; the reason is noted where it is not applicable, or km does
+        not know.
+        """
 
         def action(state: _State, *arguments: str) -> _State | bool:
             known = self.geometry
@@ -189,12 +227,16 @@ class Search:
     def _reject(self, method: str, arguments: tuple[str, ...], why: tuple[Fact, ...]) -> None:
         """Note what was tried and left; the same thing for the same reason once."""
         if len(self._rejected) < MOST_REJECTED:
-            self._rejected.setdefault(Rejected(method, tuple(filter(None, arguments)), fitting(why, LARGEST_WHY)))
+            self._rejected.setdefault(
+                Rejected(method, tuple(filter(None, arguments)), fitting(why, LARGEST_WHY))
+            )
 
-    # --- actions without a step ---------------------------------------------------------------------------------------
+    # --- actions without a step -------------------------------------------------------------------
 
     def a_replan(self, state: _State, name: str) -> _State:
-        """End the plan with the question whether the thing is localized: the rest is planned again."""
+        """End the plan with the question whether the thing is localized: the rest is planned
+        again.
+        """
         state.sought = name
         return state
 
@@ -222,11 +264,13 @@ def _each(declared: Method | Each) -> Iterator[tuple[str, Method, tuple[Any, ...
         yield f"{declared.method.__name__}_{value}", declared.method, (value,)
 
 
-# --- The search as one function: from a task network, and a function that asks km, to a plan or the reason for none ---
+# --- The search as one function: from a task network, and a function that asks km, to a plan or the
+# reason for none
 
 
 REFUSED = merged([row.refused for row in ROWS])
-REASONS, LARGEST = 3, 500  # the newest ones that are told, and their bytes: a report has room for no more (estimates)
+# the newest ones that are told, and their bytes: a report has room for no more (estimates)
+REASONS, LARGEST = 3, 500
 
 
 class NotSeen(Unanswered):
@@ -248,7 +292,8 @@ class NotATask(Exception):
 def search(
     network: hfsm.GroundTaskNetwork, ask: Callable[[wm.AnyQuery], wm.AnyAnswer], seed: int
 ) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
-    """A plan, or NoPlan. All facts come through `ask`. Deterministic for a seed: limits count iterations.
+    """A plan, or NoPlan. All facts come through `ask`. Deterministic for a seed: limits count
+    iterations.
 
     Where a thing has not been seen, it is a plan to look for it, and to plan again.
     """
@@ -261,9 +306,13 @@ def search(
         found = searching.run(todo, start)
     except NotSeen as unseen:
         found = _revealed(geometry, unseen.word)
-        found = found or assembling.Found([look_for(unseen.word)], unseen.word, (), hfsm.Outcome.FAILED)
+        found = found or assembling.Found(
+            [look_for(unseen.word)], unseen.word, (), hfsm.Outcome.FAILED
+        )
         name = f"look for {unseen.word}"
-        return assembling.plan(network.id, name, found, asking.queries, assembling.held_at(asking, ""))
+        return assembling.plan(
+            network.id, name, found, asking.queries, assembling.held_at(asking, "")
+        )
     except (Unanswered, NotATask) as refused:
         return hfsm.NoPlan(network.id, refused.why)
     if found is None:
@@ -275,7 +324,8 @@ def search(
 
 
 def _revealed(geometry: Geometry, word: str) -> assembling.Found | None:
-    """The first plan that may bring a thing into sight that was never seen; None where there is none.
+    """The first plan that may bring a thing into sight that was never seen; None where there is
+    none.
 
     Whether it is seen then or not, the task is planned again.
     """
@@ -291,7 +341,9 @@ def _revealed(geometry: Geometry, word: str) -> assembling.Found | None:
 
 @cache
 def _robot() -> Robot:
-    """The robot, read once in a process: that takes 12 ms, with the shapes for its collision world."""
+    """The robot, read once in a process: that takes 12 ms, with the shapes for its collision
+    world.
+    """
     return Robot()
 
 
@@ -300,14 +352,18 @@ def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
     kinds = tasks().get(task.name)
     if kinds is None or len(kinds) != len(task.arguments):
         raise NotATask(fact(Kind.NOT_A_TASK, task.name))
-    arguments = tuple(_WORDS[kind](asking, word) for kind, word in zip(kinds, task.arguments, strict=True))
+    arguments = tuple(
+        _WORDS[kind](asking, word) for kind, word in zip(kinds, task.arguments, strict=True)
+    )
     if task.name in REFUSED and (why := REFUSED[task.name](*arguments)):
         raise NotATask(why)
     return (task.name, *arguments)
 
 
 def _first_object(asking: Asking, word: str) -> str:
-    """The first thing that km knows by this id or kind; "" stays. Raise NotSeen with km's reason."""
+    """The first thing that km knows by this id or kind; "" stays. Raise NotSeen with km's
+    reason.
+    """
     if not word:
         return word
     things = asking(wm.ListObjects(), wm.Objects).objects
@@ -347,4 +403,6 @@ _WORDS: dict[Argument, Callable[[Asking, str], str]] = {
 def _newest(why: list[tuple[Fact, ...]]) -> tuple[Fact, ...]:
     """The different reasons of the failed attempts, last first."""
     different = list(dict.fromkeys(reversed(why)))[:REASONS]
-    return fitting(tuple(one for some in different for one in some), LARGEST) or (fact(Kind.NO_METHOD),)
+    return fitting(tuple(one for some in different for one in some), LARGEST) or (
+        fact(Kind.NO_METHOD),
+    )

@@ -1,4 +1,6 @@
-"""The situation at the start of a step, as km tells it: postures, what the hands hold, the shapes around."""
+"""The situation at the start of a step, as km tells it: postures, what the hands hold, the shapes
+around.
+"""
 
 from dataclasses import dataclass
 
@@ -18,8 +20,9 @@ SIDES = (Side.RIGHT, Side.LEFT)
 DOOR = "Door"
 """Class of the ontology."""
 ROOM_M = 0.012
-"""Kept from a panel besides the margin: it gives way to a hand that is beside its path, and closes. Estimate: hands are
-mostly 10 mm beside."""
+"""Kept from a panel besides the margin: it gives way to a hand that is beside its path, and closes.
+Estimate: hands are mostly 10 mm beside.
+"""
 
 
 def on_wire(pose: pin.SE3) -> Pose:
@@ -83,13 +86,16 @@ def situation(ask: Asking, robot: Robot, state: str) -> Situation:
         world.fingers(side, float(max(fingers[:3])))
     q = posture(ask, state)
     near = {name for a, b, _ in world.touching(q) for name in (a, b)} & doors if doors else set()
-    for placed in (one for one in there if one.object in near):  # a hand that let go of it has less room than that
+    # a hand that let go of it has less room than that
+    for placed in (one for one in there if one.object in near):
         world.put(placed.object, placed.shapes, transform(placed.pose), "furniture")
     return Situation(state, q, held, world)
 
 
 def _roomy(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
-    """The boards of a leaf with its panel, which is wider than thick, thicker by ROOM_M on each side."""
+    """The boards of a leaf with its panel, which is wider than thick, thicker by ROOM_M on each
+    side.
+    """
     found: list[Shape] = []
     for one in shapes:
         if isinstance(one, Box) and one.size[1] > one.size[0]:

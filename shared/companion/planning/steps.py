@@ -1,7 +1,8 @@
 """Steps of primitive tasks: robot commands, the changes they make, and their expected duration.
 
-A step asks km for what it needs in its first state, computes the geometry, and returns a Step; None if no geometry was
-found, with the reason added to `why`. Speeds and distances: task runs with the true robot model.
+A step asks km for what it needs in its first state, computes the geometry, and returns a Step; None
+if no geometry was found, with the reason added to `why`. Speeds and distances: task runs with the
+true robot model.
 """
 
 import math
@@ -27,11 +28,13 @@ from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED
 from velma.kinematics.timing import timed
 
 TRIED, ENOUGH = 8, 3  # estimate: more goals make motions hardly quicker, but planning slower
-# Iterations of a tree: most paths need some hundreds (benchmarks/kinematics.py), so all goals are tried with few before
-# any with many; trees for each goal.
+# Iterations of a tree: most paths need some hundreds (benchmarks/kinematics.py), so all goals are
+# tried with few before any with many; trees for each goal.
 QUICK, EFFORTS, ATTEMPTS = (500,), (500, 4000), 2
-TAKEN_LYING = math.radians(61.0)  # so far tilted in a hand, a thing was taken as it lay: none is carried so (putting)
-CLOSE_S, OPEN_S = 4.0, 2.5  # [s] a hand takes to close by touch and to open; only for the expected duration
+# so far tilted in a hand, a thing was taken as it lay: none is carried so (putting)
+TAKEN_LYING = math.radians(61.0)
+# [s] a hand takes to close by touch and to open; only for the expected duration
+CLOSE_S, OPEN_S = 4.0, 2.5
 
 Path = list[np.ndarray]
 """Postures (15,) [rad], one after the other."""
@@ -39,9 +42,11 @@ Path = list[np.ndarray]
 
 @dataclass(frozen=True)
 class Step:
-    """What one primitive task does, its commands (without keys yet), changes to the state, expected duration [s].
+    """What one primitive task does, its commands (without keys yet), changes to the state, expected
+    duration [s].
 
-    `instead`: commands in place of all that follows where the last command fails; then the plan has failed, and `why`.
+    `instead`: commands in place of all that follows where the last command fails; then the plan has
+    failed, and `why`.
     """
 
     step: hfsm.Step
@@ -54,11 +59,12 @@ class Step:
 
 @dataclass
 class Geometry(Known):
-    """The common part of all steps: queries to km, the robot, the seed, and why the last attempts failed.
+    """The common part of all steps: queries to km, the robot, the seed, and why the last attempts
+    failed.
 
-    As far as they were looked for: `reachable`, whether a thing can be taken in a state with a hand; `homes`, the step
-    that brings a hand home in a state, None where there is none; `pouring`, the hand that is likely to pour from
-    a thing into another one at this pose.
+    As far as they were looked for: `reachable`, whether a thing can be taken in a state with a
+    hand; `homes`, the step that brings a hand home in a state, None where there is none; `pouring`,
+    the hand that is likely to pour from a thing into another one at this pose.
     """
 
     robot: Robot
@@ -69,7 +75,9 @@ class Geometry(Known):
 
     def rng(self, *words: str) -> np.random.Generator:
         """Random numbers that depend on seed and attempt, not on the order of attempts."""
-        return np.random.default_rng([self.seed, *(int.from_bytes(w.encode()[:24], "little") % 2**63 for w in words)])
+        return np.random.default_rng(
+            [self.seed, *(int.from_bytes(w.encode()[:24], "little") % 2**63 for w in words)]
+        )
 
     def at(self, state: str) -> Situation:
         """The situation in a state at km."""
@@ -98,10 +106,12 @@ class Geometry(Known):
         tried: int = TRIED,
         efforts: Sequence[int] = EFFORTS,
     ) -> tuple[int, Motion] | None:
-        """Index of a goal (15,) and the motion to it: the quickest of the first few among the `tried` nearest.
+        """Index of a goal (15,) and the motion to it: the quickest of the first few among the
+        `tried` nearest.
 
         None if none of them can be reached with the last of the `efforts` (iterations of a tree).
-        Torso and the arm of `side` move; what it holds stays within `largest_tilt` [rad] of the vertical.
+        Torso and the arm of `side` move; what it holds stays within `largest_tilt` [rad] of the
+        vertical.
         """
         if not goals:
             return None
@@ -113,15 +123,24 @@ class Geometry(Known):
         least = ik.travel(self.robot, side, here.q, np.array(goals))
         nearest = [int(k) for k in np.argsort(least, kind="stable")[:tried]]
         for effort in efforts:
-            found = self._ways(here, side, [(k, float(least[k]), goals[k]) for k in nearest], keep, effort)
+            found = self._ways(
+                here, side, [(k, float(least[k]), goals[k]) for k in nearest], keep, effort
+            )
             if found:
                 return min(found, key=lambda one: one[1].duration)
         return None
 
     def _ways(
-        self, here: Situation, side: Side, goals: list[tuple[int, float, np.ndarray]], keep: Keep | None, effort: int
+        self,
+        here: Situation,
+        side: Side,
+        goals: list[tuple[int, float, np.ndarray]],
+        keep: Keep | None,
+        effort: int,
     ) -> list[tuple[int, Motion]]:
-        """Index of the goal and motion, some; `goals`: index, least time [s], posture, nearest first."""
+        """Index of the goal and motion, some; `goals`: index, least time [s], posture, nearest
+        first.
+        """
         speed = free_speed(here)
         found: list[tuple[int, Motion]] = []
         for index, least, goal in goals:
@@ -167,10 +186,11 @@ def approach_points(steps: Iterable[tuple[pin.SE3, float]]) -> tuple[rc.Approach
     return tuple(rc.ApproachPoint(on_wire(pose), fingers) for pose, fingers in steps)
 
 
-# --- Primitive steps that turn the head: at one thing, and for one ----------------------------------------------------
+# --- Primitive steps that turn the head: at one thing, and for one --------------------------------
 
 
-# [s] of one point of a look around, and of a single look (estimates); only for the expected duration
+# [s] of one point of a look around, and of a single look (estimates); only for the expected
+# duration
 POINT_S, LOOK_S = 1.2, 2.0
 
 
@@ -180,7 +200,9 @@ def look_at(step: hfsm.Step, points: tuple[Vector, ...]) -> Step:
 
 
 def look_for(word: str) -> Step:
-    """The step that looks wherever the head can be turned to, for a thing that has not been seen."""
+    """The step that looks wherever the head can be turned to, for a thing that has not been
+    seen.
+    """
     return look_at(hfsm.Step("look-for", (word,)), EVERYWHERE)
 
 
@@ -190,22 +212,27 @@ def look(geometry: Geometry, state: str, name: str) -> Step:
 
 
 def confirm(geometry: Geometry, state: str, name: str) -> Step:
-    """The step that looks whether the object stands where it was put; what is not seen is not checked."""
+    """The step that looks whether the object stands where it was put; what is not seen is not
+    checked.
+    """
     return _look(geometry, state, name, name)
 
 
 def _look(geometry: Geometry, state: str, name: str, put: str) -> Step:
     x, y, z = (float(v) for v in geometry.pose(state, name).translation)
-    return Step(hfsm.Step("look-at", (name,)), (rc.Look(key="", at=((x, y, z),), put=put),), (), LOOK_S)
+    return Step(
+        hfsm.Step("look-at", (name,)), (rc.Look(key="", at=((x, y, z),), put=put),), (), LOOK_S
+    )
 
 
-# --- The primitive step that brings an empty arm home -----------------------------------------------------------------
+# --- The primitive step that brings an empty arm home ---------------------------------------------
 
 
 def home(geometry: Geometry, state: str, side: Side) -> Step | None:
     """The step that brings an empty arm to its start posture; the torso turns where that is free.
 
-    None, with the reason noted, where no path is found. A step that is asked for again is not searched again.
+    None, with the reason noted, where no path is found. A step that is asked for again is not
+    searched again.
     """
     if (state, side) not in geometry.homes:
         here = geometry.at(state)

@@ -1,8 +1,9 @@
-"""Sentences: of facts, in the operator's words, and all that a person reads who knows no robots, in English and Polish.
+"""Sentences: of facts, in the operator's words, and all that a person reads who knows no robots, in
+English and Polish.
 
-Three catalogues, operator.toml, en.toml and pl.toml, have a row for each general kind of fact; the latter two have the
-sentences of hi and the page, too. Rows of a task's own kinds are in its file sentences.toml, in tables with the name of
-the catalogue. No program reads a sentence.
+Three catalogues, operator.toml, en.toml and pl.toml, have a row for each general kind of fact; the
+latter two have the sentences of hi and the page, too. Rows of a task's own kinds are in its file
+sentences.toml, in tables with the name of the catalogue. No program reads a sentence.
 """
 
 import math
@@ -32,8 +33,9 @@ class Reader(StrEnum):
 
 
 class Unit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A unit: its size in that of the fact, and its name behind a number of each class that the language has (those of
-    Unicode's CLDR), the accusative first, then the genitive; () as `other`, which in Polish is that of fractions.
+    """A unit: its size in that of the fact, and its name behind a number of each class that the
+    language has (those of Unicode's CLDR), the accusative first, then the genitive; () as `other`,
+    which in Polish is that of fractions.
     """
 
     size: float
@@ -44,12 +46,13 @@ class Unit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A catalogue. `fact`: a template for each kind; `side`, `thing`: their forms, for one without a number and, in
-    English, for one with a number; `unit`: of a number, of a count too; the others: words for the words in facts.
-    A process may be named by its agent. `step`: what a part of a plan does, with its things in braces, {a} and {b},
-    and its hand, {side}; `leaf`: what an act in it does, by its class. For a person, `hi` and `page`: their sentences;
-    `please`: what a person is asked to do during an act, by its class, with the things of its step. For the operator,
-    `event`: what happened in a run.
+    """A catalogue. `fact`: a template for each kind; `side`, `thing`: their forms, for one without
+    a number and, in English, for one with a number; `unit`: of a number, of a count too; the
+    others: words for the words in facts. A process may be named by its agent. `step`: what a part
+    of a plan does, with its things in braces, {a} and {b}, and its hand, {side}; `leaf`: what an
+    act in it does, by its class. For a person, `hi` and `page`: their sentences; `please`: what a
+    person is asked to do during an act, by its class, with the things of its step. For the
+    operator, `event`: what happened in a run.
     """
 
     fact: dict[str, str]
@@ -92,7 +95,9 @@ class _Forms(str):
 
 @cache
 def catalogue(reader: Reader) -> Catalogue:
-    """The catalogue of a reader, with the rows of the tasks. Raises ValueError if two have the same one."""
+    """The catalogue of a reader, with the rows of the tasks. Raises ValueError if two have the same
+    one.
+    """
     rows = msgspec.toml.decode(resources.files(__package__).joinpath(f"{reader}.toml").read_bytes())
     for name in tasks.NAMES:
         file = resources.files(tasks).joinpath(name, "sentences.toml")
@@ -124,7 +129,9 @@ def person(facts: Iterable[Fact], language: str) -> str:
 
 
 def failure(why: Facts, language: str) -> str:
-    """The sentences for a person of why a task failed; where none asks for anything, the last asks for help."""
+    """The sentences for a person of why a task failed; where none asks for anything, the last asks
+    for help.
+    """
     asks = any(one.kind.asks for one in with_reasons(why))
     return person(why if asks or not why else (*why, fact(Kind.PERSON_NEEDED)), language)
 
@@ -146,7 +153,9 @@ def step(one: Step, reader: Reader) -> str:
     says = catalogue(reader).step.get(one.does)
     if says is None:
         return " ".join(map(str, filter(None, (one.does.replace("-", " "), *things, side))))
-    return says.format(side=side, **dict(zip("ab", (*things, *(_forms(("",) * 5),) * 2), strict=False)))
+    return says.format(
+        side=side, **dict(zip("ab", (*things, *(_forms(("",) * 5),) * 2), strict=False))
+    )
 
 
 def place(at: Place, reader: Reader) -> str:
@@ -166,7 +175,10 @@ def please(at: Place, reader: Reader) -> str:
 
 def happened(name: str, of: tuple[str, ...]) -> str:
     """An event of a run in the operator's words; one that is in no list by its names."""
-    words = [object_text(one, Reader.OPERATOR) if _ID.fullmatch(one) else _HUMP.sub(" ", one) for one in of]
+    words = [
+        object_text(one, Reader.OPERATOR) if _ID.fullmatch(one) else _HUMP.sub(" ", one)
+        for one in of
+    ]
     says = catalogue(Reader.OPERATOR).event.get(name, name.replace("-", " "))
     used = sum(f"{{{number}}}" in says for number in range(len(words)))
     rest = " ".join(words[used:])
@@ -222,12 +234,16 @@ def _joint(words: tuple[str, ...], rows: Catalogue) -> str:
 
 
 def _listed_text(word: str, of: str, reader: Reader) -> str:
-    """A word of a list in words, which may name parts of the fact; one that is in no list as it is read."""
+    """A word of a list in words, which may name parts of the fact; one that is in no list as it is
+    read.
+    """
     rows = catalogue(reader)
     for known in (getattr(rows, of, {}), rows.process, rows.agent):
         if word in known:
             return str(known[word])
-    plain = str(_object_forms(word, reader)) if _ID.fullmatch(word) else spaced(word.replace("_", " "))
+    plain = (
+        str(_object_forms(word, reader)) if _ID.fullmatch(word) else spaced(word.replace("_", " "))
+    )
     return plain.replace("{", "{{").replace("}", "}}")
 
 
@@ -262,7 +278,9 @@ def _number(value: float, unit: str, reader: Reader) -> str:
 
 
 def _plural(text: str, reader: Reader) -> str:
-    """The class of a number for the forms of nouns behind it: one, few, many or other (Unicode's CLDR)."""
+    """The class of a number for the forms of nouns behind it: one, few, many or other (Unicode's
+    CLDR).
+    """
     if text == "1":
         return "one"
     if reader is not Reader.POLISH or not text.lstrip("-").isdecimal():
@@ -278,7 +296,8 @@ def _plain(value: float, decimals: int) -> str:
     return "0" if text == "-0" else text
 
 
-# --- Ids, names and contents in the operator's words: on a terminal, in a report. No agent decides by them ------------
+# --- Ids, names and contents in the operator's words: on a terminal, in a report. No agent decides
+# by them
 
 
 _TELLING = ("name", "object", "relation", "subject", "source", "destination", "side", "state")
@@ -300,7 +319,11 @@ def about(content: object) -> str:
         return ""
     if isinstance(content, cmd.TaskReport | sw.Report):
         return " ".join(filter(None, (content.state, at(content.at))))
-    told = [one for one in (getattr(content, name, "") for name in _TELLING) if one and isinstance(one, str)]
+    told = [
+        one
+        for one in (getattr(content, name, "") for name in _TELLING)
+        if one and isinstance(one, str)
+    ]
     return plain(" ".join((spaced(type(content).__name__), *told)))
 
 

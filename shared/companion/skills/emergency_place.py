@@ -1,4 +1,5 @@
-"""Places to put something down at once: right here, where it stood before, else on a free spot of a surface.
+"""Places to put something down at once: right here, where it stood before, else on a free spot of a
+surface.
 
 Used when a plan is cancelled. ex knows the furniture that it has seen, and plans the path itself.
 """
@@ -39,7 +40,9 @@ def standing_here(here: Situation, side: str) -> pin.SE3 | None:
     bottom = pose.translation + pose.rotation @ np.array([0.0, 0.0, base.z])
     for _, frame, size in surfaces(here):
         local = frame.inverse().act(bottom)
-        if abs(local[2]) < HERE_M and all(abs(local[k]) < size[k] / 2 - base.radius for k in (0, 1)):
+        if abs(local[2]) < HERE_M and all(
+            abs(local[k]) < size[k] / 2 - base.radius for k in (0, 1)
+        ):
             down = level(pose)
             down.translation[2] = frame.translation[2] - base.z
             return down
@@ -47,7 +50,8 @@ def standing_here(here: Situation, side: str) -> pin.SE3 | None:
 
 
 def back_in_place(here: Situation, side: str) -> tuple[pin.SE3, list[np.ndarray]] | None:
-    """Where the held object stood before it was taken, and the straight path to just above; None if far away.
+    """Where the held object stood before it was taken, and the straight path to just above; None if
+    far away.
 
     For an object half out of a cabinet, only the path it came by is known to be free.
     """
@@ -55,11 +59,18 @@ def back_in_place(here: Situation, side: str) -> tuple[pin.SE3, list[np.ndarray]
     stood, pose = here.seen.get(held.object), held_pose(here, side)
     if stood is None or not 0.0 < pose.translation[2] - stood.translation[2] + SAG_M < HERE_M:
         return None
-    if np.linalg.norm(pose.translation - stood.translation) > BACK_WITHIN_M or tilt(stood) > UPRIGHT:
+    if (
+        np.linalg.norm(pose.translation - stood.translation) > BACK_WITHIN_M
+        or tilt(stood) > UPRIGHT
+    ):
         return None
     place = standing(stood.translation, heading(pose.rotation[:, 0]))
-    over = standing(np.array([*stood.translation[:2], pose.translation[2]]), heading(pose.rotation[:, 0]))
-    path, whole = backing.furthest(here.robot, here.world, side, here.q, over * held.T_grip_object.inverse())
+    over = standing(
+        np.array([*stood.translation[:2], pose.translation[2]]), heading(pose.rotation[:, 0])
+    )
+    path, whole = backing.furthest(
+        here.robot, here.world, side, here.q, over * held.T_grip_object.inverse()
+    )
     return (place, path) if whole else None
 
 
@@ -87,23 +98,38 @@ def free_spot(
 ) -> tuple[pin.SE3, list[np.ndarray]] | None:
     """A free place and the joint path to above it; None if none was found.
 
-    The object tilts by at most `largest` [rad] on the way, or as it is. `height`: of its origin at the place [m]; None:
-    any.
+    The object tilts by at most `largest` [rad] on the way, or as it is. `height`: of its origin at
+    the place [m]; None: any.
     """
     held, rng = here.held[side], np.random.default_rng(0)
     base = models.MODELS[here.models[held.object]].base
-    spots = [(name, spot - np.array([0.0, 0.0, base.z])) for name, spot in _spots(here, base.radius, side)]
+    spots = [
+        (name, spot - np.array([0.0, 0.0, base.z]))
+        for name, spot in _spots(here, base.radius, side)
+    ]
     if height is not None:
         spots = [(name, spot) for name, spot in spots if abs(spot[2] - height) < SAME_M]
-    keep = upright(here.robot, side, held.T_grip_object, max(largest, tilt(held_pose(here, side)) + 0.1))
+    keep = upright(
+        here.robot, side, held.T_grip_object, max(largest, tilt(held_pose(here, side)) + 0.1)
+    )
     for margin in moving.ROOM_M if spots else ():
         with attaching.room(here.world, margin):
             found = placings(
-                here.robot, here.world, side, here.q, held.object, held.T_grip_object, spots, retreat, rng, tries=TRIES
+                here.robot,
+                here.world,
+                side,
+                here.q,
+                held.object,
+                held.T_grip_object,
+                spots,
+                retreat,
+                rng,
+                tries=TRIES,
             )
             for placing in islice(found, WAYS):
                 way = motion.plan(
-                    here.robot, here.world, side, here.q, placing.above, keep=keep, tool_speed=LOADED_SPEED,
+                    here.robot, here.world, side, here.q, placing.above, keep=keep,
+                    tool_speed=LOADED_SPEED,
                     attempts=moving.ATTEMPTS,
                 )  # fmt: skip
                 if way is not None:
@@ -112,8 +138,8 @@ def free_spot(
 
 
 def _spots(here: Situation, radius: float, side: str) -> list[tuple[str, np.ndarray]]:
-    """Spots (3,) that are free by what was seen, within reach, nearest to the hand first; so far as the hand is
-    now it reaches, too.
+    """Spots (3,) that are free by what was seen, within reach, nearest to the hand first; so far as
+    the hand is now it reaches, too.
     """
     at, reach = held_pose(here, side).translation, models.REACH[Side(side)]
     shoulders = turned(reach.shoulders)

@@ -1,4 +1,6 @@
-"""Evidence of an act that was done: for each of its checks (companion.acts), which senses told that it is true."""
+"""Evidence of an act that was done: for each of its checks (companion.acts), which senses told that
+it is true.
+"""
 
 from collections.abc import Mapping
 
@@ -12,16 +14,20 @@ from companion.skills.skill import Sensed, Tells
 from velma.control.grip import Grip
 
 IN_HAND_M = 0.25
-"""Between grip and origin of a held thing: a jar or bowl is held within 0.15 m of it (grasps.json), estimate."""
+"""Between grip and origin of a held thing: a jar or bowl is held within 0.15 m of it (grasps.json),
+estimate.
+"""
 _IN_HAND = (Grip.HELD, Grip.WARNED, Grip.SLIPPED)
 Tellers = Mapping[tuple[AnyClaim, Sense], Tells]
 
 
-def evidence(here: Situation, command: rc.Command, sensed: Sensed | None, own: Tellers) -> tuple[Evidence, ...]:
+def evidence(
+    here: Situation, command: rc.Command, sensed: Sensed | None, own: Tellers
+) -> tuple[Evidence, ...]:
     """The evidence for an act that is done; `sensed`: after its last motion, None if it had none.
 
-    `own`: how senses tell the claims of this act alone. A claim about a held thing is left out where the hand holds
-    nothing, and one about a thing where the command names none.
+    `own`: how senses tell the claims of this act alone. A claim about a held thing is left out
+    where the hand holds nothing, and one about a thing where the command names none.
     """
     if sensed is None:
         return ()
@@ -33,7 +39,9 @@ def evidence(here: Situation, command: rc.Command, sensed: Sensed | None, own: T
         of = getattr(command, check.of) if check.of else held.object if held is not None else ""
         if check.of and not of:
             continue
-        by = tuple(sense for sense in check.by if tells[check.claim, sense](here, command, sensed, of))
+        by = tuple(
+            sense for sense in check.by if tells[check.claim, sense](here, command, sensed, of)
+        )
         of_place = Sense.EYES in by and tells[check.claim, Sense.EYES] is seen
         uncertainty = here.uncertain.get(of) if of_place else None
         within = 0.0 if uncertainty is None else uncertainty.deviation

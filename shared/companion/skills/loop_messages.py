@@ -1,7 +1,8 @@
 """Messages between the agent of ex and its control loop: motions in, reports out.
 
-A motion is a whole timed joint trajectory with the goals of head and hands and the rule that ends it, so set-points
-need not be streamed at 500 Hz. All of it is msgpack; the knots travel as bytes. Knows no FIPA and no simulator.
+A motion is a whole timed joint trajectory with the goals of head and hands and the rule that ends
+it, so set-points need not be streamed at 500 Hz. All of it is msgpack; the knots travel as bytes.
+Knows no FIPA and no simulator.
 """
 
 from enum import StrEnum
@@ -15,7 +16,19 @@ from companion.languages.facts import Facts, Kind, fact
 from velma import ranges
 from velma.errors import MotionError
 from velma.names import BODY, START
-from velma.ranges import Bend, Effort, JointSpeed, Kilograms, Lever, Metres, Newtons, Pan, Seconds, Spread, Tilt
+from velma.ranges import (
+    Bend,
+    Effort,
+    JointSpeed,
+    Kilograms,
+    Lever,
+    Metres,
+    Newtons,
+    Pan,
+    Seconds,
+    Spread,
+    Tilt,
+)
 
 Array = NDArray[np.float64]
 
@@ -29,7 +42,9 @@ class Keep(msgspec.Struct, frozen=True, tag=True):
 
 
 class Move(msgspec.Struct, frozen=True, tag=True):
-    """Move the unlocked fingers one, two, three to angles [rad] at a speed [rad/s], and the spread to its angle."""
+    """Move the unlocked fingers one, two, three to angles [rad] at a speed [rad/s], and the spread
+    to its angle.
+    """
 
     fingers: tuple[Bend, Bend, Bend]
     speed: JointSpeed = 1.0
@@ -37,10 +52,12 @@ class Move(msgspec.Struct, frozen=True, tag=True):
 
 
 class Close(msgspec.Struct, frozen=True, tag=True):
-    """Close each finger until it touches; if all do, squeeze with all by `squeeze` [rad] and lock them.
+    """Close each finger until it touches; if all do, squeeze with all by `squeeze` [rad] and lock
+    them.
 
-    `effort` [Nm] counts as touch; `upto` [rad] is where a finger stops that meets nothing. Squeeze 0.8 deg for a rim,
-    40 deg for a jar against the palm (estimates from grasping runs: the rim turns from 2 deg on).
+    `effort` [Nm] counts as touch; `upto` [rad] is where a finger stops that meets nothing. Squeeze
+    0.8 deg for a rim, 40 deg for a jar against the palm (estimates from grasping runs: the rim
+    turns from 2 deg on).
     """
 
     squeeze: Bend
@@ -52,7 +69,9 @@ class Close(msgspec.Struct, frozen=True, tag=True):
 
 
 class Open(msgspec.Struct, frozen=True, tag=True):
-    """Unlock the fingers and open them by an angle [rad], slowly, so that the object does not jump."""
+    """Unlock the fingers and open them by an angle [rad], slowly, so that the object does not
+    jump.
+    """
 
     by: Bend = 0.105
     speed: JointSpeed = 0.15
@@ -92,13 +111,15 @@ class Until(StrEnum):
 class Motion(msgspec.Struct, frozen=True, tag=True):
     """A motion of the whole body.
 
-    `knots` are joint positions (n, 15) as float64 bytes, `KNOT_S` apart; the first is near the present set-point.
-    Payload None: no change. The tolerance is a hand's largest distance from its path [m]; `contact_m` is how
-    much further than at the start the set-point of the hand `contact_side` must be below the hand to count as contact.
-    `tare`: side of the hand that is empty, at rest and free at the start, so that its wrist feels its own weight only.
-    `look_every_s`: the first look at the motion under way is due after so long [s, simulated]; 0: nobody looks.
-    Until PULL, it ends when what the hand `pull_side` holds has been pulled away from the robot with more than `pull_n`
-    [N] for `pull_s` [s], or at its end: it waits for `settle_s`. That hand is not watched for what slips meanwhile.
+    `knots` are joint positions (n, 15) as float64 bytes, `KNOT_S` apart; the first is near the
+    present set-point. Payload None: no change. The tolerance is a hand's largest distance from its
+    path [m]; `contact_m` is how much further than at the start the set-point of the hand
+    `contact_side` must be below the hand to count as contact. `tare`: side of the hand that is
+    empty, at rest and free at the start, so that its wrist feels its own weight only.
+    `look_every_s`: the first look at the motion under way is due after so long [s, simulated]; 0:
+    nobody looks. Until PULL, it ends when what the hand `pull_side` holds has been pulled away from
+    the robot with more than `pull_n` [N] for `pull_s` [s], or at its end: it waits for `settle_s`.
+    That hand is not watched for what slips meanwhile.
     """
 
     key: str
@@ -139,7 +160,8 @@ class Cancel(msgspec.Struct, frozen=True, tag=True):
 
 
 class LookAgain(msgspec.Struct, frozen=True, tag=True):
-    """The answer to a look at the motion with this key: it goes on, the next look is due after `in_s` [s, simulated].
+    """The answer to a look at the motion with this key: it goes on, the next look is due after
+    `in_s` [s, simulated].
 
     Counted from when the last one was due.
     """
@@ -176,10 +198,12 @@ class Phase(StrEnum):
 
 
 class GripReport(msgspec.Struct, frozen=True):
-    """Feeling of a hand's wrist: a velma.control.grip.Grip ("": empty hand or no sensor), the mass in the hand [kg].
+    """Feeling of a hand's wrist: a velma.control.grip.Grip ("": empty hand or no sensor), the mass
+    in the hand [kg].
 
-    The mass is that of the last 0.5 s: at rest for a second, it is a weight. `wrong`: a velma.control.grip.Wrong of the
-    sensor, "" for nothing; such a one feels nothing. `pull`: of the steady pull that ended the motion [N], 0 for none.
+    The mass is that of the last 0.5 s: at rest for a second, it is a weight. `wrong`: a
+    velma.control.grip.Wrong of the sensor, "" for nothing; such a one feels nothing. `pull`: of the
+    steady pull that ended the motion [N], 0 for none.
     """
 
     felt: str = ""
@@ -189,7 +213,9 @@ class GripReport(msgspec.Struct, frozen=True):
 
 
 class HandReport(msgspec.Struct, frozen=True):
-    """State of a hand: which fingers touched while closing, their joints [rad], whether they are locked, its grip."""
+    """State of a hand: which fingers touched while closing, their joints [rad], whether they are
+    locked, its grip.
+    """
 
     touched: tuple[bool, bool, bool] = (False, False, False)
     proximal: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -199,7 +225,9 @@ class HandReport(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """The outcome of a motion so far, with its simulated time and the largest distance of each hand from its path."""
+    """The outcome of a motion so far, with its simulated time and the largest distance of each hand
+    from its path.
+    """
 
     key: str = ""
     phase: Phase = Phase.IDLE
@@ -230,7 +258,8 @@ def refusal(error: MotionError) -> Refusal:
 
 
 def motion(key: str, q: Array, **options: Any) -> Motion:
-    """A motion along knots `q` (n, 15), or at rest in a posture (15,). Options are the fields of Motion.
+    """A motion along knots `q` (n, 15), or at rest in a posture (15,). Options are the fields of
+    Motion.
 
     Raises MotionError.
     """
@@ -242,7 +271,9 @@ def checked(asked: Motion) -> Motion:
     """The motion if a loop can follow it. Raises MotionError with the field and what is allowed."""
     asked, width = ranges.checked(asked), len(BODY) * START.itemsize
     if not asked.knots or len(asked.knots) % width:
-        raise MotionError("knots", f"{len(asked.knots)} bytes", f"n x 15 float64, a multiple of {width} bytes")
+        raise MotionError(
+            "knots", f"{len(asked.knots)} bytes", f"n x 15 float64, a multiple of {width} bytes"
+        )
     followed(asked)
     if asked.until is Until.TOUCH and not any(isinstance(hand, Close) for hand in asked.hands()):
         raise MotionError("until", "touch with no hand closing", "a Close for at least one hand")
@@ -250,5 +281,7 @@ def checked(asked: Motion) -> Motion:
 
 
 def followed(asked: Motion, told: Array | None = None) -> None:
-    """Raise MotionError if a joint goes beyond its limit, or farther beyond than at `told` (15,), None: its begin."""
+    """Raise MotionError if a joint goes beyond its limit, or farther beyond than at `told` (15,),
+    None: its begin.
+    """
     ranges.joints("knots", asked.path(), start=told, slack=SPLINE_SLACK)

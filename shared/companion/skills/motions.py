@@ -8,26 +8,39 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from companion.skills.loop_messages import KNOT_S, HandCommand, HeadGoal, Motion, Move, Payload, motion
+from companion.skills.loop_messages import (
+    KNOT_S,
+    HandCommand,
+    HeadGoal,
+    Motion,
+    Move,
+    Payload,
+    motion,
+)
 from companion.skills.situation import Situation
 from velma import names
 from velma.kinematics.tasks import attaching
 from velma.kinematics.timing import timed
 
-# --- Where the head looks during a motion: at what is to be watched, unless an arm would meet it on its way ----------
-# Paths are planned with the head straight ahead. Turned, it reaches 0.2 m to a side, where an arm may pass.
+# --- Where the head looks during a motion: at what is to be watched, unless an arm would meet it on
+# its way
+# Paths are planned with the head straight ahead. Turned, it reaches 0.2 m to a side, where an arm
+# may pass.
 
 
 LOOK_SPEED = 1.0  # [rad/s]; the head may turn at 1.04
 AHEAD = HeadGoal(0.0, 0.0, LOOK_SPEED)
 EVERY = 5
-"""Knots between two states that are checked (estimate): 0.1 s, in which a hand moves by 3.5 cm at most and the head
-turns by 6 degrees."""
+"""Knots between two states that are checked (estimate): 0.1 s, in which a hand moves by 3.5 cm at
+most and the head turns by 6 degrees.
+"""
 ROOM_M = 0.02
 """Between arm and head: hands were up to 24 mm beside their path, mostly 10, in task runs."""
 
 
-def turning(here: Situation, knots: Sequence[np.ndarray], wanted: HeadGoal | None) -> HeadGoal | None:
+def turning(
+    here: Situation, knots: Sequence[np.ndarray], wanted: HeadGoal | None
+) -> HeadGoal | None:
     """The head's goal for a motion through these knots (15,): the wanted one, else straight ahead.
 
     None: it stays as it is.
@@ -36,7 +49,9 @@ def turning(here: Situation, knots: Sequence[np.ndarray], wanted: HeadGoal | Non
 
 
 def _clear(here: Situation, knots: Sequence[np.ndarray], goal: HeadGoal | None) -> bool:
-    """Whether no arm comes near the head because that is not straight ahead, at any time of the motion and its end."""
+    """Whether no arm comes near the head because that is not straight ahead, at any time of the
+    motion and its end.
+    """
     begin = np.array(here.head)
     way = np.zeros(2) if goal is None else np.array((goal.pan, goal.tilt)) - begin
     turns_s = float(np.linalg.norm(way)) / LOOK_SPEED
@@ -59,24 +74,29 @@ def _free(here: Situation, q: np.ndarray, head: np.ndarray) -> bool:
         here.world.head(0.0, 0.0)
 
 
-# --- Motions of the loop made of joint paths --------------------------------------------------------------------------
+# --- Motions of the loop made of joint paths ------------------------------------------------------
 
 
-# lookAt of Velma: tilt = -atan2(z - 1.75, r), pan = atan2(y, x) - torso (velma_system@19132ed); the camera itself looks
-# 5 degrees below the horizon at zero tilt.
+# lookAt of Velma: tilt = -atan2(z - 1.75, r), pan = atan2(y, x) - torso (velma_system@19132ed); the
+# camera itself looks 5 degrees below the horizon at zero tilt.
 EYE_HEIGHT_M, CAMERA_DIP = 1.75, math.radians(5.0)
-CONTENT_KG = 0.12  # that may be in a vessel: 60 grains of 2 g, the most of a scene (velma.model.scene)
+# that may be in a vessel: 60 grains of 2 g, the most of a scene (velma.model.scene)
+CONTENT_KG = 0.12
 Point = Sequence[float] | np.ndarray  # (3,) [m, world]
 
 
 def aim(torso: float, point: Point) -> HeadGoal:
-    """The head goal that centres a point (3,) [m, world] in the picture, within the limits of the head."""
+    """The head goal that centres a point (3,) [m, world] in the picture, within the limits of the
+    head.
+    """
     x, y, z = (float(v) for v in point)
     pan = math.remainder(math.atan2(y, x) - torso, math.tau)
     tilt = -math.atan2(z - EYE_HEIGHT_M, math.hypot(x, y)) - CAMERA_DIP
     low, high = names.HEAD_LOWER, names.HEAD_UPPER
     return HeadGoal(
-        float(np.clip(pan, low[0] + 0.01, high[0] - 0.01)), float(np.clip(tilt, low[1] + 0.01, high[1])), LOOK_SPEED
+        float(np.clip(pan, low[0] + 0.01, high[0] - 0.01)),
+        float(np.clip(tilt, low[1] + 0.01, high[1])),
+        LOOK_SPEED,
     )
 
 
@@ -89,9 +109,12 @@ def along(
     watch: Point | None = None,
     **options: Any,
 ) -> Motion:
-    """The motion along a joint path, (15,) each, tool at most at `speed` [m/s], head at last on `watch`."""
+    """The motion along a joint path, (15,) each, tool at most at `speed` [m/s], head at last on
+    `watch`.
+    """
     whole = [here.q, *path]
-    different = [whole[0], *(b for a, b in pairwise(whole) if not np.abs(b - a).max() <= 1e-6)]  # NaN is no rest
+    # NaN is no rest
+    different = [whole[0], *(b for a, b in pairwise(whole) if not np.abs(b - a).max() <= 1e-6)]
     if len(different) == 1:
         return still(here, key, watch=watch, **options)
     knots = timed(here.robot, different, tool_speed=speed).q
@@ -101,12 +124,16 @@ def along(
 
 def still(here: Situation, key: str, *, watch: Point | None = None, **options: Any) -> Motion:
     """A motion that holds the set-point while head or hands move."""
-    head = None if watch is None else turning(here, [here.q], aim(float(here.q[names.TORSO]), watch))
+    head = (
+        None if watch is None else turning(here, [here.q], aim(float(here.q[names.TORSO]), watch))
+    )
     return motion(key, here.q, head=head, **options)
 
 
 def turned(here: Situation, q: np.ndarray, point: Point) -> HeadGoal | None:
-    """The head goal that centres a point [m, world] at q (15,); None: an arm is too near the head."""
+    """The head goal that centres a point [m, world] at q (15,); None: an arm is too near the
+    head.
+    """
     goal = aim(float(q[names.TORSO]), point)
     return goal if turning(here, [q], goal) == goal else None
 
@@ -122,7 +149,9 @@ def hand(side: str, command: HandCommand) -> dict[str, Any]:
 
 
 def payload(side: str, mass: float = 0.0, T_grip_object: pin.SE3 | None = None) -> dict[str, Any]:
-    """The option of a motion for a hand that carries `mass` [kg] at the object's origin; no pose: empty."""
+    """The option of a motion for a hand that carries `mass` [kg] at the object's origin; no pose:
+    empty.
+    """
     if T_grip_object is None:
         return {f"payload_{side}": Payload()}
     x, y, z = (float(v) for v in T_grip_object.translation)

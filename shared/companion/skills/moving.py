@@ -18,7 +18,8 @@ from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.carrying import FINGERS, homes, upright
 from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED, RETREAT_SPEED
 
-# [m] tried in turn. In task runs hands were up to 24 mm beside their path, mostly 10; poses seen are wrong by 4 mm.
+# [m] tried in turn. In task runs hands were up to 24 mm beside their path, mostly 10; poses seen
+# are wrong by 4 mm.
 ROOM_M = (0.02, 0.01, MARGIN_M)
 ATTEMPTS = 2  # trees for each goal: any path will do, and ta waits (estimate)
 
@@ -30,13 +31,22 @@ def free_path(
     speed: float,
     keep: motion.Keep | None = None,
 ) -> list[np.ndarray] | None:
-    """A free path to the first possible of `goals` (15,), with the largest margin possible, or None."""
+    """A free path to the first possible of `goals` (15,), with the largest margin possible, or
+    None.
+    """
     wanted = list(goals)
     for margin in ROOM_M:
         with attaching.room(here.world, margin):
             for goal in wanted:
                 found = motion.plan(
-                    here.robot, here.world, side, here.q, goal, keep=keep, tool_speed=speed, attempts=ATTEMPTS
+                    here.robot,
+                    here.world,
+                    side,
+                    here.q,
+                    goal,
+                    keep=keep,
+                    tool_speed=speed,
+                    attempts=ATTEMPTS,
                 )
                 if found is not None:
                     return found.path
@@ -49,7 +59,9 @@ def rest(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def back(here: Situation, path: list[np.ndarray]) -> list[np.ndarray]:
-    """The way from the present posture back to the begin of a path that was followed as far as here."""
+    """The way from the present posture back to the begin of a path that was followed as far as
+    here.
+    """
     return path[: _reached(here, path) + 1][::-1]
 
 
@@ -58,7 +70,7 @@ def _reached(here: Situation, path: list[np.ndarray]) -> int:
     return int(np.argmin([np.abs(q - here.q).max() for q in path]))
 
 
-# --- Skills that move an arm: along a planned joint path, in a straight line, and home --------------------------------
+# --- Skills that move an arm: along a planned joint path, in a straight line, and home ------------
 
 
 JOIN_STEP = 0.05  # [rad] between two states checked on the way to a path
@@ -70,9 +82,9 @@ Accept = Callable[[np.ndarray], bool] | None
 def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
     """Move to the start of the planned path in a checked straight segment, then follow it.
 
-    Where it goes into something, another one is taken: what was seen again since the path was planned is up to 8 mm
-    elsewhere, and plans keep off by 6 mm. The fingers move on the way, or at its end where they would meet something.
-    Raises replan if there is none.
+    Where it goes into something, another one is taken: what was seen again since the path was
+    planned is up to 8 mm elsewhere, and plans keep off by 6 mm. The fingers move on the way, or at
+    its end where they would meet something. Raises replan if there is none.
     """
     columns = names.COLUMNS[command.side]
     path = []
@@ -93,14 +105,19 @@ def move_joint(here: Situation, command: rc.MoveJoint) -> Skill:
     if bent is not None and not later:
         here.set_fingers(side, bent)
     watch = _watched(here, path[-1])
-    yield motions.along(here, command.key, path, command.speed, watch=watch, **({} if later else fingers))
+    yield motions.along(
+        here, command.key, path, command.speed, watch=watch, **({} if later else fingers)
+    )
     if bent is not None and later:
         yield motions.still(here, command.key, **fingers)
         here.set_fingers(side, bent)
 
 
-def _clear(here: Situation, path: list[np.ndarray], side: str, bent: float | None, speed: float) -> list[np.ndarray]:
-    """The path, or one of ex's own to its end where it goes into something. Raises replan if there is none.
+def _clear(
+    here: Situation, path: list[np.ndarray], side: str, bent: float | None, speed: float
+) -> list[np.ndarray]:
+    """The path, or one of ex's own to its end where it goes into something. Raises replan if there
+    is none.
 
     `bent`: angle of the fingers on it [rad], None: as they are.
     """
@@ -133,8 +150,8 @@ def _free(here: Situation, q: np.ndarray, side: str, bent: float) -> bool:
 
 
 def _watched(here: Situation, q: np.ndarray) -> np.ndarray | None:
-    """Where the head looks after a free motion: at what was put down and not seen since, else at the held object
-    nearest to the middle, if any.
+    """Where the head looks after a free motion: at what was put down and not seen since, else at
+    the held object nearest to the middle, if any.
     """
     if here.put:
         return np.asarray(next(iter(here.put.values())).translation)
@@ -143,7 +160,9 @@ def _watched(here: Situation, q: np.ndarray) -> np.ndarray | None:
 
 
 def joining(here: Situation, goal: np.ndarray) -> list[np.ndarray]:
-    """The straight, checked joint path from the set-point to q (15,). Raises replan if it is not free."""
+    """The straight, checked joint path from the set-point to q (15,). Raises replan if it is not
+    free.
+    """
     if np.abs(goal - here.q).max() < NEAR:
         return []
     states = between(here, goal)
@@ -166,22 +185,33 @@ def _in_the_way(here: Situation, q: np.ndarray) -> Facts:
 
 
 def move_cartesian(here: Situation, command: rc.MoveCartesian) -> Skill:
-    """Move the grip straight by each segment. The first is not checked, since it lifts an object off its support."""
+    """Move the grip straight by each segment. The first is not checked, since it lifts an object
+    off its support.
+    """
     for index, segment in enumerate(command.segments):
         target = shifted(here.robot.grip(here.q, command.side), np.array(segment.offset))
         accept = here.world.free if index else None
         path = straight(here, command.side, here.q, target, accept)
-        yield motions.along(here, command.key, path, segment.speed, watch=target.translation if index else None)
+        yield motions.along(
+            here, command.key, path, segment.speed, watch=target.translation if index else None
+        )
 
 
 def straight(
-    here: Situation, side: str, q: np.ndarray, target: pin.SE3, accept: Accept = None, *, torso: bool = False
+    here: Situation,
+    side: str,
+    q: np.ndarray,
+    target: pin.SE3,
+    accept: Accept = None,
+    *,
+    torso: bool = False,
 ) -> list[np.ndarray]:
-    """Postures on the straight line of the grip from q (15,) to `target`. Raises replan if it is blocked.
+    """Postures on the straight line of the grip from q (15,) to `target`. Raises replan if it is
+    blocked.
 
-    The torso moves only if the arm alone does not reach; with `torso` it moves where that is possible. A line that is
-    blocked by the margin alone, or leads out of what touches already, is taken all the same: poses are seen again at a
-    grasp, and differ by more than the margin.
+    The torso moves only if the arm alone does not reach; with `torso` it moves where that is
+    possible. A line that is blocked by the margin alone, or leads out of what touches already, is
+    taken all the same: poses are seen again at a grasp, and differ by more than the margin.
     """
     moving = (names.ARM[side], names.COLUMNS[side])
     for columns in reversed(moving) if torso else moving:
@@ -189,7 +219,9 @@ def straight(
             return ik.line(here.robot, side, q, target, accept=accept, columns=columns)[1:]
     try:
         outwards = None if accept is None else _outwards(here, q)
-        return ik.line(here.robot, side, q, target, accept=outwards, columns=names.COLUMNS[side])[1:]
+        return ik.line(here.robot, side, q, target, accept=outwards, columns=names.COLUMNS[side])[
+            1:
+        ]
     except ik.PathBlocked as blocked:
         raise replan(fact(Kind.NOT_STRAIGHT, side, line_ends(blocked))) from None
 
@@ -202,7 +234,8 @@ def line_ends(blocked: ik.PathBlocked) -> Fact:
 def legs(
     here: Situation, side: str, q: np.ndarray, poses: Sequence[pin.SE3], *, torso: bool = False
 ) -> list[list[np.ndarray]]:
-    """A straight, checked path of the grip from q (15,) to the first pose, and one to each further pose.
+    """A straight, checked path of the grip from q (15,) to the first pose, and one to each further
+    pose.
 
     `torso`: as of straight. Raises replan if one is blocked.
     """
@@ -214,7 +247,9 @@ def legs(
 
 
 def _outwards(here: Situation, q: np.ndarray) -> Callable[[np.ndarray], bool]:
-    """Whether nothing overlaps in a state but what did in the one before, and no deeper; begins at q (15,)."""
+    """Whether nothing overlaps in a state but what did in the one before, and no deeper; begins at
+    q (15,).
+    """
     deep = {(a, b): d for a, b, d in here.world.touching(q)}
 
     def accept(state: np.ndarray) -> bool:
@@ -229,7 +264,9 @@ def _outwards(here: Situation, q: np.ndarray) -> Callable[[np.ndarray], bool]:
 
 
 def home(here: Situation, command: rc.Home) -> Skill:
-    """Bring an empty arm to its start posture by a path planned now, after backing away from contacts."""
+    """Bring an empty arm to its start posture by a path planned now, after backing away from
+    contacts.
+    """
     side = command.side
     if side in here.held:
         raise replan(fact(Kind.PUT_DOWN_FIRST, side, here.held[side].object))
@@ -240,7 +277,9 @@ def home(here: Situation, command: rc.Home) -> Skill:
     path = free_path(here, side, homes(here.q, side), speed)
     if path is None:
         raise replan(fact(Kind.NO_WAY_HOME, side))
-    yield motions.along(here, command.key, path, speed, watch=_watched(here, path[-1]) if here.put else None)
+    yield motions.along(
+        here, command.key, path, speed, watch=_watched(here, path[-1]) if here.put else None
+    )
     here.set_fingers(side, FINGERS)
     yield motions.still(here, command.key, **motions.hand(side, motions.fingers(FINGERS)))
 

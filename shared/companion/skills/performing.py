@@ -1,8 +1,8 @@
 """Runs the skill of a robot command to its outcome, and updates the situation after each motion.
 
-What a hand does not feel, the act has not done: a hand that lost its thing, or never lifted it, is opened, and the
-outcome says so. But it is opened only if the joints or the eyes tell the same: the wrist alone may be wrong. An act
-that no sense could check is not begun.
+What a hand does not feel, the act has not done: a hand that lost its thing, or never lifted it, is
+opened, and the outcome says so. But it is opened only if the joints or the eyes tell the same: the
+wrist alone may be wrong. An act that no sense could check is not begun.
 """
 
 from collections.abc import Collection, Generator
@@ -32,9 +32,12 @@ SKILLS: dict[type[rc.Command], SkillRow] = {
     row.act: row for part in (moving, *tasks.parts("perform")) for row in part.SKILLS
 }
 """Which skill performs which act: those of this toolkit, and those of the tasks."""
-SAG_S = 0.3  # [s] until a hand that was stopped hangs still: -0.4 mm with the jar, 1.3 mm without it (measured)
-IN_HAND_M = 0.05  # nearer to its place in the hand, a thing is in it (estimate: that place is known to 1 cm)
-OPEN_BY, OPEN_SPEED = 0.45, 2.0  # [rad], [rad/s]: half open within 0.25 s, so that it is told at once; estimates
+# [s] until a hand that was stopped hangs still: -0.4 mm with the jar, 1.3 mm without it (measured)
+SAG_S = 0.3
+# nearer to its place in the hand, a thing is in it (estimate: that place is known to 1 cm)
+IN_HAND_M = 0.05
+# [rad], [rad/s]: half open within 0.25 s, so that it is told at once; estimates
+OPEN_BY, OPEN_SPEED = 0.45, 2.0
 Names = Collection[str]
 Performance = Generator[Asked, Sensed, rc.Done | rc.NotDone]
 
@@ -64,7 +67,11 @@ def _carried_out(here: Situation, command: rc.Command) -> Performance:
             elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
             elif sensed.ended == Phase.LOST:
-                lost = [side for side in here.held if side in sensed.grips and sensed.grips[side].felt == Grip.LOST]
+                lost = [
+                    side
+                    for side in here.held
+                    if side in sensed.grips and sensed.grips[side].felt == Grip.LOST
+                ]
                 unfelt = {side: known[side] for side in lost}
                 return (yield from _emptied(here, sights, command.key, Phase.LOST, unfelt, began))
             else:
@@ -72,7 +79,9 @@ def _carried_out(here: Situation, command: rc.Command) -> Performance:
     except StopIteration:
         kind, why = "", Facts()
     except Cancelled:
-        return ended(here, sights, command.key, rc.NotDoneKind.CANCELLED, (fact(Kind.CANCELLED),), began)
+        return ended(
+            here, sights, command.key, rc.NotDoneKind.CANCELLED, (fact(Kind.CANCELLED),), began
+        )
     except NotPossible as hindered:
         kind, why = hindered.kind, hindered.why
     except MotionError as wrong:
@@ -82,11 +91,17 @@ def _carried_out(here: Situation, command: rc.Command) -> Performance:
         return (yield from _emptied(here, sights, command.key, rc.NotDoneKind.EMPTY, unfelt, began))
     if not kind and (why := here.astray()):
         kind = rc.NotDoneKind.REPLAN
-    return ended(here, sights, command.key, kind, why, began) if kind else _done(here, sights, command, sensed, began)
+    return (
+        ended(here, sights, command.key, kind, why, began)
+        if kind
+        else _done(here, sights, command, sensed, began)
+    )
 
 
 def _to_its_end(skill: Skill, motion: Asked) -> Generator[Asked, Sensed, Sensed]:
-    """Run a motion of a skill, which answers the looks at it, and return what is sensed at its end."""
+    """Run a motion of a skill, which answers the looks at it, and return what is sensed at its
+    end.
+    """
     sensed = yield motion
     while sensed.ended == Phase.RUNNING:
         sensed = yield skill.send(sensed)
@@ -108,18 +123,24 @@ def _unfelt(here: Situation, command: rc.Command, sensed: Sensed) -> list[str]:
 def _emptied(
     here: Situation, sights: Names, key: str, kind: str, unfelt: dict[str, pin.SE3], began: float
 ) -> Performance:
-    """Open hands that do not hold what they should, so that they can move again, and return the outcome.
+    """Open hands that do not hold what they should, so that they can move again, and return the
+    outcome.
 
-    `unfelt`: T_grip_object, as it was known before, of what each hand does not feel, by side. Where no other sense
-    tells the same, the hand stays closed.
+    `unfelt`: T_grip_object, as it was known before, of what each hand does not feel, by side. Where
+    no other sense tells the same, the hand stays closed.
     """
     sides = []
     for side, known in unfelt.items():
         if (yield from _gone(here, key, side, known)):
             sides.append(side)
             continue
-        name, mass, inside = here.held[side].object, here.held[side].mass, here.held[side].T_grip_object
-        take(here, (yield motions.still(here, key, **motions.payload(side, mass, inside))))  # felt from the beginning
+        name, mass, inside = (
+            here.held[side].object,
+            here.held[side].mass,
+            here.held[side].T_grip_object,
+        )
+        # felt from the beginning
+        take(here, (yield motions.still(here, key, **motions.payload(side, mass, inside))))
         why = (fact(Kind.WRIST_DOUBTED, side, name),)
         return ended(here, sights, key, rc.NotDoneKind.REPLAN, why, began)
     lost = {Side(side): here.lose(side) for side in sides}
@@ -137,21 +158,30 @@ def _emptied(
 
 
 def _gone(here: Situation, key: str, side: str, inside: pin.SE3) -> Generator[Motion, Sensed, bool]:
-    """Whether the joints or the eyes tell, too, that a hand has lost its thing, which was `inside` it.
+    """Whether the joints or the eyes tell, too, that a hand has lost its thing, which was `inside`
+    it.
 
-    An arm without its load rises. A thing that is seen elsewhere is gone, and so is one that would surely be seen.
+    An arm without its load rises. A thing that is seen elsewhere is gone, and so is one that would
+    surely be seen.
     """
     name = here.held[side].object
     for _ in range(MORE_LOOKS):
         at = here.robot.grip(here.q, side) * inside
         sensed = yield motions.still(here, key, watch=at.translation, settle_s=SAG_S)
-        here.stand(sensed.q, sensed.head, sensed.fingers, sensed.time)  # what is seen may be in no hand
-        up = here.robot.grip(sensed.measured, side).translation[2] - here.robot.grip(sensed.q, side).translation[2]
+        # what is seen may be in no hand
+        here.stand(sensed.q, sensed.head, sensed.fingers, sensed.time)
+        up = (
+            here.robot.grip(sensed.measured, side).translation[2]
+            - here.robot.grip(sensed.q, side).translation[2]
+        )
         if up > here.held[side].mass * GRAVITY / CartesianGains().stiffness[0] / 2.0:
-            return True  # it is above its set-point as it is without its load, which is still fed forward
+            # it is above its set-point as it is without its load, which is still fed forward
+            return True
         sight = next((one for one in sensed.sights if one.name == name), None)
         if sight is not None:
-            return bool(np.linalg.norm(sight.T_world_object.translation - at.translation) > IN_HAND_M)
+            return bool(
+                np.linalg.norm(sight.T_world_object.translation - at.translation) > IN_HAND_M
+            )
     return bool(sensed.sights) and here.surely_seen(name, at)
 
 
@@ -163,36 +193,62 @@ def take(here: Situation, sensed: Sensed) -> None:
     here.ill = senses.faulty(here, sensed)
 
 
-def _done(here: Situation, sights: Names, command: rc.Command, sensed: Sensed | None, began: float) -> rc.Done:
+def _done(
+    here: Situation, sights: Names, command: rc.Command, sensed: Sensed | None, began: float
+) -> rc.Done:
     """The outcome of an act that was done; `sensed`: after its last motion."""
     seen, placed = _seen_and_placed(here, sights, began)
     took, missing = here.time - began, tuple(sorted(here.missing))
     row = SKILLS[type(command)]
     return rc.Done(
-        command.key, posture(here), seen, held(here), took, placed=placed, missing=missing, ill=here.ill,
+        command.key, posture(here), seen, held(here), took, placed=placed, missing=missing,
+        ill=here.ill,
         evidence=evidence(here, command, sensed, row.tells), **row.done(here),
     )  # fmt: skip
 
 
-def ended(here: Situation, sights: Names, key: str, kind: str, why: Facts, began: float) -> rc.NotDone:
+def ended(
+    here: Situation, sights: Names, key: str, kind: str, why: Facts, began: float
+) -> rc.NotDone:
     """The outcome of an act that was not done."""
     seen, placed = _seen_and_placed(here, sights, began)
     took, missing = here.time - began, tuple(sorted(here.missing))
     return rc.NotDone(
-        key, kind, why, posture(here), seen, held(here), took, placed=placed, missing=missing, ill=here.ill
+        key,
+        kind,
+        why,
+        posture(here),
+        seen,
+        held(here),
+        took,
+        placed=placed,
+        missing=missing,
+        ill=here.ill,
     )
 
 
-def _seen_and_placed(here: Situation, sights: Names, began: float) -> tuple[tuple[rs.Seen, ...], tuple[rs.Seen, ...]]:
+def _seen_and_placed(
+    here: Situation, sights: Names, began: float
+) -> tuple[tuple[rs.Seen, ...], tuple[rs.Seen, ...]]:
     """What was seen in this act, and what a hand let go of in it and that was not seen since."""
-    seen = (name for name in sights if name not in here.placed and (name in here.seen or here.holder(name)))
+    seen = (
+        name
+        for name in sights
+        if name not in here.placed and (name in here.seen or here.holder(name))
+    )
     placed = ((name, at) for name, at in here.placed.items() if at >= began)
-    return tuple(_at(here, name, here.time) for name in seen), tuple(_at(here, name, at) for name, at in placed)
+    return tuple(_at(here, name, here.time) for name in seen), tuple(
+        _at(here, name, at) for name, at in placed
+    )
 
 
 def _at(here: Situation, name: str, time: float) -> rs.Seen:
     side = here.holder(name)
-    pose = here.seen[name] if side is None else here.robot.grip(here.q, side) * here.held[side].T_grip_object
+    pose = (
+        here.seen[name]
+        if side is None
+        else here.robot.grip(here.q, side) * here.held[side].T_grip_object
+    )
     content = here.contents[name] if name in here.looked_into else None
     uncertainty = here.uncertain.get(name) if side is None else None
     return rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), time, content, uncertainty)
@@ -202,9 +258,13 @@ def posture(here: Situation) -> BodyPosture:
     """The posture for a communicate."""
     right, left = (tuple(float(x) for x in here.q[names.ARM[side]]) for side in ("right", "left"))
     hands = {side: (angle, angle, angle, 0.0) for side, angle in here.fingers.items()}
-    return BodyPosture(float(here.q[names.TORSO]), right, left, here.head, hands["right"], hands["left"])
+    return BodyPosture(
+        float(here.q[names.TORSO]), right, left, here.head, hands["right"], hands["left"]
+    )
 
 
 def held(here: Situation) -> dict[Side, tuple[str, str, Pose]]:
     """What each hand holds, for a communicate."""
-    return {Side(s): (h.object, h.grasp, Pose(*xyz_quat(h.T_grip_object))) for s, h in here.held.items()}
+    return {
+        Side(s): (h.object, h.grasp, Pose(*xyz_quat(h.T_grip_object))) for s, h in here.held.items()
+    }

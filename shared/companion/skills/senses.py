@@ -1,8 +1,8 @@
 """Faulty sensors, and the acts that are not begun because of them.
 
-Acts that have to be checked are checked by the camera or by the wrist of the hand: one of them suffices. An arm does
-not move by poses or joints that are off by more than its paths allow. An act without an arm is begun with any camera: a
-look shows whether that is well again.
+Acts that have to be checked are checked by the camera or by the wrist of the hand: one of them
+suffices. An arm does not move by poses or joints that are off by more than its paths allow. An act
+without an arm is begun with any camera: a look shows whether that is well again.
 """
 
 from collections.abc import Generator
@@ -21,19 +21,24 @@ from velma.eyes.health import MOST_OFF
 
 WRIST = {Side.RIGHT: rc.Sensor.RIGHT_WRIST, Side.LEFT: rc.Sensor.LEFT_WRIST}
 ARM = {Side.RIGHT: rc.Sensor.RIGHT_ARM, Side.LEFT: rc.Sensor.LEFT_ARM}
-BLIND_LOOKS = 3  # one after the other; estimate: of pictures up to 40 % too dark or bright some show no marker
-MOST_BESIDE_M = 0.015  # that a hand may be beside where its joints say: a stream that misses by more falls beside
+# one after the other; estimate: of pictures up to 40 % too dark or bright some show no marker
+BLIND_LOOKS = 3
+# that a hand may be beside where its joints say: a stream that misses by more falls beside
+MOST_BESIDE_M = 0.015
 _SLIPS = (Grip.WARNED, Grip.SLIPPED, Grip.LOST)
 
 
 def take(here: Situation, sensed: Sensed) -> None:
     """Note what a motion shows of the sensors; call it before its sights are taken."""
     # A hand with a sensor weighs never exactly nothing.
-    here.numb = {side for side in Side if side not in sensed.grips or sensed.grips[side].mass == 0.0}
+    here.numb = {
+        side for side in Side if side not in sensed.grips or sensed.grips[side].mass == 0.0
+    }
     for side, held in here.held.items():
         felt = sensed.grips.get(side, GripReport())
         held.slipped = held.slipped or felt.felt in _SLIPS
-        if felt.felt == Grip.UNSURE and felt.mass < held.mass / 2.0:  # its support carries it, and turns it in the hand
+        # its support carries it, and turns it in the hand
+        if felt.felt == Grip.UNSURE and felt.mass < held.mass / 2.0:
             held.steady = None
     if sensed.sights:
         here.blind = 0
@@ -43,7 +48,11 @@ def take(here: Situation, sensed: Sensed) -> None:
 
 def faulty(here: Situation, sensed: Sensed) -> tuple[rc.Ill, ...]:
     """The faulty sensors; call it after the sights of the motion were taken."""
-    found = [rc.Ill(WRIST[Side(side)], rc.Fault(grip.wrong)) for side, grip in sensed.grips.items() if grip.wrong]
+    found = [
+        rc.Ill(WRIST[Side(side)], rc.Fault(grip.wrong))
+        for side, grip in sensed.grips.items()
+        if grip.wrong
+    ]
     if sensed.wrong:
         found.append(rc.Ill(rc.Sensor.CAMERA, rc.Fault(sensed.wrong)))
     elif here.blind >= BLIND_LOOKS:
@@ -63,7 +72,9 @@ def refused(here: Situation, command: rc.Command, row: SkillRow) -> Facts:
 
 
 def require(here: Situation, side: Side) -> None:
-    """Raise failed if an act of this hand cannot go on, or not be checked, with the senses as they are now."""
+    """Raise failed if an act of this hand cannot go on, or not be checked, with the senses as they
+    are now.
+    """
     if why := _doubts(here, side, by_joints=True, checked=True):
         raise failed(*why)
 
@@ -79,7 +90,9 @@ def _doubts(here: Situation, side: Side, by_joints: bool, checked: bool) -> Fact
         why = fact(Kind.BODY_OFF, MOST_OFF)
     elif by_joints and _beside(here, side):
         why = fact(Kind.ARM_OFF, side, MOST_BESIDE_M)
-    elif checked and _ill(here, rc.Sensor.CAMERA) and (side in here.numb or _ill(here, WRIST[side])):
+    elif (
+        checked and _ill(here, rc.Sensor.CAMERA) and (side in here.numb or _ill(here, WRIST[side]))
+    ):
         why = fact(Kind.UNCHECKABLE, side)
     else:
         return ()
@@ -96,25 +109,35 @@ def _off(here: Situation) -> bool:
 
 def _beside(here: Situation, side: Side) -> bool:
     """Whether the hand is elsewhere; where a slip was felt, that tells why its thing is."""
-    return side in here.held and not here.held[side].slipped and here.held[side].turned()[1] > MOST_BESIDE_M
+    return (
+        side in here.held
+        and not here.held[side].slipped
+        and here.held[side].turned()[1] > MOST_BESIDE_M
+    )
 
 
 def _short(angle: float) -> float:
     return float(np.round(angle, 4))
 
 
-# --- Before a thing that should be there is missing, the head looks again: some pictures do not show what is there ----
+# --- Before a thing that should be there is missing, the head looks again: some pictures do not
+# show what is there
 
 
 REST_S = 0.1  # of a look; estimate: a frame of the simulated camera takes 67 ms
-MORE_LOOKS = 3  # before a thing is missing; estimate: of pictures up to 40 % too dark or bright some show no marker
+# before a thing is missing; estimate: of pictures up to 40 % too dark or bright some show no marker
+MORE_LOOKS = 3
 
 
 def missed(here: Situation, key: str, name: str, sensed: Sensed) -> Generator[Motion, Sensed, bool]:
-    """Look again where a thing should be and is not seen, and return whether it is missing: no picture shows it."""
+    """Look again where a thing should be and is not seen, and return whether it is missing: no
+    picture shows it.
+    """
     for _ in range(MORE_LOOKS):
         if name in {sight.name for sight in sensed.sights} or not here.surely_seen(name):
             break
         point = here.seen[name].translation
-        sensed = yield motions.still(here, key, watch=(point[0], point[1], point[2]), settle_s=REST_S)
+        sensed = yield motions.still(
+            here, key, watch=(point[0], point[1], point[2]), settle_s=REST_S
+        )
     return here.miss(name, sensed.sights)

@@ -1,4 +1,5 @@
-"""Situation of ex during an act: posture, what it saw, what its hands hold, and the collision world of all this.
+"""Situation of ex during an act: posture, what it saw, what its hands hold, and the collision world
+of all this.
 
 Poses come only from the receptor. A held object moves with the hand, by the last pose seen in it.
 """
@@ -33,9 +34,9 @@ Neck = tuple[float, float, float]
 class Sight:
     """A detected thing: its name, and its pose in the world with the error that eyes have.
 
-    `content`: mass of what is seen in it [kg]; None where these eyes, or from there, do not tell. An arm before the
-    opening hides some of it, and from low down its own wall does (not `whole`). `uncertainty`: of the pose; None where
-    these eyes do not tell.
+    `content`: mass of what is seen in it [kg]; None where these eyes, or from there, do not tell.
+    An arm before the opening hides some of it, and from low down its own wall does (not `whole`).
+    `uncertainty`: of the pose; None where these eyes do not tell.
     """
 
     name: str
@@ -48,8 +49,9 @@ class Sight:
 class Eye(Protocol):
     """Eyes in the robot's head. The simulator gives them its state in place of light.
 
-    `wrong`: fault of the camera at the last look (velma.eyes.health.Wrong), "" for none; `off`: error of the measured
-    torso or head by that look [rad], 0 for none. With a faulty camera or a large error, nothing is seen.
+    `wrong`: fault of the camera at the last look (velma.eyes.health.Wrong), "" for none; `off`:
+    error of the measured torso or head by that look [rad], 0 for none. With a faulty camera or a
+    large error, nothing is seen.
     """
 
     wrong: str
@@ -64,14 +66,16 @@ class Eye(Protocol):
         ...
 
 
-# --- Content on its way from a held thing into another one, as ex remembers it from act to act ------------------------
+# --- Content on its way from a held thing into another one, as ex remembers it from act to act ----
 
 
 class Unfinished(msgspec.Struct, frozen=True):
-    """A move of content that was begun: into which thing, and what the hand felt of the source [kg].
+    """A move of content that was begun: into which thing, and what the hand felt of the source
+    [kg].
 
-    `full`: the mass before the move, with what had left in earlier ones; None: it was not felt. `left`: the mass that
-    left in all of them, None while the last one has not been weighed. `had`: the mass seen in the destination before.
+    `full`: the mass before the move, with what had left in earlier ones; None: it was not felt.
+    `left`: the mass that left in all of them, None while the last one has not been weighed. `had`:
+    the mass seen in the destination before.
     """
 
     destination: str
@@ -80,36 +84,51 @@ class Unfinished(msgspec.Struct, frozen=True):
     had: float = 0.0
 
 
-# --- Situation of ex during an act: posture, what it saw, what its hands hold, and the collision world of all this ----
+# --- Situation of ex during an act: posture, what it saw, what its hands hold, and the collision
+# world of all this
 
 
-SURE_M = 1.3  # markers of all things are read from there: 1.00 up to 1.1 m, 0.92 to 1.5 m (trial, docs/eyes.md)
-SURE_MARKERS = 3  # in view, by which a thing is surely seen: two would do where each is read (estimate)
-FACING = math.cos(math.radians(60.0))  # least cosine of the angle at which a marker is surely read (estimate)
+# markers of all things are read from there: 1.00 up to 1.1 m, 0.92 to 1.5 m (trial, docs/eyes.md)
+SURE_M = 1.3
+# in view, by which a thing is surely seen: two would do where each is read (estimate)
+SURE_MARKERS = 3
+# least cosine of the angle at which a marker is surely read (estimate)
+FACING = math.cos(math.radians(60.0))
 SURE_PX = 11.0
-"""Least width in the picture of a marker that is surely read. In four pours (`canonical` and `env2`) 13 of 36 markers
-of 8 to 11 pixels were read, 291 of 308 of 11 to 16, 582 of 583 wider ones (all face the eye within 60 degrees)."""
+"""Least width in the picture of a marker that is surely read. In four pours (`canonical` and
+`env2`) 13 of 36 markers of 8 to 11 pixels were read, 291 of 308 of 11 to 16, 582 of 583 wider ones
+(all face the eye within 60 degrees).
+"""
 FALLEN, ASIDE_M = math.cos(math.radians(20.0)), 0.05
-"""From here on a thing fell over, or is not where it was put down. Estimates: one that stands is seen within 2 degrees
-and 20 mm of where the hand left it (tests/companion/tasks/put_down/test_placed.py)."""
+"""From here on a thing fell over, or is not where it was put down. Estimates: one that stands is
+seen within 2 degrees and 20 mm of where the hand left it
+(tests/companion/tasks/put_down/test_placed.py).
+"""
 EDGE_POINTS = 12  # 5 cm apart on a bowl: narrower than a finger with its neighbours (estimate)
 SAME_RAD, SAME_M = 0.03, 0.02
-"""Most by which a thing turns and shifts in a hand from look to look. In 20 good pours (10 each in `canonical` and
-`env2`, 113 looks at a held thing) it was 0.019 rad and 13 mm; in all, a jar turned by up to 0.04 rad."""
-LEVER_M, LOOSE_M = 1.0, 0.01  # by which a joint's error shifts a hand [m/rad], an arm's length; beside it (estimates)
-IN_PICTURE = 0.48  # from the middle, as a share of width and height: a white rim is needed, too (estimate)
-COLUMN_M = 0.25  # above an opening; as high as a jar is when it begins to pour (velma.kinematics.tasks.pouring)
-BESIDE_M = 0.01  # less than the opening's radius: what is seen again is up to 8 mm elsewhere (skills/moving.py)
+"""Most by which a thing turns and shifts in a hand from look to look. In 20 good pours (10 each in
+`canonical` and `env2`, 113 looks at a held thing) it was 0.019 rad and 13 mm; in all, a jar turned
+by up to 0.04 rad.
+"""
+# by which a joint's error shifts a hand [m/rad], an arm's length; beside it (estimates)
+LEVER_M, LOOSE_M = 1.0, 0.01
+# from the middle, as a share of width and height: a white rim is needed, too (estimate)
+IN_PICTURE = 0.48
+# above an opening; as high as a jar is when it begins to pour (velma.kinematics.tasks.pouring)
+COLUMN_M = 0.25
+# less than the opening's radius: what is seen again is up to 8 mm elsewhere (skills/moving.py)
+BESIDE_M = 0.01
 TINY = 1e-9  # above the rounding of a marker that faces along the z axis
 MARGIN_M = 0.002  # pl plans with 6 mm; the difference is for poses that are seen again (estimate)
 
 
 @dataclass
 class Held:
-    """The object in a hand: by which grasp, its pose in the hand (T_grip_object); mass [kg] fed forward.
+    """The object in a hand: by which grasp, its pose in the hand (T_grip_object); mass [kg] fed
+    forward.
 
-    `steady`: the pose in the hand in which it was seen before, None: not yet; `apart`: looks since, one after the
-    other, in which it was seen in another one; `slipped`: felt to have.
+    `steady`: the pose in the hand in which it was seen before, None: not yet; `apart`: looks since,
+    one after the other, in which it was seen in another one; `slipped`: felt to have.
     """
 
     object: str
@@ -129,9 +148,11 @@ class Held:
         self.T_grip_object = inside
 
     def turned(self) -> tuple[float, float]:
-        """How much [rad, m] the thing has jumped in the hand, as if a joint of the arm were measured wrong.
+        """How much [rad, m] the thing has jumped in the hand, as if a joint of the arm were
+        measured wrong.
 
-        0 where it has not, by two looks that agree, or where it only slid. A grip that slipped may look alike.
+        0 where it has not, by two looks that agree, or where it only slid. A grip that slipped may
+        look alike.
         """
         if self.steady is None or self.apart < 2:
             return 0.0, 0.0
@@ -141,20 +162,23 @@ class Held:
 
 @dataclass
 class Situation:
-    """The robot's set-point q (15,), head (pan, tilt) and finger angle per side [rad], things seen, things held.
+    """The robot's set-point q (15,), head (pan, tilt) and finger angle per side [rad], things seen,
+    things held.
 
-    `fingers`: as wide as paths need room for, also where the hand is closed round a thing; `bent`: as measured.
-    `placed`: things that a hand let go of in this act and that were not seen since, with the time [s]; `put`: where a
-    hand left things that were not seen to stand there since. `unfinished`: moves of content that were begun and not
-    ended, by source. `noted`: what the skill of this act has found out and its own row reads, a struct of
-    its task; None: nothing. `contents`: mass seen in things [kg], by the last look into each that nothing hid;
-    `looked_into`: those of this act; `at_least`: mass seen by the last look of this act, where an arm or the thing's
-    own wall hid some. `filled`: things that something was poured into.
-    `uncertain`: how far the poses in `seen` may be off, where eyes told it. `missing`: things that were looked for in
-    this act and are not where they should be. `looked_at`: things that were seen in this act, after a hand took them or
-    let go of them. `ill`: sensors whose readings cannot be true. `blind`: number of looks in a row that showed none of
-    the furniture that must be in view; `numb`: hands without a working sensor in the wrist. `refused`: what was wrong
-    with a motion that could not be made, for the log.
+    `fingers`: as wide as paths need room for, also where the hand is closed round a thing; `bent`:
+    as measured. `placed`: things that a hand let go of in this act and that were not seen since,
+    with the time [s]; `put`: where a hand left things that were not seen to stand there since.
+    `unfinished`: moves of content that were begun and not ended, by source. `noted`: what the skill
+    of this act has found out and its own row reads, a struct of its task; None: nothing.
+    `contents`: mass seen in things [kg], by the last look into each that nothing hid;
+    `looked_into`: those of this act; `at_least`: mass seen by the last look of this act, where an
+    arm or the thing's own wall hid some. `filled`: things that something was poured into.
+    `uncertain`: how far the poses in `seen` may be off, where eyes told it. `missing`: things that
+    were looked for in this act and are not where they should be. `looked_at`: things that were seen
+    in this act, after a hand took them or let go of them. `ill`: sensors whose readings cannot be
+    true. `blind`: number of looks in a row that showed none of the furniture that must be in view;
+    `numb`: hands without a working sensor in the wrist. `refused`: what was wrong with a motion
+    that could not be made, for the log.
     """
 
     robot: Robot
@@ -189,13 +213,17 @@ class Situation:
         self.noted, self.refused = None, ""
         self.looked_into, self.at_least, self.missing, self.looked_at = set(), {}, set(), set()
 
-    def stand(self, q: Array, head: tuple[float, float], bent: Mapping[str, float], time: float) -> None:
+    def stand(
+        self, q: Array, head: tuple[float, float], bent: Mapping[str, float], time: float
+    ) -> None:
         """Take the posture at this time."""
         self.q, self.head, self.time = q.copy(), head, time
         self.bent.update(bent)
 
     def see(self, sights: Sequence[Sight]) -> None:
-        """Take sights of the receptor: the pose in the hand of a held object, of any other the pose in the world."""
+        """Take sights of the receptor: the pose in the hand of a held object, of any other the pose
+        in the world.
+        """
         self.missing -= {sight.name for sight in sights}
         self.looked_at |= {sight.name for sight in sights}
         for sight in sights:
@@ -218,22 +246,28 @@ class Situation:
                 self.at_least[sight.name] = sight.content
 
     def hidden(self, name: str, q: np.ndarray, head: tuple[float, float] | None = None) -> float:
-        """How many points of a thing's opening, else of its origin, are hidden from the head, at q (15,).
+        """How many points of a thing's opening, else of its origin, are hidden from the head, at q
+        (15,).
 
-        By what is known. `head`: its pan and tilt [rad], None: as they are. Infinite for a thing in a hand, or farther
-        away than it is surely seen.
+        By what is known. `head`: its pan and tilt [rad], None: as they are. Infinite for a thing in
+        a hand, or farther away than it is surely seen.
         """
         if not self._stands(name):
             return math.inf
         eye = self._eye(q, head)
         hole = models.MODELS[self.models[name]].hole
-        points = [self.seen[name].act(np.array(point)) for point in (_edge(hole) if hole else [(0.0, 0.0, 0.0)])]
+        points = [
+            self.seen[name].act(np.array(point))
+            for point in (_edge(hole) if hole else [(0.0, 0.0, 0.0)])
+        ]
         if np.linalg.norm(points[0] - eye) > SURE_M:
             return math.inf
         return self._hidden(q, eye, points, name)
 
     def _hidden(self, q: Array, eye: Array, points: Sequence[Array], name: str) -> int:
-        """How many points of a thing are hidden, with the fingers as they are: open ones hide other things."""
+        """How many points of a thing are hidden, with the fingers as they are: open ones hide other
+        things.
+        """
         for side, angle in self.bent.items():
             self.world.fingers(side, angle)
         try:
@@ -243,32 +277,39 @@ class Situation:
                 self.world.fingers(side, self.fingers[side])
 
     def surely_seen(self, name: str, at: pin.SE3 | None = None) -> bool:
-        """Whether a thing would be seen from here if it is where it should be: enough markers of it are in the picture,
-        and nothing hides them.
+        """Whether a thing would be seen from here if it is where it should be: enough markers of it
+        are in the picture, and nothing hides them.
 
-        `at`: its pose in the world, also in a hand; None: as it was seen to stand. Markers inside a vessel may be
-        covered by its content. The head does not turn everywhere: what it could not turn to may be there.
+        `at`: its pose in the world, also in a hand; None: as it was seen to stand. Markers inside a
+        vessel may be covered by its content. The head does not turn everywhere: what it could not
+        turn to may be there.
         """
         if at is None and not self._stands(name):
             return False
         shown, pose = self.in_view(name, at), self.seen[name] if at is None else at
         camera = self.robot.camera(float(self.q[names.TORSO]), *self.head)
-        framed = (number for number, corners in self._markers_at(name, pose) if _framed(corners, camera))
+        framed = (
+            number for number, corners in self._markers_at(name, pose) if _framed(corners, camera)
+        )
         return len(shown & set(framed)) >= SURE_MARKERS
 
     def in_view(self, name: str, at: pin.SE3 | None = None) -> frozenset[int]:
-        """Which markers of a thing would be read from here: they face the eyes, and nothing known hides them.
+        """Which markers of a thing would be read from here: they face the eyes, and nothing known
+        hides them.
 
-        `at`, and markers inside a vessel: as of `surely_seen`. Empty if it is not known where the thing is.
+        `at`, and markers inside a vessel: as of `surely_seen`. Empty if it is not known where the
+        thing is.
         """
         if at is None and not self._stands(name):
             return frozenset()
         eye, pose = self._eye(self.q), self.seen[name] if at is None else at
-        return frozenset(number for number, at in self._markers_at(name, pose) if self._shown(name, at, eye))
+        return frozenset(
+            number for number, at in self._markers_at(name, pose) if self._shown(name, at, eye)
+        )
 
     def _markers_at(self, name: str, pose: pin.SE3) -> Iterator[tuple[int, Array]]:
-        """Yield the number and the corners (4, 3) [m, world] of each marker of a thing at this pose that no content
-        covers.
+        """Yield the number and the corners (4, 3) [m, world] of each marker of a thing at this pose
+        that no content covers.
         """
         covered = name in self.filled or self.contents.get(name, 0.0) > 0.0
         for number, corners in enumerate(self.markers.get(name, ())):
@@ -280,15 +321,26 @@ class Situation:
         return _read(corners, eye) and not self._hidden(self.q, eye, list(corners), name)
 
     def must_show(self) -> bool:
-        """Whether enough markers of furniture are in the picture from here, and nothing hides them."""
+        """Whether enough markers of furniture are in the picture from here, and nothing hides
+        them.
+        """
         camera = self.robot.camera(float(self.q[names.TORSO]), *self.head)
         fixed = (
-            name for name, model in self.models.items() if model not in DOORS and not models.MODELS[model].moveable
+            name
+            for name, model in self.models.items()
+            if model not in DOORS and not models.MODELS[model].moveable
         )
         corners = (
-            (name, at) for name in fixed if name in self.seen for _, at in self._markers_at(name, self.seen[name])
+            (name, at)
+            for name in fixed
+            if name in self.seen
+            for _, at in self._markers_at(name, self.seen[name])
         )
-        sure = (at for name, at in corners if _framed(at, camera) and self._shown(name, at, camera.translation))
+        sure = (
+            at
+            for name, at in corners
+            if _framed(at, camera) and self._shown(name, at, camera.translation)
+        )
         return len(list(islice(sure, SURE_MARKERS))) == SURE_MARKERS
 
     def above(self, name: str, at: pin.SE3 | None = None) -> frozenset[str]:
@@ -309,11 +361,16 @@ class Situation:
         return name in self.seen and self.holder(name) is None
 
     def _eye(self, q: np.ndarray, head: tuple[float, float] | None = None) -> Array:
-        """The place (3,) [m] of the camera at q (15,) and a pan and tilt [rad]; None: as they are."""
-        return np.asarray(self.robot.camera(float(q[names.TORSO]), *(head or self.head)).translation)
+        """The place (3,) [m] of the camera at q (15,) and a pan and tilt [rad]; None: as they
+        are.
+        """
+        return np.asarray(
+            self.robot.camera(float(q[names.TORSO]), *(head or self.head)).translation
+        )
 
     def miss(self, name: str, sights: Sequence[Sight]) -> bool:
-        """Forget where a thing is, if it is not seen though it surely would be there; return whether it is missing.
+        """Forget where a thing is, if it is not seen though it surely would be there; return
+        whether it is missing.
 
         Eyes that see nothing at all tell nothing: there is furniture everywhere.
         """
@@ -327,7 +384,8 @@ class Situation:
         self.forget(name)
 
     def astray(self) -> Facts:
-        """Which thing was seen to have fallen over, or to be elsewhere than a hand left it; () for none.
+        """Which thing was seen to have fallen over, or to be elsewhere than a hand left it; () for
+        none.
 
         What was seen since is told once.
         """
@@ -367,13 +425,17 @@ class Situation:
         self.world.detach(held.object, pose)
 
     def leave(self, name: str) -> None:
-        """Note that a hand is about to leave what it let go of: what was seen of it before tells nothing of then."""
+        """Note that a hand is about to leave what it let go of: what was seen of it before tells
+        nothing of then.
+        """
         self.placed[name] = self.time
         self.looked_at.discard(name)
         self._note(name, None)
 
     def lose(self, side: str) -> str:
-        """Note that the hand is empty, and that nobody knows where the object is; return its name."""
+        """Note that the hand is empty, and that nobody knows where the object is; return its
+        name.
+        """
         name = self.held.pop(side).object
         self.unfinished.pop(name, None)
         self.seen.pop(name, None)
@@ -402,7 +464,9 @@ class Situation:
 def _apart(one: pin.SE3, other: pin.SE3) -> tuple[float, float]:
     """The turn [rad] and the shift [m] between two poses."""
     between = one.inverse() * other
-    return float(np.linalg.norm(pin.log3(between.rotation))), float(np.linalg.norm(between.translation))
+    return float(np.linalg.norm(pin.log3(between.rotation))), float(
+        np.linalg.norm(between.translation)
+    )
 
 
 def _same(one: pin.SE3, other: pin.SE3) -> bool:
@@ -422,20 +486,25 @@ def _edge(hole: models.Opening) -> list[tuple[float, float, float]]:
     """Points on the edge of an opening, and its centre, in the thing's frame."""
     x, y, z = hole.centre
     around = (math.tau * k / EDGE_POINTS for k in range(EDGE_POINTS))
-    return [hole.centre, *((x + hole.radius * math.cos(a), y + hole.radius * math.sin(a), z) for a in around)]
+    return [
+        hole.centre,
+        *((x + hole.radius * math.cos(a), y + hole.radius * math.sin(a), z) for a in around),
+    ]
 
 
 def beginning(robot: Robot, things: dict[str, str], markers: Mapping[str, Array]) -> Situation:
     """A situation with nothing seen or held.
 
-    `things`: the model by the id of each thing, as markers tell it; `markers`: their corners (n, 4, 3) [m] in the
-    thing's frame.
+    `things`: the model by the id of each thing, as markers tell it; `markers`: their corners (n, 4,
+    3) [m] in the thing's frame.
     """
     return Situation(robot, World(robot, margin=MARGIN_M), things, markers)
 
 
 def _read(corners: Array, eye: Array) -> bool:
-    """Whether a marker with these corners (4, 3) is near enough to the eye (3,) and faces it, so that it is read."""
+    """Whether a marker with these corners (4, 3) is near enough to the eye (3,) and faces it, so
+    that it is read.
+    """
     outwards, way = _normal(corners), eye - corners.mean(axis=0)
     far, side = float(np.linalg.norm(way)), float(np.linalg.norm(corners[1] - corners[0]))
     facing = float(outwards @ way) / (float(np.linalg.norm(outwards)) * far)

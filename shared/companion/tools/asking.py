@@ -1,4 +1,6 @@
-"""Messages that km heard in a run, and questions about them, answered by a process that can be ended."""
+"""Messages that km heard in a run, and questions about them, answered by a process that can be
+ended.
+"""
 
 import signal
 import subprocess
@@ -18,15 +20,21 @@ if TYPE_CHECKING:
 
 KM = "km"
 READING_S = 60.0
-"""For the start of the process and the making of the triples, beside the query's own time; estimate, with room."""
+"""For the start of the process and the making of the triples, beside the query's own time;
+estimate, with room.
+"""
 
 
 class AskError(ConsoleError):
-    """A question was not answered: it took too long or too much memory, or what answers is not installed."""
+    """A question was not answered: it took too long or too much memory, or what answers is not
+    installed.
+    """
 
 
 class Known(msgspec.Struct, frozen=True):
-    """Messages to and from km until a time. `begin`: of the run [unix s]; `words`: what was asked, for people."""
+    """Messages to and from km until a time. `begin`: of the run [unix s]; `words`: what was asked,
+    for people.
+    """
 
     heard: tuple[Heard, ...]
     begin: float
@@ -34,7 +42,9 @@ class Known(msgspec.Struct, frozen=True):
 
 
 def known(place: "Path | Run", at: float | None = None) -> Known:
-    """The knowledge of km from a run folder or a recording, now or `at` seconds after its first communicate."""
+    """The knowledge of km from a run folder or a recording, now or `at` seconds after its first
+    communicate.
+    """
     try:
         from operate.recording.records import Spoken, Token
         from operate.recording.run import opened
@@ -44,7 +54,8 @@ def known(place: "Path | Run", at: float | None = None) -> Known:
     spoken = [one for one in run.records if isinstance(one, Spoken)]
     if not spoken:
         raise NoRunError(
-            str(run.place), f"{run.place} has no communicate; give a run folder, or a recording of `roco record`"
+            str(run.place),
+            f"{run.place} has no communicate; give a run folder, or a recording of `roco record`",
         )
     lives = dict[int, float]()
     for one in run.records:
@@ -55,7 +66,11 @@ def known(place: "Path | Run", at: float | None = None) -> Known:
     heard = [Heard(one.received, one.wire) for one in spoken if KM in (one.sender, one.receiver)]
     heard += [Heard(when) for when in lives.values()]
     kept = tuple(sorted((one for one in heard if one.at <= until), key=lambda one: one.at))
-    when = f"{end - begin:.1f} s, the last communicate" if at is None else f"{at:g} of {end - begin:.1f} s"
+    when = (
+        f"{end - begin:.1f} s, the last communicate"
+        if at is None
+        else f"{at:g} of {end - begin:.1f} s"
+    )
     return Known(kept, begin, f"as km knew it at {when}")
 
 
@@ -71,10 +86,13 @@ def answered(question: Question) -> Answer:
             check=False,
         )
     except subprocess.TimeoutExpired as error:
-        raise AskError(f"reading what km was told took more than {READING_S:.0f} s; ask of an earlier --at") from error
+        raise AskError(
+            f"reading what km was told took more than {READING_S:.0f} s; ask of an earlier --at"
+        ) from error
     if done.returncode == -signal.SIGALRM:
         raise AskError(
-            f"the query was ended after {question.seconds:g} s; bind more of its variables, or give --seconds more"
+            f"the query was ended after {question.seconds:g} s; bind more of its variables, or give"
+            " --seconds more"
         )
     if done.returncode:
         raise _ended(done.returncode, done.stderr.decode(errors="replace").strip())
@@ -87,12 +105,16 @@ def _ended(code: int, said: str) -> AskError:
     if "ModuleNotFoundError" in last:
         return _missing("knowledge", last.rpartition("'")[0].rpartition("'")[2])
     if code == -signal.SIGABRT or "MemoryError" in last:
-        return AskError("the query needs too much memory; bind more of its variables, or sort and group less")
+        return AskError(
+            "the query needs too much memory; bind more of its variables, or sort and group less"
+        )
     return AskError(f"the process that answers has died: {last}")
 
 
 def _missing(extra: str, module: str) -> AskError:
-    return AskError(f"{module} is not installed; `pip install 'robot-companion[{extra}]'` installs it")
+    return AskError(
+        f"{module} is not installed; `pip install 'robot-companion[{extra}]'` installs it"
+    )
 
 
 def short(term: Term) -> str:

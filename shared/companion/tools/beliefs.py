@@ -1,7 +1,8 @@
-"""Beliefs of km about things, from the observations that it hears. The newest one counts; sights are fused.
+"""Beliefs of km about things, from the observations that it hears. The newest one counts; sights
+are fused.
 
-They follow services.knowledge.observe, which tools may not import; a test compares. Live and of a recording alike. Must
-not know: the truth.
+They follow services.knowledge.observe, which tools may not import; a test compares. Live and of a
+recording alike. Must not know: the truth.
 """
 
 import msgspec
@@ -14,16 +15,20 @@ from companion.tools.asking import KM
 from operate.recording.records import Spoken
 
 MOST_APART_MM = 30.0
-"""Between belief and truth of a thing; more is shown as wrong. Estimate: a jar 20 mm aside is still grasped well."""
+"""Between belief and truth of a thing; more is shown as wrong. Estimate: a jar 20 mm aside is still
+grasped well.
+"""
 Version = tuple[int, int]
 _OF_OBJECTS = wm.SeenObject | wm.PlacedObject | wm.LostObject | wm.GivenObject | wm.MissingObject
 
 
 class Belief(msgspec.Struct, frozen=True):
-    """Belief about a thing: `how` it is known and `told` by which communicate, None if by none; `model`: "" if unknown.
+    """Belief about a thing: `how` it is known and `told` by which communicate, None if by none;
+    `model`: "" if unknown.
 
-    `pose`: T_world_thing of what stands; `side` and `in_grip`, T_grip_thing, of what a hand holds. None: not known.
-    `deviation`: root mean square of how far a seen place may be off [m], None: not told.
+    `pose`: T_world_thing of what stands; `side` and `in_grip`, T_grip_thing, of what a hand holds.
+    None: not known. `deviation`: root mean square of how far a seen place may be off [m], None: not
+    told.
     """
 
     object: str
@@ -50,7 +55,11 @@ class Beliefs:
     @property
     def objects(self) -> set[str]:
         """The things of which km was told."""
-        told = (one.content.object for _, one in self._newest.values() if isinstance(one.content, _OF_OBJECTS))
+        told = (
+            one.content.object
+            for _, one in self._newest.values()
+            if isinstance(one.content, _OF_OBJECTS)
+        )
         return {*told, *self._held()}
 
     @property
@@ -60,7 +69,9 @@ class Beliefs:
         return body.content.body if body is not None else None
 
     def hear(self, one: Spoken) -> bool:
-        """Take the next communicate; return whether it was an observation for km, newer than what km knew."""
+        """Take the next communicate; return whether it was an observation for km, newer than what
+        km knew.
+        """
         parsed = parse_observation(one.id) if one.receiver == KM else None
         key = _key(one.content) if parsed is not None else ""
         if parsed is None or not key or parsed[1] <= self._newest.get(key, (self._world,))[0]:
@@ -68,11 +79,15 @@ class Beliefs:
         version = parsed[1]
         if isinstance(one.content, wm.WorldLost):
             self._world = version
-            self._newest = {name: found for name, found in self._newest.items() if found[0] > version}
+            self._newest = {
+                name: found for name, found in self._newest.items() if found[0] > version
+            }
             self._sights.clear()
             return True
         if isinstance(one.content, wm.LostObject | wm.GivenObject | wm.MissingObject | wm.SeenHand):
-            self._empty |= {hand.id for hand in self._hands() if hand.content.object == one.content.object}
+            self._empty |= {
+                hand.id for hand in self._hands() if hand.content.object == one.content.object
+            }
         self._newest[key] = version, one
         self._see(one.content)
         if isinstance(one.content, wm.SeenObject | wm.PlacedObject):
@@ -97,13 +112,17 @@ class Beliefs:
             case wm.LostObject(side=side):
                 return Belief(name, f"lost by the {side} hand", told, self._models.get(name, ""))
             case wm.GivenObject(side=side):
-                return Belief(name, f"given to a person by the {side} hand", told, self._models.get(name, ""))
+                return Belief(
+                    name, f"given to a person by the {side} hand", told, self._models.get(name, "")
+                )
             case wm.MissingObject():
                 return Belief(name, "missing where it was", told, self._models.get(name, ""))
         return Belief(name)
 
     def _see(self, content: object) -> None:
-        """Fuse the sights of what stands; of what a hand had meanwhile, the earlier ones say nothing any more."""
+        """Fuse the sights of what stands; of what a hand had meanwhile, the earlier ones say
+        nothing any more.
+        """
         match content:
             case wm.SeenObject(object=name, pose=pose, uncertainty=uncertainty):
                 held, seen = name in self._held(), (pose, uncertainty)
@@ -120,7 +139,9 @@ class Beliefs:
         return {hand.content.object: hand for hand in self._hands() if hand.content.object}
 
     def _hands(self) -> list[Spoken]:
-        """The newest observation of each hand, but where what it held was lost or went to the other one."""
+        """The newest observation of each hand, but where what it held was lost or went to the other
+        one.
+        """
         hands = [self._newest[key][1] for key in map(_hand, Side) if key in self._newest]
         return [hand for hand in hands if hand.id not in self._empty]
 

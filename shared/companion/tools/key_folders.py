@@ -1,4 +1,6 @@
-"""Folders of the images in which the keeper of the keys writes (deploy/Dockerfile); a volume is mounted at each."""
+"""Folders of the images in which the keeper of the keys writes (deploy/Dockerfile); a volume is
+mounted at each.
+"""
 
 from pathlib import Path
 
@@ -8,5 +10,9 @@ from companion.design import DESIGN
 ONE, TWO = ("roco",), ("velma1", "velma2")
 """Systems of deploy/compose.yaml, and of compose.two.yaml beside it."""
 FOLDERS = sorted(
-    {str(seat.folder) for systems in (ONE, TWO) for seat in seats(Path("/keys"), DESIGN, systems, apart=True)}
+    {
+        str(seat.folder)
+        for systems in (ONE, TWO)
+        for seat in seats(Path("/keys"), DESIGN, systems, apart=True)
+    }
 )

@@ -15,9 +15,13 @@ from operate.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, St
 
 LOOP = "loop"
 STORY = 1000
-"""Communicates that events are told from (C4's are not among them): three pours. Older ones are forgotten."""
+"""Communicates that events are told from (C4's are not among them): three pours. Older ones are
+forgotten.
+"""
 _LEFT_OUT = (Kind.FIRST_THING, Kind.SURROUNDINGS, Kind.PLAN_BEGINS)
-"""Events that are known only afterwards (the last observation before a plan), or come with another one."""
+"""Events that are known only afterwards (the last observation before a plan), or come with another
+one.
+"""
 _AGAIN = (Kind.PLAN_RECEIVED, Kind.FINISHED, Kind.REFUSED, Kind.ENDED)
 """Events that lines of plans and tasks tell, too."""
 _robot = msgspec.msgpack.Decoder(RobotState)
@@ -42,9 +46,13 @@ class Live:
         content = one.content
         if isinstance(content, hfsm.HierarchicalPlan) and one.channel == "C3":
             tasks = self._tasks.pop(one.conversation, ())
-            yield PlanSeen(t=one.received, plan=content.id, tasks=tasks, states=tuple(states_of(content.root)))
+            yield PlanSeen(
+                t=one.received, plan=content.id, tasks=tasks, states=tuple(states_of(content.root))
+            )
         elif isinstance(content, hfsm.GroundTaskNetwork):
-            self._tasks[one.conversation] = tuple(Task(task.name, task.arguments) for task in content.tasks)
+            self._tasks[one.conversation] = tuple(
+                Task(task.name, task.arguments) for task in content.tasks
+            )
         elif isinstance(content, sw.Report):
             outcome = content.state.lower() if content.state in sw.FINAL else ""
             if content.at or outcome:
@@ -54,7 +62,9 @@ class Live:
         if one.channel != "C4" and (one.channel != "C6" or isinstance(content, wm.SeenObject)):
             if len(self._story) >= STORY:
                 self._story = self._story[-STORY // 2 :]
-                self._told = Counter(event.name for event in events(History(said=tuple(self._story))))
+                self._told = Counter(
+                    event.name for event in events(History(said=tuple(self._story)))
+                )
             self._story.append(one)
             counted: Counter[str] = Counter()
             for event in events(History(said=tuple(self._story))):
@@ -62,7 +72,9 @@ class Live:
                 if counted[event.name] > self._told[event.name] and event.kind not in _LEFT_OUT:
                     self._told[event.name] += 1
                     again = event.kind in _AGAIN
-                    yield Happened(t=event.at, name=event.kind, of=event.of, text=event.text, again=again)
+                    yield Happened(
+                        t=event.at, name=event.kind, of=event.of, text=event.text, again=again
+                    )
 
     def _loop(self, house: House) -> Iterator[AgentIn]:
         try:

@@ -1,8 +1,9 @@
-"""Whether what the paper states in several places agrees, and whether the counts of its Table 8 fit a design.
+"""Whether what the paper states in several places agrees, and whether the counts of its Table 8 fit
+a design.
 
-Only a design that is transcribed from a text contradicts itself in this way; the checks of any design file are
-topdown.check. A statement is an interval, a word or a set of words; figures agree if their intervals have a point in
-common.
+Only a design that is transcribed from a text contradicts itself in this way; the checks of any
+design file are topdown.check. A statement is an interval, a word or a set of words; figures agree
+if their intervals have a point in common.
 """
 
 import math
@@ -31,8 +32,9 @@ class Stated(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
 
 class Statement(Stated, frozen=True):
-    """One statement of a claim: exactly one of `says` (a figure, a word, or a set of words), `sum`, `product`, or
-    bounds (`least`, `most`; either may be missing). `over`: what a product is divided by.
+    """One statement of a claim: exactly one of `says` (a figure, a word, or a set of words), `sum`,
+    `product`, or bounds (`least`, `most`; either may be missing). `over`: what a product is divided
+    by.
     """
 
     says: float | str | tuple[str, ...] | None = None
@@ -44,7 +46,9 @@ class Statement(Stated, frozen=True):
 
 
 class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """One thing that is stated in several places, which must agree; figures within the share `tolerance`."""
+    """One thing that is stated in several places, which must agree; figures within the share
+    `tolerance`.
+    """
 
     name: str
     stated: tuple[Statement, ...]
@@ -54,7 +58,9 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 class Tally(Stated, frozen=True):
-    """Communicates counted in a run: [sender, receiver, how many]. A pair that is missing had none."""
+    """Communicates counted in a run: [sender, receiver, how many]. A pair that is missing had
+    none.
+    """
 
     counts: tuple[tuple[str, str, int], ...]
 
@@ -75,7 +81,9 @@ def findings(design: Design, file: Path) -> tuple[Finding, ...]:
 def _findings(design: Design, stated: Statements) -> Iterator[Finding]:
     for index, claim in enumerate(stated.claim):
         if not _agree(claim):
-            said = "; ".join(f"{one.where}: {statement_text(one, claim.unit)}" for one in claim.stated)
+            said = "; ".join(
+                f"{one.where}: {statement_text(one, claim.unit)}" for one in claim.stated
+            )
             right = claim.ruling or "state it once, or say under `ruling` what holds"
             yield Finding(Kind.CLAIM, f"claim {claim.name}", said, right, ("claim", index))
     if stated.tally is not None:
@@ -88,7 +96,15 @@ def _agree(claim: Claim) -> bool:
     spans = [bounds(one) for one in claim.stated]
     figures = [span for span in spans if span is not None]
     if len(figures) < len(spans):
-        return len({frozenset(one.says) if isinstance(one.says, tuple) else one.says for one in claim.stated}) <= 1
+        return (
+            len(
+                {
+                    frozenset(one.says) if isinstance(one.says, tuple) else one.says
+                    for one in claim.stated
+                }
+            )
+            <= 1
+        )
     least = max((low for low, _ in figures), default=0.0)
     most = min((high for _, high in figures), default=0.0)
     return least - most <= claim.tolerance * max(abs(least), abs(most))
@@ -115,6 +131,12 @@ def statement_text(one: Statement, unit: str) -> str:
         return ", ".join(one.says) if isinstance(one.says, tuple) else str(one.says)
     low, high = span
     shown = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-    shown = f"at least {low:g}" if high == math.inf else f"at most {high:g}" if low == -math.inf else shown
+    shown = (
+        f"at least {low:g}"
+        if high == math.inf
+        else f"at most {high:g}"
+        if low == -math.inf
+        else shown
+    )
     how = " (sum)" if one.sum else " (computed)" if one.product else ""
     return f"{shown}{' ' + unit if unit else ''}{how}"

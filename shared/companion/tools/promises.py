@@ -1,4 +1,6 @@
-"""Promises of this robot, judged over the whole history of a run (operate.judging.invariants), beside success."""
+"""Promises of this robot, judged over the whole history of a run (operate.judging.invariants),
+beside success.
+"""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -9,13 +11,22 @@ from companion.tools.telemetry import robot, truth
 from operate.recording.history import History
 
 MODES = ("", "motion", "damping", "hold", "stopped")
-"""Of the control loop; "" before it has told one. A test compares them with services.executor.loop."""
+"""Of the control loop; "" before it has told one. A test compares them with
+services.executor.loop.
+"""
 
 
 def broken(history: History) -> Iterator[str]:
-    """Yield what is broken: an act that was begun twice, a mode that is not one, a vessel that fell."""
-    yield from (f"the act {key} was begun {times} times" for key, times in begun_twice(history).items())
-    yield from (f"the control loop was in mode {mode!r}" for mode in {one.mode for _, one in robot(history)} - {*MODES})
+    """Yield what is broken: an act that was begun twice, a mode that is not one, a vessel that
+    fell.
+    """
+    yield from (
+        f"the act {key} was begun {times} times" for key, times in begun_twice(history).items()
+    )
+    yield from (
+        f"the control loop was in mode {mode!r}"
+        for mode in {one.mode for _, one in robot(history)} - {*MODES}
+    )
     for _, last in truth(history)[-1:]:
         for name, tilt in last.tilt_deg.items():
             if tilt >= MOST_TILT_DEG and not sum(last.fingers_on.get(name, {}).values()):

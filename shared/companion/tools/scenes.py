@@ -9,12 +9,13 @@ LOOP = "loop"
 def possible(names: tuple[str, ...], scene: str, seed: int) -> None:
     """Load a scene as the loop will, varied by the seed. Raise ValueError that says what cannot be.
 
-    `names`: the processes that are to be started. The canonical scene, for which no file is named, is one for every
-    seed.
+    `names`: the processes that are to be started. The canonical scene, for which no file is named,
+    is one for every seed.
     """
     if not scene or LOOP not in names:
         return
-    from velma.errors import SceneError  # numpy: half of a start's time, and most starts name no scene
+    # numpy: half of a start's time, and most starts name no scene
+    from velma.errors import SceneError
     from velma.model import scene as scenes
     from velma.sim.mujoco_backend import MujocoBackend
 

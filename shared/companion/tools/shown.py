@@ -1,4 +1,6 @@
-"""How the tools show each act (the general ones, and those of the tasks: companion.tasks, part `shown`), and a step."""
+"""How the tools show each act (the general ones, and those of the tasks: companion.tasks, part
+`shown`), and a step.
+"""
 
 from companion.languages import rc
 from companion.languages.hfsm import Place
@@ -18,7 +20,8 @@ GENERAL = (
     ShownRow(rc.Look, "look", "#6d28d9", "looks"),
 )
 SHOWN: dict[type[rc.Command], ShownRow] = {
-    row.act: row for row in (*GENERAL, *(row for part in parts("shown") for row in getattr(part, "ACTS", ())))
+    row.act: row
+    for row in (*GENERAL, *(row for part in parts("shown") for row in getattr(part, "ACTS", ())))
 }
 
 

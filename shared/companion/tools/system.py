@@ -1,4 +1,6 @@
-"""The Robot Companion as the tools see it: processes, words, and what it adds to the tools of any system."""
+"""The Robot Companion as the tools see it: processes, words, and what it adds to the tools of any
+system.
+"""
 
 from companion.all_languages import LANGUAGES
 from companion.design import DESIGN
@@ -50,7 +52,8 @@ JOB = Job(
         "finished": "event:poured jar_1 bowl_1",
     },
     rests={name: (*agent.rest, agent.initial)[0] for name, agent in DESIGN.agents.items()},
-    timeout_s=900.0,  # estimate: a pour takes 30-50 s on two cores of its own, 240 s at a load of 24; co waits 600 s
+    # estimate: a pour takes 30-50 s on two cores of its own, 240 s at a load of 24; co waits 600 s
+    timeout_s=900.0,
 )
 
 SYSTEM = System(
@@ -90,6 +93,9 @@ SYSTEM = System(
         faults="companion.tools.verbs.fault:KINDS",
     ),
     job=JOB,
-    variables={"ROCO_SLOTS": f"{{run}}/{SLOTS_FILE}", "ROCO_DISTURBANCES": f"{{run}}/{DISTURBANCES_FILE}"},
+    variables={
+        "ROCO_SLOTS": f"{{run}}/{SLOTS_FILE}",
+        "ROCO_DISTURBANCES": f"{{run}}/{DISTURBANCES_FILE}",
+    },
     entry="companion.tools.system:SYSTEM",
 )

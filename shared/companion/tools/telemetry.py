@@ -1,4 +1,6 @@
-"""Telemetry of ex and the simulation's true state in a recorded run, each with the time at which it was heard."""
+"""Telemetry of ex and the simulation's true state in a recorded run, each with the time at which it
+was heard.
+"""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -33,7 +35,9 @@ def truth(history: History) -> Timed[TrueState]:
 
 
 def paced(history: History) -> bool | None:
-    """Whether the loop kept a clock (speed 1); None where nobody tells. Without one there is no lateness at all."""
+    """Whether the loop kept a clock (speed 1); None where nobody tells. Without one there is no
+    lateness at all.
+    """
     if history.setting is not None:
         return history.setting.speed != "max"
     states = robot(history)

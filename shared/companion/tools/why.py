@@ -1,4 +1,6 @@
-"""Plans of a task with their course and reasons: rejected alternatives, reasons for new plans, suspensions."""
+"""Plans of a task with their course and reasons: rejected alternatives, reasons for new plans,
+suspensions.
+"""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -35,7 +37,7 @@ def _record(one: Spoken) -> str:
     return f"{one.channel} {one.sender} > {one.receiver} {one.performative}, id {one.id}"
 
 
-# --- waiting and switching --------------------------------------------------------------------------------------------
+# --- waiting and switching ------------------------------------------------------------------------
 
 
 def _waiting(history: History, task: Span, runs: list[Ran]) -> Iterator[Fact]:
@@ -47,8 +49,13 @@ def _waiting(history: History, task: Span, runs: list[Ran]) -> Iterator[Fact]:
             continue
         if report.state is cmd.TaskState.WAITING:
             yield Fact(one.sent, f"co took it: {operator(report.why)}", _record(one))
-        elif report.state is cmd.TaskState.RUNNING and (left := _left(history, one, runs)) is not None:
-            yield Fact(left.sent, f"co asked ta to leave the plan: {operator(report.why)}", _record(left))
+        elif (
+            report.state is cmd.TaskState.RUNNING
+            and (left := _left(history, one, runs)) is not None
+        ):
+            yield Fact(
+                left.sent, f"co asked ta to leave the plan: {operator(report.why)}", _record(left)
+            )
         elif report.state is cmd.TaskState.SUSPENDED:
             yield Fact(one.sent, f"co put it aside: {operator(report.why)}", _record(one))
             aside = True
@@ -58,13 +65,15 @@ def _waiting(history: History, task: Span, runs: list[Ran]) -> Iterator[Fact]:
 
 
 def _left(history: History, report: Spoken, runs: list[Ran]) -> Spoken | None:
-    """The cancel of a plan that co said in the step of a report, so that the report gives the reason."""
+    """The cancel of a plan that co said in the step of a report, so that the report gives the
+    reason.
+    """
     plans = {one.conversation for one in runs}
     of_step = (one for one in history.said if one.conversation in plans and one.sent == report.sent)
     return next((one for one in of_step if one.performative == Performative.CANCEL), None)
 
 
-# --- plans ------------------------------------------------------------------------------------------------------------
+# --- plans ----------------------------------------------------------------------------------------
 
 
 def _planned(history: History, plan: Made) -> Iterator[Fact]:
@@ -72,13 +81,17 @@ def _planned(history: History, plan: Made) -> Iterator[Fact]:
     said = [one for one in history.said if one.conversation == plan.conversation]
     asked = next(one for one in said if isinstance(one.content, hfsm.GroundTaskNetwork))
     yield Fact(asked.sent, f"co asked pl for {name}: {plain(plan.task)}", _record(asked))
-    answer = next((one for one in said if isinstance(one.content, hfsm.HierarchicalPlan | hfsm.NoPlan)), None)
+    answer = next(
+        (one for one in said if isinstance(one.content, hfsm.HierarchicalPlan | hfsm.NoPlan)), None
+    )
     if answer is None:
         return
     record, content = _record(answer), answer.content
     for one in content.rejected:
         what = plain(f"{one.method.replace('_', ' ')} ({', '.join(one.arguments)})")
-        yield Fact(answer.sent, f"pl rejected “{what}”: {operator(one.why) or 'it does not apply'}", record)
+        yield Fact(
+            answer.sent, f"pl rejected “{what}”: {operator(one.why) or 'it does not apply'}", record
+        )
     if isinstance(content, hfsm.NoPlan):
         yield Fact(answer.sent, f"pl found no {name}: {operator(content.why)}", record)
         return
@@ -89,7 +102,9 @@ def _planned(history: History, plan: Made) -> Iterator[Fact]:
 
 
 def _ends(machine: hfsm.Machine) -> Iterator[str]:
-    """Yield why a plan is to end with another one, or with a failure if an act fails, where it says so."""
+    """Yield why a plan is to end with another one, or with a failure if an act fails, where it says
+    so.
+    """
     succeeding = set(_succeeding(machine))
     for state in machine.states:
         if isinstance(state, hfsm.EndState):
@@ -115,8 +130,12 @@ def _went(history: History, plan: Ran) -> Iterator[Fact]:
     for one in mine:
         if one.end is not None and not one.done:
             command: rc.Command = one.command
-            what = " ".join(filter(None, (spaced(type(command).__name__), getattr(command, "object", ""))))
-            yield Fact(one.end, f"ex did not do “{plain(what)}”: {one.reason}", f"act {command.key}")
+            what = " ".join(
+                filter(None, (spaced(type(command).__name__), getattr(command, "object", "")))
+            )
+            yield Fact(
+                one.end, f"ex did not do “{plain(what)}”: {one.reason}", f"act {command.key}"
+            )
     said = (one for one in reversed(history.said) if one.conversation == plan.conversation)
     reports = [one for one in said if isinstance(one.content, sw.Report)]  # newest first
     last = next((one for one in reports if one.content.state in sw.FINAL), None)
@@ -128,18 +147,23 @@ def _went(history: History, plan: Ran) -> Iterator[Fact]:
     after = f" after {done} act{'s' * (done != 1)}" if mine else ""
     words = f"ta ended {name} with {last.content.state}{after}" + (f": {reason}" if reason else "")
     yield Fact(last.sent, words, _record(last))
-    yield from (Fact(last.sent, plain(evidence(one)), _record(last)) for one in last.content.evidence)
+    yield from (
+        Fact(last.sent, plain(evidence(one)), _record(last)) for one in last.content.evidence
+    )
 
 
-# --- Beliefs of km about a thing and since when: by which observation, told by whom, seen in which act ----------------
+# --- Beliefs of km about a thing and since when: by which observation, told by whom, seen in which
+# act
 
 
 SECONDS, ROWS = 5.0, 1000
 """Bounds of a query, as of `roco ask`."""
 THINGS = "SELECT DISTINCT ?thing WHERE { GRAPH ?said { ?thing a ?class } ?said a roco:Observation }"
-BELIEFS = """SELECT ?subject ?relation ?value ?since WHERE {{ VALUES ?subject {{ thing:{0} content:{0} }}
+BELIEFS = """SELECT ?subject ?relation ?value ?since
+  WHERE {{ VALUES ?subject {{ thing:{0} content:{0} }}
   GRAPH ?said {{ ?subject ?relation ?value }} ?said a roco:Observation ; roco:toldAt ?since
-  FILTER(?relation NOT IN (roco:record, roco:version, roco:observedAt, roco:relatedAt)) }} ORDER BY ?since ?relation"""
+  FILTER(?relation NOT IN (roco:record, roco:version, roco:observedAt, roco:relatedAt)) }}
+  ORDER BY ?since ?relation"""
 WORDS = {
     "type": "it is a {value}",
     "isInstanceOf": "it looks as the model “{value}”",
@@ -152,12 +176,17 @@ WORDS = {
     "contentSeen": "about {value} kg were seen in it",
     "placeDeviation": "its place is known to within {value} m",
 }
-TRUTH = {"hasExactPose": ("only predicted", "known as it was seen"), "isMoveable": ("cannot", "can")}
+TRUTH = {
+    "hasExactPose": ("only predicted", "known as it was seen"),
+    "isMoveable": ("cannot", "can"),
+}
 """Words for false and for true."""
 
 
 def believed(run: Run, name: str, at: float | None = None) -> Why | None:
-    """What is believed of a thing, now or `at` [s after the first communicate]; None for an unknown one."""
+    """What is believed of a thing, now or `at` [s after the first communicate]; None for an unknown
+    one.
+    """
     known = asking.known(run, at)
     things = [_local(row[0]) for row in _asked(known, THINGS)]
     thing = next((one for one in things if name in (one, plain(one), one.partition("_")[0])), None)
@@ -167,10 +196,21 @@ def believed(run: Run, name: str, at: float | None = None) -> Why | None:
     for subject, relation, value, since in _asked(known, BELIEFS.format(thing)):
         content = written(subject).startswith(PREFIXES["content"])
         if not (content and _local(relation) == "type"):
-            told[float(written(since)), content].append(_sentence(_local(relation), value, content=content))
-    facts = [fact for (since, content), texts in told.items() for fact in _observed(run, since, thing, texts, content)]
+            told[float(written(since)), content].append(
+                _sentence(_local(relation), value, content=content)
+            )
+    facts = [
+        fact
+        for (since, content), texts in told.items()
+        for fact in _observed(run, since, thing, texts, content)
+    ]
     facts += _confirmed(run, thing, at)
-    return Why(thing, f"{plain(thing)}: {known.words}", known.begin, (Passage("what is believed", tuple(facts)),))
+    return Why(
+        thing,
+        f"{plain(thing)}: {known.words}",
+        known.begin,
+        (Passage("what is believed", tuple(facts)),),
+    )
 
 
 def _asked(known: asking.Known, text: str) -> list[list[Term]]:
@@ -194,19 +234,30 @@ def _sentence(relation: str, value: Term, *, content: bool = False) -> str:
     return text.replace("it is", "its content is", 1) if content else text
 
 
-# --- the observation --------------------------------------------------------------------------------------------------
+# --- the observation ------------------------------------------------------------------------------
 
 
 def _observed(run: Run, since: float, thing: str, texts: list[str], content: bool) -> list[Fact]:
-    """What is believed since one observation, and where that is from; `content`: of what was in the thing."""
+    """What is believed since one observation, and where that is from; `content`: of what was in the
+    thing.
+    """
     at = run.trace.begin + since
-    said = [one for one in run.history.said if one.receiver == KM and abs(one.received - at) < 0.001]
-    about = [one for one in said if _tells(one, thing) and isinstance(one.content, wm.FeltContent) is content] or said
+    said = [
+        one for one in run.history.said if one.receiver == KM and abs(one.received - at) < 0.001
+    ]
+    about = [
+        one
+        for one in said
+        if _tells(one, thing) and isinstance(one.content, wm.FeltContent) is content
+    ] or said
     message = run.trace.messages.get(about[-1].identity) if about else None
     words = "; ".join(texts)
     if message is None:
         return [Fact(at, words)]
-    return [Fact(at, words, record(message)), Fact(message.sent, _source(run.trace, message), record(message))]
+    return [
+        Fact(at, words, record(message)),
+        Fact(message.sent, _source(run.trace, message), record(message)),
+    ]
 
 
 def _source(trace: Trace, told: Message) -> str:
@@ -217,7 +268,9 @@ def _source(trace: Trace, told: Message) -> str:
     if seen is None or act is None:
         return text
     during = f" at the end of “{act.text}”" if act.text else ""
-    return f"{text}; {seen.sender} had reported it{during}" + (" (by time)" if told.known == "time" else "")
+    return f"{text}; {seen.sender} had reported it{during}" + (
+        " (by time)" if told.known == "time" else ""
+    )
 
 
 def _tells(one: Spoken, thing: str) -> bool:
@@ -228,8 +281,14 @@ def _tells(one: Spoken, thing: str) -> bool:
 def _confirmed(run: Run, thing: str, at: float | None) -> list[Fact]:
     """When the thing was seen or felt last."""
     until = float("inf") if at is None else run.trace.begin + at
-    said = [one for one in run.history.said if one.receiver == KM and one.received <= until and _tells(one, thing)]
+    said = [
+        one
+        for one in run.history.said
+        if one.receiver == KM and one.received <= until and _tells(one, thing)
+    ]
     if not said:
         return []
     last = run.trace.messages[said[-1].identity]
-    return [Fact(last.sent, f"{last.sender} told {last.receiver} of it last: {last.text}", record(last))]
+    return [
+        Fact(last.sent, f"{last.sender} told {last.receiver} of it last: {last.text}", record(last))
+    ]

@@ -1,10 +1,11 @@
-"""The FIPA ACL string representation `fipa.acl.rep.string.std` (SC00070I): parser, printer, mapping to communicates.
+"""The FIPA ACL string representation `fipa.acl.rep.string.std` (SC00070I): parser, printer, mapping
+to communicates.
 
-    parse(text or bytes) -> AclMessage            liberal: accepts the deviations of JADE and Rock if unambiguous
-    render(AclMessage) -> bytes                   strict: every known parser accepts it
-    to_acl(communicate) -> AclMessage             and back without loss:
+    parse(text or bytes) -> AclMessage        liberal: accepts unambiguous deviations of JADE, Rock
+    render(AclMessage) -> bytes               strict: every known parser accepts it
+    to_acl(communicate) -> AclMessage         and back without loss:
     from_acl(message, received) -> Communicate
-    reply_names(message) -> names for to_acl      where a reply-to wants the answers
+    reply_names(message) -> names for to_acl  where a reply-to wants the answers
 
 Modules in reading order: message, text, mapping. No I/O, no clock.
 """

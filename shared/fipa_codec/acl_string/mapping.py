@@ -1,16 +1,18 @@
 """Communicate <-> ACL message, without loss in both directions.
 
-Other platforms understand the parameters of SC00061G; values that these cannot represent are in user-defined
-parameters:
+Other platforms understand the parameters of SC00061G; values that these cannot represent are in
+user-defined parameters:
   X-id, X-sent        id and sent time (unix seconds); no parameter of FIPA has these
-  X-reply-by          unix seconds, if reply-by with its milliseconds and four-digit years is not exact
+  X-reply-by          unix seconds, if reply-by with its milliseconds and four-digit years is not
+                      exact
   X-act, X-protocol   if the standard's name would be mapped back to another one
-A user-defined parameter only refines its standard parameter; if the two disagree (another platform copied it into a
-changed message), or it says nothing here (another platform means something else by the name), it is ignored.
-inform-ref and inform-if are macro acts, which are not sent (SC00037J): they are mapped
-to inform. FIPA's token of a protocol means that of the profile: by `Profile.FIPA` fipa-query is `fipa-query`, by
-`Profile.PAPER` it is `query`, and an inform in it is inform-ref, with which the paper answers a query. What is not a
-word or label of ours (a blank in a conversation-id, a nested ontology) is escaped (`escapes`).
+A user-defined parameter only refines its standard parameter; if the two disagree (another platform
+copied it into a changed message), or it says nothing here (another platform means something else by
+the name), it is ignored. inform-ref and inform-if are macro acts, which are not sent (SC00037J):
+they are mapped to inform. FIPA's token of a protocol means that of the profile: by `Profile.FIPA`
+fipa-query is `fipa-query`, by `Profile.PAPER` it is `query`, and an inform in it is inform-ref,
+with which the paper answers a query. What is not a word or label of ours (a blank in a
+conversation-id, a nested ontology) is escaped (`escapes`).
 """
 
 import base64
@@ -26,15 +28,24 @@ from urllib.parse import quote, unquote_to_bytes
 import msgspec
 
 from fipa_codec.acl_string.message import MAX_MS, MIN_MS, AclMessage, After, Aid, At
-from fipa_codec.communicate import MAX_BYTES, Communicate, decode_strictly, encode_strictly, explain, is_label, is_word
+from fipa_codec.communicate import (
+    MAX_BYTES,
+    Communicate,
+    decode_strictly,
+    encode_strictly,
+    explain,
+    is_label,
+    is_word,
+)
 from fipa_codec.errors import LocalProtocolError, MalformedError
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, Profile, named
 
-# --- Any text of another platform as a word or label of ours, and back, one to one -----------------------------------
-# A text that is a word or label already stays what it is. Any other text becomes `acl:` (label) or `acl-` (word) and
-# the text with its other characters as two hexadecimal digits per byte of UTF-8: the label `a b` is `acl:a%20b`, the
-# word `ams@host:1099/JADE` is `acl-ams@host_3A1099_2FJADE`. A text that looks like such an escape is escaped, too.
+# --- Any text of another platform as a word or label of ours, and back, one to one ----------------
+# A text that is a word or label already stays what it is. Any other text becomes `acl:` (label) or
+# `acl-` (word) and the text with its other characters as two hexadecimal digits per byte of UTF-8:
+# the label `a b` is `acl:a%20b`, the word `ams@host:1099/JADE` is `acl-ams@host_3A1099_2FJADE`. A
+# text that looks like such an escape is escaped, too.
 
 
 class Escape(NamedTuple):
@@ -60,7 +71,9 @@ class Escape(NamedTuple):
     def _escaped(self, text: str) -> str:
         quoted = quote(text, safe=self.safe)
         if self.mark != "%":  # a character outside of `safe` that quote leaves as it is
-            quoted = re.sub("[~_]", lambda found: f"%{ord(found[0]):02X}", quoted).replace("%", self.mark)
+            quoted = re.sub("[~_]", lambda found: f"%{ord(found[0]):02X}", quoted).replace(
+                "%", self.mark
+            )
         return self.prefix + quoted
 
     def _meant_by(self, text: str) -> str | None:
@@ -68,7 +81,9 @@ class Escape(NamedTuple):
         if not text.startswith(self.prefix):
             return None
         try:
-            meant = unquote_to_bytes(text.removeprefix(self.prefix).replace(self.mark, "%")).decode()
+            meant = unquote_to_bytes(
+                text.removeprefix(self.prefix).replace(self.mark, "%")
+            ).decode()
         except UnicodeDecodeError:
             return None
         return None if self._stays(meant) or self._escaped(meant) != text else meant
@@ -81,12 +96,15 @@ LABEL = Escape(is_label, "acl:", "%", "!\"#$&'()*+,-./:;<=>?@[\\]^_`{|}~")
 WORD = Escape(is_word, "acl-", "_", "@-.")
 
 
-# --- The content of a communicate (any MessagePack) in the text of an ACL message, both ways -------------------------
+# --- The content of a communicate (any MessagePack) in the text of an ACL message, both ways ------
 # Of three forms the most readable one that decodes to the same bytes is used:
-#   text    a MessagePack string as it is, without an encoding; content of other platforms (fipa-sl, ...) is read so
-#   json    `:encoding json`: values that JSON can represent; tagged Structs of a content language as msgspec writes
+# text    a MessagePack string as it is, without an encoding; content of other platforms (fipa-sl,
+# ...) is read so
+# json    `:encoding json`: values that JSON can represent; tagged Structs of a content language as
+# msgspec writes
 #           them
-#   base64  `:encoding msgpack-base64`: base64 of the MessagePack for other values (bytes, NaN, keys that are not
+# base64  `:encoding msgpack-base64`: base64 of the MessagePack for other values (bytes, NaN, keys
+# that are not
 #           strings), with `:X-JADE-Encoding Base64`, so that JADE decodes it for its agents
 #
 # Independent of content languages.
@@ -97,8 +115,11 @@ MSGPACK_BASE64 = "msgpack-base64"
 JADE_ENCODING = "X-JADE-Encoding"
 JADE_BASE64 = "Base64"
 
-# JADE strips content, a trailing backslash cannot be quoted, and control characters are not readable.
-_PLAIN_TEXT = re.compile(r"[^\s\x00-\x1f\x7f](?:[^\x00-\x08\x0b-\x1f\x7f]*[^\s\x00-\x1f\x7f\\])?(?<!\\)")
+# JADE strips content, a trailing backslash cannot be quoted, and control characters are not
+# readable.
+_PLAIN_TEXT = re.compile(
+    r"[^\s\x00-\x1f\x7f](?:[^\x00-\x08\x0b-\x1f\x7f]*[^\s\x00-\x1f\x7f\\])?(?<!\\)"
+)
 
 
 class Form(StrEnum):
@@ -119,7 +140,8 @@ def write(content: msgspec.Raw, form: Form) -> tuple[str, str | None]:
 def read(content: str | bytes, encoding: str | None, jade_encoding: str | None) -> msgspec.Raw:
     """Content as MessagePack; with an encoding of other platforms it is a string.
 
-    Raise MalformedError if the content does not have its encoding; one that JADE's parameter names wrongly is ignored.
+    Raise MalformedError if the content does not have its encoding; one that JADE's parameter names
+    wrongly is ignored.
     """
     named = (encoding or "").lower()
     try:
@@ -145,8 +167,8 @@ def _readable(content: msgspec.Raw) -> tuple[str, str | None] | None:
             written = (msgspec.json.encode(value).decode(), JSON)
         same = len(written[0].encode()) <= MAX_BYTES and read(*written, None) == content
     except Exception:
-        # MessagePack that cannot be decoded here or represented in JSON (invalid text, unhashable keys, extensions,
-        # deep nesting) is sent as bytes.
+        # MessagePack that cannot be decoded here or represented in JSON (invalid text, unhashable
+        # keys, extensions, deep nesting) is sent as bytes.
         return None
     return written if same else None
 
@@ -163,7 +185,7 @@ def _from_base64(content: str | bytes) -> bytes:
         raise ValueError(str(error)) from error
 
 
-# --- Communicate <-> ACL message, without loss in both directions -----------------------------------------------------
+# --- Communicate <-> ACL message, without loss in both directions ---------------------------------
 
 
 ID, SENT, REPLY_BY, ACT, PROTOCOL = "X-id", "X-sent", "X-reply-by", "X-act", "X-protocol"
@@ -181,10 +203,11 @@ def to_acl(
     form: Form = Form.READABLE,
     profile: Profile = Profile.FIPA,
 ) -> AclMessage:
-    """The ACL message of a communicate; `from_acl` of the same profile returns the same communicate.
+    """The ACL message of a communicate; `from_acl` of the same profile returns the same
+    communicate.
 
-    `names`: identifiers (with addresses) by names of agents. Raise LocalProtocolError if the communicate is not valid
-    (`encode_strictly`).
+    `names`: identifiers (with addresses) by names of agents. Raise LocalProtocolError if the
+    communicate is not valid (`encode_strictly`).
     """
     encode_strictly(communicate)
     message = AclMessage(
@@ -204,7 +227,9 @@ def to_acl(
         return message
     text, encoding = write(communicate.content, form)
     jade = {JADE_ENCODING: JADE_BASE64} if encoding == MSGPACK_BASE64 else {}
-    return msgspec.structs.replace(message, content=text, encoding=encoding, user=message.user | jade)
+    return msgspec.structs.replace(
+        message, content=text, encoding=encoding, user=message.user | jade
+    )
 
 
 def from_acl(
@@ -217,11 +242,12 @@ def from_acl(
 ) -> Communicate:
     """The communicate of an ACL message. `received` [unix s]: the reference of a relative reply-by.
 
-    `names` as in `to_acl`. `receiver`: name of the agent whose copy this is, if the message has several receivers.
-    `profile`: whose protocols FIPA's tokens mean. User-defined parameters of others are dropped, and so are ours with a
-    value that says nothing here. A communicate has no reply-to: `reply_names` says how it is followed. Raise
-    MalformedError for values that a communicate cannot represent: words or labels that are too long, content that does
-    not have its `encoding`, several receivers without `receiver`.
+    `names` as in `to_acl`. `receiver`: name of the agent whose copy this is, if the message has
+    several receivers. `profile`: whose protocols FIPA's tokens mean. User-defined parameters of
+    others are dropped, and so are ours with a value that says nothing here. A communicate has no
+    reply-to: `reply_names` says how it is followed. Raise MalformedError for values that a
+    communicate cannot represent: words or labels that are too long, content that does not have its
+    `encoding`, several receivers without `receiver`.
     """
     ours = {aid.name: name for name, aid in names.items()}
     user = {name.lower(): value for name, value in message.user.items()}
@@ -229,9 +255,11 @@ def from_acl(
     try:
         communicate = Communicate(
             performative=_act_in(message, user, profile),
-            content=msgspec.UNSET
-            if message.content is None
-            else read(message.content, message.encoding, jade_encoding),
+            content=(
+                msgspec.UNSET
+                if message.content is None
+                else read(message.content, message.encoding, jade_encoding)
+            ),
             language=_entered(WORD, message.language),
             ontology=_entered(WORD, message.ontology),
             protocol=_protocol_in(message, user, profile),
@@ -246,20 +274,25 @@ def from_acl(
         )
         data = msgspec.msgpack.encode(communicate)
     except UnicodeEncodeError as error:
-        raise MalformedError("message", "contains half a surrogate pair, which UTF-8 cannot encode") from error
+        raise MalformedError(
+            "message", "contains half a surrogate pair, which UTF-8 cannot encode"
+        ) from error
     return decode_strictly(data)
 
 
 def reply_names(message: AclMessage, names: Mapping[str, Aid] = _NOBODY) -> dict[str, Aid]:
-    """Return `names` for the answers to a message, so that `to_acl` addresses them to its reply-to (SC00061G).
+    """Return `names` for the answers to a message, so that `to_acl` addresses them to its reply-to
+    (SC00061G).
 
-    Without one they go to the sender, with the addresses it gives, unless `names` has it. Raise MalformedError if there
-    are several: the answers of a conversation go to one agent.
+    Without one they go to the sender, with the addresses it gives, unless `names` has it. Raise
+    MalformedError if there are several: the answers of a conversation go to one agent.
     """
     if message.sender is None:
         return dict(names)
     if len(message.reply_to) > 1:
-        raise MalformedError("reply-to", f"has {len(message.reply_to)} agents, must name one (SC00061G)")
+        raise MalformedError(
+            "reply-to", f"has {len(message.reply_to)} agents, must name one (SC00061G)"
+        )
     peer = _name(message.sender, {aid.name: name for name, aid in names.items()})
     if message.reply_to:
         return {**names, peer: message.reply_to[0]}
@@ -275,7 +308,11 @@ def _user(communicate: Communicate, profile: Profile) -> dict[str, str]:
         for name, text, needed in (
             (ID, communicate.id, bool(communicate.id)),
             (SENT, repr(sent), repr(sent) != "0.0"),
-            (REPLY_BY, repr(reply_by), reply_by is not None and repr(_at(reply_by).unix_ms / 1000) != repr(reply_by)),
+            (
+                REPLY_BY,
+                repr(reply_by),
+                reply_by is not None and repr(_at(reply_by).unix_ms / 1000) != repr(reply_by),
+            ),
             (PROTOCOL, protocol, _name_of(_token_of(protocol), profile) != protocol),
             (ACT, str(act), _answers(_act_out(act), protocol, profile) != act),
         )
@@ -283,7 +320,7 @@ def _user(communicate: Communicate, profile: Profile) -> dict[str, str]:
     }
 
 
-# --- acts and protocols -----------------------------------------------------------------------------------------------
+# --- acts and protocols ---------------------------------------------------------------------------
 
 
 def _act_out(act: Performative) -> Performative:
@@ -310,7 +347,9 @@ def _token_of(name: str) -> str:
         protocol = named(name)
     except LocalProtocolError:
         return name
-    return next((known for known in protocol.aliases if known.startswith("fipa-")), _TOKENS.get(name, name))
+    return next(
+        (known for known in protocol.aliases if known.startswith("fipa-")), _TOKENS.get(name, name)
+    )
 
 
 def _name_of(token: str, profile: Profile) -> str:
@@ -329,7 +368,7 @@ def _protocol_in(message: AclMessage, user: Mapping[str, str], profile: Profile)
     return exact if is_word(exact) and _token_of(exact) == written else _name_of(written, profile)
 
 
-# --- times ------------------------------------------------------------------------------------------------------------
+# --- times ----------------------------------------------------------------------------------------
 
 
 def _at(seconds: float) -> At:
@@ -352,7 +391,9 @@ def _reply_by(message: AclMessage, received: float, user: Mapping[str, str]) -> 
 
 
 def _seconds(user: Mapping[str, str], name: str, otherwise: float) -> float:
-    """The unix seconds in a user-defined parameter, `otherwise` if it is absent or says something else."""
+    """The unix seconds in a user-defined parameter, `otherwise` if it is absent or says something
+    else.
+    """
     try:
         seconds = float(user.get(name.lower(), "nan"))
     except ValueError:
@@ -360,7 +401,7 @@ def _seconds(user: Mapping[str, str], name: str, otherwise: float) -> float:
     return seconds if math.isfinite(seconds) else otherwise
 
 
-# --- words, labels, names ---------------------------------------------------------------------------------------------
+# --- words, labels, names -------------------------------------------------------------------------
 
 
 def _entered(escape: Escape, text: str | None) -> str:
@@ -377,7 +418,11 @@ def _name(aid: Aid, ours: Mapping[str, str]) -> str:
 
 def _receiver(receivers: list[str], wanted: str) -> str:
     if wanted and wanted not in receivers:
-        raise MalformedError("receiver", f"{wanted!r} is not one of {', '.join(receivers) or 'nobody'}")
+        raise MalformedError(
+            "receiver", f"{wanted!r} is not one of {', '.join(receivers) or 'nobody'}"
+        )
     if not wanted and len(receivers) > 1:
-        raise MalformedError("receiver", f"are {', '.join(receivers)}: pass receiver=, the agent whose copy this is")
+        raise MalformedError(
+            "receiver", f"are {', '.join(receivers)}: pass receiver=, the agent whose copy this is"
+        )
     return wanted or "".join(receivers)

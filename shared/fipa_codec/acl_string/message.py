@@ -1,7 +1,8 @@
-"""The abstract ACL message: the parameters of SC00061G, typed, without a representation. None or empty means: absent.
+"""The abstract ACL message: the parameters of SC00061G, typed, without a representation. None or
+empty means: absent.
 
-Expressions (language, conversation-id, ...) are text: a number or a nested expression keeps its characters. Independent
-of any representation.
+Expressions (language, conversation-id, ...) are text: a number or a nested expression keeps its
+characters. Independent of any representation.
 """
 
 import re
@@ -14,18 +15,24 @@ from fipa_codec.errors import LocalProtocolError, MalformedError
 from fipa_codec.performatives import Performative
 
 MAX_ACL_BYTES = 2 * MAX_BYTES + 65_536
-"""Size limit of a text, both ways [bytes]: the content with every character escaped, and the rest. Estimate."""
+"""Size limit of a text, both ways [bytes]: the content with every character escaped, and the rest.
+Estimate.
+"""
 
 MAX_DEPTH = 32
 """Depth limit of nested parentheses or resolvers. Estimate; messages of JADE have 4."""
 
 MAX_ITEMS = 10_000
-"""Limit of parameters and members of sets, sequences and expressions in a text. Estimate; messages of JADE have 30."""
+"""Limit of parameters and members of sets, sequences and expressions in a text. Estimate; messages
+of JADE have 30.
+"""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MILLISECOND = timedelta(milliseconds=1)
 MIN_MS = (datetime.min.replace(tzinfo=UTC) - EPOCH) // MILLISECOND
-"""Earliest time [ms since 1970 UTC]: year 1, since a date has four digits for the year (SC00070I)."""
+"""Earliest time [ms since 1970 UTC]: year 1, since a date has four digits for the year
+(SC00070I).
+"""
 MAX_MS = (datetime.max.replace(tzinfo=UTC) - EPOCH) // MILLISECOND
 """Latest time [ms since 1970 UTC]: end of year 9999."""
 MAX_AFTER_MS = 10_000 * 365 * 86_400_000 - 1
@@ -33,13 +40,17 @@ MAX_AFTER_MS = 10_000 * 365 * 86_400_000 - 1
 
 
 class At(msgspec.Struct, frozen=True, tag=True):
-    """An absolute time [ms since 1970 UTC]. Raise LocalProtocolError outside the years 1 to 9999."""
+    """An absolute time [ms since 1970 UTC]. Raise LocalProtocolError outside the years 1 to
+    9999.
+    """
 
     unix_ms: int
 
     def __post_init__(self) -> None:
         if not MIN_MS <= self.unix_ms <= MAX_MS:
-            raise LocalProtocolError("reply-by", f"{self.unix_ms} ms is outside the years 1 to 9999")
+            raise LocalProtocolError(
+                "reply-by", f"{self.unix_ms} ms is outside the years 1 to 9999"
+            )
 
 
 class After(msgspec.Struct, frozen=True, tag=True):
@@ -56,7 +67,8 @@ class After(msgspec.Struct, frozen=True, tag=True):
 
 
 class Aid(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An agent identifier (SC00023K). The name identifies the agent; addresses and resolvers are ordered by preference.
+    """An agent identifier (SC00023K). The name identifies the agent; addresses and resolvers are
+    ordered by preference.
 
     `user`: user-defined slots by name; the names begin with `X-`.
     """
@@ -70,8 +82,9 @@ class Aid(msgspec.Struct, frozen=True, omit_defaults=True):
 class AclMessage(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One ACL message. `receiver` and `reply_to` are sets; their order is kept but has no meaning.
 
-    `content` is text, or bytes if it is not UTF-8; empty and absent (None) content differ. `user`: user-defined
-    parameters by name; the names begin with `X-` and differ not only in upper and lower case.
+    `content` is text, or bytes if it is not UTF-8; empty and absent (None) content differ. `user`:
+    user-defined parameters by name; the names begin with `X-` and differ not only in upper and
+    lower case.
     """
 
     performative: Performative
@@ -98,17 +111,21 @@ class AclMessage(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
                 return
 
 
-# --- Date and time tokens (SC00070I, 2.3): [+-]YYYYMMDDThhmmssmmm[letter]. Milliseconds are mandatory ----------------
-# The grammar takes any letter as type designator, the text explains only Z: UTC. Without one it is local time. With +
-# or - the time is relative to the receipt; its fields are amounts, a year of 365 days and a month of 30, as in JADE,
-# and the letter means nothing (docs/rulings.md).
+# --- Date and time tokens (SC00070I, 2.3): [+-]YYYYMMDDThhmmssmmm[letter]. Milliseconds are
+# mandatory
+# The grammar takes any letter as type designator, the text explains only Z: UTC. Without one it is
+# local time. With + or - the time is relative to the receipt; its fields are amounts, a year of 365
+# days and a month of 30, as in JADE, and the letter means nothing (docs/rulings.md).
 
 
 DATE = re.compile(
     rb"(?P<sign>[+-]?)(?P<year>\d{4})(?P<month>\d\d)(?P<day>\d\d)[Tt]"
     rb"(?P<hour>\d\d)(?P<minute>\d\d)(?P<second>\d\d)(?P<ms>\d{3})(?P<zone>[A-Za-z]?)"
 )
-WRITTEN = "a time YYYYMMDDThhmmssmmmZ with three digits of milliseconds, or + or - and an amount of the same form"
+WRITTEN = (
+    "a time YYYYMMDDThhmmssmmmZ with three digits of milliseconds, or + or - and an amount of the"
+    " same form"
+)
 
 _FIELDS = ("year", "month", "day", "hour", "minute", "second", "ms")
 _DAY_MS = 86_400_000
@@ -118,13 +135,14 @@ _AMOUNTS_MS = (365 * _DAY_MS, 30 * _DAY_MS, _DAY_MS, 3_600_000, 60_000, 1000, 1)
 def read_date(match: re.Match[bytes], zone: timezone) -> At | After:
     """The time of a match of DATE; `zone` is that of an absolute time without Z.
 
-    Raise ValueError with what was expected: another letter than Z, a day or an hour that the calendar does not have (a
-    leap second too), a time outside the years 1 to 9999.
+    Raise ValueError with what was expected: another letter than Z, a day or an hour that the
+    calendar does not have (a leap second too), a time outside the years 1 to 9999.
     """
     fields = [int(match[name]) for name in _FIELDS]
     if match["zone"] not in (b"", b"Z", b"z"):
         raise ValueError(
-            f"the letter Z (UTC) or no letter after the time: {match['zone'].decode()} is explained nowhere"
+            f"the letter Z (UTC) or no letter after the time: {match['zone'].decode()} is explained"
+            " nowhere"
         )
     if match["sign"]:
         ms = sum(field * amount for field, amount in zip(fields, _AMOUNTS_MS, strict=True))
@@ -133,7 +151,9 @@ def read_date(match: re.Match[bytes], zone: timezone) -> At | After:
         return After(-ms if match["sign"] == b"-" else ms)
     year, month, day, hour, minute, second, ms = fields
     try:
-        moment = datetime(year, month, day, hour, minute, second, ms * 1000, tzinfo=UTC if match["zone"] else zone)
+        moment = datetime(
+            year, month, day, hour, minute, second, ms * 1000, tzinfo=UTC if match["zone"] else zone
+        )
     except ValueError as error:
         raise ValueError(f"a time of the calendar ({error})") from error
     unix_ms = (moment - EPOCH) // MILLISECOND
@@ -159,7 +179,8 @@ def _token(sign: str, to_second: tuple[int, ...] | list[int], ms: int) -> str:
     return f"{sign}{year:04}{month:02}{day:02}T{hour:02}{minute:02}{second:02}{ms:03}"
 
 
-# --- AclSyntaxError: where a text stops being an ACL message, what stands there, what would have been right ----------
+# --- AclSyntaxError: where a text stops being an ACL message, what stands there, what would have
+# been right
 
 
 _SHOWN = 24
@@ -174,8 +195,9 @@ _TOKEN = re.compile(rb"[^\x00-\x20()]{1,200}")
 class AclSyntaxError(MalformedError):
     """Text that is not an ACL message.
 
-    `offset`: position of the error [bytes]; `line`, `column`: the same from 1 [characters]. `found`, `expected`: in
-    words. `excerpt`: the line around the error; `caret`: index of the error in the excerpt.
+    `offset`: position of the error [bytes]; `line`, `column`: the same from 1 [characters].
+    `found`, `expected`: in words. `excerpt`: the line around the error; `caret`: index of the error
+    in the excerpt.
     """
 
     def __init__(self, field: str, data: bytes, offset: int, found: str, expected: str) -> None:
@@ -190,7 +212,9 @@ class AclSyntaxError(MalformedError):
         after = _text(data[offset : len(data) if end < 0 else end][: _AROUND * _WIDEST])[:_AROUND]
         self.excerpt = before + after
         self.caret = len(before)
-        super().__init__(field, f"line {self.line}, column {self.column}: found {found}, expected {expected}")
+        super().__init__(
+            field, f"line {self.line}, column {self.column}: found {found}, expected {expected}"
+        )
 
 
 def shown(data: bytes) -> str:

@@ -1,9 +1,10 @@
 """Parser of ACL messages: the grammar of SC00070I, liberal, with a table of parameters.
 
-Accepted beyond the grammar, as JADE 4.6.5 and Rock's fipa_acl print it: any case, quoted names, numbers of Java
-(`12d`), words that begin with @, a bare word as content, empty sets, repeated parameters (the last one counts), no
-white space. Rejected although JADE accepts it: text after the message, month 13. Rejected as by JADE: unknown acts and
-parameters, a receiver without `set`, content in parentheses, a word that begins with a digit.
+Accepted beyond the grammar, as JADE 4.6.5 and Rock's fipa_acl print it: any case, quoted names,
+numbers of Java (`12d`), words that begin with @, a bare word as content, empty sets, repeated
+parameters (the last one counts), no white space. Rejected although JADE accepts it: text after the
+message, month 13. Rejected as by JADE: unknown acts and parameters, a receiver without `set`,
+content in parentheses, a word that begins with a digit.
 """
 
 import re
@@ -29,16 +30,18 @@ from fipa_codec.acl_string.message import (
 from fipa_codec.errors import LocalProtocolError, MalformedError
 from fipa_codec.performatives import Performative
 
-# --- Tokens of the string representation (SC00070I), from bytes, since byte-length strings count bytes ---------------
-# Word: a sequence without bytes 00-20 and parentheses. String: `"..."` where only `\"` is an escape and any other
-# backslash is literal, or `#n"` and n bytes. Rock prints no white space, so a name may be joined to its value
-# (`:protocolrequest`) and a word to the next parameter (`request:content#2"hi`); they are separated here if that is
-# unambiguous.
+# --- Tokens of the string representation (SC00070I), from bytes, since byte-length strings count
+# bytes
+# Word: a sequence without bytes 00-20 and parentheses. String: `"..."` where only `\"` is an escape
+# and any other backslash is literal, or `#n"` and n bytes. Rock prints no white space, so a name
+# may be joined to its value (`:protocolrequest`) and a word to the next parameter
+# (`request:content#2"hi`); they are separated here if that is unambiguous.
 
 
 _BLANK = re.compile(rb"[\x00-\x20]*")
 _RUN = re.compile(rb"[^\x00-\x20()]+")
-# A user-defined name may have : and # inside (SC00070I: a word), but for Rock's length of the value after it.
+# A user-defined name may have : and # inside (SC00070I: a word), but for Rock's length of the value
+# after it.
 _NAME = re.compile(rb'[xX]-(?:[^\x00-\x20()"#]++|#(?!\d+"))+|[^\x00-\x20()":#]*')
 # Possessive: a quote after a backslash never ends the string, even if no other quote follows.
 _STRING = re.compile(rb'"((?:[^"\\]++|\\"?+)*+)"')
@@ -53,15 +56,17 @@ _PARAMETER = (
     rb"|reply-by[+-]?\d{8}T\d{9}"
     rb'|x-[^\x00-\x20()":#]+#\d+")'
 )
-# One search that stops at the first end: to look for the end of the sequence first, and then for parameters in it,
-# reads a text without white space again for each of its words.
+# One search that stops at the first end: to look for the end of the sequence first, and then for
+# parameters in it, reads a text without white space again for each of its words.
 _RUN_END = re.compile(rb"[\x00-\x20()]|\Z|" + _PARAMETER, re.IGNORECASE)
 RUN_ON = re.compile(_PARAMETER, re.IGNORECASE)
 """Start of a parameter within a sequence of word characters."""
 
 
 class Scanner:
-    """A position `at` in `data`. Methods that take a token move it behind the token. `field`: field of errors."""
+    """A position `at` in `data`. Methods that take a token move it behind the token. `field`: field
+    of errors.
+    """
 
     def __init__(self, data: bytes) -> None:
         self.data = data
@@ -72,7 +77,13 @@ class Scanner:
     def wrong(self, expected: str, at: int | None = None, found: str = "") -> AclSyntaxError:
         """The error for position `at`, by default the current one."""
         offset = self.at if at is None else at
-        return AclSyntaxError(self.field, self.data, offset, found or shown(self.data[offset : offset + 200]), expected)
+        return AclSyntaxError(
+            self.field,
+            self.data,
+            offset,
+            found or shown(self.data[offset : offset + 200]),
+            expected,
+        )
 
     def next(self) -> bytes:
         """Skip white space and return the next byte without taking it; b"" at the end."""
@@ -113,11 +124,15 @@ class Scanner:
         start, self.at = self.at, self.run_end()
         raw = self.data[start : self.at]
         if not raw or raw[:1] in b"-:" or raw[:1].isdigit():
-            raise self.wrong('a word: no blank or parenthesis in it, and no # - : " or digit first', start)
+            raise self.wrong(
+                'a word: no blank or parenthesis in it, and no # - : " or digit first', start
+            )
         return self.text(raw, start)
 
     def expression(self) -> str:
-        """Take a word, string, number, time or nested expression; return it as written, a string without its quotes."""
+        """Take a word, string, number, time or nested expression; return it as written, a string
+        without its quotes.
+        """
         start, byte = self.at, self.next()
         if byte in (b'"', b"#"):
             return self.string()
@@ -145,7 +160,11 @@ class Scanner:
         match = _STRING.match(self.data, self.at)
         if not match:
             escaped = self.data.rfind(b'\\"') >= self.at
-            why = '; the last one is escaped: write content that ends in \\ as #<bytes>"' if escaped else ""
+            why = (
+                '; the last one is escaped: write content that ends in \\ as #<bytes>"'
+                if escaped
+                else ""
+            )
             raise self.wrong(f"a quote that ends the string{why}", found="a string without end")
         self.at = match.end()
         return match[1].replace(b'\\"', b'"'), match.start(1)
@@ -157,7 +176,9 @@ class Scanner:
         begin, length = match.end(), int(match[1] or b"0")
         left = len(self.data) - begin
         if length > left:
-            raise self.wrong(f"at most {left} bytes, the rest of the text", found=f"a string of {length} bytes")
+            raise self.wrong(
+                f"at most {left} bytes, the rest of the text", found=f"a string of {length} bytes"
+            )
         self.at = begin + length
         return self.data[begin : self.at], begin
 
@@ -182,15 +203,21 @@ class Scanner:
                 raise self.wrong(") that ends the expression")
 
     def item(self) -> None:
-        """Count a parameter, or a member of a set, sequence or expression. Raise AclSyntaxError beyond the limit."""
+        """Count a parameter, or a member of a set, sequence or expression. Raise AclSyntaxError
+        beyond the limit.
+        """
         self.items += 1
         if self.items > MAX_ITEMS:
-            raise self.wrong(f"at most {MAX_ITEMS} parameters and members", found=f"number {self.items}")
+            raise self.wrong(
+                f"at most {MAX_ITEMS} parameters and members", found=f"number {self.items}"
+            )
 
     def deeper(self, depth: int) -> None:
         """Raise AclSyntaxError at the depth limit."""
         if depth >= MAX_DEPTH:
-            raise self.wrong(f"at most {MAX_DEPTH} levels of parentheses", found=f"level {depth + 1}")
+            raise self.wrong(
+                f"at most {MAX_DEPTH} levels of parentheses", found=f"level {depth + 1}"
+            )
 
     def ends_here(self, at: int) -> bool:
         """Whether white space, a parenthesis, a parameter or the end of the text is at `at`."""
@@ -201,10 +228,12 @@ class Scanner:
         try:
             return raw.decode()
         except UnicodeDecodeError as error:
-            raise self.wrong("text in UTF-8", offset + error.start, f"byte {raw[error.start]:02x}") from error
+            raise self.wrong(
+                "text in UTF-8", offset + error.start, f"byte {raw[error.start]:02x}"
+            ) from error
 
 
-# --- Parser of ACL messages -------------------------------------------------------------------------------------------
+# --- Parser of ACL messages -----------------------------------------------------------------------
 
 
 Reader = Callable[["_Reader"], Any]
@@ -213,13 +242,16 @@ Reader = Callable[["_Reader"], Any]
 def parse(data: str | bytes, *, zone: timezone = UTC) -> AclMessage:
     """The message in `data`, which need not be trusted; `zone` is that of times without Z.
 
-    Raise AclSyntaxError, and no other exception, with the position, what was found there and what was expected.
+    Raise AclSyntaxError, and no other exception, with the position, what was found there and what
+    was expected.
     """
     if isinstance(data, str):
         data = _utf8(data)
     if len(data) > MAX_ACL_BYTES:
         found = f"{len(data)} bytes"
-        raise AclSyntaxError("message", data, MAX_ACL_BYTES, found, f"at most {MAX_ACL_BYTES} bytes")
+        raise AclSyntaxError(
+            "message", data, MAX_ACL_BYTES, found, f"at most {MAX_ACL_BYTES} bytes"
+        )
     return _Reader(data, zone).message()
 
 
@@ -228,7 +260,9 @@ def _utf8(text: str) -> bytes:
         return text.encode()
     except UnicodeEncodeError as error:
         data, offset = text.encode(errors="replace"), len(text[: error.start].encode())
-        raise AclSyntaxError("message", data, offset, "half a surrogate pair", "text that UTF-8 can encode") from error
+        raise AclSyntaxError(
+            "message", data, offset, "half a surrogate pair", "text that UTF-8 can encode"
+        ) from error
 
 
 class _Reader(Scanner):
@@ -256,8 +290,12 @@ class _Reader(Scanner):
         except ValueError as error:
             raise self.wrong(f"an act of SC00037J: {', '.join(Performative)}", start) from error
 
-    def parameters(self, known: Mapping[str, tuple[str, Reader]]) -> tuple[dict[str, Any], dict[str, str]]:
-        """Parse the parameters and the closing parenthesis; return the known and the user-defined ones."""
+    def parameters(
+        self, known: Mapping[str, tuple[str, Reader]]
+    ) -> tuple[dict[str, Any], dict[str, str]]:
+        """Parse the parameters and the closing parenthesis; return the known and the user-defined
+        ones.
+        """
         whole = self.field
         fields: dict[str, Any] = {}
         user: dict[str, str] = {}
@@ -291,7 +329,9 @@ class _Reader(Scanner):
                 end = self.run_end()
                 if self.data[end : end + 1] in (b":", b")") and end > self.at:
                     return own
-        raise self.wrong(f"one of {' '.join(':' + word for word in known)}, or :X- and a name", start)
+        raise self.wrong(
+            f"one of {' '.join(':' + word for word in known)}, or :X- and a name", start
+        )
 
     def aid(self) -> Aid:
         self.deeper(self.depth)
@@ -374,11 +414,11 @@ RUNS_INTO = ("protocol", "reply-by", "name")
 """Parameters whose value Rock prints without quotes and white space directly after the name."""
 
 
-# --- Printer of ACL messages: strict, in the subset that both JADE and Rock parse -------------------------------------
-# Plain words are bare, other text is quoted, absolute times are in UTC with Z, a blank is before each : and ). A string
-# that ends in a backslash cannot be quoted and is printed with its length in bytes. So are ASCII values of X-
-# parameters that are not plain words: Rock does not parse quoted ones, and JADE counts characters, so only ASCII is
-# safe.
+# --- Printer of ACL messages: strict, in the subset that both JADE and Rock parse -----------------
+# Plain words are bare, other text is quoted, absolute times are in UTC with Z, a blank is before
+# each : and ). A string that ends in a backslash cannot be quoted and is printed with its length in
+# bytes. So are ASCII values of X- parameters that are not plain words: Rock does not parse quoted
+# ones, and JADE counts characters, so only ASCII is safe.
 
 
 _PLAIN_EXPRESSION = re.compile(r"[A-Za-z][A-Za-z0-9_.@-]*")
@@ -396,13 +436,17 @@ def render(message: AclMessage) -> bytes:
         data = b" ".join([b"(" + message.performative.encode(), *_parameters(message), b")"])
         same = parse(data) == message
     except UnicodeEncodeError as error:
-        raise LocalProtocolError("message", "contains half a surrogate pair, which UTF-8 cannot encode") from error
+        raise LocalProtocolError(
+            "message", "contains half a surrogate pair, which UTF-8 cannot encode"
+        ) from error
     except (AttributeError, TypeError) as error:
         raise LocalProtocolError("message", f"has a field of the wrong type: {error}") from error
     except MalformedError as error:
         raise LocalProtocolError(error.field, f"cannot be parsed again: {error.reason}") from error
     if not same:
-        raise LocalProtocolError("message", "does not parse to the same message: a field has the wrong type")
+        raise LocalProtocolError(
+            "message", "does not parse to the same message: a field has the wrong type"
+        )
     return data
 
 
@@ -414,13 +458,25 @@ def _parameters(message: AclMessage) -> Iterator[bytes]:
             yield name + _several(b"set", [_aid(aid) for aid in aids])
     if message.content is not None:
         content = message.content
-        yield b":content " + (_counted_text(content) if isinstance(content, bytes) else _quoted(content))
-    for field in ("language", "encoding", "ontology", "protocol", "conversation_id", "reply_with", "in_reply_to"):
+        yield b":content " + (
+            _counted_text(content) if isinstance(content, bytes) else _quoted(content)
+        )
+    for field in (
+        "language",
+        "encoding",
+        "ontology",
+        "protocol",
+        "conversation_id",
+        "reply_with",
+        "in_reply_to",
+    ):
         value = getattr(message, field)
         if value is not None:
             begin = f":{field.replace('_', '-')} ".encode()
             plain = _PLAIN_EXPRESSION.fullmatch(value)
-            yield begin + (_word(value) if field == "protocol" else value.encode() if plain else _quoted(value))
+            yield begin + (
+                _word(value) if field == "protocol" else value.encode() if plain else _quoted(value)
+            )
     if message.reply_by is not None:
         yield b":reply-by " + print_date(message.reply_by).encode()
     yield from _user(message.user)
@@ -431,9 +487,15 @@ def _aid(aid: Aid, depth: int = 0) -> bytes:
         raise LocalProtocolError("resolvers", f"are nested more than {MAX_DEPTH} deep")
     parts = [b"(agent-identifier :name", _word(aid.name)]
     if aid.addresses:
-        parts += [b":addresses", _several(b"sequence", [_word(address) for address in aid.addresses])]
+        parts += [
+            b":addresses",
+            _several(b"sequence", [_word(address) for address in aid.addresses]),
+        ]
     if aid.resolvers:
-        parts += [b":resolvers", _several(b"sequence", [_aid(resolver, depth + 1) for resolver in aid.resolvers])]
+        parts += [
+            b":resolvers",
+            _several(b"sequence", [_aid(resolver, depth + 1) for resolver in aid.resolvers]),
+        ]
     return b" ".join([*parts, *_user(aid.user), b")"])
 
 
@@ -445,7 +507,9 @@ def _user(parameters: dict[str, str]) -> Iterator[bytes]:
     for name, value in parameters.items():
         if not _USER_NAME.fullmatch(name):
             raise LocalProtocolError(
-                name, 'is not the name of a user-defined parameter: X- and characters other than blank ( ) "'
+                name,
+                "is not the name of a user-defined parameter: X- and characters other than blank"
+                ' ( ) "',
             )
         if _PLAIN_EXPRESSION.fullmatch(value):
             text = value.encode()

@@ -1,1 +1,3 @@
-"""`roco`, the operator's command line. It imports no agent: it knows the run folder's files, and what a system adds."""
+"""`roco`, the operator's command line. It imports no agent: it knows the run folder's files, and
+what a system adds.
+"""

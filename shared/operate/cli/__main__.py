@@ -1,4 +1,5 @@
-"""`roco`: bring a fleet of agents up and down, watch it, ask what was said. `roco --help` lists it all.
+"""`roco`: bring a fleet of agents up and down, watch it, ask what was said. `roco --help` lists it
+all.
 
 The verbs are in operate.cli.verbs; docs/roco.md has the exit codes, which are the same for all.
 """
@@ -36,7 +37,10 @@ def tell_version(asked: bool) -> None:
 @app.callback()
 def roco(
     version: Annotated[
-        bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Show the version, and end.")
+        bool,
+        typer.Option(
+            "--version", callback=tell_version, is_eager=True, help="Show the version, and end."
+        ),
     ] = False,
 ) -> None:
     """A fleet of agents brought up, watched, asked, recorded."""
@@ -45,11 +49,13 @@ def roco(
 def main() -> None:
     """Entry point of `roco`. Who reads its output by a pipe gets each line at once."""
     with Path(os.devnull).open("w") as nowhere:
-        sys.stdout, sys.stderr = sys.stdout or nowhere, sys.stderr or nowhere  # a shell closes them by >&-
+        # a shell closes them by >&-
+        sys.stdout, sys.stderr = sys.stdout or nowhere, sys.stderr or nowhere
         streams = [one for one in (sys.stdout, sys.stderr) if isinstance(one, TextIOWrapper)]
         for stream in streams:
             stream.reconfigure(line_buffering=True, errors=UNSHOWN)
-        os.environ["PYTHONSAFEPATH"] = "1"  # libraries start Python, too: glfw, of mujoco, to look for itself
+        # libraries start Python, too: glfw, of mujoco, to look for itself
+        os.environ["PYTHONSAFEPATH"] = "1"
         try:
             app()
         finally:
@@ -58,7 +64,9 @@ def main() -> None:
 
 
 def _given_up(stream: TextIOWrapper) -> None:
-    """Close a stream that cannot be written, which was told; else Python tries again at its end, and shows that."""
+    """Close a stream that cannot be written, which was told; else Python tries again at its end,
+    and shows that.
+    """
     try:
         stream.flush()
     except OSError:

@@ -1,8 +1,10 @@
-"""Names for the shell to complete: runs, and what a design has. Imports are made only when a shell asks.
+"""Names for the shell to complete: runs, and what a design has. Imports are made only when a shell
+asks.
 
-Nothing of a project is imported: its design is read as a file (operate.system.design_shown). Names that only a running
-fleet knows are in operate.cli.fleet.targets. A completer gets the options that stand before the word, so that names are
-those of the design file or of the run that was named there.
+Nothing of a project is imported: its design is read as a file (operate.system.design_shown). Names
+that only a running fleet knows are in operate.cli.fleet.targets. A completer gets the options that
+stand before the word, so that names are those of the design file or of the run that was named
+there.
 """
 
 from collections.abc import Callable, Iterable
@@ -27,10 +29,16 @@ KINDS = ("channel", "agent", "protocol", "performative")
 
 def among(names: Iterable[str], incomplete: str) -> list[str]:
     """What begins so; not what a terminal would obey where the shell shows it."""
-    return [str(name) for name in names if name.startswith(incomplete) and one_line(escaped(name)) == name]
+    return [
+        str(name)
+        for name in names
+        if name.startswith(incomplete) and one_line(escaped(name)) == name
+    ]
 
 
-def _of_design(names: "Callable[[Design], Iterable[str]]") -> Callable[[typer.Context, str], list[str]]:
+def _of_design(
+    names: "Callable[[Design], Iterable[str]]",
+) -> Callable[[typer.Context, str], list[str]]:
     """A completer of names that a design has."""
 
     def completer(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -45,11 +53,15 @@ protocols = _of_design(lambda design: design.tables)  # as it names what it foll
 uses = _of_design(lambda design: design.protocols)
 pairs = _of_design(lambda design: ["-".join(one.ends) for one in design.channels.values()])
 steps = _of_design(lambda design: map(str, range(1, len(design.file.step) + 1)))
-ontologies = _of_design(lambda design: dict.fromkeys(use.ontology for use in design.file.protocol if use.ontology))
+ontologies = _of_design(
+    lambda design: dict.fromkeys(use.ontology for use in design.file.protocol if use.ontology)
+)
 languages = _of_design(lambda design: [one.name for one in design.file.language])
 systems = _of_design(lambda design: [design.file.system.name])
 moments = _of_design(
-    lambda design: [f"{agent}:{one.name}" for agent, entry in design.agents.items() for one in entry.state]
+    lambda design: [
+        f"{agent}:{one.name}" for agent, entry in design.agents.items() for one in entry.state
+    ]
 )
 
 
@@ -68,7 +80,9 @@ layers = _fixed("1", "2", "3")
 
 def runs(incomplete: str) -> list[str]:
     """The folders of runs, newest first."""
-    found = sorted((path for path in RUNS.glob("*") if path.is_dir()), key=lambda path: path.name, reverse=True)
+    found = sorted(
+        (path for path in RUNS.glob("*") if path.is_dir()), key=lambda path: path.name, reverse=True
+    )
     return among(map(str, found), incomplete)
 
 
@@ -78,7 +92,9 @@ def run_names(incomplete: str) -> list[str]:
 
 
 def every_protocol(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the protocols that a design can follow, by every name: its own, then all that are registered."""
+    """Return the protocols that a design can follow, by every name: its own, then all that are
+    registered.
+    """
     from fipa_codec.tables import known
 
     own = [name for design in _designs(ctx) for name in design.own_tables]
@@ -94,8 +110,15 @@ def protocols_and_uses(ctx: typer.Context, incomplete: str) -> list[str]:
 def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
     """The parameters of the agent that was named before; else of all agents."""
     agent = ctx.params.get("agent")
-    every = [one for design in _designs(ctx) for name, one in design.agents.items() if agent in (None, name)]
-    return among([*(parameter.name for one in every for parameter in one.parameter), LEVEL], incomplete)
+    every = [
+        one
+        for design in _designs(ctx)
+        for name, one in design.agents.items()
+        if agent in (None, name)
+    ]
+    return among(
+        [*(parameter.name for one in every for parameter in one.parameter), LEVEL], incomplete
+    )
 
 
 def parameter_values(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -118,7 +141,9 @@ def performatives(incomplete: str) -> list[str]:
 
 
 def choices(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return KIND=NAME[,NAME] as `roco replay --only` takes it: first the kinds, then the names of one."""
+    """Return KIND=NAME[,NAME] as `roco replay --only` takes it: first the kinds, then the names of
+    one.
+    """
     kind, given, names = incomplete.partition("=")
     if not given:
         return among([f"{one}=" for one in KINDS], incomplete)
@@ -131,7 +156,9 @@ def choices(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def started(incomplete: str) -> list[str]:
-    """Return names of processes of the system here as `roco up --only` takes them, behind the commas so far."""
+    """Return names of processes of the system here as `roco up --only` takes them, behind the
+    commas so far.
+    """
     from operate.system import NoSystemError, here
     from topdown.model.errors import TopdownError
 
@@ -156,9 +183,11 @@ def targets(incomplete: str) -> list[str]:
 
 
 def path_given(ctx: typer.Context, name: str) -> Path | None:
-    """Return the path that a parameter before the word has, which is still a text there; None: it has none.
+    """Return the path that a parameter before the word has, which is still a text there; None: it
+    has none.
 
-    Before an option without its value, arguments are not put to their names yet: they are left over, in order.
+    Before an option without its value, arguments are not put to their names yet: they are left
+    over, in order.
     """
     arguments = [one.name for one in ctx.command.params if one.param_type_name == "argument"]
     left = dict(zip(arguments, ctx.args, strict=False))
@@ -167,13 +196,17 @@ def path_given(ctx: typer.Context, name: str) -> Path | None:
 
 
 def _designs(ctx: typer.Context) -> "Iterable[Design]":
-    """The design that the options name, else that of the system here; none where it cannot be read."""
+    """The design that the options name, else that of the system here; none where it cannot be
+    read.
+    """
     from operate.system import NoSystemError, design_shown
     from topdown.model.design import load
     from topdown.model.errors import TopdownError
 
     named = next((path for name in NAMING if (path := path_given(ctx, name)) is not None), None)
     try:
-        return (load(named) if named is not None and named.suffix == ".toml" else design_shown(named),)
+        return (
+            load(named) if named is not None and named.suffix == ".toml" else design_shown(named),
+        )
     except (NoSystemError, TopdownError, OSError):
         return ()

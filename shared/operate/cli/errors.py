@@ -16,7 +16,9 @@ WRONG_USE = 2
 NOTHING_RUNS = 3
 """There is nothing to ask: no run, no fleet, nobody who listens to people."""
 INTERRUPTED = 130
-"""Ctrl-C, as shells count it: 128 and the signal's number; for SIGTERM and SIGHUP, which end a command alike, too."""
+"""Ctrl-C, as shells count it: 128 and the signal's number; for SIGTERM and SIGHUP, which end a
+command alike, too.
+"""
 
 
 class ConsoleError(Exception):
@@ -38,7 +40,9 @@ class NoRunError(ConsoleError):
 
     def __init__(self, where: str, words: str = "") -> None:
         self.where = where
-        super().__init__(words or f"no run at {where}; start one with `roco up`, or name it with --run-dir")
+        super().__init__(
+            words or f"no run at {where}; start one with `roco up`, or name it with --run-dir"
+        )
 
 
 class FleetError(ConsoleError):

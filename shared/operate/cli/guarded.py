@@ -1,4 +1,6 @@
-"""Output of verbs: names and messages are written by others, and what a terminal would obey in them is escaped."""
+"""Output of verbs: names and messages are written by others, and what a terminal would obey in them
+is escaped.
+"""
 
 import codecs
 import functools
@@ -11,7 +13,9 @@ from typing import Any, TextIO, cast
 from operate.wording import escaped
 
 UNSHOWN = "roco.unshown"
-"""Name of the error handler of an output that lacks a letter: it is escaped as in JSON, \\u2713 in place of a tick."""
+"""Name of the error handler of an output that lacks a letter: it is escaped as in JSON, \\u2713 in
+place of a tick.
+"""
 
 
 def _escaped(error: UnicodeError) -> tuple[str, int]:
@@ -25,8 +29,9 @@ codecs.register_error(UNSHOWN, _escaped)
 
 
 class Guarded:
-    """A text stream that escapes what a terminal would obey. `beneath`: the stream itself, for whoever has escaped what
-    others wrote and adds colours (operate.cli.terminal.console). It has no `buffer`, which would be a way around.
+    """A text stream that escapes what a terminal would obey. `beneath`: the stream itself, for
+    whoever has escaped what others wrote and adds colours (operate.cli.terminal.console). It has no
+    `buffer`, which would be a way around.
     """
 
     def __init__(self, beneath: TextIO) -> None:

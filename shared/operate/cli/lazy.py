@@ -1,4 +1,6 @@
-"""A group of verbs whose modules are imported when they are called: `roco status` does not pay for `roco design`."""
+"""A group of verbs whose modules are imported when they are called: `roco status` does not pay for
+`roco design`.
+"""
 
 import inspect
 import re
@@ -19,8 +21,11 @@ from operate.wording import escaped
 ROOM = "operate.cli"
 EXAMPLES = "\nExamples:\n"
 ELSEWHERE = {
-    "--system": "the system is that of the project in this folder ([tool.roco] system in its pyproject.toml), else the"
-    ' installed one; ROCO_ENTRY="package.module:NAME" names another one (docs/design-your-own-robot.md)'
+    "--system": (
+        "the system is that of the project in this folder ([tool.roco] system in its"
+        ' pyproject.toml), else the installed one; ROCO_ENTRY="package.module:NAME" names another'
+        " one (docs/design-your-own-robot.md)"
+    )
 }
 """What to do instead of an option that people expect of a verb that has none."""
 BELOW_ZERO = re.compile(r"-\d+(\.\d+)?")
@@ -29,10 +34,11 @@ WrongUse = cast(type[typer.BadParameter], typer.BadParameter.__mro__[1])
 
 
 class Verbs(TyperGroup):
-    """The verbs that begin with `words`. What it lists are summaries; whoever calls one gets the verb itself.
+    """The verbs that begin with `words`. What it lists are summaries; whoever calls one gets the
+    verb itself.
 
-    Those that an installed system adds are listed with them. A project's are not, since help and completion import
-    nothing of a project; they are looked up where one is called.
+    Those that an installed system adds are listed with them. A project's are not, since help and
+    completion import nothing of a project; they are looked up where one is called.
     """
 
     def __init__(self, *, words: str = "", commands: object = None, **settings: Any) -> None:
@@ -65,8 +71,8 @@ class Verbs(TyperGroup):
         windows_expand_args: bool = True,
         **extra: Any,
     ) -> Any:
-        """As typer does; to a program that asked for JSON a wrong use is told as one object, not as a box. What the
-        operating system refuses is told in a line, output to a full disk too.
+        """As typer does; to a program that asked for JSON a wrong use is told as one object, not as
+        a box. What the operating system refuses is told in a line, output to a full disk too.
         """
         if not standalone_mode:
             return super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
@@ -74,7 +80,12 @@ class Verbs(TyperGroup):
         try:
             try:
                 # A verb gives nothing back: what comes is the exit code of an end in the middle.
-                sys.exit(super().main(args, prog_name, complete_var, not json, windows_expand_args, **extra) or 0)
+                sys.exit(
+                    super().main(
+                        args, prog_name, complete_var, not json, windows_expand_args, **extra
+                    )
+                    or 0
+                )
             finally:
                 sys.stdout.flush()
         except WrongUse as error:
@@ -86,8 +97,11 @@ class Verbs(TyperGroup):
             sys.exit(_report_problem(str(problem), problem.code, json=json))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """As click does, and a summary becomes the verb. Where there is none it says what there is."""
-        asked = args[:1] if not ctx.resilient_parsing else []  # a shell that completes is not told what is wrong
+        """As click does, and a summary becomes the verb. Where there is none it says what there
+        is.
+        """
+        # a shell that completes is not told what is wrong
+        asked = args[:1] if not ctx.resilient_parsing else []
         if asked and not args[0].startswith("-") and self.called(ctx, args[0]) is None:
             ctx.fail(unknown(" ".join(filter(None, (self.words, args[0]))), list(self.commands)))
         name, command, rest = super().resolve_command(ctx, args)
@@ -102,7 +116,9 @@ class Summary(TyperCommand):
     """Its words, where verbs of other rows begin with them."""
 
     def load(self, words: Sequence[str] = ()) -> TyperCommand | TyperGroup:
-        """The verb itself, for the words behind it. Raises ImportError or AttributeError where the table is wrong."""
+        """The verb itself, for the words behind it. Raises ImportError or AttributeError where the
+        table is wrong.
+        """
         module, name = self.place.split(":")
         verb = made(cast(str, self.name), getattr(import_module(module, ROOM), name))
         if not self.above:
@@ -112,12 +128,15 @@ class Summary(TyperCommand):
         if words and below.called(None, words[0]) is not None:
             below.params = options
         elif words and words[0] != "--help" and options != verb.params:
-            return verb  # the word is its own argument: `roco fault kill AGENT` beside `roco fault list`
+            # the word is its own argument: `roco fault kill AGENT` beside `roco fault list`
+            return verb
         return below
 
 
 class Verb(TyperCommand):
-    """A verb. Its help has examples with names of the system here in place of AGENT, PEER and CHANNEL."""
+    """A verb. Its help has examples with names of the system here in place of AGENT, PEER and
+    CHANNEL.
+    """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """As click does, but a number below zero is an argument, and no option."""
@@ -136,20 +155,35 @@ class Verb(TyperCommand):
 
 
 class VerbWithVerbs(Verbs):
-    """A verb that others begin with: `roco record` and `roco record info`. Without one of those it is the verb."""
+    """A verb that others begin with: `roco record` and `roco record info`. Without one of those it
+    is the verb.
+    """
 
     def __init__(self, words: str, verb: TyperCommand) -> None:
         self._examples = verb.epilog or ""
         shown = {"help": verb.help, "params": verb.params, "callback": verb.callback}
         alone = not any(one.required for one in verb.params)
-        super().__init__(words=words, name=verb.name, invoke_without_command=alone, no_args_is_help=not alone, **shown)
+        super().__init__(
+            words=words,
+            name=verb.name,
+            invoke_without_command=alone,
+            no_args_is_help=not alone,
+            **shown,
+        )
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the verb below; this one is not called then, and has no options before its name."""
-        given = [name for name in ctx.params if ctx.get_parameter_source(name).name == "COMMANDLINE"]
+        """Return the verb below; this one is not called then, and has no options before its
+        name.
+        """
+        given = [
+            name for name in ctx.params if ctx.get_parameter_source(name).name == "COMMANDLINE"
+        ]
         found = super().resolve_command(ctx, args)
         if given and not ctx.resilient_parsing:
-            ctx.fail(f"options stand behind all words of a verb: roco {self.words} {args[0]} --option ...")
+            ctx.fail(
+                f"options stand behind all words of a verb: roco {self.words} {args[0]}"
+                " --option ..."
+            )
         self.callback = None
         return found
 
@@ -160,7 +194,9 @@ class VerbWithVerbs(Verbs):
 
 
 def named(examples: str) -> str:
-    """Return examples with a channel of the system here and its agents; as they are if no system is found."""
+    """Return examples with a channel of the system here and its agents; as they are if no system is
+    found.
+    """
     from operate.system import NoSystemError, design_shown
     from topdown.model.errors import TopdownError
 
@@ -174,7 +210,9 @@ def named(examples: str) -> str:
 
 
 def added(*, of_project: bool = False) -> Table:
-    """The verbs that the system here adds; none if it cannot be read. A project's is imported only if asked for."""
+    """The verbs that the system here adds; none if it cannot be read. A project's is imported only
+    if asked for.
+    """
     from operate.system import NoSystemError, here, installed_here
     from topdown.model.errors import TopdownError
 
@@ -186,7 +224,9 @@ def added(*, of_project: bool = False) -> Table:
 
 
 def unknown(words: str, there: list[str]) -> str:
-    """Return the message for an unknown verb: it does not exist at all, or not for the system here."""
+    """Return the message for an unknown verb: it does not exist at all, or not for the system
+    here.
+    """
     from operate.system import NoSystemError, here
     from topdown.model.errors import TopdownError
 
@@ -203,8 +243,8 @@ def wants_json(words: Sequence[str]) -> bool:
 
 
 def made(name: str, function: Callable[..., None]) -> TyperCommand:
-    """A function as a command whose output is guarded; its docstring is the help, the examples at its end stand below
-    the options.
+    """A function as a command whose output is guarded; its docstring is the help, the examples at
+    its end stand below the options.
     """
     text = (inspect.getdoc(function) or "").partition(EXAMPLES)[0].strip()
     lines = [line.replace("[", r"\[") for line in examples_of(function)]  # a bracket is no markup
@@ -238,10 +278,15 @@ def _listed(words: str, table: Table) -> Iterator[tuple[str, TyperCommand | Type
             before, _, name = called.rpartition(" ")
             if before != words:
                 continue
-            settings: dict[str, Any] = {"help": line, "rich_help_panel": panel if not words else None}
+            settings: dict[str, Any] = {
+                "help": line,
+                "rich_help_panel": panel if not words else None,
+            }
             if place:
                 summary = Summary(name, **settings)
-                below = any(words.startswith(f"{called} ") for rows in table.values() for words in rows)
+                below = any(
+                    words.startswith(f"{called} ") for rows in table.values() for words in rows
+                )
                 summary.place, summary.above = place, called if below else ""
                 yield name, summary
             else:

@@ -1,6 +1,8 @@
-"""Parts shared by all verbs: two output formats, the option that names a run, messages and exit codes of errors.
+"""Parts shared by all verbs: two output formats, the option that names a run, messages and exit
+codes of errors.
 
-Text is for people, json for programs: one object, or one a line while something goes on; problems on standard error.
+Text is for people, json for programs: one object, or one a line while something goes on; problems
+on standard error.
 """
 
 import errno
@@ -35,7 +37,9 @@ Form = Annotated[Format, typer.Option("--format", help="text for people, json fo
 RunDir = Annotated[
     Path | None,
     typer.Option(
-        "--run-dir", help="A run's folder; else ROCO_RUN_DIR, else runs/latest.", autocompletion=completion.runs
+        "--run-dir",
+        help="A run's folder; else ROCO_RUN_DIR, else runs/latest.",
+        autocompletion=completion.runs,
     ),
 ]
 
@@ -78,14 +82,17 @@ _REMEDIES = {
 
 
 def refused(error: OSError) -> ConsoleError:
-    """Return what the operating system refused as an error of the command line, with what to do; an error of our own
-    has its words.
+    """Return what the operating system refused as an error of the command line, with what to do; an
+    error of our own has its words.
     """
     from agent_runtime.io.full_disk import DISK, worded  # seldom needed, and verbs start quickly
 
     if error.errno in DISK:
-        return ConsoleError(f"{worded(error.filename or 'the output', error)}; make room there, or write elsewhere")
-    if error.errno is None or not isinstance(error.filename, str | bytes | os.PathLike):  # a number: of an open file
+        return ConsoleError(
+            f"{worded(error.filename or 'the output', error)}; make room there, or write elsewhere"
+        )
+    # a number: of an open file
+    if error.errno is None or not isinstance(error.filename, str | bytes | os.PathLike):
         return ConsoleError(error.strerror or str(error))
     words = (f"{os.fsdecode(error.filename)}: {error.strerror}", _REMEDIES.get(error.errno))
     return UsageError("; ".join(filter(None, words)))
@@ -99,16 +106,20 @@ def tell_problem(problem: object, form: Format) -> None:
 
 @contextmanager
 def problems(form: Format) -> Iterator[None]:
-    """Turn what goes wrong into words on standard error and the exit code of its kind (docs/roco.md)."""
+    """Turn what goes wrong into words on standard error and the exit code of its kind
+    (docs/roco.md).
+    """
     try:
         yield
     except ConsoleError as error:
         tell_problem(error, form)
         raise typer.Exit(error.code) from error
-    except (NoSystemError, TopdownError, LinkedError, NothingToRead) as error:  # no system here, or no recording there
+    # no system here, or no recording there
+    except (NoSystemError, TopdownError, LinkedError, NothingToRead) as error:
         tell_problem(error, form)
         raise typer.Exit(WRONG_USE) from error
-    except ModuleNotFoundError as error:  # what reads recordings, and what draws, is not installed with the tools
+    # what reads recordings, and what draws, is not installed with the tools
+    except ModuleNotFoundError as error:
         tell_problem(f"{type(error).__name__}: {error}; install the extra `monitor`", form)
         raise typer.Exit(NO) from error
     except KeyboardInterrupt as error:
@@ -118,17 +129,20 @@ def problems(form: Format) -> Iterator[None]:
 
 @contextmanager
 def waiting(words: str, form: Format) -> Iterator[Callable[[str], None]]:
-    """Show on standard error that something goes on, where people look; gives what renews the words."""
+    """Show on standard error that something goes on, where people look; gives what renews the
+    words.
+    """
     if form is Format.JSON or not sys.stderr.isatty():
         yield lambda _: None
         return
-    from operate.cli.terminal.console import Console  # most verbs answer at once and need none of it
+    # most verbs answer at once and need none of it
+    from operate.cli.terminal.console import Console
 
     with Console(stderr=True).status(words) as shown:
         yield shown.update
 
 
-# --- The option --seed: a number that varies what a system leaves to chance, or none ---------------------------------
+# --- The option --seed: a number that varies what a system leaves to chance, or none --------------
 
 
 NONE = "none"
@@ -137,11 +151,15 @@ AS_WRITTEN = 0
 
 
 def number(text: str) -> int:
-    """Return the seed of an option; 0 for "none". Raise typer.BadParameter that says what would be right."""
+    """Return the seed of an option; 0 for "none". Raise typer.BadParameter that says what would be
+    right.
+    """
     if str(text) == NONE:
         return AS_WRITTEN
     if not str(text).isdecimal():
-        raise typer.BadParameter(f"{text!r} is not a seed: give a number from 0 on, or {NONE}, which is 0")
+        raise typer.BadParameter(
+            f"{text!r} is not a seed: give a number from 0 on, or {NONE}, which is 0"
+        )
     return int(text)
 
 
@@ -150,9 +168,15 @@ Seed = Annotated[
     typer.Option(
         parser=number,
         metavar="N|none",
-        help="Varies what a system leaves to chance, such as poses and noise; none, or 0: as the scene is written.",
+        help=(
+            "Varies what a system leaves to chance, such as poses and noise; none, or 0: as the"
+            " scene is written."
+        ),
     ),
 ]
 FirstSeed = Annotated[
-    int, typer.Option(parser=number, metavar="N|none", help="Of the first run; each next one takes the next.")
+    int,
+    typer.Option(
+        parser=number, metavar="N|none", help="Of the first run; each next one takes the next."
+    ),
 ]

@@ -1,7 +1,9 @@
-"""Two sets of runs side by side: what became worse, by how much, and where they begin to say different things. Pure.
+"""Two sets of runs side by side: what became worse, by how much, and where they begin to say
+different things. Pure.
 
-A quantity is worse only when the whole 95 % interval of the difference lies beyond the threshold. With one or two runs
-a side there is none, so it stays open; but of two single runs one that succeeded and one that did not is a regression.
+A quantity is worse only when the whole 95 % interval of the difference lies beyond the threshold.
+With one or two runs a side there is none, so it stays open; but of two single runs one that
+succeeded and one that did not is a regression.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,11 +18,11 @@ from operate.experiments.intervals import Difference, Interval
 from operate.experiments.measures import Quantity, Runs, values
 from operate.experiments.run_figures import Result, SentMessage
 
-# --- First differences in the exchanges of two runs, aligned by conversation and not by time. Pure -------------------
-# Conversations of the same kind (who opens, to whom, by which protocol, about what) are paired in the order in which
-# they were opened; within a pair each side's communicates are compared one by one by what they mean
-# (saying.Said.meaning). So neither another order of conversations side by side, nor two words that cross, nor a slow
-# machine count as a difference.
+# --- First differences in the exchanges of two runs, aligned by conversation and not by time. Pure
+# Conversations of the same kind (who opens, to whom, by which protocol, about what) are paired in
+# the order in which they were opened; within a pair each side's communicates are compared one by
+# one by what they mean (saying.Said.meaning). So neither another order of conversations side by
+# side, nor two words that cross, nor a slow machine count as a difference.
 
 
 Kind = tuple[str, str, str]
@@ -29,8 +31,8 @@ Kind = tuple[str, str, str]
 class Divergence(msgspec.Struct, frozen=True):
     """The first communicate in which they differ: in A, in B (None: it was not said there).
 
-    `of`: the kind of the conversation in words; `conversation`: which one of that kind, `position`: which communicate
-    of its sender in it, both from 1.
+    `of`: the kind of the conversation in words; `conversation`: which one of that kind, `position`:
+    which communicate of its sender in it, both from 1.
     """
 
     of: str
@@ -41,7 +43,9 @@ class Divergence(msgspec.Struct, frozen=True):
 
 
 def first(a: Sequence[SentMessage], b: Sequence[SentMessage]) -> Divergence | None:
-    """The earliest difference by the time at which it was said in A (where only B said it: in B); None: none."""
+    """The earliest difference by the time at which it was said in A (where only B said it: in B);
+    None: none.
+    """
     differing = list(_differences(conversations(a), conversations(b)))
     return min(differing, key=_when, default=None)
 
@@ -65,20 +69,29 @@ def _differences(
     for kind in {**a, **b}:
         silence: list[SentMessage] = []
         pairs = zip_longest(a.get(kind, []), b.get(kind, []), fillvalue=silence)
-        found = (_in_pair(kind, number, one, other) for number, (one, other) in enumerate(pairs, start=1))
+        found = (
+            _in_pair(kind, number, one, other) for number, (one, other) in enumerate(pairs, start=1)
+        )
         divergence = next((one for one in found if one is not None), None)
         if divergence is not None:
             yield divergence
 
 
-def _in_pair(kind: Kind, number: int, a: Sequence[SentMessage], b: Sequence[SentMessage]) -> Divergence | None:
+def _in_pair(
+    kind: Kind, number: int, a: Sequence[SentMessage], b: Sequence[SentMessage]
+) -> Divergence | None:
     sender, receiver, protocol = kind
     found: list[Divergence] = []
     for side in (sender, receiver):
-        ours, theirs = [one for one in a if one.sender == side], [one for one in b if one.sender == side]
+        ours, theirs = (
+            [one for one in a if one.sender == side],
+            [one for one in b if one.sender == side],
+        )
         for position, (one, other) in enumerate(zip_longest(ours, theirs), start=1):
             if one is None or other is None or one.meaning != other.meaning:
-                found.append(Divergence(f"{sender} to {receiver}, {protocol}", number, position, one, other))
+                found.append(
+                    Divergence(f"{sender} to {receiver}, {protocol}", number, position, one, other)
+                )
                 break
     return min(found, key=_when, default=None)
 
@@ -89,12 +102,14 @@ def _when(found: Divergence) -> float:
     return one.t
 
 
-# --- Two sets of runs side by side ------------------------------------------------------------------------------------
+# --- Two sets of runs side by side ----------------------------------------------------------------
 
 
 SUCCESS = "success"
 THRESHOLDS: dict[str, float] = {SUCCESS: 5.0, "latency": 10.0, "energy": 10.0, "traffic": 10.0}
-"""Success in points of per cent, the others in per cent of A's mean; estimates: below, nobody would act on it."""
+"""Success in points of per cent, the others in per cent of A's mean; estimates: below, nobody would
+act on it.
+"""
 
 
 def thresholds(words: Sequence[str]) -> dict[str, float]:
@@ -103,7 +118,9 @@ def thresholds(words: Sequence[str]) -> dict[str, float]:
     for word in words:
         kind, equals, number = word.rpartition("=")
         if (equals and kind not in THRESHOLDS) or not _is_percent(number):
-            raise ValueError(f"{word!r} is no threshold; give PERCENT, or {', '.join(THRESHOLDS)} with =PERCENT")
+            raise ValueError(
+                f"{word!r} is no threshold; give PERCENT, or {', '.join(THRESHOLDS)} with =PERCENT"
+            )
         found |= {kind: float(number)} if equals else dict.fromkeys(THRESHOLDS, float(number))
     return found
 
@@ -120,7 +137,9 @@ class Verdict(StrEnum):
 
 
 class Compared(msgspec.Struct, frozen=True):
-    """One quantity. `percent`: the difference in per cent of A's mean (success: in points); so `low`, `high`."""
+    """One quantity. `percent`: the difference in per cent of A's mean (success: in points); so
+    `low`, `high`.
+    """
 
     name: str
     kind: str
@@ -143,7 +162,9 @@ class Lost(msgspec.Struct, frozen=True):
 
 
 class Diverged(msgspec.Struct, frozen=True):
-    """Of a seed that both sets have: where its runs begin to differ; None: in nothing that was said."""
+    """Of a seed that both sets have: where its runs begin to differ; None: in nothing that was
+    said.
+    """
 
     seed: int
     first: Divergence | None
@@ -177,7 +198,9 @@ def compared(a: Runs, b: Runs, thresholds: Mapping[str, float] = THRESHOLDS) -> 
     )
 
 
-def verdict(percent: float | None, low: float | None, high: float | None, threshold: float) -> Verdict:
+def verdict(
+    percent: float | None, low: float | None, high: float | None, threshold: float
+) -> Verdict:
     """Of a difference whose growth is bad; without an interval it stays open."""
     if percent is None:
         return Verdict.UNKNOWN
@@ -201,8 +224,11 @@ def _success(a: tuple[Result[Any], ...], b: tuple[Result[Any], ...], threshold: 
     counts = [(sum(one.success for one in side), len(side)) for side in (a, b)]
     sides = intervals.share(*counts[0]), intervals.share(*counts[1])
     row = _row(SUCCESS, SUCCESS, "", sides, intervals.difference_of_shares(*counts), 1.0, threshold)
-    least, most = (row.percent, row.percent) if row.low is None or row.high is None else (row.low, row.high)
-    loss = [None if value is None else -value for value in (row.percent, most, least)]  # a growth is good
+    least, most = (
+        (row.percent, row.percent) if row.low is None or row.high is None else (row.low, row.high)
+    )
+    # a growth is good
+    loss = [None if value is None else -value for value in (row.percent, most, least)]
     return msgspec.structs.replace(row, verdict=verdict(loss[0], loss[1], loss[2], threshold))
 
 
@@ -225,7 +251,9 @@ def _row(
     return Compared(name, kind, unit, *sides, apart, percent, low, high, threshold, found)
 
 
-def _percent(apart: Difference | None, of: float) -> tuple[float | None, float | None, float | None]:
+def _percent(
+    apart: Difference | None, of: float
+) -> tuple[float | None, float | None, float | None]:
     """A difference in per cent of something; all None where it cannot be said."""
     if apart is None or of == 0.0:
         return None, None, None
@@ -236,7 +264,11 @@ def _percent(apart: Difference | None, of: float) -> tuple[float | None, float |
 
 def _lost(a: tuple[Result[Any], ...], b: tuple[Result[Any], ...]) -> tuple[Lost, ...]:
     fine = {one.seed for one in a if one.success}
-    return tuple(Lost(one.seed or 0, one.failure) for one in b if one.failure is not None and one.seed in fine)
+    return tuple(
+        Lost(one.seed or 0, one.failure)
+        for one in b
+        if one.failure is not None and one.seed in fine
+    )
 
 
 def _diverged(a: Runs, b: Runs) -> tuple[Diverged, ...]:
@@ -246,5 +278,7 @@ def _diverged(a: Runs, b: Runs) -> tuple[Diverged, ...]:
 
 
 def _paired(a: Runs, b: Runs) -> bool:
-    """Whether runs of one number belong together: of one seed, or two single ones of unknown seeds."""
+    """Whether runs of one number belong together: of one seed, or two single ones of unknown
+    seeds.
+    """
     return (a.seeded and b.seeded) or len(a.results) == len(b.results) == 1

@@ -1,7 +1,9 @@
-"""Intervals of 95 %: of a mean over runs, of a share of runs, of a difference between two sets. Pure.
+"""Intervals of 95 %: of a mean over runs, of a share of runs, of a difference between two sets.
+Pure.
 
-Means: Student's t over runs; differences: paired t over seeds that both sets have, else Welch's t; shares: Wilson's
-score, their difference Newcombe's hybrid score (Statistics in Medicine 17, 1998, method 10).
+Means: Student's t over runs; differences: paired t over seeds that both sets have, else Welch's t;
+shares: Wilson's score, their difference Newcombe's hybrid score (Statistics in Medicine 17, 1998,
+method 10).
 """
 
 import math
@@ -14,11 +16,15 @@ import numpy as np
 
 LEVEL = 0.95
 LEAST = 3
-"""Values that an interval of Student's or Welch's needs; of two its factor is 12.7, which tells nobody anything."""
+"""Values that an interval of Student's or Welch's needs; of two its factor is 12.7, which tells
+nobody anything.
+"""
 
 
 class Interval(msgspec.Struct, frozen=True):
-    """`value`: mean or share of `n` runs; `low`, `high`: where it lies with 95 %; None: too few runs to say."""
+    """`value`: mean or share of `n` runs; `low`, `high`: where it lies with 95 %; None: too few
+    runs to say.
+    """
 
     value: float
     low: float | None
@@ -27,7 +33,9 @@ class Interval(msgspec.Struct, frozen=True):
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """B less A; `low`, `high`: where it lies with 95 %, None: too few runs. `method`: how they were found."""
+    """B less A; `low`, `high`: where it lies with 95 %, None: too few runs. `method`: how they were
+    found.
+    """
 
     value: float
     low: float | None
@@ -52,13 +60,18 @@ def _gauss() -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def student(freedom: float) -> float:
-    """Student's factor: with `freedom` (>= 1) degrees of freedom, t is within it on both sides with LEVEL.
+    """Student's factor: with `freedom` (>= 1) degrees of freedom, t is within it on both sides with
+    LEVEL.
 
-    With t = sqrt(freedom) tan(angle), the density of the angle is proportional to cos(angle)^(freedom - 1).
+    With t = sqrt(freedom) tan(angle), the density of the angle is proportional to
+    cos(angle)^(freedom - 1).
     """
     nodes, weights = _gauss()
-    scale = math.exp(math.lgamma((freedom + 1) / 2) - math.lgamma(freedom / 2)) * 2 / math.sqrt(math.pi)
-    low, high = 0.0, math.atan(13.0 / math.sqrt(freedom))  # the factor is 12.71 for one degree, and less for more
+    scale = (
+        math.exp(math.lgamma((freedom + 1) / 2) - math.lgamma(freedom / 2)) * 2 / math.sqrt(math.pi)
+    )
+    # the factor is 12.71 for one degree, and less for more
+    low, high = 0.0, math.atan(13.0 / math.sqrt(freedom))
     for _ in range(60):  # halvings: to rounding
         middle = (low + high) / 2
         within = scale * middle / 2 * weights @ np.cos(middle / 2 * (nodes + 1)) ** (freedom - 1)
@@ -73,7 +86,9 @@ def half_width(values: Sequence[float]) -> float | None:
 
 
 def band(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means over runs and half widths, (m,) each, of values (runs, m); without width for fewer than LEAST runs."""
+    """Means over runs and half widths, (m,) each, of values (runs, m); without width for fewer than
+    LEAST runs.
+    """
     n = len(values)
     middle = values.mean(axis=0)
     if n < LEAST:
@@ -88,15 +103,18 @@ def share(yes: int, n: int) -> Interval | None:
     z = NormalDist().inv_cdf((1 + LEVEL) / 2)
     middle = (yes + z**2 / 2) / (n + z**2)
     half = z / (n + z**2) * math.sqrt(yes * (n - yes) / n + z**2 / 4)
-    low, high = (0.0 if yes == 0 else middle - half), (1.0 if yes == n else middle + half)  # exactly, not to rounding
+    # exactly, not to rounding
+    low, high = (0.0 if yes == 0 else middle - half), (1.0 if yes == n else middle + half)
     return Interval(yes / n, low, high, n)
 
 
-def difference(a: Mapping[int, float], b: Mapping[int, float], *, seeded: bool = True) -> Difference | None:
+def difference(
+    a: Mapping[int, float], b: Mapping[int, float], *, seeded: bool = True
+) -> Difference | None:
     """Of means, seed -> value in each set; None where a set is empty.
 
-    Seeds that both sets have are paired where they are LEAST or more, and at least half of the larger set. `seeded`:
-    the numbers are seeds; else nothing is paired.
+    Seeds that both sets have are paired where they are LEAST or more, and at least half of the
+    larger set. `seeded`: the numbers are seeds; else nothing is paired.
     """
     if not a or not b:
         return None
@@ -136,6 +154,8 @@ def _welch(a: Sequence[float], b: Sequence[float]) -> Difference:
     total = math.fsum(spread)
     if total == 0.0:
         return Difference(apart, apart, apart, "Welch's t")
-    freedom = total**2 / math.fsum(s**2 / (len(one) - 1) for s, one in zip(spread, (a, b), strict=True))
+    freedom = total**2 / math.fsum(
+        s**2 / (len(one) - 1) for s, one in zip(spread, (a, b), strict=True)
+    )
     half = student(freedom) * math.sqrt(total)
     return Difference(apart, apart - half, apart + half, "Welch's t")

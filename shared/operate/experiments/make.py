@@ -1,4 +1,6 @@
-"""From the lines and recordings of an experiment to its report: report.json, .html, .md, runs.parquet."""
+"""From the lines and recordings of an experiment to its report: report.json, .html, .md,
+runs.parquet.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -38,7 +40,8 @@ def everything(place: Path) -> Made:
     runs = results.load(place)
     if not runs.results:
         raise NothingHere(
-            f"{place} holds no run that is done; go on with the same `roco experiment … --out {place} --resume`"
+            f"{place} holds no run that is done; go on with the same `roco experiment … --out"
+            f" {place} --resume`"
         )
     told = summary.summed(runs)
     words = msgspec.json.format(msgspec.json.encode(told), indent=1) + b"\n"
@@ -48,7 +51,12 @@ def everything(place: Path) -> Made:
     with replaced(place / RUNS_FILE) as file:
         parquet.write_table(of_runs(runs), file, compression="zstd")
     return Made(
-        str(place), told.runs, told.success.value, told.success.low, told.success.high, page.lines(told, runs.measures)
+        str(place),
+        told.runs,
+        told.success.value,
+        told.success.low,
+        told.success.high,
+        page.lines(told, runs.measures),
     )
 
 
@@ -64,14 +72,21 @@ def of_runs(runs: Runs) -> pyarrow.Table:
     types = {"seed": pyarrow.int64(), "success": pyarrow.bool_(), "failure": pyarrow.string()}
     for quantity in runs.measures.all_quantities:
         name = f"{quantity.name} [{quantity.unit}]" if quantity.unit else quantity.name
-        columns[name] = [None if one.figures is None else quantity.read(one.figures) for one in runs.results]
+        columns[name] = [
+            None if one.figures is None else quantity.read(one.figures) for one in runs.results
+        ]
     return pyarrow.table(
-        {name: pyarrow.array(some, types.get(name, pyarrow.float64())) for name, some in columns.items()}
+        {
+            name: pyarrow.array(some, types.get(name, pyarrow.float64()))
+            for name, some in columns.items()
+        }
     )
 
 
 def _keep_said(place: Path) -> None:
-    """Put together what was said in all runs whose recordings are there; of the others what was kept stays."""
+    """Put together what was said in all runs whose recordings are there; of the others what was
+    kept stays.
+    """
     file = place / results.SAID_FILE
     kept: dict[int, tuple[SentMessage, ...]] = tables.said_in(file) if file.exists() else {}
     for one in results.results(place):

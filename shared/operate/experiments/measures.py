@@ -1,7 +1,7 @@
 """Measured quantities of a run: those of every system, and those that a system adds. Pure.
 
-All of them are better when smaller, but success, which is a share of runs and stands apart. A published figure stands
-beside ours where the system names one.
+All of them are better when smaller, but success, which is a share of runs and stands apart. A
+published figure stands beside ours where the system names one.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,8 +22,8 @@ Value = float | int | None
 
 
 class Quantity(msgspec.Struct, frozen=True):
-    """`kind`: latency, energy or traffic, by which a threshold is given; `read`: its value of Figures, or of the
-    system's own subclass; `judged`: a regression of it counts.
+    """`kind`: latency, energy or traffic, by which a threshold is given; `read`: its value of
+    Figures, or of the system's own subclass; `judged`: a regression of it counts.
     """
 
     name: str
@@ -35,7 +35,9 @@ class Quantity(msgspec.Struct, frozen=True):
 
 
 class Row(msgspec.Struct, frozen=True):
-    """A quantity over all successful runs; `least`, `largest`: of a single run; `published`: None where none is."""
+    """A quantity over all successful runs; `least`, `largest`: of a single run; `published`: None
+    where none is.
+    """
 
     name: str
     unit: str
@@ -47,9 +49,9 @@ class Row(msgspec.Struct, frozen=True):
 
 
 class Published(msgspec.Struct, frozen=True):
-    """Figures of somebody else's run, to stand beside ours. `by`: a word for a column's head; `source`: where they
-    stand; `figures`: quantity -> value; `times`: event -> s; `events`: event -> words; `matrix`: sender -> receiver ->
-    communicates.
+    """Figures of somebody else's run, to stand beside ours. `by`: a word for a column's head;
+    `source`: where they stand; `figures`: quantity -> value; `times`: event -> s; `events`: event
+    -> words; `matrix`: sender -> receiver -> communicates.
     """
 
     by: str = "published"
@@ -71,10 +73,11 @@ class Drawing(msgspec.Struct, frozen=True):
 class Measures(msgspec.Struct, frozen=True):
     """Quantities that a system measures beyond the traffic, each part optional.
 
-    `done`: what a successful run did, one word; `agents`: order of the count matrix, () for the design's; `figures`:
-    what its report.json is read as; `quantities`: rows beside those of the traffic; `rows`: further rows of Runs;
-    `told`: names of the rows that a person at the terminal is told; `notes`: section of the page (run, events, counts,
-    sizes) -> a sentence; `drawings`: further sections; `tables`: further tables of `roco export`, of a History.
+    `done`: what a successful run did, one word; `agents`: order of the count matrix, () for the
+    design's; `figures`: what its report.json is read as; `quantities`: rows beside those of the
+    traffic; `rows`: further rows of Runs; `told`: names of the rows that a person at the terminal
+    is told; `notes`: section of the page (run, events, counts, sizes) -> a sentence; `drawings`:
+    further sections; `tables`: further tables of `roco export`, of a History.
     """
 
     design: Design
@@ -96,7 +99,9 @@ class Measures(msgspec.Struct, frozen=True):
 
     @property
     def all_quantities(self) -> tuple[Quantity, ...]:
-        """In the order in which they are shown: what a person is told first, then traffic, the rest, and answers."""
+        """In the order in which they are shown: what a person is told first, then traffic, the
+        rest, and answers.
+        """
         first = tuple(one for one in self.quantities if one.name in self.told)
         others = tuple(one for one in self.quantities if one.name not in self.told)
         return (*first, *TRAFFIC, *others, *answers(self.design))
@@ -117,12 +122,16 @@ class Runs(msgspec.Struct, frozen=True):
 
 
 def of(system: System) -> Measures:
-    """Return what a system measures: its addition, or the traffic alone. Raise NoSystemError where that is not one."""
+    """Return what a system measures: its addition, or the traffic alone. Raise NoSystemError where
+    that is not one.
+    """
     added = system.addition("measures")
     if added is None:
         return Measures(system.design)
     if not isinstance(added, Measures):
-        raise NoSystemError(f"{system.additions.measures} is {type(added).__name__}; it must be a Measures")
+        raise NoSystemError(
+            f"{system.additions.measures} is {type(added).__name__}; it must be a Measures"
+        )
     return added
 
 
@@ -137,13 +146,23 @@ class Shown(msgspec.Struct, frozen=True):
 def shown(report: msgspec.Struct, own: Measures) -> tuple[Shown, ...]:
     """Return the figures of a report that a person is told, beside those of the traffic."""
     figures = msgspec.json.decode(msgspec.json.encode(report), type=own.figures)
-    return tuple(Shown(one.name, one.unit, one.read(figures)) for one in own.quantities if one.name in own.told)
+    return tuple(
+        Shown(one.name, one.unit, one.read(figures))
+        for one in own.quantities
+        if one.name in own.told
+    )
 
 
 def answers(design: Design) -> tuple[Quantity, ...]:
     """Return one quantity per use of a protocol: the time from its opening to its first answer."""
     return tuple(
-        Quantity(f"{use.name}: answer, {words}", "latency", "ms", _latency(use.name, part), judged=part == "p50")
+        Quantity(
+            f"{use.name}: answer, {words}",
+            "latency",
+            "ms",
+            _latency(use.name, part),
+            judged=part == "p50",
+        )
         for use in design.file.protocol
         for part, words in (("p50", "half within"), ("p99", "99 % within"), ("max", "longest"))
     )
@@ -160,7 +179,9 @@ def channel_size(name: str, part: str) -> Callable[[Figures], Value]:
 
 
 def values(quantity: Quantity, results: Iterable[Result[Any]]) -> dict[int, float]:
-    """Seed -> value, by seed, of the successful runs that have it: one that broke off would pull every mean down."""
+    """Seed -> value, by seed, of the successful runs that have it: one that broke off would pull
+    every mean down.
+    """
     found: dict[int, float] = {}
     for result in results:
         if result.success and result.figures is not None and result.seed is not None:
@@ -195,7 +216,9 @@ def _largest(figures: Figures) -> Value:
 SMALL, LARGEST = "share below 0.5 kB", "largest communicate"
 TRAFFIC: tuple[Quantity, ...] = (
     Quantity("communicates", "traffic", "", lambda f: f.communicates.total),
-    Quantity("communicates sent again", "traffic", "", lambda f: f.communicates.copies, judged=False),
+    Quantity(
+        "communicates sent again", "traffic", "", lambda f: f.communicates.copies, judged=False
+    ),
     Quantity("all bytes", "traffic", "kB", _bytes),
     Quantity(SMALL, "traffic", "%", _small, judged=False),
     Quantity(LARGEST, "traffic", "B", _largest, judged=False, digits=0),

@@ -1,4 +1,6 @@
-"""The report of an experiment for people: report.html, one file that needs nothing else, and report.md."""
+"""The report of an experiment for people: report.html, one file that needs nothing else, and
+report.md.
+"""
 
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -17,31 +19,43 @@ from operate.reports.counts import SMALL_BYTES
 from operate.reports.figures import ACCENT, INK, drawing, in_bytes, mark_of
 from operate.reports.page import ABSENT, STYLE, number, template
 
-# --- Sizes of communicates over many runs, as SVG to stand inside a page: means with 95 % intervals over runs --------
+# --- Sizes of communicates over many runs, as SVG to stand inside a page: means with 95 % intervals
+# over runs
 
 
 BINS = 40
-"""Steps of time in a figure; estimate: fine enough for a shape, wide enough for some communicates of every run."""
+"""Steps of time in a figure; estimate: fine enough for a shape, wide enough for some communicates
+of every run.
+"""
 SHADE = 0.22
 THEIRS = "#d97706"
 """Colour of published figures."""
 POINT_DPI = 110
-"""Points of all runs are one picture inside the figure: thousands of shapes would be megabytes (estimate)."""
+"""Points of all runs are one picture inside the figure: thousands of shapes would be megabytes
+(estimate).
+"""
 
 
 def sizes(runs: Runs) -> str:
-    """Size of each communicate over time, all runs; the mean in steps of time. "" where nothing was said."""
+    """Size of each communicate over time, all runs; the mean in steps of time. "" where nothing was
+    said.
+    """
     told, design = _traffic(runs), runs.measures.design
     if not told:
         return ""
-    with drawing("all-sizes", 3.9, "Size of each communicate over time, all runs, by channel") as (axes, svg):
+    with drawing("all-sizes", 3.9, "Size of each communicate over time, all runs, by channel") as (
+        axes,
+        svg,
+    ):
         for channel, entry in design.channels.items():
             points = [(one.t, one.size) for said in told for one in said if one.channel == channel]
             if points:
                 mark, colour = mark_of(channel, design)
                 label = f"{channel} {'-'.join(entry.ends)}"
                 t, size = zip(*points, strict=True)
-                dots = axes.scatter(t, size, marker=mark, c=colour, s=11, alpha=0.3, linewidths=0, rasterized=True)
+                dots = axes.scatter(
+                    t, size, marker=mark, c=colour, s=11, alpha=0.3, linewidths=0, rasterized=True
+                )
                 dots.set_zorder(2)
                 axes.scatter([], [], marker=mark, c=colour, s=15, linewidths=0, label=label)
         axes.figure.set_dpi(POINT_DPI)
@@ -51,7 +65,9 @@ def sizes(runs: Runs) -> str:
         axes.set_xlabel("time after the first communicate [s]")
         axes.set_ylabel("size")
         axes.margins(x=0.01)
-        axes.legend(loc="lower left", bbox_to_anchor=(0, 1.01), ncols=7, frameon=False, columnspacing=1.2)
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(0, 1.01), ncols=7, frameon=False, columnspacing=1.2
+        )
     return svg[0]
 
 
@@ -61,10 +77,14 @@ def shares(runs: Runs) -> str:
     if not told:
         return ""
     edges = np.logspace(1.8, 6, 120)
-    below = np.array([[np.mean([one.size < edge for one in said]) for edge in edges] for said in told])
+    below = np.array(
+        [[np.mean([one.size < edge for one in said]) for edge in edges] for said in told]
+    )
     middle, half = intervals.band(100 * below)
     with drawing("all-shares", 2.6, "Share of communicates below each size") as (axes, svg):
-        axes.fill_between(edges, middle - half, middle + half, color=ACCENT, alpha=SHADE, linewidth=0)
+        axes.fill_between(
+            edges, middle - half, middle + half, color=ACCENT, alpha=SHADE, linewidth=0
+        )
         axes.plot(edges, middle, color=ACCENT, linewidth=1.6)
         _published(axes, runs.measures.published)
         axes.set_xscale("log")
@@ -93,7 +113,9 @@ def _traffic(runs: Runs) -> list[tuple[SentMessage, ...]]:
 
 
 def _mean_size(axes: Axes, told: Sequence[tuple[SentMessage, ...]]) -> None:
-    """The mean size in steps of time: each run's own mean, then over the runs that said something then."""
+    """The mean size in steps of time: each run's own mean, then over the runs that said something
+    then.
+    """
     until = max(one.t for said in told for one in said)
     edges = np.linspace(0.0, until, BINS + 1)
     for start, end in pairwise(edges):
@@ -102,12 +124,14 @@ def _mean_size(axes: Axes, told: Sequence[tuple[SentMessage, ...]]) -> None:
         if found is None or found.low is None or found.high is None:
             continue
         low, high = max(found.low, 50.0), found.high
-        axes.fill_between((start, end), (low, low), (high, high), color=INK, alpha=SHADE, linewidth=0, zorder=3)
+        axes.fill_between(
+            (start, end), (low, low), (high, high), color=INK, alpha=SHADE, linewidth=0, zorder=3
+        )
         axes.plot((start, end), (found.value, found.value), color=INK, linewidth=1.3, zorder=4)
     axes.plot([], [], color=INK, linewidth=1.3, label="mean")
 
 
-# --- The report of an experiment for people ---------------------------------------------------------------------------
+# --- The report of an experiment for people -------------------------------------------------------
 
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
@@ -130,18 +154,23 @@ def rendered(runs: Runs, told: Summary) -> str:
 
 def markdown(told: Summary, own: Measures) -> str:
     """The same without figures, for reading where it lies."""
-    return "\n".join((*_head(told, own), *_rows(told, own), *_events(told, own), *_matrix(told, own)))
+    return "\n".join(
+        (*_head(told, own), *_rows(told, own), *_events(told, own), *_matrix(told, own))
+    )
 
 
 def lines(told: Summary, own: Measures) -> list[str]:
     """Return what a person at the terminal reads: success, and some figures of a run."""
     fine = told.runs - len(told.failures)
     words = [
-        f"{fine} of {told.runs} runs {own.done}: {percent(told.success)}, 95 % interval {percent_span(told.success)}"
+        f"{fine} of {told.runs} runs {own.done}: {percent(told.success)}, 95 % interval"
+        f" {percent_span(told.success)}"
     ]
     words += [f"  seed {one.seed}: {one.why}" for one in told.failures]
     wanted = (*own.told, "communicates", "all bytes")
-    words += [f"{row.name}: {_in_words(row, own.published.by)}" for row in told.rows if row.name in wanted]
+    words += [
+        f"{row.name}: {_in_words(row, own.published.by)}" for row in told.rows if row.name in wanted
+    ]
     return words
 
 
@@ -193,7 +222,10 @@ def _in_words(row: Row, by: str) -> str:
     theirs = f" ({by}: {number(row.published)}{unit})" if row.published is not None else ""
     reach = f"95 % interval {span(row.mean, row.digits)}"
     if row.mean.low is None:
-        few = f"{number(row.least, row.digits)} … {number(row.largest, row.digits)} in {row.mean.n} runs"
+        few = (
+            f"{number(row.least, row.digits)} … {number(row.largest, row.digits)} in {row.mean.n}"
+            " runs"
+        )
         reach = few if row.mean.n > 1 else "one run"
     return f"{number(row.mean.value, row.digits)}{unit}, {reach}{theirs}"
 
@@ -202,11 +234,20 @@ def _head(told: Summary, own: Measures) -> Iterator[str]:
     setting = told.setting
     yield f"# {told.runs - len(told.failures)} of {told.runs} runs {own.done}"
     yield ""
-    yield f"{percent(told.success)} of runs, 95 % interval {percent_span(told.success)}. {told.method}"
+    yield (
+        f"{percent(told.success)} of runs, 95 % interval {percent_span(told.success)}."
+        f" {told.method}"
+    )
     yield ""
     if setting is not None:
-        yield f"- Begun {began(told)}; seeds {setting.seed} to {setting.seed + setting.runs - 1}, speed {setting.speed}"
-        yield f"- {setting.machine}, {setting.cores} cores, Python {setting.python}; sources {setting.commit or ABSENT}"
+        yield (
+            f"- Begun {began(told)}; seeds {setting.seed} to {setting.seed + setting.runs - 1},"
+            f" speed {setting.speed}"
+        )
+        yield (
+            f"- {setting.machine}, {setting.cores} cores, Python {setting.python}; sources"
+            f" {setting.commit or ABSENT}"
+        )
     if told.load is not None:
         yield f"- Load of the machine: {told.load[0]:.1f} to {told.load[1]:.1f}"
     for one in told.failures:
@@ -218,8 +259,15 @@ def _rows(told: Summary, own: Measures) -> Iterator[str]:
     yield from ("", head, "|---|---|---|---|---|---|")
     for row in told.rows:
         numbers = (number(row.mean.value, row.digits), span(row.mean, row.digits))
-        others = (number(row.least, row.digits), number(row.largest, row.digits), number(row.published))
-        yield f"| {row.name}{f' [{row.unit}]' if row.unit else ''} | {' | '.join((*numbers, *others))} |"
+        others = (
+            number(row.least, row.digits),
+            number(row.largest, row.digits),
+            number(row.published),
+        )
+        yield (
+            f"| {row.name}{f' [{row.unit}]' if row.unit else ''} |"
+            f" {' | '.join((*numbers, *others))} |"
+        )
 
 
 def _events(told: Summary, own: Measures) -> Iterator[str]:
@@ -231,7 +279,13 @@ def _events(told: Summary, own: Measures) -> Iterator[str]:
         "|---|---|---|---|---|---|---|",
     )
     for row in told.events:
-        ours = (value(row.t, 1), span(row.t, 1), value(row.sim_s, 1), span(row.sim_s, 1), str(row.runs))
+        ours = (
+            value(row.t, 1),
+            span(row.t, 1),
+            value(row.sim_s, 1),
+            span(row.sim_s, 1),
+            str(row.runs),
+        )
         yield f"| {row.name} | {' | '.join(ours)} | {number(row.published)} |"
 
 
@@ -242,6 +296,11 @@ def _matrix(told: Summary, own: Measures) -> Iterator[str]:
     yield f"| | {' | '.join(senders)} |"
     yield "|---" * (len(senders) + 1) + "|"
     for receiver in (*own.order, SENT):
-        cells = (told.matrix[sender][receiver] for sender in senders if receiver in told.matrix[sender])
-        words = (f"{count(cell.mean)}{f' ({cell.published})' if cell.published else ''}" for cell in cells)
+        cells = (
+            told.matrix[sender][receiver] for sender in senders if receiver in told.matrix[sender]
+        )
+        words = (
+            f"{count(cell.mean)}{f' ({cell.published})' if cell.published else ''}"
+            for cell in cells
+        )
         yield f"| {receiver} | {' | '.join(words)} |"

@@ -1,4 +1,6 @@
-"""The results of runs: an experiment's folder, one run's folder or a recording, read into the same small Structs."""
+"""The results of runs: an experiment's folder, one run's folder or a recording, read into the same
+small Structs.
+"""
 
 from contextlib import suppress
 from pathlib import Path
@@ -25,19 +27,24 @@ class NothingHere(NothingToRead):
 
 
 def load(place: Path) -> Runs:
-    """An experiment's folder, a run's folder, a folder of runs' folders or a recording. Raises NothingHere."""
+    """An experiment's folder, a run's folder, a folder of runs' folders or a recording. Raises
+    NothingHere.
+    """
     if (place / RESULTS_FILE).is_file():
         return _experiment(place)
     singles = (
         [place]
         if is_run(place)
-        else sorted(one for one in place.glob("*") if is_run(one) and not one.is_symlink())
-        if place.is_dir()
-        else []
+        else (
+            sorted(one for one in place.glob("*") if is_run(one) and not one.is_symlink())
+            if place.is_dir()
+            else []
+        )
     )
     if not singles:
         raise NothingHere(
-            f"{place} holds no runs; give an experiment's folder ({RESULTS_FILE}), a run's folder or a {TRAFFIC_FILE}"
+            f"{place} holds no runs; give an experiment's folder ({RESULTS_FILE}), a run's folder"
+            f" or a {TRAFFIC_FILE}"
         )
     system = of_run(singles[0])
     return _put_together(place.name, [_single(one) for one in singles], measures.of(system))
@@ -46,17 +53,22 @@ def load(place: Path) -> Runs:
 def is_run(place: Path) -> bool:
     """Whether a run was recorded here: its folder, or the recording itself."""
     return (
-        place.suffix == ".mcap" if place.is_file() else any((place / n).exists() for n in (TRAFFIC_FILE, REPORT_FILE))
+        place.suffix == ".mcap"
+        if place.is_file()
+        else any((place / n).exists() for n in (TRAFFIC_FILE, REPORT_FILE))
     )
 
 
 def system_of(place: Path) -> System:
-    """Return the system of an experiment: that of one of its runs, where their folders are still there."""
+    """Return the system of an experiment: that of one of its runs, where their folders are still
+    there.
+    """
     return of_run(next(iter(sorted(place.glob(f"{RUNS}/*"))), place))
 
 
 def results(place: Path, figures: type[Figures] = Figures) -> tuple[Result[Any], ...]:
-    """Return the lines of an experiment, each seed once, in the order of seeds; one cut off by a kill is left out.
+    """Return the lines of an experiment, each seed once, in the order of seeds; one cut off by a
+    kill is left out.
 
     `figures`: what a report.json is read as.
     """
@@ -92,7 +104,9 @@ def _single(place: Path) -> tuple[Result[Any], tuple[SentMessage, ...]]:
     try:
         figures = msgspec.json.decode(raw, type=measures.of(system).figures)
     except msgspec.DecodeError as error:
-        raise NothingHere(f"{file} is not a report ({error}); `roco report {place}` makes it again") from error
+        raise NothingHere(
+            f"{file} is not a report ({error}); `roco report {place}` makes it again"
+        ) from error
     failure = None if figures.success else figures.failure or "the report does not say why"
     return Result(figures.seed, failure, figures, figures.began), sent_messages(past, system.words)
 
@@ -105,6 +119,9 @@ def _put_together(
     seeded = None not in seeds and len(set(seeds)) == len(seeds)
     if not seeded:
         seeds = list(range(1, len(singles) + 1))
-    numbered = [msgspec.structs.replace(result, seed=n) for n, (result, _) in zip(seeds, singles, strict=True)]
+    numbered = [
+        msgspec.structs.replace(result, seed=n)
+        for n, (result, _) in zip(seeds, singles, strict=True)
+    ]
     told = {n: rows for n, (_, rows) in zip(seeds, singles, strict=True) if rows and n is not None}
     return Runs(name, None, tuple(numbered), told, own, seeded)

@@ -1,7 +1,9 @@
-"""What an experiment knows of a run: the figures that every system's report.json has, and what was said. Pure.
+"""What an experiment knows of a run: the figures that every system's report.json has, and what was
+said. Pure.
 
-A file of another version may lack a figure: it is None then, and left out where figures are put together. A system
-whose report has more gives a subclass of Figures (operate.experiments.measures.Measures.figures).
+A file of another version may lack a figure: it is None then, and left out where figures are put
+together. A system whose report has more gives a subclass of Figures
+(operate.experiments.measures.Measures.figures).
 """
 
 import re
@@ -16,7 +18,8 @@ from operate.run_folder import alike
 
 
 class Happened(msgspec.Struct, frozen=True):
-    """An event, of these things or numbers, `t` s after the first communicate, `sim_s` on the simulation's clock.
+    """An event, of these things or numbers, `t` s after the first communicate, `sim_s` on the
+    simulation's clock.
 
     `words`: for people; results before 2026-11-29 have those alone, as `name`.
     """
@@ -55,7 +58,9 @@ F = TypeVar("F", bound=Figures)
 
 
 class Result(msgspec.Struct, Generic[F], frozen=True):
-    """One run: a line of results.jsonl. `figures` None: it left no report; `failure` None: a success."""
+    """One run: a line of results.jsonl. `figures` None: it left no report; `failure` None: a
+    success.
+    """
 
     seed: int | None
     failure: str | None
@@ -71,14 +76,16 @@ class Result(msgspec.Struct, Generic[F], frozen=True):
         return self.failure is None
 
 
-# --- What was said in a run, as plain rows: sender, receiver, act, subject, size, time ------------------------------
+# --- What was said in a run, as plain rows: sender, receiver, act, subject, size, time ------------
 
 
 _NUMBERS = re.compile(r"\d+(\.\d+)?")
 
 
 class SentMessage(msgspec.Struct, frozen=True):
-    """A communicate. `t`: s after the first one; `kind`: class of its content; `text`: its content in a few words."""
+    """A communicate. `t`: s after the first one; `kind`: class of its content; `text`: its content
+    in a few words.
+    """
 
     t: float
     channel: str
@@ -93,14 +100,23 @@ class SentMessage(msgspec.Struct, frozen=True):
 
     @property
     def meaning(self) -> tuple[str, ...]:
-        """The part by which two runs are compared: who says what to whom; numbers, conversation names and sizes may
-        differ.
+        """The part by which two runs are compared: who says what to whom; numbers, conversation
+        names and sizes may differ.
         """
-        return self.sender, self.receiver, self.protocol, self.performative, self.kind, _NUMBERS.sub("#", self.text)
+        return (
+            self.sender,
+            self.receiver,
+            self.protocol,
+            self.performative,
+            self.kind,
+            _NUMBERS.sub("#", self.text),
+        )
 
 
 def sent_messages(history: History, words: Callable[[object], str]) -> tuple[SentMessage, ...]:
-    """Return the communicates of a history in the order of time; `words`: a content in a few words."""
+    """Return the communicates of a history in the order of time; `words`: a content in a few
+    words.
+    """
     return tuple(
         alike(
             SentMessage,

@@ -15,13 +15,15 @@ from operate.run_folder import ExperimentSetting
 SENT, RECEIVED = "sent", "received"
 """The margins of the count matrix: a last row, and a last column."""
 METHOD = (
-    "95 % intervals over runs. Shares of runs: Wilson's score interval; means: Student's t over runs, each run "
-    "counting once. Means are of the successful runs."
+    "95 % intervals over runs. Shares of runs: Wilson's score interval; means: Student's t over"
+    " runs, each run counting once. Means are of the successful runs."
 )
 
 
 class Event(msgspec.Struct, frozen=True):
-    """An event over all runs: wall and simulated time after the first communicate [s]; `runs`: those that had it."""
+    """An event over all runs: wall and simulated time after the first communicate [s]; `runs`:
+    those that had it.
+    """
 
     name: str
     channels: tuple[str, ...]
@@ -46,7 +48,9 @@ class Failure(msgspec.Struct, frozen=True):
 
 
 class Summary(msgspec.Struct, frozen=True):
-    """report.json of an experiment. `matrix`: sender -> receiver -> cell, with margins; `load`: least and largest."""
+    """report.json of an experiment. `matrix`: sender -> receiver -> cell, with margins; `load`:
+    least and largest.
+    """
 
     name: str
     method: str
@@ -75,7 +79,9 @@ def summed(runs: Runs) -> Summary:
         setting=runs.setting,
         runs=len(results),
         success=success,
-        failures=tuple(Failure(one.seed, one.failure) for one in results if one.failure is not None),
+        failures=tuple(
+            Failure(one.seed, one.failure) for one in results if one.failure is not None
+        ),
         rows=(*_rows(results, own), *(own.rows(runs) if own.rows else ())),
         events=tuple(_events(results, own.published)),
         matrix=_matrix(results, own),
@@ -89,7 +95,9 @@ def good(results: Iterable[Result[Any]]) -> list[Figures]:
     return [one.figures for one in results if one.success and one.figures is not None]
 
 
-def row_of(name: str, unit: str, some: list[float], published: float | None, digits: int) -> Row | None:
+def row_of(
+    name: str, unit: str, some: list[float], published: float | None, digits: int
+) -> Row | None:
     """Return the row of some values, one of each run; None without any."""
     mean = intervals.mean(some)
     return None if mean is None else Row(name, unit, mean, min(some), max(some), published, digits)
@@ -104,7 +112,9 @@ def _rows(results: tuple[Result[Any], ...], own: Measures) -> Iterable[Row]:
 
 
 def _events(results: tuple[Result[Any], ...], published: Published) -> Iterable[Event]:
-    """Events in the order of their mean time; published ones that never came stay, last and empty."""
+    """Events in the order of their mean time; published ones that never came stay, last and
+    empty.
+    """
     figures, rows = good(results), []
     ids = dict.fromkeys(event.id for one in figures for event in one.events)
     for id in ids:
@@ -112,23 +122,39 @@ def _events(results: tuple[Result[Any], ...], published: Published) -> Iterable[
         sim = [event.sim_s for event in found if event.sim_s is not None]
         t = intervals.mean([event.t for event in found])
         name = found[0].words or id
-        rows.append(Event(name, found[0].channels, t, intervals.mean(sim), len(found), published.times.get(id)))
+        rows.append(
+            Event(
+                name, found[0].channels, t, intervals.mean(sim), len(found), published.times.get(id)
+            )
+        )
     rows.sort(key=lambda row: row.t.value if row.t else 0.0)
-    lacking = ((published.events.get(id, id), at) for id, at in published.times.items() if id not in ids)
+    lacking = (
+        (published.events.get(id, id), at) for id, at in published.times.items() if id not in ids
+    )
     missing = (Event(name, (), None, None, 0, at) for name, at in lacking)
     return (*rows, *missing)
 
 
 def _matrix(results: tuple[Result[Any], ...], own: Measures) -> dict[str, dict[str, Cell]]:
     """Of every pair of agents; the margins are those of the sums of each run."""
-    runs, agents, published = [one.communicates.matrix for one in good(results)], own.order, own.published.matrix
-    everybody = {*agents, *(name for run in runs for sender in run for name in (sender, *run[sender]))}
+    runs, agents, published = (
+        [one.communicates.matrix for one in good(results)],
+        own.order,
+        own.published.matrix,
+    )
+    everybody = {
+        *agents,
+        *(name for run in runs for sender in run for name in (sender, *run[sender])),
+    }
 
     def cell(senders: Collection[str], receivers: Collection[str]) -> Cell:
         def said(matrix: Mapping[str, Mapping[str, int]]) -> int:
             return sum(matrix.get(s, {}).get(r, 0) for s in senders for r in receivers)
 
-        return Cell(intervals.mean([said(one) for one in runs]) or Interval(0.0, None, None, 0), said(published))
+        return Cell(
+            intervals.mean([said(one) for one in runs]) or Interval(0.0, None, None, 0),
+            said(published),
+        )
 
     table = {s: {r: cell({s}, {r}) for r in agents} | {SENT: cell({s}, everybody)} for s in agents}
     return table | {RECEIVED: {r: cell(everybody, {r}) for r in agents}}

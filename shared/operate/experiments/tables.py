@@ -1,4 +1,5 @@
-"""Tables for other tools, Parquet and CSV: communicates and states of agents, and what a system adds.
+"""Tables for other tools, Parquet and CSV: communicates and states of agents, and what a system
+adds.
 
 docs/experiments.md says what each column is.
 """
@@ -35,12 +36,16 @@ def of_history(history: History, system: System) -> dict[str, pyarrow.Table]:
 
 def of_rows(kind: type[msgspec.Struct], rows: Iterable[msgspec.Struct]) -> pyarrow.Table:
     """Return Structs of a kind as a table with their fields, all of them plain."""
-    schema = pyarrow.schema([(field.name, _TYPES[field.type]) for field in msgspec.structs.fields(kind)])
+    schema = pyarrow.schema(
+        [(field.name, _TYPES[field.type]) for field in msgspec.structs.fields(kind)]
+    )
     return pyarrow.Table.from_pylist([msgspec.structs.asdict(row) for row in rows], schema)
 
 
 def write(tables: Mapping[str, pyarrow.Table], folder: Path, to: str) -> tuple[Path, ...]:
-    """Write each table into a file of its own, Parquet or CSV; the files. ValueError: another format."""
+    """Write each table into a file of its own, Parquet or CSV; the files. ValueError: another
+    format.
+    """
     if to not in FORMATS:
         raise ValueError(f"{to!r} is not a format; give {' or '.join(FORMATS)}")
     folder.mkdir(parents=True, exist_ok=True)

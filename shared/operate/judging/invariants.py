@@ -1,7 +1,8 @@
-"""Invariants of a run whatever was done to it, judged over its whole history: each broken one gives a sentence.
+"""Invariants of a run whatever was done to it, judged over its whole history: each broken one gives
+a sentence.
 
-All of it is of any system; what a system promises beyond it is its addition `promises`. Success is not among it: a task
-that failed and says why has broken nothing.
+All of it is of any system; what a system promises beyond it is its addition `promises`. Success is
+not among it: a task that failed and says why has broken nothing.
 """
 
 from collections.abc import Iterator
@@ -44,22 +45,31 @@ def checked(ended: Run) -> Checked:
         *(promises(past) if promises is not None else ()),
     ]
     if size > MOST_BYTES:
-        found.append(f"the run folder has {size / 1e6:.0f} MB, at most {MOST_BYTES / 1e6:.0f} are allowed")
+        found.append(
+            f"the run folder has {size / 1e6:.0f} MB, at most {MOST_BYTES / 1e6:.0f} are allowed"
+        )
     return Checked(tuple(found), size)
 
 
 def lost(records: dict[str, Record]) -> Iterator[str]:
-    """Yield the durable streams of which something is gone, by what the agents' journals had in the end.
+    """Yield the durable streams of which something is gone, by what the agents' journals had in the
+    end.
 
     What a sender numbered was taken by its receiver, or waits in its outbox.
     """
     for sender, receiver in permutations(records, 2):
-        said, taken = records[sender].issued.get(receiver, 0), records[receiver].taken.get(sender, 0)
+        said, taken = (
+            records[sender].issued.get(receiver, 0),
+            records[receiver].taken.get(sender, 0),
+        )
         waiting = {one.number for one in records[sender].outbox.get(receiver, ())}
         if taken > said:
             yield f"{receiver} took {taken} durable messages of {sender}, which said {said}"
         elif gone := sorted({*range(taken + 1, said + 1)} - waiting):
-            yield f"{len(gone)} durable messages of {sender} to {receiver} are lost, the first one has number {gone[0]}"
+            yield (
+                f"{len(gone)} durable messages of {sender} to {receiver} are lost, the first one"
+                f" has number {gone[0]}"
+            )
 
 
 def _records(run: Path, design: Design) -> dict[str, Record]:
@@ -80,14 +90,22 @@ def _against_design(past: History) -> Iterator[str]:
 
 
 def _undeclared(past: History, design: Design) -> Iterator[str]:
-    """Yield the states that agents told and the design does not have; "" is that of one that has told none yet."""
-    declared = {name: {"", *(one.name for one in entry.state)} for name, entry in design.agents.items()}
+    """Yield the states that agents told and the design does not have; "" is that of one that has
+    told none yet.
+    """
+    declared = {
+        name: {"", *(one.name for one in entry.state)} for name, entry in design.agents.items()
+    }
     told = {(one.agent, one.state): None for one in past.entered if one.agent in declared}
-    yield from (f"{agent} was in state {state!r}" for agent, state in told if state not in declared[agent])
+    yield from (
+        f"{agent} was in state {state!r}" for agent, state in told if state not in declared[agent]
+    )
 
 
 def _ended(run: Path) -> bool:
-    """Whether the job came to an end, well or not: the report says so. Else nobody needs to be at rest."""
+    """Whether the job came to an end, well or not: the report says so. Else nobody needs to be at
+    rest.
+    """
     try:
         return "success" in msgspec.json.decode((run / REPORT_FILE).read_bytes())
     except (OSError, msgspec.MsgspecError, TypeError):

@@ -1,6 +1,7 @@
 """Verdicts of topdown's judge on a run: records in, one line for each communicate out.
 
-The same for the traffic as it goes by and for a recording afterwards. Must not know: files, the network.
+The same for the traffic as it goes by and for a recording afterwards. Must not know: files, the
+network.
 """
 
 from collections.abc import Iterable, Iterator
@@ -29,7 +30,9 @@ from topdown.judge.verdicts import Judgement, Verdict
 from topdown.model.design import Design
 
 HISTORY_S = 0.5
-"""A token heard sooner after the recorder began may be of an agent that lived before; estimate: they come in ms."""
+"""A token heard sooner after the recorder began may be of an agent that lived before; estimate:
+they come in ms.
+"""
 
 
 class Judging:
@@ -42,7 +45,9 @@ class Judging:
         self._last = 0.0
 
     def lines(self, record: Record) -> Iterator[Judged]:
-        """The verdicts that a record brings: its own, and those of earlier ones that it explains or time decides."""
+        """The verdicts that a record brings: its own, and those of earlier ones that it explains or
+        time decides.
+        """
         self._last = max(self._last, record.received)
         if isinstance(record, Unpaired):
             yield self._unpaired(record)
@@ -65,7 +70,9 @@ class Judging:
         at = record.received
         match record:
             case Spoken(lost=True):
-                return self._judge.hear(key_of(record, self._key), record.communicate, at, record.size, (None, None))
+                return self._judge.hear(
+                    key_of(record, self._key), record.communicate, at, record.size, (None, None)
+                )
             case Spoken():
                 return self._judge.hear(key_of(record, self._key), record.wire, at)
             case Garbage(data=b"", log=log) if log:
@@ -74,7 +81,9 @@ class Judging:
                 return self._judge.hear(record.key, record.data, at, record.size)
             case Token(alive=True):
                 fresh = record.noted or (self._began is not None and at > self._began + HISTORY_S)
-                return self._judge.lived(record.agent, record.incarnation, at, fresh=fresh, journal=record.journal)
+                return self._judge.lived(
+                    record.agent, record.incarnation, at, fresh=fresh, journal=record.journal
+                )
             case House(kind=kind) if kind == SETTING:
                 self._began = at
         return self._judge.pass_time(at)
@@ -83,12 +92,27 @@ class Judging:
         """Whoever is of another design keeps no log, and may have taken it."""
         if one.receiver in self._system.design.agents:
             why = f"{one.receiver} did not take it: it was down, frozen or out of reach"
-            yield alike(Judged, one, t=one.received, verdict=Verdict.NOT_TAKEN, bytes=one.size, text="", why=why)
+            yield alike(
+                Judged,
+                one,
+                t=one.received,
+                verdict=Verdict.NOT_TAKEN,
+                bytes=one.size,
+                text="",
+                why=why,
+            )
 
     def _unpaired(self, one: Unpaired) -> Judged:
-        rule = self._system.design.rules.get((one.sender, one.receiver, one.protocol, Performative(one.performative)))
-        verdict, channel = Verdict.ALTERED if one.altered else Verdict.NOT_SAID, "" if rule is None else rule.channel
-        return alike(Judged, one, t=one.received, verdict=verdict, bytes=0, channel=channel, violation=True)
+        rule = self._system.design.rules.get(
+            (one.sender, one.receiver, one.protocol, Performative(one.performative))
+        )
+        verdict, channel = (
+            Verdict.ALTERED if one.altered else Verdict.NOT_SAID,
+            "" if rule is None else rule.channel,
+        )
+        return alike(
+            Judged, one, t=one.received, verdict=verdict, bytes=0, channel=channel, violation=True
+        )
 
 
 def of_records(records: Iterable[Record], system: System) -> tuple[Judged, ...]:
@@ -110,7 +134,8 @@ def of_live(lines: Iterable[LiveLine], design: Design) -> tuple[Judged, ...]:
         at = max(at, one.t)
         match one:
             case Sent(id=""):
-                why = "its line is of a version that says too little"  # neither ids nor labels: it cannot be followed
+                # neither ids nor labels: it cannot be followed
+                why = "its line is of a version that says too little"
                 mute.append(alike(Judged, one, verdict=Verdict.NOT_JUDGED, text="", why=why))
             case Sent():
                 key, read = key_of(one, design.file.system.key), (one.content, Kind(one.use))

@@ -1,4 +1,5 @@
-"""live.jsonl: a run in lines for a person's eyes while it goes on (docs/run-folder.md), made of records as they come.
+"""live.jsonl: a run in lines for a person's eyes while it goes on (docs/run-folder.md), made of
+records as they come.
 
 Pure: a record in, lines out. Must not know: files, the terminal that shows them.
 """
@@ -61,7 +62,9 @@ class Live:
             case Token(agent=agent, alive=alive, received=t):
                 state = self._states[agent].state if agent in self._states else ""
                 born = record.incarnation if alive else 0
-                yield from self._entered(AgentIn(t=t, agent=agent, state=state, alive=alive, incarnation=born))
+                yield from self._entered(
+                    AgentIn(t=t, agent=agent, state=state, alive=alive, incarnation=born)
+                )
             case House(kind="state"):
                 yield from self._house(record)
             case House(kind="fault"):
@@ -81,7 +84,11 @@ class Live:
         """Return the line of a fault that begins or ends."""
         fault = fault_in(house)
         if fault is not None and fault.began:
-            told = "begins" if fault.ended is None else f"over after {fault.ended - fault.began:.1f} s, {fault.text}"
+            told = (
+                "begins"
+                if fault.ended is None
+                else f"over after {fault.ended - fault.began:.1f} s, {fault.text}"
+            )
             yield Happened(t=house.received, name="fault", text=f"{fault.words}: {told}")
 
     def _spoken(self, one: Spoken) -> Sent:

@@ -1,4 +1,6 @@
-"""`python -m operate.pictures RUN_DIR GRPC WEB`: started by the monitor, which feeds it, when a viewer connects."""
+"""`python -m operate.pictures RUN_DIR GRPC WEB`: started by the monitor, which feeds it, when a
+viewer connects.
+"""
 
 import socket
 import sys
@@ -13,7 +15,9 @@ from operate.pictures.server import ServerError
 
 def main(
     run: Annotated[Path, typer.Argument(help="The run's folder.")],
-    grpc: Annotated[int, typer.Argument(help="File descriptor of the socket at which viewers connect.")],
+    grpc: Annotated[
+        int, typer.Argument(help="File descriptor of the socket at which viewers connect.")
+    ],
     web: Annotated[int, typer.Argument(help="That of the page.")],
 ) -> None:
     """Draw for Rerun what the monitor feeds on standard input; the monitor starts this."""

@@ -1,4 +1,6 @@
-"""Layout of a run in the viewer: the views that every system has, and their arrangement where it has no others."""
+"""Layout of a run in the viewer: the views that every system has, and their arrangement where it
+has no others.
+"""
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -10,15 +12,21 @@ from operate.pictures.traffic import HIGH, SEQUENCE, WIDE
 LIVE_S = 90.0
 """Time span of live plots [s]; estimate: a minute and a half is what a person looks back."""
 YOUNG = 0.0
-"""Duration of a run that has just begun: plots show it from its beginning, so that they are not empty."""
+"""Duration of a run that has just begun: plots show it from its beginning, so that they are not
+empty.
+"""
 
 
 def blueprint(end_s: float | None) -> rrb.Blueprint:
-    """Of a run that lasted `end_s`; None: it goes on, plots show its last LIVE_S; YOUNG: all of it so far."""
+    """Of a run that lasted `end_s`; None: it goes on, plots show its last LIVE_S; YOUNG: all of it
+    so far.
+    """
     time = axis(end_s)
     seen = rrb.Vertical(graph(), log(), row_shares=(3, 2))
     told = rrb.Vertical(states("agents", time), sizes(time), bandwidth(time), row_shares=(3, 1, 1))
-    return whole(end_s, rrb.Horizontal(seen, told, column_shares=(1, 1), name="run"), conversations())
+    return whole(
+        end_s, rrb.Horizontal(seen, told, column_shares=(1, 1), name="run"), conversations()
+    )
 
 
 def whole(end_s: float | None, *tabs: rrb.Container) -> rrb.Blueprint:
@@ -42,7 +50,9 @@ def axis(end_s: float | None) -> rrb.TimeAxis:
 
 def graph() -> rrb.GraphView:
     """Agents and channels."""
-    bounds = rrb.VisualBounds2D(x_range=(-1.45 * WIDE, 1.45 * WIDE), y_range=(-1.3 * HIGH, 1.4 * HIGH))
+    bounds = rrb.VisualBounds2D(
+        x_range=(-1.45 * WIDE, 1.45 * WIDE), y_range=(-1.3 * HIGH, 1.4 * HIGH)
+    )
     return rrb.GraphView(origin="graph", name="who talks with whom", visual_bounds=bounds)
 
 
@@ -69,8 +79,11 @@ def conversations() -> rrb.Container:
 
 def sizes(time: rrb.TimeAxis) -> rrb.TimeSeriesView:
     """A point for each communicate."""
-    name = "size of each communicate; 2: 100 B, 3: 1 kB, 4: 10 kB"  # the viewer has no logarithmic axis
-    return rrb.TimeSeriesView(origin="sizes", name=name, axis_x=time, plot_legend=rrb.Corner2D.RightTop)
+    # the viewer has no logarithmic axis
+    name = "size of each communicate; 2: 100 B, 3: 1 kB, 4: 10 kB"
+    return rrb.TimeSeriesView(
+        origin="sizes", name=name, axis_x=time, plot_legend=rrb.Corner2D.RightTop
+    )
 
 
 def bandwidth(time: rrb.TimeAxis) -> rrb.TimeSeriesView:

@@ -1,8 +1,10 @@
-"""The process that draws: reads what the monitor hears from its standard input, and logs it to a Rerun server.
+"""The process that draws: reads what the monitor hears from its standard input, and logs it to a
+Rerun server.
 
-What was before that it reads from the recording. The server is Rerun's own, a child of this process: it serves viewers
-(gRPC) and the web viewer's page, whose connections this process passes on. Both have a limit of memory: beyond it they
-end, and the next viewer has the monitor start them again. Nobody waits for this process; it ends when nobody looks.
+What was before that it reads from the recording. The server is Rerun's own, a child of this
+process: it serves viewers (gRPC) and the web viewer's page, whose connections this process passes
+on. Both have a limit of memory: beyond it they end, and the next viewer has the monitor start them
+again. Nobody waits for this process; it ends when nobody looks.
 """
 
 import heapq
@@ -32,15 +34,17 @@ from operate.recording.records import House, Spoken, understood
 from operate.run_folder import VERDICTS_FILE, Judged
 from operate.system import System, here
 
-# --- What was before somebody looked: of a run that goes on, from its recording and its verdicts ---------------------
+# --- What was before somebody looked: of a run that goes on, from its recording and its verdicts --
 
 
 SIGNALS_S = 900.0
-"""Signals of the robot are drawn from so long before on [s], everything else from the beginning. Drawing them takes a
-processor 2 % of their time, at the lowest of priorities (docs/rerun.md)."""
+"""Signals of the robot are drawn from so long before on [s], everything else from the beginning.
+Drawing them takes a processor 2 % of their time, at the lowest of priorities (docs/rerun.md).
+"""
 LATE_S = 60.0
-"""What agents logged, and a verdict about it, may come so much later than it was said [s]; estimate: answers are waited
-for that long."""
+"""What agents logged, and a verdict about it, may come so much later than it was said [s];
+estimate: answers are waited for that long.
+"""
 _decode = msgspec.json.Decoder(Judged).decode
 
 
@@ -62,13 +66,17 @@ class Past:
 
     def read(self, run: Path, system: System, reader: Reader) -> Iterator[Happening]:
         """Yield them in the order of time."""
-        return heapq.merge(self._heard(run, system, reader), self._verdicts(run), key=lambda one: one.at)
+        return heapq.merge(
+            self._heard(run, system, reader), self._verdicts(run), key=lambda one: one.at
+        )
 
     def _heard(self, run: Path, system: System, reader: Reader) -> Iterator[Happening]:
         signals = system.addition("telemetry") or {}
         for record in Reading(run / FILE, system):
             old = record.received < self._at - SIGNALS_S
-            if record.received >= self._at or (old and isinstance(record, House) and record.kind in signals):
+            if record.received >= self._at or (
+                old and isinstance(record, House) and record.kind in signals
+            ):
                 continue
             if record.received > self._at - LATE_S:
                 self._received.add(record.received)
@@ -95,7 +103,8 @@ def _name(one: Judged) -> tuple[float, str, str]:
     return one.t, one.id, one.verdict
 
 
-# --- Viewers' connections, passed on to Rerun's server: its ports are open before it runs, and a viewer has it started
+# --- Viewers' connections, passed on to Rerun's server: its ports are open before it runs, and a
+# viewer has it started
 
 
 MOST = 64
@@ -150,16 +159,21 @@ def _pass(source: socket.socket, sink: socket.socket) -> None:
             end.shutdown(socket.SHUT_RDWR)
 
 
-# --- The process that draws -------------------------------------------------------------------------------------------
+# --- The process that draws -----------------------------------------------------------------------
 
 
 FLUSH_S = 0.2
-"""Pictures are renewed so often; estimate: an eye calls it smooth enough, and a flush costs 5-10 ms."""
+"""Pictures are renewed so often; estimate: an eye calls it smooth enough, and a flush costs 5-10
+ms.
+"""
 OWN_MB = 700
-"""More memory than this ends the process. It needs about 200 MB; Rerun's client may gather what its server is slow to
-take."""
+"""More memory than this ends the process. It needs about 200 MB; Rerun's client may gather what its
+server is slow to take.
+"""
 EARLY = 600
-"""Happenings that wait for the first communicate; estimate: half a minute of telemetry and truth."""
+"""Happenings that wait for the first communicate; estimate: half a minute of telemetry and
+truth.
+"""
 READ_BYTES = 256 * 1024
 FLUSH_EVERY = 2000
 """Happenings of the past between two flushes; estimate: some seconds of a pour, 10 MB."""
@@ -175,7 +189,9 @@ class OverLimit(MemoryError):
     """A process of the pictures needs more memory than it may."""
 
     def __init__(self, who: str, found_mb: float, most_mb: float) -> None:
-        super().__init__(f"{who} has {found_mb:.0f} MB, at most {most_mb:.0f} MB: pictures start over")
+        super().__init__(
+            f"{who} has {found_mb:.0f} MB, at most {most_mb:.0f} MB: pictures start over"
+        )
 
 
 class Child:
@@ -195,7 +211,9 @@ class Child:
         self._out = rr.RecordingStream(NAME, recording_id=f"{NAME}-live-{time.time():.3f}")
 
     def serve(self, pipe: int) -> int:
-        """Draw what comes through this file descriptor. 0: it ended, or nobody looks. Raises OverLimit, ServerError."""
+        """Draw what comes through this file descriptor. 0: it ended, or nobody looks. Raises
+        OverLimit, ServerError.
+        """
         frames, flushed = wire.Frames(), time.monotonic()
         while True:
             if select.select([pipe], [], [], FLUSH_S)[0]:
@@ -230,7 +248,9 @@ class Child:
     def _recall(self, at: float) -> None:
         """Draw what the recording has of the time before `at` [unix s]."""
         self._past = Past(at)
-        for count, happening in enumerate(self._past.read(self._run, self._system, self._reader), 1):
+        for count, happening in enumerate(
+            self._past.read(self._run, self._system, self._reader), 1
+        ):
             self._draw(happening)
             if count % FLUSH_EVERY == 0:
                 self._flush()
@@ -245,7 +265,9 @@ class Child:
             self._stage.take(happening)
 
     def _begin(self, at: float) -> None:
-        rr.connect_grpc(self._server.url, default_blueprint=laid_out(self._system, YOUNG), recording=self._out)
+        rr.connect_grpc(
+            self._server.url, default_blueprint=laid_out(self._system, YOUNG), recording=self._out
+        )
         self._young = True
         self._stage = Stage(Sheet(self._out, at), self._system)
         for happening in self._early:
@@ -256,7 +278,9 @@ class Child:
         if self._stage is not None:
             if self._young and time.time() - self._stage.sheet.begin > LIVE_S:
                 self._young = False
-                rr.send_blueprint(laid_out(self._system, None), make_active=False, recording=self._out)
+                rr.send_blueprint(
+                    laid_out(self._system, None), make_active=False, recording=self._out
+                )
             if self._idle:  # else what comes says what time it is: it may have waited
                 self._stage.pass_time(time.time() - FLUSH_S)
             self._stage.sheet.flush()

@@ -1,4 +1,6 @@
-"""Colours of channels and states, readable on light and on dark: the viewer's theme is the user's."""
+"""Colours of channels and states, readable on light and on dark: the viewer's theme is the
+user's.
+"""
 
 Colour = tuple[int, int, int]
 
@@ -7,7 +9,9 @@ FRESH: Colour = (38, 150, 180)
 RED: Colour = (205, 60, 60)
 ORANGE: Colour = (222, 140, 30)
 INK: Colour = (12, 8, 28)
-"""Of labels on a light ground: the viewer writes them on grey in its dark theme, on white in its light one."""
+"""Of labels on a light ground: the viewer writes them on grey in its dark theme, on white in its
+light one.
+"""
 GHOST: Colour = (150, 80, 220)
 """Of what somebody believes and is not so."""
 PLANNED: Colour = (60, 120, 230)

@@ -1,9 +1,10 @@
-"""The monitor's end: the ports of the pictures, a bounded queue, a thread, and a child that draws once somebody looks.
+"""The monitor's end: the ports of the pictures, a bounded queue, a thread, and a child that draws
+once somebody looks.
 
-Until then nothing is drawn. What was heard in the last seconds is kept; what was before it, the child reads from the
-recording. `put` never waits: what finds no room drives out what is oldest, and is counted. The thread writes to the
-child's pipe; it alone waits for a child that is slow or frozen. Where one has died, the next viewer has a new one
-started, after a growing pause.
+Until then nothing is drawn. What was heard in the last seconds is kept; what was before it, the
+child reads from the recording. `put` never waits: what finds no room drives out what is oldest, and
+is counted. The thread writes to the child's pipe; it alone waits for a child that is slow or
+frozen. Where one has died, the next viewer has a new one started, after a growing pause.
 """
 
 import importlib.util
@@ -27,15 +28,22 @@ from operate.run_folder import Judged
 from operate.system import System
 
 QUEUE_BYTES = 8 * 1024 * 1024
-"""Waits at most for the child; estimate: a minute of a pour. Beside it, one batch of at most BATCH_BYTES is written."""
+"""Waits at most for the child; estimate: a minute of a pour. Beside it, one batch of at most
+BATCH_BYTES is written.
+"""
 BATCH_BYTES = 1024 * 1024
 OVERHEAD, SAID_BYTES = 500, 500
-"""Bytes that Python needs beside those of an item, and for a verdict without its texts; estimates, rounded up."""
+"""Bytes that Python needs beside those of an item, and for a verdict without its texts; estimates,
+rounded up.
+"""
 RECENT_S = 5.0
-"""Kept while nobody looks [s]: what is older is on the disk, where the child reads it (estimate: the recorder hands all
-to the disk each 0.1 s)."""
+"""Kept while nobody looks [s]: what is older is on the disk, where the child reads it (estimate:
+the recorder hands all to the disk each 0.1 s).
+"""
 PERIOD_S = 0.05
-"""Between two writes: the thread wakes for many samples at once. Estimate: an eye does not see it."""
+"""Between two writes: the thread wakes for many samples at once. Estimate: an eye does not see
+it.
+"""
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 30.0
 """Between two children; estimate."""
 END_S = 5.0
@@ -53,7 +61,9 @@ class Queue:
         self.dropped = 0
 
     def put(self, item: Item, size: int) -> None:
-        """Add an item of so many bytes; the oldest ones make room, and one larger than all room is dropped itself."""
+        """Add an item of so many bytes; the oldest ones make room, and one larger than all room is
+        dropped itself.
+        """
         with self._lock:
             self._items.append((time.monotonic(), item, size + OVERHEAD))
             self.bytes += size + OVERHEAD
@@ -82,7 +92,10 @@ class Queue:
     def since(self) -> float:
         """When the oldest sample that waits was heard [unix s]; now where there is none."""
         with self._lock:
-            return next((item.sample.at for _, item, _ in self._items if isinstance(item, Heard)), time.time())
+            return next(
+                (item.sample.at for _, item, _ in self._items if isinstance(item, Heard)),
+                time.time(),
+            )
 
     def _remove(self) -> Item:
         _, item, size = self._items.popleft()
@@ -93,7 +106,9 @@ class Queue:
 class Feed:
     """Has a run in `run` drawn and served at `place` as long as somebody looks."""
 
-    def __init__(self, run: Path, place: Place, system: System, say: Say, *, command: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, run: Path, place: Place, system: System, say: Say, *, command: tuple[str, ...] = ()
+    ) -> None:
         """`command`: another program than the child (tests)."""
         self._queue = Queue()
         self._command = command or (sys.executable, "-P", "-m", "operate.pictures", str(run))
@@ -123,7 +138,9 @@ class Feed:
 
     def said(self, judged: Judged) -> None:
         """Show a verdict. Never waits."""
-        self._put(ShownVerdict(judged), SAID_BYTES + len(judged.text) + len(judged.why) + len(judged.key))
+        self._put(
+            ShownVerdict(judged), SAID_BYTES + len(judged.text) + len(judged.why) + len(judged.key)
+        )
 
     def close(self) -> None:
         """End the child, in order where it follows, else by kill. Once more changes nothing."""
@@ -164,17 +181,25 @@ class Feed:
     def _serve_at(self, ports: tuple[socket.socket, socket.socket]) -> None:
         pause = FIRST_PAUSE_S
         # until somebody connects, or the end is asked for first
-        while not self._over.is_set() and self._woken not in select.select([*ports, self._woken], [], [])[0]:
+        while (
+            not self._over.is_set()
+            and self._woken not in select.select([*ports, self._woken], [], [])[0]
+        ):
             began = time.monotonic()
             try:
                 self._looking = True
                 self._start(ports)
                 self._write()
-            except OSError as error:  # the pipe broke: the child is gone; or no process could be made
+            # the pipe broke: the child is gone; or no process could be made
+            except OSError as error:
                 self._tell_end(error)
             finally:
                 self._looking = False
-            pause = FIRST_PAUSE_S if time.monotonic() - began > LONGEST_PAUSE_S else min(2 * pause, LONGEST_PAUSE_S)
+            pause = (
+                FIRST_PAUSE_S
+                if time.monotonic() - began > LONGEST_PAUSE_S
+                else min(2 * pause, LONGEST_PAUSE_S)
+            )
             self._over.wait(pause)
 
     def _start(self, ports: tuple[socket.socket, socket.socket]) -> None:
@@ -200,7 +225,8 @@ class Feed:
             _write_all(pipe.fileno(), framed(encode(Since(self._queue.since))))
             over = False
             while not over:
-                over = self._over.wait(PERIOD_S)  # at the end, what still waits is written once more
+                # at the end, what still waits is written once more
+                over = self._over.wait(PERIOD_S)
                 if child.poll() == 0:
                     self._say("nobody looks")
                     return
@@ -215,7 +241,12 @@ class Feed:
 
     def _tell_end(self, error: OSError) -> None:
         if not self._over.is_set():
-            self._say("no pictures for now", level="warning", why=str(error), file=str(self._run / "rerun.log"))
+            self._say(
+                "no pictures for now",
+                level="warning",
+                why=str(error),
+                file=str(self._run / "rerun.log"),
+            )
 
 
 def _write_all(pipe: int, data: bytes) -> None:
@@ -230,13 +261,17 @@ def _environment() -> dict[str, str]:
 
 
 def feeding(where: Mapping[str, Path], system: System, say: Say) -> dict[str, Feed]:
-    """A feed for each system's run, as the environment wants it; none where that is wrong, which `say` reports.
+    """A feed for each system's run, as the environment wants it; none where that is wrong, which
+    `say` reports.
 
     None either where Rerun is not installed, as in the recorder's image.
     """
     feeds = {}
     if os.environ.get(SWITCH) != "off" and importlib.util.find_spec("rerun") is None:
-        say("no pictures", why="Rerun is not installed here; `roco view` shows the recording where it is")
+        say(
+            "no pictures",
+            why="Rerun is not installed here; `roco view` shows the recording where it is",
+        )
         return {}
     for number, (name, run) in enumerate(where.items()):
         try:

@@ -17,7 +17,9 @@ NAME = "robot_companion"
 
 
 def write(path: Path, history: History, system: System) -> dict[str, int]:
-    """Write the file, so that a reader sees the old one or the new one. How many rows each entity got."""
+    """Write the file, so that a reader sees the old one or the new one. How many rows each entity
+    got.
+    """
     name = f"{NAME}-{history.begin:.3f}"
     with replaced(path) as file, rr.RecordingStream(NAME, recording_id=name) as out:
         # The open file by its descriptor: Rerun takes names only, and would follow a link.

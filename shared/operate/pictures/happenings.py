@@ -15,13 +15,17 @@ from operate.system import System
 
 
 class Lost(msgspec.Struct, frozen=True):
-    """So many samples in all could not be shown: drawing was too slow. They are in the recording."""
+    """So many samples in all could not be shown: drawing was too slow. They are in the
+    recording.
+    """
 
     samples: int
 
 
 What = Any
-"""Spoken, Judged, Entered, Fault, Lost, or what the system tells on house keys (Additions.telemetry)."""
+"""Spoken, Judged, Entered, Fault, Lost, or what the system tells on house keys
+(Additions.telemetry).
+"""
 
 
 class Happening(msgspec.Struct, frozen=True):

@@ -1,7 +1,7 @@
 """Rerun's server by its Python library: `python -m operate.pictures.library_server GRPC WEB KEPT`.
 
-The library's server listens at every interface. It needs a recording of its own, which stays empty. With the name of
-what is drawn, the web viewer would take its own layout for ours (tried).
+The library's server listens at every interface. It needs a recording of its own, which stays empty.
+With the name of what is drawn, the web viewer would take its own layout for ours (tried).
 """
 
 import signal

@@ -1,8 +1,9 @@
-"""Rerun's own server as a child process: it keeps what was logged for viewers that join late, and serves the page.
+"""Rerun's own server as a child process: it keeps what was logged for viewers that join late, and
+serves the page.
 
-Rerun's program listens at the given address. Where that is every interface, as in a container, its library serves: the
-program has 290 MB, which the image does without. Memory is bounded, and the server ends with the process that started
-it, however that ends.
+Rerun's program listens at the given address. Where that is every interface, as in a container, its
+library serves: the program has 290 MB, which the image does without. Memory is bounded, and the
+server ends with the process that started it, however that ends.
 """
 
 import ctypes
@@ -22,9 +23,13 @@ from operate.pictures.viewer_address import EVERY_INTERFACE, LOOPBACK, Place
 
 PROGRAM = Path(rerun_cli.__file__).with_name("rerun")
 KEPT = "256MiB"
-"""Of what was logged, for viewers that join late; the oldest goes first. A pour needs 10 MB (estimate: 40 of them)."""
+"""Of what was logged, for viewers that join late; the oldest goes first. A pour needs 10 MB
+(estimate: 40 of them).
+"""
 MOST_MB = 600
-"""More memory than this ends the server: what it keeps, itself, and what it has on the way to viewers."""
+"""More memory than this ends the server: what it keeps, itself, and what it has on the way to
+viewers.
+"""
 READY_S = 20.0
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _libc = ctypes.CDLL(None)
@@ -56,7 +61,9 @@ class Server:
             raise ServerError(f"Rerun's server ended with code {code}; its words are in rerun.log")
         used = rss_mb(self._process.pid)
         if used > MOST_MB:
-            raise ServerError(f"Rerun's server has {used:.0f} MB, at most {MOST_MB:.0f} MB: pictures start over")
+            raise ServerError(
+                f"Rerun's server has {used:.0f} MB, at most {MOST_MB:.0f} MB: pictures start over"
+            )
 
     def close(self) -> None:
         """End it; what it kept is gone."""
@@ -71,7 +78,9 @@ class Server:
                 if probe.connect_ex((LOOPBACK, port)) == 0:
                     return
             time.sleep(0.05)
-        raise ServerError(f"Rerun's server does not listen at port {port} after {READY_S:.0f} s; see rerun.log")
+        raise ServerError(
+            f"Rerun's server does not listen at port {port} after {READY_S:.0f} s; see rerun.log"
+        )
 
 
 def _command(place: Place) -> tuple[str, ...]:

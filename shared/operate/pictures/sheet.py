@@ -1,6 +1,8 @@
-"""Rows for Rerun, gathered by entity and sent as columns: a call of Rerun costs as much for one row as for hundreds.
+"""Rows for Rerun, gathered by entity and sent as columns: a call of Rerun costs as much for one row
+as for hundreds.
 
-Time lines: `run`, seconds after the first communicate, for everything; `simulation`, where a row has simulated time.
+Time lines: `run`, seconds after the first communicate, for everything; `simulation`, where a row
+has simulated time.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +18,9 @@ Columns = Callable[[list[Any]], Any]
 
 
 class Sheet:
-    """Rows of a recording that begins at `begin` [unix s]. `rows`: how many were sent, by entity."""
+    """Rows of a recording that begins at `begin` [unix s]. `rows`: how many were sent, by
+    entity.
+    """
 
     def __init__(self, out: rr.RecordingStream, begin: float) -> None:
         self.begin = begin
@@ -30,10 +34,13 @@ class Sheet:
         self._out.log(entity, what, static=True)
         self.rows.setdefault(entity, 0)
 
-    def add(self, entity: str, columns: Columns, at: float, value: Any, sim: float | None = None) -> None:
+    def add(
+        self, entity: str, columns: Columns, at: float, value: Any, sim: float | None = None
+    ) -> None:
         """A row at `at` [unix s], sent with the next flush.
 
-        What came before the beginning counts from it on. Where a thing first is, there it was from the beginning on.
+        What came before the beginning counts from it on. Where a thing first is, there it was from
+        the beginning on.
         """
         rows = self._waiting.setdefault((entity, columns, sim is not None), [])
         if columns is transforms and at > self.begin and not rows and entity not in self._stood:
@@ -47,13 +54,19 @@ class Sheet:
         for (entity, columns, simulated), rows in waiting.items():
             indexes = [rr.TimeColumn(RUN, duration=[at - self.begin for at, _, _ in rows])]
             if simulated:
-                indexes.append(rr.TimeColumn(SIMULATION, duration=[sim or 0.0 for _, sim, _ in rows]))
-            rr.send_columns(entity, indexes, columns([value for *_, value in rows]), recording=self._out)
+                indexes.append(
+                    rr.TimeColumn(SIMULATION, duration=[sim or 0.0 for _, sim, _ in rows])
+                )
+            rr.send_columns(
+                entity, indexes, columns([value for *_, value in rows]), recording=self._out
+            )
             self.rows[entity] = self.rows.get(entity, 0) + len(rows)
 
 
 def transforms(values: list[tuple[Sequence[float], Sequence[float]]]) -> Any:
-    """(Translation [m], quaternion w first) each; HIDDEN: the entity and all below it is too small to be seen."""
+    """(Translation [m], quaternion w first) each; HIDDEN: the entity and all below it is too small
+    to be seen.
+    """
     turns = np.array([turn for _, turn in values])[:, [1, 2, 3, 0]]
     hidden = ~turns.any(axis=1, keepdims=True)
     return rr.Transform3D.columns(
@@ -64,14 +77,18 @@ def transforms(values: list[tuple[Sequence[float], Sequence[float]]]) -> Any:
 
 
 HIDDEN = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
-"""A place that is none. The viewer warns of a quaternion without direction, so it does not get this one."""
+"""A place that is none. The viewer warns of a quaternion without direction, so it does not get this
+one.
+"""
 UNSEEN = 1e-6
 """Scale of what is hidden; estimate: a metre is a micrometre then."""
 
 
 def scalars(values: list[Sequence[float]]) -> Any:
     """As many numbers each as the first row has."""
-    return rr.Scalars.columns(scalars=np.concatenate(values)).partition([len(value) for value in values])
+    return rr.Scalars.columns(scalars=np.concatenate(values)).partition(
+        [len(value) for value in values]
+    )
 
 
 def log_lines(values: list[tuple[str, str, Colour]]) -> Any:
@@ -100,7 +117,9 @@ def labels(values: list[Sequence[tuple[Sequence[float], str]]]) -> Any:
     """(Point [m], text) each, as many as there are; the look stands statically."""
     flat = [one for value in values for one in value]
     places = np.array([at for at, _ in flat], dtype=np.float32).reshape(-1, 3)
-    return rr.Points3D.columns(positions=places, labels=[text for _, text in flat]).partition(list(map(len, values)))
+    return rr.Points3D.columns(positions=places, labels=[text for _, text in flat]).partition(
+        list(map(len, values))
+    )
 
 
 def strips(values: list[Sequence[Any]]) -> Any:
@@ -110,7 +129,9 @@ def strips(values: list[Sequence[Any]]) -> Any:
 
 
 def outlines(values: list[Sequence[tuple[str, Any]]]) -> Any:
-    """(Label, corners (n, 2) [pixels]) of closed outlines in a picture, as many as there are each time."""
+    """(Label, corners (n, 2) [pixels]) of closed outlines in a picture, as many as there are each
+    time.
+    """
     flat = [one for value in values for one in value]
     strips = [np.vstack([corners, corners[:1]]).astype(np.float32) for _, corners in flat]
     columns = rr.LineStrips2D.columns(strips=strips, labels=[label for label, _ in flat])
@@ -119,12 +140,18 @@ def outlines(values: list[Sequence[tuple[str, Any]]]) -> Any:
 
 def arrows(values: list[tuple[Sequence[Any], Sequence[Any]]]) -> Any:
     """(Origins, vectors) [m] each."""
-    origins, vectors = (np.array([one for value in values for one in value[k]]).reshape(-1, 3) for k in (0, 1))
-    return rr.Arrows3D.columns(origins=origins, vectors=vectors).partition([len(origin) for origin, _ in values])
+    origins, vectors = (
+        np.array([one for value in values for one in value[k]]).reshape(-1, 3) for k in (0, 1)
+    )
+    return rr.Arrows3D.columns(origins=origins, vectors=vectors).partition(
+        [len(origin) for origin, _ in values]
+    )
 
 
 def flat_arrows(values: list[Sequence[tuple[Any, Any, str, Colour]]]) -> Any:
-    """(Origin, vector [points of the viewer], label, colour) of arrows in a plane, as many as there are each time."""
+    """(Origin, vector [points of the viewer], label, colour) of arrows in a plane, as many as there
+    are each time.
+    """
     origins, vectors, texts, colours = (
         list(one) for one in zip(*(one for value in values for one in value), strict=True)
     )
@@ -135,7 +162,9 @@ def flat_arrows(values: list[Sequence[tuple[Any, Any, str, Colour]]]) -> Any:
 def nodes(values: list[tuple[Sequence[str], Sequence[Colour]]]) -> Any:
     """(Labels, colours) of a graph whose nodes stand statically, all of them each time."""
     labels, colours = ([one for value in values for one in value[k]] for k in (0, 1))
-    return rr.GraphNodes.columns(labels=labels, colors=colours).partition([len(value[0]) for value in values])
+    return rr.GraphNodes.columns(labels=labels, colors=colours).partition(
+        [len(value[0]) for value in values]
+    )
 
 
 def images(values: list[bytes]) -> Any:

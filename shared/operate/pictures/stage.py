@@ -14,7 +14,7 @@ from operate.run_folder import Fault, Judged
 from operate.system import System
 from topdown.model.design import Design
 
-# --- States over time: a lane for each agent. States of rest are grey, others stand out ------------------------------
+# --- States over time: a lane for each agent. States of rest are grey, others stand out -----------
 
 
 REST = "–"
@@ -24,7 +24,9 @@ FAULTS = "agents/faults"
 
 
 class Lane:
-    """One lane: which states it has had, and which it has now. `resting`: its states of rest; `colour`: of others."""
+    """One lane: which states it has had, and which it has now. `resting`: its states of rest;
+    `colour`: of others.
+    """
 
     def __init__(
         self,
@@ -45,8 +47,13 @@ class Lane:
         known = self._known
         if self.now is None or state not in known:
             known += [state] if state not in known else []
-            colours = [RED if name == GONE else GREY if name in self._resting else self._colour for name in known]
-            self._sheet.static(self._place, rr.StateConfiguration(values=known, labels=known, colors=colours))
+            colours = [
+                RED if name == GONE else GREY if name in self._resting else self._colour
+                for name in known
+            ]
+            self._sheet.static(
+                self._place, rr.StateConfiguration(values=known, labels=known, colors=colours)
+            )
         self.now = state
         self._sheet.add(self._place, states, at, state)
 
@@ -68,7 +75,9 @@ class Lanes:
     def take(self, happening: Happening) -> None:
         """Draw what changed."""
         match happening.what:
-            case Entered(agent=agent, state=state, alive=alive) if agent in self._lanes and (state or not alive):
+            case Entered(agent=agent, state=state, alive=alive) if agent in self._lanes and (
+                state or not alive
+            ):
                 self._lanes[agent].enter(happening.at, state if alive else GONE)
 
 
@@ -90,7 +99,7 @@ class Faults:
                 self._lane.enter(happening.at, ", ".join(self._now.values()) or REST)
 
 
-# --- Everything that is drawn, fed with events ------------------------------------------------------------------------
+# --- Everything that is drawn, fed with events ----------------------------------------------------
 
 
 class Drawer(Protocol):
@@ -121,7 +130,9 @@ class Stage:
         )
 
     def take(self, happening: Happening) -> None:
-        """Draw it; verdicts and faults may be of a moment that is over, all else says how late it is."""
+        """Draw it; verdicts and faults may be of a moment that is over, all else says how late it
+        is.
+        """
         if not isinstance(happening.what, Judged | Lost | Fault):
             self.pass_time(happening.at)
         for drawer in self._drawers:

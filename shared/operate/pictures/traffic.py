@@ -1,4 +1,6 @@
-"""Traffic, live and afterwards: log, sizes (the paper's Figure 12), bandwidth (Figure 13), graph, sequence diagram."""
+"""Traffic, live and afterwards: log, sizes (the paper's Figure 12), bandwidth (Figure 13), graph,
+sequence diagram.
+"""
 
 import math
 from collections import defaultdict, deque
@@ -16,7 +18,12 @@ from topdown.model.design import Design
 
 BIN_S = 0.25
 """Of the bandwidth over time; estimate: some ten queries of a search."""
-LEVELS = {Verdict.LEGAL: "INFO", Verdict.SLOW: "WARN", Verdict.COPY: "DEBUG", Verdict.NOT_JUDGED: "DEBUG"}
+LEVELS = {
+    Verdict.LEGAL: "INFO",
+    Verdict.SLOW: "WARN",
+    Verdict.COPY: "DEBUG",
+    Verdict.NOT_JUDGED: "DEBUG",
+}
 """Of a line of the log; verdicts that are not named here are against the design: ERROR."""
 OTHER = "other"
 
@@ -35,17 +42,24 @@ class Log:
                 text = f"  {one.text}" if one.text else ""
                 said = f"{one.sender} > {one.receiver}  {one.performative}{text}  ({one.bytes} B)"
                 what = said if one.sender else one.key
-                why = f"  {one.verdict.upper()}: {one.why}" if level not in ("INFO", "DEBUG") else ""
+                why = (
+                    f"  {one.verdict.upper()}: {one.why}" if level not in ("INFO", "DEBUG") else ""
+                )
                 self._add(happening.at, one.channel, what + why, level)
             case Lost(samples=count):
                 self._add(
-                    happening.at, "", f"drawing is too slow: {count} samples not shown (they are recorded)", "WARN"
+                    happening.at,
+                    "",
+                    f"drawing is too slow: {count} samples not shown (they are recorded)",
+                    "WARN",
                 )
 
     def _add(self, at: float, name: str, text: str, level: str) -> None:
         colours: dict[str, Colour] = {"ERROR": RED, "WARN": ORANGE, "DEBUG": GREY}
         where = name if name in self._channels else OTHER
-        self._sheet.add(f"communicates/{where}", log_lines, at, (text, level, colours.get(level, channel(name))))
+        self._sheet.add(
+            f"communicates/{where}", log_lines, at, (text, level, colours.get(level, channel(name)))
+        )
 
 
 class Sizes:
@@ -54,25 +68,33 @@ class Sizes:
     def __init__(self, sheet: Sheet, design: Design) -> None:
         self._sheet = sheet
         for name in design.channels:
-            look = rr.SeriesPoints(colors=[channel(name)], names=[name], markers=["circle"], marker_sizes=[2.5])
+            look = rr.SeriesPoints(
+                colors=[channel(name)], names=[name], markers=["circle"], marker_sizes=[2.5]
+            )
             sheet.static(f"sizes/{name}", look)
 
     def take(self, happening: Happening) -> None:
         """Draw the point."""
         one = happening.what
         if isinstance(one, Spoken):
-            self._sheet.add(f"sizes/{one.channel}", scalars, happening.at, (math.log10(max(one.size, 1)),))
+            self._sheet.add(
+                f"sizes/{one.channel}", scalars, happening.at, (math.log10(max(one.size, 1)),)
+            )
 
 
 class Bins:
-    """Counts by channel in bins of BIN_S; `close` hands out each bin that is over, empty ones too."""
+    """Counts by channel in bins of BIN_S; `close` hands out each bin that is over, empty ones
+    too.
+    """
 
     def __init__(self) -> None:
         self._number: int | None = None
         self._sums: defaultdict[str, float] = defaultdict(float)
 
     def close(self, at: float) -> list[tuple[float, dict[str, float]]]:
-        """Bins that ended before `at` [unix s]: (start, channel -> sum). Long silence is two empty bins, not all."""
+        """Bins that ended before `at` [unix s]: (start, channel -> sum). Long silence is two empty
+        bins, not all.
+        """
         number = int(at / BIN_S)
         if self._number is None:
             self._number = number
@@ -81,7 +103,10 @@ class Bins:
         done = [(self._number * BIN_S, dict(self._sums))]
         self._sums.clear()
         between = range(self._number + 1, number)
-        done += [(k * BIN_S, {}) for k in (between if len(between) < 16 else (*between[:14], between[-1]))]
+        done += [
+            (k * BIN_S, {})
+            for k in (between if len(between) < 16 else (*between[:14], between[-1]))
+        ]
         self._number = number
         return done
 
@@ -97,7 +122,10 @@ class Bandwidth:
         self._sheet, self._channels, self._bins = sheet, design.channels, Bins()
         self._last: dict[str, tuple[float, float]] = {}
         for name in design.channels:
-            sheet.static(f"bandwidth/{name}", rr.SeriesLines(colors=[channel(name)], names=[name], widths=[1.5]))
+            sheet.static(
+                f"bandwidth/{name}",
+                rr.SeriesLines(colors=[channel(name)], names=[name], widths=[1.5]),
+            )
 
     def pass_time(self, at: float) -> None:
         """Draw the bins that are over."""
@@ -119,16 +147,21 @@ class Bandwidth:
         self._last[name] = (start, kbit_s)
 
 
-# --- Agents and channels as a graph: agents with their state, channels alight while they carry traffic ----------------
+# --- Agents and channels as a graph: agents with their state, channels alight while they carry
+# traffic
 
 
 GRAPH = "graph"
 WIDE, HIGH = 165.0, 90.0
-"""Half axes of the ellipse agents stand on, in points of the viewer; estimate: labels do not meet."""
+"""Half axes of the ellipse agents stand on, in points of the viewer; estimate: labels do not
+meet.
+"""
 DIM: Colour = (110, 118, 130)
 """A channel at rest, on light and on dark."""
 FADE = 0.55
-"""Share of a channel's light that is left after a bin; estimate: dark a second after its last word."""
+"""Share of a channel's light that is left after a bin; estimate: dark a second after its last
+word.
+"""
 FULL = 4.0
 """So many communicates in a bin are full light."""
 
@@ -144,7 +177,9 @@ class Graph:
         places = positions(design)
         edges = [(agent, name) for name, one in design.channels.items() for agent in one.ends]
         radii = [9.0 if name in design.agents else 6.0 for name in places]
-        look = rr.GraphNodes(list(places), positions=list(places.values()), radii=radii, show_labels=True)
+        look = rr.GraphNodes(
+            list(places), positions=list(places.values()), radii=radii, show_labels=True
+        )
         sheet.static(GRAPH, look)
         sheet.static(GRAPH, rr.GraphEdges(edges))
 
@@ -171,7 +206,9 @@ class Graph:
         labels, colours = [], []
         for agent in self._design.agents:
             state, alive = self._states.get(agent, ("", True))
-            labels.append(f"{agent}: {state}" if alive and state else agent if alive else f"{agent}: gone")
+            labels.append(
+                f"{agent}: {state}" if alive and state else agent if alive else f"{agent}: gone"
+            )
             colours.append(FRESH if alive and state else GREY if alive else RED)
         for name, light in self._light.items():
             rate = sums.get(name, 0.0) / BIN_S
@@ -181,10 +218,14 @@ class Graph:
 
 
 def positions(design: Design) -> dict[str, tuple[float, float]]:
-    """Agents on an ellipse, neighbours by channels side by side; each channel in the middle of its two."""
+    """Agents on an ellipse, neighbours by channels side by side; each channel in the middle of its
+    two.
+    """
     around = ring(design)
     turn = 2 * math.pi / len(around)
-    places = {a: (-WIDE * math.cos(turn * k), -HIGH * math.sin(turn * k)) for k, a in enumerate(around)}
+    places = {
+        a: (-WIDE * math.cos(turn * k), -HIGH * math.sin(turn * k)) for k, a in enumerate(around)
+    }
     ordered = {agent: places[agent] for agent in design.agents}
     for name, one in design.channels.items():
         (ax, ay), (bx, by) = (places[agent] for agent in one.ends)
@@ -193,9 +234,12 @@ def positions(design: Design) -> dict[str, tuple[float, float]]:
 
 
 def ring(design: Design) -> list[str]:
-    """The agents so that channels lead from one to the next, where they do; the least connected first."""
+    """The agents so that channels lead from one to the next, where they do; the least connected
+    first.
+    """
     beside = {
-        a: [b for one in design.channels.values() if a in one.ends for b in one.ends if b != a] for a in design.agents
+        a: [b for one in design.channels.values() if a in one.ends for b in one.ends if b != a]
+        for a in design.agents
     }
     found: list[str] = []
     waiting = sorted(beside, key=lambda agent: len(beside[agent]))
@@ -206,7 +250,8 @@ def ring(design: Design) -> list[str]:
     return found
 
 
-# --- The newest communicates as a sequence diagram: a lane for each agent, an arrow for each communicate, newest below
+# --- The newest communicates as a sequence diagram: a lane for each agent, an arrow for each
+# communicate, newest below
 
 
 SEQUENCE = "sequence"
@@ -228,10 +273,14 @@ class Sequence:
         self._said: deque[Spoken] = deque(maxlen=ROWS)
         self._drawn, self._changed = 0.0, False
         lanes = [[(x, 0.0), (x, ROW_HIGH * (ROWS + 1))] for x in self._lanes.values()]
-        sheet.static(LANES, rr.LineStrips2D(lanes, colors=[GREY], radii=[-0.5]))  # negative: in points of the screen
+        # negative: in points of the screen
+        sheet.static(LANES, rr.LineStrips2D(lanes, colors=[GREY], radii=[-0.5]))
         places = [(x, -ROW_HIGH) for x in self._lanes.values()]
         sheet.static(
-            NAMES, rr.Points2D(places, labels=list(self._lanes), colors=[FRESH], radii=[-2.0], show_labels=True)
+            NAMES,
+            rr.Points2D(
+                places, labels=list(self._lanes), colors=[FRESH], radii=[-2.0], show_labels=True
+            ),
         )
         sheet.static(ARROWS, rr.Arrows2D.from_fields(radii=[-1.0], show_labels=True))
 

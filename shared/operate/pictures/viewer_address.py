@@ -1,4 +1,6 @@
-"""Address at which pictures are served: ROCO_VIEW, ROCO_VIEW_BIND, ROCO_VIEW_GRPC, ROCO_VIEW_WEB; also in view.json."""
+"""Address at which pictures are served: ROCO_VIEW, ROCO_VIEW_BIND, ROCO_VIEW_GRPC, ROCO_VIEW_WEB;
+also in view.json.
+"""
 
 import socket
 from collections.abc import Mapping
@@ -30,9 +32,11 @@ class Place(msgspec.Struct, frozen=True):
 
 
 def wanted(environment: Mapping[str, str], number: int = 0) -> Place | None:
-    """The place that the environment asks for; None: it asks for no pictures. Ports of 0 become free ones.
+    """The place that the environment asks for; None: it asks for no pictures. Ports of 0 become
+    free ones.
 
-    `number`: of several systems the how-manieth: each has its own ports, the next ones. Raises ViewSettingError.
+    `number`: of several systems the how-manieth: each has its own ports, the next ones. Raises
+    ViewSettingError.
     """
     switch = environment.get(SWITCH) or "on"
     if switch not in ("on", "off"):
@@ -41,7 +45,9 @@ def wanted(environment: Mapping[str, str], number: int = 0) -> Place | None:
         return None
     bind = environment.get(BIND) or LOOPBACK
     grpc, web = (_port(environment, name) for name in (GRPC, WEB))
-    return Place(bind, grpc + number if grpc else free_port(bind), web + number if web else free_port(bind))
+    return Place(
+        bind, grpc + number if grpc else free_port(bind), web + number if web else free_port(bind)
+    )
 
 
 def opened(bind: str, port: int) -> socket.socket:
@@ -53,7 +59,10 @@ def opened(bind: str, port: int) -> socket.socket:
         listener.listen()
     except OSError as error:
         listener.close()
-        words = f"no pictures: {bind}:{port} cannot be listened at: {error.strerror}; {GRPC} and {WEB} name others"
+        words = (
+            f"no pictures: {bind}:{port} cannot be listened at: {error.strerror}; {GRPC} and {WEB}"
+            " name others"
+        )
         raise OSError(error.errno, words) from error
     return listener
 

@@ -1,4 +1,6 @@
-"""The pipe from the monitor to the process that draws: frames of four bytes of length and msgpack, an Item each."""
+"""The pipe from the monitor to the process that draws: frames of four bytes of length and msgpack,
+an Item each.
+"""
 
 import msgspec
 
@@ -23,7 +25,9 @@ class ShownVerdict(msgspec.Struct, frozen=True, tag="v"):
 
 
 class Missed(msgspec.Struct, frozen=True, tag="m"):
-    """So many samples were dropped so far, since drawing was too slow; `at`: when that was noticed [unix s]."""
+    """So many samples were dropped so far, since drawing was too slow; `at`: when that was noticed
+    [unix s].
+    """
 
     at: float
     samples: int
@@ -52,13 +56,18 @@ class Frames:
         self._rest = bytearray()
 
     def feed(self, data: bytes) -> list[Item]:
-        """The items that these bytes complete. Raises ValueError where they are something else than frames."""
+        """The items that these bytes complete. Raises ValueError where they are something else than
+        frames.
+        """
         self._rest += data
         items, at = [], 0
         while len(self._rest) - at >= LENGTH:
             length = int.from_bytes(self._rest[at : at + LENGTH], "big")
             if length > LONGEST:
-                raise ValueError(f"a frame of {length} bytes, at most {LONGEST}: this is not a pipe of the monitor")
+                raise ValueError(
+                    f"a frame of {length} bytes, at most {LONGEST}: this is not a pipe of the"
+                    " monitor"
+                )
             if len(self._rest) - at - LENGTH < length:
                 break
             items.append(_decode(bytes(self._rest[at + LENGTH : at + LENGTH + length])))

@@ -1,5 +1,6 @@
-"""`python -m operate.recording` records a fleet until SIGTERM; `... report RUN_DIR` makes the report of a run folder
-again, without any fleet; `... observations RUN_DIR` prints what was said. `... hear` is for people's tools.
+"""`python -m operate.recording` records a fleet until SIGTERM; `... report RUN_DIR` makes the
+report of a run folder again, without any fleet; `... observations RUN_DIR` prints what was said.
+`... hear` is for people's tools.
 """
 
 import sys
@@ -19,12 +20,21 @@ from operate.run_folder import NothingToRead
 from operate.system import NoSystemError, here
 
 TRIES = 50
-"""Estimate: a process that was killed lets its files go within milliseconds, on a busy machine in a second."""
-TEXT = "The recorder: writes all traffic into traffic.mcap. `report RUN_DIR` makes the report of a run folder again."
+"""Estimate: a process that was killed lets its files go within milliseconds, on a busy machine in a
+second.
+"""
+TEXT = (
+    "The recorder: writes all traffic into traffic.mcap. `report RUN_DIR` makes the report of a run"
+    " folder again."
+)
 
 
-def report(run_dir: Annotated[Path, typer.Argument(help="A run folder with traffic.mcap or steps/.")]) -> None:
-    """Make report.json, report.html and run.rrd of a run folder again, from its recording and the agents' step logs."""
+def report(
+    run_dir: Annotated[Path, typer.Argument(help="A run folder with traffic.mcap or steps/.")],
+) -> None:
+    """Make report.json, report.html and run.rrd of a run folder again, from its recording and the
+    agents' step logs.
+    """
     if not run_dir.is_dir():
         typer.echo(f"{run_dir} is not a folder; give one that a run was recorded in", err=True)
         raise typer.Exit(USAGE_ERROR)
@@ -34,7 +44,9 @@ def report(run_dir: Annotated[Path, typer.Argument(help="A run folder with traff
     raise typer.Exit(0 if make.everything(Run(run_dir), Log("monitor").write) else 1)
 
 
-def observations(run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=True, file_okay=False)]) -> None:
+def observations(
+    run_dir: Annotated[Path, typer.Argument(help="A run folder.", exists=True, file_okay=False)],
+) -> None:
     """Print what was said in a run folder, as JSON: who to whom, which act, how large, when."""
     from operate.recording.run import Run
 
@@ -42,7 +54,9 @@ def observations(run_dir: Annotated[Path, typer.Argument(help="A run folder.", e
 
 
 def closed(file: Annotated[Path, typer.Argument(help="A recording.")]) -> None:
-    """Wait until standard input ends, with who records; then give the recording its index, if it has none."""
+    """Wait until standard input ends, with who records; then give the recording its index, if it
+    has none.
+    """
     from operate.recording import index
 
     sys.stdin.buffer.read()
@@ -56,7 +70,11 @@ def closed(file: Annotated[Path, typer.Argument(help="A recording.")]) -> None:
             return
 
 
-VERBS: dict[str, Callable[..., None]] = {"report": report, "observations": observations, "closed": closed}
+VERBS: dict[str, Callable[..., None]] = {
+    "report": report,
+    "observations": observations,
+    "closed": closed,
+}
 
 
 def main() -> None:
@@ -64,7 +82,9 @@ def main() -> None:
     if sys.argv[1:2] == ["hear"]:
         from operate.recording import hear
 
-        cli.app("monitor hear", str(hear.__doc__), lambda options: hear.serve(options, here()))(sys.argv[2:])
+        cli.app("monitor hear", str(hear.__doc__), lambda options: hear.serve(options, here()))(
+            sys.argv[2:]
+        )
     elif sys.argv[1:2] and sys.argv[1] in VERBS:
         app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
         app.command()(VERBS[sys.argv[1]])

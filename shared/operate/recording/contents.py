@@ -1,4 +1,5 @@
-"""Contents of a recording without reading its messages: topics and keys with counts and times, and versions.
+"""Contents of a recording without reading its messages: topics and keys with counts and times, and
+versions.
 
 Must not know: what a content means, the network.
 """
@@ -23,9 +24,11 @@ DIGITS = 12
 
 
 class Counted(msgspec.Struct):
-    """A topic, or a key of it: messages, their bytes, when the first and the last was heard [unix s].
+    """A topic, or a key of it: messages, their bytes, when the first and the last was heard [unix
+    s].
 
-    Of a topic also its schema, and its keys: what stands on the router's keys behind the system's name.
+    Of a topic also its schema, and its keys: what stands on the router's keys behind the system's
+    name.
     """
 
     name: str
@@ -45,9 +48,11 @@ class Counted(msgspec.Struct):
 
 
 class Contents(msgspec.Struct):
-    """A recording: its size, whether it was closed in order, topics, who wrote it, further notes in it.
+    """A recording: its size, whether it was closed in order, topics, who wrote it, further notes in
+    it.
 
-    `versions`: of file format, writer and recorder; `design`: digest of the design's file that the recorder had.
+    `versions`: of file format, writer and recorder; `design`: digest of the design's file that the
+    recorder had.
     """
 
     file: str
@@ -61,7 +66,9 @@ class Contents(msgspec.Struct):
     def span(self) -> tuple[float, float]:
         """Times at which the first and the last message were heard; zeros without any."""
         heard = [one for one in self.topics if one.count]
-        return min((one.first for one in heard), default=0.0), max((one.last for one in heard), default=0.0)
+        return min((one.first for one in heard), default=0.0), max(
+            (one.last for one in heard), default=0.0
+        )
 
 
 class _Key(msgspec.Struct):
@@ -81,7 +88,9 @@ class _Key(msgspec.Struct):
     def words(self) -> str:
         """Return the key as it was on the router, behind the system's name."""
         if self.channel:
-            return f"{self.channel}/{self.sender}/{self.receiver}/{self.protocol}/{self.performative}"
+            return (
+                f"{self.channel}/{self.sender}/{self.receiver}/{self.protocol}/{self.performative}"
+            )
         if self.kind:
             return "/".join(filter(None, ("_", self.kind, self.owner, self.peer)))
         return self.key or (f"_/alive/{self.agent}" if self.agent else "")
@@ -91,7 +100,9 @@ _decoder = msgspec.json.Decoder(_Key)
 
 
 def versions_now(system: System) -> dict[str, str]:
-    """Return what a recorder notes of itself: the version that is installed, the system, a digest of its design."""
+    """Return what a recorder notes of itself: the version that is installed, the system, a digest
+    of its design.
+    """
     try:
         installed = version(PROJECT)
     except PackageNotFoundError:
@@ -130,7 +141,9 @@ def _count(records: Iterator[McapRecord], told: Contents) -> None:
             case Header():
                 told.versions |= {"format": found.profile, "library": found.library}
             case Channel() if found.id not in topics:  # the summary at the end repeats them
-                topics[found.id] = Counted(found.topic, schema=schemas.get(found.schema_id, found.message_encoding))
+                topics[found.id] = Counted(
+                    found.topic, schema=schemas.get(found.schema_id, found.message_encoding)
+                )
                 told.topics.append(topics[found.id])
             case Message() if found.channel_id in topics:
                 _add(topics[found.channel_id], found)

@@ -1,8 +1,8 @@
 """Dead letters of a run: communicates that nobody took, each with the reason.
 
-From the step logs: what the design does not have, what was no communicate, questions that never reached their receiver.
-From the agents' logs: what a receiver turned away. From their journals: durable words that were never taken. All of it
-outlives restarts. Must not know: who looks at them.
+From the step logs: what the design does not have, what was no communicate, questions that never
+reached their receiver. From the agents' logs: what a receiver turned away. From their journals:
+durable words that were never taken. All of it outlives restarts. Must not know: who looks at them.
 """
 
 import time
@@ -22,7 +22,9 @@ from operate.system import System
 
 JOURNAL, LOGS = "journal", "logs"
 ON_ITS_WAY_S = 5.0
-"""Younger ones may still be taken: what is durable is sent again after 2 s at the latest (core.streams)."""
+"""Younger ones may still be taken: what is durable is sent again after 2 s at the latest
+(core.streams).
+"""
 TURNED_AWAY = {
     "not for us": Dead.TURNED_AWAY,
     "no stream number": Dead.TURNED_AWAY,
@@ -30,9 +32,13 @@ TURNED_AWAY = {
     "not understood": Dead.NOT_UNDERSTOOD,
     "stray": Dead.OVER,
 }
-"""Events of an agent's log that tell of a communicate it did not take (agent_runtime.core.reception and verdict)."""
+"""Events of an agent's log that tell of a communicate it did not take (agent_runtime.core.reception
+and verdict).
+"""
 TOO_LONG = "TooLongError: "
-"""Before the reason, in the last line of the traceback of an agent that was to send more than is put."""
+"""Before the reason, in the last line of the traceback of an agent that was to send more than is
+put.
+"""
 
 
 class _Line(msgspec.Struct):
@@ -59,7 +65,9 @@ _line, _kept = msgspec.json.Decoder(_Line), msgspec.msgpack.Decoder(_Kept)
 
 
 def letters(run: Run, now: float | None = None) -> list[DeadLetter]:
-    """Return the dead letters of a run folder, in the order of time; at `now` [unix s], else at present."""
+    """Return the dead letters of a run folder, in the order of time; at `now` [unix s], else at
+    present.
+    """
     now = time.time() if now is None else now
     said = {one.identity: one for one in run.records if isinstance(one, Spoken)}
     found = [
@@ -80,7 +88,9 @@ def _unfit(run: Run) -> Iterator[DeadLetter]:
             one = decode_strictly(record.data)
         except FipaError:
             reason = Dead.TOO_LARGE if "are accepted" in record.reason else Dead.NO_COMMUNICATE
-            yield DeadLetter(record.received, reason, record.reason, bytes=record.size, key=record.key)
+            yield DeadLetter(
+                record.received, reason, record.reason, bytes=record.size, key=record.key
+            )
             continue
         reason = Dead.NO_RIGHT if one.receiver in run.system.design.agents else Dead.NO_RECEIVER
         yield _letter(one, record.received, reason, record.reason, record.size)
@@ -90,7 +100,11 @@ def _not_heard(run: Run, now: float) -> Iterator[DeadLetter]:
     """Volatile ones that only their sender's log has. Of observations the newest counts."""
     design = run.system.design
     for one in run.records:
-        if not isinstance(one, Spoken) or one.origin is not Origin.SENDER or one.receiver not in design.agents:
+        if (
+            not isinstance(one, Spoken)
+            or one.origin is not Origin.SENDER
+            or one.receiver not in design.agents
+        ):
             continue
         rule = design.rule(one.communicate)
         if not rule.durable and "@" not in one.id and now - one.received >= ON_ITS_WAY_S:
@@ -103,7 +117,9 @@ def _turned_away(run: Path, said: Mapping[tuple[str, str, str], Spoken]) -> Iter
     for path in sorted((run / LOGS).glob("*.jsonl")):
         for line in _lines(path):
             if line.event in TURNED_AWAY:
-                yield _dead_letter(line, TURNED_AWAY[line.event], said.get((line.sender, line.agent, line.id)))
+                yield _dead_letter(
+                    line, TURNED_AWAY[line.event], said.get((line.sender, line.agent, line.id))
+                )
             elif TOO_LONG in line.why:
                 why = line.why.rpartition(TOO_LONG)[2].strip()
                 yield DeadLetter(line.t, Dead.TOO_LARGE, why, sender=line.agent)
@@ -137,7 +153,8 @@ def _dead_letter(line: _Line, reason: Dead, said: Spoken | None) -> DeadLetter:
 def _not_receipted(run: Path, system: System, now: float) -> Iterator[DeadLetter]:
     """Durable words that their senders keep and their receivers have not taken.
 
-    A receipt alone makes no journal record, so a sender's last one may still have what was receipted.
+    A receipt alone makes no journal record, so a sender's last one may still have what was
+    receipted.
     """
     kept = {path.stem: _last(path) for path in sorted((run / JOURNAL).glob(f"*.{JOURNAL}"))}
     for agent, own in kept.items():
@@ -146,7 +163,9 @@ def _not_receipted(run: Path, system: System, now: float) -> Iterator[DeadLetter
             for one in (each.communicate for each in waiting if each.number > taken):
                 if now - one.sent >= ON_ITS_WAY_S:
                     why = f"{agent} keeps it, and sends it when {peer} is there"
-                    yield _letter(one, one.sent, Dead.NOT_RECEIPTED, why, len(encode(one)), _text(one, system))
+                    yield _letter(
+                        one, one.sent, Dead.NOT_RECEIPTED, why, len(encode(one)), _text(one, system)
+                    )
 
 
 def _last(path: Path) -> _Kept:
@@ -165,6 +184,10 @@ def _text(one: Communicate, system: System) -> str:
         return ""
 
 
-def _letter(one: Communicate, at: float, reason: Dead, why: str, size: int, text: str = "") -> DeadLetter:
+def _letter(
+    one: Communicate, at: float, reason: Dead, why: str, size: int, text: str = ""
+) -> DeadLetter:
     act = str(one.performative)
-    return alike(DeadLetter, one, t=at, reason=reason, why=why, performative=act, bytes=size, text=text)
+    return alike(
+        DeadLetter, one, t=at, reason=reason, why=why, performative=act, bytes=size, text=text
+    )

@@ -1,9 +1,11 @@
-"""The record of a run as its agents keep it: what each said and heard, from their step logs, in the order of time.
+"""The record of a run as its agents keep it: what each said and heard, from their step logs, in the
+order of time.
 
-A communicate is in the log of its receiver, and its sender's log has all of it but the content. So each is told once,
-when its receiver took it; one that nobody took is told from its sender's log, which has the content only where the
-receiver keeps no log. Two logs that do not agree are told, too. A reader may begin at any time, end at any time and go
-on from a cursor: nothing is missed, and no agent waits for it. Must not know: who reads, the network.
+A communicate is in the log of its receiver, and its sender's log has all of it but the content. So
+each is told once, when its receiver took it; one that nobody took is told from its sender's log,
+which has the content only where the receiver keeps no log. Two logs that do not agree are told,
+too. A reader may begin at any time, end at any time and go on from a cursor: nothing is missed, and
+no agent waits for it. Must not know: who reads, the network.
 """
 
 import math
@@ -38,10 +40,10 @@ from operate.recording.records import (
 from operate.run_folder import STEPS, alike
 from operate.system import System
 
-# --- Times at which agents heard something, by their own step logs: a latency ends when the asker hears the answer
-# Times are those of the agent's clock (agent_runtime.io.clock), which is also that of what it says. It is even within a
-# life; of two lives, or of two hosts, clocks may differ. So both ends of a span are times of one life of one agent.
-# Must not know: which spans are wanted.
+# --- Times at which agents heard something, by their own step logs: a latency ends when the asker
+# hears the answer Times are those of the agent's clock (agent_runtime.io.clock), which is also that
+# of what it says. It is even within a life; of two lives, or of two hosts, clocks may differ. So
+# both ends of a span are times of one life of one agent. Must not know: which spans are wanted.
 
 
 RECEIPT = "receipt"
@@ -57,13 +59,16 @@ class HeardReceipt(msgspec.Struct, frozen=True):
 
 
 class Hearing(msgspec.Struct, frozen=True):
-    """Of one agent. `said`: communicate -> when it took it first; `lives`: when each began [unix s]."""
+    """Of one agent. `said`: communicate -> when it took it first; `lives`: when each began [unix
+    s].
+    """
 
     said: dict[Identity, float]
     lives: tuple[float, ...] = ()
 
     def after(self, sent: float, at: float | None) -> float | None:
-        """Return how long after the agent said something, at `sent`, it heard something, at `at` [s].
+        """Return how long after the agent said something, at `sent`, it heard something, at `at`
+        [s].
 
         None where it did not, or where both times are not of one life.
         """
@@ -96,24 +101,34 @@ def receipts(houses: Iterable[House]) -> Iterator[HeardReceipt]:
             yield HeardReceipt(house.received, house.owner, house.peer, receipt)
 
 
-# --- The record of a run as its agents keep it ------------------------------------------------------------------------
+# --- The record of a run as its agents keep it ----------------------------------------------------
 
 
 SETTLED_S = 0.1
-"""A step is in its log so long after it was done, if its agent runs: it writes after 5 ms without a message, and at the
-latest after 64 steps (agent_runtime.io.step_recorder). Later ones are told late, and out of order. Estimate."""
+"""A step is in its log so long after it was done, if its agent runs: it writes after 5 ms without a
+message, and at the latest after 64 steps (agent_runtime.io.step_recorder). Later ones are told
+late, and out of order. Estimate.
+"""
 LOST_S = 5.0
-"""A volatile communicate that nobody took for so long is lost (estimate: a frozen agent goes on within it)."""
+"""A volatile communicate that nobody took for so long is lost (estimate: a frozen agent goes on
+within it).
+"""
 SURE_S = 1.0
-"""An agent that lives so long after something was said in its name has it in its log, if it said it (estimate)."""
+"""An agent that lives so long after something was said in its name has it in its log, if it said it
+(estimate).
+"""
 MOST_AT_ONCE = 5_000
-"""Steps read from one log at a time, so that a reader that begins late shows progress (estimate: 0.3 s)."""
+"""Steps read from one log at a time, so that a reader that begins late shows progress (estimate:
+0.3 s).
+"""
 FROZEN_S = 60.0
 """So long something that was said may be taken later; estimate: pauses of a minute are tried."""
 STILL_TRIES, STILL_S = 50, 0.01
 """Estimate: an agent writes a batch of steps within a millisecond."""
 MOST_SAID = (
-    64  # times that an observation is said and compared: every 2 s, a receiver is away for two minutes (estimate)
+    # times that an observation is said and compared: every 2 s, a receiver is away for two minutes
+    # (estimate)
+    64
 )
 REMEMBERED = 50_000
 """Communicates of which only one log is known so far; 20 MB (estimate)."""
@@ -124,7 +139,8 @@ T = TypeVar("T")
 def ends_now(run: Path) -> dict[str, int]:
     """Return where the logs of a run folder end: a cursor for who wants what is said from now on.
 
-    A log that grows at this moment may end amid a line, so it is looked at until it stands still, STILL_TRIES times.
+    A log that grows at this moment may end amid a line, so it is looked at until it stands still,
+    STILL_TRIES times.
     """
     before: dict[str, int] = {}
     for _ in range(STILL_TRIES):
@@ -144,13 +160,17 @@ class _Log:
         self.waiting: deque[tuple[float, int, steplog.Step]] = deque()
         self.behind = self.broken = False
         self.lives: list[float] = []
-        """When each life but the first began [unix s]: the last steps of the one before may be missing."""
+        """When each life but the first began [unix s]: the last steps of the one before may be
+        missing.
+        """
         self.pairs = False
         """Whether its steps tell what they said, which logs of older versions do not."""
         self.alive: list[float] = []
         """Times at which it is known to have lived, no two within SURE_S / 2 [unix s]."""
         self.since = math.inf if at else -math.inf
-        """When the first step that was read was done [unix s]; what was said before is not known."""
+        """When the first step that was read was done [unix s]; what was said before is not
+        known.
+        """
 
     def read(self) -> None:
         """Read what is new, or MOST_AT_ONCE of it; a damaged log is read up to there."""
@@ -166,7 +186,9 @@ class _Log:
             self.broken = True
 
     def holds(self, identity: Identity, *, said: bool) -> bool:
-        """Whether a step that is read and not told yet, since its clock is ahead, said or took a communicate."""
+        """Whether a step that is read and not told yet, since its clock is ahead, said or took a
+        communicate.
+        """
         for _, _, step in self.waiting:
             if said:
                 some = [one.communicate for one in step.said or ()]
@@ -184,14 +206,20 @@ class _Log:
             self.alive.insert(place, at)
 
     def wrote(self, at: float, until: float) -> bool | None:
-        """Whether it wrote all that it did at `at`; None: not known yet, at `until`. False: it died afterwards."""
+        """Whether it wrote all that it did at `at`; None: not known yet, at `until`. False: it died
+        afterwards.
+        """
         after = bisect_left(self.alive, at + SURE_S)
         if after == len(self.alive) or self.alive[after] > until or self.behind:
             return None
-        return at > self.since + SURE_S and not any(at - SURE_S < life <= self.alive[after] for life in self.lives)
+        return at > self.since + SURE_S and not any(
+            at - SURE_S < life <= self.alive[after] for life in self.lives
+        )
 
     def until(self, now: float) -> float:
-        """The time up to which all of it is read, where the agent has written what it did until `now`."""
+        """The time up to which all of it is read, where the agent has written what it did until
+        `now`.
+        """
         return self.waiting[-1][0] if self.behind else now
 
 
@@ -206,7 +234,9 @@ class Ends:
         self._said: dict[Identity, tuple[tuple[SentMessage, ...], float]] = {}
         self._unsaid: dict[Identity, tuple[Communicate, float]] = {}
         self._paired: dict[Identity, frozenset[int]] = {}
-        """A hash of each that both logs have: copies of it, whoever makes them, are no other words."""
+        """A hash of each that both logs have: copies of it, whoever makes them, are no other
+        words.
+        """
         self._rules, self._paired_at, self._told_until = system.design.rules, 0.0, 0.0
 
     @property
@@ -216,7 +246,9 @@ class Ends:
 
     @property
     def until(self) -> float:
-        """The time [unix s] up to which all that was said is told, unless its receiver takes it later."""
+        """The time [unix s] up to which all that was said is told, unless its receiver takes it
+        later.
+        """
         open_since = (at for _, at in self._said.values() if at > self._told_until - FROZEN_S)
         return min(self._told_until, min(open_since, default=self._told_until))
 
@@ -248,7 +280,9 @@ class Ends:
             yield from self._lost(identity)
 
     def before(self, cursor: Mapping[str, int], alive: Callable[[], None]) -> Iterator[Record]:
-        """Yield what another reader told up to these offsets; `new` goes on there. `alive` is called meanwhile."""
+        """Yield what another reader told up to these offsets; `new` goes on there. `alive` is
+        called meanwhile.
+        """
         for agent in cursor:
             self._logs[agent] = _Log(self._folder / f"{agent}.{STEPS}", 0)
         behind = True
@@ -261,7 +295,7 @@ class Ends:
                     behind |= log.reader.at < cursor[agent] and not log.broken
             yield from self._until(math.inf, cursor)
 
-    # --- in the order of time -----------------------------------------------------------------------------------------
+    # --- in the order of time ---------------------------------------------------------------------
 
     def _until(self, until: float, offsets: Mapping[str, int] | None = None) -> Iterator[Record]:
         """Yield what was done until then [unix s], and stands before these offsets."""
@@ -302,7 +336,9 @@ class Ends:
                     yield record
                     yield from self._taken(one, step.at)
             case Receipted.__name__:
-                yield _receipted(msgspec.msgpack.decode(step.input, type=Receipted), step.at, log.agent)
+                yield _receipted(
+                    msgspec.msgpack.decode(step.input, type=Receipted), step.at, log.agent
+                )
             case Garbled.__name__:
                 told = msgspec.msgpack.decode(step.input, type=Garbled)
                 if "/" in told.key:
@@ -310,7 +346,14 @@ class Ends:
             case kind if kind == BOOT:
                 if log.told_until:
                     log.lives.append(step.at)
-                yield Token(log.agent, step.incarnation, True, step.at, steplog.journal_of(step.input), noted=True)
+                yield Token(
+                    log.agent,
+                    step.incarnation,
+                    True,
+                    step.at,
+                    steplog.journal_of(step.input),
+                    noted=True,
+                )
 
     def _arrived(self, one: Communicate, at: float, agent: str) -> Record | None:
         """The record of a communicate that reached an agent at `at`."""
@@ -322,17 +365,19 @@ class Ends:
         except FipaError:
             return None
 
-    # --- two logs of one communicate ----------------------------------------------------------------------------------
+    # --- two logs of one communicate --------------------------------------------------------------
 
     def _went(self, said: SentMessage, at: float) -> Iterator[Record]:
         one = said.communicate
         identity = one.sender, one.receiver, one.id
-        if one.receiver not in self._system.design.agents:  # it keeps no log, so the sender's has the content
+        # it keeps no log, so the sender's has the content
+        if one.receiver not in self._system.design.agents:
             yield from self._by_sender(said, at)
             return
         came = self._unsaid.pop(identity, None)
         if came is None:
-            # An observation is said again with the time of then, and a receiver that was held up takes the first one.
+            # An observation is said again with the time of then, and a receiver that was held up
+            # takes the first one.
             earlier, _ = self._said.get(identity, ((), at))
             _remember(self._said, identity, ((*earlier[1 - MOST_SAID :], said), at))
         else:
@@ -346,18 +391,29 @@ class Ends:
         elif hash(checked(one)) not in self._paired.get(identity, ()):
             _remember(self._unsaid, identity, (one, at))
 
-    def _compared(self, said: tuple[SentMessage, ...], came: Communicate, at: float) -> Iterator[Unpaired]:
-        """Yield that what came is none of what was said; remember all of it, to know later copies."""
+    def _compared(
+        self, said: tuple[SentMessage, ...], came: Communicate, at: float
+    ) -> Iterator[Unpaired]:
+        """Yield that what came is none of what was said; remember all of it, to know later
+        copies.
+        """
         took, all_said = checked(came), [(one.communicate, one.check) for one in said]
-        _remember(self._paired, (came.sender, came.receiver, came.id), frozenset(map(hash, (took, *all_said))))
+        _remember(
+            self._paired,
+            (came.sender, came.receiver, came.id),
+            frozenset(map(hash, (took, *all_said))),
+        )
         if took not in all_said:
             why = (
-                f"{came.receiver} took other words than {came.sender} said under the id {came.id!r}: their logs differ"
+                f"{came.receiver} took other words than {came.sender} said under the id"
+                f" {came.id!r}: their logs differ"
             )
             yield _unpaired(came, at, why, altered=True)
 
     def _unpaired(self, until: float) -> Iterator[Record]:
-        """Yield what only one of two logs has, where that is certain; all until this time was told."""
+        """Yield what only one of two logs has, where that is certain; all until this time was
+        told.
+        """
         self._paired_at = until
         for agent, times in self._alive.items():
             while times and agent in self._logs:
@@ -369,14 +425,20 @@ class Ends:
             if wrote:
                 yield _not_sent(one, at)
         for identity, ((*_, said), at) in list(self._said.items()):
-            if until >= at + LOST_S and not self._is_kept(said.communicate) and not self._holds(identity):
+            if (
+                until >= at + LOST_S
+                and not self._is_kept(said.communicate)
+                and not self._holds(identity)
+            ):
                 yield from self._lost(identity)
         if not self._unsaid and until < math.inf:
             for log in self._logs.values():
                 del log.alive[: bisect_left(log.alive, until)]
 
     def _wrote(self, identity: Identity, at: float, until: float) -> bool | None:
-        """Whether its sender, which lived on, has not said what was taken at `at`; None: not known yet."""
+        """Whether its sender, which lived on, has not said what was taken at `at`; None: not known
+        yet.
+        """
         log = self._logs.get(identity[0])
         if log is None or not log.pairs or log.broken:
             return False if until >= at + LOST_S else None
@@ -397,7 +459,9 @@ class Ends:
         yield from self._by_sender(said, at)
 
     def _by_sender(self, said: SentMessage, at: float) -> Iterator[Record]:
-        """The record of a communicate that only its sender's log has; none of one that the design has not."""
+        """The record of a communicate that only its sender's log has; none of one that the design
+        has not.
+        """
         try:
             wire = encode(said.communicate)
             record = spoken(said.communicate, wire, at, self._system, Origin.SENDER)
@@ -418,20 +482,29 @@ def _remember(some: dict[Identity, T], identity: Identity, what: T) -> None:
 
 
 def _not_sent(came: Communicate, at: float) -> Unpaired:
-    why = f"{came.receiver} took it, and the log of {came.sender} does not have it: somebody else said it in its name"
+    why = (
+        f"{came.receiver} took it, and the log of {came.sender} does not have it: somebody else"
+        " said it in its name"
+    )
     return _unpaired(came, at, why, altered=False)
 
 
 def _unpaired(one: Communicate, at: float, why: str, *, altered: bool) -> Unpaired:
-    return alike(Unpaired, one, performative=str(one.performative), altered=altered, why=why, received=at)
+    return alike(
+        Unpaired, one, performative=str(one.performative), altered=altered, why=why, received=at
+    )
 
 
 def _receipted(one: Receipted, at: float, agent: str) -> House:
     """The record of a receipt for what an agent said."""
-    return House(RECEIPT, one.peer, agent, at, msgspec.msgpack.encode(alike(Receipt, one, peer=agent)))
+    return House(
+        RECEIPT, one.peer, agent, at, msgspec.msgpack.encode(alike(Receipt, one, peer=agent))
+    )
 
 
 def _key(one: Communicate, system: System) -> str:
     """The key of a communicate that the design does not have, on no channel of it."""
-    told = {name: str(getattr(one, name)) for name in ("sender", "receiver", "protocol", "performative")}
+    told = {
+        name: str(getattr(one, name)) for name in ("sender", "receiver", "protocol", "performative")
+    }
     return system.design.file.system.key.format(system=RECORDED, channel="unknown", **told)

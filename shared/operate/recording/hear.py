@@ -1,9 +1,9 @@
-"""`python -m operate.recording hear`: what goes by in a running fleet, as samples, a JSON object a line, for people's
-tools. It runs where the agents' logs are: here, or in the monitor's container.
+"""`python -m operate.recording hear`: what goes by in a running fleet, as samples, a JSON object a
+line, for people's tools. It runs where the agents' logs are: here, or in the monitor's container.
 
-It begins with the setting of the fleet's recording, and ends when its standard input does: the caller is gone then,
-however. Nothing is kept, and nobody is held: of heartbeats and telemetry, what comes faster than it is read is dropped
-and counted.
+It begins with the setting of the fleet's recording, and ends when its standard input does: the
+caller is gone then, however. Nothing is kept, and nobody is held: of heartbeats and telemetry, what
+comes faster than it is read is dropped and counted.
 """
 
 import os
@@ -33,7 +33,9 @@ NO_ROUTER = 3
 
 
 def serve(options: Options, system: System) -> int:
-    """Print until standard input ends. 0: it did, or nobody reads any more; 3: no router answers."""
+    """Print until standard input ends. 0: it did, or nobody reads any more; 3: no router
+    answers.
+    """
     waiting, until = Waiting(), time.monotonic() + ROUTER_S
     threading.Thread(target=_listen_for_the_end, args=(waiting,), daemon=True).start()
     ends = Ends(options.run_dir, system, ends_now(options.run_dir))
@@ -41,7 +43,10 @@ def serve(options: Options, system: System) -> int:
     tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, who)
     if tap is None:
         look = f"Its recording is looked at with --run {options.run_dir}"
-        print(f"no router answers at {options.connect}; is the fleet up (`roco status`)? {look}", file=sys.stderr)
+        print(
+            f"no router answers at {options.connect}; is the fleet up (`roco status`)? {look}",
+            file=sys.stderr,
+        )
         return NO_ROUTER
     try:
         _print(waiting, ends, options, system)

@@ -1,4 +1,5 @@
-"""A run as it was recorded: what was said, heard and told in it, judged, with what nobody took named.
+"""A run as it was recorded: what was said, heard and told in it, judged, with what nobody took
+named.
 
 Must not know: what a report wants of it.
 """
@@ -51,14 +52,15 @@ class Entered(msgspec.Struct, frozen=True):
 
 
 class History(msgspec.Struct, frozen=True):
-    """A run. `said`: communicates in the order of time, each once; `copies`: those that were re-sent.
+    """A run. `said`: communicates in the order of time, each once; `copies`: those that were
+    re-sent.
 
-    `hearing`: agent -> what it took, and when.
-    `told`: what came on house keys that the system can read (Additions.telemetry): when it was heard, and what.
-    `judged`: what the judge says of it all. `whole`: the recorder ended in order.
-    `houses`: how many of each kind of samples that are not communicates. `setting`: as the recorder was told it, None
-    in a recording without. `down`: processes that the fleet needs and that died or were given up, as its supervisor
-    told last. `faults`: those that were done on purpose.
+    `hearing`: agent -> what it took, and when. `told`: what came on house keys that the system can
+    read (Additions.telemetry): when it was heard, and what. `judged`: what the judge says of it
+    all. `whole`: the recorder ended in order. `houses`: how many of each kind of samples that are
+    not communicates. `setting`: as the recorder was told it, None in a recording without. `down`:
+    processes that the fleet needs and that died or were given up, as its supervisor told last.
+    `faults`: those that were done on purpose.
     """
 
     said: tuple[Spoken, ...] = ()
@@ -83,14 +85,20 @@ class History(msgspec.Struct, frozen=True):
         return min(times, default=0.0)
 
     def took(self, question: Spoken, heard: float | None) -> float | None:
-        """Return the time [s] from a communicate to what its sender heard for it, at `heard`; None if not known."""
+        """Return the time [s] from a communicate to what its sender heard for it, at `heard`; None
+        if not known.
+        """
         sender = self.hearing.get(question.sender)
         return None if sender is None else sender.after(question.sent, heard)
 
     def answered(self, question: Spoken, answer: Spoken) -> float | None:
         """Return the time [s] from a question to an answer."""
         sender = self.hearing.get(question.sender)
-        return None if sender is None else sender.after(question.sent, sender.said.get(answer.identity))
+        return (
+            None
+            if sender is None
+            else sender.after(question.sent, sender.said.get(answer.identity))
+        )
 
 
 class _Beat(msgspec.Struct, frozen=True):
@@ -101,12 +109,22 @@ class _Beat(msgspec.Struct, frozen=True):
 
 
 def of_records(
-    records: Iterable[Record], system: System, *, whole: bool = True, verdicts: tuple[Judged, ...] | None = None
+    records: Iterable[Record],
+    system: System,
+    *,
+    whole: bool = True,
+    verdicts: tuple[Judged, ...] | None = None,
 ) -> History:
-    """The history in these records, in the order of time. `verdicts`: about them; None: they are judged now."""
+    """The history in these records, in the order of time. `verdicts`: about them; None: they are
+    judged now.
+    """
     records = tuple(records)
     said, copies = _told_apart([record for record in records if isinstance(record, Spoken)])
-    houses = [record for record in records if isinstance(record, House) and record.kind not in (SETTING, FAULT)]
+    houses = [
+        record
+        for record in records
+        if isinstance(record, House) and record.kind not in (SETTING, FAULT)
+    ]
     return History(
         said=said,
         copies=copies,
@@ -131,7 +149,10 @@ def _not_taken(said: tuple[Spoken, ...], system: System) -> Iterator[Hole]:
         if one.origin is Origin.SENDER and one.receiver in system.design.agents:
             lost[one.receiver].append(one)
     for agent, some in lost.items():
-        text = f"{_count(some)} to {agent} reached nobody: it was down, frozen or out of reach, or its log lost its end"
+        text = (
+            f"{_count(some)} to {agent} reached nobody: it was down, frozen or out of reach, or its"
+            " log lost its end"
+        )
         yield Hole(some[0].received, some[-1].received, len(some), text)
 
 
@@ -139,7 +160,12 @@ def _torn(records: tuple[Record, ...], whole: bool) -> Iterator[Hole]:
     """Yield that heartbeats and telemetry may be missing."""
     if not whole:
         end = records[-1].received if records else 0.0
-        yield Hole(end, end, 0, "the recorder was killed, or records still: heartbeats and telemetry may end before")
+        yield Hole(
+            end,
+            end,
+            0,
+            "the recorder was killed, or records still: heartbeats and telemetry may end before",
+        )
 
 
 def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken, ...]]:
@@ -154,7 +180,9 @@ def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken
     return tuple(said), tuple(copies)
 
 
-def _decoded(houses: list[House], decoders: Mapping[str, Callable[[bytes], Any]]) -> Iterator[tuple[float, Any]]:
+def _decoded(
+    houses: list[House], decoders: Mapping[str, Callable[[bytes], Any]]
+) -> Iterator[tuple[float, Any]]:
     for house in houses:
         decode = decoders.get(house.kind)
         if decode is not None:
@@ -173,9 +201,13 @@ def _entered(records: tuple[Record, ...]) -> Iterator[Entered]:
 
 
 def state_in(record: Record, last: dict[str, tuple[str, bool]]) -> Entered | None:
-    """Return the change of an agent's state; `last`: agent -> (state, alive) so far. None: no change, or unreadable."""
+    """Return the change of an agent's state; `last`: agent -> (state, alive) so far. None: no
+    change, or unreadable.
+    """
     if isinstance(record, Token):
-        return Entered(record.received, record.agent, last.get(record.agent, ("", True))[0], record.alive)
+        return Entered(
+            record.received, record.agent, last.get(record.agent, ("", True))[0], record.alive
+        )
     if isinstance(record, House) and record.kind == "state":
         try:
             beat = msgspec.json.decode(record.data, type=_Beat)

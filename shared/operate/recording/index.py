@@ -1,7 +1,9 @@
-"""The index of a recording: its messages gathered in chunks, by which tools find them. Rerun reads no others.
+"""The index of a recording: its messages gathered in chunks, by which tools find them. Rerun reads
+no others.
 
-A recorder writes without chunks, so that a kill costs little. Who closes or repairs the file writes it again in its
-place, by rename: a reader sees the old one or the new one. Must not know: what a message says.
+A recorder writes without chunks, so that a kill costs little. Who closes or repairs the file writes
+it again in its place, by rename: a reader sees the old one or the new one. Must not know: what a
+message says.
 """
 
 import fcntl
@@ -21,15 +23,18 @@ from agent_runtime.io.run_files import replaced
 from fipa_codec.communicate import UNREADABLE
 from operate.recording.stored import RECORD_LIMIT, TORN, NoRecordingError, stored
 
-DATA_END = struct.Struct("<BQI")  # kind of record, bytes behind, checksum (MCAP specification, Data End)
-FOOTER = struct.Struct("<BQQQI")  # kind, bytes behind, begin of the summary, of its offsets, checksum (Footer)
+# kind of record, bytes behind, checksum (MCAP specification, Data End)
+DATA_END = struct.Struct("<BQI")
+# kind, bytes behind, begin of the summary, of its offsets, checksum (Footer)
+FOOTER = struct.Struct("<BQQQI")
 REPAIRED = "repaired"
 """Name of the metadata in a recording that was not closed in order."""
 
 
 class Written(msgspec.Struct, frozen=True):
-    """A recording with its index: how many messages were written again, 0 where it had one; `whole`: it was closed in
-    order. `lost`: bytes at its end that could not be read; `kept`: the file as it was, "" where none were lost.
+    """A recording with its index: how many messages were written again, 0 where it had one;
+    `whole`: it was closed in order. `lost`: bytes at its end that could not be read; `kept`: the
+    file as it was, "" where none were lost.
     """
 
     file: str
@@ -40,7 +45,9 @@ class Written(msgspec.Struct, frozen=True):
 
 
 def repaired(path: Path) -> Written:
-    """Write a recording again with an index, if it has none. Raise OSError; NoRecordingError where nothing can be."""
+    """Write a recording again with an index, if it has none. Raise OSError; NoRecordingError where
+    nothing can be.
+    """
     if not path.is_file():
         raise NoRecordingError(path, "is not there")
     try:
@@ -54,8 +61,8 @@ def repaired(path: Path) -> Written:
 
 
 def write(path: Path) -> int:
-    """Write a recording again with an index, if it has none; return where its messages end [bytes], 0 where there are
-    none. Raise OSError, and BlockingIOError while a recorder writes it.
+    """Write a recording again with an index, if it has none; return where its messages end [bytes],
+    0 where there are none. Raise OSError, and BlockingIOError while a recorder writes it.
     """
     return _written(path)[1]
 
@@ -72,7 +79,9 @@ def _written(path: Path) -> tuple[Written | None, int]:
             copy = _Copy(new)
             copy.take(file)
             lost = 0 if copy.whole else path.stat().st_size - copy.end
-            done = Written(str(path), copy.messages, copy.whole, lost, str(free_name(path)) if lost else "")
+            done = Written(
+                str(path), copy.messages, copy.whole, lost, str(free_name(path)) if lost else ""
+            )
             copy.finish(done)
             if done.kept:
                 os.link(path, done.kept)
@@ -96,7 +105,9 @@ def _end(path: Path) -> int:
 
 
 def _is_indexed(file: IO[bytes]) -> bool:
-    """Whether a file was closed in order and has all of its messages in chunks that its index names."""
+    """Whether a file was closed in order and has all of its messages in chunks that its index
+    names.
+    """
     try:
         summary = SeekingReader(file, record_size_limit=RECORD_LIMIT).get_summary()
     except (*TORN, OSError):
@@ -116,7 +127,9 @@ def _is_whole(message: Message) -> bool:
 
 
 class _Copy:
-    """A file with the records of another one: their order stays, schemas and channels are numbered anew."""
+    """A file with the records of another one: their order stays, schemas and channels are numbered
+    anew.
+    """
 
     def __init__(self, new: IO[bytes]) -> None:
         self._writer = Writer(new)
@@ -139,7 +152,9 @@ class _Copy:
     def finish(self, done: Written) -> None:
         """Note what was lost, and write the index."""
         if not done.whole:
-            self._writer.add_metadata(REPAIRED, {"messages": str(done.messages), "lost_bytes": str(done.lost)})
+            self._writer.add_metadata(
+                REPAIRED, {"messages": str(done.messages), "lost_bytes": str(done.lost)}
+            )
         self._writer.finish()
 
     def _add(self, one: McapRecord) -> None:
@@ -148,7 +163,9 @@ class _Copy:
             self._writer.start(*((one.profile, one.library) if isinstance(one, Header) else ()))
         match one:
             case Schema() if one.id not in self._schemas:  # the summary at the end repeats them
-                self._schemas[one.id] = self._writer.register_schema(one.name, one.encoding, one.data)
+                self._schemas[one.id] = self._writer.register_schema(
+                    one.name, one.encoding, one.data
+                )
             case Channel() if one.id not in self._channels:
                 schema = self._schemas.get(one.schema_id, 0)
                 self._channels[one.id] = self._writer.register_channel(
@@ -156,12 +173,18 @@ class _Copy:
                 )
             case Message() if one.channel_id in self._channels:
                 self._writer.add_message(
-                    self._channels[one.channel_id], one.log_time, one.data, one.publish_time, one.sequence
+                    self._channels[one.channel_id],
+                    one.log_time,
+                    one.data,
+                    one.publish_time,
+                    one.sequence,
                 )
                 self.messages += 1
             case Metadata():
                 self._writer.add_metadata(one.name, one.metadata)
             case Attachment():
-                self._writer.add_attachment(one.create_time, one.log_time, one.name, one.media_type, one.data)
+                self._writer.add_attachment(
+                    one.create_time, one.log_time, one.name, one.media_type, one.data
+                )
             case Footer():
                 self.whole = True

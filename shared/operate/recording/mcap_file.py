@@ -1,8 +1,9 @@
 """traffic.mcap: written record by record, readable up to wherever its writing ended.
 
-Topics: `communicates/<channel>`, `house/<kind>`, `tokens`, `garbage`, `unpaired`; messages in JSON with a JSON schema,
-log time = heard, publish time = sent. While it is written, records are not gathered in chunks: one that a kill cuts off
-would be lost as a whole. When it is closed, it is written again in chunks (index.py).
+Topics: `communicates/<channel>`, `house/<kind>`, `tokens`, `garbage`, `unpaired`; messages in JSON
+with a JSON schema, log time = heard, publish time = sent. While it is written, records are not
+gathered in chunks: one that a kill cuts off would be lost as a whole. When it is closed, it is
+written again in chunks (index.py).
 """
 
 import fcntl
@@ -27,13 +28,15 @@ from operate.recording.records import Garbage, House, Record, Spoken, Token, Unp
 from operate.recording.stored import CONTENTS, NOTE, TORN, NoRecordingError, stored
 from operate.system import System
 
-# --- The JSON schema of a record, in the narrow form that viewers of MCAP read ---------------------------------------
-# Foxglove's parser wants `type: object` at the root and a plain type for each field; it follows no `$ref`, which is
-# what msgspec writes for a Struct and for an enumeration.
+# --- The JSON schema of a record, in the narrow form that viewers of MCAP read --------------------
+# Foxglove's parser wants `type: object` at the root and a plain type for each field; it follows no
+# `$ref`, which is what msgspec writes for a Struct and for an enumeration.
 
 
 def schema(kind: type) -> dict[str, Any]:
-    """The schema of a Struct whose fields are plain or enumerations; each reference stands where it points to."""
+    """The schema of a Struct whose fields are plain or enumerations; each reference stands where it
+    points to.
+    """
     (root,), parts = msgspec.json.schema_components((kind,))
     return _inlined(root, parts)
 
@@ -44,11 +47,15 @@ def _inlined(one: dict[str, Any], parts: dict[str, Any]) -> dict[str, Any]:
     if "enum" in one:
         one = {"type": "string", **one}
     if "properties" in one:
-        one = one | {"properties": {name: _inlined(field, parts) for name, field in one["properties"].items()}}
+        one = one | {
+            "properties": {
+                name: _inlined(field, parts) for name, field in one["properties"].items()
+            }
+        }
     return one
 
 
-# --- traffic.mcap -----------------------------------------------------------------------------------------------------
+# --- traffic.mcap ---------------------------------------------------------------------------------
 
 
 FILE = "traffic.mcap"
@@ -56,7 +63,12 @@ CURSOR_FILE = "traffic.cursor.json"
 PROFILE = "robot-companion"
 _NS = 1_000_000_000
 _encoder = msgspec.json.Encoder()
-_KINDS: dict[str, type] = {"communicates": Spoken, "house": House, "tokens": Token, "unpaired": Unpaired}
+_KINDS: dict[str, type] = {
+    "communicates": Spoken,
+    "house": House,
+    "tokens": Token,
+    "unpaired": Unpaired,
+}
 _decoders: dict[type, msgspec.json.Decoder[Any]] = {
     kind: msgspec.json.Decoder(kind) for kind in (Spoken, House, Token, Garbage, Unpaired)
 }
@@ -65,8 +77,9 @@ _decoders: dict[type, msgspec.json.Decoder[Any]] = {
 class Cursor(msgspec.Struct, frozen=True):
     """A place in a recording from which it goes on, in the file CURSOR_FILE beside it.
 
-    `end`: bytes up to there; `count`, `until`: records, and the time of the last one [unix s]; `topics`: in the order
-    of their numbers; `schemas`: a checksum of what records look like; `logs`: agent -> offset in its step log.
+    `end`: bytes up to there; `count`, `until`: records, and the time of the last one [unix s];
+    `topics`: in the order of their numbers; `schemas`: a checksum of what records look like;
+    `logs`: agent -> offset in its step log.
     """
 
     end: int = 0
@@ -91,15 +104,17 @@ class Recording:
     """An open recording, for its owner alone."""
 
     def __init__(self, path: Path, before: Cursor | None = None) -> None:
-        """Begins the file, or goes on at `before`: what follows there is cut off. One that is there and has no cursor
-        is kept under another name. The file has no statistics and no index of notes at its end then.
+        """Begins the file, or goes on at `before`: what follows there is cut off. One that is there
+        and has no cursor is kept under another name. The file has no statistics and no index of
+        notes at its end then.
         """
         self._path = path
         path.parent.mkdir(parents=True, exist_ok=True)
         if before is None and path.exists() and path.stat().st_size:
             path.rename(free_name(path))
         self._file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "r+b")
-        fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)  # until it is closed, nobody writes it again
+        # until it is closed, nobody writes it again
+        fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         alone = {} if before is None else {"use_statistics": False, "index_types": IndexType.NONE}
         self._writer = Writer(self._file, use_chunking=False, **alone)
         self._schemas: dict[type, int] = {}
@@ -123,7 +138,11 @@ class Recording:
         self._count += 1
         self.taken_until = max(self.taken_until, record.received)
         heard = int(record.received * _NS)
-        sent = int(record.sent * _NS) if isinstance(record, Spoken) and 0 < record.sent < 1e10 else heard
+        sent = (
+            int(record.sent * _NS)
+            if isinstance(record, Spoken) and 0 < record.sent < 1e10
+            else heard
+        )
         channel = self._channel(topic(record), type(record))
         self._writer.add_message(channel, heard, _encoder.encode(record), sent, self._count)
 
@@ -141,15 +160,18 @@ class Recording:
         self._file.flush()
 
     def keep(self, logs: Mapping[str, int]) -> None:
-        """Flush, and write down that a later recorder goes on here, and at these offsets of the agents' logs."""
+        """Flush, and write down that a later recorder goes on here, and at these offsets of the
+        agents' logs.
+        """
         self.flush()
         self._keep(self.size, logs)
 
     def finish(self, logs: Mapping[str, int] | None = None) -> str:
-        """Write the summary, close, and write it again with an index. Return why that failed, "" if it did not.
+        """Write the summary, close, and write it again with an index. Return why that failed, "" if
+        it did not.
 
-        The recording is whole all the same; Rerun, for one, reads nothing from it before `roco record repair`. With
-        `logs` a later recorder can go on behind it.
+        The recording is whole all the same; Rerun, for one, reads nothing from it before `roco
+        record repair`. With `logs` a later recorder can go on behind it.
         """
         end = self.size
         self._writer.finish()
@@ -164,14 +186,18 @@ class Recording:
         return why
 
     def _keep(self, end: int, logs: Mapping[str, int]) -> None:
-        now = Cursor(end, self._count, self.taken_until, tuple(self._channels), _schemas(), dict(logs))
+        now = Cursor(
+            end, self._count, self.taken_until, tuple(self._channels), _schemas(), dict(logs)
+        )
         write_secret(self._path.with_name(CURSOR_FILE), _encoder.encode(now))
 
     def _channel(self, name: str, kind: type) -> int:
         if name not in self._channels:
             if kind not in self._schemas:
                 data = _encoder.encode(schema(kind))
-                self._schemas[kind] = self._writer.register_schema(kind.__name__, "jsonschema", data)
+                self._schemas[kind] = self._writer.register_schema(
+                    kind.__name__, "jsonschema", data
+                )
             self._channels[name] = self._writer.register_channel(name, "json", self._schemas[kind])
         return self._channels[name]
 
@@ -206,7 +232,8 @@ class Read(msgspec.Struct, frozen=True):
 class Reading:
     """The records of one traffic.mcap as they stand in it, one by one; of a missing file none.
 
-    `whole`, once all are read: whether it was closed in order, nothing is cut off, nor was before a repair.
+    `whole`, once all are read: whether it was closed in order, nothing is cut off, nor was before a
+    repair.
     """
 
     def __init__(self, path: Path, system: System | None = None) -> None:
@@ -215,7 +242,9 @@ class Reading:
         self.whole = False
 
     def __iter__(self) -> Iterator[Record]:
-        """Ends where the file does, however. Raise NoRecordingError for contents of another version."""
+        """Ends where the file does, however. Raise NoRecordingError for contents of another
+        version.
+        """
         if not self._path.exists():
             return
         with self._path.open("rb") as file:
@@ -252,13 +281,17 @@ class Reading:
 
 
 def read(path: Path, system: System | None = None) -> Read:
-    """Everything readable of one traffic.mcap, recorded of this system; of a missing file nothing."""
+    """Everything readable of one traffic.mcap, recorded of this system; of a missing file
+    nothing.
+    """
     reading = Reading(path, system)
     return Read(tuple(reading), reading.whole)
 
 
 def first(path: Path) -> Record | None:
-    """The first record of a recording, which a recorder begins with its setting; None where nothing can be read."""
+    """The first record of a recording, which a recorder begins with its setting; None where nothing
+    can be read.
+    """
     return next(iter(Reading(path)), None)
 
 

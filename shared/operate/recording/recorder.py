@@ -1,10 +1,12 @@
-"""The recorder: one thread that reads the agents' step logs, writes and judges, for each system apart; then reports.
+"""The recorder: one thread that reads the agents' step logs, writes and judges, for each system
+apart; then reports.
 
-What agents said to each other comes from their logs (ends.py), from a cursor: a recorder that was killed, frozen or
-started late misses nothing of it, and no agent waits for it. Heartbeats, telemetry and tokens come by a tap, whose
-callbacks only enqueue; of these, what passes while no recorder lives is lost. Everything is with the operating system
-within FLUSH_S. The thread takes what the fleet leaves of the processor. SIGTERM ends the recording in order and makes
-report and pictures.
+What agents said to each other comes from their logs (ends.py), from a cursor: a recorder that was
+killed, frozen or started late misses nothing of it, and no agent waits for it. Heartbeats,
+telemetry and tokens come by a tap, whose callbacks only enqueue; of these, what passes while no
+recorder lives is lost. Everything is with the operating system within FLUSH_S. The thread takes
+what the fleet leaves of the processor. SIGTERM ends the recording in order and makes report and
+pictures.
 """
 
 import math
@@ -53,9 +55,9 @@ from operate.run_folder import LIVE_FILE, STEPS, VERDICTS_FILE, Against, Happene
 from operate.system import System
 from topdown.judge.verdicts import Verdict
 
-# --- Folders of the recordings of several systems: robots at one router, and one monitor -----------------------------
-# With one system its recording is in the run folder itself; with several each has the folder of its name therein, which
-# may be the run folder of that robot's fleet, and its step logs are there then.
+# --- Folders of the recordings of several systems: robots at one router, and one monitor ----------
+# With one system its recording is in the run folder itself; with several each has the folder of its
+# name therein, which may be the run folder of that robot's fleet, and its step logs are there then.
 
 
 SYSTEM_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
@@ -67,7 +69,9 @@ class SystemNameError(ValueError):
 
     def __init__(self, name: str) -> None:
         self.name = name
-        super().__init__(f"no system can be called {name!r}: letters, digits and _.- only, as in velma1")
+        super().__init__(
+            f"no system can be called {name!r}: letters, digits and _.- only, as in velma1"
+        )
 
 
 def folders(run: Path, systems: tuple[str, ...]) -> dict[str, Path]:
@@ -78,10 +82,11 @@ def folders(run: Path, systems: tuple[str, ...]) -> dict[str, Path]:
     return {systems[0]: run} if len(systems) == 1 else {name: run / name for name in systems}
 
 
-# --- Step logs of agents on other hosts, or in containers of their own: copied into the recorder's run folder --------
-# An agent that lives and has no log in the folder is asked for it, each ASK_S, with what is there of it already
-# (agent_runtime.io.steplog). So a copy is whole whenever the recorder began, and whatever was lost on the way; who
-# reads the folder reads a copy as any other log.
+# --- Step logs of agents on other hosts, or in containers of their own: copied into the recorder's
+# run folder
+# An agent that lives and has no log in the folder is asked for it, each ASK_S, with what is there
+# of it already (agent_runtime.io.steplog). So a copy is whole whenever the recorder began, and
+# whatever was lost on the way; who reads the folder reads a copy as any other log.
 
 
 ASK_S = 1.0
@@ -139,7 +144,7 @@ class CopiedLogs:
         return log.stat().st_size if log.exists() else 0
 
 
-# --- The recorder -----------------------------------------------------------------------------------------------------
+# --- The recorder ---------------------------------------------------------------------------------
 
 
 NAME = "monitor"
@@ -147,18 +152,32 @@ FLUSH_S = 0.1
 SIGNAL_S = 0.5
 """Between two looks of the thread that runs signals' handlers at whether one came (estimate)."""
 NICENESS = 10
-"""The fleet comes first (benchmarks/README.md). In the class SCHED_IDLE the tap reads so late on a busy machine that
-the router closes its session; at 19 it was slower there than at 10.
+"""The fleet comes first (benchmarks/README.md). In the class SCHED_IDLE the tap reads so late on a
+busy machine that the router closes its session; at 19 it was slower there than at 10.
 """
 MOST_READ_AGAIN = 64 * 1024 * 1024
-"""Bytes of logs that a recorder which goes on reads again, so that it can judge what it finds open (estimate: twenty
-pours, a few seconds). Beyond that, conversations that had begun before are not judged.
+"""Bytes of logs that a recorder which goes on reads again, so that it can judge what it finds open
+(estimate: twenty pours, a few seconds). Beyond that, conversations that had begun before are not
+judged.
 """
 MOST_BYTES = 8 * 1024 * 1024 * 1024
-"""Of a recording; then it goes on without one. Estimate: a pour has 25 MB in 100 s, so nine hours of pouring."""
+"""Of a recording; then it goes on without one. Estimate: a pour has 25 MB in 100 s, so nine hours
+of pouring.
+"""
 MOST_BYTES_OF_LINES = 1024 * 1024 * 1024
 """Of live.jsonl, and of verdicts.jsonl; estimate: days of pouring."""
-TOLD = ("verdict", "why", "channel", "sender", "receiver", "protocol", "performative", "conversation", "id", "key")
+TOLD = (
+    "verdict",
+    "why",
+    "channel",
+    "sender",
+    "receiver",
+    "protocol",
+    "performative",
+    "conversation",
+    "id",
+    "key",
+)
 """Log event of a communicate that is not as designed."""
 
 
@@ -193,7 +212,9 @@ class _Lines:
 
 
 class Recorder:
-    """Writes what samples say: traffic.mcap, live.jsonl, verdicts.jsonl; `say` gets what is not as designed."""
+    """Writes what samples say: traffic.mcap, live.jsonl, verdicts.jsonl; `say` gets what is not as
+    designed.
+    """
 
     def __init__(
         self,
@@ -203,7 +224,9 @@ class Recorder:
         name: str = "",
         alive: Callable[[], None] = lambda: None,
     ) -> None:
-        """`name`: of the system, in its keys. `alive` is called while it reads what an earlier recorder recorded."""
+        """`name`: of the system, in its keys. `alive` is called while it reads what an earlier
+        recorder recorded.
+        """
         make_run(run)
         before = cursor(run)
         self._recording = Recording(run / FILE, before)
@@ -277,7 +300,9 @@ class Recorder:
         if isinstance(record, Token) and not self._is_news(record):
             return
         if self._is_recorded(record):
-            self._recording.add(record.bare() if isinstance(record, Spoken) and record.size > MUCH_BYTES else record)
+            self._recording.add(
+                record.bare() if isinstance(record, Spoken) and record.size > MUCH_BYTES else record
+            )
         for line in self._live.lines(record):
             self._live_file.write(msgspec.json.encode(line) + b"\n")
         self._judged(self._judging.lines(record))
@@ -291,7 +316,9 @@ class Recorder:
         return True
 
     def _is_recorded(self, record: Record) -> bool:
-        """Whether it is recorded: until the file is full, and of samples that are not communicates one per key."""
+        """Whether it is recorded: until the file is full, and of samples that are not communicates
+        one per key.
+        """
         if isinstance(record, Garbage):
             self._garbage.over(record.received)
             if not self._garbage.told(record.key, record.received):
@@ -302,9 +329,14 @@ class Recorder:
         files = (self._recording.size >= MOST_BYTES, self._live_file.full, self._verdicts.full)
         if any(files) and not self._full:
             self._full = True
-            why = "a file of the run is full, what is said is not recorded any more; begin a new run to have it"
+            why = (
+                "a file of the run is full, what is said is not recorded any more; begin a new run"
+                " to have it"
+            )
             self._say("disk limit", level="error", why=why)
-            self._live_file.write(msgspec.json.encode(Happened(t=time.time(), name="disk limit", text=why)) + b"\n")
+            self._live_file.write(
+                msgspec.json.encode(Happened(t=time.time(), name="disk limit", text=why)) + b"\n"
+            )
 
     def look_for_faults(self) -> None:
         """Record what `roco fault` has written since the last look."""
@@ -368,11 +400,15 @@ _OTHERS = Judged(t=0.0, verdict=Verdict.MALFORMED, bytes=0, why="others", violat
 
 def _kind(one: Judged) -> Judged:
     """Return the key by which verdicts are told together: a verdict about a sender on a channel."""
-    return Judged(0.0, one.verdict, 0, one.channel, one.sender, one.receiver, key=one.key, violation=True)
+    return Judged(
+        0.0, one.verdict, 0, one.channel, one.sender, one.receiver, key=one.key, violation=True
+    )
 
 
 def _against(one: Judged) -> Against:
-    return Against(one.t, one.verdict, one.channel, one.sender, one.receiver, one.performative, one.why)
+    return Against(
+        one.t, one.verdict, one.channel, one.sender, one.receiver, one.performative, one.why
+    )
 
 
 def _verdict_fields(one: Judged) -> dict[str, str]:
@@ -382,9 +418,14 @@ def _verdict_fields(one: Judged) -> dict[str, str]:
 class Recorders:
     """The recorders of all systems; a sample goes to its system's."""
 
-    def __init__(self, where: Mapping[str, Path], system: System, say: Say, alive: Callable[[], None]) -> None:
+    def __init__(
+        self, where: Mapping[str, Path], system: System, say: Say, alive: Callable[[], None]
+    ) -> None:
         self._where, self._system, self._say = where, system, say
-        self._of = {name: Recorder(run, system, partial(say, system=name), name, alive) for name, run in where.items()}
+        self._of = {
+            name: Recorder(run, system, partial(say, system=name), name, alive)
+            for name, run in where.items()
+        }
         self._all = tuple(self._of.values())
         self.files = {name: str(run / FILE) for name, run in where.items()}
 
@@ -416,8 +457,8 @@ class Recorders:
 def serve(options: Options, system: System) -> int:
     """Record until SIGTERM or SIGINT, then make the reports.
 
-    0: all; 1: some could not be made, or the disk took nothing: who supervises starts the recorder again, and what it
-    missed is filled from the agents' step logs; 2: a wrong name.
+    0: all; 1: some could not be made, or the disk took nothing: who supervises starts the recorder
+    again, and what it missed is filled from the agents' step logs; 2: a wrong name.
     """
     run = options.run_dir
     make_run(run)
@@ -434,9 +475,11 @@ def serve(options: Options, system: System) -> int:
     try:
         pulse = ProcessHeartbeat(run, NAME)
         recorders = Recorders(where, system, log.write, pulse.beat)
-        with ThreadPoolExecutor(1, initializer=_give_way) as pool:  # the reports have the priority of this thread again
+        # the reports have the priority of this thread again
+        with ThreadPoolExecutor(1, initializer=_give_way) as pool:
             recording = pool.submit(_tap, options, recorders, waiting, pulse, log.write)
-            while not recording.done():  # a signal may reach another thread than this, which alone runs its handler
+            # a signal may reach another thread than this, which alone runs its handler
+            while not recording.done():
                 wait((recording,), SIGNAL_S)
             recording.result()
     except OSError as error:
@@ -449,16 +492,22 @@ def serve(options: Options, system: System) -> int:
     from operate.recording.run import Run
     from operate.reports import make
 
-    made = [make.everything(Run(folder, system), partial(log.write, system=name)) for name, folder in where.items()]
+    made = [
+        make.everything(Run(folder, system), partial(log.write, system=name))
+        for name, folder in where.items()
+    ]
     log.close()
     return 0 if all(made) else 1
 
 
 def _give_way() -> None:
-    os.setpriority(os.PRIO_PROCESS, 0, os.getpriority(os.PRIO_PROCESS, 0) + NICENESS)  # of this thread alone
+    # of this thread alone
+    os.setpriority(os.PRIO_PROCESS, 0, os.getpriority(os.PRIO_PROCESS, 0) + NICENESS)
 
 
-def _tap(options: Options, recorders: Recorders, waiting: Waiting, pulse: ProcessHeartbeat, say: Say) -> None:
+def _tap(
+    options: Options, recorders: Recorders, waiting: Waiting, pulse: ProcessHeartbeat, say: Say
+) -> None:
     """Record until no more is wanted; heartbeats and telemetry from when the router is there."""
     say("recording", **recorders.files)
     scene = str(options.scene) if options.scene else ""
@@ -467,7 +516,8 @@ def _tap(options: Options, recorders: Recorders, waiting: Waiting, pulse: Proces
     with ThreadPoolExecutor(1) as pool:
         tap = pool.submit(_listen, options, waiting, say)
         try:
-            recorders.show()  # now that it records: what draws takes seconds of a busy processor to start
+            # now that it records: what draws takes seconds of a busy processor to start
+            recorders.show()
             _record(recorders, waiting, pulse, tap)
         finally:
             waiting.stop()
@@ -491,7 +541,9 @@ def _listen(options: Options, waiting: Waiting, say: Say) -> Tap | None:
     return tap
 
 
-def _record(recorders: Recorders, waiting: Waiting, pulse: ProcessHeartbeat, tap: "Future[Tap | None]") -> None:
+def _record(
+    recorders: Recorders, waiting: Waiting, pulse: ProcessHeartbeat, tap: "Future[Tap | None]"
+) -> None:
     flushed = time.monotonic()
     while not waiting.stopped:
         pulse.beat()

@@ -1,7 +1,8 @@
-"""Records of the monitor in traffic.mcap: one Struct per topic, in JSON that any MCAP reader can show.
+"""Records of the monitor in traffic.mcap: one Struct per topic, in JSON that any MCAP reader can
+show.
 
-A communicate is recorded with its fields, its whole bytes and its two times; what is none is recorded as it came.
-Must not know: where records come from, what is made of them.
+A communicate is recorded with its fields, its whole bytes and its two times; what is none is
+recorded as it came. Must not know: where records come from, what is made of them.
 """
 
 from contextlib import suppress
@@ -21,7 +22,9 @@ from operate.system import System
 from topdown.model.design import Design
 
 GARBAGE_BYTES = 64 * 1024
-"""Number of bytes kept of a sample that is not a communicate; estimate: enough to see what it was."""
+"""Number of bytes kept of a sample that is not a communicate; estimate: enough to see what it
+was.
+"""
 SETTING = "setting"
 """Kind of the recorder's own first record."""
 HEARTBEAT = "state"
@@ -53,17 +56,20 @@ class NotReadable(RuntimeError):
     """The content of a record was asked for, and nobody said in which languages it is."""
 
     def __init__(self) -> None:
-        super().__init__("the content cannot be read: give mcap_file.read the system, or call Spoken.read_in")
+        super().__init__(
+            "the content cannot be read: give mcap_file.read the system, or call Spoken.read_in"
+        )
 
 
 class Spoken(msgspec.Struct, frozen=True, dict=True):
-    """A communicate. Times in unix seconds: when it was sent, and when its receiver took it (nobody: when it was sent).
+    """A communicate. Times in unix seconds: when it was sent, and when its receiver took it
+    (nobody: when it was sent).
 
-    `wire`: its bytes (base64 in JSON), `size`: their number. The content is not in `wire` if nobody took it, or if
-    it is large: then the log of its receiver alone has it.
+    `wire`: its bytes (base64 in JSON), `size`: their number. The content is not in `wire` if nobody
+    took it, or if it is large: then the log of its receiver alone has it.
 
-    `text`: its content in a few words, for viewers; "" in recordings of older versions. The content can be read once
-    `read_in` was told the languages of its system.
+    `text`: its content in a few words, for viewers; "" in recordings of older versions. The content
+    can be read once `read_in` was told the languages of its system.
     """
 
     size: int
@@ -93,7 +99,9 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def content(self) -> Any:
-        """Return the content, an object of its language; None without content, or if it cannot be read."""
+        """Return the content, an object of its language; None without content, or if it cannot be
+        read.
+        """
         return self._read[0]
 
     @property
@@ -127,12 +135,16 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
 
     @property
     def identity(self) -> Identity:
-        """Return the key shared by re-sent copies: ids are numbers of a stream, or names chosen by the sender."""
+        """Return the key shared by re-sent copies: ids are numbers of a stream, or names chosen by
+        the sender.
+        """
         return self.sender, self.receiver, self.id
 
 
 class House(msgspec.Struct, frozen=True):
-    """Traffic beside communicates (`kind`: receipt, ping, telemetry, ...) from `owner`, perhaps to `peer`."""
+    """Traffic beside communicates (`kind`: receipt, ping, telemetry, ...) from `owner`, perhaps to
+    `peer`.
+    """
 
     kind: str
     owner: str
@@ -142,7 +154,9 @@ class House(msgspec.Struct, frozen=True):
 
 
 class Setting(msgspec.Struct, frozen=True):
-    """Settings with which the fleet was started: `speed` "1" or "max"; `scene`: its file, "" for the canonical one."""
+    """Settings with which the fleet was started: `speed` "1" or "max"; `scene`: its file, "" for
+    the canonical one.
+    """
 
     seed: int
     speed: str
@@ -150,7 +164,8 @@ class Setting(msgspec.Struct, frozen=True):
 
 
 class Token(msgspec.Struct, frozen=True):
-    """The liveliness token of an agent's incarnation appeared or vanished; `journal`: the name of its journal.
+    """The liveliness token of an agent's incarnation appeared or vanished; `journal`: the name of
+    its journal.
 
     `noted`: the agent's own log tells that this life began.
     """
@@ -164,9 +179,11 @@ class Token(msgspec.Struct, frozen=True):
 
 
 class Garbage(msgspec.Struct, frozen=True):
-    """Bytes that are not a communicate, or not the one their key says, or one the design does not have.
+    """Bytes that are not a communicate, or not the one their key says, or one the design does not
+    have.
 
-    `log`: the agent that it reached. Its log does not keep bytes that are not a communicate, only the reason.
+    `log`: the agent that it reached. Its log does not keep bytes that are not a communicate, only
+    the reason.
     """
 
     key: str
@@ -178,8 +195,8 @@ class Garbage(msgspec.Struct, frozen=True):
 
 
 class Unpaired(msgspec.Struct, frozen=True):
-    """A communicate of which the logs of sender and receiver do not agree: the receiver took it at `received`, and the
-    sender did not say it, or (`altered`) said other words.
+    """A communicate of which the logs of sender and receiver do not agree: the receiver took it at
+    `received`, and the sender did not say it, or (`altered`) said other words.
     """
 
     sender: str
@@ -205,7 +222,12 @@ def understood(sample: Sample, system: System) -> Record:
         communicate = decode_strictly(sample.data)
     except FipaError as error:
         return _garbage(sample, str(error))
-    told = (communicate.sender, communicate.receiver, communicate.protocol, str(communicate.performative))
+    told = (
+        communicate.sender,
+        communicate.receiver,
+        communicate.protocol,
+        str(communicate.performative),
+    )
     if tuple(chunks[3:]) != told:
         return _garbage(sample, f"the communicate says {'/'.join(told)}")
     try:
@@ -219,7 +241,11 @@ def understood(sample: Sample, system: System) -> Record:
 
 
 def spoken(
-    communicate: Communicate, wire: bytes, received: float, system: System, origin: Origin = Origin.RECEIVER
+    communicate: Communicate,
+    wire: bytes,
+    received: float,
+    system: System,
+    origin: Origin = Origin.RECEIVER,
 ) -> Spoken:
     """The record of a communicate that the design knows. Raise LookupError for another one."""
     read = Spoken(
@@ -275,7 +301,9 @@ def setting_in(record: Record) -> Setting | None:
 
 
 def communicate_in(record: Record) -> Communicate | None:
-    """Return the communicate of a record, also of one that the design does not have; None where it is none."""
+    """Return the communicate of a record, also of one that the design does not have; None where it
+    is none.
+    """
     if isinstance(record, Spoken):
         return record.communicate
     try:
@@ -284,7 +312,7 @@ def communicate_in(record: Record) -> Communicate | None:
         return None
 
 
-# --- A record as the sample that it was made of, to look at or to replay ---------------------------------------------
+# --- A record as the sample that it was made of, to look at or to replay --------------------------
 
 
 def sampled(record: Record, design: Design, system: str = RECORDED) -> Sample | None:
@@ -293,13 +321,17 @@ def sampled(record: Record, design: Design, system: str = RECORDED) -> Sample | 
     match record:
         case Spoken():
             size = record.size if record.lost else 0
-            return Sample(key_of(record, design.file.system.key, system), record.wire, at, size=size)
+            return Sample(
+                key_of(record, design.file.system.key, system), record.wire, at, size=size
+            )
         case Garbage(data=b"", reason=reason):
             return Sample(record.key, b"", at, broken=reason)
         case Garbage():
             return Sample(record.key, record.data, at)
         case Token():
-            key = service_key(system, "alive", record.agent, life(record.incarnation, record.journal))
+            key = service_key(
+                system, "alive", record.agent, life(record.incarnation, record.journal)
+            )
             return Sample(key, b"", at, token=True, gone=not record.alive)
         case House():
             peer = (record.peer,) if record.peer else ()

@@ -1,8 +1,9 @@
-"""A run as all tools ask it: its records are read once, and what is made of them is made when it is first asked for.
+"""A run as all tools ask it: its records are read once, and what is made of them is made when it is
+first asked for.
 
-A communicate is taken from the agents' step logs; from the recording only where a run folder has no logs, or where a
-recording stands alone. So it does not matter when the recorder began, or whether it lived. Must not know: what a tool
-wants of it.
+A communicate is taken from the agents' step logs; from the recording only where a run folder has no
+logs, or where a recording stands alone. So it does not matter when the recorder began, or whether
+it lived. Must not know: what a tool wants of it.
 """
 
 from collections.abc import Iterator
@@ -76,7 +77,9 @@ class Run:
     @cached_property
     def history(self) -> History:
         """What was said, heard and told, with what the files of a run folder tell besides."""
-        past = history.of_records(self.records, self.system, whole=self.recorded.whole, verdicts=self.judged)
+        past = history.of_records(
+            self.records, self.system, whole=self.recorded.whole, verdicts=self.judged
+        )
         if not self.place.is_dir():
             return past
         later = FaultFile(self.place).new()  # written while no recorder lived
@@ -85,12 +88,15 @@ class Run:
 
     @cached_property
     def trace(self) -> Trace:
-        """Conversations, and which was opened for the sake of which; of a recording alone all links are by time."""
+        """Conversations, and which was opened for the sake of which; of a recording alone all links
+        are by time.
+        """
         logs = sorted((self.place / STEPS).glob(f"*.{STEPS}")) if self.place.is_dir() else []
         return traced.of(self.records, self.history, logs, self.system)
 
     def samples(self, *, everything: bool = False) -> Iterator[Sample]:
-        """The records as samples; without `everything` communicates, tokens and what was no communicate.
+        """The records as samples; without `everything` communicates, tokens and what was no
+        communicate.
 
         With it also the recorder's own first word, its setting, as if it had been heard.
         """
@@ -105,11 +111,15 @@ class Run:
         events = self.system.addition("events")
         return Observed(
             communicates=tuple(_observation(one) for one in self.history.said),
-            events=tuple(event.name for event in events(self.history)) if events is not None else (),
+            events=tuple(event.name for event in events(self.history))
+            if events is not None
+            else (),
         )
 
     def _down(self) -> tuple[ProcessStatus, ...]:
-        """Return the processes that did not run in the end, by the supervisor's file; () without one."""
+        """Return the processes that did not run in the end, by the supervisor's file; () without
+        one.
+        """
         try:
             told = msgspec.json.decode((self.place / FLEET_FILE).read_bytes(), type=Fleet)
         except (OSError, msgspec.DecodeError):
@@ -122,7 +132,9 @@ def opened(place: Path, system: System | None = None) -> Run:
     run = Run(place, system)
     if not run.records:
         path = place / TRAFFIC_FILE if place.is_dir() else place
-        raise NoRecordingError(path, "holds no record that can be read" if path.is_file() else "is not there")
+        raise NoRecordingError(
+            path, "holds no record that can be read" if path.is_file() else "is not there"
+        )
     return run
 
 
@@ -164,4 +176,6 @@ def _is_logged(record: Record) -> bool:
 def _observation(one: Spoken) -> Observation:
     content = "" if one.content is None else f"{one.language}.{type(one.content).__name__}"
     act = one.communicate.performative
-    return alike(Observation, one, at=one.received, performative=act, bytes=one.size, content=content)
+    return alike(
+        Observation, one, at=one.received, performative=act, bytes=one.size, content=content
+    )

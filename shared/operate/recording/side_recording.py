@@ -1,5 +1,5 @@
-"""A filtered recording beside the run's own (`roco record`). No report and no judge: what is kept can be judged, shown
-and replayed afterwards.
+"""A filtered recording beside the run's own (`roco record`). No report and no judge: what is kept
+can be judged, shown and replayed afterwards.
 """
 
 import time
@@ -19,7 +19,9 @@ FILTER = "filter"
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """Progress of a recording: communicates, all records, bytes of the file, since when [s], what came too fast."""
+    """Progress of a recording: communicates, all records, bytes of the file, since when [s], what
+    came too fast.
+    """
 
     communicates: int
     records: int
@@ -30,7 +32,9 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 class Asked(msgspec.Struct, frozen=True):
-    """Target and filter of a recording; `count` communicates or `seconds`, 0: until it is stopped."""
+    """Target and filter of a recording; `count` communicates or `seconds`, 0: until it is
+    stopped.
+    """
 
     out: Path
     which: Filter
@@ -54,14 +58,21 @@ class Keeper:
     def over(self) -> bool:
         """Whether there is enough."""
         enough = self._asked.count and self.communicates >= self._asked.count
-        return bool(enough or (self._asked.seconds and time.time() - self._began >= self._asked.seconds))
+        return bool(
+            enough or (self._asked.seconds and time.time() - self._began >= self._asked.seconds)
+        )
 
     def take(self, sample: Sample) -> None:
-        """Keep a sample, if it is meant: with a filter only communicates, and what is needed to judge them."""
+        """Keep a sample, if it is meant: with a filter only communicates, and what is needed to
+        judge them.
+        """
         record, which = understood(sample, self._system), self._asked.which
-        if isinstance(record, House) and record.kind == SETTING:  # which `hear` tells first, where there is one
+        # which `hear` tells first, where there is one
+        if isinstance(record, House) and record.kind == SETTING:
             record = msgspec.structs.replace(record, owner="record", received=self._began)
-        elif which and not (which.keeps(record) if isinstance(record, Spoken) else isinstance(record, Token)):
+        elif which and not (
+            which.keeps(record) if isinstance(record, Spoken) else isinstance(record, Token)
+        ):
             return
         self._recording.add(record)
         self.records += 1

@@ -1,4 +1,5 @@
-"""Records of an MCAP file in the order in which they stand in it, within bounds: the file may be somebody else's.
+"""Records of an MCAP file in the order in which they stand in it, within bounds: the file may be
+somebody else's.
 
 Must not know: what a message says.
 """
@@ -20,9 +21,13 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from operate.run_folder import NothingToRead
 
 RECORD_LIMIT = 64 * 1024 * 1024
-"""A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its fields."""
+"""A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its
+fields.
+"""
 CHUNK_LIMIT = 16 * 1024 * 1024
-"""Bytes of an unpacked chunk: tools gather 1 to 4 MiB in one, and the record that ends it may have 6."""
+"""Bytes of an unpacked chunk: tools gather 1 to 4 MiB in one, and the record that ends it may have
+6.
+"""
 TORN = (McapError, struct.error, ValueError, MemoryError)
 """A damaged or unfinished file shows as any of them."""
 
@@ -42,7 +47,8 @@ class NoRecordingError(NothingToRead):
 
 
 def stored(file: IO[bytes]) -> Iterator[McapRecord]:
-    """The records of an MCAP file as they stand in it, those in chunks, too; of several one after the other.
+    """The records of an MCAP file as they stand in it, those in chunks, too; of several one after
+    the other.
 
     Files are joined by `cat` as logs are. Raise one of TORN.
     """
@@ -59,19 +65,27 @@ def stored(file: IO[bytes]) -> Iterator[McapRecord]:
 
 def inside(chunk: Chunk) -> list[McapRecord]:
     """Return the records in a chunk. Raise one of TORN."""
-    found: list[McapRecord] = breakup_chunk(dataclasses.replace(chunk, compression="", data=_unpacked(chunk)))
+    found: list[McapRecord] = breakup_chunk(
+        dataclasses.replace(chunk, compression="", data=_unpacked(chunk))
+    )
     return found
 
 
 def _unpacked(chunk: Chunk) -> bytes:
-    """What is in a chunk. No more than CHUNK_LIMIT is ever unpacked: a few bytes can stand for gigabytes."""
+    """What is in a chunk. No more than CHUNK_LIMIT is ever unpacked: a few bytes can stand for
+    gigabytes.
+    """
     data: bytes = chunk.data
     most = CHUNK_LIMIT + 1
     try:
         if chunk.compression == "lz4":
             data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most)
         elif chunk.compression == "zstd":
-            data = zstandard.ZstdDecompressor(max_window_size=CHUNK_LIMIT).stream_reader(data).read(most)
+            data = (
+                zstandard.ZstdDecompressor(max_window_size=CHUNK_LIMIT)
+                .stream_reader(data)
+                .read(most)
+            )
         elif chunk.compression:
             raise UnsupportedCompressionError(chunk.compression)
     except (RuntimeError, zstandard.ZstdError) as error:  # lz4 has no error of its own

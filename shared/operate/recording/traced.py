@@ -1,7 +1,7 @@
 """The trace of a run: messages from its recording, causes from the step logs of its agents.
 
-What a step said has the step's time as `sent`, so that a log tells of each communicate by which step it was said.
-Must not know: how a trace is shown.
+What a step said has the step's time as `sent`, so that a log tells of each communicate by which
+step it was said. Must not know: how a trace is shown.
 """
 
 from collections import defaultdict
@@ -23,7 +23,9 @@ from operate.tracing.trace import Away, Identity, Message, Step, Talk, Trace, sp
 from operate.verdict_lines import ended, sides
 
 LONGEST_S = 60.0
-"""From a fault to the return of its agent; estimate: it is started again in seconds, at worst in a minute."""
+"""From a fault to the return of its agent; estimate: it is started again in seconds, at worst in a
+minute.
+"""
 
 
 def of(records: Iterable[Record], past: History, logs: Iterable[Path], system: System) -> Trace:
@@ -43,28 +45,39 @@ def _message(one: Spoken, system: System) -> Message:
     return alike(Message, one, heard=one.received, text=text, reason=reason)
 
 
-# --- conversations ----------------------------------------------------------------------------------------------------
+# --- conversations --------------------------------------------------------------------------------
 
 
 def _talks(said: list[Message], judged: tuple[Judged, ...], system: System) -> Iterator[Talk]:
     """Yield what was said as conversations of two agents each."""
-    states = {_pair(one.conversation, one.protocol, one.sender, one.receiver): one for one in judged if one.initiator}
+    states = {
+        _pair(one.conversation, one.protocol, one.sender, one.receiver): one
+        for one in judged
+        if one.initiator
+    }
     grouped: defaultdict[tuple[str, str, frozenset[str]], list[Message]] = defaultdict(list)
     for one in said:
         grouped[_pair(one.conversation, one.protocol, one.sender, one.receiver)].append(one)
     for key, messages in grouped.items():
         messages.sort(key=lambda one: one.sent)
         first = messages[0]
-        last, pair = states.get(key), sides(system.design, first.protocol, first.sender, first.receiver)
-        over = last is not None and ended(system.design, first.protocol, (last.initiator, last.participant))
+        last, pair = (
+            states.get(key),
+            sides(system.design, first.protocol, first.sender, first.receiver),
+        )
+        over = last is not None and ended(
+            system.design, first.protocol, (last.initiator, last.participant)
+        )
         yield Talk(first.conversation, first.protocol, first.channel, *pair, over, tuple(messages))
 
 
-def _pair(conversation: str, protocol: str, one: str, other: str) -> tuple[str, str, frozenset[str]]:
+def _pair(
+    conversation: str, protocol: str, one: str, other: str
+) -> tuple[str, str, frozenset[str]]:
     return conversation, protocol, frozenset((one, other))
 
 
-# --- steps ------------------------------------------------------------------------------------------------------------
+# --- steps ----------------------------------------------------------------------------------------
 
 
 def _steps(log: Path, said: list[Message], system: System) -> Iterator[Step]:
@@ -103,14 +116,21 @@ def _came(step: steplog.Step, waiting: list[Communicate]) -> Communicate | None:
 
 
 def _took(
-    step: steplog.Step, agent: str, came: Communicate | None, waiting: list[Communicate], system: System
+    step: steplog.Step,
+    agent: str,
+    came: Communicate | None,
+    waiting: list[Communicate],
+    system: System,
 ) -> tuple[Identity | None, bool]:
-    """Return the communicate that a step took, and whether the log names it; older ones have its use and act alone."""
+    """Return the communicate that a step took, and whether the log names it; older ones have its
+    use and act alone.
+    """
     if step.took:
         sender, _, name = step.took.partition(" ")
         return (sender, agent, name), True
     if step.deed is None or step.deed.took is None:
-        answered = came if step.deed is None else None  # the runtime itself answers what no behaviour sees
+        # the runtime itself answers what no behaviour sees
+        answered = came if step.deed is None else None
         return (None if answered is None else _identity(answered)), True
     found = next((one for one in waiting if _fits(one, step.deed, system)), None)
     if found is None:
@@ -132,7 +152,7 @@ def _identity(one: Communicate) -> Identity:
     return one.sender, one.receiver, one.id
 
 
-# --- who was away -----------------------------------------------------------------------------------------------------
+# --- who was away ---------------------------------------------------------------------------------
 
 
 def _away(records: Iterable[Record], faults: tuple[Fault, ...]) -> Iterator[Away]:
@@ -145,7 +165,9 @@ def _away(records: Iterable[Record], faults: tuple[Fault, ...]) -> Iterator[Away
         if not one.alive:
             gone.setdefault(one.agent, one.received)
         elif lives.get(one.agent, one.incarnation) != one.incarnation:
-            yield Away(one.agent, gone.pop(one.agent, one.received), one.received, _fault(one, faults))
+            yield Away(
+                one.agent, gone.pop(one.agent, one.received), one.received, _fault(one, faults)
+            )
         else:
             gone.pop(one.agent, None)
         if one.alive:
@@ -154,7 +176,9 @@ def _away(records: Iterable[Record], faults: tuple[Fault, ...]) -> Iterator[Away
 
 
 def _fault(back: Token, faults: tuple[Fault, ...]) -> str:
-    """Return the kind of the newest fault that was done to an agent before it came back, within LONGEST_S."""
+    """Return the kind of the newest fault that was done to an agent before it came back, within
+    LONGEST_S.
+    """
     hit = [one for one in faults if one.target == back.agent and not one.what]
     done = [one for one in hit if 0.0 <= back.received - one.began <= LONGEST_S]
     return done[-1].kind if done else ""

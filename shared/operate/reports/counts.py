@@ -1,8 +1,9 @@
-"""Figures of the traffic: who told whom how often (the paper's Table 8), sizes, bytes over time, how long answers take.
+"""Figures of the traffic: who told whom how often (the paper's Table 8), sizes, bytes over time,
+how long answers take.
 
-The defaults are for reports of older versions, which lack a figure. All from a History's communicates; re-sent copies
-are counted apart. A latency is what the sender waited, by its own
-step log; without one, as the recorder heard it. All other times are the recorder's.
+The defaults are for reports of older versions, which lack a figure. All from a History's
+communicates; re-sent copies are counted apart. A latency is what the sender waited, by its own step
+log; without one, as the recorder heard it. All other times are the recorder's.
 """
 
 from collections import Counter, defaultdict
@@ -36,9 +37,11 @@ class Sizes(msgspec.Struct, frozen=True):
 
 
 class Communicates(msgspec.Struct, frozen=True):
-    """All communicates of a run. `matrix`: sender -> receiver -> how many; `bytes`: channel -> bytes.
+    """All communicates of a run. `matrix`: sender -> receiver -> how many; `bytes`: channel ->
+    bytes.
 
-    `over_budget`: channel -> communicates larger than the design allows; `small`: share of those under 500 bytes.
+    `over_budget`: channel -> communicates larger than the design allows; `small`: share of those
+    under 500 bytes.
     """
 
     total: int = 0
@@ -65,13 +68,16 @@ class Spans(msgspec.Struct, frozen=True):
 
     @property
     def most(self) -> tuple[float, float]:
-        """Return a share and the time [ms] that it does not exceed: 0.99 or 0.95 with enough values, else 1."""
+        """Return a share and the time [ms] that it does not exceed: 0.99 or 0.95 with enough
+        values, else 1.
+        """
         told = ((0.99, self.p99), (0.95, self.p95), (1.0, self.max))
         return next((share, ms) for share, ms in told if ms is not None)
 
 
 class Latency(msgspec.Struct, frozen=True):
-    """One use of a protocol: from the opening to its answer, from a durable communicate to its receipt.
+    """One use of a protocol: from the opening to its answer, from a durable communicate to its
+    receipt.
 
     `budget_ms`: what the design allows for the answer.
     """
@@ -89,7 +95,10 @@ def communicates(history: History, design: Design, order: tuple[str, ...] = ()) 
     matrix: dict[str, dict[str, int]] = {a: dict.fromkeys(agents, 0) for a in agents}
     for one in said:
         matrix[one.sender][one.receiver] += 1
-    per_channel = {channel: _sizes([o.size for o in said if o.channel == channel]) for channel in design.channels}
+    per_channel = {
+        channel: _sizes([o.size for o in said if o.channel == channel])
+        for channel in design.channels
+    }
     over = Counter(one.channel for one in said if one.size > design.rule(one.communicate).bytes)
     return Communicates(
         total=len(said),
@@ -128,7 +137,9 @@ def spans(some: list[float]) -> Spans | None:
     return Spans(len(ms), median(ms), tail(ms, 0.95), tail(ms, 0.99), max(ms))
 
 
-def bandwidth(said: Iterable[Spoken], start: float, end: float, bin_s: float) -> tuple[np.ndarray, np.ndarray]:
+def bandwidth(
+    said: Iterable[Spoken], start: float, end: float, bin_s: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Edges of the bins [s after `start`], (n+1,), and what was said in them [bit/s], (n,)."""
     some = [one for one in said if start <= one.received <= end]
     edges = np.arange(0.0, max(end - start, bin_s) + bin_s, bin_s)
@@ -155,9 +166,11 @@ def _by_use(
 
 
 def _answers(history: History, design: Design) -> Callable[[Spoken], float | None]:
-    """For an opening: time to the first word (or the result) in the same conversation; None for all else.
+    """For an opening: time to the first word (or the result) in the same conversation; None for all
+    else.
 
-    The result counts in uses whose budget in the design is that of the result; elsewhere the first word does, an agree.
+    The result counts in uses whose budget in the design is that of the result; elsewhere the first
+    word does, an agree.
     """
     result = {use.name for use in design.file.protocol if use.answer}
     first: dict[tuple[str, str], Spoken] = {}
@@ -167,20 +180,30 @@ def _answers(history: History, design: Design) -> Callable[[Spoken], float | Non
 
     def measure(one: Spoken) -> float | None:
         answer = first.get((one.conversation, one.receiver))
-        return history.answered(one, answer) if one.performative in OPENING and answer is not None else None
+        return (
+            history.answered(one, answer)
+            if one.performative in OPENING and answer is not None
+            else None
+        )
 
     return measure
 
 
 def _receipted(history: History, design: Design) -> Callable[[Spoken], float | None]:
-    """For a durable communicate: time to the first receipt that covers its number; None for all else."""
+    """For a durable communicate: time to the first receipt that covers its number; None for all
+    else.
+    """
     told = _by_pair(history.receipts)
 
     def measure(one: Spoken) -> float | None:
         number = number_of(one.id) if design.rule(one.communicate).durable else None
         if number is None:
             return None
-        some = (t.at for t in told[one.receiver, one.sender] if t.receipt.taken >= number and t.at >= one.sent)
+        some = (
+            t.at
+            for t in told[one.receiver, one.sender]
+            if t.receipt.taken >= number and t.at >= one.sent
+        )
         return history.took(one, next(some, None))
 
     return measure

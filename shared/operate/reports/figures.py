@@ -1,6 +1,8 @@
-"""The report's figures, as SVG to stand inside a page: sizes (the paper's Figure 12), bandwidth (13), latencies.
+"""The report's figures, as SVG to stand inside a page: sizes (the paper's Figure 12), bandwidth
+(13), latencies.
 
-Light ground, one accent for what a figure is about, grey for the rest, channels told apart by colour and mark.
+Light ground, one accent for what a figure is about, grey for the rest, channels told apart by
+colour and mark.
 """
 
 import io
@@ -22,7 +24,14 @@ ACCENT, INK, FAINT, GRID = "#0e7490", "#1f2937", "#6b7280", "#e5e7eb"
 BAND, FAULT = "#ecfeff", "#fca5a5"
 SHORTEST = 0.003
 """Width of a bar of no length, as a share of the axis; estimate: it is seen."""
-MARKS = (("s", "#d97706"), ("D", "#be185d"), ("^", "#6d28d9"), ("o", ACCENT), ("v", "#475569"), ("P", "#15803d"))
+MARKS = (
+    ("s", "#d97706"),
+    ("D", "#be185d"),
+    ("^", "#6d28d9"),
+    ("o", ACCENT),
+    ("v", "#475569"),
+    ("P", "#15803d"),
+)
 """Of channels, in the order of the design; a seventh one looks like the first."""
 CROWDED = 1 / 3
 """A channel with more than this share of all communicates is drawn half transparent; estimate."""
@@ -54,7 +63,9 @@ def mark_of(channel: str, design: Design) -> tuple[str, str]:
     return MARKS[list(design.channels).index(channel) % len(MARKS)]
 
 
-def sizes(history: History, design: Design, stretches: Iterable[tuple[float, float, str]] = ()) -> str:
+def sizes(
+    history: History, design: Design, stretches: Iterable[tuple[float, float, str]] = ()
+) -> str:
     """Size of each communicate over time, a mark per channel; "" without communicates.
 
     `stretches`: shaded, each with its begin, its end [s after the first communicate] and its name.
@@ -86,25 +97,43 @@ def sizes(history: History, design: Design, stretches: Iterable[tuple[float, flo
         axes.set_ylabel("size")
         axes.margins(x=0.01)
         axes.legend(
-            loc="lower left", bbox_to_anchor=(0, 1.01), ncols=6, frameon=False, handletextpad=0.1, columnspacing=1.4
+            loc="lower left",
+            bbox_to_anchor=(0, 1.01),
+            ncols=6,
+            frameon=False,
+            handletextpad=0.1,
+            columnspacing=1.4,
         )
     return svg[0]
 
 
 def latencies(rows: tuple[Latency, ...]) -> str:
-    """From an opening to its first answer: half, most, the longest, and what the design allows. "" without any."""
+    """From an opening to its first answer: half, most, the longest, and what the design allows. ""
+    without any.
+    """
     answered = [row for row in rows if row.answer is not None]
     if not answered:
         return ""
-    with drawing("latency", 0.8 + 0.36 * len(answered), "Time to the first answer, by protocol") as (axes, svg):
+    with drawing(
+        "latency", 0.8 + 0.36 * len(answered), "Time to the first answer, by protocol"
+    ) as (axes, svg):
         for y, row in enumerate(reversed(answered)):
             spans = row.answer
             assert spans is not None
-            axes.plot((spans.p50, spans.max), (y, y), color="#94a3b8", linewidth=2, zorder=2, solid_capstyle="round")
+            axes.plot(
+                (spans.p50, spans.max),
+                (y, y),
+                color="#94a3b8",
+                linewidth=2,
+                zorder=2,
+                solid_capstyle="round",
+            )
             axes.plot((spans.most[1],), (y,), "|", color=FAINT, markersize=9, zorder=3)
             axes.plot((spans.p50,), (y,), "o", color=ACCENT, markersize=6, zorder=4)
             axes.plot((row.budget_ms,), (y,), marker=9, color="#d97706", markersize=7, zorder=3)
-        axes.set_yticks(range(len(answered)), [f"{row.channel}  {row.use}" for row in reversed(answered)])
+        axes.set_yticks(
+            range(len(answered)), [f"{row.channel}  {row.use}" for row in reversed(answered)]
+        )
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(_in_ms)
         axes.set_ylim(-0.6, len(answered) - 0.4)
@@ -124,16 +153,30 @@ def busy(stretches: Iterable[tuple[str, str, float, float]], design: Design) -> 
     if not found:
         return ""
     lanes, last = list(design.agents), max(one[3] for one in found)
-    with drawing("busy", 0.8 + 0.36 * len(lanes), "The state of each agent over time") as (axes, svg):
+    with drawing("busy", 0.8 + 0.36 * len(lanes), "The state of each agent over time") as (
+        axes,
+        svg,
+    ):
         for agent, state, start, end in found:
             names = [one.name for one in design.agents[agent].state]
             rests = state in (design.agents[agent].rest or (design.agents[agent].initial,))
-            colour = GRID if rests or state not in names else MARKS[names.index(state) % len(MARKS)][1]
+            colour = (
+                GRID if rests or state not in names else MARKS[names.index(state) % len(MARKS)][1]
+            )
             lane = lanes[::-1].index(agent)
             axes.barh(lane, max(end - start, 0.0), 0.62, left=start, color=colour, zorder=3)
             if end - start > LETTER * len(state) * last:
                 ink = INK if rests else "white"
-                axes.text((start + end) / 2, lane, state, ha="center", va="center", color=ink, fontsize=7, zorder=4)
+                axes.text(
+                    (start + end) / 2,
+                    lane,
+                    state,
+                    ha="center",
+                    va="center",
+                    color=ink,
+                    fontsize=7,
+                    zorder=4,
+                )
         axes.set_yticks(range(len(lanes)), lanes[::-1])
         axes.set_xlabel("time after the first communicate [s]")
         axes.grid(visible=False, axis="y")
@@ -142,15 +185,21 @@ def busy(stretches: Iterable[tuple[str, str, float, float]], design: Design) -> 
 
 
 def faults(stretches: Iterable[tuple[str, str, float, float]], end: float) -> str:
-    """Faults over time, a lane for each process: (process, fault, start, end [s]), or ""; `end`: of the run."""
+    """Faults over time, a lane for each process: (process, fault, start, end [s]), or ""; `end`: of
+    the run.
+    """
     found = list(stretches)
     if not found:
         return ""
     lanes = list(dict.fromkeys(one[0] for one in found))[::-1]
-    with drawing("faults", 0.8 + 0.36 * len(lanes), "Faults done on purpose over time, by process") as (axes, svg):
+    with drawing(
+        "faults", 0.8 + 0.36 * len(lanes), "Faults done on purpose over time, by process"
+    ) as (axes, svg):
         for target, kind, start, until in found:
             lane = lanes.index(target)
-            axes.barh(lane, max(until - start, SHORTEST * end), 0.62, left=start, color=FAULT, zorder=3)
+            axes.barh(
+                lane, max(until - start, SHORTEST * end), 0.62, left=start, color=FAULT, zorder=3
+            )
             axes.text(start, lane, f" {kind}", ha="left", va="center", fontsize=7, zorder=4)
         axes.set_yticks(range(len(lanes)), lanes)
         axes.set_ylim(-0.6, len(lanes) - 0.4)
@@ -162,7 +211,9 @@ def faults(stretches: Iterable[tuple[str, str, float, float]], end: float) -> st
 
 @contextmanager
 def drawing(name: str, height_in: float, text: str) -> Iterator[tuple[Axes, list[str]]]:
-    """A figure with one pair of axes; when the block ends, the list holds its SVG. `text`: what it shows, in words."""
+    """A figure with one pair of axes; when the block ends, the list holds its SVG. `text`: what it
+    shows, in words.
+    """
     svg: list[str] = []
     style: Any = {**STYLE, "svg.hashsalt": name}
     with matplotlib.rc_context(style):
@@ -170,7 +221,9 @@ def drawing(name: str, height_in: float, text: str) -> Iterator[tuple[Axes, list
         axes = figure.add_subplot()
         yield axes, svg
         buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+        figure.savefig(
+            buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None}
+        )
     svg.append(_inline(buffer.getvalue(), name, text))
 
 
@@ -180,7 +233,10 @@ def _inline(svg: str, name: str, text: str) -> str:
     body = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{name}-", body)
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
     return re.sub(
-        r'<svg ([^>]*?)height="[^"]*"([^>]*?)width="[^"]*"', rf'<svg role="img" aria-label="{text}" \1\2', body, count=1
+        r'<svg ([^>]*?)height="[^"]*"([^>]*?)width="[^"]*"',
+        rf'<svg role="img" aria-label="{text}" \1\2',
+        body,
+        count=1,
     )
 
 
@@ -193,7 +249,13 @@ def _shade(axes: Axes, stretches: Iterable[tuple[float, float, str]]) -> None:
 
 def in_bytes(value: float, _: float) -> str:
     """A tick of an axis of sizes."""
-    return f"{value:g} B" if value < 1e3 else f"{value / 1e3:g} kB" if value < 1e6 else f"{value / 1e6:g} MB"
+    return (
+        f"{value:g} B"
+        if value < 1e3
+        else f"{value / 1e3:g} kB"
+        if value < 1e6
+        else f"{value / 1e6:g} MB"
+    )
 
 
 def _in_ms(value: float, _: float) -> str:

@@ -1,4 +1,5 @@
-"""From a run folder to its report: report.json, report.html, run.rrd. Each is made although another cannot be.
+"""From a run folder to its report: report.json, report.html, run.rrd. Each is made although another
+cannot be.
 
 Page and pictures are left out where their libraries are not installed, as in the recorder's image.
 """
@@ -20,7 +21,8 @@ Say = Callable[..., None]
 def everything(run: Run, say: Say) -> bool:
     """Make all three; `say(event, level, **fields)` is told what was made and what was not.
 
-    Where no recorder ended in order its verdicts are made again, too. True: all that can be made here.
+    Where no recorder ended in order its verdicts are made again, too. True: all that can be made
+    here.
     """
     folder = run.place
     try:
@@ -31,8 +33,13 @@ def everything(run: Run, say: Say) -> bool:
         say("no report", level="error", why=traceback.format_exc())
         return False
     if not past.whole:
-        write_whole(folder / VERDICTS_FILE, b"".join(map(encoded, past.judged)))  # no recorder judged it to its end
-    outcome = {name: getattr(figures, name) or "" for name in ("success", "failure") if hasattr(figures, name)}
+        # no recorder judged it to its end
+        write_whole(folder / VERDICTS_FILE, b"".join(map(encoded, past.judged)))
+    outcome = {
+        name: getattr(figures, name) or ""
+        for name in ("success", "failure")
+        if hasattr(figures, name)
+    }
     say("report", **outcome, file=str(folder / REPORT_FILE))
     page = _try(PAGE_FILE, lambda: _page(run, figures), say)
     pictures = _try(RRD_FILE, lambda: _pictures(run), say)
@@ -43,7 +50,10 @@ def _try(name: str, make: Callable[[], None], say: Say) -> bool:
     try:
         make()
     except ModuleNotFoundError as error:
-        why = f"{error.name} is not installed here; `roco report` makes it where the extra `monitor` is"
+        why = (
+            f"{error.name} is not installed here; `roco report` makes it where the extra"
+            " `monitor` is"
+        )
         say("left out", file=name, why=why)
         return True
     except Exception:
@@ -57,7 +67,9 @@ def _page(run: Run, figures: Any) -> None:
     from operate.reports import page
 
     past, name, own = run.history, run.place.name, run.system.addition("page")
-    text = page.rendered(past, figures, name, run.system) if own is None else own(past, figures, name)
+    text = (
+        page.rendered(past, figures, name, run.system) if own is None else own(past, figures, name)
+    )
     write_whole(run.place / PAGE_FILE, text.encode())
 
 

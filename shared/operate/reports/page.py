@@ -1,4 +1,6 @@
-"""report.html of any system: one file that needs nothing else. A system may have a page of its own."""
+"""report.html of any system: one file that needs nothing else. A system may have a page of its
+own.
+"""
 
 from collections.abc import Callable, Sequence
 from datetime import datetime
@@ -28,11 +30,15 @@ def rendered(history: History, report: Report, run: str, system: System) -> str:
     design = system.design
     return template(TEMPLATE).render(
         run=run,
-        began=datetime.fromtimestamp(report.began).strftime("%Y-%m-%d %H:%M:%S") if report.began else ABSENT,
+        began=datetime.fromtimestamp(report.began).strftime("%Y-%m-%d %H:%M:%S")
+        if report.began
+        else ABSENT,
         report=report,
         agents=tuple(design.agents),
         channels={name: "-".join(channel.ends) for name, channel in design.channels.items()},
-        busy=figures.busy([(one.agent, one.state, one.start, one.end) for one in report.busy], design),
+        busy=figures.busy(
+            [(one.agent, one.state, one.start, one.end) for one in report.busy], design
+        ),
         sizes=figures.sizes(history, design),
         latencies=latencies(report.latency),
         heat=heat(report.communicates),
@@ -48,15 +54,21 @@ def faults(found: tuple[FaultAt, ...], history: History) -> str:
     if not found:
         return ""
     last = max((one.received for one in history.said[-1:]), default=history.begin) - history.begin
-    end = max([last, *(one.end for one in found if one.end is not None), *(one.start for one in found)])
-    stretches = [(one.target, one.kind, one.start, end if one.end is None else one.end) for one in found]
+    end = max(
+        [last, *(one.end for one in found if one.end is not None), *(one.start for one in found)]
+    )
+    stretches = [
+        (one.target, one.kind, one.start, end if one.end is None else one.end) for one in found
+    ]
     return template(FAULTS).render(faults=found, figure=figures.faults(stretches, end))
 
 
 def judged(found: Judged | None) -> str:
     """Return the part of a page about what the judge says."""
     outcome = verdict_lines.outcome(found.verdicts) if found else ""
-    return template(JUDGED).render(judged=found, outcome=outcome, against=VIOLATIONS, most_violations=MOST_VIOLATIONS)
+    return template(JUDGED).render(
+        judged=found, outcome=outcome, against=VIOLATIONS, most_violations=MOST_VIOLATIONS
+    )
 
 
 def latencies(rows: tuple[Latency, ...]) -> str:
@@ -69,13 +81,21 @@ def template(file: Path, **filters: Callable[..., str]) -> jinja2.Template:
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters |= {"number": number, "size": size, "ms": milliseconds, "share": share, "place": place}
+    environment.filters |= {
+        "number": number,
+        "size": size,
+        "ms": milliseconds,
+        "share": share,
+        "place": place,
+    }
     environment.filters |= filters
     return environment.from_string(file.read_text(encoding="utf-8"))
 
 
 def heat(communicates: Communicates) -> dict[tuple[str, str], float]:
-    """Return the shade of a cell of the count matrix: by the root, so that small counts show beside large ones."""
+    """Return the shade of a cell of the count matrix: by the root, so that small counts show beside
+    large ones.
+    """
     cells = {(s, r): n for s, row in communicates.matrix.items() for r, n in row.items()}
     most = max(cells.values(), default=0) or 1
     return {pair: (n / most) ** 0.5 for pair, n in cells.items()}

@@ -1,7 +1,9 @@
-"""report.json: the figures of a run. Built from a History alone, so it can be made again at any time.
+"""report.json: the figures of a run. Built from a History alone, so it can be made again at any
+time.
 
-This is the part that every system has; a system may build a larger one (operate.system.Additions). A figure that was
-not recorded is null; nothing is guessed. Times `t` count from the first communicate [s of wall time].
+This is the part that every system has; a system may build a larger one (operate.system.Additions).
+A figure that was not recorded is null; nothing is guessed. Times `t` count from the first
+communicate [s of wall time].
 """
 
 from collections import Counter
@@ -28,7 +30,9 @@ class HoleAt(msgspec.Struct, frozen=True):
 
 
 class NotAsDesigned(msgspec.Struct, frozen=True):
-    """A communicate that is against the design: `t` s after the first one; `verdict` and `why` are the judge's."""
+    """A communicate that is against the design: `t` s after the first one; `verdict` and `why` are
+    the judge's.
+    """
 
     t: float
     verdict: str
@@ -43,8 +47,8 @@ class NotAsDesigned(msgspec.Struct, frozen=True):
 
 
 class Judged(msgspec.Struct, frozen=True):
-    """Verdicts on the recording: number of communicates with copies, count of each verdict, and each of
-    those that are against the design. Null in a report: nothing was recorded.
+    """Verdicts on the recording: number of communicates with copies, count of each verdict, and
+    each of those that are against the design. Null in a report: nothing was recorded.
     """
 
     communicates: int
@@ -53,7 +57,9 @@ class Judged(msgspec.Struct, frozen=True):
 
 
 class Busy(msgspec.Struct, frozen=True):
-    """An agent was in a state from `start` to `end` [s after the first communicate]; `state` "": it was gone."""
+    """An agent was in a state from `start` to `end` [s after the first communicate]; `state` "": it
+    was gone.
+    """
 
     agent: str
     state: str
@@ -62,10 +68,11 @@ class Busy(msgspec.Struct, frozen=True):
 
 
 class FaultAt(msgspec.Struct, frozen=True):
-    """A fault that was done on purpose, from `start` to `end` [s after the first communicate]; null: to the end.
+    """A fault that was done on purpose, from `start` to `end` [s after the first communicate];
+    null: to the end.
 
-    `at`: the moment that was asked for, "" for at once; `text`: what came of it; `what`: of a kind that only this
-    system has, what was done to which part, in words.
+    `at`: the moment that was asked for, "" for at once; `text`: what came of it; `what`: of a kind
+    that only this system has, what was done to which part, in words.
     """
 
     kind: str
@@ -78,8 +85,8 @@ class FaultAt(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """The report of a run of any system. `failure`: why it is not a success, else null; `busy`: who was in which
-    state when.
+    """The report of a run of any system. `failure`: why it is not a success, else null; `busy`: who
+    was in which state when.
     """
 
     system: str
@@ -124,14 +131,15 @@ def build(history: History, system: System) -> Report:
 
 
 def failure(history: History) -> str | None:
-    """Return why a run is not a success: nothing was said, somebody was down at its end, or something said is against
-    the design; None where it is one.
+    """Return why a run is not a success: nothing was said, somebody was down at its end, or
+    something said is against the design; None where it is one.
     """
     if not history.said:
         return "no communicate was heard"
     if history.down:
         return "; ".join(
-            f"{one.name} was {one.state} at the end{f': {one.note}' * bool(one.note)}" for one in history.down
+            f"{one.name} was {one.state} at the end{f': {one.note}' * bool(one.note)}"
+            for one in history.down
         )
     against = [one for one in history.judged if one.violation]
     if against:
@@ -150,7 +158,11 @@ def judged(history: History) -> Judged | None:
     """Return the judge's verdicts; None where nothing was recorded that could be judged."""
     if not history.judged:
         return None
-    against = tuple(alike(NotAsDesigned, one, t=one.t - history.begin) for one in history.judged if one.violation)
+    against = tuple(
+        alike(NotAsDesigned, one, t=one.t - history.begin)
+        for one in history.judged
+        if one.violation
+    )
     counted = Counter(one.verdict for one in history.judged)
     heard = {(one.t, one.sender, one.receiver, one.id) for one in history.judged}
     return Judged(
@@ -163,27 +175,39 @@ def judged(history: History) -> Judged | None:
 def holes(history: History) -> tuple[HoleAt, ...]:
     """Return what was not recorded."""
     begin = history.begin
-    return tuple(alike(HoleAt, hole, start=hole.start - begin, end=hole.end - begin) for hole in history.holes)
+    return tuple(
+        alike(HoleAt, hole, start=hole.start - begin, end=hole.end - begin)
+        for hole in history.holes
+    )
 
 
 def faults(history: History) -> tuple[FaultAt, ...]:
     """Return the faults that were done on purpose."""
     begin = history.begin
     return tuple(
-        alike(FaultAt, one, start=one.began - begin, end=None if one.ended is None else one.ended - begin)
+        alike(
+            FaultAt,
+            one,
+            start=one.began - begin,
+            end=None if one.ended is None else one.ended - begin,
+        )
         for one in history.faults
     )
 
 
 def busy(history: History) -> tuple[Busy, ...]:
-    """Return the states of the agents over time, each until the next one; the last until the last communicate."""
+    """Return the states of the agents over time, each until the next one; the last until the last
+    communicate.
+    """
     end = max((one.received for one in history.said[-1:]), default=history.begin)
     found: list[Busy] = []
     for agent in dict.fromkeys(one.agent for one in history.entered):
         own = [one for one in history.entered if one.agent == agent]
         until = [*(one.at for one in own[1:]), max(end, own[-1].at)]
         found += [
-            Busy(agent, one.state if one.alive else "", one.at - history.begin, last - history.begin)
+            Busy(
+                agent, one.state if one.alive else "", one.at - history.begin, last - history.begin
+            )
             for one, last in zip(own, until, strict=True)
         ]
     return tuple(found)

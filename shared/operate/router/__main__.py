@@ -1,7 +1,8 @@
-"""A system's router: a Zenoh router opened from Python (as fast as the stand-alone one, and nothing to install).
+"""A system's router: a Zenoh router opened from Python (as fast as the stand-alone one, and nothing
+to install).
 
-It listens, says so by `router.ready` in the run folder and a line, and waits for a signal. No agent may live in this
-process: the router's access rules would not hold for it.
+It listens, says so by `router.ready` in the run folder and a line, and waits for a signal. No agent
+may live in this process: the router's access rules would not hold for it.
 """
 
 from agent_runtime.io import cli

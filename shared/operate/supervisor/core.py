@@ -1,9 +1,10 @@
 """Next actions of the supervisor, from the wanted fleet, the state of each process and the time.
 
-No clock, no process and no file in here: the shell tells what happened (events) and does what comes out (actions), so
-every order of starts, deaths and stops can be tested. A process that dies is started again, after a pause that grows;
-one that dies again and again is given up, and if it was ready before, the robot is to be held. One whose heartbeat
-stands still is killed first. Its silence is counted by looks: a machine that was suspended kills nobody.
+No clock, no process and no file in here: the shell tells what happened (events) and does what comes
+out (actions), so every order of starts, deaths and stops can be tested. A process that dies is
+started again, after a pause that grows; one that dies again and again is given up, and if it was
+ready before, the robot is to be held. One whose heartbeat stands still is killed first. Its silence
+is counted by looks: a machine that was suspended kills nobody.
 """
 
 import math
@@ -18,11 +19,14 @@ FIRST_PAUSE_S = 0.2  # before the first restart; doubles with each failure in a 
 LONGEST_PAUSE_S = 5.0  # estimate: a person still sees that something happens
 SETTLED_S = 30.0  # ready for so long: earlier failures are forgotten
 ATTEMPTS = 6  # in a row without being ready once (about 6 s): given up
-MOST_DEATHS, WINDOW_S = 15, 120.0  # of a process that gets ready: given up; estimate: a death each 6 s with its pauses
+# of a process that gets ready: given up; estimate: a death each 6 s with its pauses
+MOST_DEATHS, WINDOW_S = 15, 120.0
 PERIOD_S = 0.05  # between two looks while anything goes on; estimate
 REST_PERIODS = 4  # between two looks while all is well; who dies is seen at once all the same
-LATE_S = 1.9  # without a heartbeat, which comes each second: it is told; a hang is seen within 2 s of its begin
-BORN_WITHIN_S = 60.0  # to the first heartbeat; estimate: a fleet needs 9 s at a load of 5 (benchmarks)
+# without a heartbeat, which comes each second: it is told; a hang is seen within 2 s of its begin
+LATE_S = 1.9
+# to the first heartbeat; estimate: a fleet needs 9 s at a load of 5 (benchmarks)
+BORN_WITHIN_S = 60.0
 OFF = "stopped by hand"
 """Note of what shall not run until somebody says so."""
 LEFT = "left by a supervisor that died"
@@ -39,12 +43,13 @@ RUNNING = (ProcessState.STARTING, ProcessState.READY, ProcessState.STOPPING)
 
 
 class Known(msgspec.Struct, frozen=True):
-    """State of a process; `since`: when it entered its state [s]; `due`: when it is started again [s].
+    """State of a process; `since`: when it entered its state [s]; `due`: when it is started again
+    [s].
 
-    `failures`: ends in a row, which lengthen the pause; `attempts`: of these, since it was ready last. `served`:
-    whether it was ever ready. `beaten`: whether it had a heartbeat since it was started; `silent`: periods since
-    then, by looks.
-    `deaths`: when it died within WINDOW_S, after it had been ready [s].
+    `failures`: ends in a row, which lengthen the pause; `attempts`: of these, since it was ready
+    last. `served`: whether it was ever ready. `beaten`: whether it had a heartbeat since it was
+    started; `silent`: periods since then, by looks. `deaths`: when it died within WINDOW_S, after
+    it had been ready [s].
     """
 
     process: Process
@@ -69,7 +74,9 @@ class Known(msgspec.Struct, frozen=True):
 
     @property
     def patience_s(self) -> float:
-        """Silence after which it is killed [s]; infinite for one that is ready and has never beaten."""
+        """Silence after which it is killed [s]; infinite for one that is ready and has never
+        beaten.
+        """
         if self.beaten:
             return self.process.hangs_s
         return math.inf if self.state is ProcessState.READY else BORN_WITHIN_S
@@ -81,7 +88,9 @@ class Known(msgspec.Struct, frozen=True):
 
 
 class Fleet(msgspec.Struct, frozen=True):
-    """All processes by name, in the order of the table; `stopping`: the end was asked for; `off`: who shall not run."""
+    """All processes by name, in the order of the table; `stopping`: the end was asked for; `off`:
+    who shall not run.
+    """
 
     known: dict[str, Known]
     stopping: bool = False
@@ -90,7 +99,10 @@ class Fleet(msgspec.Struct, frozen=True):
     @property
     def ready(self) -> bool:
         """All that must be ready are."""
-        return all(known.state is ProcessState.READY or known.process.optional for known in self.known.values())
+        return all(
+            known.state is ProcessState.READY or known.process.optional
+            for known in self.known.values()
+        )
 
     @property
     def failing(self) -> tuple[str, ...]:
@@ -98,8 +110,14 @@ class Fleet(msgspec.Struct, frozen=True):
 
         Nobody waits for an optional one, and the robot need not either.
         """
-        given_up = ((name, known) for name, known in self.known.items() if known.state is ProcessState.GIVEN_UP)
-        return tuple(name for name, known in given_up if known.served and not known.process.optional)
+        given_up = (
+            (name, known)
+            for name, known in self.known.items()
+            if known.state is ProcessState.GIVEN_UP
+        )
+        return tuple(
+            name for name, known in given_up if known.served and not known.process.optional
+        )
 
     @property
     def resting(self) -> bool:
@@ -164,7 +182,9 @@ class Ready(Event, frozen=True):
 
 
 class Exited(Event, frozen=True):
-    """It ended with this code (negative: the signal). `last`: its exception, or the last line it wrote."""
+    """It ended with this code (negative: the signal). `last`: its exception, or the last line it
+    wrote.
+    """
 
     code: int
     last: str = ""
@@ -189,13 +209,16 @@ class Kill(Action, frozen=True):
 
 
 def begin(processes: tuple[Process, ...], now: float) -> Fleet:
-    """Make a fleet of which nothing runs yet. ValueError names a process that waits for one that comes later or not."""
+    """Make a fleet of which nothing runs yet. ValueError names a process that waits for one that
+    comes later or not.
+    """
     names: list[str] = []
     for process in processes:
         missing = [name for name in process.after if name not in names]
         if missing:
             raise ValueError(
-                f"{process.name} starts after {', '.join(missing)}, but {names or 'nothing'} stands before it"
+                f"{process.name} starts after {', '.join(missing)}, but {names or 'nothing'} stands"
+                " before it"
             )
         names.append(process.name)
     return Fleet({process.name: Known(process, since=now) for process in processes})
@@ -206,19 +229,27 @@ def take(fleet: Fleet, event: Event, now: float) -> Fleet:
     known = fleet.known[event.name]
     match event:
         case Started(pid=pid):
-            changed = msgspec.structs.replace(known, state=ProcessState.STARTING, pid=pid, since=now, note="")
+            changed = msgspec.structs.replace(
+                known, state=ProcessState.STARTING, pid=pid, since=now, note=""
+            )
         case Found(pid=pid):
             changed = msgspec.structs.replace(
                 known, state=ProcessState.READY, pid=pid, since=now, note=LEFT, served=True
             )
         case Refused(reason=reason):
-            changed = msgspec.structs.replace(known, state=ProcessState.GIVEN_UP, since=now, note=reason)
+            changed = msgspec.structs.replace(
+                known, state=ProcessState.GIVEN_UP, since=now, note=reason
+            )
         case NotStarted(reason=reason):
             failures = known.failures + 1
             later = {"failures": failures, "due": now + _pause(failures)}
-            changed = msgspec.structs.replace(known, state=ProcessState.BACKING_OFF, since=now, note=reason, **later)
+            changed = msgspec.structs.replace(
+                known, state=ProcessState.BACKING_OFF, since=now, note=reason, **later
+            )
         case Ready() if known.state is ProcessState.STARTING:
-            changed = msgspec.structs.replace(known, state=ProcessState.READY, since=now, attempts=0, served=True)
+            changed = msgspec.structs.replace(
+                known, state=ProcessState.READY, since=now, attempts=0, served=True
+            )
         case Exited(code=code, last=last):
             changed = _exited(known, code, last, now, fleet.stopping, event.name in fleet.off)
         case _:
@@ -231,7 +262,9 @@ def look(fleet: Fleet, beats: frozenset[str], periods: int = 1) -> Fleet:
 
     Who has been silent for long is told by its note.
     """
-    changed = {name: _looked_at(known, name in beats, periods) for name, known in fleet.known.items()}
+    changed = {
+        name: _looked_at(known, name in beats, periods) for name, known in fleet.known.items()
+    }
     return msgspec.structs.replace(fleet, known=changed)
 
 
@@ -243,7 +276,9 @@ def _looked_at(known: Known, beats: bool, periods: int) -> Known:
         return known
     silent = msgspec.structs.replace(known, silent=known.silent + periods)
     if known.beaten and silent.silence_s >= LATE_S and not known.killed:
-        silent = msgspec.structs.replace(silent, note=f"hangs: no heartbeat for {int(silent.silence_s)} s")
+        silent = msgspec.structs.replace(
+            silent, note=f"hangs: no heartbeat for {int(silent.silence_s)} s"
+        )
     return silent
 
 
@@ -253,7 +288,9 @@ def stop(fleet: Fleet) -> Fleet:
 
 
 def switch(fleet: Fleet, off: frozenset[str], now: float) -> Fleet:
-    """Note who shall not run now; who shall again, begins as if nothing had failed. Unknown names are left out."""
+    """Note who shall not run now; who shall again, begins as if nothing had failed. Unknown names
+    are left out.
+    """
     off &= fleet.known.keys()
     if off == fleet.off:
         return fleet
@@ -284,8 +321,12 @@ def decide(fleet: Fleet, now: float) -> tuple[Fleet, list[Action]]:
 
 
 def _beginning(fleet: Fleet, known: Known, now: float) -> Action | None:
-    """Start what waits once all before it are ready, and again what died once its pause is over; kill what hangs."""
-    if known.state is ProcessState.WAITING and all(_awaited(fleet.known[name], now) for name in known.process.after):
+    """Start what waits once all before it are ready, and again what died once its pause is over;
+    kill what hangs.
+    """
+    if known.state is ProcessState.WAITING and all(
+        _awaited(fleet.known[name], now) for name in known.process.after
+    ):
         return Start(known.process.name)
     if known.state is ProcessState.BACKING_OFF and now >= known.due:
         return Start(known.process.name)
@@ -322,7 +363,9 @@ def _ordered(known: Known, action: Action, now: float) -> Known:
     if isinstance(action, Start):
         again = known.restarts + (known.state is ProcessState.BACKING_OFF)
         fresh = {"beaten": False, "silent": 0, "killed": False}
-        return msgspec.structs.replace(known, state=ProcessState.STARTING, since=now, restarts=again, **fresh)
+        return msgspec.structs.replace(
+            known, state=ProcessState.STARTING, since=now, restarts=again, **fresh
+        )
     if isinstance(action, Terminate):
         return msgspec.structs.replace(known, state=ProcessState.STOPPING, since=now)
     if known.state is ProcessState.STOPPING:
@@ -349,10 +392,18 @@ def _exited(known: Known, code: int, last: str, now: float, stopping: bool, off:
     deaths = tuple(at for at in known.deaths if now - at < WINDOW_S) + ((now,) if was_ready else ())
     if len(deaths) >= MOST_DEATHS:
         note = f"died {len(deaths)} times within {WINDOW_S:g} s: {note}"
-    changed = {"since": now, "failures": failures, "attempts": attempts, "note": note, "deaths": deaths}
+    changed = {
+        "since": now,
+        "failures": failures,
+        "attempts": attempts,
+        "note": note,
+        "deaths": deaths,
+    }
     if code == USAGE_ERROR or attempts >= ATTEMPTS or len(deaths) >= MOST_DEATHS:
         return msgspec.structs.replace(known, state=ProcessState.GIVEN_UP, **changed)
-    return msgspec.structs.replace(known, state=ProcessState.BACKING_OFF, due=now + _pause(failures), **changed)
+    return msgspec.structs.replace(
+        known, state=ProcessState.BACKING_OFF, due=now + _pause(failures), **changed
+    )
 
 
 def _pause(failures: int) -> float:

@@ -1,7 +1,8 @@
-"""The run folder as the supervisor keeps it: made, pointed at, and told the state of the fleet (docs/run-folder.md).
+"""The run folder as the supervisor keeps it: made, pointed at, and told the state of the fleet
+(docs/run-folder.md).
 
-The supervisor has all that it writes in memory. A disk that is full, or a folder that was deleted, does not end it:
-what could not be written is written once that is possible.
+The supervisor has all that it writes in memory. A disk that is full, or a folder that was deleted,
+does not end it: what could not be written is written once that is possible.
 """
 
 import fcntl
@@ -36,9 +37,13 @@ TRACEBACK = "Traceback (most recent call last):"
 READ_BYTES = 16_384
 """Of the end of a log; estimate: four long tracebacks."""
 LEAST_ROOM = 16 << 20
-"""Bytes without which a process may fail to start: a loop's mapped files have 10 MB, a record some kB (estimate)."""
+"""Bytes without which a process may fail to start: a loop's mapped files have 10 MB, a record some
+kB (estimate).
+"""
 FAREWELL_LINES = 8
-"""From the exception on which a process ends to the end of its log, at most: it closes what it has (estimate)."""
+"""From the exception on which a process ends to the end of its log, at most: it closes what it has
+(estimate).
+"""
 
 
 def make(run: Path, *, latest: bool = True) -> None:
@@ -77,7 +82,10 @@ class Files:
 
     def tell(self, fleet: Fleet) -> None:
         """Have the fleet in fleet.json."""
-        self.put(self._run / FLEET_FILE, msgspec.json.format(msgspec.json.encode(fleet), indent=2) + b"\n")
+        self.put(
+            self._run / FLEET_FILE,
+            msgspec.json.format(msgspec.json.encode(fleet), indent=2) + b"\n",
+        )
 
     def settle(self) -> None:
         """Write what is owed, as far as that is possible now."""
@@ -89,19 +97,27 @@ class Files:
             except OSError as error:
                 self.why = f"{file} cannot be written: {error.strerror}"
         if self.why != before:
-            words = f"{self.why}; the fleet goes on, and it is tried again" if self.why else "all is written again"
+            words = (
+                f"{self.why}; the fleet goes on, and it is tried again"
+                if self.why
+                else "all is written again"
+            )
             with suppress(OSError):  # the words go to the same disk
                 print(words, flush=True)
 
     def no_room(self) -> str:
-        """Return in words why a process that starts may find no room in the folder; "" where there is some."""
+        """Return in words why a process that starts may find no room in the folder; "" where there
+        is some.
+        """
         with suppress(OSError):
             if (free := shutil.disk_usage(self._run).free) < LEAST_ROOM:
                 return f"the disk of {self._run} has {free / 1e6:.1f} MB free"
         return self.why
 
     def off(self) -> frozenset[str]:
-        """Return the processes that shall not run; as last seen, where the folder cannot be read."""
+        """Return the processes that shall not run; as last seen, where the folder cannot be
+        read.
+        """
         with suppress(OSError):
             self._off = off(self._run)
         return self._off
@@ -131,7 +147,9 @@ def ready_file(run: Path, name: str) -> Path:
 
 
 def beat(run: Path, name: str) -> int:
-    """Return the time of its last heartbeat [ns]; 0: none. Only whether it changes means anything."""
+    """Return the time of its last heartbeat [ns]; 0: none. Only whether it changes means
+    anything.
+    """
     try:
         return os.stat(heartbeat_file(run, name)).st_mtime_ns
     except OSError:
@@ -151,7 +169,8 @@ def log_file(run: Path, name: str) -> Path:
 def keep_small(log: Path) -> None:
     """Truncate a process's output file once it is too long, after a copy to LOG.1.
 
-    The process appends to an open file, so the file stays; what it writes between the copy and the cut is lost.
+    The process appends to an open file, so the file stays; what it writes between the copy and the
+    cut is lost.
     """
     with suppress(OSError):
         if log.stat().st_size > MOST_BYTES:
@@ -161,27 +180,36 @@ def keep_small(log: Path) -> None:
 
 def off(run: Path) -> frozenset[str]:
     """Return the processes that shall not run: each has a file NAME.off."""
-    return frozenset(name.removesuffix(OFF_SUFFIX) for name in os.listdir(run) if name.endswith(OFF_SUFFIX))
+    return frozenset(
+        name.removesuffix(OFF_SUFFIX) for name in os.listdir(run) if name.endswith(OFF_SUFFIX)
+    )
 
 
 def last_words(log: Path) -> str:
-    """The reason that a log ends with: the exception of a traceback near its end, else its last line, "" for none."""
+    """The reason that a log ends with: the exception of a traceback near its end, else its last
+    line, "" for none.
+    """
     try:
         with log.open("rb") as file:
             file.seek(0, os.SEEK_END)
             file.seek(max(0, file.tell() - READ_BYTES))
-            lines = [line for line in file.read().decode(errors="replace").split("\n") if line.strip()]
+            lines = [
+                line for line in file.read().decode(errors="replace").split("\n") if line.strip()
+            ]
     except OSError:
         return ""
     begins = [number for number, line in enumerate(lines) if TRACEBACK in line]
     after = range(begins[-1] + 1, len(lines)) if begins else range(0)
     ends = next((number for number in after if not lines[number].startswith(" ")), 0)
-    return lines[ends if ends and len(lines) - ends <= FAREWELL_LINES else -1].strip() if lines else ""
+    return (
+        lines[ends if ends and len(lines) - ends <= FAREWELL_LINES else -1].strip() if lines else ""
+    )
 
 
-# --- Its owner: one supervisor at a time; and what a dead one left running -------------------------------------------
-# Children of a supervisor that is killed go on, as the robot must not drop the jar for it. The next one of the same
-# folder ends them first, in order: a second router or control loop beside them would be two masters of one robot.
+# --- Its owner: one supervisor at a time; and what a dead one left running ------------------------
+# Children of a supervisor that is killed go on, as the robot must not drop the jar for it. The next
+# one of the same folder ends them first, in order: a second router or control loop beside them
+# would be two masters of one robot.
 
 
 TAKE_S = 1.0  # estimate: who only looks whether the lock is held has it for some microseconds
@@ -191,14 +219,19 @@ class KeptError(Exception):
     """Another supervisor keeps this run folder."""
 
     def __init__(self, run: Path, pid: str) -> None:
-        super().__init__(f"the fleet of {run} runs already (supervisor {pid or 'unknown'}); `roco down` ends it")
+        super().__init__(
+            f"the fleet of {run} runs already (supervisor {pid or 'unknown'}); `roco down` ends it"
+        )
 
 
 @contextmanager
 def kept(run: Path) -> Iterator[None]:
-    """Keep this folder alone as long as the block lasts; it is made where missing. Raise KeptError, OSError."""
+    """Keep this folder alone as long as the block lasts; it is made where missing. Raise KeptError,
+    OSError.
+    """
     make_run(run)
-    with (run / LOCK_FILE).open("a+") as lock:  # not inherited by children: it ends with this process
+    # not inherited by children: it ends with this process
+    with (run / LOCK_FILE).open("a+") as lock:
         _take(run, lock.fileno())
         lock.truncate(0)
         lock.write(f"{os.getpid()}\n")
@@ -227,13 +260,18 @@ class Left(Other):
 
 
 def left(run: Path, processes: tuple[Process, ...]) -> dict[str, Left]:
-    """Return what lives of these processes, by the pid files of a run of which nobody keeps anything."""
+    """Return what lives of these processes, by the pid files of a run of which nobody keeps
+    anything.
+    """
     found = {}
     for process in processes:
         try:
             one = Left(int(pid_file(run, process.name).read_text()))
-            # A number that somebody else uses again is not of a process that runs this module in this folder.
-            if process.module in proc.command_line(one.pid) and variables(one.pid).get(RUN_FOLDER_VARIABLE) == str(run):
+            # A number that somebody else uses again is not of a process that runs this module in
+            # this folder.
+            if process.module in proc.command_line(one.pid) and variables(one.pid).get(
+                RUN_FOLDER_VARIABLE
+            ) == str(run):
                 found[process.name] = one
         except (OSError, ValueError):
             continue

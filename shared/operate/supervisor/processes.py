@@ -4,19 +4,22 @@ import msgspec
 
 ORDERLY_STOP_S = 5.0  # estimate: an agent closes its session and its journal in well under a second
 SILENT_S = 6.0  # estimate: six heartbeats
-RECORDS_S = 20.0  # estimate: the monitor works at a low priority, and reads large content amid its heartbeats
-REPORT_S = 120.0  # estimate: when it is stopped the monitor writes report and pictures, perhaps of several robots
+# estimate: the monitor works at a low priority, and reads large content amid its heartbeats
+RECORDS_S = 20.0
+# estimate: when it is stopped the monitor writes report and pictures, perhaps of several robots
+REPORT_S = 120.0
 
 
 class Process(msgspec.Struct, frozen=True):
     """One process: Python runs `-m module arguments`.
 
-    `forked`: whether the fork server makes it, where there is one; one that locks its memory would lock a copy of all
-    that the server imported. `workers`: modules that children of it run.
+    `forked`: whether the fork server makes it, where there is one; one that locks its memory would
+    lock a copy of all that the server imported. `workers`: modules that children of it run.
 
-    `after`: processes that are ready before it starts, and stop only once it has ended. `optional`: others do not wait
-    for it for more than `patience_s`, and the fleet counts as ready without it. `stop_within_s`: then it is killed.
-    `hangs_s`: silence of its heartbeat after which it is killed and started again [s].
+    `after`: processes that are ready before it starts, and stop only once it has ended. `optional`:
+    others do not wait for it for more than `patience_s`, and the fleet counts as ready without it.
+    `stop_within_s`: then it is killed. `hangs_s`: silence of its heartbeat after which it is killed
+    and started again [s].
     """
 
     name: str
@@ -31,12 +34,15 @@ class Process(msgspec.Struct, frozen=True):
     forked: bool = True
 
 
-# Agents start side by side: each is ready when a ping was answered on each of its channels: they wait for each other.
-# They end before the monitor, which then has their last word. They do not wait until it is ready: it reads their logs.
+# Agents start side by side: each is ready when a ping was answered on each of its channels: they
+# wait for each other. They end before the monitor, which then has their last word. They do not wait
+# until it is ready: it reads their logs.
 FIRST = ("router", "monitor")
 
 
-def around(router: str = "operate.router", monitor: str = "operate.recording") -> tuple[Process, Process]:
+def around(
+    router: str = "operate.router", monitor: str = "operate.recording"
+) -> tuple[Process, Process]:
     """The router and the monitor of a system, run by these modules."""
     return (
         Process("router", router),

@@ -1,7 +1,8 @@
-"""Runs a project made by `roco design new` in the foreground: router and agents as processes, and what they say.
+"""Runs a project made by `roco design new` in the foreground: router and agents as processes, and
+what they say.
 
-`python -m <project>` ends here. Processes are started, watched and restarted as the fleet of the Robot
-Companion is.
+`python -m <project>` ends here. Processes are started, watched and restarted as the fleet of the
+Robot Companion is.
 """
 
 import os
@@ -32,15 +33,25 @@ PATIENCE_S = 30.0
 
 
 def run(entry: str) -> None:
-    """The command line of a project whose system is at `entry` ("module:NAME"); ends the process."""
+    """The command line of a project whose system is at `entry` ("module:NAME"); ends the
+    process.
+    """
     system = load(entry, str(Path.cwd()))
     command = typer.Typer(name=system.name, add_completion=False, pretty_exceptions_enable=False)
 
-    @command.command(help=f"Run {system.name}: its processes, printing what they say; Ctrl-C ends them.")
+    @command.command(
+        help=f"Run {system.name}: its processes, printing what they say; Ctrl-C ends them."
+    )
     def main(
-        run_dir: Annotated[Path | None, typer.Option(help="The run's folder; else runs/<time>.")] = None,
-        connect: Annotated[str, typer.Option(help="The router's address; empty: a free port.")] = "",
-        seconds: Annotated[float, typer.Option(help="End after so long with all ready; 0: at Ctrl-C.")] = 0.0,
+        run_dir: Annotated[
+            Path | None, typer.Option(help="The run's folder; else runs/<time>.")
+        ] = None,
+        connect: Annotated[
+            str, typer.Option(help="The router's address; empty: a free port.")
+        ] = "",
+        seconds: Annotated[
+            float, typer.Option(help="End after so long with all ready; 0: at Ctrl-C.")
+        ] = 0.0,
         until_ready: Annotated[bool, typer.Option(help="End as soon as all are ready.")] = False,
         scene: Annotated[str, typer.Option(help="A file that the agents get as --scene.")] = "",
     ) -> None:
@@ -55,7 +66,9 @@ def run(entry: str) -> None:
     command()
 
 
-def foreground(system: System, run_dir: Path, connect: str, after_s: float | None, scene: str = "") -> int:
+def foreground(
+    system: System, run_dir: Path, connect: str, after_s: float | None, scene: str = ""
+) -> int:
     """Run it until a signal comes, or for `after_s` once all are ready.
 
     0: as wanted; 1: not all became ready, or another supervisor keeps the folder.
@@ -70,17 +83,34 @@ def foreground(system: System, run_dir: Path, connect: str, after_s: float | Non
                 "ROCO_SYSTEM": system.name,
                 "ROCO_CONNECT": connect,
                 LISTEN_VARIABLE: "",
-                AGENTS_VARIABLE: ",".join(f"{name}={endpoint}" for name, endpoint in agents.items()),
+                AGENTS_VARIABLE: ",".join(
+                    f"{name}={endpoint}" for name, endpoint in agents.items()
+                ),
                 "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
                 "PYTHONUNBUFFERED": "1",
                 "PYTHONSAFEPATH": "1",
                 **system.environment(run_dir),
             }
-            shell = Shell(run_dir, system.processes, system.name, connect, environment, bound=system, agents=agents)
+            shell = Shell(
+                run_dir,
+                system.processes,
+                system.name,
+                connect,
+                environment,
+                bound=system,
+                agents=agents,
+            )
             names = ", ".join(process.name for process in system.processes)
-            here = run_dir.relative_to(Path.cwd()) if run_dir.is_relative_to(Path.cwd()) else run_dir
+            here = (
+                run_dir.relative_to(Path.cwd()) if run_dir.is_relative_to(Path.cwd()) else run_dir
+            )
             print(f"{system.name}: {names}; files in {here}", flush=True)
-            watch = _Watch(shell, system, Options(connect=connect, system=system.name, run_dir=run_dir), after_s)
+            watch = _Watch(
+                shell,
+                system,
+                Options(connect=connect, system=system.name, run_dir=run_dir),
+                after_s,
+            )
             watch.start()
             shell.serve()
             watch.join()
@@ -91,12 +121,21 @@ def foreground(system: System, run_dir: Path, connect: str, after_s: float | Non
 
 
 class _Watch(threading.Thread):
-    """Prints what becomes of the processes and what the agents say; asks for the end when it is time."""
+    """Prints what becomes of the processes and what the agents say; asks for the end when it is
+    time.
+    """
 
-    def __init__(self, shell: Shell, system: System, options: Options, after_s: float | None) -> None:
+    def __init__(
+        self, shell: Shell, system: System, options: Options, after_s: float | None
+    ) -> None:
         super().__init__(daemon=True)
         self.status = 0
-        self._shell, self._languages, self._options, self._after_s = shell, system.languages, options, after_s
+        self._shell, self._languages, self._options, self._after_s = (
+            shell,
+            system.languages,
+            options,
+            after_s,
+        )
         self._began = time.time()
         self._ready_at: float | None = None
         self._ends = Ends(options.run_dir, system)
@@ -130,7 +169,9 @@ class _Watch(threading.Thread):
             return now - self._ready_at >= self._after_s
         if now - self._began < PATIENCE_S and ProcessState.GIVEN_UP not in self._states.values():
             return False
-        late = ", ".join(name for name, state in self._states.items() if state is not ProcessState.READY)
+        late = ", ".join(
+            name for name, state in self._states.items() if state is not ProcessState.READY
+        )
         self._print(f"not ready: {late}; see {self._options.run_dir}/*.log")
         self.status = 1
         return True
@@ -147,7 +188,9 @@ class _Watch(threading.Thread):
 
     def _content(self, communicate: Communicate) -> str:
         try:
-            content, _ = self._languages.read(communicate) if self._languages is not None else (None, None)
+            content, _ = (
+                self._languages.read(communicate) if self._languages is not None else (None, None)
+            )
         except FipaError as error:
             return f"({error})"
         return "" if content is None else repr(content)

@@ -1,9 +1,10 @@
 """Keys of the processes of a fleet, and the address of their router: TLS, unless it is forbidden.
 
-The process that starts the router makes the keys, in the run folder: new ones at each start, and before they expire. A
-supervisor of a part of the fleet takes those that it is given.
+The process that starts the router makes the keys, in the run folder: new ones at each start, and
+before they expire. A supervisor of a part of the fleet takes those that it is given.
 
-The first ones are made beside the start of the router, which waits for them: half a second in which nobody need wait.
+The first ones are made beside the start of the router, which waits for them: half a second in which
+nobody need wait.
 """
 
 import datetime as dt
@@ -23,9 +24,13 @@ from topdown.model.design import Design
 TLS, PLAIN = "tls/", "tcp/"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 DAYS = 7.0
-"""Lifetime of keys, as agent_runtime.io.issuing has it (a test compares): that module is loaded beside the start."""
+"""Lifetime of keys, as agent_runtime.io.issuing has it (a test compares): that module is loaded
+beside the start.
+"""
 LAST = 1 / 7
-"""Of the time that keys hold: then they are renewed (of a week its last day: as long as a machine may sleep)."""
+"""Of the time that keys hold: then they are renewed (of a week its last day: as long as a machine
+may sleep).
+"""
 AGAIN_S = 60.0  # estimate: a day is left
 SOCKETS_FOLDER = "links"
 LONGEST_SOCKET = 107 - len(".lock")  # sun_path (unix(7)); Zenoh writes a lock file beside it
@@ -36,9 +41,9 @@ ENDPOINT_MARKS = "?#;"
 class Keys:
     """The router's address, and the folder of keys: None where nothing is encrypted.
 
-    `own`: where the processes of this host meet; `listen`: where the router listens that is started here. One that
-    others reach, too, has a listener on loopback for its own: a flood of handshakes locks the listener that it hits,
-    and no other. `agents`: where each agent is reached.
+    `own`: where the processes of this host meet; `listen`: where the router listens that is started
+    here. One that others reach, too, has a listener on loopback for its own: a flood of handshakes
+    locks the listener that it hits, and no other. `agents`: where each agent is reached.
     """
 
     def __init__(
@@ -57,15 +62,17 @@ class Keys:
     ) -> None:
         """Begin to make them, where a router is started here and none are given.
 
-        `connect`: the address asked for, "" for a free port here; `given`: a folder of keys that are there; `here`:
-        whether the router is started here; `agents`: each agent with its endpoint, "" for a free port here, or with
-        `unix` a socket in the run folder. ValueError where address and keys do not fit, or the
-        name of a socket would be too long.
+        `connect`: the address asked for, "" for a free port here; `given`: a folder of keys that
+        are there; `here`: whether the router is started here; `agents`: each agent with its
+        endpoint, "" for a free port here, or with `unix` a socket in the run folder. ValueError
+        where address and keys do not fit, or the name of a socket would be too long.
         """
         self._design, self._system, self._days = design, system, days
         self._from, self._due = -float("inf"), float("inf")
         mine = here and not given and not insecure
-        self.folder = run / KEYS_FOLDER if mine else Path(given).resolve() if given and not insecure else None
+        self.folder = (
+            run / KEYS_FOLDER if mine else Path(given).resolve() if given and not insecure else None
+        )
         scheme = TLS if self.folder else PLAIN
         self.address = connect or f"{scheme}127.0.0.1:{free_port()}"
         self.agents = {
@@ -81,7 +88,8 @@ class Keys:
         self._failed: Exception | None = None
         self._tried: float | None = None
         if self.folder and mine:
-            key_file(self.folder, ROUTER).unlink(missing_ok=True)  # of the last start: the router waits for a new one
+            # of the last start: the router waits for a new one
+            key_file(self.folder, ROUTER).unlink(missing_ok=True)
             self._making.start()
 
     def _fit(self) -> None:
@@ -89,9 +97,14 @@ class Keys:
         if "," in self.address:
             raise ValueError(f"{self.address!r} names several routers: a fleet has one")
         if self.folder and not self.address.startswith(TLS):
-            raise ValueError(f"with keys the router's address begins with {TLS}, {self.address!r} not; or --insecure")
+            raise ValueError(
+                f"with keys the router's address begins with {TLS}, {self.address!r} not; or"
+                " --insecure"
+            )
         if not self.folder and self.address.startswith(TLS):
-            raise ValueError(f"{self.address!r} wants keys, and there are none: --keys names their folder")
+            raise ValueError(
+                f"{self.address!r} wants keys, and there are none: --keys names their folder"
+            )
 
     def _begin(self) -> None:
         try:
@@ -106,10 +119,11 @@ class Keys:
         self.tend()
 
     def tend(self) -> None:
-        """Renew them in their last days, where the clock was set back to before they hold, and where they were deleted.
+        """Renew them in their last days, where the clock was set back to before they hold, and
+        where they were deleted.
 
-        The router sees it, and all come back to it with the new ones. Raises OSError where the first ones could not be
-        written; later ones are tried again.
+        The router sees it, and all come back to it with the new ones. Raises OSError where the
+        first ones could not be written; later ones are tried again.
         """
         if self._failed is not None:
             raise self._failed
@@ -151,11 +165,13 @@ class Keys:
 
 
 def socket_in(run: Path, agent: str) -> str:
-    """Return the endpoint of an agent's socket in a run folder. Raise ValueError where no socket can have the name."""
+    """Return the endpoint of an agent's socket in a run folder. Raise ValueError where no socket
+    can have the name.
+    """
     name = str((run / SOCKETS_FOLDER / f"{agent}.sock").resolve())
     if len(name.encode()) > LONGEST_SOCKET or set(name) & set(ENDPOINT_MARKS):
         raise ValueError(
-            f"--links unix: the socket {name} cannot be: its name has more than {LONGEST_SOCKET} bytes, or one of"
-            f" {ENDPOINT_MARKS}; name another folder with --out"
+            f"--links unix: the socket {name} cannot be: its name has more than {LONGEST_SOCKET}"
+            f" bytes, or one of {ENDPOINT_MARKS}; name another folder with --out"
         )
     return f"{UNIX_SOCKET}{name}"

@@ -1,9 +1,11 @@
-"""The supervisor's hands: starts and ends processes as the core says, and tells the core what happened.
+"""The supervisor's hands: starts and ends processes as the core says, and tells the core what
+happened.
 
-One thread, one loop: look at the children and their ready files, take that in, decide, act, write fleet.json. Children
-get sessions of their own, so that Ctrl-C in a terminal reaches the supervisor alone and the order of the end is kept.
-A supervisor that is killed leaves them running: the robot does not drop the jar because of it. `roco down` finds them
-by their pid files, and so does the next supervisor of the folder, which ends them before it starts its own.
+One thread, one loop: look at the children and their ready files, take that in, decide, act, write
+fleet.json. Children get sessions of their own, so that Ctrl-C in a terminal reaches the supervisor
+alone and the order of the end is kept. A supervisor that is killed leaves them running: the robot
+does not drop the jar because of it. `roco down` finds them by their pid files, and so does the next
+supervisor of the folder, which ends them before it starts its own.
 """
 
 import importlib.util
@@ -38,12 +40,19 @@ from operate.system import System
 
 NAME = "supervisor"
 
-# --- Processes forked from one that has imported what they share (agent_runtime.io.fork_server) -----------------------
-# It is one more process of the fleet, ready before the others: it is watched, restarted and given up like them. Where
-# it is not ready they are started without it, each by an interpreter of its own.
+# --- Processes forked from one that has imported what they share (agent_runtime.io.fork_server) ---
+# It is one more process of the fleet, ready before the others: it is watched, restarted and given
+# up like them. Where it is not ready they are started without it, each by an interpreter of its
+# own.
 
 PATIENCE_S = 30.0  # estimate: its imports take 2 s, and 12 s on a slow machine at a load of 3
-FORKS = Process(forked.FORKS, "agent_runtime.io.fork_server", optional=True, patience_s=PATIENCE_S, hangs_s=RECORDS_S)
+FORKS = Process(
+    forked.FORKS,
+    "agent_runtime.io.fork_server",
+    optional=True,
+    patience_s=PATIENCE_S,
+    hangs_s=RECORDS_S,
+)
 FORKS_FILE = "forks.sock"
 
 
@@ -57,7 +66,10 @@ def forking(processes: tuple[Process, ...]) -> tuple[Process, ...]:
         return processes
     modules = (name for one in made for name in (program(one), *one.workers))
     server = msgspec.structs.replace(FORKS, arguments=tuple(dict.fromkeys(modules)))
-    behind = (msgspec.structs.replace(one, after=(*one.after, FORKS.name)) if one in made else one for one in processes)
+    behind = (
+        msgspec.structs.replace(one, after=(*one.after, FORKS.name)) if one in made else one
+        for one in processes
+    )
     return (server, *behind)
 
 
@@ -66,14 +78,15 @@ def program(process: Process) -> str:
     return f"{process.module}.__main__"
 
 
-# --- The fleet --------------------------------------------------------------------------------------------------------
+# --- The fleet ------------------------------------------------------------------------------------
 
 
 class Shell:
-    """Runs one fleet in one run folder. `command` makes the argument list of a process (tests put their own there).
+    """Runs one fleet in one run folder. `command` makes the argument list of a process (tests put
+    their own there).
 
-    `tend`: what else is to be looked after at each look. `bound`: the system, for fleet.json. `apart`: variables of
-    single processes.
+    `tend`: what else is to be looked after at each look. `bound`: the system, for fleet.json.
+    `apart`: variables of single processes.
     """
 
     def __init__(
@@ -110,7 +123,8 @@ class Shell:
 
     def serve(self) -> None:
         """Run the fleet until SIGTERM or SIGINT, and to the end of the last process."""
-        caught_signals: list[int] = []  # a handler that sets the event could wait for ever: one_reader.py
+        # a handler that sets the event could wait for ever: one_reader.py
+        caught_signals: list[int] = []
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda caught, _: caught_signals.append(caught))
         pid, ready = folder.pid_file(self.run, NAME), folder.ready_file(self.run, NAME)
@@ -127,7 +141,9 @@ class Shell:
             self.files.put(file, None)
 
     def end(self, left: Mapping[str, Left]) -> None:
-        """End in order what a supervisor that died left running; each has its time, then it is killed."""
+        """End in order what a supervisor that died left running; each has its time, then it is
+        killed.
+        """
         self.children |= left
         for name, one in left.items():
             self.fleet = core.take(self.fleet, core.Found(name, one.pid), time.monotonic())
@@ -137,7 +153,9 @@ class Shell:
             time.sleep(core.PERIOD_S)
 
     def step(self, now: float) -> None:
-        """Look, decide, act, tell; hold the robot where a process that was ready cannot be kept alive."""
+        """Look, decide, act, tell; hold the robot where a process that was ready cannot be kept
+        alive.
+        """
         before = self.fleet.status
         self.tend()
         self.files.settle()
@@ -158,7 +176,9 @@ class Shell:
                 self.fleet = core.take(self.fleet, outcome, now)
         if self.fleet.status != before or actions or not (self.run / "fleet.json").exists():
             told = (self.system, self.connect, os.getpid(), self.started, self.fleet.status)
-            self.files.tell(FleetFile(*told, entry=self.entry, project=self.project, agents=self.agents))
+            self.files.tell(
+                FleetFile(*told, entry=self.entry, project=self.project, agents=self.agents)
+            )
 
     def _wait(self) -> None:
         """Wait until the next look: longer while all is well, unless a child ends."""
@@ -177,14 +197,26 @@ class Shell:
                     os.close(self.ends.pop(name))
                 self.files.put(folder.pid_file(self.run, name), None)
                 seen.append(self._exited(name, code))
-            elif self.fleet.known[name].state is ProcessState.STARTING and folder.ready_file(self.run, name).exists():
+            elif (
+                self.fleet.known[name].state is ProcessState.STARTING
+                and folder.ready_file(self.run, name).exists()
+            ):
                 seen.append(core.Ready(name))
         return seen
 
     def _exited(self, name: str, code: int) -> core.Event:
-        """The event of an end. One that began on a full disk was not started: it is tried until there is room."""
-        starting = self.fleet.known[name].state is ProcessState.STARTING and name not in self.fleet.off
-        if starting and not self.fleet.stopping and code != USAGE_ERROR and (why := self.files.no_room()):
+        """The event of an end. One that began on a full disk was not started: it is tried until
+        there is room.
+        """
+        starting = (
+            self.fleet.known[name].state is ProcessState.STARTING and name not in self.fleet.off
+        )
+        if (
+            starting
+            and not self.fleet.stopping
+            and code != USAGE_ERROR
+            and (why := self.files.no_room())
+        ):
             return core.NotStarted(name, f"ended with code {code}, and {why}")
         return core.Exited(name, code, folder.last_words(folder.log_file(self.run, name)))
 
@@ -213,7 +245,8 @@ class Shell:
     def _start(self, process: Process) -> core.Event:
         """Start a process; where that cannot work, say why."""
         self.files.put(folder.ready_file(self.run, process.name), None)
-        self.beats[process.name] = folder.beat(self.run, process.name)  # of the one before: no beat of this one
+        # of the one before: no beat of this one
+        self.beats[process.name] = folder.beat(self.run, process.name)
         environment = {**self.environment, **self.apart.get(process.name, {})}
         try:
             command = self.command(process)
@@ -236,13 +269,21 @@ class Shell:
         self.files.put(folder.pid_file(self.run, process.name), f"{child.pid}\n".encode())
         return core.Started(process.name, child.pid)
 
-    def _forked(self, process: Process, environment: Mapping[str, str], log: IO[bytes]) -> Forked | None:
+    def _forked(
+        self, process: Process, environment: Mapping[str, str], log: IO[bytes]
+    ) -> Forked | None:
         """Return the process made by the fork server; None where there is none that is ready."""
         server = self.fleet.known.get(FORKS.name)
-        if server is None or server.state is not ProcessState.READY or FORKS.name not in process.after:
+        if (
+            server is None
+            or server.state is not ProcessState.READY
+            or FORKS.name not in process.after
+        ):
             return None
         hand = [Handed(log.fileno(), 1), Handed(log.fileno(), 2)]
-        return fork(process.module, *process.arguments, environment=environment, hand=hand, session=True)
+        return fork(
+            process.module, *process.arguments, environment=environment, hand=hand, session=True
+        )
 
 
 def end_left(run: Path, processes: tuple[Process, ...], system: str) -> None:
@@ -259,11 +300,15 @@ class NotBuiltError(Exception):
 
     def __init__(self, module: str) -> None:
         self.module = module
-        super().__init__(f"{module} has no program: {module.replace('.', '/')}/__main__.py is missing")
+        super().__init__(
+            f"{module} has no program: {module.replace('.', '/')}/__main__.py is missing"
+        )
 
 
 def python_module(process: Process) -> list[str]:
-    """The command of a process: this Python, its module. Raises NotBuiltError if the program does not exist."""
+    """The command of a process: this Python, its module. Raises NotBuiltError if the program does
+    not exist.
+    """
     try:
         found = importlib.util.find_spec(process.module)
         if found is not None and found.submodule_search_locations is not None:

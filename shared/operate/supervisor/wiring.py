@@ -1,4 +1,6 @@
-"""A fleet with wires, for `roco up --faults`: agents reach the router and each other by them, and have own clocks."""
+"""A fleet with wires, for `roco up --faults`: agents reach the router and each other by them, and
+have own clocks.
+"""
 
 from pathlib import Path
 
@@ -18,16 +20,20 @@ CONNECT = "ROCO_CONNECT"
 def wired(
     processes: tuple[Process, ...], design: Design, connect: str, agents: dict[str, str], run: Path
 ) -> tuple[tuple[Process, ...], dict[str, dict[str, str]]]:
-    """Return the processes with the wires' own among them, and the variables that agents get apart; wires.json is told.
+    """Return the processes with the wires' own among them, and the variables that agents get apart;
+    wires.json is told.
 
-    `connect`: the router's address; `agents`: those of the agents. They start after the wires, and end before them.
+    `connect`: the router's address; `agents`: those of the agents. They start after the wires, and
+    end before them.
     """
     link = connect.partition("/")[0]
     places = {name: files.place(address) for name, address in agents.items()}
     wires = files.Wires(
         {ROUTER: files.place(connect)} | places,
         {
-            one.name: {end: free_port() for end in (ROUTER, *(set(design.peers(one.name)) & set(places)))}
+            one.name: {
+                end: free_port() for end in (ROUTER, *(set(design.peers(one.name)) & set(places)))
+            }
             for one in processes
             if one.name in design.agents
         },
@@ -36,7 +42,9 @@ def wired(
     first = next((n for n, one in enumerate(processes) if one.name in wires.ports), len(processes))
     before = tuple(one.name for one in processes[:first] if one.name == ROUTER)
     behind = (
-        msgspec.structs.replace(one, after=(*one.after, WIRES.name)) if one.name in wires.ports else one
+        msgspec.structs.replace(one, after=(*one.after, WIRES.name))
+        if one.name in wires.ports
+        else one
         for one in processes[first:]
     )
     own = clocks.made(run, tuple(wires.ports))

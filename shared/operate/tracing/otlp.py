@@ -1,7 +1,9 @@
-"""A trace as OTLP in JSON (opentelemetry-proto 1.x, ExportTraceServiceRequest), as Jaeger and the collector read it.
+"""A trace as OTLP in JSON (opentelemetry-proto 1.x, ExportTraceServiceRequest), as Jaeger and the
+collector read it.
 
-An agent is a service. A conversation is a client span of its initiator and, below it, a server span of its participant;
-messages in between are events. Ids are hashes of names, so that an export made again has the same. Pure.
+An agent is a service. A conversation is a client span of its initiator and, below it, a server span
+of its participant; messages in between are events. Ids are hashes of names, so that an export made
+again has the same. Pure.
 """
 
 import hashlib
@@ -19,7 +21,9 @@ SCOPE = "roco"
 
 
 def exported(trace: Trace, roots: Sequence[Span]) -> dict[str, Any]:
-    """Return the request for the traces of some roots; a trace-id is that of the run's begin and the root."""
+    """Return the request for the traces of some roots; a trace-id is that of the run's begin and
+    the root.
+    """
     of_agent: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
     for root in roots:
         name = _hash(16, trace.system, repr(trace.begin), root.id)
@@ -30,11 +34,17 @@ def exported(trace: Trace, roots: Sequence[Span]) -> dict[str, Any]:
             of_agent[span.initiator].append(
                 _span(trace, name, span, CLIENT, _id(trace, above, SERVER) if above else "")
             )
-            of_agent[span.participant].append(_span(trace, name, span, SERVER, _id(trace, span.id, CLIENT)))
+            of_agent[span.participant].append(
+                _span(trace, name, span, SERVER, _id(trace, span.id, CLIENT))
+            )
     return {
         "resourceSpans": [
             {
-                "resource": {"attributes": _attributes({"service.name": agent, "service.namespace": trace.system})},
+                "resource": {
+                    "attributes": _attributes(
+                        {"service.name": agent, "service.namespace": trace.system}
+                    )
+                },
                 "scopeSpans": [{"scope": {"name": SCOPE}, "spans": found}],
             }
             for agent, found in sorted(of_agent.items())
@@ -43,9 +53,17 @@ def exported(trace: Trace, roots: Sequence[Span]) -> dict[str, Any]:
 
 
 def _span(trace: Trace, name: str, span: Span, kind: int, parent: str) -> dict[str, Any]:
-    """Return one side of a conversation. No recording says when the participant took the opening: both begin alike."""
+    """Return one side of a conversation. No recording says when the participant took the opening:
+    both begin alike.
+    """
     side = span.initiator if kind == CLIENT else span.participant
-    status = {"code": ERROR, "message": span.last.reason} if span.bad else {"code": OK} if span.ended else {}
+    status = (
+        {"code": ERROR, "message": span.last.reason}
+        if span.bad
+        else {"code": OK}
+        if span.ended
+        else {}
+    )
     return {
         "traceId": name,
         "spanId": _id(trace, span.id, kind),
@@ -69,7 +87,12 @@ def _span(trace: Trace, name: str, span: Span, kind: int, parent: str) -> dict[s
 
 
 def _event(one: Message) -> dict[str, Any]:
-    told = {"fipa.performative": one.performative, "fipa.id": one.id, "text": one.text, "reason": one.reason}
+    told = {
+        "fipa.performative": one.performative,
+        "fipa.id": one.id,
+        "text": one.text,
+        "reason": one.reason,
+    }
     kept = {name: value for name, value in told.items() if value}
     return {
         "timeUnixNano": _nano(one.sent),

@@ -1,7 +1,8 @@
-"""Reasons for a task's end: the chain of communicates that led to it, and the agents that were away meanwhile.
+"""Reasons for a task's end: the chain of communicates that led to it, and the agents that were away
+meanwhile.
 
-Every sentence repeats what was recorded: who said what, with the reason given; a step's event where no communicate led
-to it. Pure.
+Every sentence repeats what was recorded: who said what, with the reason given; a step's event where
+no communicate led to it. Pure.
 """
 
 from collections.abc import Iterator
@@ -14,7 +15,9 @@ MOST = 12
 """Facts of a chain, newest ones; estimate: what people read."""
 CANCEL = "cancel"
 EVENTS = {
-    "Local": "{agent} was told from outside the agents: by a person, a device or a process of its own",
+    "Local": (
+        "{agent} was told from outside the agents: by a person, a device or a process of its own"
+    ),
     "Late": "{agent} had waited for an answer until its time was over ({about})",
     "Broken": "{agent} saw the conversation break ({about})",
     "Woken": "a time had come that {agent} had set itself",
@@ -26,7 +29,9 @@ EVENTS = {
 
 
 class Fact(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A sentence about something that was recorded. `at`: unix time [s]; `record`: where it stands."""
+    """A sentence about something that was recorded. `at`: unix time [s]; `record`: where it
+    stands.
+    """
 
     at: float
     text: str
@@ -41,8 +46,8 @@ class Passage(msgspec.Struct, frozen=True):
 
 
 class Why(msgspec.Struct, frozen=True):
-    """The answer to "why?". `about`: a task or a thing; `text`: what it is, and what became of it; `begin`: of the run
-    [unix s].
+    """The answer to "why?". `about`: a task or a thing; `text`: what it is, and what became of it;
+    `begin`: of the run [unix s].
     """
 
     about: str
@@ -59,16 +64,22 @@ def record(one: Message) -> str:
 def message_fact(one: Message) -> Fact:
     """Return that something was said, with its reason or its content in a few words."""
     said = f": {content_text(one)}" if content_text(one) else ""
-    return Fact(one.sent, f"{one.sender} said {one.performative} to {one.receiver}{said}", record(one))
+    return Fact(
+        one.sent, f"{one.sender} said {one.performative} to {one.receiver}{said}", record(one)
+    )
 
 
 def content_text(one: Message) -> str:
-    """Return the content of a communicate in a few words, with the whole reason where it gives one."""
+    """Return the content of a communicate in a few words, with the whole reason where it gives
+    one.
+    """
     return ": ".join(filter(None, (one.text, one.reason)))
 
 
 def ending(trace: Trace, span: Span) -> Passage:
-    """Return what led to the end of a conversation, or to its newest message: the end first, then its causes."""
+    """Return what led to the end of a conversation, or to its newest message: the end first, then
+    its causes.
+    """
     chain = list(_chain(trace.messages, span.last, span.messages[0].identity))
     shown = [one for n, one in enumerate(chain) if n < 2 or notable(one) or n == len(chain) - 1]
     facts = [_because(message_fact(one), one, chain, n) for n, one in enumerate(shown[:MOST])]
@@ -76,12 +87,16 @@ def ending(trace: Trace, span: Span) -> Passage:
     event, _, about = first.event.partition(" ")
     if first.cause is None and event in EVENTS:
         words = EVENTS[event].format(agent=first.sender, about=about.replace("_", " "))
-        facts.append(Fact(first.sent, f"before that {words}", f"step of {first.sender}: {first.event}"))
+        facts.append(
+            Fact(first.sent, f"before that {words}", f"step of {first.sender}: {first.event}")
+        )
     return Passage("how it ended" if span.ended else "how it is now", tuple(facts))
 
 
 def notable(one: Message) -> bool:
-    """Whether a communicate is worth telling in a chain of many: a no, a cancel, or one that gives a reason."""
+    """Whether a communicate is worth telling in a chain of many: a no, a cancel, or one that gives
+    a reason.
+    """
     return one.performative in BAD or one.performative == CANCEL or bool(one.reason)
 
 
@@ -94,9 +109,11 @@ def _because(fact: Fact, one: Message, chain: list[Message], n: int) -> Fact:
 
 
 def _chain(said: dict[Identity, Message], last: Message, opening: Identity) -> Iterator[Message]:
-    """Yield a message, its cause, the cause of that, ..., to the opening of the task or to where only time tells more.
+    """Yield a message, its cause, the cause of that, ..., to the opening of the task or to where
+    only time tells more.
 
-    A link by time is the last one, but for what an agent said when its observations had been received.
+    A link by time is the last one, but for what an agent said when its observations had been
+    received.
     """
     seen: set[Identity] = set()
     at: Message | None = last
@@ -113,12 +130,18 @@ def _chain(said: dict[Identity, Message], last: Message, opening: Identity) -> I
 def absent(trace: Trace, span: Span) -> Passage | None:
     """Return who was away while a task was open; None where nobody was."""
     end = max(one.end for _, one in trace.below(span)) if span.ended else float("inf")
-    gone = [one for one in trace.away if one.start <= end and (one.end is None or one.end >= span.start)]
+    gone = [
+        one for one in trace.away if one.start <= end and (one.end is None or one.end >= span.start)
+    ]
     facts = tuple(
         Fact(
             one.start,
             f"{one.agent} was gone"
-            + (f" for {one.end - one.start:.1f} s" if one.end is not None else ", and did not come back")
+            + (
+                f" for {one.end - one.start:.1f} s"
+                if one.end is not None
+                else ", and did not come back"
+            )
             + (f": {one.fault} on purpose" if one.fault else ""),
             f"liveliness token of {one.agent}",
         )

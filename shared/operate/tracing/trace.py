@@ -1,6 +1,7 @@
 """Traffic of a run and its causes: messages, and conversations as the spans of a trace.
 
-A span is one conversation of two agents. It stands below the conversation for whose sake it was opened. Pure.
+A span is one conversation of two agents. It stands below the conversation for whose sake it was
+opened. Pure.
 """
 
 from collections import defaultdict
@@ -18,11 +19,15 @@ BAD = frozenset({"failure", "refuse", "not-understood", "reject-proposal"})
 """Performatives by which an agent says no."""
 
 SETTLED = "Settled"
-"""The event of a step that says what had to wait for receipts of observations: the cause had been taken before."""
+"""The event of a step that says what had to wait for receipts of observations: the cause had been
+taken before.
+"""
 
 
 class Known(StrEnum):
-    """Origin of a link: the step log, the protocol (an answer to what was asked), or only the order in time."""
+    """Origin of a link: the step log, the protocol (an answer to what was asked), or only the order
+    in time.
+    """
 
     STEP = "step"
     REPLY = "reply"
@@ -30,9 +35,11 @@ class Known(StrEnum):
 
 
 class Step(msgspec.Struct, frozen=True):
-    """A step of an agent: the communicate it took, and those it said. `parents`: opened conversation -> for whose sake.
+    """A step of an agent: the communicate it took, and those it said. `parents`: opened
+    conversation -> for whose sake.
 
-    `event`: what happened, in the words of the design. `certain`: whether `took` is from the log and not inferred.
+    `event`: what happened, in the words of the design. `certain`: whether `took` is from the log
+    and not inferred.
     """
 
     agent: str
@@ -45,10 +52,12 @@ class Step(msgspec.Struct, frozen=True):
 
 
 class Message(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A communicate; times in unix seconds. `text`: its content in a few words, `reason`: the one it gives.
+    """A communicate; times in unix seconds. `text`: its content in a few words, `reason`: the one
+    it gives.
 
-    `cause`: the communicate that its sender took in the step in which it said this, else what it answers; `known`: how
-    that is known ("": there is none). `event`: what happened in that step otherwise.
+    `cause`: the communicate that its sender took in the step in which it said this, else what it
+    answers; `known`: how that is known ("": there is none). `event`: what happened in that step
+    otherwise.
     """
 
     sender: str
@@ -73,10 +82,11 @@ class Message(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Span(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A conversation. `id` is unique in the trace, `parent` the id of the span above it ("": none), `known` from where.
+    """A conversation. `id` is unique in the trace, `parent` the id of the span above it ("": none),
+    `known` from where.
 
-    `ended`: whether both sides are at an end of their protocol. `beside`: messages to conversations of other traces
-    which an answer in this one caused.
+    `ended`: whether both sides are at an end of their protocol. `beside`: messages to conversations
+    of other traces which an answer in this one caused.
     """
 
     id: str
@@ -107,7 +117,9 @@ class Span(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Away(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An agent was gone from `start` to `end` (None: it did not come back); unix seconds. `fault`: done on purpose."""
+    """An agent was gone from `start` to `end` (None: it did not come back); unix seconds. `fault`:
+    done on purpose.
+    """
 
     agent: str
     start: float
@@ -116,7 +128,9 @@ class Away(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 def is_meant(subject: str, conversation: str, participant: str) -> bool:
-    """Whether a subject of `roco conversation`, `trace` or `why` names this conversation, or this part of one."""
+    """Whether a subject of `roco conversation`, `trace` or `why` names this conversation, or this
+    part of one.
+    """
     return subject in (conversation, f"{conversation}/{participant}")
 
 
@@ -135,7 +149,10 @@ class Trace(msgspec.Struct, frozen=True, omit_defaults=True, dict=True):
 
     def named(self, subject: str) -> Span | None:
         """The conversation that a subject names; None where there is none."""
-        return next((one for one in self.spans if is_meant(subject, one.conversation, one.participant)), None)
+        return next(
+            (one for one in self.spans if is_meant(subject, one.conversation, one.participant)),
+            None,
+        )
 
     @cached_property
     def _children(self) -> dict[str, list[Span]]:
@@ -160,10 +177,11 @@ class Trace(msgspec.Struct, frozen=True, omit_defaults=True, dict=True):
         return {one.identity: one for span in self.spans for one in span.messages}
 
 
-# --- Spans of a run from its messages and the steps of its agents: which conversation was opened for the sake of which
-# By the step log: the agent names the parent when it opens a conversation; else it is the conversation in which it got
-# the message of that step, or, where that is an answer to itself, the parent of that one. Where a step took no message,
-# or without a log, the parent is the newest open conversation that others have with the agent: by time. Pure.
+# --- Spans of a run from its messages and the steps of its agents: which conversation was opened
+# for the sake of which By the step log: the agent names the parent when it opens a conversation;
+# else it is the conversation in which it got the message of that step, or, where that is an answer
+# to itself, the parent of that one. Where a step took no message, or without a log, the parent is
+# the newest open conversation that others have with the agent: by time. Pure.
 
 
 OWN = ("Started", "PeerChanged", "Ordered", "LinkChanged")
@@ -196,22 +214,29 @@ class _Linking:
         self._step_of = {said: step for step in steps for said in step.said}
         ordered = sorted((one for talk in talks for one in talk.messages), key=lambda one: one.sent)
         self._before = by_time(ordered)
-        self._told = {(step.agent, opened): parent for step in steps for opened, parent in step.parents}
+        self._told = {
+            (step.agent, opened): parent for step in steps for opened, parent in step.parents
+        }
         self._talks = [replace(one, messages=tuple(self._all_caused(one))) for one in talks]
         self._talks.sort(key=lambda one: one.messages[0].sent)
         several = defaultdict(set)
         for one in self._talks:
             several[one.conversation].add(one.participant)
         self._ids = [
-            one.conversation if len(several[one.conversation]) == 1 else f"{one.conversation}/{one.participant}"
+            one.conversation
+            if len(several[one.conversation]) == 1
+            else f"{one.conversation}/{one.participant}"
             for one in self._talks
         ]
-        self._where = {said.identity: n for n, one in enumerate(self._talks) for said in one.messages}
+        self._where = {
+            said.identity: n for n, one in enumerate(self._talks) for said in one.messages
+        }
         self._with = {(one.conversation, one.participant): n for n, one in enumerate(self._talks)}
         self._parents: list[tuple[int | None, str]] = []
 
     def spans(self) -> tuple[Span, ...]:
-        for talk in self._talks:  # in the order of time, so that the parent of an earlier one is known
+        # in the order of time, so that the parent of an earlier one is known
+        for talk in self._talks:
             self._parents.append(self._parent(talk))
         beside = self._beside()
         return tuple(self._span(n, talk, beside) for n, talk in enumerate(self._talks))
@@ -242,7 +267,9 @@ class _Linking:
             said = self._caused(one)
             if one.sender == talk.initiator:
                 asked = one
-            elif said.cause is None and asked is not None and said.event.partition(" ")[0] in OUTSIDE:
+            elif (
+                said.cause is None and asked is not None and said.event.partition(" ")[0] in OUTSIDE
+            ):
                 said = replace(said, cause=asked.identity, known=Known.REPLY)
             yield said
 
@@ -250,19 +277,29 @@ class _Linking:
         step = self._step_of.get(said.identity)
         if step is None or step.event.startswith(SETTLED):
             before, event = self._before.get(said.identity), "" if step is None else step.event
-            return said if before is None else replace(said, cause=before, event=event, known=Known.TIME)
+            return (
+                said
+                if before is None
+                else replace(said, cause=before, event=event, known=Known.TIME)
+            )
         known = "" if step.took is None else Known.STEP if step.certain else Known.TIME
         return replace(said, cause=step.took, event=step.event, known=known)
 
     def _parent(self, talk: Talk) -> tuple[int | None, str]:
         """Return the index of the talk above, None for none, and how it is known."""
         opening = talk.messages[0]
-        told = self._with.get((self._told.get((talk.initiator, talk.conversation), ""), talk.initiator))
+        told = self._with.get(
+            (self._told.get((talk.initiator, talk.conversation), ""), talk.initiator)
+        )
         if told is not None and told < len(self._parents):
             return told, Known.STEP
         if opening.sender != talk.initiator:
             return self._by_time(talk)  # the opening was not recorded
-        n = self._where.get(opening.cause) if opening.cause is not None and opening.known == Known.STEP else None
+        n = (
+            self._where.get(opening.cause)
+            if opening.cause is not None and opening.known == Known.STEP
+            else None
+        )
         if n is not None and n < len(self._parents):
             own = self._talks[n].participant == talk.initiator
             return (n if own else self._parents[n][0]), Known.STEP

@@ -1,4 +1,6 @@
-"""The proxy of a run: `python -m operate.wires`, started by the supervisor of a fleet that is up with `--faults`."""
+"""The proxy of a run: `python -m operate.wires`, started by the supervisor of a fleet that is up
+with `--faults`.
+"""
 
 import asyncio
 import random
@@ -14,7 +16,9 @@ from operate.wires.wire import Wire
 
 NAME = "wires"
 PERIOD_S = 0.02
-"""Between two looks at the files of conditions; estimate: less than what a fault is meant to be exact to."""
+"""Between two looks at the files of conditions; estimate: less than what a fault is meant to be
+exact to.
+"""
 
 
 class Board:
@@ -29,7 +33,9 @@ class Board:
         self._now = files.conditions(self._run)
 
     def of(self, agent: str, end: str) -> Conditions:
-        """Return those of the wire from an agent to an end: of the two alone, else of all wires of either."""
+        """Return those of the wire from an agent to an end: of the two alone, else of all wires of
+        either.
+        """
         names = (f"{agent}-{end}", f"{end}-{agent}", agent, end)
         return next((self._now[name] for name in names if name in self._now), Conditions())
 
@@ -41,7 +47,11 @@ async def forward(options: Options) -> int:
         files.tell(options.run_dir, listed)
     wires = files.wires_of(options.run_dir)
     if wires is None:
-        print(f"{options.run_dir} has no {files.WIRES_FILE}; the supervisor writes it (`roco up --faults`)", flush=True)
+        print(
+            f"{options.run_dir} has no {files.WIRES_FILE}; the supervisor writes it (`roco up"
+            " --faults`)",
+            flush=True,
+        )
         return 1
     ended, board = asyncio.Event(), Board(options)
     for number in (signal.SIGTERM, signal.SIGINT):

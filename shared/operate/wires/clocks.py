@@ -1,6 +1,8 @@
-"""A wall clock for each agent that `roco fault clock` can step: a library loaded before libc adds what a file says.
+"""A wall clock for each agent that `roco fault clock` can step: a library loaded before libc adds
+what a file says.
 
-wall_clock.c is compiled when a fleet starts with `--faults`; without a C compiler agents have the machine's clock.
+wall_clock.c is compiled when a fleet starts with `--faults`; without a C compiler agents have the
+machine's clock.
 """
 
 import os
@@ -25,7 +27,8 @@ def file(run: Path, name: str) -> Path:
 
 
 def made(run: Path, names: tuple[str, ...]) -> dict[str, dict[str, str]]:
-    """Give these processes clocks of their own, which show the right time: process -> variables for its start.
+    """Give these processes clocks of their own, which show the right time: process -> variables for
+    its start.
 
     {} where no C compiler is installed, or it fails; no clock of an earlier start is left then.
     """
@@ -35,11 +38,16 @@ def made(run: Path, names: tuple[str, ...]) -> dict[str, dict[str, str]]:
         return {}
     for name in names:
         file(run, name).write_bytes(OFFSET.pack(0))
-    return {name: {"LD_PRELOAD": str(run / LIBRARY), "ROCO_WALL_CLOCK": str(file(run, name))} for name in names}
+    return {
+        name: {"LD_PRELOAD": str(run / LIBRARY), "ROCO_WALL_CLOCK": str(file(run, name))}
+        for name in names
+    }
 
 
 def step(run: Path, name: str, seconds: float) -> None:
-    """Set the clock of a process so far forward, in place: the file is mapped. Nothing where it has none."""
+    """Set the clock of a process so far forward, in place: the file is mapped. Nothing where it has
+    none.
+    """
     if file(run, name).exists():
         with os.fdopen(opened(file(run, name), os.O_WRONLY), "wb", buffering=0) as mapped:
             mapped.write(OFFSET.pack(round(seconds * 1e9)))
@@ -50,6 +58,11 @@ def _compiled(library: Path) -> bool:
     if shutil.which(COMPILER) is None:
         return False
     try:
-        return subprocess.run(command, stdin=subprocess.DEVNULL, timeout=COMPILE_S, check=False).returncode == 0
+        return (
+            subprocess.run(
+                command, stdin=subprocess.DEVNULL, timeout=COMPILE_S, check=False
+            ).returncode
+            == 0
+        )
     except (OSError, subprocess.TimeoutExpired):
         return False

@@ -1,7 +1,9 @@
-"""One wire: connections of an agent, forwarded to a router or a neighbour and back under the conditions that hold now.
+"""One wire: connections of an agent, forwarded to a router or a neighbour and back under the
+conditions that hold now.
 
-TCP delivers every byte in order, so a lost piece is one that comes late, and holds up what is behind it: after Linux's
-shortest retransmission time, doubled for each further loss. A cut wire delivers nothing, not even an end.
+TCP delivers every byte in order, so a lost piece is one that comes late, and holds up what is
+behind it: after Linux's shortest retransmission time, doubled for each further loss. A cut wire
+delivers nothing, not even an end.
 """
 
 import asyncio
@@ -25,7 +27,9 @@ Now = Callable[[], Conditions]
 
 
 class Way:
-    """One direction of a connection. `now`: its conditions; `chance`: from 0 to 1, for what happens to pieces."""
+    """One direction of a connection. `now`: its conditions; `chance`: from 0 to 1, for what happens
+    to pieces.
+    """
 
     def __init__(self, now: Now, chance: random.Random) -> None:
         self._now, self._chance = now, chance
@@ -34,7 +38,9 @@ class Way:
         self._changed = asyncio.Condition()
 
     async def forward(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
-        """Forward until the source ends, then end the sink; ConnectionError where one of the two breaks."""
+        """Forward until the source ends, then end the sink; ConnectionError where one of the two
+        breaks.
+        """
         reading = asyncio.create_task(self._read(source))
         try:
             while (piece := await self._next()) is not None:
@@ -110,13 +116,17 @@ class Wire:
         self._host, self._port, self._now, self._chance = host, port, now, chance
 
     async def connected(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter) -> None:
-        """Forward a connection until one side ends it; where the other is not there, it is closed at once."""
+        """Forward a connection until one side ends it; where the other is not there, it is closed
+        at once.
+        """
         try:
             back, forth = await asyncio.open_connection(self._host, self._port)
         except OSError:
             sink.close()
             return
-        ways = [Way(self._now, self._chance).forward(*ends) for ends in ((source, forth), (back, sink))]
+        ways = [
+            Way(self._now, self._chance).forward(*ends) for ends in ((source, forth), (back, sink))
+        ]
         tasks = [asyncio.create_task(way) for way in ways]
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)

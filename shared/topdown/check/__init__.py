@@ -1,8 +1,8 @@
 """Check whether a design is consistent in itself; topdown.check.agreement compares it with code.
 
-The order is names -> requirements, steps -> channels, protocols, forms, interfaces -> machines, rows, waits,
-parameters; recorded compares a run with the design. A fault is reported once: what only follows
-from it is left out. No I/O.
+The order is names -> requirements, steps -> channels, protocols, forms, interfaces -> machines,
+rows, waits, parameters; recorded compares a run with the design. A fault is reported once: what
+only follows from it is left out. No I/O.
 """
 
 from topdown.check import channels, machines, names, protocols, requirements
@@ -28,6 +28,10 @@ PARTS = (
 
 
 def check(design: Design) -> tuple[Finding, ...]:
-    """All findings of the file itself, none where it is consistent; with lines where the file's text is known."""
-    found = tuple(names.twice(design)) or tuple(finding for part in PARTS for finding in part(design))
+    """All findings of the file itself, none where it is consistent; with lines where the file's
+    text is known.
+    """
+    found = tuple(names.twice(design)) or tuple(
+        finding for part in PARTS for finding in part(design)
+    )
     return located(found, design.text)

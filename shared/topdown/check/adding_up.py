@@ -1,9 +1,11 @@
-"""Counts of communicates against the design: traffic has a channel, every direction is used, answers match questions.
+"""Counts of communicates against the design: traffic has a channel, every direction is used,
+answers match questions.
 
-How many messages the two roles of a protocol exchange is bound by its table: over all complete conversations, what
-the initiator says less what the participant says lies between two figures, found as the cheapest and the dearest way
-through the product of both roles (shortest ways over fipa_codec.exploration's configurations; questions asked again are
-left out). A run in which all conversations ended cannot be outside of what they allow.
+How many messages the two roles of a protocol exchange is bound by its table: over all complete
+conversations, what the initiator says less what the participant says lies between two figures,
+found as the cheapest and the dearest way through the product of both roles (shortest ways over
+fipa_codec.exploration's configurations; questions asked again are left out). A run in which all
+conversations ended cannot be outside of what they allow.
 """
 
 import math
@@ -19,7 +21,9 @@ from topdown.model.findings import Finding, Kind
 
 Counts = Mapping[tuple[str, str], int]
 ON_THE_WAY = 1
-"""Messages on their way to one role: enough for two that cross; more changed no bound (tried: 1 and 2)."""
+"""Messages on their way to one role: enough for two that cross; more changed no bound (tried: 1 and
+2).
+"""
 Walked = Mapping[Configuration, list[tuple[Step, Configuration]]]
 
 
@@ -29,7 +33,9 @@ def sums(design: Design, counts: Counts, where: str = "run") -> Iterator[Finding
     for (sender, receiver), count in counts.items():
         if count and frozenset((sender, receiver)) not in pairs:
             wrong = f"{count} communicates from {sender} to {receiver}, and no channel joins them"
-            yield Finding(Kind.NO_CHANNEL, where, wrong, "give them a channel, or send it another way")
+            yield Finding(
+                Kind.NO_CHANNEL, where, wrong, "give them a channel, or send it another way"
+            )
     for channel in design.channels.values():
         uses = [use for use in design.file.protocol if use.channel == channel.id]
         yield from _directions(where, channel.ends, counts, uses)
@@ -37,18 +43,30 @@ def sums(design: Design, counts: Counts, where: str = "run") -> Iterator[Finding
             yield from _balance(design, where, uses, counts)
 
 
-def _directions(where: str, ends: tuple[str, str], counts: Counts, uses: list[elements.Protocol]) -> Iterator[Finding]:
+def _directions(
+    where: str, ends: tuple[str, str], counts: Counts, uses: list[elements.Protocol]
+) -> Iterator[Finding]:
     """Directions with messages in the design and none in the run, though the peer did talk."""
     for sender, receiver in (ends, ends[::-1]):
         acts = sorted({m.performative for use in uses for m in use.message if m.sender == sender})
-        if (acts or not uses) and not counts.get((sender, receiver)) and counts.get((receiver, sender)):
-            said = f"which says {', '.join(acts)} in the design" if acts else "although a channel joins them"
+        if (
+            (acts or not uses)
+            and not counts.get((sender, receiver))
+            and counts.get((receiver, sender))
+        ):
+            said = (
+                f"which says {', '.join(acts)} in the design"
+                if acts
+                else "although a channel joins them"
+            )
             wrong = f"{receiver} is never told anything by {sender}, {said}"
             right = f"{counts[receiver, sender]} went the other way"
             yield Finding(Kind.NEVER_HEARD, where, wrong, right)
 
 
-def _balance(design: Design, where: str, uses: list[elements.Protocol], counts: Counts) -> Iterator[Finding]:
+def _balance(
+    design: Design, where: str, uses: list[elements.Protocol], counts: Counts
+) -> Iterator[Finding]:
     """Compare the surplus of one end's messages with the bounds of the protocols between them."""
     one, other = uses[0].initiator, uses[0].participant
     said, heard = counts.get((one, other), 0), counts.get((other, one), 0)
@@ -70,7 +88,9 @@ def _balance(design: Design, where: str, uses: list[elements.Protocol], counts: 
 
 
 def _least(bounds: list[float]) -> float:
-    """The least of any number (one or more) of conversations, each of which is at least one of `bounds`."""
+    """The least of any number (one or more) of conversations, each of which is at least one of
+    `bounds`.
+    """
     return min(bounds) if min(bounds) >= 0 else -math.inf
 
 
@@ -88,20 +108,23 @@ def _asked_once(protocol: Protocol) -> Protocol:
     """The protocol without questions that are asked again while no answer came."""
     initiator = protocol.tables[Role.INITIATOR]
     again = [row for row in initiator if row.way is Way.SEND and row.to == row.state]
-    return protocol.with_tables(initiator=initiator.only(row for row in initiator if row not in again))
+    return protocol.with_tables(
+        initiator=initiator.only(row for row in initiator if row not in again)
+    )
 
 
 def difference(protocol: Protocol) -> tuple[float, float]:
-    """Least and most of what the initiator says more than the participant over complete conversations (infinite where
-    a cycle adds to it).
+    """Least and most of what the initiator says more than the participant over complete
+    conversations (infinite where a cycle adds to it).
     """
     walked = edges(protocol, ON_THE_WAY)
     return _cheapest(protocol, walked, 1), -_cheapest(protocol, walked, -1)
 
 
 def _cheapest(protocol: Protocol, walked: Walked, sign: int) -> float:
-    """The least of sign x (initiator's sends - participant's) at an end. No way without a cycle costs less than minus
-    the number of configurations; one that does comes through a negative cycle.
+    """The least of sign x (initiator's sends - participant's) at an end. No way without a cycle
+    costs less than minus the number of configurations; one that does comes through a negative
+    cycle.
     """
     start = next(iter(walked))
     least, waiting = {start: 0}, deque([start])
@@ -120,6 +143,7 @@ def _cheapest(protocol: Protocol, walked: Walked, sign: int) -> float:
     complete = (
         cost
         for here, cost in least.items()
-        if all(here.state(role) in ended[role] for role in Role) and not (here.to_initiator or here.to_participant)
+        if all(here.state(role) in ended[role] for role in Role)
+        and not (here.to_initiator or here.to_participant)
     )
     return min(complete, default=-math.inf)

@@ -1,7 +1,8 @@
 """Does a design agree with the code that carries it out: languages' classes, kinds of queries?
 
-The paper's specification "lets one check that every query kind is supported and that arguments and answers comply"
-(section 5.6). The code's side comes in as arguments, so nothing of a particular system is imported here.
+The paper's specification "lets one check that every query kind is supported and that arguments and
+answers comply" (section 5.6). The code's side comes in as arguments, so nothing of a particular
+system is imported here.
 """
 
 from collections import Counter
@@ -22,7 +23,12 @@ def _languages(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[
         right = f"languages with one are {', '.join(sorted(known))}"
         yield Finding(Kind.CODE, f"language {name}", "has no module", right)
     for name in sorted(known.keys() - set(declared)):
-        yield Finding(Kind.CODE, f"language {name}", "is not in the design", f"the design has {', '.join(declared)}")
+        yield Finding(
+            Kind.CODE,
+            f"language {name}",
+            "is not in the design",
+            f"the design has {', '.join(declared)}",
+        )
     for interface in design.file.interface:
         for entry in interface.entries:
             for name in (*entry.arguments, *entry.answers):
@@ -38,8 +44,8 @@ def _languages(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[
 def check_queries(
     design: Design, interfaces: Iterable[str], language: str, kinds: Iterable[str]
 ) -> tuple[Finding, ...]:
-    """Findings between the argument classes of interface sets and the query classes a language has: neither may lack
-    one.
+    """Findings between the argument classes of interface sets and the query classes a language has:
+    neither may lack one.
     """
     entries = [entry for name in interfaces for entry in design.interfaces[name].entries]
     declared = Counter(argument for entry in entries for argument in entry.arguments)
@@ -52,22 +58,35 @@ def check_queries(
             for name in sorted(declared.keys() - wanted)
         ),
         *(
-            Finding(Kind.TWICE, name, "several interface entries ask it", "one entry for each query class")
+            Finding(
+                Kind.TWICE,
+                name,
+                "several interface entries ask it",
+                "one entry for each query class",
+            )
             for name in sorted(name for name, count in declared.items() if count > 1)
         ),
     )
 
 
 def check_supported(design: Design, agent: str, kinds: Iterable[str]) -> tuple[Finding, ...]:
-    """Findings between what agents may ask `agent` (argument classes of the interfaces in which it answers) and the
-    kinds its code answers, written LANGUAGE.Class: a declared kind without code, code that nobody can ask.
+    """Findings between what agents may ask `agent` (argument classes of the interfaces in which it
+    answers) and the kinds its code answers, written LANGUAGE.Class: a declared kind without code,
+    code that nobody can ask.
     """
     uses = [use for use in design.file.protocol if use.participant == agent]
-    offered = {name for use in uses for entry in design.entries(use.name) for name in entry.arguments}
+    offered = {
+        name for use in uses for entry in design.entries(use.name) for name in entry.arguments
+    }
     supported = frozenset(kinds)
     return (
         *(
-            Finding(Kind.NOT_SUPPORTED, f"agent {agent}, {name}", "is declared, and no code answers it", "answer it")
+            Finding(
+                Kind.NOT_SUPPORTED,
+                f"agent {agent}, {name}",
+                "is declared, and no code answers it",
+                "answer it",
+            )
             for name in sorted(offered - supported)
         ),
         *(_not_asked(name) for name in sorted(supported - offered)),
@@ -83,14 +102,26 @@ def _class(where: str, name: str, known: Mapping[str, frozenset[str]]) -> Iterat
     language, _, word = name.partition(".")
     if word not in known.get(language, frozenset()):
         ways = ", ".join(sorted(known.get(language, frozenset()))) or f"no language {language!r}"
-        yield Finding(Kind.CODE, where, f"{language!r} has no class {word!r}", f"its classes are {ways}")
+        yield Finding(
+            Kind.CODE, where, f"{language!r} has no class {word!r}", f"its classes are {ways}"
+        )
 
 
 def _unsaid_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
     """Classes of the languages that no message of the design carries."""
-    said = {name for use in design.file.protocol for message in use.message for name in design.contents(use, message)}
+    said = {
+        name
+        for use in design.file.protocol
+        for message in use.message
+        for name in design.contents(use, message)
+    }
     for language in sorted(entry.name for entry in design.file.language):
         for word in sorted(known.get(language, frozenset())):
             if f"{language}.{word}" not in said:
-                right = "list it as content of a message or in an entry of an interface, or drop the class"
-                yield Finding(Kind.UNUSED, f"language {language}", f"no message carries {word}", right)
+                right = (
+                    "list it as content of a message or in an entry of an interface, or drop the"
+                    " class"
+                )
+                yield Finding(
+                    Kind.UNUSED, f"language {language}", f"no message carries {word}", right
+                )

@@ -1,8 +1,9 @@
 """Changes between two designs, for review: entry by entry in any order, and what follows from them.
 
-Entries are told apart by kind and name. The order of arcs of a state (the first that holds is taken), of steps and of
-table rows means something; all other order does not. Derived: groups and channels as the steps end, and the rules
-(who may say what to whom), which are what access rights and judges are made of.
+Entries are told apart by kind and name. The order of arcs of a state (the first that holds is
+taken), of steps and of table rows means something; all other order does not. Derived: groups and
+channels as the steps end, and the rules (who may say what to whom), which are what access rights
+and judges are made of.
 """
 
 from collections.abc import Iterator
@@ -23,7 +24,8 @@ class Way(StrEnum):
 
 
 class Change(msgspec.Struct, frozen=True):
-    """An entry `kind` `name` was added, removed, or changed in `field` from `old` to `new` (words, "" for nothing).
+    """An entry `kind` `name` was added, removed, or changed in `field` from `old` to `new` (words,
+    "" for nothing).
 
     `derived`: nobody wrote it, it follows from what was written.
     """
@@ -137,11 +139,17 @@ def _add(found: Entries, kind: str, outer: str, entry: Any) -> None:
 def _name(kind: str, entry: Any) -> str:
     if kind == "message":
         return f"{entry['sender']} {entry['performative']}"
-    return str(entry[1]) if kind == "entry" else next(str(entry[field]) for field in _NAMES if field in entry)
+    return (
+        str(entry[1])
+        if kind == "entry"
+        else next(str(entry[field]) for field in _NAMES if field in entry)
+    )
 
 
 def _plain(entry: dict[str, Any]) -> dict[str, str]:
-    return {field: _value_text(value, field) for field, value in entry.items() if field not in _NAMES}
+    return {
+        field: _value_text(value, field) for field, value in entry.items() if field not in _NAMES
+    }
 
 
 def _arcs(arcs: list[dict[str, Any]]) -> dict[str, str]:
@@ -149,7 +157,9 @@ def _arcs(arcs: list[dict[str, Any]]) -> dict[str, str]:
     found: dict[str, str] = {}
     for arc in arcs:
         words = f"{arc['target']}{' when ' + arc['when'] if arc['when'] else ''}"
-        found[arc["source"]] = f"{found[arc['source']]}, {words}" if arc["source"] in found else words
+        found[arc["source"]] = (
+            f"{found[arc['source']]}, {words}" if arc["source"] in found else words
+        )
     return found
 
 
@@ -163,7 +173,9 @@ def _derived(design: Design) -> Entries:
     for group in design.decomposition.last.groups:
         found["group", group] = {"task": design.decomposition.tasks.get(group, "")}
     for rule in design.rules.values():
-        found["rule", f"{rule.sender} to {rule.receiver}: {rule.protocol} {rule.performative}"] = _rule(rule)
+        found["rule", f"{rule.sender} to {rule.receiver}: {rule.protocol} {rule.performative}"] = (
+            _rule(rule)
+        )
     return found
 
 
@@ -186,7 +198,10 @@ def _value_text(value: Any, field: str = "") -> str:
         said = {name: some for name, some in value.items() if some not in ("", [], None, False)}
         return ", ".join(f"{name} {_value_text(some, name)}" for name, some in said.items())
     if isinstance(value, list):
-        words = [f"[{_value_text(some)}]" if isinstance(some, list) else _value_text(some) for some in value]
+        words = [
+            f"[{_value_text(some)}]" if isinstance(some, list) else _value_text(some)
+            for some in value
+        ]
         return ", ".join(sorted(words) if field in _SETS else words)
     if isinstance(value, bool):
         return str(value).lower()

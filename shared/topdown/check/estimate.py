@@ -1,12 +1,14 @@
-"""Load of a design before anything runs: how many communicates, how large, how fast, where it is narrow.
+"""Load of a design before anything runs: how many communicates, how large, how fast, where it is
+narrow.
 
-A small model of typical figures that the designer states. Conversations of a use are opened within those of another
-(`within`, `per`); the roots are opened by a person or the start. A message is said `count` times in a conversation of
-its use, or of the use `each`, and has `typical_bytes`. A conversation takes `typical_s` and, one after the other,
-whatever is opened within it, but for what goes on `alongside`. Beside the typical figures stand the most that the
-budgets allow. Where figures are missing, there is one conversation of a use, the shortest that its table allows with
-the listed acts, and each communicate is as large as its budget. Left out: what is said in parallel, waiting in queues,
-faults and what is said again because of them.
+A small model of typical figures that the designer states. Conversations of a use are opened within
+those of another (`within`, `per`); the roots are opened by a person or the start. A message is said
+`count` times in a conversation of its use, or of the use `each`, and has `typical_bytes`. A
+conversation takes `typical_s` and, one after the other, whatever is opened within it, but for what
+goes on `alongside`. Beside the typical figures stand the most that the budgets allow. Where figures
+are missing, there is one conversation of a use, the shortest that its table allows with the listed
+acts, and each communicate is as large as its budget. Left out: what is said in parallel, waiting in
+queues, faults and what is said again because of them.
 """
 
 from collections import Counter, defaultdict
@@ -28,8 +30,8 @@ from topdown.model.design import Design
 class Load(msgspec.Struct, frozen=True):
     """Load of a channel or a use: how many communicates, their bytes, the most the budgets allow.
 
-    `mean_bit_s`: over the whole run; `busy_bit_s`: while the conversations go on within which it is said (of a channel
-    that of its busiest use).
+    `mean_bit_s`: over the whole run; `busy_bit_s`: while the conversations go on within which it is
+    said (of a channel that of its busiest use).
     """
 
     communicates: float
@@ -40,8 +42,9 @@ class Load(msgspec.Struct, frozen=True):
 
 
 class UseEstimate(msgspec.Struct, frozen=True):
-    """A use of a protocol: its conversations, what one takes [s], what its answer takes [s] beside its budget (0: none)
-    and `share`: of the whole time the part that passes in it and in nothing opened within it.
+    """A use of a protocol: its conversations, what one takes [s], what its answer takes [s] beside
+    its budget (0: none) and `share`: of the whole time the part that passes in it and in nothing
+    opened within it.
     """
 
     use: str
@@ -55,8 +58,8 @@ class UseEstimate(msgspec.Struct, frozen=True):
 
 
 class Estimate(msgspec.Struct, frozen=True):
-    """`seconds`: from the first opening to the end of the roots; `missing`: uses that lack figures, in whose place one
-    shortest conversation with the sizes of the budgets is counted.
+    """`seconds`: from the first opening to the end of the roots; `missing`: uses that lack figures,
+    in whose place one shortest conversation with the sizes of the budgets is counted.
     """
 
     seconds: float
@@ -67,7 +70,9 @@ class Estimate(msgspec.Struct, frozen=True):
     @property
     def narrowest(self) -> str:
         """The channel that carries most while it is busy; "" where nothing is known."""
-        busy = {name: load.busy_bit_s for name, load in self.channels.items() if load.busy_bit_s > 0}
+        busy = {
+            name: load.busy_bit_s for name, load in self.channels.items() if load.busy_bit_s > 0
+        }
         return max(busy, key=lambda name: busy[name], default="")
 
     @property
@@ -78,7 +83,9 @@ class Estimate(msgspec.Struct, frozen=True):
 
 
 def estimate(design: Design) -> Estimate:
-    """The estimate of a sound design; a use without figures counts nothing and is named under `missing`."""
+    """The estimate of a sound design; a use without figures counts nothing and is named under
+    `missing`.
+    """
     return _Model(design).estimate()
 
 
@@ -97,7 +104,10 @@ class _Model:
         uses = tuple(self._use(use) for use in self.uses.values())
         missing = tuple(use.name for use in self.uses.values() if _lacks_figures(use))
         return Estimate(
-            self.seconds, {name: _channel(name, uses, self.seconds) for name in self.design.channels}, uses, missing
+            self.seconds,
+            {name: _channel(name, uses, self.seconds) for name in self.design.channels},
+            uses,
+            missing,
         )
 
     def _conversations(self, name: str, below: tuple[str, ...]) -> float:
@@ -116,17 +126,30 @@ class _Model:
 
     def _said(self, use: elements.Protocol) -> list[tuple[elements.Message, float]]:
         """Each message and how often it is said in all."""
-        counts = [message.count or 0.0 for message in use.message] if _has_counts(use) else self._shortest(use)
+        counts = (
+            [message.count or 0.0 for message in use.message]
+            if _has_counts(use)
+            else self._shortest(use)
+        )
         opened = [self.opened.get(message.each or use.name, 0.0) for message in use.message]
-        return [(message, count * times) for message, count, times in zip(use.message, counts, opened, strict=True)]
+        return [
+            (message, count * times)
+            for message, count, times in zip(use.message, counts, opened, strict=True)
+        ]
 
     def _shortest(self, use: elements.Protocol) -> list[float]:
-        """The count of each message in the shortest conversation; an act that is listed twice counts once."""
+        """The count of each message in the shortest conversation; an act that is listed twice
+        counts once.
+        """
         table = self.design.tables.get(use.follows)
         steps = shortest(restricted(table, listed(use))) if table else ()
         ends = {Role.INITIATOR: use.initiator, Role.PARTICIPANT: use.participant}
-        said = Counter((ends[step.role], step.row.performative) for step in steps if step.row.way is Way.SEND)
-        return [float(said.pop((message.sender, message.performative), 0)) for message in use.message]
+        said = Counter(
+            (ends[step.role], step.row.performative) for step in steps if step.row.way is Way.SEND
+        )
+        return [
+            float(said.pop((message.sender, message.performative), 0)) for message in use.message
+        ]
 
     def _use(self, use: elements.Protocol) -> UseEstimate:
         said = self._said(use)
@@ -140,8 +163,12 @@ class _Model:
             seconds=self.took[use.name],
             latency_s=self.took[use.name] if use.answer else use.typical_latency_s,
             budget_s=use.latency_s,
-            share=0.0 if not self.seconds or use.alongside else self.opened[use.name] * use.typical_s / self.seconds,
-            load=Load(count, size, most, _rate(size, self.seconds), _rate(size, self._going_on(use))),
+            share=0.0
+            if not self.seconds or use.alongside
+            else self.opened[use.name] * use.typical_s / self.seconds,
+            load=Load(
+                count, size, most, _rate(size, self.seconds), _rate(size, self._going_on(use))
+            ),
         )
 
     def _going_on(self, use: elements.Protocol) -> float:
@@ -188,12 +215,12 @@ def _rate(size: float, seconds: float) -> float:
     return 8 * size / seconds if seconds > 0 else 0.0
 
 
-# --- The figures of a recording in the words of an estimate, and how far the estimate was from them -------------------
+# --- The figures of a recording in the words of an estimate, and how far the estimate was from them
 
 
 class Measured(msgspec.Struct, frozen=True):
-    """One figure of a channel or use: estimated, recorded, and the error as a share of what was recorded (None: nothing
-    was recorded).
+    """One figure of a channel or use: estimated, recorded, and the error as a share of what was
+    recorded (None: nothing was recorded).
     """
 
     where: str
@@ -209,7 +236,9 @@ class Measured(msgspec.Struct, frozen=True):
 
 
 def measure(design: Design, estimated: Estimate, run: Observed) -> tuple[Measured, ...]:
-    """Every figure that both have: per channel communicates, bytes, bandwidth, per use latency, and the whole time."""
+    """Every figure that both have: per channel communicates, bytes, bandwidth, per use latency, and
+    the whole time.
+    """
     recorded = recorded_as_estimate(design, run)
     found = [Measured("run", "time", "s", estimated.seconds, recorded.seconds)]
     for name, load in estimated.channels.items():
@@ -223,7 +252,9 @@ def measure(design: Design, estimated: Estimate, run: Observed) -> tuple[Measure
     real_uses = {one.use: one for one in recorded.uses}
     for one in estimated.uses:
         if one.use in real_uses and real_uses[one.use].conversations:
-            found.append(Measured(one.use, "latency", "s", one.latency_s, real_uses[one.use].latency_s))
+            found.append(
+                Measured(one.use, "latency", "s", one.latency_s, real_uses[one.use].latency_s)
+            )
     return tuple(found)
 
 
@@ -234,7 +265,11 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
         if (use := use_of(design, one)) is not None:
             heard[use.name].append(one)
     spans = {name: _spans(some) for name, some in heard.items()}
-    roots = [use.name for use in design.file.protocol if not use.within and not use.alongside and use.name in spans]
+    roots = [
+        use.name
+        for use in design.file.protocol
+        if not use.within and not use.alongside and use.name in spans
+    ]
     seconds = total(total(spans[name]) for name in roots)
     answered = answers(design, run.communicates)
     uses = []
@@ -255,7 +290,9 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
                 load=Load(len(some), size, 0.0, _rate(size, seconds), _rate(size, around)),
             )
         )
-    return Estimate(seconds, {name: _channel(name, uses, seconds) for name in design.channels}, tuple(uses), ())
+    return Estimate(
+        seconds, {name: _channel(name, uses, seconds) for name in design.channels}, tuple(uses), ()
+    )
 
 
 def _spans(some: Iterable[Observation]) -> list[float]:

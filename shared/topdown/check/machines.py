@@ -1,4 +1,6 @@
-"""The agents' state machines: every state can be reached and is left whatever holds; protocols have states that act."""
+"""The agents' state machines: every state can be reached and is left whatever holds; protocols have
+states that act.
+"""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
@@ -39,7 +41,9 @@ def _names(agent: elements.Agent, at: Path_) -> Iterator[Finding]:
         for end in (arc.source, arc.target):
             if end not in states:
                 wrong = f"state {end!r} is not there"
-                yield Finding(Kind.UNDEFINED, f"agent {agent.name}, arc", wrong, right, (*at, "arc", number))
+                yield Finding(
+                    Kind.UNDEFINED, f"agent {agent.name}, arc", wrong, right, (*at, "arc", number)
+                )
     for name in agent.rest:
         if name not in states:
             wrong = f"state {name!r} is not there"
@@ -62,20 +66,32 @@ def _states(agent: elements.Agent, at: Path_) -> Iterator[Finding]:
             right = "end its arcs with one that has no condition"
             yield Finding(Kind.NO_WAY_OUT, where, "may have no way out", right, place)
         elif labels.index("") != len(labels) - 1:
-            wrong, right = "has arcs behind one that is always taken", "put the arc without a condition last"
+            wrong, right = (
+                "has arcs behind one that is always taken",
+                "put the arc without a condition last",
+            )
             yield Finding(Kind.DEAD_ARC, where, wrong, right, place)
 
 
 def _talks(design: Design, agent: elements.Agent, at: Path_) -> Iterator[Finding]:
-    """A state talks in protocols of its agent only; every protocol of the agent has a state that does."""
-    own = {use.name for use in design.file.protocol if agent.name in (use.initiator, use.participant)}
+    """A state talks in protocols of its agent only; every protocol of the agent has a state that
+    does.
+    """
+    own = {
+        use.name for use in design.file.protocol if agent.name in (use.initiator, use.participant)
+    }
     talked: set[str] = set()
     for number, state in enumerate(agent.state):
         for name in state.talks:
             if name not in own and name not in talked:
-                where, right = f"agent {agent.name}, state {state.name}", f"its protocols are {', '.join(sorted(own))}"
+                where, right = (
+                    f"agent {agent.name}, state {state.name}",
+                    f"its protocols are {', '.join(sorted(own))}",
+                )
                 place = (*at, "state", number)
-                yield Finding(Kind.UNDEFINED, where, f"talks in {name!r}, which it has not", right, place)
+                yield Finding(
+                    Kind.UNDEFINED, where, f"talks in {name!r}, which it has not", right, place
+                )
             talked.add(name)
     for name in sorted(own - talked):
         right = "name it under `talks` of a state"
@@ -83,7 +99,9 @@ def _talks(design: Design, agent: elements.Agent, at: Path_) -> Iterator[Finding
 
 
 def reachable(agent: elements.Agent, start: str = "") -> frozenset[str]:
-    """States that a chain of arcs leads to from `start` (none: the initial one), that one included."""
+    """States that a chain of arcs leads to from `start` (none: the initial one), that one
+    included.
+    """
     first = start or agent.initial
     found, ahead = {first}, [first]
     while ahead:
@@ -95,9 +113,10 @@ def reachable(agent: elements.Agent, start: str = "") -> frozenset[str]:
     return frozenset(found)
 
 
-# --- The two ends of each message: what one agent says the other takes, per performative, protocol, language, ontology
-# Compared are the messages of the protocols and the interfaces that agents declare (paper, section 4, step 4); the
-# checks of rows, below, compare the messages with what agents do.
+# --- The two ends of each message: what one agent says the other takes, per performative, protocol,
+# language, ontology Compared are the messages of the protocols and the interfaces that agents
+# declare (paper, section 4, step 4); the checks of rows, below, compare the messages with what
+# agents do.
 
 
 ALWAYS = Performative.NOT_UNDERSTOOD
@@ -119,7 +138,9 @@ class Heard(NamedTuple):
         return self.message.performative
 
     def words(self, design: Design) -> dict[str, str]:
-        """The words of a declared interface, by the field of elements.Ends; undefined ones are left out."""
+        """The words of a declared interface, by the field of elements.Ends; undefined ones are left
+        out.
+        """
         use, found = self.use, {"performatives": str(self.act), "protocols": self.use.follows}
         if self.message.language in {entry.name for entry in design.file.language}:
             found["languages"] = self.message.language
@@ -148,7 +169,9 @@ def side_findings(design: Design) -> Iterator[Finding]:
             yield from _declared(design, agent.name, "sends", agent.sends, mine, (*at, "sends"))
         if agent.receives is not None:
             mine = [one for one in heard if one.receiver == agent.name]
-            yield from _declared(design, agent.name, "receives", agent.receives, mine, (*at, "receives"))
+            yield from _declared(
+                design, agent.name, "receives", agent.receives, mine, (*at, "receives")
+            )
 
 
 def _declared(
@@ -164,7 +187,13 @@ def _declared(
             one = used[word]
             where = f"protocol {one.use.name}, {one.sender} {one.act}"
             wrong = f"{agent} does not declare that it {way} {word}"
-            yield Finding(lacking, where, wrong, f"its {way}.{field} are {', '.join(declared) or 'none'}", one.at)
+            yield Finding(
+                lacking,
+                where,
+                wrong,
+                f"its {way}.{field} are {', '.join(declared) or 'none'}",
+                one.at,
+            )
         for word in declared:
             if word not in used and word != ALWAYS:
                 right = f"they have {', '.join(sorted(used)) or 'none'}"
@@ -172,7 +201,8 @@ def _declared(
                 yield Finding(idle, f"agent {agent}, {field}", wrong, right, at)
 
 
-# --- The rows of agents: they can be read, their states follow each other by arcs, and both ends of a message have one
+# --- The rows of agents: they can be read, their states follow each other by arcs, and both ends of
+# a message have one
 # What rows and protocols do together is left to the exploration (topdown.prove).
 
 
@@ -183,9 +213,16 @@ def row_findings(design: Design) -> Iterator[Finding]:
         try:
             compiled[agent.name] = Machine(design, agent.name)
         except DesignError as error:
-            yield Finding(Kind.BAD_ROW, error.field, error.wrong, error.right, ("agent", index, "row"))
+            yield Finding(
+                Kind.BAD_ROW, error.field, error.wrong, error.right, ("agent", index, "row")
+            )
     heard = tuple(messages(design))
-    said = {_act(word) for machine in compiled.values() for row in machine.rows for word in _acts_of(row)}
+    said = {
+        _act(word)
+        for machine in compiled.values()
+        for row in machine.rows
+        for word in _acts_of(row)
+    }
     spoken = {one.use.name for one in heard if one.sender == one.use.initiator and _of(one) in said}
     for index, agent in enumerate(design.file.agent):
         machine = compiled.get(agent.name)
@@ -203,13 +240,24 @@ def _led(agent: elements.Agent, machine: Machine, index: int) -> Iterator[Findin
             pair = (state, row.to)
             if row.to and pair not in told and row.to not in reachable(agent, state):
                 told.add(pair)
-                where, at = f"agent {agent.name}, row {row.number}", ("agent", index, "row", row.number - 1)
-                yield Finding(Kind.BAD_ROW, where, f"no arcs lead from {state} to {row.to}", "give it an arc", at)
+                where, at = (
+                    f"agent {agent.name}, row {row.number}",
+                    ("agent", index, "row", row.number - 1),
+                )
+                yield Finding(
+                    Kind.BAD_ROW,
+                    where,
+                    f"no arcs lead from {state} to {row.to}",
+                    "give it an arc",
+                    at,
+                )
 
 
-def _ends(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], spoken: set[str]) -> Iterator[Finding]:
-    """Messages that no row says, or takes. A message's `ruling` answers for it, and the `ruling` of a protocol for all
-    of its messages where its initiator says none of them (not `spoken`).
+def _ends(
+    agent: elements.Agent, machine: Machine, heard: Iterable[Heard], spoken: set[str]
+) -> Iterator[Finding]:
+    """Messages that no row says, or takes. A message's `ruling` answers for it, and the `ruling` of
+    a protocol for all of its messages where its initiator says none of them (not `spoken`).
     """
     says = {_act(word) for row in machine.rows for word in _acts_of(row)}
     takes = {_act(word) for row in machine.rows for word in _taken(row)}
@@ -219,12 +267,18 @@ def _ends(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], spoke
         where = f"protocol {one.use.name}, {one.sender} {one.act}"
         right = "give it a row, or drop the message"
         if one.sender == agent.name and _of(one) not in says:
-            yield Finding(Kind.RECEIVED_NOT_SENT, where, f"no row of {agent.name} says it", right, one.at)
+            yield Finding(
+                Kind.RECEIVED_NOT_SENT, where, f"no row of {agent.name} says it", right, one.at
+            )
         if one.receiver == agent.name and _of(one) not in takes:
-            yield Finding(Kind.SENT_NOT_RECEIVED, where, f"no row of {agent.name} takes it", right, one.at)
+            yield Finding(
+                Kind.SENT_NOT_RECEIVED, where, f"no row of {agent.name} takes it", right, one.at
+            )
 
 
-def _unlisted(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], index: int) -> Iterator[Finding]:
+def _unlisted(
+    agent: elements.Agent, machine: Machine, heard: Iterable[Heard], index: int
+) -> Iterator[Finding]:
     """Acts that rows say and take, and no message lists; not-understood is never listed."""
     out = {_of(one) for one in heard if one.sender == agent.name}
     into = {_of(one) for one in heard if one.receiver == agent.name}
@@ -240,7 +294,13 @@ def _unlisted(agent: elements.Agent, machine: Machine, heard: Iterable[Heard], i
                 key = (row.number, *_act(word))
                 if _act(word) not in known and word.act != ALWAYS and key not in told:
                     told.add(key)
-                    yield Finding(kind, where, f"{verb} {word.use} {word.act}, which no message lists", "list it", at)
+                    yield Finding(
+                        kind,
+                        where,
+                        f"{verb} {word.use} {word.act}, which no message lists",
+                        "list it",
+                        at,
+                    )
 
 
 def _acts_of(row: Row) -> list[ProtocolAct]:
@@ -252,7 +312,9 @@ def _acts_of(row: Row) -> list[ProtocolAct]:
 def _taken(row: Row) -> list[ProtocolAct]:
     event = row.event
     return (
-        [ProtocolAct(event.name, event.act, event.kind)] if event.cause is Cause.TAKE and event.act is not None else []
+        [ProtocolAct(event.name, event.act, event.kind)]
+        if event.cause is Cause.TAKE and event.act is not None
+        else []
     )
 
 
@@ -265,7 +327,8 @@ def _of(one: Heard) -> tuple[str, Performative]:
     return one.use.name, one.act
 
 
-# --- Whether the parameters of agents can be: defaults and choices that fit, bounds that make sense, a key to set them
+# --- Whether the parameters of agents can be: defaults and choices that fit, bounds that make
+# sense, a key to set them
 
 
 SIGNAL = "control"
@@ -274,11 +337,25 @@ SIGNAL = "control"
 
 def parameter_findings(design: Design) -> Iterator[Finding]:
     """Parameters that nobody could set, or that no value fits."""
-    readers = {name for signal in design.signals.values() if signal.kind == SIGNAL for name in signal.readers}
+    readers = {
+        name
+        for signal in design.signals.values()
+        if signal.kind == SIGNAL
+        for name in signal.readers
+    }
     for index, agent in enumerate(design.file.agent):
         if agent.parameter and agent.name not in readers:
-            wrong = f"has parameters, but reads no [[signal]] of kind {SIGNAL!r}, so nobody can set them"
-            yield Finding(Kind.PARAMETER, f"agent {agent.name}", wrong, "name it among the readers", ("agent", index))
+            wrong = (
+                f"has parameters, but reads no [[signal]] of kind {SIGNAL!r}, so nobody can set"
+                " them"
+            )
+            yield Finding(
+                Kind.PARAMETER,
+                f"agent {agent.name}",
+                wrong,
+                "name it among the readers",
+                ("agent", index),
+            )
         for number, entry in enumerate(agent.parameter):
             yield from _parameter(agent, entry, ("agent", index, "parameter", number))
 
@@ -287,32 +364,50 @@ def _parameter(agent: elements.Agent, entry: elements.Parameter, at: Path_) -> I
     where = f"agent {agent.name}, parameter {entry.name}"
     least, most = entry.least, entry.most
     if (least is not None or most is not None) and entry.type not in COUNTABLE:
-        yield Finding(Kind.PARAMETER, where, f"a {entry.type.value} has bounds", "leave least and most out", at)
+        yield Finding(
+            Kind.PARAMETER,
+            where,
+            f"a {entry.type.value} has bounds",
+            "leave least and most out",
+            at,
+        )
         return
     if least is not None and most is not None and least > most:
-        yield Finding(Kind.PARAMETER, where, f"least {least:g} is above most {most:g}", "exchange them", at)
+        yield Finding(
+            Kind.PARAMETER, where, f"least {least:g} is above most {most:g}", "exchange them", at
+        )
         return
     for field, values in (("default", (entry.default,)), ("choices", entry.choices)):
         for value in values:
             try:
                 Parameters(agent).fitted(entry.name, value)
             except ParameterError as error:
-                yield Finding(Kind.PARAMETER, where, f"{field} is {value!r}", f"it must be {error.right}", (*at, field))
+                yield Finding(
+                    Kind.PARAMETER,
+                    where,
+                    f"{field} is {value!r}",
+                    f"it must be {error.right}",
+                    (*at, field),
+                )
                 return
 
 
-# --- Cycles of who waits for whom, as far as the state machines alone show them --------------------------------------
-# Method: closed sets of deaf states. An agent in a state acts only in the protocols under its `talks`. A set of agents,
-# one state each (none of them a state of rest), may wait for ever if every protocol a member talks in joins it with
-# another member whose own state does not talk in that protocol, and each member has opened one of its protocols and so
-# waits for an answer. Such sets are looked for, by backtracking from each agent. Their absence proves that there is no
-# set of this form, and not that nobody waits for ever: one use more under a member's `talks`, with an agent that hears
-# it, keeps the set open, though what the member waits for never comes. That, the order of messages, conditions of arcs
-# and faults are for the exploration of the composed system (topdown.prove).
+# --- Cycles of who waits for whom, as far as the state machines alone show them -------------------
+# Method: closed sets of deaf states. An agent in a state acts only in the protocols under its
+# `talks`. A set of agents, one state each (none of them a state of rest), may wait for ever if
+# every protocol a member talks in joins it with another member whose own state does not talk in
+# that protocol, and each member has opened one of its protocols and so waits for an answer. Such
+# sets are looked for, by backtracking from each agent. Their absence proves that there is no set of
+# this form, and not that nobody waits for ever: one use more under a member's `talks`, with an
+# agent that hears it, keeps the set open, though what the member waits for never comes. That, the
+# order of messages, conditions of arcs and faults are for the exploration of the composed system
+# (topdown.prove).
 
 
 class Waiting(NamedTuple):
-    """An agent in a state: the peers it could hear from, by protocol; `opens`: protocols in which it is initiator."""
+    """An agent in a state: the peers it could hear from, by protocol; `opens`: protocols in which
+    it is initiator.
+    """
 
     agent: str
     state: str
@@ -324,7 +419,11 @@ def wait_findings(design: Design) -> Iterator[Finding]:
     """Each smallest set of agents once, with the states of the first way found."""
     sets: dict[frozenset[str], tuple[Waiting, ...]] = {}
     candidates = {agent.name: tuple(_waitings(design, agent)) for agent in design.file.agent}
-    talks = {(agent.name, state.name): set(state.talks) for agent in design.file.agent for state in agent.state}
+    talks = {
+        (agent.name, state.name): set(state.talks)
+        for agent in design.file.agent
+        for state in agent.state
+    }
     for agent in candidates:
         for first in candidates[agent]:
             found = _closed({agent: first}, candidates, talks)
@@ -340,16 +439,23 @@ def _waitings(design: Design, agent: elements.Agent) -> Iterator[Waiting]:
     rest = agent.rest or (agent.initial,)
     for state in agent.state:
         uses = [design.protocols[name] for name in state.talks if name in design.protocols]
-        peers = {use.name: use.participant if use.initiator == agent.name else use.initiator for use in uses}
+        peers = {
+            use.name: use.participant if use.initiator == agent.name else use.initiator
+            for use in uses
+        }
         opens = frozenset(use.name for use in uses if use.initiator == agent.name)
         if opens and state.name not in rest:
             yield Waiting(agent.name, state.name, peers, opens)
 
 
 def _closed(
-    chosen: dict[str, Waiting], candidates: dict[str, tuple[Waiting, ...]], talks: dict[tuple[str, str], set[str]]
+    chosen: dict[str, Waiting],
+    candidates: dict[str, tuple[Waiting, ...]],
+    talks: dict[tuple[str, str], set[str]],
 ) -> dict[str, Waiting] | None:
-    """The chosen ones and those they wait for, all deaf to each other; None: one of them would hear."""
+    """The chosen ones and those they wait for, all deaf to each other; None: one of them would
+    hear.
+    """
     for waiting in chosen.values():
         for use, peer in waiting.peers.items():
             if peer in chosen and use in talks[peer, chosen[peer].state]:
@@ -368,9 +474,12 @@ def _closed(
 
 def _finding(design: Design, waiting: tuple[Waiting, ...]) -> Finding:
     who = ", ".join(
-        f"{one.agent} in {one.state} for {' and '.join(sorted(set(one.peers.values())))}" for one in waiting
+        f"{one.agent} in {one.state} for {' and '.join(sorted(set(one.peers.values())))}"
+        for one in waiting
     )
-    heard = " or ".join(sorted(f"{peer} {use}" for one in waiting for use, peer in one.peers.items()))
+    heard = " or ".join(
+        sorted(f"{peer} {use}" for one in waiting for use, peer in one.peers.items())
+    )
     index = next(i for i, agent in enumerate(design.file.agent) if agent.name == waiting[0].agent)
     wrong = f"may wait for each other for ever (closed set of deaf states): {who}"
     right = f"let one of these states talk in what the other waits for: {heard}"

@@ -23,7 +23,13 @@ def twice(design: Design) -> Iterator[Finding]:
             if name in kind.names[:index]:
                 where = f"{kind.word} {name}"
                 count = kind.names.count(name)
-                yield Finding(Kind.TWICE, where, f"is defined {count} times", "every name once", (*kind.at, index))
+                yield Finding(
+                    Kind.TWICE,
+                    where,
+                    f"is defined {count} times",
+                    "every name once",
+                    (*kind.at, index),
+                )
 
 
 def _kinds(design: Design) -> Iterator[Named]:
@@ -38,7 +44,11 @@ def _kinds(design: Design) -> Iterator[Named]:
     yield Named("group", ("group",), tuple(entry.name for entry in file.group))
     yield Named("signal", ("signal",), tuple(entry.kind for entry in file.signal))
     for index, agent in enumerate(file.agent):
-        yield Named(f"agent {agent.name}, state", ("agent", index, "state"), tuple(state.name for state in agent.state))
+        yield Named(
+            f"agent {agent.name}, state",
+            ("agent", index, "state"),
+            tuple(state.name for state in agent.state),
+        )
         own = tuple(one.name for one in agent.parameter)
         yield Named(f"agent {agent.name}, parameter", ("agent", index, "parameter"), own)
     for index, entry in enumerate(file.interface):
@@ -51,7 +61,9 @@ def findings(design: Design) -> Iterator[Finding]:
     file = design.file
     spoken = {message.language for use in file.protocol for message in use.message}
     offers = [entry for interface in file.interface for entry in interface.entries]
-    spoken |= {name.partition(".")[0] for entry in offers for name in (*entry.arguments, *entry.answers)}
+    spoken |= {
+        name.partition(".")[0] for entry in offers for name in (*entry.arguments, *entry.answers)
+    }
     yield from _unused("language", design, [entry.name for entry in file.language], spoken)
     named = {use.ontology for use in file.protocol}
     yield from _unused("ontology", design, [entry.name for entry in file.ontology], named)
@@ -63,11 +75,15 @@ def findings(design: Design) -> Iterator[Finding]:
     yield from _content_types(design)
 
 
-def _unused(kind: str, design: Design, defined: Iterable[str], used: Collection[str]) -> Iterator[Finding]:
+def _unused(
+    kind: str, design: Design, defined: Iterable[str], used: Collection[str]
+) -> Iterator[Finding]:
     for index, name in enumerate(defined):
         if name not in used:
             right = "name it in a protocol or drop it"
-            yield Finding(Kind.UNUSED, f"{kind} {name}", "no protocol uses it", right, (kind, index))
+            yield Finding(
+                Kind.UNUSED, f"{kind} {name}", "no protocol uses it", right, (kind, index)
+            )
 
 
 def _undefined(design: Design) -> Iterator[Finding]:
@@ -84,7 +100,13 @@ def _undefined(design: Design) -> Iterator[Finding]:
         for number, message in enumerate(use.message):
             if message.language not in languages:
                 said = f"{where}, {message.sender} {message.performative}"
-                yield _missing("language", message.language, languages, said, (*at, "message", number, "language"))
+                yield _missing(
+                    "language",
+                    message.language,
+                    languages,
+                    said,
+                    (*at, "message", number, "language"),
+                )
     for index, interface in enumerate(design.file.interface):
         for row, entry in enumerate(interface.entries):
             for name in (*entry.arguments, *entry.answers):
@@ -95,7 +117,9 @@ def _undefined(design: Design) -> Iterator[Finding]:
 
 
 def _missing(kind: str, name: str, known: Iterable[str], where: str, at: Path_) -> Finding:
-    right = f"one of {', '.join(sorted(known))}" if known else f"the design has no {kind}: define it"
+    right = (
+        f"one of {', '.join(sorted(known))}" if known else f"the design has no {kind}: define it"
+    )
     return Finding(Kind.UNDEFINED, where, f"{kind} {name!r} is not there", right, at)
 
 
@@ -108,13 +132,25 @@ def _content_types(design: Design) -> Iterator[Finding]:
         said.add(name)
         if language in listed and word not in listed[language]:
             right = f"its classes are {', '.join(listed[language])}"
-            yield Finding(Kind.UNDEFINED, where, f"language {language} has no content type {word!r}", right, at)
+            yield Finding(
+                Kind.UNDEFINED,
+                where,
+                f"language {language} has no content type {word!r}",
+                right,
+                at,
+            )
     for index, entry in enumerate(design.file.language):
         for word in entry.classes:
             if f"{entry.name}.{word}" not in said:
                 right = "list it as content or drop it"
                 where = f"language {entry.name}"
-                yield Finding(Kind.UNUSED, where, f"no message carries {word}", right, ("language", index, "classes"))
+                yield Finding(
+                    Kind.UNUSED,
+                    where,
+                    f"no message carries {word}",
+                    right,
+                    ("language", index, "classes"),
+                )
 
 
 def _classes_said(design: Design) -> Iterator[tuple[str, str, Path_]]:
@@ -123,8 +159,16 @@ def _classes_said(design: Design) -> Iterator[tuple[str, str, Path_]]:
         for number, message in enumerate(use.message):
             for name in (name for name in message.content if not name.startswith("*")):
                 where = f"protocol {use.name}, {message.sender} {message.performative}"
-                yield where, f"{message.language}.{name}", ("protocol", index, "message", number, "content")
+                yield (
+                    where,
+                    f"{message.language}.{name}",
+                    ("protocol", index, "message", number, "content"),
+                )
     for index, interface in enumerate(design.file.interface):
         for row, entry in enumerate(interface.entries):
             for name in (*entry.arguments, *entry.answers):
-                yield f"interface {interface.name}, {entry.name}", name, ("interface", index, "entries", row)
+                yield (
+                    f"interface {interface.name}, {entry.name}",
+                    name,
+                    ("interface", index, "entries", row),
+                )

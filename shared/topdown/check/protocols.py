@@ -1,8 +1,8 @@
-"""The messages of a protocol's use against the table it follows, both ways: what is listed can be said and taken, and
-with nothing else than what is listed every conversation reaches its end.
+"""The messages of a protocol's use against the table it follows, both ways: what is listed can be
+said and taken, and with nothing else than what is listed every conversation reaches its end.
 
-Method: the table of each role keeps only the sends that are listed; both roles are then walked over two queues
-(fipa_codec.exploration).
+Method: the table of each role keeps only the sends that are listed; both roles are then walked over
+two queues (fipa_codec.exploration).
 """
 
 from collections.abc import Iterator
@@ -32,14 +32,31 @@ def findings(design: Design) -> Iterator[Finding]:
         if protocol is None:
             known = ", ".join(sorted(design.tables)) or "none so far"
             right = f"follow a protocol of FIPA, or a [[table]] of the design; it follows {known}"
-            yield Finding(Kind.UNDEFINED, where, f"table {use.follows!r} is not there", right, (*at, "follows"))
+            yield Finding(
+                Kind.UNDEFINED,
+                where,
+                f"table {use.follows!r} is not there",
+                right,
+                (*at, "follows"),
+            )
         else:
             yield from _follows(use, protocol, at)
             # a conversation that is not durable lives on asking again
-            opens = [row for row in protocol.tables[Role.INITIATOR] if row.performative in protocol.openings]
-            if not use.durable and not any(row.way is Way.SEND and row.state == row.to for row in opens):
-                wrong = f"is not durable, and {use.follows} has no row for asking again: one lost message ends it"
-                right = "set durable = true, or follow a protocol that asks again (query, subscribe)"
+            opens = [
+                row
+                for row in protocol.tables[Role.INITIATOR]
+                if row.performative in protocol.openings
+            ]
+            if not use.durable and not any(
+                row.way is Way.SEND and row.state == row.to for row in opens
+            ):
+                wrong = (
+                    f"is not durable, and {use.follows} has no row for asking again: one lost"
+                    " message ends it"
+                )
+                right = (
+                    "set durable = true, or follow a protocol that asks again (query, subscribe)"
+                )
                 yield Finding(Kind.NOT_ASKED_AGAIN, where, wrong, right, at)
 
 
@@ -55,7 +72,9 @@ def _own_table(name: str, protocol: Protocol, at: Path_) -> Iterator[Finding]:
         for word in sorted(taken - sent):
             right = f"give the {role} a row that sends it"
             wrong = f"the {role.other} receives {word}, which the {role} never sends"
-            yield Finding(Kind.RECEIVED_NOT_SENT, f"table {name}", wrong, right, (*at, str(role.other)))
+            yield Finding(
+                Kind.RECEIVED_NOT_SENT, f"table {name}", wrong, right, (*at, str(role.other))
+            )
 
 
 def _follows(use: elements.Protocol, protocol: Protocol, at: Path_) -> Iterator[Finding]:
@@ -75,7 +94,9 @@ def _follows(use: elements.Protocol, protocol: Protocol, at: Path_) -> Iterator[
 def listed(use: elements.Protocol) -> dict[Role, set[Performative]]:
     """The acts that a use lists, by role."""
     ends = {Role.INITIATOR: use.initiator, Role.PARTICIPANT: use.participant}
-    return {role: {m.performative for m in use.message if m.sender == end} for role, end in ends.items()}
+    return {
+        role: {m.performative for m in use.message if m.sender == end} for role, end in ends.items()
+    }
 
 
 def restricted(protocol: Protocol, said: dict[Role, set[Performative]]) -> Protocol:
@@ -83,7 +104,9 @@ def restricted(protocol: Protocol, said: dict[Role, set[Performative]]) -> Proto
 
     def kept(role: Role) -> Table:
         table = protocol.tables[role]
-        return table.only(row for row in table if row.way is Way.RECEIVE or row.performative in said[role])
+        return table.only(
+            row for row in table if row.way is Way.RECEIVE or row.performative in said[role]
+        )
 
     return protocol.with_tables(initiator=kept(Role.INITIATOR), participant=kept(Role.PARTICIPANT))
 
@@ -95,9 +118,14 @@ def _without_row(use: elements.Protocol, protocol: Protocol, at: Path_) -> Itera
         role = Role.INITIATOR if message.sender == use.initiator else Role.PARTICIPANT
         rows = {row.performative for row in protocol.tables[role] if row.way is Way.SEND}
         if message.performative not in rows:
-            where, right = f"protocol {use.name}, {message.sender}", f"its rows are {', '.join(sorted(rows))}"
+            where, right = (
+                f"protocol {use.name}, {message.sender}",
+                f"its rows are {', '.join(sorted(rows))}",
+            )
             wrong = f"{use.follows} has no row for {message.performative}"
-            yield Finding(Kind.NO_ROW, where, wrong, right, (*at, "message", number, "performative"))
+            yield Finding(
+                Kind.NO_ROW, where, wrong, right, (*at, "message", number, "performative")
+            )
 
 
 def _never_said(
@@ -114,35 +142,57 @@ def _never_said(
         possible = {row.performative for row in sends if (role, row[:4]) not in unused}
         for act in sorted(said[role] - possible):
             states = ", ".join(sorted({row.state for row in sends if row.performative == act}))
-            wrong = f"{act} is listed, but no conversation reaches a state where it may be said ({states})"
+            wrong = (
+                f"{act} is listed, but no conversation reaches a state where it may be said"
+                f" ({states})"
+            )
             yield Finding(
-                Kind.NEVER_SAID, f"protocol {use.name}, {end}", wrong, "list what leads there, or drop it", at
+                Kind.NEVER_SAID,
+                f"protocol {use.name}, {end}",
+                wrong,
+                "list what leads there, or drop it",
+                at,
             )
 
 
 def _no_end(
-    where: str, protocol: Protocol, said: dict[Role, set[Performative]], walked: Exploration, at: Path_
+    where: str,
+    protocol: Protocol,
+    said: dict[Role, set[Performative]],
+    walked: Exploration,
+    at: Path_,
 ) -> Iterator[Finding]:
-    """A message that nobody takes; else states in which a role must speak and nothing it could say is listed."""
+    """A message that nobody takes; else states in which a role must speak and nothing it could say
+    is listed.
+    """
     if walked.unspecified:
         first = walked.unspecified[0]
         right = "give the table a row that takes it there"
-        yield Finding(Kind.SENT_NOT_RECEIVED, where, f"after {_way(first.steps)}: {first.text}", right, at)
+        yield Finding(
+            Kind.SENT_NOT_RECEIVED, where, f"after {_way(first.steps)}: {first.text}", right, at
+        )
         return  # that the end is out of reach follows
     told: set[tuple[Role, str]] = set()
     for found in walked.stuck:
         for role in Role:
             state = found.configuration.state(role)
-            missing = [row for row in protocol.tables[role].allowed(state, Way.SEND) if not row.free]
+            missing = [
+                row for row in protocol.tables[role].allowed(state, Way.SEND) if not row.free
+            ]
             if any(row.performative in said[role] for row in missing):
                 continue
             if missing and found.configuration.inbound(role) == () and (role, state) not in told:
                 told.add((role, state))
                 acts = ", ".join(sorted({row.word for row in missing}))
-                wrong = f"after {_way(found.steps)}: the {role} is {state} and lists nothing to go on with"
+                wrong = (
+                    f"after {_way(found.steps)}: the {role} is {state} and lists nothing to go on"
+                    " with"
+                )
                 yield Finding(Kind.NO_WAY_TO_THE_END, where, wrong, f"list one of {acts}", at)
     if walked.stuck and not told:
-        yield Finding(Kind.NO_WAY_TO_THE_END, where, walked.stuck[0].text, "list what leads on from there", at)
+        yield Finding(
+            Kind.NO_WAY_TO_THE_END, where, walked.stuck[0].text, "list what leads on from there", at
+        )
 
 
 def _way(steps: tuple[object, ...]) -> str:

@@ -1,7 +1,8 @@
-"""A recording against the design: traffic it does not have, sizes and latencies over budget, what was never heard.
+"""A recording against the design: traffic it does not have, sizes and latencies over budget, what
+was never heard.
 
-A recorder of traffic writes observations; findings are gathered per act and content: how many, and the worst. Must not
-know: a recorder, a wire.
+A recorder of traffic writes observations; findings are gathered per act and content: how many, and
+the worst. Must not know: a recorder, a wire.
 """
 
 from collections import Counter, defaultdict
@@ -17,8 +18,8 @@ from topdown.model.findings import Finding, Kind
 
 
 class Observation(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A communicate that was heard once, at `at` [s, of any one clock]; `bytes` of the whole; `content` as
-    LANGUAGE.Class, "" for none.
+    """A communicate that was heard once, at `at` [s, of any one clock]; `bytes` of the whole;
+    `content` as LANGUAGE.Class, "" for none.
     """
 
     at: float
@@ -32,7 +33,9 @@ class Observation(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Observed(msgspec.Struct, frozen=True):
-    """A run: its communicates in the order they were heard, names of the events its report tells of."""
+    """A run: its communicates in the order they were heard, names of the events its report tells
+    of.
+    """
 
     communicates: tuple[Observation, ...] = ()
     events: tuple[str, ...] = ()
@@ -64,12 +67,16 @@ def answers(design: Design, said: Iterable[Observation]) -> dict[str, tuple[Answ
 
 
 def _answered(use: elements.Protocol, heard: list[Observation]) -> Iterator[Answered]:
-    """The opening of a conversation (the first word of its initiator; asked again is none), and what answers it."""
+    """The opening of a conversation (the first word of its initiator; asked again is none), and
+    what answers it.
+    """
     opening = next((one for one in heard if one.sender == use.initiator), None)
     if opening is None:
         return
     replies = (one for one in heard if one.sender == use.participant and one.at >= opening.at)
-    answer = next((one for one in replies if not use.answer or one.performative in use.answer), None)
+    answer = next(
+        (one for one in replies if not use.answer or one.performative in use.answer), None
+    )
     yield Answered(opening, None if answer is None else answer.at - opening.at)
 
 
@@ -78,18 +85,25 @@ def counts(said: Iterable[Observation]) -> Counter[tuple[str, str]]:
     return Counter((one.sender, one.receiver) for one in said)
 
 
-# --- A recording against the design -----------------------------------------------------------------------------------
+# --- A recording against the design ---------------------------------------------------------------
 
 
 def findings(design: Design, run: Observed) -> tuple[Finding, ...]:
     """All findings of one run."""
     said = run.communicates
-    parts = (_strange(design, said), _sizes(design, said), _latencies(design, said), sums(design, counts(said)))
+    parts = (
+        _strange(design, said),
+        _sizes(design, said),
+        _latencies(design, said),
+        sums(design, counts(said)),
+    )
     return tuple(finding for part in parts for finding in part)
 
 
 def _strange(design: Design, said: Iterable[Observation]) -> Iterator[Finding]:
-    """Messages that the design does not have; between agents without a channel adding_up says it."""
+    """Messages that the design does not have; between agents without a channel adding_up says
+    it.
+    """
     odd: dict[tuple[str, str, str, str], int] = defaultdict(int)
     pairs = {frozenset(channel.ends) for channel in design.channels.values()}
     for one in said:
@@ -121,12 +135,22 @@ def _sizes(design: Design, said: Iterable[Observation]) -> Iterator[Finding]:
 def _latencies(design: Design, said: Iterable[Observation]) -> Iterator[Finding]:
     for name, answered in answers(design, said).items():
         budget = design.protocols[name].latency_s
-        late = [one.latency_s for one in answered if one.latency_s is not None and 0 < budget < one.latency_s]
+        late = [
+            one.latency_s
+            for one in answered
+            if one.latency_s is not None and 0 < budget < one.latency_s
+        ]
         if late:
-            wrong = f"{len(late)} of {len(answered)} answers took more than {budget:g} s, the longest {max(late):.3g} s"
+            wrong = (
+                f"{len(late)} of {len(answered)} answers took more than {budget:g} s, the longest"
+                f" {max(late):.3g} s"
+            )
             where, right = f"run, protocol {name}", "answer faster, or allow more"
             yield Finding(Kind.TOO_LATE, where, wrong, right, (*_place(design, name), "latency_s"))
 
 
 def _place(design: Design, use: str) -> tuple[str | int, ...]:
-    return ("protocol", next(i for i, entry in enumerate(design.file.protocol) if entry.name == use))
+    return (
+        "protocol",
+        next(i for i, entry in enumerate(design.file.protocol) if entry.name == use),
+    )

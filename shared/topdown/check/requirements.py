@@ -1,4 +1,6 @@
-"""The requirement tree is a tree, and every requirement is handled by exactly one step (paper, section 4, step 2)."""
+"""The requirement tree is a tree, and every requirement is handled by exactly one step (paper,
+section 4, step 2).
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import StrEnum
@@ -27,7 +29,9 @@ class Shown(StrEnum):
 
 
 class Evidence(msgspec.Struct, frozen=True):
-    """A piece of evidence, read: "event", "test" or "message", what it names, whether it was seen, how often."""
+    """A piece of evidence, read: "event", "test" or "message", what it names, whether it was seen,
+    how often.
+    """
 
     kind: str
     name: str
@@ -64,10 +68,15 @@ KINDS = ("event", "test", "message")
 
 
 def evidence_message(name: str) -> EvidenceMessage:
-    """What the words of a message evidence name. Raises ValueError, which says how they are written."""
+    """What the words of a message evidence name. Raises ValueError, which says how they are
+    written.
+    """
     parts = name.split()
     if len(parts) not in (2, 3):
-        raise ValueError(f"{name!r} names no communicate; write `message:USE act` or `message:USE act LANGUAGE.Class`")
+        raise ValueError(
+            f"{name!r} names no communicate; write `message:USE act` or `message:USE act"
+            " LANGUAGE.Class`"
+        )
     return EvidenceMessage(*parts)
 
 
@@ -75,7 +84,9 @@ def evidence(word: str) -> Evidence:
     """A piece of evidence as it is written. ValueError says how."""
     kind, colon, name = word.partition(":")
     if not colon or kind not in KINDS or not name.strip():
-        raise ValueError(f"{word!r} is not evidence; write event:NAME, test:PATH::NAME or message:USE act CLASS")
+        raise ValueError(
+            f"{word!r} is not evidence; write event:NAME, test:PATH::NAME or message:USE act CLASS"
+        )
     return Evidence(kind, name.strip())
 
 
@@ -85,21 +96,35 @@ def leaves(design: Design) -> tuple[elements.Requirement, ...]:
     return tuple(entry for entry in design.file.requirement if entry.id not in parents)
 
 
-def trace(design: Design, run: Observed | None = None, exists: Exists | None = None) -> tuple[Traced, ...]:
-    """Every leaf requirement, in the file's order. Raises ValueError for evidence that cannot be read."""
+def trace(
+    design: Design, run: Observed | None = None, exists: Exists | None = None
+) -> tuple[Traced, ...]:
+    """Every leaf requirement, in the file's order. Raises ValueError for evidence that cannot be
+    read.
+    """
     return tuple(_traced(design, leaf, run, exists) for leaf in leaves(design))
 
 
-def _traced(design: Design, leaf: elements.Requirement, run: Observed | None, exists: Exists | None) -> Traced:
-    steps = [(n, step) for n, step in enumerate(design.file.step, start=1) if leaf.id in step.requirements]
-    groups = tuple(dict.fromkeys(group for number, step in steps for group in _groups(design, number, step)))
+def _traced(
+    design: Design, leaf: elements.Requirement, run: Observed | None, exists: Exists | None
+) -> Traced:
+    steps = [
+        (n, step)
+        for n, step in enumerate(design.file.step, start=1)
+        if leaf.id in step.requirements
+    ]
+    groups = tuple(
+        dict.fromkeys(group for number, step in steps for group in _groups(design, number, step))
+    )
     channels = tuple(dict.fromkeys(name for _, step in steps for name in channels_of(step)))
     return Traced(
         id=leaf.id,
         text=leaf.text,
         steps=tuple(number for number, _ in steps),
         groups=groups,
-        agents=tuple(dict.fromkeys(agent for group in groups for agent in descendants(design, group))),
+        agents=tuple(
+            dict.fromkeys(agent for group in groups for agent in descendants(design, group))
+        ),
         channels=channels,
         evidence=tuple(_looked_for(design, evidence(word), run, exists) for word in leaf.evidence),
     )
@@ -116,7 +141,9 @@ def _groups(design: Design, number: int, step: elements.Step) -> Iterator[str]:
 
 
 def channels_of(step: elements.Step) -> Iterator[str]:
-    """The channels a step makes or gives more to carry; reallocated ones were there for something else."""
+    """The channels a step makes or gives more to carry; reallocated ones were there for something
+    else.
+    """
     yield from (new.id for new in step.channels)
     yield from (name for split in step.split for name in split.into)
     yield from (more.channel for more in step.complement)
@@ -136,12 +163,16 @@ def descendants(design: Design, group: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _looked_for(design: Design, one: Evidence, run: Observed | None, exists: Exists | None) -> Evidence:
+def _looked_for(
+    design: Design, one: Evidence, run: Observed | None, exists: Exists | None
+) -> Evidence:
     if one.kind == "test":
         if exists is None:
             return one
         path, _, name = one.name.partition("::")
-        return msgspec.structs.replace(one, shown=Shown.SEEN if exists(path, name) else Shown.MISSING)
+        return msgspec.structs.replace(
+            one, shown=Shown.SEEN if exists(path, name) else Shown.MISSING
+        )
     if run is None:
         return one
     count = run.events.count(one.name) if one.kind == "event" else 0
@@ -156,39 +187,68 @@ def _looked_for(design: Design, one: Evidence, run: Observed | None, exists: Exi
 
 def known(design: Design, wanted: EvidenceMessage) -> bool:
     """Whether the design has such a communicate at all."""
-    rules = [rule for rule in design.rules.values() if rule.use == wanted.use and rule.performative == wanted.act]
+    rules = [
+        rule
+        for rule in design.rules.values()
+        if rule.use == wanted.use and rule.performative == wanted.act
+    ]
     acts = {str(act) for act in Performative}
     fits = any(not wanted.content or wanted.content in rule.contents for rule in rules)
     return wanted.act in acts and fits
 
 
-# --- The requirement tree is a tree, every requirement is handled by exactly one step (paper, section 4, step 2) ------
+# --- The requirement tree is a tree, every requirement is handled by exactly one step (paper,
+# section 4, step 2)
 
 
 def findings(design: Design) -> Iterator[Finding]:
-    """Parents that are missing, cycles, requirements that no step or that two handle, unknown ones."""
+    """Parents that are missing, cycles, requirements that no step or that two handle, unknown
+    ones.
+    """
     parents = {entry.id: entry.parent for entry in design.file.requirement}
     listed = f"one of {', '.join(parents)}"
     for index, (name, parent) in enumerate(parents.items()):
         where, at = f"requirement {name}", ("requirement", index)
         if parent and parent not in parents:
-            yield Finding(Kind.UNDEFINED, where, f"its parent {parent!r} is not there", listed, (*at, "parent"))
+            yield Finding(
+                Kind.UNDEFINED,
+                where,
+                f"its parent {parent!r} is not there",
+                listed,
+                (*at, "parent"),
+            )
         elif _circular(name, parents):
-            yield Finding(Kind.NO_TREE, where, "is its own ancestor", "requirements form a tree", (*at, "parent"))
+            yield Finding(
+                Kind.NO_TREE,
+                where,
+                "is its own ancestor",
+                "requirements form a tree",
+                (*at, "parent"),
+            )
     handled: dict[str, int] = {}
     for index, step in enumerate(design.file.step):
         for name in step.requirements:
             where, place = f"step {index + 1}", ("step", index, "requirements")
             if name not in parents:
-                yield Finding(Kind.UNDEFINED, where, f"requirement {name!r} is not there", listed, place)
+                yield Finding(
+                    Kind.UNDEFINED, where, f"requirement {name!r} is not there", listed, place
+                )
             elif name in handled:
                 wrong = f"requirement {name} is handled by step {handled[name]} already"
-                yield Finding(Kind.COVERED_TWICE, where, wrong, "each requirement in one step", place)
+                yield Finding(
+                    Kind.COVERED_TWICE, where, wrong, "each requirement in one step", place
+                )
             handled.setdefault(name, index + 1)
     for index, name in enumerate(parents):
         if name not in handled:
             right = "the method stops when all are processed: name it in a step"
-            yield Finding(Kind.NOT_COVERED, f"requirement {name}", "no step handles it", right, ("requirement", index))
+            yield Finding(
+                Kind.NOT_COVERED,
+                f"requirement {name}",
+                "no step handles it",
+                right,
+                ("requirement", index),
+            )
     yield from _evidence(design)
 
 
@@ -206,7 +266,9 @@ def _evidence(design: Design) -> Iterator[Finding]:
                 continue
             if strange:
                 right = "name a protocol, an act and a class that a message lists"
-                yield Finding(Kind.NO_EVIDENCE, where, f"no message of the design is {one.name!r}", right, at)
+                yield Finding(
+                    Kind.NO_EVIDENCE, where, f"no message of the design is {one.name!r}", right, at
+                )
 
 
 def _circular(name: str, parents: Mapping[str, str]) -> bool:
@@ -218,7 +280,8 @@ def _circular(name: str, parents: Mapping[str, str]) -> bool:
     return here == name
 
 
-# --- The steps can be carried out, every group has a task, and every group left is an agent or said to stay a group
+# --- The steps can be carried out, every group has a task, and every group left is an agent or said
+# to stay a group
 
 
 def step_findings(design: Design) -> Iterator[Finding]:
@@ -247,7 +310,13 @@ def _tasks(design: Design) -> Iterator[Finding]:
             if group not in halves:
                 wrong = f"a task is given to {group!r}, which is not a half"
                 right = f"halves are {' and '.join(halves) or 'none in this step'}"
-                yield Finding(Kind.NEVER_INTRODUCED, f"step {index + 1}", wrong, right, ("step", index, "tasks"))
+                yield Finding(
+                    Kind.NEVER_INTRODUCED,
+                    f"step {index + 1}",
+                    wrong,
+                    right,
+                    ("step", index, "tasks"),
+                )
 
 
 def _stops(design: Design) -> Iterator[Finding]:
@@ -257,14 +326,27 @@ def _stops(design: Design) -> Iterator[Finding]:
     for index, step in enumerate(design.file.step):
         where, at = f"step {index + 1}", ("step", index)
         if step.divide and step.divide.group in stopped:
-            wrong = f"group {step.divide.group!r} is divided although step {stopped[step.divide.group]} stopped there"
-            yield Finding(Kind.STOP, where, wrong, "drop the stop decision or the division", (*at, "divide"))
+            wrong = (
+                f"group {step.divide.group!r} is divided although step {stopped[step.divide.group]}"
+                " stopped there"
+            )
+            yield Finding(
+                Kind.STOP, where, wrong, "drop the stop decision or the division", (*at, "divide")
+            )
         for stop in step.stop:
             if stop.group not in stages[index + 1].groups:
                 right = f"groups are {', '.join(stages[index + 1].groups)}"
-                yield Finding(Kind.STOP, where, f"stops at {stop.group!r}, which is not a group", right, (*at, "stop"))
+                yield Finding(
+                    Kind.STOP,
+                    where,
+                    f"stops at {stop.group!r}, which is not a group",
+                    right,
+                    (*at, "stop"),
+                )
             stopped.setdefault(stop.group, index + 1)
-    for group in design.decomposition.last.groups if stopped and not design.decomposition.astray else ():
+    for group in (
+        design.decomposition.last.groups if stopped and not design.decomposition.astray else ()
+    ):
         if group not in stopped:
             right = "say under `stop` why it is divided no further, as for the others"
             yield Finding(Kind.STOP, f"group {group}", "has no stop decision", right)
@@ -277,28 +359,50 @@ def _left(design: Design) -> Iterator[Finding]:
     for group in groups:
         if group not in design.agents and group not in staying:
             right = "give it an agent entry, or a group entry that says it stays a group"
-            yield Finding(Kind.LEFT_OVER, f"group {group}", "is divided no further and is not an agent", right)
+            yield Finding(
+                Kind.LEFT_OVER, f"group {group}", "is divided no further and is not an agent", right
+            )
     listed = f"groups are {', '.join(groups)}"
     for index, agent in enumerate(design.agents):
         if agent not in groups:
             yield Finding(
-                Kind.NEVER_INTRODUCED, f"agent {agent}", "no step ends in this group", listed, ("agent", index)
+                Kind.NEVER_INTRODUCED,
+                f"agent {agent}",
+                "no step ends in this group",
+                listed,
+                ("agent", index),
             )
     for name, index in staying.items():
         if name not in groups:
-            yield Finding(Kind.NEVER_INTRODUCED, f"group {name}", "no step ends in it", listed, ("group", index))
+            yield Finding(
+                Kind.NEVER_INTRODUCED,
+                f"group {name}",
+                "no step ends in it",
+                listed,
+                ("group", index),
+            )
         elif name in design.agents:
-            yield Finding(Kind.TWICE, f"group {name}", "is an agent as well", "an agent or a group", ("group", index))
+            yield Finding(
+                Kind.TWICE,
+                f"group {name}",
+                "is an agent as well",
+                "an agent or a group",
+                ("group", index),
+            )
 
 
 def outcome_findings(design: Design) -> Iterator[Finding]:
-    """The outcome as the designer writes it down must be that of the steps; none needs to be stated."""
+    """The outcome as the designer writes it down must be that of the steps; none needs to be
+    stated.
+    """
     outcome = design.file.outcome
     if outcome is None:
         return
     where = outcome.where
     yield from _missing_or_extra(where, "agents", outcome.agents, design.agents)
-    yield from _missing_or_extra(where, "groups", outcome.groups, [entry.name for entry in design.file.group])
+    yield from _missing_or_extra(
+        where, "groups", outcome.groups, [entry.name for entry in design.file.group]
+    )
     stated = {channel.id: channel for channel in outcome.channels}
     if not design.decomposition.astray:
         for channel in stated.values():
@@ -310,25 +414,37 @@ def outcome_findings(design: Design) -> Iterator[Finding]:
                 yield Finding(Kind.OUTCOME, where, wrong, "list it", ("outcome", "channels"))
 
 
-def _missing_or_extra(where: str, what: str, stated: Iterable[str], known: Iterable[str]) -> Iterator[Finding]:
+def _missing_or_extra(
+    where: str, what: str, stated: Iterable[str], known: Iterable[str]
+) -> Iterator[Finding]:
     extra, missing = sorted(set(stated) - set(known)), sorted(set(known) - set(stated))
     for name in extra:
         right = f"{what} are {', '.join(known) or 'none'}"
         yield Finding(Kind.OUTCOME, where, f"lists {name} among the {what}", right, ("outcome",))
     for name in missing:
-        yield Finding(Kind.OUTCOME, where, f"leaves {name} out of the {what}", "list it", ("outcome",))
+        yield Finding(
+            Kind.OUTCOME, where, f"leaves {name} out of the {what}", "list it", ("outcome",)
+        )
 
 
 def _stated(design: Design, where: str, stated: elements.StatedChannel) -> Iterator[Finding]:
     known = design.channels.get(stated.id)
-    if stated.id in design.decomposition.doubtful or (known is not None and set(known.ends) == set(stated.between)):
+    if stated.id in design.decomposition.doubtful or (
+        known is not None and set(known.ends) == set(stated.between)
+    ):
         return
     ends = " and ".join(stated.between)
-    same = [channel.id for channel in design.channels.values() if set(channel.ends) == set(stated.between)]
+    same = [
+        channel.id
+        for channel in design.channels.values()
+        if set(channel.ends) == set(stated.between)
+    ]
     if same:
         wrong = f"calls the channel of {ends} {stated.id}"
         right = f"the steps made it {same[0]}: numbers never change"
         yield Finding(Kind.RENUMBERED, where, wrong, right, ("outcome", "channels"))
     else:
         right = f"{known.id} joins {' and '.join(known.ends)}" if known else "no step makes it"
-        yield Finding(Kind.OUTCOME, where, f"has {stated.id} between {ends}", right, ("outcome", "channels"))
+        yield Finding(
+            Kind.OUTCOME, where, f"has {stated.id} between {ends}", right, ("outcome", "channels")
+        )

@@ -1,4 +1,6 @@
-"""The whole book about a design, or a part of it: which sections there are, and what each is made from."""
+"""The whole book about a design, or a part of it: which sections there are, and what each is made
+from.
+"""
 
 from collections.abc import Callable
 from enum import StrEnum
@@ -10,7 +12,8 @@ from topdown.draw import canvas, decomposition, document, machines, protocols, s
 from topdown.draw.document import Figure, Grid, Section
 from topdown.model.design import Design
 
-# --- One self-contained HTML page of all sections: no scripts, nothing fetched, light and dark, fit for paper --------
+# --- One self-contained HTML page of all sections: no scripts, nothing fetched, light and dark, fit
+# for paper
 
 
 def page(title: str, lead: str, sections: tuple[Section, ...]) -> str:
@@ -19,32 +22,43 @@ def page(title: str, lead: str, sections: tuple[Section, ...]) -> str:
     blocks = []  # links to all sections and to the figures in them
     for section in sections:
         figures = [part for part in section.parts if isinstance(part, Figure)]
-        links = "".join(f'<a href="#{_name(f.name)}">{escape(f.caption.split(":")[0])}</a>' for f in figures)
+        links = "".join(
+            f'<a href="#{_name(f.name)}">{escape(f.caption.split(":")[0])}</a>' for f in figures
+        )
         links = links if len(figures) > 1 else ""
-        blocks.append(f'<div><a href="#{section.what}"><strong>{escape(section.title)}</strong></a>{links}</div>')
+        blocks.append(
+            "<div><a"
+            f' href="#{section.what}"><strong>{escape(section.title)}</strong></a>{links}</div>'
+        )
     return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        '<meta name="color-scheme" content="light dark">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{canvas.page_rules()}</style>\n</head>\n<body>\n"
-        f'<h1>{escape(title)}</h1>\n<p class="lead">{escape(lead)}</p>\n<nav>{"".join(blocks)}</nav>\n{body}'
-        "<footer>Derived from the design file; change that, not this page.</footer>\n</body>\n</html>\n"
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<meta name="viewport"'
+        ' content="width=device-width, initial-scale=1">\n<meta name="color-scheme" content="light'
+        f' dark">\n<title>{escape(title)}</title>\n<style>\n{canvas.page_rules()}</style>\n'
+        f"</head>\n<body>\n<h1>{escape(title)}</h1>\n<p"
+        f' class="lead">{escape(lead)}</p>\n<nav>{"".join(blocks)}</nav>\n{body}<footer>Derived'
+        " from the design file; change that, not this page.</footer>\n</body>\n</html>\n"
     )
 
 
 def _name(name: str) -> str:
     """A name as it may stand in an address."""
-    return "figure-" + "".join(c if c.isascii() and (c.isalnum() or c in "-_") else f"-{ord(c):x}-" for c in name)
+    return "figure-" + "".join(
+        c if c.isascii() and (c.isalnum() or c in "-_") else f"-{ord(c):x}-" for c in name
+    )
 
 
 def _section(section: Section) -> str:
     blocks = [_part(part) for part in section.parts]
     if section.paired:
         blocks = [
-            f'<div class="pair"><div>{a}</div><div>{b}</div></div>\n' for a, b in zip(*[iter(blocks)] * 2, strict=True)
+            f'<div class="pair"><div>{a}</div><div>{b}</div></div>\n'
+            for a, b in zip(*[iter(blocks)] * 2, strict=True)
         ]
     parts = "".join(blocks)
-    head = f'<h2 id="{section.what}">{escape(section.title)}</h2>\n<p class="lead">{escape(section.lead)}</p>\n'
+    head = (
+        f'<h2 id="{section.what}">{escape(section.title)}</h2>\n<p'
+        f' class="lead">{escape(section.lead)}</p>\n'
+    )
     return f"<section>\n{head}{parts}</section>\n"
 
 
@@ -52,7 +66,10 @@ def _part(part: Grid | Figure) -> str:
     notes = "".join(f'<p class="note">{escape(note)}</p>\n' for note in part.notes)
     if isinstance(part, Figure):
         caption = f"<figcaption>{escape(part.caption)}</figcaption>"
-        return f'<figure id="{_name(part.name)}">{caption}\n{part.canvas.svg(alone=False)}</figure>\n{notes}'
+        return (
+            "<figure"
+            f' id="{_name(part.name)}">{caption}\n{part.canvas.svg(alone=False)}</figure>\n{notes}'
+        )
     if part.folded or part.detail:
         table = _table(part, titled=False)
         return f"<details><summary>{escape(part.title)}</summary>\n{table}{notes}</details>\n"
@@ -70,7 +87,7 @@ def _table(grid: Grid, titled: bool) -> str:
     return f'<div class="wide"><table>\n{caption}{head}<tbody>\n{rows}</tbody></table></div>\n'
 
 
-# --- The whole book about a design, or a part of it -------------------------------------------------------------------
+# --- The whole book about a design, or a part of it -----------------------------------------------
 
 
 class What(StrEnum):

@@ -1,7 +1,9 @@
-"""A drawing: boxes, lines, arrows and words put at places [px], written as SVG. It knows how wide words are, roughly.
+"""A drawing: boxes, lines, arrows and words put at places [px], written as SVG. It knows how wide
+words are, roughly.
 
-What is placed is kept as rectangles too, so that layouts (and their tests) can ask what overlaps. Arrow heads are
-polygons and nothing has an id, so that any number of drawings can stand in one page.
+What is placed is kept as rectangles too, so that layouts (and their tests) can ask what overlaps.
+Arrow heads are polygons and nothing has an id, so that any number of drawings can stand in one
+page.
 """
 
 from collections.abc import Sequence
@@ -11,7 +13,8 @@ from math import fsum, hypot
 from string import Template
 from typing import NamedTuple
 
-# --- Colours and rules of the drawings. Every colour is backed by a dash, a weight or a word, so grey prints read, too
+# --- Colours and rules of the drawings. Every colour is backed by a dash, a weight or a word, so
+# grey prints read, too
 # Plain values instead of CSS variables, since viewers of SVG files other than browsers have none.
 
 
@@ -132,17 +135,23 @@ nav a{text-decoration:none}
 def drawing_rules() -> str:
     """CSS of a drawing that stands alone."""
     dark = _DRAWING.substitute(DARK)
-    return f"{SHAPES}{_DRAWING.substitute(LIGHT).strip()}\n@media (prefers-color-scheme: dark){{{dark}}}\n"
+    return (
+        f"{SHAPES}{_DRAWING.substitute(LIGHT).strip()}\n@media (prefers-color-scheme:"
+        f" dark){{{dark}}}\n"
+    )
 
 
 def page_rules() -> str:
     """CSS of the page and of all drawings in it; paper is always light."""
     light = (_PAGE.substitute(LIGHT) + _DRAWING.substitute(LIGHT)).strip()
     dark = _PAGE.substitute(DARK) + _DRAWING.substitute(DARK)
-    return f"{LAYOUT}{SHAPES}{light}\n@media screen and (prefers-color-scheme: dark){{{dark}}}\n{PRINT}"
+    return (
+        f"{LAYOUT}{SHAPES}{light}\n@media screen and (prefers-color-scheme:"
+        f" dark){{{dark}}}\n{PRINT}"
+    )
 
 
-# --- A drawing --------------------------------------------------------------------------------------------------------
+# --- A drawing ------------------------------------------------------------------------------------
 
 
 MARGIN = 16.0
@@ -193,7 +202,10 @@ def size_of(css: str) -> float:
 
 def width_of(words: str, css: str = "") -> float:
     """The width of words, rather too wide than too narrow [px]."""
-    ems = fsum(0.34 if c in _NARROW else 0.92 if c in _WIDE else 0.7 if c.isupper() else 0.57 for c in words)
+    ems = fsum(
+        0.34 if c in _NARROW else 0.92 if c in _WIDE else 0.7 if c.isupper() else 0.57
+        for c in words
+    )
     return ems * size_of(css) * (1.07 if "strong" in css else 1.0)
 
 
@@ -224,7 +236,10 @@ class Canvas:
         if not self._extent:
             return Box(0, 0, 2 * MARGIN, 2 * MARGIN)
         left, top = min(b.x for b in self._extent) - MARGIN, min(b.y for b in self._extent) - MARGIN
-        right, bottom = max(b.right for b in self._extent) + MARGIN, max(b.bottom for b in self._extent) + MARGIN
+        right, bottom = (
+            max(b.right for b in self._extent) + MARGIN,
+            max(b.bottom for b in self._extent) + MARGIN,
+        )
         return Box(left, top, right - left, bottom - top)
 
     def put_under(self, other: "Canvas") -> None:
@@ -239,7 +254,8 @@ class Canvas:
             self.boxes.append(box)
         x, y, width, height = (_number(value) for value in box)
         self._items.append(
-            f'<rect class="{css}" x="{x}" y="{y}" width="{width}" height="{height}" rx="{_number(corner)}"/>'
+            f'<rect class="{css}" x="{x}" y="{y}" width="{width}" height="{height}"'
+            f' rx="{_number(corner)}"/>'
         )
 
     def dot(self, at: Point, radius: float = 5.0) -> None:
@@ -261,12 +277,17 @@ class Canvas:
         (x0, y0), (x1, y1) = points[-2:]
         length = hypot(x1 - x0, y1 - y0) or 1.0
         ux, uy = (x1 - x0) / length, (y1 - y0) / length
-        corners = [(x1, y1), *((x1 - 10 * ux - s * 4.5 * uy, y1 - 10 * uy + s * 4.5 * ux) for s in (1, -1))]
+        corners = [
+            (x1, y1),
+            *((x1 - 10 * ux - s * 4.5 * uy, y1 - 10 * uy + s * 4.5 * ux) for s in (1, -1)),
+        ]
         path = " ".join(f"{_number(x)},{_number(y)}" for x, y in corners)
         self._items.append(f'<polygon class="{head}" points="{path}"/>')
 
     def words(self, at: Point, words: str, css: str = "", anchor: str = "start") -> Box:
-        """Words with their base line at a point; `anchor`: start, middle or end. The rectangle they take."""
+        """Words with their base line at a point; `anchor`: start, middle or end. The rectangle they
+        take.
+        """
         width, size = width_of(words, css), size_of(css)
         left = at[0] - {"start": 0.0, "middle": width / 2, "end": width}[anchor]
         taken = Box(left, at[1] - size, width, 1.2 * size)
@@ -286,7 +307,9 @@ class Canvas:
         return self.words(at, words, css, anchor)
 
     def svg(self, alone: bool = True) -> str:
-        """The drawing; `alone`: with its own style, as a file, else for a page that has the style."""
+        """The drawing; `alone`: with its own style, as a file, else for a page that has the
+        style.
+        """
         frame = self.frame
         left, top, width, height = (_number(value) for value in frame)
         rules = f"<style>{escape(drawing_rules(), quote=False)}</style>\n" if alone else ""
@@ -310,10 +333,12 @@ def _number(value: float) -> str:
     return "0" if text == "-0" else text
 
 
-# --- Layout of figures: cells for the agents of a system, tracks for lines that run beside each other ----------------
-# Agents stand in two rows of cells, so that channels are short and cross little. Between the rows is a corridor that
-# no box reaches into, so a line from one row to the other meets no box; lines inside a row run between neighbours or
-# outside around. The search is a descent from several starts, the same every time.
+# --- Layout of figures: cells for the agents of a system, tracks for lines that run beside each
+# other
+# Agents stand in two rows of cells, so that channels are short and cross little. Between the rows
+# is a corridor that no box reaches into, so a line from one row to the other meets no box; lines
+# inside a row run between neighbours or outside around. The search is a descent from several
+# starts, the same every time.
 
 
 Pair = tuple[str, str]
@@ -333,7 +358,9 @@ def placed(names: Sequence[str], pairs: Sequence[Pair]) -> dict[str, Cell]:
         # the same picture, also upside down, in a mirror, and both
         found += [here, below + above, above[::-1] + below[::-1], below[::-1] + above[::-1]]
     # of equals, the first names should stand first
-    best = min(found, key=lambda seating: (_cost(seating, pairs), [seating.index(name) for name in names]))
+    best = min(
+        found, key=lambda seating: (_cost(seating, pairs), [seating.index(name) for name in names])
+    )
     return {name: cell for name, cell in _cells(best).items() if name}
 
 
@@ -358,7 +385,9 @@ def _cells(seats: Sequence[str]) -> dict[str, Cell]:
 
 
 def _cost(seats: Sequence[str], pairs: Sequence[Pair]) -> int:
-    """Lengths and crossings; round outside is worst. The weights are estimates, judged by the look of the result."""
+    """Lengths and crossings; round outside is worst. The weights are estimates, judged by the look
+    of the result.
+    """
     cells = _cells(seats)
     ends = [(cells[a], cells[b]) for a, b in pairs]
     across = [(a[1], b[1]) if a[0] == 0 else (b[1], a[1]) for a, b in ends if a[0] != b[0]]
@@ -374,7 +403,9 @@ def _length(one: Cell, other: Cell) -> int:
 
 
 def tracks(spans: Sequence[Span], gap: float = 8.0) -> list[int]:
-    """A track (0: the innermost) for each span, short ones inside; spans in one track are `gap` apart."""
+    """A track (0: the innermost) for each span, short ones inside; spans in one track are `gap`
+    apart.
+    """
     taken: list[list[Span]] = []
     found = [0] * len(spans)
     for index in sorted(range(len(spans)), key=lambda i: (abs(spans[i][1] - spans[i][0]), i)):

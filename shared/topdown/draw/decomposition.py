@@ -1,4 +1,6 @@
-"""The requirement tree (the paper's Figure 5) and what covers each requirement: steps, groups, agents, channels."""
+"""The requirement tree (the paper's Figure 5) and what covers each requirement: steps, groups,
+agents, channels.
+"""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -60,13 +62,22 @@ def requirements_section(design: Design, width: int) -> Section:
         ("id", "requirement", "steps", "groups", "agents within", "channels"),
         rows,
     )
-    figure = Figure("requirements", "The requirement tree", _draw(design, tree), _plain(tree, width), tree, notes)
+    figure = Figure(
+        "requirements",
+        "The requirement tree",
+        _draw(design, tree),
+        _plain(tree, width),
+        tree,
+        notes,
+    )
     lead = "What the system is for, from the general to the detailed, and the steps that see to it."
     return Section("requirements", "Requirements", lead, (figure, grid, *_evidence(tree)))
 
 
 def _evidence(tree: tuple[Covered, ...]) -> tuple[Grid, ...]:
-    """The evidence of the requirements, if the design names any; a leaf without evidence is marked."""
+    """The evidence of the requirements, if the design names any; a leaf without evidence is
+    marked.
+    """
     if not any(entry.evidence for entry in tree):
         return ()
     rows = []
@@ -80,7 +91,11 @@ def covered(design: Design) -> tuple[Covered, ...]:
     """All requirements in the order of the tree."""
     final, found = design.decomposition.last.groups, []
     for entry, depth in _walk(design.file.requirement, "", 0):
-        steps = [(n, step) for n, step in enumerate(design.file.step, start=1) if entry.id in step.requirements]
+        steps = [
+            (n, step)
+            for n, step in enumerate(design.file.step, start=1)
+            if entry.id in step.requirements
+        ]
         groups = [group for _, step in steps if step.divide for group in step.divide.into]
         agents = (leaf for group in groups for leaf in descendants(design, group) if leaf in final)
         found.append(
@@ -98,7 +113,9 @@ def covered(design: Design) -> tuple[Covered, ...]:
     return tuple(found)
 
 
-def _walk(entries: tuple[Requirement, ...], parent: str, depth: int) -> Iterator[tuple[Requirement, int]]:
+def _walk(
+    entries: tuple[Requirement, ...], parent: str, depth: int
+) -> Iterator[tuple[Requirement, int]]:
     known = {entry.id for entry in entries}
     for entry in entries:
         if entry.parent == parent or (not parent and entry.parent not in known):
@@ -110,9 +127,13 @@ def _walk(entries: tuple[Requirement, ...], parent: str, depth: int) -> Iterator
 def _plain(tree: tuple[Covered, ...], width: int) -> str:
     lines: list[str] = []
     for index, entry in enumerate(tree):
-        bars = "".join("│  " if _follows(tree, index, depth) else "   " for depth in range(1, entry.depth))
+        bars = "".join(
+            "│  " if _follows(tree, index, depth) else "   " for depth in range(1, entry.depth)
+        )
         corner = ("├─ " if _follows(tree, index, entry.depth) else "└─ ") if entry.depth else ""
-        below = bars + (("│  " if _follows(tree, index, entry.depth) else "   ") if entry.depth else "")
+        below = bars + (
+            ("│  " if _follows(tree, index, entry.depth) else "   ") if entry.depth else ""
+        )
         below += "│  " if _follows(tree, index, entry.depth + 1) else "   "
         lines += hung(f"{bars}{corner}", f"{entry.id}  {entry.text}  [{entry.by}]", width, below)
     return "\n".join(lines)
@@ -131,29 +152,39 @@ def _draw(design: Design, tree: tuple[Covered, ...]) -> Canvas:
     texts = [wrapped(entry.text, WORDS) or [""] for entry in tree]
     ids = [width_of(entry.id, "strong") for entry in tree]
     wide = [max(width_of(line) for line in lines) for lines in texts]
-    across = max((e.depth * INDENT + i + w + 34 for e, i, w in zip(tree, ids, wide, strict=True)), default=0)
+    across = max(
+        (e.depth * INDENT + i + w + 34 for e, i, w in zip(tree, ids, wide, strict=True)), default=0
+    )
     y, below = 0.0, dict[int, float]()
     for entry, lines, id_width in zip(tree, texts, ids, strict=True):
         x, height = entry.depth * INDENT, 12 + 17.0 * len(lines)
         if entry.depth:
             elbow = x - INDENT + 12
-            canvas.line([(elbow, below[entry.depth - 1]), (elbow, y + height / 2), (x, y + height / 2)], "thin")
+            canvas.line(
+                [(elbow, below[entry.depth - 1]), (elbow, y + height / 2), (x, y + height / 2)],
+                "thin",
+            )
         canvas.box(Box(x, y, across - x, height), "box" if entry.steps else "gone")
         canvas.words((x + 10, y + 19), entry.id, "strong")
         for number, line in enumerate(lines):
             canvas.words((x + 20 + id_width, y + 19 + 17 * number), line)
-        canvas.words((across + 14, y + height / 2 + 4), entry.by, "small marked" if entry.steps else "small alert")
+        canvas.words(
+            (across + 14, y + height / 2 + 4),
+            entry.by,
+            "small marked" if entry.steps else "small alert",
+        )
         below[entry.depth] = y + height
         y += height + 9
     return canvas
 
 
-# --- The decomposition tree with its channels after any step (the paper's Figure 6, and the pictures of Tables 1 and 2)
+# --- The decomposition tree with its channels after any step (the paper's Figure 6, and the
+# pictures of Tables 1 and 2)
 
 
-# --- The decomposition tree with its channels after any step (the paper's Figure 6, and the pictures of Tables 1 and 2)
-# Groups that are divided stand above, darker; the fringe (the groups of that step) is one row below, and the channels
-# run under it, each in a track of its own.
+# --- The decomposition tree with its channels after any step (the paper's Figure 6, and the
+# pictures of Tables 1 and 2) Groups that are divided stand above, darker; the fringe (the groups of
+# that step) is one row below, and the channels run under it, each in a track of its own.
 
 
 LEVEL, GAP, TRACK = 66.0, 26.0, 30.0
@@ -179,15 +210,22 @@ class Node(msgspec.Struct, frozen=True):
 
 
 def grown(design: Design, step: int) -> Node:
-    """The tree after a step; halves are turned so that the channels of the finished design are short, at each step
-    alike.
+    """The tree after a step; halves are turned so that the channels of the finished design are
+    short, at each step alike.
     """
     names = tuple(dict.fromkeys(entry.divide.group for entry in design.file.step if entry.divide))
-    turns = list(product((False, True), repeat=len(names))) if len(names) <= FLIPPED else [(False,) * len(names)]
+    turns = (
+        list(product((False, True), repeat=len(names)))
+        if len(names) <= FLIPPED
+        else [(False,) * len(names)]
+    )
     last, channels = len(design.file.step), design.decomposition.last.channels
 
     def length(turn: tuple[bool, ...]) -> int:
-        place = {node.name: index for index, node in enumerate(as_filed(design, last, names, turn).fringe)}
+        place = {
+            node.name: index
+            for index, node in enumerate(as_filed(design, last, names, turn).fringe)
+        }
         ends = (channel.ends for channel in channels)
         return sum(abs(place[a] - place[b]) ** 2 for a, b in ends if a in place and b in place)
 
@@ -195,8 +233,12 @@ def grown(design: Design, step: int) -> Node:
     return as_filed(design, step, names, best)
 
 
-def as_filed(design: Design, step: int, names: tuple[str, ...] = (), turn: tuple[bool, ...] = ()) -> Node:
-    """The tree after a step, halves in the order of the file; or the other way round in the groups that are turned."""
+def as_filed(
+    design: Design, step: int, names: tuple[str, ...] = (), turn: tuple[bool, ...] = ()
+) -> Node:
+    """The tree after a step, halves in the order of the file; or the other way round in the groups
+    that are turned.
+    """
     divided: dict[str, tuple[int, tuple[str, str]]] = {}
     for number, entry in enumerate(design.file.step[:step], start=1):
         if entry.divide:
@@ -205,7 +247,10 @@ def as_filed(design: Design, step: int, names: tuple[str, ...] = (), turn: tuple
 
 
 def _node(
-    name: str, divided: Mapping[str, tuple[int, tuple[str, str]]], turned: Mapping[str, bool], above: tuple[str, ...]
+    name: str,
+    divided: Mapping[str, tuple[int, tuple[str, str]]],
+    turned: Mapping[str, bool],
+    above: tuple[str, ...],
 ) -> Node:
     if name not in divided or name in above:
         return Node(name, 0, ())
@@ -225,7 +270,9 @@ def plain(design: Design, step: int, width: int) -> str:
         note = f"divided in step {node.step}" if node.step else tasks.get(node.name, "")
         mark = f"  [{channels}]" if channels else ""
         under = below + ("│  " if node.halves else "   ")
-        lines.extend(hung(before + corner, f"{node.name}{mark}  {note}".rstrip(), width, before + under))
+        lines.extend(
+            hung(before + corner, f"{node.name}{mark}  {note}".rstrip(), width, before + under)
+        )
         for number, half in enumerate(node.halves):
             last = number == len(node.halves) - 1
             write(half, before + below, "└─ " if last else "├─ ", "   " if last else "│  ")
@@ -250,7 +297,9 @@ class _Drawing:
         self.step, self.tasks = step, design.decomposition.tasks
         self.before: Stage = design.decomposition.stages[max(0, step - 1)]
         tree = grown(design, step)
-        self.words = {leaf.name: wrapped(self.tasks.get(leaf.name, ""), 132, "small") for leaf in tree.fringe}
+        self.words = {
+            leaf.name: wrapped(self.tasks.get(leaf.name, ""), 132, "small") for leaf in tree.fringe
+        }
         self.height = 30 + 14.0 * max(len(lines) for lines in self.words.values())
         self.base = tree.depth * LEVEL
         self.boxes: dict[str, Box] = {}
@@ -289,10 +338,14 @@ class _Drawing:
         self.canvas.box(box, "fresh" if new else "box")
         self.canvas.words((box.middle[0], box.y + 19), node.name, "strong", "middle")
         for number, line in enumerate(self.words[node.name]):
-            self.canvas.words((box.middle[0], box.y + 35 + 14 * number), line, "small quiet", "middle")
+            self.canvas.words(
+                (box.middle[0], box.y + 35 + 14 * number), line, "small quiet", "middle"
+            )
 
     def _channels(self) -> None:
-        """Channels whose ends are there, shortest on top; ports of a group turn to where its channels lead."""
+        """Channels whose ends are there, shortest on top; ports of a group turn to where its
+        channels lead.
+        """
         shown = [c for c in self.stage.channels if all(end in self.boxes for end in c.ends)]
         ports = {(c.id, end): self._port(shown, c, end) for c in shown for end in c.ends}
         spans = [(ports[c.id, c.ends[0]], ports[c.id, c.ends[1]]) for c in shown]
@@ -306,9 +359,13 @@ class _Drawing:
             grown = any(transmits != channel.transmits for transmits in before)
             news = "new" if channel.born == self.step else "more" if grown else ""
             new = " new" if news else ""
-            self.canvas.line([(low, bottom), (low, y), (high, y), (high, bottom)], f"channel dashed{new}")
+            self.canvas.line(
+                [(low, bottom), (low, y), (high, y), (high, bottom)], f"channel dashed{new}"
+            )
             words = f"{channel.id} {news}".strip()
-            self.canvas.patched((_free(low, high, words, upright), y + 4), words, "strong small marked", "middle")
+            self.canvas.patched(
+                (_free(low, high, words, upright), y + 4), words, "strong small marked", "middle"
+            )
 
     def _port(self, shown: list[Channel], channel: Channel, end: str) -> float:
         box = self.boxes[end]
@@ -325,11 +382,15 @@ def _free(low: float, high: float, words: str, upright: list[float]) -> float:
     middle = (low + high) / 2
     room = max(0.0, (high - low) / 2 - half)
     places = [middle + sign * room * part / 6 for part in range(6) for sign in (1, -1)]
-    clear = (x for x in places if all(abs(x - other) > half for other in upright if other not in (low, high)))
+    clear = (
+        x
+        for x in places
+        if all(abs(x - other) > half for other in upright if other not in (low, high))
+    )
     return next(clear, middle)
 
 
-# --- The steps of the decomposition, each as the paper's Tables 1 and 2 summarize it ----------------------------------
+# --- The steps of the decomposition, each as the paper's Tables 1 and 2 summarize it --------------
 
 
 def steps_section(design: Design, step: int | None, width: int) -> Section:
@@ -339,8 +400,8 @@ def steps_section(design: Design, step: int | None, width: int) -> Section:
         parts.append(_table(design, number))
         parts.append(_figure(design, number, width, f"step-{number}"))
     lead = (
-        "Each step handles requirements: it divides a group in two, moves its channels to the halves, and creates or "
-        "complements channels. A channel keeps its number."
+        "Each step handles requirements: it divides a group in two, moves its channels to the"
+        " halves, and creates or complements channels. A channel keeps its number."
     )
     return Section("steps", "Steps of the decomposition", lead, tuple(parts), paired=True)
 
@@ -349,10 +410,16 @@ def tree_section(design: Design, step: int | None, width: int) -> Section:
     """The tree after a step (none: the last one)."""
     number = _checked(design, len(design.file.step) if step is None else step)
     stage = design.decomposition.stages[number]
-    rows = tuple((c.id, "-".join(c.ends), str(c.born), "; ".join(c.transmits)) for c in stage.channels)
+    rows = tuple(
+        (c.id, "-".join(c.ends), str(c.born), "; ".join(c.transmits)) for c in stage.channels
+    )
     lead = "Groups that were divided stand above, the fringe below; broken lines are channels."
-    grid = Grid(f"Channels after step {number}", ("channel", "between", "since step", "transmits"), rows)
-    return Section("tree", "Decomposition tree", lead, (_figure(design, number, width, "tree"), grid))
+    grid = Grid(
+        f"Channels after step {number}", ("channel", "between", "since step", "transmits"), rows
+    )
+    return Section(
+        "tree", "Decomposition tree", lead, (_figure(design, number, width, "tree"), grid)
+    )
 
 
 def _checked(design: Design, step: int) -> int:
@@ -374,14 +441,24 @@ def _table(design: Design, number: int) -> Grid:
         return Grid("Step 0", ("", ""), (("Groups", design.file.system.root),))
     step, stages = design.file.step[number - 1], design.decomposition.stages
     rows = tuple(_rows(design, step, stages[number - 1], stages[number]))
-    slips = (f"cannot be carried out: {s.wrong} ({s.right})" for s in design.decomposition.slips if s.step == number)
+    slips = (
+        f"cannot be carried out: {s.wrong} ({s.right})"
+        for s in design.decomposition.slips
+        if s.step == number
+    )
     return Grid(f"Step {number}", ("", ""), rows, (*slips, *rulings(("ruling", step.ruling))))
 
 
 def _rows(design: Design, step: Step, before: Stage, after: Stage) -> Iterator[tuple[str, str]]:
     texts = {entry.id: entry.text for entry in design.file.requirement}
-    yield "Requirements", "; ".join(f"{name} {texts.get(name, '')}".strip() for name in step.requirements) or "-"
-    yield "Division", f"{step.divide.group} := <{', '.join(step.divide.into)}>" if step.divide else "-"
+    yield (
+        "Requirements",
+        "; ".join(f"{name} {texts.get(name, '')}".strip() for name in step.requirements) or "-",
+    )
+    yield (
+        "Division",
+        f"{step.divide.group} := <{', '.join(step.divide.into)}>" if step.divide else "-",
+    )
     for task in step.tasks:
         yield f"Tasks of {task.group}", task.text
     old = {channel.id: channel for channel in before.channels}
@@ -389,7 +466,10 @@ def _rows(design: Design, step: Step, before: Stage, after: Stage) -> Iterator[t
     moves = [f"{_at(old, m.channel)} ↦ {_at(new, m.channel)}" for m in step.reallocate]
     yield "Channel reallocation", listed(moves)
     if step.split:
-        halves = (f"{_at(old, s.channel)} ↦ {', '.join(_at(new, name) for name in s.into)}" for s in step.split)
+        halves = (
+            f"{_at(old, s.channel)} ↦ {', '.join(_at(new, name) for name in s.into)}"
+            for s in step.split
+        )
         yield "Channel split", listed(tuple(halves))
     if step.complement:
         added = (f"{_at(new, c.channel)} also transmits {c.adds}" for c in step.complement)
@@ -410,4 +490,8 @@ def _at(channels: dict[str, Channel], name: str) -> str:
 
 def natural(name: str) -> tuple[tuple[int, str], ...]:
     """For sorting: C2 before C10."""
-    return tuple((int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", name) if part)
+    return tuple(
+        (int(part), "") if part.isdigit() else (0, part)
+        for part in re.split(r"(\d+)", name)
+        if part
+    )

@@ -1,4 +1,6 @@
-"""Parts of a book about a design: sections of tables and figures, independent of the output format."""
+"""Parts of a book about a design: sections of tables and figures, independent of the output
+format.
+"""
 
 import re
 import textwrap
@@ -12,8 +14,8 @@ from topdown.draw.canvas import Canvas
 class Grid(msgspec.Struct, frozen=True):
     """A table: the first column names the row.
 
-    `folded`: long, opened on demand where that can be done. `detail`: behind what is shown beside it; folded too, and
-    left out of a text that is not to be long.
+    `folded`: long, opened on demand where that can be done. `detail`: behind what is shown beside
+    it; folded too, and left out of a text that is not to be long.
     """
 
     title: str
@@ -25,8 +27,8 @@ class Grid(msgspec.Struct, frozen=True):
 
 
 class Figure(msgspec.Struct, frozen=True):
-    """A picture: as drawing, as text for a terminal (no line longer than was asked for, where that is possible), and
-    what it shows as plain data. `name`: stem of its file.
+    """A picture: as drawing, as text for a terminal (no line longer than was asked for, where that
+    is possible), and what it shows as plain data. `name`: stem of its file.
     """
 
     name: str
@@ -38,7 +40,9 @@ class Figure(msgspec.Struct, frozen=True):
 
 
 class Section(msgspec.Struct, frozen=True):
-    """`what`: requirements, steps ...; `parts` in order; `paired`: a table and the figure after it belong together."""
+    """`what`: requirements, steps ...; `parts` in order; `paired`: a table and the figure after it
+    belong together.
+    """
 
     what: str
     title: str
@@ -57,7 +61,8 @@ def listed(words: tuple[str, ...] | list[str], none: str = "-") -> str:
     return ", ".join(words) or none
 
 
-# --- Tables and sections as plain text for a terminal: columns share the width, long cells are wrapped ----------------
+# --- Tables and sections as plain text for a terminal: columns share the width, long cells are
+# wrapped
 
 
 GAP = 2
@@ -68,11 +73,15 @@ _PIECES = re.compile(r"[^_.\-/|]*[_.\-/|]?")
 
 
 def written(sections: tuple[Section, ...], width: int = WIDTH, long: bool = False) -> str:
-    """All sections, in lines of at most `width` where words allow; `long`: with tables that are details."""
+    """All sections, in lines of at most `width` where words allow; `long`: with tables that are
+    details.
+    """
     told = []
     for section in sections:
         head = [section.title.upper(), *textwrap.wrap(section.lead, width, break_on_hyphens=False)]
-        told.append("\n\n".join(["\n".join(head), *(_part(part, width, long) for part in section.parts)]))
+        told.append(
+            "\n\n".join(["\n".join(head), *(_part(part, width, long) for part in section.parts)])
+        )
     return "\n\n\n".join(told) + "\n"
 
 
@@ -83,14 +92,16 @@ def _part(part: Grid | Figure, width: int, long: bool) -> str:
         body = f"{part.title}: {len(part.rows)} rows, not shown here"
     else:
         body = table(part, width)
-    return "\n".join([body, *(line for note in part.notes for line in hung("  * ", note, width, "    "))])
+    return "\n".join(
+        [body, *(line for note in part.notes for line in hung("  * ", note, width, "    "))]
+    )
 
 
 def hung(before: str, words: str, width: int, below: str) -> list[str]:
     """Words in lines of at most `width`: the first behind `before`, the others behind `below`."""
-    return textwrap.wrap(words, width, initial_indent=before, subsequent_indent=below, break_on_hyphens=False) or [
-        before.rstrip()
-    ]
+    return textwrap.wrap(
+        words, width, initial_indent=before, subsequent_indent=below, break_on_hyphens=False
+    ) or [before.rstrip()]
 
 
 def table(grid: Grid, width: int = WIDTH) -> str:
@@ -106,15 +117,18 @@ def table(grid: Grid, width: int = WIDTH) -> str:
 
 
 def column_widths(cells: list[tuple[str, ...]], width: int) -> list[int]:
-    """Widths of the columns: what they need; where that is too much, the widest ones are cut, words whole as long as
-    possible.
+    """Widths of the columns: what they need; where that is too much, the widest ones are cut, words
+    whole as long as possible.
     """
     columns = list(zip(*cells, strict=True))
     widths = [max(len(text) for text in column) for column in columns]
     space = width - GAP * (len(columns) - 1)
     words = [[word for text in column for word in text.split()] for column in columns]
     whole = [max(map(len, column), default=0) for column in words]
-    pieces = [max((len(p) for word in column for p in _PIECES.findall(word)), default=0) for column in words]
+    pieces = [
+        max((len(p) for word in column for p in _PIECES.findall(word)), default=0)
+        for column in words
+    ]
     for floor in (whole, pieces, [LEAST] * len(columns)):
         while sum(widths) > space:
             loose = [index for index, wide in enumerate(widths) if wide > max(floor[index], LEAST)]
@@ -125,10 +139,14 @@ def column_widths(cells: list[tuple[str, ...]], width: int) -> list[int]:
 
 
 def cell(words: str, width: int) -> list[str]:
-    """Words in lines of at most `width`; a word too long for a line is broken behind a mark in it, if it has one."""
+    """Words in lines of at most `width`; a word too long for a line is broken behind a mark in it,
+    if it has one.
+    """
     lines = [""]
     for word in words.split():
-        pieces = [word] if len(word) <= width else [piece for piece in _PIECES.findall(word) if piece]
+        pieces = (
+            [word] if len(word) <= width else [piece for piece in _PIECES.findall(word) if piece]
+        )
         for number, piece in enumerate(pieces):
             joined = f"{lines[-1]} {piece}" if lines[-1] and not number else f"{lines[-1]}{piece}"
             if len(joined) <= width:
@@ -143,6 +161,8 @@ def _row(row: tuple[str, ...], widths: list[int]) -> list[str]:
     height = max(len(lines) for lines in wrapped)
     filled = [lines + [""] * (height - len(lines)) for lines in wrapped]
     return [
-        (" " * GAP).join(line.ljust(wide) for line, wide in zip(lines, widths, strict=True)).rstrip()
+        (" " * GAP)
+        .join(line.ljust(wide) for line, wide in zip(lines, widths, strict=True))
+        .rstrip()
         for lines in zip(*filled, strict=True)
     ]

@@ -1,8 +1,10 @@
-"""From a protocol's two tables to what can be drawn: who says what, in alternatives, loops and options.
+"""From a protocol's two tables to what can be drawn: who says what, in alternatives, loops and
+options.
 
-Both roles are walked together as if every message arrived at once, so nothing crosses on the way; rows that only
-crossing messages or copies need are told apart. What one may say at any time but nobody can wait for (`Row.free`: a
-cancel) is taken out of the main line and gets an option of its own. Nothing here knows a particular protocol.
+Both roles are walked together as if every message arrived at once, so nothing crosses on the way;
+rows that only crossing messages or copies need are told apart. What one may say at any time but
+nobody can wait for (`Row.free`: a cancel) is taken out of the main line and gets an option of its
+own. Nothing here knows a particular protocol.
 """
 
 from collections.abc import Container, Iterable, Iterator, Mapping
@@ -14,9 +16,9 @@ from fipa_codec.performatives import Performative
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row
 
-# --- Two roles of a protocol walked together as if every message arrived at once: where they can be, what is said there
-# Nothing crosses on the way, so what is found is what people draw; `fipa_codec.exploration` looks at all that may
-# cross.
+# --- Two roles of a protocol walked together as if every message arrived at once: where they can
+# be, what is said there Nothing crosses on the way, so what is found is what people draw;
+# `fipa_codec.exploration` looks at all that may cross.
 
 
 Place = tuple[str, str]
@@ -82,7 +84,7 @@ def name_of(place: Place) -> str:
     return one if one == other else f"{one} / {other}"
 
 
-# --- From a protocol's two tables to what can be drawn ----------------------------------------------------------------
+# --- From a protocol's two tables to what can be drawn --------------------------------------------
 
 
 DECLINING = frozenset({P.REFUSE, P.FAILURE, P.REJECT_PROPOSAL, P.DISCONFIRM, P.NOT_UNDERSTOOD})
@@ -104,7 +106,9 @@ class Remark(msgspec.Struct, frozen=True, tag=True):
 
 
 class Frame(msgspec.Struct, frozen=True, tag=True):
-    """alt: one of the branches; loop: the branch any number of times; opt: the branch or nothing."""
+    """alt: one of the branches; loop: the branch any number of times; opt: the branch or
+    nothing.
+    """
 
     kind: str
     title: str
@@ -115,19 +119,25 @@ Part = Sending | Remark | Frame
 
 
 class Exchange(msgspec.Struct, frozen=True):
-    """The parts in order, and the rows no part shows (role, row): crossing messages, copies, repetitions."""
+    """The parts in order, and the rows no part shows (role, row): crossing messages, copies,
+    repetitions.
+    """
 
     parts: tuple[Part, ...]
     crossing: tuple[tuple[Role, Row], ...]
 
 
 def exchange(protocol: Protocol, sayable: Sayable | None = None) -> Exchange:
-    """The exchange two tables make; `sayable`: the acts each role uses of those that its table has (None: all)."""
+    """The exchange two tables make; `sayable`: the acts each role uses of those that its table has
+    (None: all).
+    """
     meeting = meet(protocol, sayable)
     used = {(e.sender, e.sent) for edges in meeting.values() for e in edges}
     used |= {(e.sender.other, e.taken) for edges in meeting.values() for e in edges}
     rows = ((role, row) for role, table in protocol.tables.items() for row in table)
-    unused = tuple((role, row) for role, row in rows if (role, row) not in used and spoken(role, row, sayable))
+    unused = tuple(
+        (role, row) for role, row in rows if (role, row) not in used and spoken(role, row, sayable)
+    )
     return Exchange(_Writer(protocol, meeting).parts(), unused)
 
 
@@ -136,7 +146,9 @@ class _Writer:
 
     def __init__(self, protocol: Protocol, meeting: Meeting) -> None:
         self.protocol, self.meeting = protocol, meeting
-        self.main = {place: tuple(e for e in edges if not e.interrupts) for place, edges in meeting.items()}
+        self.main = {
+            place: tuple(e for e in edges if not e.interrupts) for place, edges in meeting.items()
+        }
         self.written: set[Place] = set()
         self.referred: set[Place] = set()
         self.marks: dict[Remark, Place] = {}
@@ -191,8 +203,12 @@ class _Writer:
             place = self.main[place][0].to
         return [*parts, self._end(place)]
 
-    def _before_the_choice(self, place: Place, heads: tuple[Place, ...]) -> tuple[list[Part], Place]:
-        """Messages without a choice before a loop, and the place where the loop is entered or left."""
+    def _before_the_choice(
+        self, place: Place, heads: tuple[Place, ...]
+    ) -> tuple[list[Part], Place]:
+        """Messages without a choice before a loop, and the place where the loop is entered or
+        left.
+        """
         first: list[Part] = []
         here, passed = place, {place}
         while len(self.main[here]) == 1 and not self._rests(here):
@@ -212,9 +228,16 @@ class _Writer:
             self.written.add(place)
             loops = [e for e in self.main[place] if e.to == place]
             inside = (*heads, place)
-            again = [Frame("loop", "", (tuple(self._either(_grouped(loops), inside)),))] if loops else []
+            again = (
+                [Frame("loop", "", (tuple(self._either(_grouped(loops), inside)),))]
+                if loops
+                else []
+            )
             rest = self._either(_grouped([e for e in self.main[place] if e.to != place]), heads)
-            line: list[Part] = [Frame("opt", "", ((*_sendings(detour), self._mark(place), *again),)), *rest]
+            line: list[Part] = [
+                Frame("opt", "", ((*_sendings(detour), self._mark(place), *again),)),
+                *rest,
+            ]
             return _alternatives([line, *(self._branch(group, heads) for group in others)])
         return _alternatives([self._branch(group, heads) for group in groups])
 
@@ -224,10 +247,11 @@ class _Writer:
     def _shortcut(
         self, groups: list[list[Edge]], heads: tuple[Place, ...]
     ) -> tuple[list[Edge], list[list[Edge]]] | None:
-        """A step that can be omitted without hiding a message from the diagram (an agree), else None.
+        """A step that can be omitted without hiding a message from the diagram (an agree), else
+        None.
 
-        That is: after it only messages are possible that were possible before it. Also return the groups of messages
-        that it does not lead to.
+        That is: after it only messages are possible that were possible before it. Also return the
+        groups of messages that it does not lead to.
         """
         offered = {(e.said, e.to) for group in groups for e in group}
         for group in groups:
@@ -235,11 +259,17 @@ class _Writer:
             onward = {(e.said, e.to) for e in self.main[place] if e.to != place}
             known = place in self.written or place in heads or self._rests(place)
             if not known and onward and onward <= offered - {(e.said, e.to) for e in group}:
-                return group, [g for g in groups if g is not group and not {(e.said, e.to) for e in g} <= onward]
+                return group, [
+                    g
+                    for g in groups
+                    if g is not group and not {(e.said, e.to) for e in g} <= onward
+                ]
         return None
 
     def _returns(self, place: Place, head: Place, heads: tuple[Place, ...]) -> bool:
-        """Whether the main line leads from a place to a head without passing the heads around it."""
+        """Whether the main line leads from a place to a head without passing the heads around
+        it.
+        """
         seen, ahead = {place}, [place]
         while ahead:
             here = ahead.pop()
@@ -253,7 +283,9 @@ class _Writer:
 
     def _rests(self, place: Place) -> bool:
         tables = (self.protocol.tables[role] for role in (Role.INITIATOR, Role.PARTICIPANT))
-        return all(state in table.ended | table.resting for state, table in zip(place, tables, strict=True))
+        return all(
+            state in table.ended | table.resting for state, table in zip(place, tables, strict=True)
+        )
 
     def _short(self, place: Place) -> bool:
         """Whether what follows is one or two messages without a choice."""
@@ -284,7 +316,11 @@ class _Writer:
             if isinstance(part, Frame):
                 branches = (tuple(self._marked(branch)) for branch in part.branches)
                 yield Frame(part.kind, part.title, tuple(branches))
-            elif not isinstance(part, Remark) or part not in self.marks or self.marks[part] in self.referred:
+            elif (
+                not isinstance(part, Remark)
+                or part not in self.marks
+                or self.marks[part] in self.referred
+            ):
                 yield part
 
 
@@ -293,7 +329,9 @@ def _grouped(edges: list[Edge]) -> list[list[Edge]]:
     groups: dict[tuple[Role, Place], list[Edge]] = {}
     for edge in edges:
         groups.setdefault((edge.sender, edge.to), []).append(edge)
-    return sorted(groups.values(), key=lambda group: all(e.sent.performative in DECLINING for e in group))
+    return sorted(
+        groups.values(), key=lambda group: all(e.sent.performative in DECLINING for e in group)
+    )
 
 
 def _sendings(edges: list[Edge]) -> tuple[Sending, ...]:
@@ -303,7 +341,11 @@ def _sendings(edges: list[Edge]) -> tuple[Sending, ...]:
 
 
 def _alternatives(branches: list[list[Part]]) -> list[Part]:
-    return branches[0] if len(branches) == 1 else [Frame("alt", "", tuple(tuple(branch) for branch in branches))]
+    return (
+        branches[0]
+        if len(branches) == 1
+        else [Frame("alt", "", tuple(tuple(branch) for branch in branches))]
+    )
 
 
 def _or_else(parts: list[Part], other: Part) -> list[Part]:

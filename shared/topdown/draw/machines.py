@@ -1,8 +1,9 @@
-"""State machines of the agents' control subsystems (the paper's Figure 11): states with behaviours, arcs with
-conditions.
+"""State machines of the agents' control subsystems (the paper's Figure 11): states with behaviours,
+arcs with conditions.
 
-States stand in layers from the initial one down, in the order of the file; an arc to the next layer goes straight,
-those further down run at the right, those back up at the left, each in a track of its own.
+States stand in layers from the initial one down, in the order of the file; an arc to the next layer
+goes straight, those further down run at the right, those back up at the left, each in a track of
+its own.
 """
 
 import msgspec
@@ -22,8 +23,9 @@ def section(design: Design, agent: str | None) -> Section:
     agents = design.file.agent if agent is None else (design.agent(agent),)
     parts = tuple(part for entry in agents for part in _parts(entry))
     lead = (
-        "A state's behaviour is repeated until its terminal or error condition holds; then the first arc whose "
-        "condition holds is taken. An arc without a condition is taken when no other is."
+        "A state's behaviour is repeated until its terminal or error condition holds; then the"
+        " first arc whose condition holds is taken. An arc without a condition is taken when no"
+        " other is."
     )
     return Section("machines", "State machines", lead, parts)
 
@@ -35,9 +37,17 @@ def _parts(agent: Agent) -> tuple[Grid | Figure, ...]:
     longest = max(len(state.name) for state in agent.state)
     labels = ((arc, label_of(agent, arc)) for arc in agent.arc)
     arcs = "\n".join(
-        f"{a.source.rjust(longest)} ──{f' {label} ' if label else ''}──▶ {a.target}" for a, label in labels
+        f"{a.source.rjust(longest)} ──{f' {label} ' if label else ''}──▶ {a.target}"
+        for a, label in labels
     )
-    figure = Figure(f"machine-{agent.name}", caption, draw(agent), arcs, agent, rulings((agent.name, agent.ruling)))
+    figure = Figure(
+        f"machine-{agent.name}",
+        caption,
+        draw(agent),
+        arcs,
+        agent,
+        rulings((agent.name, agent.ruling)),
+    )
     rows = (*([_events(agent)] if agent.row else []), *([_choices(agent)] if agent.choice else []))
     return (figure, _states(agent), _sense(agent), *rows)
 
@@ -61,7 +71,9 @@ def _sense(agent: Agent) -> Grid:
     """The purpose of the states, and the protocols in which they act."""
     rows = tuple((state.name, listed(state.talks), state.text) for state in agent.state)
     notes = rulings(*((state.name, state.ruling) for state in agent.state))
-    return Grid(f"{agent.name}: what is done there", ("state", "talks in", "what it does"), rows, notes)
+    return Grid(
+        f"{agent.name}: what is done there", ("state", "talks in", "what it does"), rows, notes
+    )
 
 
 def _events(agent: Agent) -> Grid:
@@ -71,7 +83,13 @@ def _events(agent: Agent) -> Grid:
             listed(row.in_),
             row.on,
             "; ".join(row.when) or "-",
-            "; ".join((*row.say, *(f"perhaps {said}" for said in row.may), *([f"then {row.then}"] if row.then else [])))
+            "; ".join(
+                (
+                    *row.say,
+                    *(f"perhaps {said}" for said in row.may),
+                    *([f"then {row.then}"] if row.then else []),
+                )
+            )
             or "-",
             row.to or "the same",
         )
@@ -84,7 +102,12 @@ def _events(agent: Agent) -> Grid:
 def _choices(agent: Agent) -> Grid:
     """The ways to go on that rows share."""
     rows = tuple(
-        (choice.name, "; ".join(way.when) or "-", "; ".join(way.say) or "-", way.to or "as the row says")
+        (
+            choice.name,
+            "; ".join(way.when) or "-",
+            "; ".join(way.say) or "-",
+            way.to or "as the row says",
+        )
         for choice in agent.choice
         for way in choice.ways
     )
@@ -94,7 +117,9 @@ def _choices(agent: Agent) -> Grid:
 
 
 def label_of(agent: Agent, arc: Arc) -> str:
-    """The label of an arc: its place among the state's arcs if there are several, and its condition."""
+    """The label of an arc: its place among the state's arcs if there are several, and its
+    condition.
+    """
     beside = [other for other in agent.arc if other.source == arc.source]
     if len(beside) == 1:
         return arc.when
@@ -107,7 +132,9 @@ def draw(agent: Agent) -> Canvas:
 
 
 class Side(msgspec.Struct):
-    """The arcs at one side of the column: those down at the right (`sign` 1), those up at the left (-1)."""
+    """The arcs at one side of the column: those down at the right (`sign` 1), those up at the left
+    (-1).
+    """
 
     sign: int
     arcs: list[Arc]
@@ -121,14 +148,18 @@ class _Drawing:
         self.states = [*initial, *(state for state in agent.state if state.name != agent.initial)]
         self.rank = {state.name: number for number, state in enumerate(self.states)}
         known = [arc for arc in agent.arc if arc.source in self.rank and arc.target in self.rank]
-        nearest = {(arc.source, arc.target): arc for arc in reversed(known) if self._steps(arc) == 1}
+        nearest = {
+            (arc.source, arc.target): arc for arc in reversed(known) if self._steps(arc) == 1
+        }
         self.straight = list(nearest.values())
         straight = {id(arc) for arc in self.straight}  # two arcs may be equal
         self.sides = (
             Side(1, [arc for arc in known if self._steps(arc) >= 0 and id(arc) not in straight]),
             Side(-1, [arc for arc in known if self._steps(arc) < 0]),
         )
-        lines = [line for state in self.states for line in ((state.name, "strong"), *self._lines(state))]
+        lines = [
+            line for state in self.states for line in ((state.name, "strong"), *self._lines(state))
+        ]
         self.width = max(150.0, *(width_of(*line) + 32 for line in lines))
         self.boxes: dict[str, Box] = {}
         y = 0.0
@@ -165,7 +196,9 @@ class _Drawing:
             self.canvas.words((x, y + 16 * number), words, css, "middle")
 
     def _ends(self, state: State, side: Side) -> list[tuple[Arc, bool]]:
-        """Ends of arcs at one side of a state from top to bottom, (arc, leaves); in this order the fewest cross."""
+        """Ends of arcs at one side of a state from top to bottom, (arc, leaves); in this order the
+        fewest cross.
+        """
         loops = [arc for arc in side.arcs if arc.source == arc.target == state.name]
         out = [arc for arc in side.arcs if arc.source == state.name != arc.target]
         into = [arc for arc in side.arcs if arc.target == state.name != arc.source]
@@ -186,7 +219,8 @@ class _Drawing:
 
     def _side(self, side: Side) -> None:
         ports = [
-            (self._port(arc.source, side, arc, True), self._port(arc.target, side, arc, False)) for arc in side.arcs
+            (self._port(arc.source, side, arc, True), self._port(arc.target, side, arc, False))
+            for arc in side.arcs
         ]
         labels = [label_of(self.agent, arc) for arc in side.arcs]
         zone = max((width_of(label, "small") for label in labels), default=0.0) + 26

@@ -1,4 +1,6 @@
-"""Protocols in use: a sequence diagram of each (the paper's Figures 8 and 9), its messages, and the rows behind it."""
+"""Protocols in use: a sequence diagram of each (the paper's Figures 8 and 9), its messages, and the
+rows behind it.
+"""
 
 from collections.abc import Mapping
 
@@ -24,11 +26,17 @@ Carried = Mapping[tuple[Role, Performative], tuple[tuple[str, tuple[str, ...]], 
 
 
 def section(design: Design, wanted: str | None, width: int) -> Section:
-    """Every use of a protocol, or those named so; a table that the design does not use is drawn with its roles."""
+    """Every use of a protocol, or those named so; a table that the design does not use is drawn
+    with its roles.
+    """
     uses = [use for use in design.file.protocol if wanted in (None, use.name, use.follows)]
-    about = {entry.name: (" ".join(entry.text.split()),) for entry in design.file.table if entry.text}
+    about = {
+        entry.name: (" ".join(entry.text.split()),) for entry in design.file.table if entry.text
+    }
     parts = [
-        part for use in uses for part in _use(use, design.tables.get(use.follows), about.get(use.follows, ()), width)
+        part
+        for use in uses
+        for part in _use(use, design.tables.get(use.follows), about.get(use.follows, ()), width)
     ]
     if not uses:
         table = design.own_tables.get(wanted or "") or fipa_table(wanted or "")
@@ -36,14 +44,23 @@ def section(design: Design, wanted: str | None, width: int) -> Section:
             raise NoSuchEntry("protocol", str(wanted), sorted({*design.protocols, *design.tables}))
         found = exchange(table)
         figure = _figure(
-            f"protocol-{table.name}", diagram(found, f"{table.name}, by its table"), found, width, (ALWAYS,)
+            f"protocol-{table.name}",
+            diagram(found, f"{table.name}, by its table"),
+            found,
+            width,
+            (ALWAYS,),
         )
         parts = [figure, _rows(f"The rows of {table.name}", table, found, None)]
-    lead = "Who may say what, in which order. alt: one of these; loop: any number of times; opt: once or not at all."
+    lead = (
+        "Who may say what, in which order. alt: one of these; loop: any number of times; opt: once"
+        " or not at all."
+    )
     return Section("protocols", "Protocols", lead, tuple(parts))
 
 
-def _use(use: Use, protocol: Protocol | None, about: tuple[str, ...], width: int) -> list[Grid | Figure]:
+def _use(
+    use: Use, protocol: Protocol | None, about: tuple[str, ...], width: int
+) -> list[Grid | Figure]:
     parts: list[Grid | Figure] = []
     if protocol is not None:
         sayable = {
@@ -52,7 +69,9 @@ def _use(use: Use, protocol: Protocol | None, about: tuple[str, ...], width: int
         }
         found = exchange(protocol, sayable)
         cast = (use.initiator, use.participant)
-        caption = f"{use.name}: {use.follows} on {use.channel}, {use.initiator} asks {use.participant}"
+        caption = (
+            f"{use.name}: {use.follows} on {use.channel}, {use.initiator} asks {use.participant}"
+        )
         notes = (*about, ALWAYS, *rulings((use.name, use.ruling)))
         shown = diagram(found, caption, cast, _carried(use))
         parts.append(_figure(f"protocol-{use.name}", shown, found, width, notes))
@@ -69,14 +88,23 @@ def draw(protocol: Protocol) -> Canvas:
     return canvas
 
 
-def _figure(name: str, shown: sequence.Diagram, found: Exchange, width: int, notes: tuple[str, ...]) -> Figure:
-    return Figure(name, shown.title, sequence.draw(shown), sequence.plain(shown, width), found.parts, notes)
+def _figure(
+    name: str, shown: sequence.Diagram, found: Exchange, width: int, notes: tuple[str, ...]
+) -> Figure:
+    return Figure(
+        name, shown.title, sequence.draw(shown), sequence.plain(shown, width), found.parts, notes
+    )
 
 
 def diagram(
-    found: Exchange, title: str, cast: tuple[str, str] = ("initiator", "participant"), carried: Carried | None = None
+    found: Exchange,
+    title: str,
+    cast: tuple[str, str] = ("initiator", "participant"),
+    carried: Carried | None = None,
 ) -> sequence.Diagram:
-    """An exchange between initiator and participant as a diagram; `carried`: what stands below the arrows."""
+    """An exchange between initiator and participant as a diagram; `carried`: what stands below the
+    arrows.
+    """
 
     def rows(parts: tuple[Part, ...]) -> tuple[sequence.Row, ...]:
         found: list[sequence.Row] = []
@@ -138,7 +166,12 @@ def _messages(use: Use) -> Grid:
     within = f" (answer within {seconds(use.latency_s)})" if use.latency_s else ""
     title = f"{use.name}: messages{within}"
     notes = rulings(*((f"{m.sender} {m.performative}", m.ruling) for m in use.message))
-    return Grid(title, ("from → to", "performative", "language", "content", "ontology", "at most"), rows, notes)
+    return Grid(
+        title,
+        ("from → to", "performative", "language", "content", "ontology", "at most"),
+        rows,
+        notes,
+    )
 
 
 def _rows(title: str, protocol: Protocol, found: Exchange, sayable: Sayable | None) -> Grid:

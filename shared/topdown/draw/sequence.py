@@ -1,6 +1,8 @@
-"""Sequence diagrams: lifelines, arrows between them in order, frames around alternatives. As SVG and as text.
+"""Sequence diagrams: lifelines, arrows between them in order, frames around alternatives. As SVG
+and as text.
 
-Of a protocol's two roles (the paper's Figures 8 and 9), and of the traffic among any number of agents.
+Of a protocol's two roles (the paper's Figures 8 and 9), and of the traffic among any number of
+agents.
 """
 
 import textwrap
@@ -13,10 +15,11 @@ from topdown.draw.canvas import Box, Canvas, width_of
 
 
 class Arrow(msgspec.Struct, frozen=True):
-    """Something that was or may be said: `label` on its arrow, `detail` below, `alert`: what is wrong with it.
+    """Something that was or may be said: `label` on its arrow, `detail` below, `alert`: what is
+    wrong with it.
 
-    `at`: seconds after the first one; None: no times are shown. Where `sender` or `receiver` has no lifeline it is a
-    remark.
+    `at`: seconds after the first one; None: no times are shown. Where `sender` or `receiver` has no
+    lifeline it is a remark.
     """
 
     sender: str
@@ -34,7 +37,9 @@ class Note(msgspec.Struct, frozen=True):
 
 
 class Frame(msgspec.Struct, frozen=True):
-    """alt: one of the branches; loop: the branch any number of times; opt: the branch or nothing."""
+    """alt: one of the branches; loop: the branch any number of times; opt: the branch or
+    nothing.
+    """
 
     kind: str
     title: str
@@ -58,14 +63,16 @@ def _depth(rows: Sequence[Row]) -> int:
     return 1 + max(inner) if inner else 0
 
 
-# --- SVG --------------------------------------------------------------------------------------------------------------
+# --- SVG ------------------------------------------------------------------------------------------
 
 
 STEP = 14.0  # how much further in each frame stands [px]
-LEAST_OF_TWO, LEAST = 340.0, 120.0  # least distance of the lifelines, if there are two, and of more [px]
+# least distance of the lifelines, if there are two, and of more [px]
+LEAST_OF_TWO, LEAST = 340.0, 120.0
 HEAD = 20.0
 TIME = 64.0  # width of the times at the left [px]
-MOST = 48  # letters of a detail in a timed diagram; more would be wider than the arrow of most (estimate)
+# letters of a detail in a timed diagram; more would be wider than the arrow of most (estimate)
+MOST = 48
 
 
 def draw(diagram: Diagram) -> Canvas:
@@ -80,7 +87,11 @@ class _Drawing:
         half = max([42.0, *(width_of(name, "strong large") / 2 + 14 for name in names)])
         timed = any(isinstance(row, Arrow) and row.at is not None for row in diagram.rows)
         self.left = TIME if timed else 0.0
-        gap = max(LEAST_OF_TWO if len(names) == 2 else LEAST, 2 * half + 6, self._widest(diagram.rows) + 40)
+        gap = max(
+            LEAST_OF_TWO if len(names) == 2 else LEAST,
+            2 * half + 6,
+            self._widest(diagram.rows) + 40,
+        )
         first = self.left + half + STEP * _depth(diagram.rows)
         self.at = {name: first + number * gap for number, name in enumerate(names)}
         self.ends = min(self.at.values(), default=first), max(self.at.values(), default=first)
@@ -99,7 +110,10 @@ class _Drawing:
             if isinstance(row, Arrow):
                 widths += [width_of(row.label, "strong"), width_of(_detail(row), "small")]
             elif isinstance(row, Frame):
-                widths += [width_of(row.title, "small") + 60, *(self._widest(branch) for branch in row.branches)]
+                widths += [
+                    width_of(row.title, "small") + 60,
+                    *(self._widest(branch) for branch in row.branches),
+                ]
         return max(widths)
 
     def _rows(self, rows: Sequence[Row], depth: int) -> None:
@@ -110,12 +124,16 @@ class _Drawing:
                 self._frame(row, depth)
             else:
                 self.y += 20
-                self.canvas.patched(((self.ends[0] + self.ends[1]) / 2, self.y), row.text, "small quiet", "middle")
+                self.canvas.patched(
+                    ((self.ends[0] + self.ends[1]) / 2, self.y), row.text, "small quiet", "middle"
+                )
                 self.y += 4
 
     def _arrow(self, row: Arrow) -> None:
         joined = row.sender in self.at and row.receiver in self.at and row.sender != row.receiver
-        start, tip = (self.at[row.sender], self.at[row.receiver]) if joined else (self.ends[0], self.ends[0])
+        start, tip = (
+            (self.at[row.sender], self.at[row.receiver]) if joined else (self.ends[0], self.ends[0])
+        )
         middle, anchor = (start + tip) / 2, "middle" if joined else "start"
         self.y += 26
         if row.at is not None:
@@ -153,7 +171,7 @@ def _detail(row: Arrow) -> str:
     return row.detail if row.at is None or len(row.detail) <= MOST else row.detail[: MOST - 1] + "…"
 
 
-# --- Text -------------------------------------------------------------------------------------------------------------
+# --- Text -----------------------------------------------------------------------------------------
 
 
 class Columns:
@@ -168,7 +186,9 @@ class Columns:
         return f"│{words.center(self.width - 2)}│"
 
     def arrow(self, sender: str, receiver: str, label: str) -> str:
-        """An arrow with as much of its label as there is room for; "" where one of the two has no lifeline."""
+        """An arrow with as much of its label as there is room for; "" where one of the two has no
+        lifeline.
+        """
         if sender not in self.at or receiver not in self.at or sender == receiver:
             return ""
         start, tip = self.at[sender], self.at[receiver]
@@ -210,7 +230,9 @@ def _lines(rows: Sequence[Row], columns: Columns, bars: str, gutter: int) -> lis
         else:
             title = textwrap.wrap(f"[{row.title}]", columns.width - 4) if row.title else [""]
             for number, branch in enumerate(row.branches):
-                between(f"{bars}├ or" if number else f"{bars}┌ {row.kind}", [""] if number else title)
+                between(
+                    f"{bars}├ or" if number else f"{bars}┌ {row.kind}", [""] if number else title
+                )
                 lines += _lines(branch, columns, f"{bars}│ ", gutter)
             between(f"{bars}└", [""])
     return lines

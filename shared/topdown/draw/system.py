@@ -1,7 +1,8 @@
-"""The system figure (the paper's Figure 10): agents with their control subsystems and buffers, channels between them.
+"""The system figure (the paper's Figure 10): agents with their control subsystems and buffers,
+channels between them.
 
-A group that stays a group (no agent of its name) has a broken outline. Each end of a channel is a pair of buffers on
-the border: x receives, y sends.
+A group that stays a group (no agent of its name) has a broken outline. Each end of a channel is a
+pair of buffers on the border: x receives, y sends.
 """
 
 from collections.abc import Iterable, Iterator
@@ -31,7 +32,14 @@ class Join(msgspec.Struct, frozen=True):
     @property
     def width(self) -> float:
         """The width of its label [px]."""
-        return max(width_of(self.label[0], "strong"), *(width_of(line, "small") for line in self.label[1:]), 0.0) + 8
+        return (
+            max(
+                width_of(self.label[0], "strong"),
+                *(width_of(line, "small") for line in self.label[1:]),
+                0.0,
+            )
+            + 8
+        )
 
     @property
     def height(self) -> float:
@@ -41,21 +49,34 @@ class Join(msgspec.Struct, frozen=True):
 
 def system_section(design: Design, width: int) -> Section:
     """The system figure."""
-    lead = "The agents, their control subsystems and buffers, and the channels between them with their protocols."
+    lead = (
+        "The agents, their control subsystems and buffers, and the channels between them with their"
+        " protocols."
+    )
     name = design.file.system.name
-    note = "x: input buffer T_x, y: output buffer T_y of the control subsystem; a → b: a asks, b serves."
-    figure = Figure("system", f"The system {name}", draw(design), _plain(design, width), None, (note,))
+    note = (
+        "x: input buffer T_x, y: output buffer T_y of the control subsystem; a → b: a asks, b"
+        " serves."
+    )
+    figure = Figure(
+        "system", f"The system {name}", draw(design), _plain(design, width), None, (note,)
+    )
     return Section("system", "The system", lead, (figure,))
 
 
 def labels(design: Design, channel: Channel) -> tuple[str, ...]:
     """The label of a channel: its id, and who asks whom in which protocol."""
     uses = (use for use in design.file.protocol if use.channel == channel.id)
-    return (channel.id, *dict.fromkeys(f"{use.follows}: {use.initiator} → {use.participant}" for use in uses))
+    return (
+        channel.id,
+        *dict.fromkeys(f"{use.follows}: {use.initiator} → {use.participant}" for use in uses),
+    )
 
 
 def task_of(design: Design, group: str) -> str:
-    """The task of a group: from the step that made it, or from the entry of a group that stays one."""
+    """The task of a group: from the step that made it, or from the entry of a group that stays
+    one.
+    """
     texts = {entry.name: entry.text for entry in design.file.group}
     return design.decomposition.tasks.get(group, "") or texts.get(group, "")
 
@@ -84,18 +105,29 @@ class _Drawing:
         self.canvas = Canvas(f"Agents and channels of {design.file.system.name}")
         groups = design.decomposition.last.groups
         channels = sorted(design.channels.values(), key=lambda c: natural(c.id))
-        shown = [c for c in channels if all(end in groups for end in c.ends) and c.ends[0] != c.ends[1]]
+        shown = [
+            c for c in channels if all(end in groups for end in c.ends) and c.ends[0] != c.ends[1]
+        ]
         self.cells = placed(groups, [c.ends for c in shown])
         self.joins = [Join(c, labels(design, c), self._sides(c)) for c in shown]
-        self.words = {group: wrapped(task_of(self.design, group), INNER - 2 * PORT - 24, "small") for group in groups}
-        widest = max((width_of(line, "small") for lines in self.words.values() for line in lines), default=0.0)
+        self.words = {
+            group: wrapped(task_of(self.design, group), INNER - 2 * PORT - 24, "small")
+            for group in groups
+        }
+        widest = max(
+            (width_of(line, "small") for lines in self.words.values() for line in lines),
+            default=0.0,
+        )
         ports = (PAIR * self._most(group, ("top", "bottom")) + 20 for group in groups)
-        self.width = max(INNER, widest + 2 * PORT + 24, *ports)  # a word longer than a line is not broken
+        # a word longer than a line is not broken
+        self.width = max(INNER, widest + 2 * PORT + 24, *ports)
         beside = max((j.height for j in self.joins if j.sides[0] in ("left", "right")), default=0.0)
         high = max(self._most(group, ("left", "right")) for group in groups)
         lines = max(len(words) for words in self.words.values())
         self.height = max(118.0 + 14 * lines, (max(beside, PAIR) + 10) * high + 20)
-        self.pitch = self.width + max([80.0, *(j.width + 44 for j in self.joins if self._is_beside(j))])
+        self.pitch = self.width + max(
+            [80.0, *(j.width + 44 for j in self.joins if self._is_beside(j))]
+        )
         outside = [j for j in self.joins if self._is_around(j)]
         self.lane = max((j.height for j in outside), default=0.0) + 10
         self._place()
@@ -138,7 +170,9 @@ class _Drawing:
         corridor = 96.0
         while True:
             self.boxes = {
-                group: Box(column * self.pitch, row * (self.height + corridor), self.width, self.height)
+                group: Box(
+                    column * self.pitch, row * (self.height + corridor), self.width, self.height
+                )
                 for group, (row, column) in self.cells.items()
             }
             spots = self._spots()
@@ -176,10 +210,14 @@ class _Drawing:
         return [one, (one[0], y), (other[0], y), other]
 
     def _spots(self) -> dict[str, Point] | None:
-        """Middles of the labels, each at a place where it meets no box and no other label; None: no room."""
+        """Middles of the labels, each at a place where it meets no box and no other label; None: no
+        room.
+        """
         taken = list(self.boxes.values())
         found: dict[str, Point] = {}
-        for join in sorted(self.joins, key=lambda j: (not self._is_beside(j), not self._is_around(j))):
+        for join in sorted(
+            self.joins, key=lambda j: (not self._is_beside(j), not self._is_around(j))
+        ):
             path = self._path(join)
             a, b = (path[1], path[2]) if self._is_around(join) else (path[0], path[-1])
             for part in (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82):
@@ -196,7 +234,9 @@ class _Drawing:
     def _label(self, join: Join, middle: Point) -> None:
         x, y = middle
         top = y - join.height / 2
-        self.canvas.box(Box(x - join.width / 2, top, join.width, join.height), "patch", 3, solid=False)
+        self.canvas.box(
+            Box(x - join.width / 2, top, join.width, join.height), "patch", 3, solid=False
+        )
         self.canvas.words((x, top + 14), join.label[0], "strong marked", "middle")
         for number, line in enumerate(join.label[1:], start=1):
             self.canvas.words((x, top + 14 + LINE * number), line, "small", "middle")
@@ -207,7 +247,9 @@ class _Drawing:
         self.canvas.box(box, "box" if agent else "group", 8)
         x = box.middle[0]
         self.canvas.words((x, box.y + 40), group, "strong large", "middle")
-        self.canvas.words((x, box.y + 55), "agent" if agent else "group of agents", "small quiet", "middle")
+        self.canvas.words(
+            (x, box.y + 55), "agent" if agent else "group of agents", "small quiet", "middle"
+        )
         for number, line in enumerate(self.words[group]):
             self.canvas.words((x, box.y + 72 + 14 * number), line, "small", "middle")
         if agent:
@@ -225,12 +267,15 @@ class _Drawing:
                     corner = (x if side == "left" else x - PORT, y + shift)
                 else:
                     corner = (x + shift, y if side == "top" else y - PORT)
-                self.canvas.box(Box(*corner, PORT, PORT), f"port{' full' if number else ''}", 2, solid=False)
+                self.canvas.box(
+                    Box(*corner, PORT, PORT), f"port{' full' if number else ''}", 2, solid=False
+                )
                 css = "small strong knock" if number else "small strong"
                 self.canvas.words((corner[0] + PORT / 2, corner[1] + 11), letter, css, "middle")
 
 
-# --- Tables of the channels: their ends and protocols, buffers at both ends, and each agent's interface ---------------
+# --- Tables of the channels: their ends and protocols, buffers at both ends, and each agent's
+# interface
 
 
 def size(count: int) -> str:
@@ -260,7 +305,15 @@ def channels_section(design: Design) -> Section:
         return tuple(dict.fromkeys(message.language for message in use.message if message.language))
 
     service = tuple(
-        (u.channel, u.name, u.follows, u.initiator, u.participant, listed(languages(u)), u.ontology or "-")
+        (
+            u.channel,
+            u.name,
+            u.follows,
+            u.initiator,
+            u.participant,
+            listed(languages(u)),
+            u.ontology or "-",
+        )
         for u in uses
     )
     budgets = tuple(_budget(design, use) for use in uses)
@@ -277,7 +330,12 @@ def channels_section(design: Design) -> Section:
             budgets,
         ),
     )
-    return Section("channels", "Channels", "Who is joined to whom, who asks and who serves, in which words.", grids)
+    return Section(
+        "channels",
+        "Channels",
+        "Who is joined to whom, who asks and who serves, in which words.",
+        grids,
+    )
 
 
 def _budget(design: Design, use: Protocol) -> tuple[str, ...]:
@@ -298,7 +356,10 @@ def buffers(design: Design) -> Section:
             out = _acts(r for r in design.rules.values() if (r.sender, r.receiver) == (end, peer))
             rows.append((channel.id, end, f"T_x c_{end}", f"from {peer}", into))
             rows.append((channel.id, end, f"T_y c_{end}", f"to {peer}", out))
-    lead = "Each channel is four buffers: an input buffer T_x and an output buffer T_y at both its ends."
+    lead = (
+        "Each channel is four buffers: an input buffer T_x and an output buffer T_y at both its"
+        " ends."
+    )
     grid = Grid("Buffers", ("channel", "at", "buffer", "direction", "holds"), tuple(rows))
     return Section("buffers", "Buffers", lead, (grid,))
 
@@ -307,7 +368,10 @@ def _acts(rules: Iterable[Rule]) -> str:
     acts: dict[str, list[str]] = {}
     for rule in rules:
         acts.setdefault(rule.protocol, []).append(rule.performative.value)
-    return "; ".join(f"{protocol}: {', '.join(sorted(found))}" for protocol, found in acts.items()) or "-"
+    return (
+        "; ".join(f"{protocol}: {', '.join(sorted(found))}" for protocol, found in acts.items())
+        or "-"
+    )
 
 
 def interfaces(design: Design, agent: str | None) -> Section:
@@ -323,7 +387,11 @@ def _interface(design: Design, name: str) -> Iterator[Grid]:
     rows = (
         ("performatives", listed(sorted(side.sends)), listed(sorted(side.receives))),
         ("languages", listed(sorted(side.languages_sent)), listed(sorted(side.languages_received))),
-        ("ontologies", listed(sorted(side.ontologies_sent)), listed(sorted(side.ontologies_received))),
+        (
+            "ontologies",
+            listed(sorted(side.ontologies_sent)),
+            listed(sorted(side.ontologies_received)),
+        ),
     )
     yield Grid(f"{name}: sets", ("", "sends", "receives"), rows)
     uses = [use for use in design.file.protocol if name in (use.initiator, use.participant)]

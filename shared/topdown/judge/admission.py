@@ -1,7 +1,7 @@
 """Rules of a design for one communicate by itself: sender, receiver, key, language and size.
 
-Rules, languages and the key's template are those of the design file, by which the agents run. Nothing here knows what
-was said before.
+Rules, languages and the key's template are those of the design file, by which the agents run.
+Nothing here knows what was said before.
 """
 
 import re
@@ -19,13 +19,17 @@ from topdown.model.design import REASON as REASON_CLASS
 from topdown.model.design import Design, Rule
 
 KEYS = 4096
-"""Keys, and combinations of words that are right, that are remembered; estimate: a design has some hundred."""
+"""Keys, and combinations of words that are right, that are remembered; estimate: a design has some
+hundred.
+"""
 UNKNOWN_KINDS = (Kind.PLAIN, Kind.PROGRESS, Kind.FINAL)
 """Kinds an inform may have whose content cannot be read."""
 
 
 Read = tuple[str | None, Kind | None]
-"""LANGUAGE.Class ("" for none) and kind of a content that was read before; None where it is not known."""
+"""LANGUAGE.Class ("" for none) and kind of a content that was read before; None where it is not
+known.
+"""
 
 
 class Fault(NamedTuple):
@@ -36,7 +40,9 @@ class Fault(NamedTuple):
 
 
 class Admitted(NamedTuple):
-    """`rule` None: the design has no such message. `kinds`: uses of the performative by its content."""
+    """`rule` None: the design has no such message. `kinds`: uses of the performative by its
+    content.
+    """
 
     rule: Rule | None
     channel: str
@@ -45,7 +51,9 @@ class Admitted(NamedTuple):
 
 
 class Admission:
-    """Judges by the rules of a design; `languages` None: contents are not read, and only named languages are judged."""
+    """Judges by the rules of a design; `languages` None: contents are not read, and only named
+    languages are judged.
+    """
 
     def __init__(self, design: Design, languages: Languages | None) -> None:
         self._rules, self._agents = design.rules, frozenset(design.agents)
@@ -64,7 +72,16 @@ class Admission:
     def check(self, key: str, one: Communicate, size: int, read: Read | None = None) -> Admitted:
         """`read`: what the content is, where it is not there."""
         name, kind, unread = self._read(one) if read is None else (*read, None)
-        words = (key, one.sender, one.receiver, one.protocol, one.performative, one.language, one.ontology, name)
+        words = (
+            key,
+            one.sender,
+            one.receiver,
+            one.protocol,
+            one.performative,
+            one.language,
+            one.ontology,
+            name,
+        )
         known = self._fine.get(words)
         if known is not None and unread is None and kind is not None and not 0 < known[1] < size:
             return Admitted(known[0], known[0].channel, (kind,), ())
@@ -85,21 +102,36 @@ class Admission:
             what = f" with {name}" if name else ""
             why = f"{size} B; the design allows {one.performative}{what} {most} B"
             faults.append(Fault(Verdict.OVER_BUDGET, why))
-        return Admitted(rule, rule.channel, UNKNOWN_KINDS if kind is None else (kind,), tuple(faults))
+        return Admitted(
+            rule, rule.channel, UNKNOWN_KINDS if kind is None else (kind,), tuple(faults)
+        )
 
     def _no_rule(self, one: Communicate) -> str:
         for agent in (one.sender, one.receiver):
             if agent not in self._agents:
-                return f"the design has no agent {agent!r}; it has {', '.join(sorted(self._agents))}"
-        acts = sorted(p for s, r, i, p in self._rules if (s, r, i) == (one.sender, one.receiver, one.protocol))
+                return (
+                    f"the design has no agent {agent!r}; it has {', '.join(sorted(self._agents))}"
+                )
+        acts = sorted(
+            p for s, r, i, p in self._rules if (s, r, i) == (one.sender, one.receiver, one.protocol)
+        )
         if acts:
             may = ", ".join(acts)
-            return f"{one.sender} may not say {one.performative} to {one.receiver} in {one.protocol}; it may say {may}"
+            return (
+                f"{one.sender} may not say {one.performative} to {one.receiver} in {one.protocol};"
+                f" it may say {may}"
+            )
         spoken = sorted({i for s, r, i, _ in self._rules if (s, r) == (one.sender, one.receiver)})
         if spoken:
-            return f"{one.sender} and {one.receiver} do not talk by {one.protocol!r}; they do by {', '.join(spoken)}"
+            return (
+                f"{one.sender} and {one.receiver} do not talk by {one.protocol!r}; they do by"
+                f" {', '.join(spoken)}"
+            )
         peers = sorted({r for s, r, _, _ in self._rules if s == one.sender})
-        return f"no channel joins {one.sender} and {one.receiver}; {one.sender} may talk to {', '.join(peers)}"
+        return (
+            f"no channel joins {one.sender} and {one.receiver}; {one.sender} may talk to"
+            f" {', '.join(peers)}"
+        )
 
     def _wrong_key(self, key: str, one: Communicate, rule: Rule) -> str | None:
         parts = self.parts(key)
@@ -119,7 +151,9 @@ class Admission:
         return None
 
     def _read(self, one: Communicate) -> tuple[str | None, Kind | None, str | None]:
-        """LANGUAGE.Class of the content ("" for none, None for not known), its kind, and what is wrong with it."""
+        """LANGUAGE.Class of the content ("" for none, None for not known), its kind, and what is
+        wrong with it.
+        """
         if one.content is msgspec.UNSET:
             return "", Kind.PLAIN, None
         if self._languages is None:
@@ -133,9 +167,15 @@ class Admission:
     def _wrong_words(self, one: Communicate, rule: Rule, name: str | None) -> str | None:
         reason = one.language == REASON.name and REASON_CLASS in rule.contents
         if one.language != rule.language and not reason:
-            return f"language {one.language or 'none'!r}; the design has {rule.language or 'none'!r} here"
+            return (
+                f"language {one.language or 'none'!r}; the design has {rule.language or 'none'!r}"
+                " here"
+            )
         if one.ontology != rule.ontology and not reason:
-            return f"ontology {one.ontology or 'none'!r}; the design has {rule.ontology or 'none'!r} here"
+            return (
+                f"ontology {one.ontology or 'none'!r}; the design has {rule.ontology or 'none'!r}"
+                " here"
+            )
         wanted = [c for c in rule.contents if c != REASON_CLASS]
         if name == "" and wanted and one.performative is not Performative.NOT_UNDERSTOOD:
             return f"no content; {one.performative} carries {_some(wanted)}"

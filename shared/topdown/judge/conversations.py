@@ -1,4 +1,6 @@
-"""The conversations a judge follows: who is in them, what waits for an explanation, who waits for an answer."""
+"""The conversations a judge follows: who is in them, what waits for an explanation, who waits for
+an answer.
+"""
 
 import zlib
 from collections import OrderedDict, defaultdict
@@ -24,16 +26,23 @@ QUIET_S = 3600.0
 OVER = 20_000
 """Ended conversations whose names are remembered, so that a straggler is recognised (estimate)."""
 ON_ITS_WAY_S = 0.25
-"""A question that was heard so long after it was sent had a slow way; estimate: on one host it takes milliseconds."""
+"""A question that was heard so long after it was sent had a slow way; estimate: on one host it
+takes milliseconds.
+"""
 SWEEP_S = 10.0
-"""Seconds between two looks for conversations to forget (estimate: that is 1 us for each that is open)."""
+"""Seconds between two looks for conversations to forget (estimate: that is 1 us for each that is
+open).
+"""
 
 Name = tuple[str, str, str, str]
-"""m_c, protocol and the two agents, sorted: with several participants each has a conversation of its own."""
+"""m_c, protocol and the two agents, sorted: with several participants each has a conversation of
+its own.
+"""
 
 
 class Entry(NamedTuple):
-    """A communicate that the design knows. `doubtful`: something is wrong with it, so it may count for nothing.
+    """A communicate that the design knows. `doubtful`: something is wrong with it, so it may count
+    for nothing.
 
     `faulty`: it was judged already, and not as legal.
     """
@@ -56,7 +65,8 @@ class Waits(NamedTuple):
 class Talk:
     """A conversation. `followed` None: nothing opened it yet.
 
-    `lost`: why it is not judged ("": it is): a part of it was not heard. Its states are still followed, from anywhere.
+    `lost`: why it is not judged ("": it is): a part of it was not heard. Its states are still
+    followed, from anywhere.
     """
 
     def __init__(self, name: Name, at: float) -> None:
@@ -103,7 +113,9 @@ class Talk:
         """The communicate as the tables see it, or what is wrong with its labels."""
         assert self.followed is not None
         one = entry.communicate
-        return self.followed.read(self.role(one.sender), one.performative, one.reply_with, one.in_reply_to, entry.kinds)
+        return self.followed.read(
+            self.role(one.sender), one.performative, one.reply_with, one.in_reply_to, entry.kinds
+        )
 
     def take(self, entry: Entry) -> str | None:
         """Follow it. What is wrong with it, in words; None: it is in sequence."""
@@ -132,7 +144,9 @@ class Talk:
         self.followed.doubt(self.role(entry.communicate.sender), self._at_a_guess(entry))
 
     def _at_a_guess(self, entry: Entry) -> TableMessage:
-        """The communicate as the tables see it, or with any use that it may have if its labels tell none."""
+        """The communicate as the tables see it, or with any use that it may have if its labels tell
+        none.
+        """
         one, said = entry.communicate, self.read(entry)
         if isinstance(said, str):
             kinds = tuple(Kind) if one.performative is Performative.CONFIRM else entry.kinds
@@ -160,7 +174,10 @@ class Talk:
         self.opened = None
         took = entry.heard.at - since
         if took > use.latency_s > 0:
-            why = f"{1000 * took:.1f} ms after it was asked; {use.name} allows {1000 * use.latency_s:g} ms"
+            why = (
+                f"{1000 * took:.1f} ms after it was asked; {use.name} allows"
+                f" {1000 * use.latency_s:g} ms"
+            )
             return Verdict.SLOW, why
         return Verdict.LEGAL, ""
 
@@ -170,7 +187,9 @@ class Talks:
 
     def __init__(self, design: Design) -> None:
         self._tables = design.tables
-        self._uses = {(use.initiator, use.participant, use.follows): use for use in design.file.protocol}
+        self._uses = {
+            (use.initiator, use.participant, use.follows): use for use in design.file.protocol
+        }
         self._open: dict[Name, Talk] = {}
         self._over = Remembered[bool](OVER)
         self._swept = float("-inf")
@@ -211,7 +230,10 @@ class Talks:
         """A communicate of a conversation of which a part was not heard, perhaps its opening."""
         one = entry.communicate
         if talk.followed is None:
-            there, back = (one.sender, one.receiver, one.protocol), (one.receiver, one.sender, one.protocol)
+            there, back = (
+                (one.sender, one.receiver, one.protocol),
+                (one.receiver, one.sender, one.protocol),
+            )
             self._follow(talk, self._uses.get(there) or self._uses[back])
             assert talk.followed is not None
             talk.followed.lose()
@@ -222,7 +244,9 @@ class Talks:
         talk.followed = Followed(self._tables[use.follows], durable=use.durable)
 
     def sweep(self, now: float) -> None:
-        """It is `now` [s]: forget the conversations that are not to be kept, but for their names."""
+        """It is `now` [s]: forget the conversations that are not to be kept, but for their
+        names.
+        """
         if abs(now - self._swept) < SWEEP_S:
             return
         self._swept = now
@@ -235,8 +259,15 @@ class Talks:
 def _how_late(at: float, wait: Waits) -> str:
     """Why an answer sent at `at` is late; also if its question was long on its way."""
     asked = wait.entry.communicate
-    question, way_s = f"{asked.performative} {asked.id}", wait.entry.heard.at - asked.sent if asked.sent else 0.0
-    slow = f"; {question} itself was heard {way_s:.3f} s after it was sent" if way_s > ON_ITS_WAY_S else ""
+    question, way_s = (
+        f"{asked.performative} {asked.id}",
+        wait.entry.heard.at - asked.sent if asked.sent else 0.0,
+    )
+    slow = (
+        f"; {question} itself was heard {way_s:.3f} s after it was sent"
+        if way_s > ON_ITS_WAY_S
+        else ""
+    )
     return f"{at - wait.reply_by:.3f} s after the reply-by of {question}{slow}"
 
 
@@ -246,20 +277,23 @@ def name(one: Communicate) -> Name:
     return one.conversation, one.protocol, low, high
 
 
-# --- Copies and numbers -----------------------------------------------------------------------------------------------
+# --- Copies and numbers ---------------------------------------------------------------------------
 
 
 T = TypeVar("T")
 REMEMBERED = 20_000
-"""Ids of one sender that are known again, 4 MB; estimate: minutes of an agent that says 40 communicates a second, whose
-outbox is smaller by far."""
+"""Ids of one sender that are known again, 4 MB; estimate: minutes of an agent that says 40
+communicates a second, whose outbox is smaller by far.
+"""
 
 Pair = tuple[str, str]
 """Sender and receiver."""
 
 
 class Remembered(Generic[T]):
-    """Values noted under some keys, the last `most` of them. Of a key only its hash is kept (64 bits)."""
+    """Values noted under some keys, the last `most` of them. Of a key only its hash is kept (64
+    bits).
+    """
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -293,20 +327,28 @@ class Copies:
     """Ids that were heard, with what was said under them; of some nobody knows the content."""
 
     def __init__(self) -> None:
-        self._prints: defaultdict[str, Remembered[tuple[int, int]]] = defaultdict(lambda: Remembered(REMEMBERED))
+        self._prints: defaultdict[str, Remembered[tuple[int, int]]] = defaultdict(
+            lambda: Remembered(REMEMBERED)
+        )
         self._journals: defaultdict[str, int] = defaultdict(int)
 
     def note(self, heard: Heard, rule: Rule) -> Known:
-        """What is known of this communicate's id, which is noted. A message without an id is always new.
+        """What is known of this communicate's id, which is noted. A message without an id is always
+        new.
 
-        A latest value that is still due is said once more in a new conversation: only there it is a copy.
+        A latest value that is still due is said once more in a new conversation: only there it is a
+        copy.
         """
         one = heard.communicate
         if one is None or not one.id:
             return Known.NEW
         words = 0 if one.content is msgspec.UNSET else zlib.crc32(one.content)
         found = hash((heard.key, one.conversation, one.reply_with, one.in_reply_to)), words
-        receiver = (one.receiver, self._journals[one.receiver]) if one.receiver in self._journals else one.receiver
+        receiver = (
+            (one.receiver, self._journals[one.receiver])
+            if one.receiver in self._journals
+            else one.receiver
+        )
         identity = (receiver, one.id, one.conversation if rule.latest else "")
         before = self._prints[one.sender].note(identity, found)
         if before is None:
@@ -328,7 +370,8 @@ class Streams(Generic[T]):
         self._held: dict[Pair, dict[int, T]] = {}
 
     def put(self, pair: Pair, number: int, entry: T, *, first: int | None = None) -> list[T] | None:
-        """What is in order now; nothing, while a smaller number is missing; None if older than the first heard.
+        """What is in order now; nothing, while a smaller number is missing; None if older than the
+        first heard.
 
         `first`: the number a stream begins with, where that is known.
         """
@@ -340,7 +383,9 @@ class Streams(Generic[T]):
         return self._in_order(pair)
 
     def unheard(self, pair: Pair, label: str) -> bool:
-        """Whether a label is a number of this stream (m_w of a durable message is its number) not heard so far."""
+        """Whether a label is a number of this stream (m_w of a durable message is its number) not
+        heard so far.
+        """
         number = number_of(label)
         return number is not None and number >= self._next.get(pair, 0)
 

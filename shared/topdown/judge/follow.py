@@ -1,10 +1,11 @@
 """One conversation followed from outside: where both roles may stand, after what was heard of them.
 
-A listener hears what is said, and not when it is taken. A role's run is some merge of its own messages and those
-said to it, each in their order; which merge, nobody but the role knows. So for each role all states it may be in are
-kept, by how many of the messages said to it it has taken. That is the exploration of fipa_codec (a state and what is
-on its way) for each role alone: the roles meet in nothing but what was said. Legal crossings never alarm, since some
-merge explains them. Must not know: content, size, time, who the agents are.
+A listener hears what is said, and not when it is taken. A role's run is some merge of its own
+messages and those said to it, each in their order; which merge, nobody but the role knows. So for
+each role all states it may be in are kept, by how many of the messages said to it it has taken.
+That is the exploration of fipa_codec (a state and what is on its way) for each role alone: the
+roles meet in nothing but what was said. Legal crossings never alarm, since some merge explains
+them. Must not know: content, size, time, who the agents are.
 """
 
 from collections.abc import Iterable
@@ -17,17 +18,21 @@ from fipa_codec.performatives import Performative
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Table, Way
 
 WINDOW = 64
-"""Messages to a role that it may not have taken yet; beyond them it is held to have taken the oldest. Estimate: an
-agent of the runtime takes nothing more once 16 of its own are unreceipted, and keeps at most 16 of a stream waiting."""
+"""Messages to a role that it may not have taken yet; beyond them it is held to have taken the
+oldest. Estimate: an agent of the runtime takes nothing more once 16 of its own are unreceipted, and
+keeps at most 16 of a stream waiting.
+"""
 States = frozenset[str]
 BEGIN: States = frozenset({START})
 NOWHERE: States = frozenset()
 
 
 class TableMessage(NamedTuple):
-    """A message as tables see it. `kinds`: the uses of its performative it may be (more than one: not known which).
+    """A message as tables see it. `kinds`: the uses of its performative it may be (more than one:
+    not known which).
 
-    `label`: its m_w; `answers`: its m_t. `sure` False: its receiver may not have taken it (lost, dropped, a copy).
+    `label`: its m_w; `answers`: its m_t. `sure` False: its receiver may not have taken it (lost,
+    dropped, a copy).
     """
 
     performative: Performative
@@ -40,8 +45,8 @@ class TableMessage(NamedTuple):
 class Moves:
     """Successors of states for one role: by its table and by the rule of not-understood outside it.
 
-    `forgetful`: what ended is forgotten, so a participant may begin again (conversations that no journal keeps). Pure,
-    so each answer is looked up in the table once only.
+    `forgetful`: what ended is forgotten, so a participant may begin again (conversations that no
+    journal keeps). Pure, so each answer is looked up in the table once only.
     """
 
     def __init__(self, table: Table, role: Role, *, forgetful: bool) -> None:
@@ -55,7 +60,11 @@ class Moves:
         """States that are reached without a cancel."""
         found: set[str] = {START}
         while (
-            more := {row.to for row in self.table if row.state in found and row.performative is not Performative.CANCEL}
+            more := {
+                row.to
+                for row in self.table
+                if row.state in found and row.performative is not Performative.CANCEL
+            }
             - found
         ):
             found |= more
@@ -70,13 +79,17 @@ class Moves:
                 found = frozenset(self._broken(state, said, SEND) for state in states)
             else:
                 find, kinds = self.table.find, said.kinds
-                rows = (find(state, SEND, said.performative, kind) for state in states for kind in kinds)
+                rows = (
+                    find(state, SEND, said.performative, kind) for state in states for kind in kinds
+                )
                 found = frozenset(row.to for row in rows if row is not None)
             self._known[key] = found
         return found
 
     def taking(self, states: States, said: TableMessage, *, sure: bool) -> States:
-        """The states it may be in after this message (`sure`: and it took it); none: in none of these it can."""
+        """The states it may be in after this message (`sure`: and it took it); none: in none of
+        these it can.
+        """
         key = (states, said.performative, said.kinds, sure)
         found = self._known.get(key)
         if found is None:
@@ -102,7 +115,9 @@ class Moves:
         return found or ((state,) if over else ())  # an ended role drops a stray
 
     def _broken(self, state: str, said: TableMessage, way: Way) -> str:
-        """Not-understood ends it, whatever was said in it; as answer to a cancel it is a failed cancel."""
+        """Not-understood ends it, whatever was said in it; as answer to a cancel it is a failed
+        cancel.
+        """
         if state in self.table.ended:
             return state
         if said.performative is Performative.NOT_UNDERSTOOD and Kind.CANCEL in said.kinds:
@@ -119,9 +134,11 @@ def moves(protocol: Protocol, role: Role, durable: bool) -> Moves:
 
 
 class Side:
-    """States that one role may be in: `_at[i]` are its states if it has taken `i` of the messages `_ahead`.
+    """States that one role may be in: `_at[i]` are its states if it has taken `i` of the messages
+    `_ahead`.
 
-    `likely`: where it stands if nothing that was said to it is lost, and it takes it as soon as it can.
+    `likely`: where it stands if nothing that was said to it is lost, and it takes it as soon as it
+    can.
     """
 
     def __init__(self, moves: Moves) -> None:
@@ -149,7 +166,9 @@ class Side:
         """
         least = self._labels.get(said.answers, 0) - self._taken if said.answers else 0
         saying = self._moves.saying
-        found = [saying(states, said) if n >= least else NOWHERE for n, states in enumerate(self._at)]
+        found = [
+            saying(states, said) if n >= least else NOWHERE for n, states in enumerate(self._at)
+        ]
         if not any(found):
             return False
         self._settle(found)
@@ -157,13 +176,17 @@ class Side:
         return True
 
     def jump(self, said: TableMessage) -> None:
-        """It said this although it may not: from here on it may also stand wherever saying it leads."""
+        """It said this although it may not: from here on it may also stand wherever saying it
+        leads.
+        """
         jumped = self._moves.saying(self._moves.table.states, said)
         self._settle([states | jumped for states in self._at])
         self.likely |= jumped
 
     def lose(self) -> None:
-        """A part of what was said was not heard: it may stand anywhere, but for a cancel that nobody heard of."""
+        """A part of what was said was not heard: it may stand anywhere, but for a cancel that
+        nobody heard of.
+        """
         self._ahead, self._taken, self._labels = [], 0, {}
         uncancelled = self._moves.uncancelled
         self.likely = uncancelled if self.likely <= uncancelled else self._moves.table.states
@@ -180,7 +203,9 @@ class Side:
             self._drop()
 
     def forget(self) -> None:
-        """The agent died and came back: of a conversation that no journal keeps a participant knows nothing."""
+        """The agent died and came back: of a conversation that no journal keeps a participant knows
+        nothing.
+        """
         if self._moves.may_reopen:
             self._settle([states | BEGIN for states in self._at])
 
@@ -207,19 +232,25 @@ class Side:
 
 
 class Followed:
-    """A conversation under a protocol; `durable`: its agents' journals keep it, and nothing is lost or taken twice."""
+    """A conversation under a protocol; `durable`: its agents' journals keep it, and nothing is lost
+    or taken twice.
+    """
 
     def __init__(self, protocol: Protocol, *, durable: bool) -> None:
         self.protocol, self.durable = protocol, durable
         self.sides = {role: Side(moves(protocol, role, durable)) for role in Role}
-        self._labels: dict[Role, dict[str, dict[Performative, tuple[Kind, ...]]]] = {role: {} for role in Role}
+        self._labels: dict[Role, dict[str, dict[Performative, tuple[Kind, ...]]]] = {
+            role: {} for role in Role
+        }
         self._rounds: frozenset[str] = frozenset()
         self._answered: dict[Role, set[str]] = {role: set() for role in Role}
 
     @property
     def states(self) -> tuple[str, str]:
         """States in which initiator and participant likely are, in words."""
-        return _states_text(self.sides[Role.INITIATOR].likely), _states_text(self.sides[Role.PARTICIPANT].likely)
+        return _states_text(self.sides[Role.INITIATOR].likely), _states_text(
+            self.sides[Role.PARTICIPANT].likely
+        )
 
     @property
     def ended(self) -> bool:
@@ -229,7 +260,9 @@ class Followed:
     def read(
         self, role: Role, act: Performative, label: str, answers: str, kinds: tuple[Kind, ...]
     ) -> TableMessage | str:
-        """The message as the tables see it, or what is wrong with its labels. `kinds`: the content's own words."""
+        """The message as the tables see it, or what is wrong with its labels. `kinds`: the
+        content's own words.
+        """
         asked, uses = self._labels[role.other], self._waiting(role.other, answers)
         if act is Performative.NOT_UNDERSTOOD:
             cancelled = answers != "" and Performative.CANCEL in uses
@@ -239,7 +272,10 @@ class Followed:
             why = "was answered" if answers in asked else "was not asked here"
             return f"it answers {answers!r}, which {why}; asked were {', '.join(asked) or 'none'}"
         if uses and uses.keys() <= self.protocol.rounds and answers not in self._rounds:
-            return f"it answers {answers!r} of an earlier round; this round is {_states_text(self._rounds)}"
+            return (
+                f"it answers {answers!r} of an earlier round; this round is"
+                f" {_states_text(self._rounds)}"
+            )
         if not label and needs(self.protocol, act) is Needs.ANY:
             return f"a {act} needs a reply-with, for its answer"
         if act is Performative.CONFIRM:
@@ -249,15 +285,17 @@ class Followed:
             kinds = confirmed
         else:
             kinds = kinds if act is Performative.INFORM else (Kind.PLAIN,)
-            if Performative.CANCEL in uses:  # the label of the cancel, and perhaps of what it cancels; or it had none
+            # the label of the cancel, and perhaps of what it cancels; or it had none
+            if Performative.CANCEL in uses:
                 kinds = (Kind.CANCEL,) if answers and len(uses) == 1 else (*kinds, Kind.CANCEL)
         return TableMessage(act, kinds, label, answers, self.durable)
 
     def mislabelled(self, role: Role, act: Performative, label: str) -> str:
-        """Return what is wrong with the label of a repeated message, "" where nothing is (fipa_codec.conversation).
+        """Return what is wrong with the label of a repeated message, "" where nothing is
+        (fipa_codec.conversation).
 
-        A repeated opening has the same one. A new round has none of an earlier round or of a cancel; nor has a cancel,
-        but for that of its opening.
+        A repeated opening has the same one. A new round has none of an earlier round or of a
+        cancel; nor has a cancel, but for that of its opening.
         """
         need, uses = needs(self.protocol, act), self._labels[role].get(label, {})
         if need is Needs.SAME and self._rounds and label not in self._rounds:
@@ -275,13 +313,16 @@ class Followed:
             self._rounds = frozenset({said.label})
         if said.performative is Performative.CANCEL:
             self._answered[role].discard(said.label)
-        elif said.kinds == (Kind.CANCEL,) and self.durable:  # a volatile one may be asked again, and answered again
+        # a volatile one may be asked again, and answered again
+        elif said.kinds == (Kind.CANCEL,) and self.durable:
             self._answered[role.other].add(said.answers)
         self._pass_on(role, said)
         return True
 
     def doubt(self, role: Role, said: TableMessage) -> None:
-        """`role` said this, but it may count for nothing: it was wrong, or a copy. Both stand where either leads."""
+        """`role` said this, but it may count for nothing: it was wrong, or a copy. Both stand where
+        either leads.
+        """
         self.sides[role].jump(said)
         if said.performative in self.protocol.rounds:  # it may have begun one, or not
             self._rounds |= {said.label}
@@ -305,7 +346,9 @@ class Followed:
             self.sides[role.other].hear(said._replace(sure=False))
 
     def _waiting(self, role: Role, label: str) -> dict[Performative, tuple[Kind, ...]]:
-        """The acts that `role` said under this label and may have answered: all but an answered cancel."""
+        """The acts that `role` said under this label and may have answered: all but an answered
+        cancel.
+        """
         uses = self._labels[role].get(label, {})
         if label not in self._answered[role]:
             return uses
@@ -318,10 +361,13 @@ class Followed:
 
 
 def ended(protocol: Protocol, states: tuple[str, str]) -> bool:
-    """Whether initiator and participant, in states as `Followed.states` words them, are at an end of their tables."""
+    """Whether initiator and participant, in states as `Followed.states` words them, are at an end
+    of their tables.
+    """
     both = zip(Role, states, strict=True)
     return all(
-        words and set(words.split("|")) <= protocol.tables[role].ended | {NOT_UNDERSTOOD} for role, words in both
+        words and set(words.split("|")) <= protocol.tables[role].ended | {NOT_UNDERSTOOD}
+        for role, words in both
     )
 
 

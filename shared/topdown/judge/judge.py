@@ -1,9 +1,11 @@
-"""The judge: hears every communicate that goes by, and says of each whether it is as designed, and if not, why.
+"""The judge: hears every communicate that goes by, and says of each whether it is as designed, and
+if not, why.
 
-By the same tables, rules and languages as the agents run by. It takes part in nothing, may begin in the middle, and
-hears things in an order that need not be the one in which they were said: a communicate that nothing heard so far
-explains waits up to `patience_s` for one that does. Time comes in as an argument; there is no I/O. A conversation whose
-beginning was not heard is not judged, and never an alarm.
+By the same tables, rules and languages as the agents run by. It takes part in nothing, may begin in
+the middle, and hears things in an order that need not be the one in which they were said: a
+communicate that nothing heard so far explains waits up to `patience_s` for one that does. Time
+comes in as an argument; there is no I/O. A conversation whose beginning was not heard is not
+judged, and never an alarm.
 """
 
 import heapq
@@ -19,7 +21,7 @@ from topdown.judge.conversations import Copies, Entry, Known, Pair, Streams, Tal
 from topdown.judge.verdicts import Heard, Judgement, Verdict
 from topdown.model.design import Design
 
-# --- Calls due at given times. No clock: the caller passes the time --------------------------------------------------
+# --- Calls due at given times. No clock: the caller passes the time -------------------------------
 
 
 class Timers:
@@ -40,25 +42,31 @@ class Timers:
             then(at)
 
 
-# --- The judge --------------------------------------------------------------------------------------------------------
+# --- The judge ------------------------------------------------------------------------------------
 
 
 PATIENCE_S = 3.0
-"""Longest wait of a communicate for its explanation [s]. Longer than the longest wait between two sendings of a
-durable communicate (2 s, agent_runtime.core.streams), by which time a lost one was heard."""
+"""Longest wait of a communicate for its explanation [s]. Longer than the longest wait between two
+sendings of a durable communicate (2 s, agent_runtime.core.streams), by which time a lost one was
+heard.
+"""
 SETTLED_S = 0.25
-"""At the end of a recording, what was heard so long before it waits for nothing more: on one host the order differs by
-milliseconds (estimate)."""
+"""At the end of a recording, what was heard so long before it waits for nothing more: on one host
+the order differs by milliseconds (estimate).
+"""
 
 
 class Judge:
-    """Judges the traffic of a design. Every communicate gets at least one judgement, perhaps later than it is heard.
+    """Judges the traffic of a design. Every communicate gets at least one judgement, perhaps later
+    than it is heard.
 
-    `languages` None: contents are not read. Times [s] of any one clock that does not go back; reply-by is compared
-    with it.
+    `languages` None: contents are not read. Times [s] of any one clock that does not go back;
+    reply-by is compared with it.
     """
 
-    def __init__(self, design: Design, languages: Languages | None = None, *, patience_s: float = PATIENCE_S) -> None:
+    def __init__(
+        self, design: Design, languages: Languages | None = None, *, patience_s: float = PATIENCE_S
+    ) -> None:
         self._admission, self._talks = Admission(design, languages), Talks(design)
         self._copies, self._streams = Copies(), Streams[Entry]()
         self._patience = patience_s
@@ -68,7 +76,7 @@ class Judge:
         self._whole: set[str] = set()
         self._found: list[Judgement] = []
 
-    # --- what comes in ------------------------------------------------------------------------------------------------
+    # --- what comes in ----------------------------------------------------------------------------
 
     def hear(
         self,
@@ -78,10 +86,11 @@ class Judge:
         size: int = 0,
         read: Read | None = None,
     ) -> tuple[Judgement, ...]:
-        """A communicate went by on `key` at `at` [s]; `size` [bytes], where it is not given as bytes.
+        """A communicate went by on `key` at `at` [s]; `size` [bytes], where it is not given as
+        bytes.
 
-        `read`: LANGUAGE.Class ("" for none) and kind of the content, where that was read before or (None) nobody can
-        read it. Judgements of it, and of earlier ones that it explains.
+        `read`: LANGUAGE.Class ("" for none) and kind of the content, where that was read before or
+        (None) nobody can read it. Judgements of it, and of earlier ones that it explains.
         """
         self._advance(at)
         one: Communicate | None = None
@@ -96,13 +105,17 @@ class Judge:
                 why = str(error)
         heard = Heard(next(self._numbers), at, key, size, one)
         if one is None:
-            self._say(Verdict.MALFORMED, heard, (self._admission.parts(key) or {}).get("channel", ""), why)
+            self._say(
+                Verdict.MALFORMED, heard, (self._admission.parts(key) or {}).get("channel", ""), why
+            )
         else:
             self._admit(heard, one, read)
         return self._told()
 
     def noted(self, key: str, why: str, at: float) -> tuple[Judgement, ...]:
-        """An agent noted that it got bytes that are not a communicate, and why; not the bytes themselves."""
+        """An agent noted that it got bytes that are not a communicate, and why; not the bytes
+        themselves.
+        """
         self._advance(at)
         channel = (self._admission.parts(key) or {}).get("channel", "")
         self._say(Verdict.MALFORMED, Heard(next(self._numbers), at, key, 0, None), channel, why)
@@ -116,10 +129,11 @@ class Judge:
     def lived(
         self, agent: str, incarnation: int, at: float, *, fresh: bool = False, journal: str = ""
     ) -> tuple[Judgement, ...]:
-        """An incarnation of an agent appeared. `fresh`: it was certainly not there before the judge listened.
+        """An incarnation of an agent appeared. `fresh`: it was certainly not there before the judge
+        listened.
 
-        `journal`: the name of its journal; under another one its streams, and those to it, begin at 1 again. Soft
-        conversations (those no journal keeps) end with a life.
+        `journal`: the name of its journal; under another one its streams, and those to it, begin at
+        1 again. Soft conversations (those no journal keeps) end with a life.
         """
         self._advance(at)
         before = self._lives.get(agent)
@@ -128,9 +142,12 @@ class Judge:
             self._whole.add(agent)
         another = self._journals.get(agent, journal) != journal
         self._journals[agent] = journal
-        if before is not None and (another or incarnation < before):  # its journal is lost: it numbers from 1 again
+        # its journal is lost: it numbers from 1 again
+        if before is not None and (another or incarnation < before):
             self._copies.forget(agent)
-            self._lose([talk for talk in self._talks if agent in talk.agents], self._streams.forget(agent))
+            self._lose(
+                [talk for talk in self._talks if agent in talk.agents], self._streams.forget(agent)
+            )
         elif before is not None and incarnation > before:
             self._reborn(agent)
         return self._told()
@@ -142,7 +159,7 @@ class Judge:
         self._lose([talk for talk in self._talks if talk.pending], self._streams.forget())
         return self._told()
 
-    # --- one communicate ----------------------------------------------------------------------------------------------
+    # --- one communicate --------------------------------------------------------------------------
 
     def _admit(self, heard: Heard, one: Communicate, read: Read | None) -> None:
         """By itself; as a copy; then in its place."""
@@ -183,13 +200,21 @@ class Judge:
         one = entry.communicate
         pair, number = (one.sender, one.receiver), number_of(one.id)
         if number is None:
-            self._judge(Verdict.OUT_OF_SEQUENCE, entry, f"its id is {one.id!r}, not the number of a durable stream")
+            self._judge(
+                Verdict.OUT_OF_SEQUENCE,
+                entry,
+                f"its id is {one.id!r}, not the number of a durable stream",
+            )
             return
-        ready = self._streams.put(pair, number, entry, first=1 if one.sender in self._whole else None)
+        ready = self._streams.put(
+            pair, number, entry, first=1 if one.sender in self._whole else None
+        )
         if ready is None:
             self._pass_over(entry, "said before anything of this stream was heard")
         elif not ready:
-            self._timers.later(entry.heard.at + self._patience, lambda now: self._give_up(pair, number))
+            self._timers.later(
+                entry.heard.at + self._patience, lambda now: self._give_up(pair, number)
+            )
         for each in ready or ():
             self._place(each)
 
@@ -211,7 +236,9 @@ class Judge:
         """In its conversation."""
         one = entry.communicate
         if not one.conversation:
-            self._judge(Verdict.OUT_OF_SEQUENCE, entry, "it belongs to no conversation: it has no m_c")
+            self._judge(
+                Verdict.OUT_OF_SEQUENCE, entry, "it belongs to no conversation: it has no m_c"
+            )
             return
         talk = self._talks.find(one)
         if talk is None and self._talks.is_over(one):
@@ -226,7 +253,9 @@ class Judge:
             self._pass_over(entry, talk.lost)
         elif talk.followed is None or self._behind(talk, entry) or not self._took(talk, entry):
             talk.pending.append(entry)
-            self._timers.later(entry.heard.at + self._patience, lambda now: self._expire(talk, entry))
+            self._timers.later(
+                entry.heard.at + self._patience, lambda now: self._expire(talk, entry)
+            )
         else:
             self._retry(talk)
 
@@ -242,7 +271,9 @@ class Judge:
         verdict, why = talk.timed(entry)
         wait = talk.waits.get(talk.role(entry.communicate.sender))
         if wait is not None and wait.entry is entry:
-            self._timers.later(wait.reply_by + self._patience, lambda now: self._unanswered(talk, entry))
+            self._timers.later(
+                wait.reply_by + self._patience, lambda now: self._unanswered(talk, entry)
+            )
         if verdict is Verdict.LATE or not entry.faulty:
             self._judge(verdict, entry, why, talk)
         return True
@@ -259,19 +290,28 @@ class Judge:
                 else:
                     going = True
 
-    # --- what waited in vain ------------------------------------------------------------------------------------------
+    # --- what waited in vain ----------------------------------------------------------------------
 
     def _expire(self, talk: Talk, entry: Entry) -> None:
         if not any(one is entry for one in talk.pending):
             return
         one = entry.communicate
         before = next(other for other in talk.pending if other.communicate.sender == one.sender)
-        if entry.rule.durable and before is not entry:  # it waits for that one, which was heard later
-            self._timers.later(before.heard.at + self._patience, lambda now: self._expire(talk, entry))
+        # it waits for that one, which was heard later
+        if entry.rule.durable and before is not entry:
+            self._timers.later(
+                before.heard.at + self._patience, lambda now: self._expire(talk, entry)
+            )
             return
-        if entry.rule.durable and self._streams.unheard((one.receiver, one.sender), one.in_reply_to):
+        if entry.rule.durable and self._streams.unheard(
+            (one.receiver, one.sender), one.in_reply_to
+        ):
             self._whole.difference_update(talk.agents)
-            self._lose([talk], [], f"number {one.in_reply_to} of {one.receiver}, which it answers, was not heard")
+            self._lose(
+                [talk],
+                [],
+                f"number {one.in_reply_to} of {one.receiver}, which it answers, was not heard",
+            )
             return
         if talk.followed is None:
             whole = self._whole.issuperset(talk.agents) and not entry.doubtful
@@ -321,16 +361,20 @@ class Judge:
                     talk.waits.pop(Role.INITIATOR, None)
                 self._retry(talk)
 
-    # --- verdicts and time --------------------------------------------------------------------------------------------
+    # --- verdicts and time ------------------------------------------------------------------------
 
     def _advance(self, now: float) -> None:
         """It is `now` [s]: what was to be done by then is done, what is over is forgotten."""
         self._timers.run(now)
         self._talks.sweep(now)
 
-    def _judge(self, verdict: Verdict, entry: Entry, why: str = "", talk: Talk | None = None) -> None:
+    def _judge(
+        self, verdict: Verdict, entry: Entry, why: str = "", talk: Talk | None = None
+    ) -> None:
         """Of one whose faults were told already only another violation is news."""
-        judgement_states = talk.followed.states if talk is not None and talk.followed is not None else ("", "")
+        judgement_states = (
+            talk.followed.states if talk is not None and talk.followed is not None else ("", "")
+        )
         found = Judgement(verdict, entry.heard, entry.rule.channel, why, judgement_states)
         if found.violation or not entry.faulty:
             self._found.append(found)

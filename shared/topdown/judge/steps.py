@@ -1,7 +1,8 @@
-"""Compares what a running agent does in a step with the rows of its design: what was proven of the rows holds for it.
+"""Compares what a running agent does in a step with the rows of its design: what was proven of the
+rows holds for it.
 
-A step that fits no row is named, with the rows there are. Words that are said for information only (`may`) and words
-that change nothing anywhere are not compared. Must not know: how agents run.
+A step that fits no row is named, with the rows there are. Words that are said for information only
+(`may`) and words that change nothing anywhere are not compared. Must not know: how agents run.
 """
 
 from collections.abc import Iterable
@@ -29,7 +30,8 @@ class Done(Protocol):
     def owed(self) -> tuple[str, ...]: ...
 
 
-# Classes of events other than messages -> causes of the rows they may be. A wake may be a patience that is over.
+# Classes of events other than messages -> causes of the rows they may be. A wake may be a patience
+# that is over.
 _CAUSES: dict[str, tuple[Cause, ...]] = {
     "Started": (Cause.RESTART,),
     "Late": (Cause.LATE,),
@@ -53,7 +55,12 @@ class Steps(Machine):
         if deed.took is not None and deed.took[1] is Performative.NOT_UNDERSTOOD:
             return ""
         rows = tuple(self._rows(deed))
-        if deed.took is None and deed.after == deed.before and not deed.said and not self._is_due(rows, deed):
+        if (
+            deed.took is None
+            and deed.after == deed.before
+            and not deed.said
+            and not self._is_due(rows, deed)
+        ):
             return ""
         if self.fitting(deed):
             return ""
@@ -74,18 +81,24 @@ class Steps(Machine):
         rows = [row for row in self.spontaneous[deed.before] if row.event.cause in causes]
         # Late and back name a use or a peer; a wake or a word of the own side names none.
         named = (Cause.LATE, Cause.BACK)
-        return [row for row in rows if row.event.cause not in named or not about or row.event.name == about]
+        return [
+            row
+            for row in rows
+            if row.event.cause not in named or not about or row.event.name == about
+        ]
 
     def _is_due(self, rows: Iterable[Row], deed: Done) -> bool:
-        """Whether doing nothing is less than the rows promise: after a death, or a wait that is over, a row applies
-        whatever the conversations are. Other such events may have been for nothing.
+        """Whether doing nothing is less than the rows promise: after a death, or a wait that is
+        over, a row applies whatever the conversations are. Other such events may have been for
+        nothing.
         """
         word = deed.event.partition(" ")[0]
         return word in ("Started", "Late") and any(
             not row.when
             and not row.several
             and not any(
-                self.uses[said.use].durable or said.act not in self.uses[said.use].protocol.openings for said in row.say
+                self.uses[said.use].durable or said.act not in self.uses[said.use].protocol.openings
+                for said in row.say
             )
             for row in rows
         )
@@ -98,7 +111,9 @@ class Steps(Machine):
         )
 
     def _holds(self, use: str, words: frozenset[str], deed: Done) -> bool:
-        """Only what is due can be seen of a step from outside; a guard that names other words may hold by them."""
+        """Only what is due can be seen of a step from outside; a guard that names other words may
+        hold by them.
+        """
         due = UNSETTLED if self.uses[use].peer in deed.owed else SETTLED
         return due in words or not words <= {SETTLED, UNSETTLED}
 

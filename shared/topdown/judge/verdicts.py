@@ -1,6 +1,7 @@
 """Verdicts of a judge about a communicate, and their subjects.
 
-The words are those of reports, logs and exit codes. Nothing here knows a particular system, a clock or a wire.
+The words are those of reports, logs and exit codes. Nothing here knows a particular system, a clock
+or a wire.
 """
 
 from enum import StrEnum
@@ -17,14 +18,22 @@ class Verdict(StrEnum):
     COPY = "copy"
     """Said before, word for word: a durable communicate sent again, a question asked again."""
     SLOW = "slow"
-    """In sequence and before reply-by, but later than the design says an answer should need at most."""
+    """In sequence and before reply-by, but later than the design says an answer should need at
+    most.
+    """
     NOT_JUDGED = "not judged"
-    """Of a conversation whose beginning, or a part of it, was not heard: its place in the sequence is not known."""
+    """Of a conversation whose beginning, or a part of it, was not heard: its place in the sequence
+    is not known.
+    """
     OUT_OF_SEQUENCE = "out of sequence"
     WRONG_CHANNEL = "wrong channel"
-    """On a key that says something else than the communicate, or on another channel than the design has it on."""
+    """On a key that says something else than the communicate, or on another channel than the design
+    has it on.
+    """
     WRONG_LANGUAGE = "wrong language"
-    """Language, ontology or class of content are not those of the design, or the content cannot be read."""
+    """Language, ontology or class of content are not those of the design, or the content cannot be
+    read.
+    """
     OVER_BUDGET = "over budget"
     """Larger than the design allows."""
     LATE = "late"
@@ -32,7 +41,9 @@ class Verdict(StrEnum):
     UNANSWERED = "unanswered"
     """Reply-by passed, and no answer was heard."""
     NOT_ENTITLED = "not entitled"
-    """An agent that the design does not know, or one that may not say this act in this protocol to that receiver."""
+    """An agent that the design does not know, or one that may not say this act in this protocol to
+    that receiver.
+    """
     MALFORMED = "malformed"
     """Bytes that are not a communicate."""
     NOT_TAKEN = "not taken"
@@ -48,7 +59,9 @@ VIOLATIONS = frozenset(Verdict) - FINE
 
 
 class Heard(msgspec.Struct, frozen=True, gc=False):
-    """The `n`-th sample (from 1), heard at `at` [s] on `key`; `size` [bytes]; None: not a communicate."""
+    """The `n`-th sample (from 1), heard at `at` [s] on `key`; `size` [bytes]; None: not a
+    communicate.
+    """
 
     n: int
     at: float
@@ -60,8 +73,9 @@ class Heard(msgspec.Struct, frozen=True, gc=False):
 class Judgement(msgspec.Struct, frozen=True):
     """A verdict about one communicate, and why.
 
-    `channel`: the one the design has it on, else what its key says. `states`: initiator and participant after it, if
-    nothing is lost on its way; several with | between where that is not certain; "" where it is not followed.
+    `channel`: the one the design has it on, else what its key says. `states`: initiator and
+    participant after it, if nothing is lost on its way; several with | between where that is not
+    certain; "" where it is not followed.
     """
 
     verdict: Verdict

@@ -1,9 +1,9 @@
-"""Walks the steps of a decomposition: which groups there are in the end, which channels, between whom (paper, section
-4, step 2).
+"""Walks the steps of a decomposition: which groups there are in the end, which channels, between
+whom (paper, section 4, step 2).
 
-A channel keeps its number through every step. A split (both halves need it) retires the number and makes two new
-ones. Here every step is carried out as far as it can be; what cannot be is returned as a slip, which the checks turn
-into a finding.
+A channel keeps its number through every step. A split (both halves need it) retires the number and
+makes two new ones. Here every step is carried out as far as it can be; what cannot be is returned
+as a slip, which the checks turn into a finding.
 """
 
 import msgspec
@@ -13,7 +13,9 @@ from topdown.model.findings import Kind
 
 
 class Channel(msgspec.Struct, frozen=True):
-    """A channel between two groups: `born` is the step (from 1) it arose in, `transmits` what it carries by now."""
+    """A channel between two groups: `born` is the step (from 1) it arose in, `transmits` what it
+    carries by now.
+    """
 
     id: str
     ends: tuple[str, str]
@@ -23,7 +25,9 @@ class Channel(msgspec.Struct, frozen=True):
     def moved(self, old: str, new: str) -> "Channel":
         """The same channel with one end at another group."""
         first, second = self.ends
-        return msgspec.structs.replace(self, ends=(new if first == old else first, new if second == old else second))
+        return msgspec.structs.replace(
+            self, ends=(new if first == old else first, new if second == old else second)
+        )
 
     def other(self, end: str) -> str:
         """The other end."""
@@ -32,7 +36,9 @@ class Channel(msgspec.Struct, frozen=True):
 
 
 class Slip(msgspec.Struct, frozen=True):
-    """Something a step asks for that cannot be done; `part`: the field of the step's entry that does."""
+    """Something a step asks for that cannot be done; `part`: the field of the step's entry that
+    does.
+    """
 
     step: int
     kind: Kind
@@ -52,7 +58,8 @@ class Stage(msgspec.Struct, frozen=True):
 class Decomposition(msgspec.Struct, frozen=True):
     """All stages, the tasks of every group there ever was, and what could not be done.
 
-    `doubtful`: channels whose ends a slip leaves uncertain, so that nothing else is concluded from them.
+    `doubtful`: channels whose ends a slip leaves uncertain, so that nothing else is concluded from
+    them.
     """
 
     stages: tuple[Stage, ...]
@@ -62,7 +69,9 @@ class Decomposition(msgspec.Struct, frozen=True):
 
     @property
     def astray(self) -> bool:
-        """Whether groups or channels may be missing because a division or a split could not be carried out."""
+        """Whether groups or channels may be missing because a division or a split could not be
+        carried out.
+        """
         lost = (Kind.NEVER_INTRODUCED, Kind.DIVIDED_TWICE, Kind.SPLIT_WRONGLY)
         return any(slip.kind in lost and slip.part in ("divide", "split") for slip in self.slips)
 
@@ -126,10 +135,20 @@ class _Walk:
             self._slip(Kind.DIVIDED_TWICE, wrong, known, "divide")
             return halves
         if group not in self.groups:
-            self._slip(Kind.NEVER_INTRODUCED, f"group {group!r} is not there to be divided", known, "divide")
+            self._slip(
+                Kind.NEVER_INTRODUCED,
+                f"group {group!r} is not there to be divided",
+                known,
+                "divide",
+            )
         for half in halves:
             if half in self.groups or half in self.divided or halves.count(half) > 1:
-                self._slip(Kind.TWICE, f"group {half!r} exists already", "a half takes a name never used", "divide")
+                self._slip(
+                    Kind.TWICE,
+                    f"group {half!r} exists already",
+                    "a half takes a name never used",
+                    "divide",
+                )
         self.divided[group] = self.number
         self.groups = tuple(dict.fromkeys((*(g for g in self.groups if g != group), *halves)))
         return halves
@@ -152,7 +171,12 @@ class _Walk:
                 if self.astray:
                     continue  # the division itself is the fault
                 right = "reallocate the divided group's end to one of its halves"
-                self._slip(Kind.MOVED_WRONGLY, f"{move.channel} cannot go to {move.to!r}", right, "reallocate")
+                self._slip(
+                    Kind.MOVED_WRONGLY,
+                    f"{move.channel} cannot go to {move.to!r}",
+                    right,
+                    "reallocate",
+                )
                 continue
             self.channels[move.channel] = channel.moved(old, move.to)
             if all(end in self.groups for end in self.channels[move.channel].ends):
@@ -191,15 +215,24 @@ class _Walk:
     ) -> tuple[str, str] | None:
         """The fault of a split and its correction."""
         if not self._end_to_move(step, channel):
-            return f"{channel.id} does not end at the divided group", "split channels of the divided group only"
+            return (
+                f"{channel.id} does not end at the divided group",
+                "split channels of the divided group only",
+            )
         if channel.id in moved:
-            return f"{channel.id} is reallocated and split", "a channel goes to one half or is split for both"
+            return (
+                f"{channel.id} is reallocated and split",
+                "a channel goes to one half or is split for both",
+            )
         if channel.id in into or into[0] == into[1]:
             right = "a split retires the number and makes two new ones"
             return f"{channel.id} is split into {into[0]} and {into[1]}", right
         taken = [name for name in into if name in self.channels or name in self.retired]
         if taken:
-            return f"{channel.id} is split into {taken[0]}, which was there before", "take numbers never used"
+            return (
+                f"{channel.id} is split into {taken[0]}, which was there before",
+                "take numbers never used",
+            )
         return None
 
     def _forgotten(self, step: Step) -> None:
@@ -212,16 +245,29 @@ class _Walk:
                 continue
             self.doubtful.add(channel.id)
             other = channel.other(group)
-            takes_part = (new for new in step.channels if any(half in new.between for half in halves))
+            takes_part = (
+                new for new in step.channels if any(half in new.between for half in halves)
+            )
             heirs = [new.id for new in takes_part if other in new.between]
             if heirs:
-                wrong = f"channel {channel.id} of the divided group {group!r} ends here, and {heirs[0]} takes its place"
+                wrong = (
+                    f"channel {channel.id} of the divided group {group!r} ends here, and {heirs[0]}"
+                    " takes its place"
+                )
                 self.doubtful.add(heirs[0])
-                self._slip(Kind.RENUMBERED, wrong, f"reallocate {channel.id}: numbers never change", "channels")
+                self._slip(
+                    Kind.RENUMBERED,
+                    wrong,
+                    f"reallocate {channel.id}: numbers never change",
+                    "channels",
+                )
                 continue
             wrong = f"channel {channel.id} ends at {group!r}, which is divided and so not a group"
             self._slip(
-                Kind.NOT_REALLOCATED, wrong, f"reallocate it to {halves[0]} or {halves[1]}, or split it", "divide"
+                Kind.NOT_REALLOCATED,
+                wrong,
+                f"reallocate it to {halves[0]} or {halves[1]}, or split it",
+                "divide",
             )
 
     def _create(self, new: NewChannel) -> None:
@@ -241,6 +287,8 @@ class _Walk:
                 wrong = f"channel {new.id} ends at {end!r}, which is not a group"
                 self._slip(Kind.NEVER_INTRODUCED, wrong, known, "channels")
             else:
-                self._slip(Kind.ONE_END, f"channel {new.id} joins {end!r} with itself", known, "channels")
+                self._slip(
+                    Kind.ONE_END, f"channel {new.id} joins {end!r} with itself", known, "channels"
+                )
                 break
         self.channels[new.id] = Channel(new.id, new.between, (new.transmits,), self.number)

@@ -1,7 +1,8 @@
-"""A design, and all that is derived from its file: channels, keys, rules for each message, interfaces, state machines.
+"""A design, and all that is derived from its file: channels, keys, rules for each message,
+interfaces, state machines.
 
-What the paper has in tables (sections 4 and 5) a designer types once in a file; the rest is computed here, so that it
-cannot drift. Nothing here knows a particular system, Zenoh or a clock.
+What the paper has in tables (sections 4 and 5) a designer types once in a file; the rest is
+computed here, so that it cannot drift. Nothing here knows a particular system, Zenoh or a clock.
 """
 
 from functools import cached_property
@@ -39,10 +40,10 @@ class Addressed(Shape):
 class Rule(msgspec.Struct, frozen=True):
     """The rule for one key: act, sender and receiver, language and contents, largest size.
 
-    `contents`: language.Class of each content the act may have (none: no content). `bytes`: largest size, of all
-    contents.
-    `sizes`: largest size per content class. `durable`: numbered and journalled; `latest`: only the newest value counts.
-    `language`: the one it is written in, but for a Reason, which refuse, failure and not-understood may always carry.
+    `contents`: language.Class of each content the act may have (none: no content). `bytes`: largest
+    size, of all contents. `sizes`: largest size per content class. `durable`: numbered and
+    journalled; `latest`: only the newest value counts. `language`: the one it is written in, but
+    for a Reason, which refuse, failure and not-understood may always carry.
     """
 
     channel: str
@@ -62,8 +63,8 @@ class Rule(msgspec.Struct, frozen=True):
 
 
 class Side(msgspec.Struct, frozen=True):
-    """An agent's interface: performatives, languages and ontologies it sends and those it receives (paper, section
-    4, step 4).
+    """An agent's interface: performatives, languages and ontologies it sends and those it receives
+    (paper, section 4, step 4).
     """
 
     sends: frozenset[Performative]
@@ -74,16 +75,16 @@ class Side(msgspec.Struct, frozen=True):
     ontologies_received: frozenset[str]
 
 
-# What a peer may always answer with, in the language everybody reads, and the size it may have (a reason in words;
-# estimate).
+# What a peer may always answer with, in the language everybody reads, and the size it may have (a
+# reason in words; estimate).
 REASON = f"{REASON_LANGUAGE.name}.{Reason.__name__}"
 REASON_BYTES = 1000
 _MAY_SAY_WHY = (Performative.NOT_UNDERSTOOD, Performative.REFUSE, Performative.FAILURE)
 
 
 class Design(msgspec.Struct, frozen=True, dict=True):
-    """A design: its file's entries and what follows from them. Look-ups raise NoSuchEntry, which lists what there
-    is.
+    """A design: its file's entries and what follows from them. Look-ups raise NoSuchEntry, which
+    lists what there is.
     """
 
     file: elements.DesignFile
@@ -123,7 +124,9 @@ class Design(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def signals(self) -> dict[str, elements.Signal]:
-        """The kinds of traffic beside communicates, each with the names of its writers and readers."""
+        """The kinds of traffic beside communicates, each with the names of its writers and
+        readers.
+        """
         return {entry.kind: self.with_agents(entry) for entry in self.file.signal}
 
     def with_agents(self, signal: elements.Signal) -> elements.Signal:
@@ -138,11 +141,15 @@ class Design(msgspec.Struct, frozen=True, dict=True):
     @cached_property
     def own_tables(self) -> dict[str, Protocol]:
         """The interaction protocols that the design brings along, by name. Raises DesignError."""
-        return {entry.name: own_table(entry, self.path or "design.toml") for entry in self.file.table}
+        return {
+            entry.name: own_table(entry, self.path or "design.toml") for entry in self.file.table
+        }
 
     @cached_property
     def tables(self) -> dict[str, Protocol]:
-        """The table of every protocol that is followed, by the name under which it is; unknown ones are left out."""
+        """The table of every protocol that is followed, by the name under which it is; unknown ones
+        are left out.
+        """
         found = dict(self.own_tables)
         for name in sorted({use.follows for use in self.file.protocol} - found.keys()):
             if (table := fipa_table(name)) is not None:
@@ -170,21 +177,31 @@ class Design(msgspec.Struct, frozen=True, dict=True):
     def peers(self, agent: str) -> dict[str, str]:
         """Agents that share a channel with this one -> the channel's id."""
         self.agent(agent)
-        return {channel.other(agent): channel.id for channel in self.channels.values() if agent in channel.ends}
+        return {
+            channel.other(agent): channel.id
+            for channel in self.channels.values()
+            if agent in channel.ends
+        }
 
     def rule(self, message: Addressed) -> Rule:
-        """The rule a communicate must obey. Raises NoSuchEntry where the design has no such message."""
+        """The rule a communicate must obey. Raises NoSuchEntry where the design has no such
+        message.
+        """
         key = (message.sender, message.receiver, message.protocol, message.performative)
         rule = self.rules.get(key)
         if rule is None:
             known = sorted(p for s, r, i, p in self.rules if (s, r, i) == key[:3])
             raise NoSuchEntry(
-                f"message {message.sender}->{message.receiver} in {message.protocol}", message.performative, known
+                f"message {message.sender}->{message.receiver} in {message.protocol}",
+                message.performative,
+                known,
             )
         return rule
 
     def key(self, system: str, message: Addressed) -> str:
-        """The key expression a communicate travels on. Raises NoSuchEntry where the design has no such message."""
+        """The key expression a communicate travels on. Raises NoSuchEntry where the design has no
+        such message.
+        """
         return self.key_of(system, self.rule(message))
 
     def key_of(self, system: str, rule: Rule) -> str:
@@ -203,31 +220,48 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         if receiver not in {group.name for group in self.file.group}:
             self.agent(receiver)
         return self.file.system.key.format(
-            system=system, channel="*", sender="*", receiver=receiver, protocol="*", performative="*"
+            system=system,
+            channel="*",
+            sender="*",
+            receiver=receiver,
+            protocol="*",
+            performative="*",
         )
 
-    def signal_key(self, kind: str, *, system: str, owner: str, peer: str = "*", incarnation: int | str = "*") -> str:
+    def signal_key(
+        self, kind: str, *, system: str, owner: str, peer: str = "*", incarnation: int | str = "*"
+    ) -> str:
         """The key expression of traffic other than communicates."""
         signal = _look_up("signal", kind, self.signals)
         return signal.key.format(system=system, owner=owner, peer=peer, incarnation=incarnation)
 
     def allowed(self, sender: str, receiver: str, protocol: str) -> frozenset[Performative]:
         """The acts one agent may say to another in a protocol."""
-        return frozenset(p for s, r, i, p in self.rules if (s, r, i) == (sender, receiver, protocol))
+        return frozenset(
+            p for s, r, i, p in self.rules if (s, r, i) == (sender, receiver, protocol)
+        )
 
     def use(self, one: str, other: str, follows: str) -> elements.Protocol:
-        """The use of protocol `follows` (a communicate's protocol field) between two agents, in either role."""
+        """The use of protocol `follows` (a communicate's protocol field) between two agents, in
+        either role.
+        """
         ends = {one, other}
         for use in self.file.protocol:
             if use.follows == follows and {use.initiator, use.participant} == ends:
                 return use
-        known = (use.follows for use in self.file.protocol if {use.initiator, use.participant} == ends)
+        known = (
+            use.follows for use in self.file.protocol if {use.initiator, use.participant} == ends
+        )
         raise NoSuchEntry(f"protocol between {one} and {other}", follows, known)
 
     def entries(self, use: str) -> tuple[elements.InterfaceEntry, ...]:
         """The interface entries of a use of a protocol."""
         names = self.protocol(use).interface
-        return tuple(entry for name in names for entry in _look_up("interface", name, self.interfaces).entries)
+        return tuple(
+            entry
+            for name in names
+            for entry in _look_up("interface", name, self.interfaces).entries
+        )
 
     def side(self, agent: str) -> Side:
         """The interface of an agent: what it sends and receives."""
@@ -243,13 +277,17 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         )
 
     def conditions(self, agent: str) -> frozenset[str]:
-        """The names an agent's code must bind: initial conditions of arcs, terminal and error conditions of states."""
+        """The names an agent's code must bind: initial conditions of arcs, terminal and error
+        conditions of states.
+        """
         entry = self.agent(agent)
         ends = [name for state in entry.state for name in (state.terminal, state.error)]
         return frozenset(name for name in [*ends, *(arc.when for arc in entry.arc)] if name)
 
     def contents(self, use: elements.Protocol, message: elements.Message) -> tuple[str, ...]:
-        """language.Class of every content of a message; "*set" becomes the argument or answer classes of the set."""
+        """language.Class of every content of a message; "*set" becomes the argument or answer
+        classes of the set.
+        """
         names: list[str] = []
         for content in message.content:
             if not content.startswith("*"):
@@ -284,7 +322,9 @@ class Design(msgspec.Struct, frozen=True, dict=True):
             performative=message.performative,
             use=use.name,
             language=message.language,
-            ontology=use.ontology if message.performative is not Performative.NOT_UNDERSTOOD else "",
+            ontology=use.ontology
+            if message.performative is not Performative.NOT_UNDERSTOOD
+            else "",
             contents=tuple(sizes),
             sizes=sizes,
             bytes=max(message.bytes, *sizes.values(), 0),

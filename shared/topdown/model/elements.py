@@ -1,8 +1,10 @@
-"""Entries of a design file: one frozen Struct for each kind of entry, with the file's own field names.
+"""Entries of a design file: one frozen Struct for each kind of entry, with the file's own field
+names.
 
-The design method of the paper, sections 4 and 5: requirement tree, binary decomposition, channels, protocols,
-interfaces, and the agents' finite state machines. `ruling` on any entry: the paper is silent or contradicts itself,
-and this is what the design does. Nothing here knows a particular system.
+The design method of the paper, sections 4 and 5: requirement tree, binary decomposition, channels,
+protocols, interfaces, and the agents' finite state machines. `ruling` on any entry: the paper is
+silent or contradicts itself, and this is what the design does. Nothing here knows a particular
+system.
 """
 
 from enum import StrEnum
@@ -12,9 +14,10 @@ import msgspec
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Way
 
-# --- The method's own entries of a design file: the requirement tree, and the steps of the decomposition -------------
-# The paper, section 4, steps 1 and 2. `ruling` on any entry: the paper is silent or contradicts itself, and this is
-# what the design does.
+# --- The method's own entries of a design file: the requirement tree, and the steps of the
+# decomposition
+# The paper, section 4, steps 1 and 2. `ruling` on any entry: the paper is silent or contradicts
+# itself, and this is what the design does.
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -26,8 +29,8 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 class Requirement(Entry, frozen=True):
     """A node of the requirement tree; no `parent`: a root.
 
-    `evidence`: what shows that it is met, each "event:NAME" (of a run's report), "test:PATH" or "test:PATH::NAME",
-    "message:USE act" or "message:USE act CLASS" (a communicate of a recording).
+    `evidence`: what shows that it is met, each "event:NAME" (of a run's report), "test:PATH" or
+    "test:PATH::NAME", "message:USE act" or "message:USE act CLASS" (a communicate of a recording).
     """
 
     id: str
@@ -58,7 +61,9 @@ class Reallocation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Split(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Both halves need the channel: it is retired, and two new ones take its place (first and second half)."""
+    """Both halves need the channel: it is retired, and two new ones take its place (first and
+    second half).
+    """
 
     channel: str
     into: tuple[str, str]
@@ -114,7 +119,8 @@ class StatedChannel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Outcome(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The sets the method puts out, written down: agents, groups that stay groups, channels (paper, section 4).
+    """The sets the method puts out, written down: agents, groups that stay groups, channels (paper,
+    section 4).
 
     `where`: the place they stand in, as people find it.
     """
@@ -125,12 +131,13 @@ class Outcome(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     channels: tuple[StatedChannel, ...] = ()
 
 
-# --- Entries of a design file -----------------------------------------------------------------------------------------
+# --- Entries of a design file ---------------------------------------------------------------------
 
 
 class System(Entry, frozen=True):
-    """The system as a whole. `root`: the group that is divided first. `key`: template of a communicate's key
-    expression. `recorders`: identities, no agents, that may hear every communicate and say none.
+    """The system as a whole. `root`: the group that is divided first. `key`: template of a
+    communicate's key expression. `recorders`: identities, no agents, that may hear every
+    communicate and say none.
     """
 
     name: str
@@ -145,8 +152,8 @@ AGENTS = "agents"
 
 
 class Signal(Entry, frozen=True):
-    """Traffic other than communicates (liveliness, receipts, pings ...): its key template, its writers and readers
-    (AGENTS among them stands for every agent).
+    """Traffic other than communicates (liveliness, receipts, pings ...): its key template, its
+    writers and readers (AGENTS among them stands for every agent).
 
     `reach`: pairs of a writer and a peer; a writer that is named here writes to no other peers.
     """
@@ -162,7 +169,8 @@ class Signal(Entry, frozen=True):
 class Language(Entry, frozen=True):
     """A content language by name; its classes are Python's business and are compared by the checks.
 
-    `classes`: their names, where the design is to be checked without code (none: the code knows them).
+    `classes`: their names, where the design is to be checked without code (none: the code knows
+    them).
     """
 
     name: str
@@ -195,12 +203,12 @@ class Interface(Entry, frozen=True):
 
 
 class Message(Entry, frozen=True):
-    """Sender, act and language of a message; `content`: class names of that language ("*set": those of an interface),
-    none = no content.
+    """Sender, act and language of a message; `content`: class names of that language ("*set": those
+    of an interface), none = no content.
 
-    `bytes`: the largest size of the whole communicate; 0: no budget is stated. For estimates: `typical_bytes`, and
-    `count`, how often it is said per conversation of its use, or of the use `each`; none of a use has one: as often as
-    in its shortest conversation.
+    `bytes`: the largest size of the whole communicate; 0: no budget is stated. For estimates:
+    `typical_bytes`, and `count`, how often it is said per conversation of its use, or of the use
+    `each`; none of a use has one: as often as in its shortest conversation.
     """
 
     sender: str
@@ -214,8 +222,9 @@ class Message(Entry, frozen=True):
 
 
 class RoleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A role's rows [state, "send" or "receive", performative, next state]; a guard word stands behind its act, as in
-    `inform[final]`. `ended`, `urgent`, `resting`: as fipa_codec.tables.Table has them.
+    """A role's rows [state, "send" or "receive", performative, next state]; a guard word stands
+    behind its act, as in `inform[final]`. `ended`, `urgent`, `resting`: as fipa_codec.tables.Table
+    has them.
     """
 
     rows: tuple[tuple[str, Way, str, str], ...]
@@ -227,8 +236,8 @@ class RoleTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Table(Entry, frozen=True):
     """An interaction protocol of the system's own, beside FIPA's: what `follows` may name.
 
-    `confirmed`: performatives whose every use is confirmed by name. `rounds`: openings that may come again within a
-    conversation, as a new round of it.
+    `confirmed`: performatives whose every use is confirmed by name. `rounds`: openings that may
+    come again within a conversation, as a new round of it.
     """
 
     name: str
@@ -242,12 +251,14 @@ class Table(Entry, frozen=True):
 class Protocol(Entry, frozen=True):
     """A use of an interaction protocol on a channel.
 
-    `follows`: the name of its table of rows, which is also the communicate's protocol field. `durable`: numbered,
-    journalled, re-sent. `latest`: of informs only the newest value of a subject counts. `latency_s`: what an answer
-    should need at most; 0: no budget is stated. `answer`: the acts that answer in this sense; none: whatever comes
-    first. For estimates: `within`, the use in whose conversations this one's are opened (none: a person or the start
-    opens them), `per`, how many in each (none: one); `typical_s`, what one takes besides those opened within it;
-    `typical_latency_s`, what its answer takes; `alongside`: it goes on beside the others, nobody waits for its end.
+    `follows`: the name of its table of rows, which is also the communicate's protocol field.
+    `durable`: numbered, journalled, re-sent. `latest`: of informs only the newest value of a
+    subject counts. `latency_s`: what an answer should need at most; 0: no budget is stated.
+    `answer`: the acts that answer in this sense; none: whatever comes first. For estimates:
+    `within`, the use in whose conversations this one's are opened (none: a person or the start
+    opens them), `per`, how many in each (none: one); `typical_s`, what one takes besides those
+    opened within it; `typical_latency_s`, what its answer takes; `alongside`: it goes on beside the
+    others, nobody waits for its end.
     """
 
     name: str
@@ -270,9 +281,11 @@ class Protocol(Entry, frozen=True):
 
 
 class State(Entry, frozen=True):
-    """A state: its behaviour, the names of its terminal and error conditions, the protocols it acts in.
+    """A state: its behaviour, the names of its terminal and error conditions, the protocols it acts
+    in.
 
-    `says`: what the agent does in it, in words for people who watch it run, as in "waits for a task".
+    `says`: what the agent does in it, in words for people who watch it run, as in "waits for a
+    task".
     """
 
     name: str
@@ -294,10 +307,11 @@ class ParameterType(StrEnum):
 
 
 class Parameter(Entry, frozen=True):
-    """A value of an agent that an operator may set while it runs; its behaviours read it at each step.
+    """A value of an agent that an operator may set while it runs; its behaviours read it at each
+    step.
 
-    `least`, `most`: bounds of an integer or a number, both allowed; `choices`: the only values (none: all). `says`:
-    what it does, in words for people who set it.
+    `least`, `most`: bounds of an integer or a number, both allowed; `choices`: the only values
+    (none: all). `says`: what it does, in words for people who set it.
     """
 
     name: str
@@ -320,27 +334,32 @@ class Arc(Entry, frozen=True):
 
 
 class Row(Entry, frozen=True, rename={"in_": "in"}):
-    """An agent's action at one event: a row of its conversational behaviour, over states in which it waits.
+    """An agent's action at one event: a row of its conversational behaviour, over states in which
+    it waits.
 
     `in`: the states it stands in. `on`: the event, one of
-        "USE act[kind]"   a message of the peer in that use of a protocol is taken; a message that no row of the state
-                          names stays in the inbox
-        "late USE"        the wait for the end of a conversation this agent opened is over (reply-by, patience)
+        "USE act[kind]"   a message of the peer in that use of a protocol is taken; a message that
+                          no row of the state names stays in the inbox
+        "late USE"        the wait for the end of a conversation this agent opened is over
+                          (reply-by, patience)
         "back AGENT"      a peer appeared, or came back under another incarnation
         "restart"         this agent was restored after a death: soft conversations are gone
-        "own WORD"        something of its own side came to an end (worker, device, timer): it will, sooner or later
+        "own WORD"        something of its own side came to an end (worker, device, timer): it
+                          will, sooner or later
         "person WORD"     somebody may do this, and nobody may wait for it
-    `say`: what it says in the same step, in order, "USE act[kind]"; an opening begins a conversation. The row applies
-    only where the protocols' tables allow all of it. `may`: what it may say besides. `drop`: uses whose volatile
-    conversation it gives up. `when`: "USE state|state" of its conversations after the event ("none": not open), or
-    "USE settled" / "USE unsettled" (nothing / something is due to the subscriber). `owes`: uses in which it now owes
-    an observation. `waits`: uses whose conversation waits for its turn from now on; "USE waiting" in `when` holds while
-    it does, and the row that asks for it ends that, as the conversation's end does; "USE served" holds else. `moves`:
-    the use whose conversation this physical act serves; no act is begun twice in one.
-    `to`: the state it then waits in; none: the same. `then`: a choice of the agent, each part of which is a way to go
-    on: its words are said behind `say`, its `when` holds besides (after what is owed), its `to`, if any, counts.
-    `several`: only where more than one conversation of a use is open
-    at a time; such rows are compared with what runs, but are not explored.
+    `say`: what it says in the same step, in order, "USE act[kind]"; an opening begins a
+    conversation. The row applies only where the protocols' tables allow all of it. `may`: what it
+    may say besides. `drop`: uses whose volatile conversation it gives up. `when`: "USE state|state"
+    of its conversations after the event ("none": not open), or "USE settled" / "USE unsettled"
+    (nothing / something is due to the subscriber). `owes`: uses in which it now owes an
+    observation. `waits`: uses whose conversation waits for its turn from now on; "USE waiting" in
+    `when` holds while it does, and the row that asks for it ends that, as the conversation's end
+    does; "USE served" holds else. `moves`: the use whose conversation this physical act serves; no
+    act is begun twice in one. `to`: the state it then waits in; none: the same. `then`: a choice of
+    the agent, each part of which is a way to go on: its words are said behind `say`, its `when`
+    holds besides (after what is owed), its `to`, if any, counts. `several`: only where more than
+    one conversation of a use is open at a time; such rows are compared with what runs, but are not
+    explored.
     """
 
     in_: tuple[str, ...]
@@ -397,11 +416,13 @@ class Ends(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Agent(Entry, frozen=True):
-    """An agent (a group of the same name that is divided no further) and the state machine of its control subsystem.
+    """An agent (a group of the same name that is divided no further) and the state machine of its
+    control subsystem.
 
-    `row`: its conversational behaviour, over the same states; `rest`: the states in which it is idle (none: `initial`).
-    `choice`: ways to go on that rows share. `parameter`: values that an operator may set while it runs.
-    `sends`, `receives`: its interface as declared, to be compared with the messages; none: it is derived from them.
+    `row`: its conversational behaviour, over the same states; `rest`: the states in which it is
+    idle (none: `initial`). `choice`: ways to go on that rows share. `parameter`: values that an
+    operator may set while it runs. `sends`, `receives`: its interface as declared, to be compared
+    with the messages; none: it is derived from them.
     """
 
     name: str

@@ -14,7 +14,9 @@ class TopdownError(Exception):
 
 
 class DesignError(TopdownError):
-    """A design file is wrong at `file`, `line` (None: not known), `field`; `wrong` and `right` say how."""
+    """A design file is wrong at `file`, `line` (None: not known), `field`; `wrong` and `right` say
+    how.
+    """
 
     def __init__(self, file: str, line: int | None, field: str, wrong: str, right: str) -> None:
         self.file = file

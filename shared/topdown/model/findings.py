@@ -74,7 +74,9 @@ class Kind(StrEnum):
 
 
 class Finding(msgspec.Struct, frozen=True):
-    """Something inconsistent. `at`: the entry's path in the file; `line`: where that is, None: not known."""
+    """Something inconsistent. `at`: the entry's path in the file; `line`: where that is, None: not
+    known.
+    """
 
     kind: StrEnum
     where: str
@@ -88,8 +90,13 @@ class Finding(msgspec.Struct, frozen=True):
 
 
 def located(findings: tuple[Finding, ...], text: str) -> tuple[Finding, ...]:
-    """The same findings with their lines in the design file's `text`, in the file's order; all others after them."""
+    """The same findings with their lines in the design file's `text`, in the file's order; all
+    others after them.
+    """
     if not text:
         return findings
-    placed = [msgspec.structs.replace(one, line=line_of(text, one.at)) if one.at else one for one in findings]
+    placed = [
+        msgspec.structs.replace(one, line=line_of(text, one.at)) if one.at else one
+        for one in findings
+    ]
     return tuple(sorted(placed, key=lambda one: (one.line is None, one.line or 0)))

@@ -14,7 +14,9 @@ from topdown.model.loading import line_of
 
 
 def class_named(languages: Languages, name: str) -> type:
-    """The class written as LANGUAGE.Class in a design. Raises NoSuchEntry, or LocalProtocolError for the language."""
+    """The class written as LANGUAGE.Class in a design. Raises NoSuchEntry, or LocalProtocolError
+    for the language.
+    """
     language, _, word = name.partition(".")
     classes = {kind.__name__: kind for kind in languages.named(language).classes}
     if word not in classes:
@@ -23,7 +25,8 @@ def class_named(languages: Languages, name: str) -> type:
 
 
 def interface(design: Design, languages: Languages, use: str) -> ClassInterfaceInfo:
-    """The questions of a use of a protocol: [(performative, name, [argument classes], answer class)].
+    """The questions of a use of a protocol: [(performative, name, [argument classes], answer
+    class)].
 
     Raises DesignError for an entry with a class that its language does not have.
     """
@@ -34,13 +37,21 @@ def interface(design: Design, languages: Languages, use: str) -> ClassInterfaceI
             arguments = [class_named(languages, name) for name in entry.arguments]
         except NoSuchEntry as error:
             raise _unfit(design, entry, error) from error
-        rows.append((entry.performative, entry.name, arguments, reduce(or_, answers) if answers else None))
+        rows.append(
+            (entry.performative, entry.name, arguments, reduce(or_, answers) if answers else None)
+        )
     return ClassInterfaceInfo(rows)
 
 
 def _unfit(design: Design, entry: InterfaceEntry, error: NoSuchEntry) -> DesignError:
-    places = ((number, row) for number, one in enumerate(design.file.interface) for row in range(len(one.entries)))
-    number, row = next((n, row) for n, row in places if design.file.interface[n].entries[row] is entry)
+    places = (
+        (number, row)
+        for number, one in enumerate(design.file.interface)
+        for row in range(len(one.entries))
+    )
+    number, row = next(
+        (n, row) for n, row in places if design.file.interface[n].entries[row] is entry
+    )
     near = get_close_matches(error.name, error.known) or error.known
     return DesignError(
         str(design.place),

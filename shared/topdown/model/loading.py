@@ -1,4 +1,5 @@
-"""Reads a design file into typed entries; an error names file, line, field, what is wrong and what would be right.
+"""Reads a design file into typed entries; an error names file, line, field, what is wrong and what
+would be right.
 
 The only I/O of topdown: reading the file.
 """
@@ -34,13 +35,17 @@ def load(path: Path) -> elements.DesignFile:
 
 
 def text_of(path: Path) -> str:
-    """What is written in a file, without a byte order mark. Raises DesignError where it is not UTF-8."""
+    """What is written in a file, without a byte order mark. Raises DesignError where it is not
+    UTF-8.
+    """
     data = path.read_bytes().removeprefix(BOM_UTF8)
     try:
         return data.decode()
     except UnicodeDecodeError as error:
         wrong = f"byte {data[error.start]:02x} is not UTF-8"
-        raise DesignError(str(path), data.count(b"\n", 0, error.start) + 1, "(file)", wrong, _TOML) from error
+        raise DesignError(
+            str(path), data.count(b"\n", 0, error.start) + 1, "(file)", wrong, _TOML
+        ) from error
 
 
 def read(text: str, name: str = "design.toml") -> elements.DesignFile:
@@ -49,7 +54,8 @@ def read(text: str, name: str = "design.toml") -> elements.DesignFile:
         return msgspec.convert(tomllib.loads(text), elements.DesignFile)
     except msgspec.ValidationError as error:  # a ValueError, too
         raise _not_fitting(error, text, name) from error
-    except (ValueError, RecursionError) as error:  # of tomllib: its own, numbers too long, nesting too deep
+    # of tomllib: its own, numbers too long, nesting too deep
+    except (ValueError, RecursionError) as error:
         found = _TOML_LINE.search(str(error))
         line = int(found.group(1)) if found else len(text.splitlines())
         raise DesignError(name, line, "(file)", str(error), _TOML) from error
@@ -61,9 +67,14 @@ def _not_fitting(error: msgspec.ValidationError, text: str, name: str) -> Design
     path = parts(match.group("path") or "" if match else "")
     unknown = _UNKNOWN.search(wrong)
     line = line_of(text, (*path, unknown.group(1)) if unknown else path)
-    field = ".".join(f"[{part}]" if isinstance(part, int) else part for part in path).replace(".[", "[") or "(file)"
+    field = (
+        ".".join(f"[{part}]" if isinstance(part, int) else part for part in path).replace(".[", "[")
+        or "(file)"
+    )
     now = _RENAMED.get(unknown.group(1)) if unknown and not path else None
-    return DesignError(name, line, field, wrong, f"it is called [[{now}]] now" if now else _right(path, wrong))
+    return DesignError(
+        name, line, field, wrong, f"it is called [[{now}]] now" if now else _right(path, wrong)
+    )
 
 
 def parts(path: str) -> Path_:
@@ -80,7 +91,11 @@ def _right(path: Path_, wrong: str) -> str:
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         known = ", ".join(field.name for field in msgspec.structs.fields(kind))
         return f"an entry {kind.__name__} has the fields {known}"
-    return f"it must be {_kind_text(kind)}" if kind is not None else f"see topdown.model.elements ({wrong})"
+    return (
+        f"it must be {_kind_text(kind)}"
+        if kind is not None
+        else f"see topdown.model.elements ({wrong})"
+    )
 
 
 def _step(kind: Any, part: str | int) -> Any:
@@ -91,7 +106,9 @@ def _step(kind: Any, part: str | int) -> Any:
     struct = kind if isinstance(kind, type) else info
     if struct is None or not issubclass(struct, msgspec.Struct):
         return None
-    return next((field.type for field in msgspec.structs.fields(struct) if field.name == part), None)
+    return next(
+        (field.type for field in msgspec.structs.fields(struct) if field.name == part), None
+    )
 
 
 def _kind_text(kind: Any) -> str:
@@ -103,7 +120,9 @@ def _kind_text(kind: Any) -> str:
 
 
 def line_of(text: str, path: Path_) -> int | None:
-    """The line (from 1) of the entry or field at `path`, or of the nearest thing around it; None for the whole file."""
+    """The line (from 1) of the entry or field at `path`, or of the nearest thing around it; None
+    for the whole file.
+    """
     line: int | None = None
     begin, end, lines = 0, None, text.splitlines()
     prefix = ""
@@ -127,10 +146,16 @@ def line_of(text: str, path: Path_) -> int | None:
 
 
 def _element(lines: list[str], at: int, rest: Path_) -> int:
-    """Index of the line of an element of a list that is written one element a line, below the field at index `at`."""
+    """Index of the line of an element of a list that is written one element a line, below the field
+    at index `at`.
+    """
     if not rest or not isinstance(rest[0], int) or not lines[at].rstrip().endswith("["):
         return at
-    opened = (index for index in range(at + 1, len(lines)) if lines[index].lstrip().startswith(("{", "[", '"')))
+    opened = (
+        index
+        for index in range(at + 1, len(lines))
+        if lines[index].lstrip().startswith(("{", "[", '"'))
+    )
     for count, index in enumerate(opened):
         if count == rest[0]:
             return index

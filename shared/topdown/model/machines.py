@@ -1,8 +1,9 @@
-"""An agent's conversational behaviour as rows: which event, in which state, makes it say what, and wait where next.
+"""An agent's conversational behaviour as rows: which event, in which state, makes it say what, and
+wait where next.
 
-The rows stand in the design file beside the states and arcs (elements.Row). Two readers use them: the running agent
-takes a message only where a row of its state names it, and its steps are compared with the rows; the proof composes
-the rows of all agents. Nothing here knows a particular system.
+The rows stand in the design file beside the states and arcs (elements.Row). Two readers use them:
+the running agent takes a message only where a row of its state names it, and its steps are compared
+with the rows; the proof composes the rows of all agents. Nothing here knows a particular system.
 """
 
 import re
@@ -24,9 +25,13 @@ NONE = "none"
 SETTLED, UNSETTLED = "settled", "unsettled"
 """Words for what is due to a subscriber: nothing, or something."""
 WAITING, SERVED = "waiting", "served"
-"""Words for a conversation that waits for its turn, as a row's `waits` said, and for one that does not."""
+"""Words for a conversation that waits for its turn, as a row's `waits` said, and for one that does
+not.
+"""
 WORDS = frozenset((SETTLED, UNSETTLED, WAITING, SERVED))
-"""Words of guards, not states: a protocol's state of the same name is not meant (request-when has `waiting`)."""
+"""Words of guards, not states: a protocol's state of the same name is not meant (request-when has
+`waiting`).
+"""
 
 
 class Cause(StrEnum):
@@ -110,7 +115,9 @@ class Use(NamedTuple):
 
 
 class Machine:
-    """The rows of one agent, by state and event. Raises DesignError for a row that cannot be read."""
+    """The rows of one agent, by state and event. Raises DesignError for a row that cannot be
+    read.
+    """
 
     def __init__(self, design: Design, agent: str) -> None:
         self.agent = agent
@@ -158,12 +165,18 @@ class Machine:
     def spontaneous(self) -> dict[str, tuple[Row, ...]]:
         """Rows of a state that need no message: everything but what is taken."""
         return {
-            state: tuple(row for row in self.rows if state in row.states and row.event.cause is not Cause.TAKE)
+            state: tuple(
+                row
+                for row in self.rows
+                if state in row.states and row.event.cause is not Cause.TAKE
+            )
             for state in self.waits
         }
 
     def takes(self, state: str, use: str, act: Performative, kind: Kind) -> bool:
-        """Whether a message is taken in this state; what is not waits in the inbox. Without rows everything is."""
+        """Whether a message is taken in this state; what is not waits in the inbox. Without rows
+        everything is.
+        """
         return not self.rows or (state, Event(Cause.TAKE, use, act, kind)) in self.by_event
 
 
@@ -176,7 +189,9 @@ _CAUSE = re.compile(r"(late|back|own|person) (\S+)|restart")
 
 
 class References:
-    """Reads words of a design that name something else of it; every error names where, and what there is."""
+    """Reads words of a design that name something else of it; every error names where, and what
+    there is.
+    """
 
     def __init__(self, design: Design, where: str = "") -> None:
         self.file, self.where = design.path or "design.toml", where
@@ -184,7 +199,9 @@ class References:
     def among(self, kind: str, name: str, known: Collection[str]) -> None:
         """Raises DesignError where nothing of this kind has the name."""
         if name not in known:
-            raise self.error(f"no {kind} {name!r}", f"there are {', '.join(sorted(known)) or 'none'}")
+            raise self.error(
+                f"no {kind} {name!r}", f"there are {', '.join(sorted(known)) or 'none'}"
+            )
 
     def said(self, text: str, uses: Collection[str], kind: str = "protocol") -> ProtocolAct:
         """An act in one of these uses."""

@@ -1,4 +1,5 @@
-"""Interaction protocols that a design brings along, beside FIPA's: entries of the file made into tables of rows.
+"""Interaction protocols that a design brings along, beside FIPA's: entries of the file made into
+tables of rows.
 
 Also the word by which files and people name a use of a performative: `inform`, `inform[final]`.
 """
@@ -17,7 +18,9 @@ _WORD = re.compile(r"(?P<act>[a-z-]+)(?:\[(?P<kind>[a-z]+)\])?")
 
 
 def act_word(word: str) -> tuple[Performative, Kind]:
-    """Performative and guard word of `inform[final]`. Raises ValueError, which says what there is."""
+    """Performative and guard word of `inform[final]`. Raises ValueError, which says what there
+    is.
+    """
     match = _WORD.fullmatch(word)
     if match is None:
         raise ValueError(f"{word!r} is not an act; write `inform` or `inform[final]`")
@@ -25,7 +28,9 @@ def act_word(word: str) -> tuple[Performative, Kind]:
         return Performative(match["act"]), Kind(match["kind"] or "")
     except ValueError:
         kinds = ", ".join(kind for kind in Kind if kind)
-        raise ValueError(f"{word!r}: acts are {', '.join(Performative)}; guard words {kinds}") from None
+        raise ValueError(
+            f"{word!r}: acts are {', '.join(Performative)}; guard words {kinds}"
+        ) from None
 
 
 def fipa_table(name: str) -> Protocol | None:

@@ -1,6 +1,8 @@
-"""Parameters of an agent: values that an operator may set while it runs, each with its type, default and bounds.
+"""Parameters of an agent: values that an operator may set while it runs, each with its type,
+default and bounds.
 
-They stand in the design file (elements.Parameter). Who sets one and the agent that takes it check it by the same words.
+They stand in the design file (elements.Parameter). Who sets one and the agent that takes it check
+it by the same words.
 """
 
 from functools import cached_property
@@ -70,7 +72,13 @@ def allowed(entry: Parameter) -> str:
 
 def worded(value: Value) -> str:
     """A value as a person types it."""
-    return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)
+    return (
+        str(value).lower()
+        if isinstance(value, bool)
+        else f"{value:g}"
+        if isinstance(value, float)
+        else str(value)
+    )
 
 
 def _default(entry: Parameter) -> Value:
@@ -90,7 +98,9 @@ def _parsed(kind: ParameterType, text: str) -> Value:
 
 
 def _typed(kind: ParameterType, value: object) -> bool:
-    """Whether a value is of this type; true is not a number, and a number of a parameter is finite."""
+    """Whether a value is of this type; true is not a number, and a number of a parameter is
+    finite.
+    """
     if isinstance(value, bool):
         return kind is ParameterType.BOOLEAN
     if isinstance(value, int):

@@ -1,16 +1,18 @@
-"""Rights of each identity on each key: derived from a design, and written as the access rules of Zenoh sessions.
+"""Rights of each identity on each key: derived from a design, and written as the access rules of
+Zenoh sessions.
 
-Default deny. An agent may put exactly the communicates that the design lets it say (sender, receiver, protocol,
-performative) and hear exactly what is said to it; of samples that are not communicates it may write its own keys where
-the design has it among the writers, and read where it is among the readers. What names a peer in its key goes to that
-peer, and to readers that are not agents. Nobody queries and nobody answers queries: requests are communicates.
+Default deny. An agent may put exactly the communicates that the design lets it say (sender,
+receiver, protocol, performative) and hear exactly what is said to it; of samples that are not
+communicates it may write its own keys where the design has it among the writers, and read where it
+is among the readers. What names a peer in its key goes to that peer, and to readers that are not
+agents. Nobody queries and nobody answers queries: requests are communicates.
 
-What agents say to each other goes by their own link: there the receiving agent's rules decide. All else, also what is
-said to a group of a design, goes by the router, whose rules decide.
+What agents say to each other goes by their own link: there the receiving agent's rules decide. All
+else, also what is said to a group of a design, goes by the router, whose rules decide.
 
-An identity is the common name (CN) of a certificate. Who decides compares it with the sender in the key, and the
-receiving agent compares the key with the sender in the communicate: so a sender is who holds the private key of that
-name. Nothing here knows a certificate or a router.
+An identity is the common name (CN) of a certificate. Who decides compares it with the sender in the
+key, and the receiving agent compares the key with the sender in the communicate: so a sender is who
+holds the private key of that name. Nothing here knows a certificate or a router.
 """
 
 from collections.abc import Iterator, Sequence
@@ -48,9 +50,11 @@ class Right(msgspec.Struct, frozen=True, order=True):
 
 
 class Family(msgspec.Struct, frozen=True, order=True):
-    """Keys that are one thing to the design: a communicate's act on a channel, or one owner's key of a kind of signal.
+    """Keys that are one thing to the design: a communicate's act on a channel, or one owner's key
+    of a kind of signal.
 
-    `key`: with * for the number of an incarnation only. `what`: the channel, or the kind; `peer` "" where none.
+    `key`: with * for the number of an incarnation only. `what`: the channel, or the kind; `peer` ""
+    where none.
     """
 
     key: str
@@ -62,9 +66,15 @@ class Family(msgspec.Struct, frozen=True, order=True):
 
 
 def identities(design: Design) -> tuple[str, ...]:
-    """Agents and groups that speak, other readers and writers, and the router: each has its own certificate."""
-    others = [name for signal in design.signals.values() for name in (*signal.writers, *signal.readers)]
-    return tuple(dict.fromkeys([*_speakers(design), *design.file.system.recorders, *others, ROUTER]))
+    """Agents and groups that speak, other readers and writers, and the router: each has its own
+    certificate.
+    """
+    others = [
+        name for signal in design.signals.values() for name in (*signal.writers, *signal.readers)
+    ]
+    return tuple(
+        dict.fromkeys([*_speakers(design), *design.file.system.recorders, *others, ROUTER])
+    )
 
 
 def families(design: Design, system: str) -> tuple[Family, ...]:
@@ -79,7 +89,14 @@ def families(design: Design, system: str) -> tuple[Family, ...]:
         )
         for rule in design.rules.values()
     ]
-    return (*said, *(family for signal in design.signals.values() for family in _of_signal(design, system, signal)))
+    return (
+        *said,
+        *(
+            family
+            for signal in design.signals.values()
+            for family in _of_signal(design, system, signal)
+        ),
+    )
 
 
 def _speakers(design: Design) -> tuple[str, ...]:
@@ -89,7 +106,9 @@ def _speakers(design: Design) -> tuple[str, ...]:
 
 
 def routed(design: Design, family: Family) -> bool:
-    """Whether keys of a family go by the router: they are not of two agents, which are linked with each other."""
+    """Whether keys of a family go by the router: they are not of two agents, which are linked with
+    each other.
+    """
     return not {family.owner, family.peer} <= set(design.agents)
 
 
@@ -101,7 +120,9 @@ def rights(design: Design, system: str) -> tuple[Right, ...]:
 def _allowed(design: Design, found: Sequence[Family]) -> tuple[Right, ...]:
     cells: list[Right] = []
     for family in found:
-        write, read = (Action.TOKEN, Action.WATCH) if family.token else (Action.PUT, Action.SUBSCRIBE)
+        write, read = (
+            (Action.TOKEN, Action.WATCH) if family.token else (Action.PUT, Action.SUBSCRIBE)
+        )
         cells.append(Right(family.owner, write, family.key))
         cells += [Right(name, read, family.key) for name in _hearers(design, family)]
     return tuple(sorted(set(cells)))
@@ -111,8 +132,8 @@ def common_names(design: Design, systems: Sequence[str]) -> dict[str, tuple[tupl
     """The common name (CN) of each certificate, and as whom it counts: (identity, system) pairs.
 
     One system: the CN is the identity. Several behind one router: the CN of an agent or a group is
-    `<system>.<identity>`, so that the two of a name are told apart; another identity (router, recorders, readers) is
-    one for all systems.
+    `<system>.<identity>`, so that the two of a name are told apart; another identity (router,
+    recorders, readers) is one for all systems.
     """
     several = set(_speakers(design)) if len(systems) > 1 else set()
     found: dict[str, list[tuple[str, str]]] = {}
@@ -124,24 +145,30 @@ def common_names(design: Design, systems: Sequence[str]) -> dict[str, tuple[tupl
 
 
 def access_control(design: Design, *systems: str) -> dict[str, Any]:
-    """The part `access_control` of a Zenoh router's configuration (1.10): subjects are common names of certificates.
+    """The part `access_control` of a Zenoh router's configuration (1.10): subjects are common names
+    of certificates.
 
-    Directions are the router's: ingress is what a client sends. A subscription may have wildcards (`_ears`); what then
-    reaches the subscriber are only the keys that it has a right to. Subscriptions of others are told to no agent, so a
-    publisher cannot learn who listens.
+    Directions are the router's: ingress is what a client sends. A subscription may have wildcards
+    (`_ears`); what then reaches the subscriber are only the keys that it has a right to.
+    Subscriptions of others are told to no agent, so a publisher cannot learn who listens.
     """
     cells = {
-        system: _allowed(design, [one for one in families(design, system) if routed(design, one)]) for system in systems
+        system: _allowed(design, [one for one in families(design, system) if routed(design, one)])
+        for system in systems
     }
     holders = common_names(design, systems)
-    return _control({name: list(_rules(design, cells, name, pairs)) for name, pairs in holders.items()})
+    return _control(
+        {name: list(_rules(design, cells, name, pairs)) for name, pairs in holders.items()}
+    )
 
 
 def links_control(design: Design, system: str, agent: str, names: dict[str, str]) -> dict[str, Any]:
-    """The part `access_control` of the configuration of an agent's links with its neighbours (Zenoh 1.10).
+    """The part `access_control` of the configuration of an agent's links with its neighbours (Zenoh
+    1.10).
 
-    A neighbour may put what the design lets it say to this agent, hear what this agent says to it, and see this agent's
-    token; everything else is denied, also to clients that a neighbour forwards for. `names`: identity -> common name.
+    A neighbour may put what the design lets it say to this agent, hear what this agent says to it,
+    and see this agent's token; everything else is denied, also to clients that a neighbour forwards
+    for. `names`: identity -> common name.
     """
     every, near = families(design, system), sorted(set(design.peers(agent)) & set(design.agents))
     ways = ((one, _linked(design, system, every, agent, one, names[one])) for one in near)
@@ -157,7 +184,9 @@ def _control(rules: dict[str, list[dict[str, Any]]]) -> dict[str, Any]:
         "rules": [rule for found in rules.values() for rule in found],
         "subjects": [{"id": name, "cert_common_names": [name]} for name in rules],
         "policies": [
-            {"subjects": [name], "rules": [rule["id"] for rule in found]} for name, found in rules.items() if found
+            {"subjects": [name], "rules": [rule["id"] for rule in found]}
+            for name, found in rules.items()
+            if found
         ],
     }
 
@@ -172,14 +201,27 @@ def _linked(
         own = [one for one in every if one.owner == owner]
         said = [one.key for one in own if {one.owner, one.peer} == both]
         yield from _rule(f"{name} {brings} words", flow, ["put"], said)
-        yield from _rule(f"{name} {brings} life", flow, ["liveliness_token"], [one.key for one in own if one.token])
-        ears, watching = _ears(design, system, owner), ["liveliness_query", "declare_liveliness_subscriber"]
-        yield from _rule(f"{name} {asks} for words", flow, ["declare_subscriber"], ears[Action.SUBSCRIBE])
+        yield from _rule(
+            f"{name} {brings} life",
+            flow,
+            ["liveliness_token"],
+            [one.key for one in own if one.token],
+        )
+        ears, watching = (
+            _ears(design, system, owner),
+            ["liveliness_query", "declare_liveliness_subscriber"],
+        )
+        yield from _rule(
+            f"{name} {asks} for words", flow, ["declare_subscriber"], ears[Action.SUBSCRIBE]
+        )
         yield from _rule(f"{name} {asks} for life", flow, watching, ears[Action.WATCH])
 
 
 def _rules(
-    design: Design, cells: dict[str, tuple[Right, ...]], name: str, pairs: tuple[tuple[str, str], ...]
+    design: Design,
+    cells: dict[str, tuple[Right, ...]],
+    name: str,
+    pairs: tuple[tuple[str, str], ...],
 ) -> Iterator[dict[str, Any]]:
     keys: dict[Action, list[str]] = {action: [] for action in Action}
     ears: dict[Action, list[str]] = {Action.SUBSCRIBE: [], Action.WATCH: []}
@@ -201,11 +243,19 @@ def _rules(
 def _rule(name: str, flow: str, messages: list[str], keys: list[str]) -> Iterator[dict[str, Any]]:
     """Yield a rule; none without keys, since Zenoh refuses an empty one."""
     if keys:
-        yield {"id": name, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys}
+        yield {
+            "id": name,
+            "permission": "allow",
+            "flows": [flow],
+            "messages": messages,
+            "key_exprs": keys,
+        }
 
 
 def _ears(design: Design, system: str, identity: str) -> dict[Action, list[str]]:
-    """The widest key expressions an identity may declare: a declaration must lie within one of them."""
+    """The widest key expressions an identity may declare: a declaration must lie within one of
+    them.
+    """
     ears: dict[Action, list[str]] = {Action.SUBSCRIBE: [], Action.WATCH: []}
     if identity in _speakers(design):
         ears[Action.SUBSCRIBE].append(design.keys_to(system, identity))
@@ -235,12 +285,16 @@ def _is_token(signal: Signal) -> bool:
 
 
 def _hearers(design: Design, family: Family) -> tuple[str, ...]:
-    """The identities that may hear it: what goes by a link its receiver; of a communicate that goes by the
-    router the receiver and the recorders, else the readers.
+    """The identities that may hear it: what goes by a link its receiver; of a communicate that goes
+    by the router the receiver and the recorders, else the readers.
     """
     if not routed(design, family):
         return (family.peer,)
     if family.act:
         return (family.peer, *design.file.system.recorders)
     readers = design.signals[family.what].readers
-    return tuple(name for name in readers if not family.peer or name == family.peer or name not in design.agents)
+    return tuple(
+        name
+        for name in readers
+        if not family.peer or name == family.peer or name not in design.agents
+    )

@@ -1,4 +1,6 @@
-"""The rulings of a design: where its source is silent or contradicts itself, what the design does instead."""
+"""The rulings of a design: where its source is silent or contradicts itself, what the design does
+instead.
+"""
 
 from collections.abc import Iterator
 
@@ -20,7 +22,10 @@ class Ruling(msgspec.Struct, frozen=True):
 
 def rulings(design: Design) -> tuple[Ruling, ...]:
     """Every ruling, in the file's order."""
-    found = [Ruling(where, text, line_of(design.text, at)) for where, text, at in _walk(design.file, "", ())]
+    found = [
+        Ruling(where, text, line_of(design.text, at))
+        for where, text, at in _walk(design.file, "", ())
+    ]
     return tuple(sorted(found, key=lambda one: one.line or 0))
 
 

@@ -1,8 +1,10 @@
-"""A group as an end of channels in the composed model: it may say whatever the tables of its uses allow, at any time.
+"""A group as an end of channels in the composed model: it may say whatever the tables of its uses
+allow, at any time.
 
-Nobody of the design runs a group, so nothing is known of it but its tables and the acts that its messages list. Its
-rows are made of these: what its peers say it takes, what it is asked it answers sooner or later, by any word that the
-table has there; what it opens, calls off or observes is its free choice, of which nobody may wait.
+Nobody of the design runs a group, so nothing is known of it but its tables and the acts that its
+messages list. Its rows are made of these: what its peers say it takes, what it is asked it answers
+sooner or later, by any word that the table has there; what it opens, calls off or observes is its
+free choice, of which nobody may wait.
 """
 
 from collections.abc import Iterator
@@ -25,14 +27,23 @@ SAYS, CHOOSES = "own says", "person there"
 
 
 def groups(design: Design) -> tuple[str, ...]:
-    """The groups at ends of uses of protocols. Raises DesignError for an end that is not a group either."""
+    """The groups at ends of uses of protocols. Raises DesignError for an end that is not a group
+    either.
+    """
     known = {group.name for group in design.file.group}
-    ends = dict.fromkeys(end for use in design.file.protocol for end in (use.initiator, use.participant))
+    ends = dict.fromkeys(
+        end for use in design.file.protocol for end in (use.initiator, use.participant)
+    )
     found = tuple(end for end in ends if end not in design.agents)
     for end in found:
         if end not in known:
-            where = next(use.name for use in design.file.protocol if end in (use.initiator, use.participant))
-            right = f"agents are {', '.join(design.agents) or 'none'}, groups {', '.join(sorted(known)) or 'none'}"
+            where = next(
+                use.name for use in design.file.protocol if end in (use.initiator, use.participant)
+            )
+            right = (
+                f"agents are {', '.join(design.agents) or 'none'}, groups"
+                f" {', '.join(sorted(known)) or 'none'}"
+            )
             raise DesignError(
                 design.path or "design.toml",
                 None,
@@ -44,17 +55,26 @@ def groups(design: Design) -> tuple[str, ...]:
 
 
 def composed(design: Design) -> Design:
-    """The design with an agent for each of its groups; the same one where none is at an end of a use."""
+    """The design with an agent for each of its groups; the same one where none is at an end of a
+    use.
+    """
     names = groups(design)
     if not names:
         return design
     made = tuple(_agent(design, name) for name in names)
-    return Design(replace(design.file, agent=(*design.file.agent, *made)), design.path, design.text, design.folder)
+    return Design(
+        replace(design.file, agent=(*design.file.agent, *made)),
+        design.path,
+        design.text,
+        design.folder,
+    )
 
 
 def _agent(design: Design, group: str) -> elements.Agent:
     uses = [use for use in design.file.protocol if group in (use.initiator, use.participant)]
-    ends = [_End(use, group, design.tables[use.follows]) for use in uses if use.follows in design.tables]
+    ends = [
+        _End(use, group, design.tables[use.follows]) for use in uses if use.follows in design.tables
+    ]
     rows = (*(row for end in ends for row in end.rows()), *_renewals(ends))
     state = elements.State(ANYTHING, "chaos", "never", talks=tuple(end.use.name for end in ends))
     return elements.Agent(name=group, initial=ANYTHING, state=(state,), row=rows)
@@ -81,15 +101,23 @@ class _End:
         for said in self.openings():
             yield _row(SAYS if self.subscribes else CHOOSES, said, when=(f"{self.use.name} none",))
         if self.observed:
-            # what is observed before the answer to a subscription is sent after it: that is an observation made later
+            # what is observed before the answer to a subscription is sent after it: that is an
+            # observation made later
             told = "|".join(("none", *sorted(map(str, self.table.resting))))
-            yield elements.Row(in_=(ANYTHING,), on=CHOOSES, owes=(self.use.name,), when=(f"{self.use.name} {told}",))
+            yield elements.Row(
+                in_=(ANYTHING,),
+                on=CHOOSES,
+                owes=(self.use.name,),
+                when=(f"{self.use.name} {told}",),
+            )
         if self.role is Role.INITIATOR and not self.use.durable:
             yield elements.Row(in_=(ANYTHING,), on=f"late {self.use.name}")
 
     def openings(self) -> tuple[ProtocolAct, ...]:
         """The words that begin a conversation."""
-        return tuple(self._word(row) for row in self.table.allowed(START, SEND) if self._may_say(row))
+        return tuple(
+            self._word(row) for row in self.table.allowed(START, SEND) if self._may_say(row)
+        )
 
     def _taken(self) -> Iterator[elements.Row]:
         """Each word of the peer, with each way to say what is owed for it in the same step."""
@@ -101,7 +129,9 @@ class _End:
             yield _row(str(heard), *said)
 
     def _said(self) -> Iterator[ProtocolAct]:
-        """Words in a conversation that is open; a volatile opening is asked again by the model itself."""
+        """Words in a conversation that is open; a volatile opening is asked again by the model
+        itself.
+        """
         for row in self.table:
             if row.way is SEND and row.state != START and row.to != START and self._may_say(row):
                 said = self._word(row)
@@ -110,8 +140,12 @@ class _End:
                 if not again and not news:
                     yield said
 
-    def _owed(self, state: str, before: tuple[ProtocolAct, ...]) -> Iterator[tuple[ProtocolAct, ...]]:
-        """Ways to say what a state owes in the same step; one that says nothing where it owes nothing."""
+    def _owed(
+        self, state: str, before: tuple[ProtocolAct, ...]
+    ) -> Iterator[tuple[ProtocolAct, ...]]:
+        """Ways to say what a state owes in the same step; one that says nothing where it owes
+        nothing.
+        """
         if state not in self.table.urgent:
             yield before
             return

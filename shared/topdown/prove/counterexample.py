@@ -1,8 +1,8 @@
 """A counterexample as a sequence diagram with states, as text for a terminal.
 
-A message that is sent and one that is taken are two steps, maybe far apart, so each is half an arrow: it leaves its
-sender, or arrives at its receiver. What happens to one agent alone stands at its lifeline; states stand where they
-change.
+A message that is sent and one that is taken are two steps, maybe far apart, so each is half an
+arrow: it leaves its sender, or arrives at its receiver. What happens to one agent alone stands at
+its lifeline; states stand where they change.
 """
 
 import re
@@ -27,14 +27,18 @@ class Part(NamedTuple):
 
 
 def parts(step: Step, lifelines: list[str]) -> Iterator[Part]:
-    """The parts of a step in their order; words without a peer that has a lifeline stay together."""
+    """The parts of a step in their order; words without a peer that has a lifeline stay
+    together.
+    """
     own: list[str] = []
     for piece in re.split(r"[;,] ", step.what):
         match = _ARROW.fullmatch(piece)
         if match and match["peer"] in lifelines and match["peer"] != step.who:
             text, way, peer = match["text"], match["way"], match["peer"]
             beside = abs(lifelines.index(peer) - lifelines.index(step.who)) == 1
-            yield Part(text if beside else f"{text} {'to' if way == '->' else 'from'} {peer}", way, peer)
+            yield Part(
+                text if beside else f"{text} {'to' if way == '->' else 'from'} {peer}", way, peer
+            )
         else:
             own.append(piece)
     if own:
@@ -65,7 +69,9 @@ class _Sheet:
         """Half an arrow, or an event."""
         here = self.places[who]
         if not part.way:
-            for number, line in enumerate(textwrap.wrap(part.text, max(self.width - here - 2, 12)) or [""]):
+            for number, line in enumerate(
+                textwrap.wrap(part.text, max(self.width - here - 2, 12)) or [""]
+            ):
                 self.line([(here, ("| " if number else "* ") + line)])
             return
         right = self.places[part.peer] > here
@@ -80,10 +86,19 @@ class _Sheet:
 
     def states(self, states: Mapping[str, str]) -> None:
         """The new states, each at its lifeline, in brackets."""
-        wrapped = {name: textwrap.wrap(f"[{state}]", self.column - 2) for name, state in states.items() if state}
+        wrapped = {
+            name: textwrap.wrap(f"[{state}]", self.column - 2)
+            for name, state in states.items()
+            if state
+        }
         for number in range(max(map(len, wrapped.values()), default=0)):
             shown = {name: lines[number] for name, lines in wrapped.items() if number < len(lines)}
-            self.line([(self.places[name] + (0 if number == 0 else 1), text) for name, text in shown.items()])
+            self.line(
+                [
+                    (self.places[name] + (0 if number == 0 else 1), text)
+                    for name, text in shown.items()
+                ]
+            )
 
 
 def as_text(finding: Finding, width: int = 100) -> str:
@@ -100,6 +115,8 @@ def as_text(finding: Finding, width: int = 100) -> str:
         for part in parts(step, names):
             sheet.part(step.who, part)
         sheet.lines[first] = f"{number:>3}" + sheet.lines[first][3:]
-        sheet.states({name: state for name, state in step.after.items() if before.get(name) != state})
+        sheet.states(
+            {name: state for name, state in step.after.items() if before.get(name) != state}
+        )
         before = step.after
     return "\n".join(sheet.lines)

@@ -1,8 +1,10 @@
-"""Layer 2, durable: both roles of a protocol over two numbered streams, with every copy and every receipt explicit.
+"""Layer 2, durable: both roles of a protocol over two numbered streams, with every copy and every
+receipt explicit.
 
-Numbers are relative: place 1 of a direction is the oldest message its sender has no receipt for. A receipt for places
-1 to n empties them, and the rest moves up; so any number of conversations, one after the other, is a finite net.
-The net may do more than the streams, never less, but for what `ABSTRACTIONS` names.
+Numbers are relative: place 1 of a direction is the oldest message its sender has no receipt for. A
+receipt for places 1 to n empties them, and the rest moves up; so any number of conversations, one
+after the other, is a finite net. The net may do more than the streams, never less, but for what
+`ABSTRACTIONS` names.
 """
 
 from collections.abc import Iterator
@@ -12,19 +14,44 @@ from topdown.prove.net import Command, Copy, Effect, Guard, Net, Variable, Wrong
 from topdown.prove.roles import WRONG, Pair, Players, to
 
 BOUND = 3
-"""Unreceipted messages at which a sender is held back; the explored fleet held 5 at most, a pair 3."""
+"""Unreceipted messages at which a sender is held back; the explored fleet held 5 at most, a
+pair 3.
+"""
 NONE, TAKEN = "-", "*"
-"""A free place; a message that its receiver has taken: what it said matters no more, only its receipt is missing."""
+"""A free place; a message that its receiver has taken: what it said matters no more, only its
+receipt is missing.
+"""
 
 ABSTRACTIONS = (
-    ("a step is one record, receipts and sends come after it", "layer 1 explores the micro-steps of a stream"),
-    ("a copy that comes before its turn waits for it", "dropping it is a loss, which is a fault of its own"),
-    ("a copy goes when its message is receipted", "it could only bring one more receipt, which re-sending brings too"),
-    ("nothing is sent again while its receipt is on the way", "the receiver would drop it and give the same receipt"),
-    ("a message taken, but not receipted yet, has no word any more", "its copies can only bring its receipt again"),
+    (
+        "a step is one record, receipts and sends come after it",
+        "layer 1 explores the micro-steps of a stream",
+    ),
+    (
+        "a copy that comes before its turn waits for it",
+        "dropping it is a loss, which is a fault of its own",
+    ),
+    (
+        "a copy goes when its message is receipted",
+        "it could only bring one more receipt, which re-sending brings too",
+    ),
+    (
+        "nothing is sent again while its receipt is on the way",
+        "the receiver would drop it and give the same receipt",
+    ),
+    (
+        "a message taken, but not receipted yet, has no word any more",
+        "its copies can only bring its receipt again",
+    ),
     ("receipts on the way are a set", "they are cumulative: a second copy of one changes nothing"),
-    ("news that changes no state is sent when all before it is receipted", "`eager` explores it without: see there"),
-    ("one conversation at a time, the next after the end", "agents of this method hold one of each use"),
+    (
+        "news that changes no state is sent when all before it is receipted",
+        "`eager` explores it without: see there",
+    ),
+    (
+        "one conversation at a time, the next after the end",
+        "agents of this method hold one of each use",
+    ),
 )
 """Dropped traffic, and why it is safe to drop it."""
 
@@ -43,7 +70,9 @@ class _Direction:
         self.filled = (TAKEN, *self.words)
 
     def variables(self) -> Iterator[Variable]:
-        """For each place its word, copies on their way, and the receipt up to it; how many are taken."""
+        """For each place its word, copies on their way, and the receipt up to it; how many are
+        taken.
+        """
         yield Variable(self.taken, tuple(map(str, range(self.bound + 1))))
         for cell, copies, receipt in zip(self.cells, self.copies, self.receipts, strict=True):
             yield Variable(cell, (NONE, TAKEN, *self.words))
@@ -51,7 +80,9 @@ class _Direction:
             yield Variable(receipt, ("no", "yes"))
 
     def room(self, places: int) -> tuple[Guard, ...]:
-        """Whether the sender may add `places` more messages: else it does nothing, as in the runtime."""
+        """Whether the sender may add `places` more messages: else it does nothing, as in the
+        runtime.
+        """
         return (is_(self.cells[-places], NONE),) if places else ()
 
     def issue(self, word: str) -> Iterator[tuple[tuple[Guard, ...], tuple[Effect, ...]]]:
@@ -64,7 +95,11 @@ class _Direction:
         """The next word in its turn is taken from a copy, and receipted."""
         for place, cell in enumerate(self.cells):
             for copies in (1, 2):
-                guards = is_(self.taken, str(place)), is_(self.copies[place], str(copies)), is_(cell, word)
+                guards = (
+                    is_(self.taken, str(place)),
+                    is_(self.copies[place], str(copies)),
+                    is_(cell, word),
+                )
                 gone = to(cell, TAKEN), to(self.copies[place], copies - 1)
                 yield guards, (to(self.taken, place + 1), *gone, to(self.receipts[place], "yes"))
 
@@ -74,8 +109,16 @@ class _Direction:
             for place in range(taken):
                 for copies in (1, 2):
                     had = is_(self.taken, str(taken)), is_(self.copies[place], str(copies))
-                    effects = to(self.copies[place], copies - 1), to(self.receipts[taken - 1], "yes")
-                    yield Command(self.peer, f"had {place + 1} before, receipts again <- {self.me}", had, effects)
+                    effects = (
+                        to(self.copies[place], copies - 1),
+                        to(self.receipts[taken - 1], "yes"),
+                    )
+                    yield Command(
+                        self.peer,
+                        f"had {place + 1} before, receipts again <- {self.me}",
+                        had,
+                        effects,
+                    )
             for receipted in range(1, taken + 1):
                 guards = is_(self.taken, str(taken)), is_(self.receipts[receipted - 1], "yes")
                 words = f"receipt for {receipted} <- {self.peer}"
@@ -99,7 +142,9 @@ class _Direction:
         for place, copies in enumerate(self.copies):
             words = f"{place + 1} of {self.me}"
             for before, after, verb in ((1, 0, "loses"), (2, 1, "loses"), (1, 2, "doubles")):
-                yield _fault("wire", f"{verb} {words}", (is_(copies, str(before)),), (to(copies, after),))
+                yield _fault(
+                    "wire", f"{verb} {words}", (is_(copies, str(before)),), (to(copies, after),)
+                )
             receipt = self.receipts[place]
             text = f"loses the receipt for {words}"
             yield _fault("wire", text, (is_(receipt, "yes"),), (to(receipt, "no"),))
@@ -141,18 +186,26 @@ class _Streams:
         me, stream, opens = self.pair.players.named(role), self.out[role], row.state == START
         here = is_(me, *self.pair.sources(role, row) if opens else (str(row.state),))
         news = row.to == row.state and not self.eager
-        room = stream.room(1 + self._owed(role, row.to)) if str(row.state) not in self.pair.tables[role].urgent else ()
+        room = (
+            stream.room(1 + self._owed(role, row.to))
+            if str(row.state) not in self.pair.tables[role].urgent
+            else ()
+        )
         what, fair = f"{row.word} -> {stream.peer}", not (row.free or opens)
         for place, (guards, effects) in enumerate(stream.issue(row.word)):
             if not (news and place):
                 yield Command(me, what, (here, *room, *guards), (to(me, row.to), *effects), fair)
 
     def _owed(self, role: Role, state: str, most: int = 2) -> int:
-        """The number of words that a role owes at once in a state, counting at most `most` of a chain."""
+        """The number of words that a role owes at once in a state, counting at most `most` of a
+        chain.
+        """
         table = self.pair.tables[role]
         if state not in table.urgent or not most:
             return 0
-        return 1 + max((self._owed(role, row.to, most - 1) for row in table.allowed(state, SEND)), default=0)
+        return 1 + max(
+            (self._owed(role, row.to, most - 1) for row in table.allowed(state, SEND)), default=0
+        )
 
     def _take(self, role: Role, row: Row, states: frozenset[str]) -> Iterator[Command]:
         me, stream = self.pair.players.named(role), self.out[role.other]
@@ -163,11 +216,17 @@ class _Streams:
 
     def _wrong(self, role: Role) -> Iterator[Command]:
         """Yield receptions without a row, and answers that are owed while the queue has no room."""
-        me, stream, table = self.pair.players.named(role), self.out[role.other], self.pair.tables[role]
+        me, stream, table = (
+            self.pair.players.named(role),
+            self.out[role.other],
+            self.pair.tables[role],
+        )
         for state, word, forgotten in self.pair.untaken(role):
             text = self._text(self.pair.wrong_words(role, state, word, forgotten))
             for guards, _ in stream.take(word):
-                yield Command(me, f"{word} <- {stream.me}", (is_(me, state), *guards), (to(WRONG, text),))
+                yield Command(
+                    me, f"{word} <- {stream.me}", (is_(me, state), *guards), (to(WRONG, text),)
+                )
         if table.urgent:
             text = self._text(f"{me} has to answer at once, and its outbox is full")
             last = self.out[role]
@@ -179,7 +238,9 @@ class _Streams:
         return text
 
     def _deaths(self, role: Role) -> Iterator[Command]:
-        """Drop the traffic to a dead side; with it, or not, what that side had recorded and not yet sent."""
+        """Drop the traffic to a dead side; with it, or not, what that side had recorded and not yet
+        sent.
+        """
         me, mine, others = self.pair.players.named(role), self.out[role], self.out[role.other]
         waited = (*others.nothing_arrives(), *mine.no_receipt_arrives())
         unsent = (*mine.nothing_arrives(), *others.no_receipt_arrives())
@@ -208,9 +269,11 @@ def durable_pair(
     bound: int = BOUND,
     eager: bool = False,
 ) -> Net:
-    """The net of a protocol over two durable streams, with at most `faults` faults (None: any number).
+    """The net of a protocol over two durable streams, with at most `faults` faults (None: any
+    number).
 
-    `eager`: news (rows that stay in their state) may fill the outbox. Then two agents that take nothing while their
-    outboxes are full can block each other: a sender of news must leave room for the answers it owes.
+    `eager`: news (rows that stay in their state) may fill the outbox. Then two agents that take
+    nothing while their outboxes are full can block each other: a sender of news must leave room for
+    the answers it owes.
     """
     return _Streams(Pair(protocol, players or Players()), bound, eager).net().counted(faults)

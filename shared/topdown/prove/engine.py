@@ -1,10 +1,11 @@
 """Looks at every state of a model, breadth first, and gives the shortest way to whatever is wrong.
 
-Three things are looked for: a state the model calls wrong; a deadlock (nothing but faults can happen, and it is not at
-rest); and a state from which rest is out of reach by moves that are fair, that is, neither faults nor somebody's free
-choice. Nothing is explored beyond a wrong state or a deadlock. A search that stops at a limit takes what it has not
-looked at for good: its findings are wrong whatever lies there. States are numbered as they are found, and edges are
-kept as numbers only, so that millions fit into memory. Must not know: what a model is about.
+Three things are looked for: a state the model calls wrong; a deadlock (nothing but faults can
+happen, and it is not at rest); and a state from which rest is out of reach by moves that are fair,
+that is, neither faults nor somebody's free choice. Nothing is explored beyond a wrong state or a
+deadlock. A search that stops at a limit takes what it has not looked at for good: its findings are
+wrong whatever lies there. States are numbered as they are found, and edges are kept as numbers
+only, so that millions fit into memory. Must not know: what a model is about.
 """
 
 import time
@@ -15,7 +16,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
 State = Any
-"""Anything hashable; two states are the same if they are equal. Flat tuples of small integers are fastest."""
+"""Anything hashable; two states are the same if they are equal. Flat tuples of small integers are
+fastest.
+"""
 
 LOOK_AT_CLOCK = 1024
 """States between two looks at the clock (estimate: 0.1 s at the slowest)."""
@@ -25,9 +28,10 @@ TELL_EVERY_S = 0.5
 class Move(NamedTuple):
     """`who` does `what` and the state is `there`.
 
-    `fair`: counts when asked whether rest can be reached; a fault, a person's free choice and a repetition do not.
-    `fault`: of the surroundings, so nobody may wait for it. Words in `what` that drawings understand: "request -> ta"
-    is sent to another lifeline, "request <- co" is taken from one.
+    `fair`: counts when asked whether rest can be reached; a fault, a person's free choice and a
+    repetition do not. `fault`: of the surroundings, so nobody may wait for it. Words in `what` that
+    drawings understand: "request -> ta" is sent to another lifeline, "request <- co" is taken from
+    one.
     """
 
     who: str
@@ -45,13 +49,17 @@ class Model(Protocol):
         """The first state."""
 
     def moves(self, state: State) -> Iterable[Move]:
-        """All that can happen in a state; a plain tuple of a Move's five fields will do, and is quicker made."""
+        """All that can happen in a state; a plain tuple of a Move's five fields will do, and is
+        quicker made.
+        """
 
     def at_rest(self, state: State) -> bool:
         """Whether all may stay as it is for ever."""
 
     def wrong(self, state: State) -> str:
-        """Return the fault of this state by itself, in words; "" for none. Nothing is explored beyond it."""
+        """Return the fault of this state by itself, in words; "" for none. Nothing is explored
+        beyond it.
+        """
 
     def describe(self, state: State) -> dict[str, str]:
         """Agent -> its state in words, for drawing traces."""
@@ -69,7 +77,9 @@ DEADLOCK, WRONG, UNREACHED = "deadlock", "wrong", "rest out of reach"
 
 
 class Finding(NamedTuple):
-    """`kind`: DEADLOCK, WRONG or UNREACHED; `trace`: a shortest way from the start, where all were as in `start`."""
+    """`kind`: DEADLOCK, WRONG or UNREACHED; `trace`: a shortest way from the start, where all were
+    as in `start`.
+    """
 
     kind: str
     text: str
@@ -77,15 +87,19 @@ class Finding(NamedTuple):
     start: Mapping[str, str]
 
     def __str__(self) -> str:
-        steps = (f"{number:3}. {step.who}: {step.what}" for number, step in enumerate(self.trace, start=1))
+        steps = (
+            f"{number:3}. {step.who}: {step.what}"
+            for number, step in enumerate(self.trace, start=1)
+        )
         return "\n".join((f"{self.kind}: {self.text}", *steps))
 
 
 class Exploration(NamedTuple):
-    """Result of an exploration. `complete`: every state was looked at; if not, `unproven` says what is open.
+    """Result of an exploration. `complete`: every state was looked at; if not, `unproven` says what
+    is open.
 
-    `seconds`: wall time. `findings`: one for each different text, shortest trace first. `reached`: all states, where
-    that was asked for.
+    `seconds`: wall time. `findings`: one for each different text, shortest trace first. `reached`:
+    all states, where that was asked for.
     """
 
     states: int
@@ -111,9 +125,11 @@ def explore(
     first: bool = True,
     keep: bool = False,
 ) -> Exploration:
-    """Explore a model: stop at `most_states` known states, `seconds` of CPU time, or (`first`) its first finding.
+    """Explore a model: stop at `most_states` known states, `seconds` of CPU time, or (`first`) its
+    first finding.
 
-    `progress(states, waiting)` is called about twice a second. `keep`: hand out all states in `Exploration.reached`.
+    `progress(states, waiting)` is called about twice a second. `keep`: hand out all states in
+    `Exploration.reached`.
     """
     walk = _Walk(model, most_states, seconds, progress, first)
     walk.run()
@@ -131,8 +147,9 @@ def explore(
 
 
 class _Walk:
-    """`numbers`: every state found, in order; `parents`: of each but the first; `fair`: the numbers of the states that
-    fair moves lead to, those of state n from `begin[n]` on; `good`: at rest (or looked at no further).
+    """`numbers`: every state found, in order; `parents`: of each but the first; `fair`: the numbers
+    of the states that fair moves lead to, those of state n from `begin[n]` on; `good`: at rest (or
+    looked at no further).
     """
 
     def __init__(
@@ -171,7 +188,9 @@ class _Walk:
 
     @property
     def looked_at(self) -> int:
-        """Number of the first state that was not looked at: those known, but not looked at, are the newest."""
+        """Number of the first state that was not looked at: those known, but not looked at, are the
+        newest.
+        """
         return len(self.begin) - 1
 
     def _look(self, here: int, state: State, waiting: deque[State]) -> None:
@@ -213,16 +232,19 @@ class _Walk:
         if over or len(self.numbers) > self.most:
             limit = f"{self.seconds:g} CPU seconds" if over else f"{self.most} states"
             self.unproven = (
-                f"stopped at the limit of {limit}: {len(self.numbers)} states known, {waiting} of them not looked at; "
-                "open is whether a deadlock or a wrong state lies beyond them, and whether rest is in reach from there"
+                f"stopped at the limit of {limit}: {len(self.numbers)} states known, {waiting} of"
+                " them not looked at; open is whether a deadlock or a wrong state lies beyond"
+                " them, and whether rest is in reach from there"
             )
             return True
         return False
 
-    # --- backwards ----------------------------------------------------------------------------------------------------
+    # --- backwards --------------------------------------------------------------------------------
 
     def look_back(self) -> None:
-        """From states at rest, or not looked at, backwards over fair moves; the first not met is a finding."""
+        """From states at rest, or not looked at, backwards over fair moves; the first not met is a
+        finding.
+        """
         good = self._reaching()
         here = good.find(0)
         while here >= 0:
@@ -247,7 +269,9 @@ class _Walk:
         return good
 
     def _predecessors(self) -> "tuple[array[int], array[int]]":
-        """The fair moves turned round, by a counting sort: those into state n stand from begin[n] to begin[n + 1]."""
+        """The fair moves turned round, by a counting sort: those into state n stand from begin[n]
+        to begin[n + 1].
+        """
         begin = array("Q", bytes(8 * (len(self.numbers) + 2)))
         for there in self.fair:
             begin[there + 2] += 1
@@ -260,7 +284,7 @@ class _Walk:
                 begin[there + 1] += 1
         return begin, before
 
-    # --- findings -----------------------------------------------------------------------------------------------------
+    # --- findings ---------------------------------------------------------------------------------
 
     def _find(self, kind: str, text: str, number: int) -> None:
         if (kind, text) not in self.findings:
@@ -275,6 +299,8 @@ class _Walk:
         way.reverse()
         steps = []
         for one, other in pairwise(way):
-            who, what, *_ = next(move for move in self.model.moves(states[one]) if move[2] == states[other])
+            who, what, *_ = next(
+                move for move in self.model.moves(states[one]) if move[2] == states[other]
+            )
             steps.append(Step(who, what, self.model.describe(states[other])))
         return Finding(kind, text, tuple(steps), self.model.describe(self.model.start))

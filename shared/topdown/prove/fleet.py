@@ -1,9 +1,11 @@
-"""The composed system: every agent's rows and conversations on ideal durable queues, with faults of all soft parts.
+"""The composed system: every agent's rows and conversations on ideal durable queues, with faults of
+all soft parts.
 
-Durable streams are ideal FIFO queues here; layer 1 proves that they may be taken so. Queries, subscriptions and
-observations are volatile (parts.py, soft.py): lost or doubled by faults, asked again once nothing is on the way. A
-death and the coming back are one step: what is in the journal stays, soft conversations are gone. What is left out, and
-why that is safe, stands in abstractions.py. A state is a flat tuple of small numbers, so that millions fit into memory.
+Durable streams are ideal FIFO queues here; layer 1 proves that they may be taken so. Queries,
+subscriptions and observations are volatile (parts.py, soft.py): lost or doubled by faults, asked
+again once nothing is on the way. A death and the coming back are one step: what is in the journal
+stays, soft conversations are gone. What is left out, and why that is safe, stands in
+abstractions.py. A state is a flat tuple of small numbers, so that millions fit into memory.
 """
 
 from collections import deque
@@ -18,21 +20,27 @@ from topdown.prove.parts import OWN, RESTART, SAY, Parts, Ready, endless
 from topdown.prove.soft import Ends, Soft
 
 QUEUE_BOUND = 5
-"""Longest durable queue (estimate): the outbox of a running agent holds 16; this alarms long before back-pressure."""
+"""Longest durable queue (estimate): the outbox of a running agent holds 16; this alarms long before
+back-pressure.
+"""
 OVERFULL = f"more than {QUEUE_BOUND} words wait"
 ANY = -1
 """Any number of faults."""
 Flat = tuple[Any, ...]
-"""Numbers of the agents' local states, of the queues' contents, of the nets; last the faults that may still come."""
+"""Numbers of the agents' local states, of the queues' contents, of the nets; last the faults that
+may still come.
+"""
 Found = Any
 """A plain tuple of engine.Move's five fields: quicker made than a Move."""
 
 
 class Faults(NamedTuple):
-    """Bound on the faults that may happen in all (ANY: no limit): deaths, losses, copies, waits that are over.
+    """Bound on the faults that may happen in all (ANY: no limit): deaths, losses, copies, waits
+    that are over.
 
-    `gone`: an agent that may die for good, at any time; rest then means that all of `waiting` are idle, and after that
-    death waits that are over count as what will happen. `boot`: all begins with the start of all agents, not at rest.
+    `gone`: an agent that may die for good, at any time; rest then means that all of `waiting` are
+    idle, and after that death waits that are over count as what will happen. `boot`: all begins
+    with the start of all agents, not at rest.
     """
 
     most: int = 0
@@ -47,13 +55,17 @@ class Fleet:
     `groups`: the ends that nobody of the design runs; chaos.py has what they do.
     """
 
-    def __init__(self, design: Design, faults: Faults | None = None, parts: dict[str, Machine] | None = None) -> None:
+    def __init__(
+        self, design: Design, faults: Faults | None = None, parts: dict[str, Machine] | None = None
+    ) -> None:
         self.faults = faults or Faults()
         self.groups = frozenset(groups(design))
         whole = composed(design)
         self.parts = Parts(whole, parts or machines(whole))
         self.names, self.count = self.parts.names, len(self.parts.names)
-        self.inbound = [(slot, self.parts.place[to]) for (_, to), slot in self.parts.queue_of.items()]
+        self.inbound = [
+            (slot, self.parts.place[to]) for (_, to), slot in self.parts.queue_of.items()
+        ]
         self.waiting = [self.parts.place[name] for name in self.faults.waiting]
         self.soft = [Soft(self.parts, use) for use in self.parts.soft]
         self.used: set[tuple[str, int]] = set()
@@ -62,7 +74,9 @@ class Fleet:
         self.start: Flat = (*first[:-1], self.faults.most)
 
     def _first_rest(self, boot: Flat) -> Flat:
-        """The first state at rest after all agents were started; the boot itself is what deaths at rest lead to."""
+        """The first state at rest after all agents were started; the boot itself is what deaths at
+        rest lead to.
+        """
         seen, waiting = {boot}, deque([boot])
         while waiting:
             here = waiting.popleft()
@@ -74,16 +88,19 @@ class Fleet:
                     waiting.append(there)
         return boot
 
-    # --- for the engine -----------------------------------------------------------------------------------------------
+    # --- for the engine ---------------------------------------------------------------------------
 
     def moves(self, state: Flat) -> Iterator[Found]:
-        """All that can happen; a group says nothing while a queue of its is full, as the runtime does."""
+        """All that can happen; a group says nothing while a queue of its is full, as the runtime
+        does.
+        """
         if not self.groups:
             return self._moves(state)
         return (
             move
             for move in self._moves(state)
-            if move[0] not in self.groups or not (isinstance(move[2][0], str) and move[2][0].startswith(OVERFULL))
+            if move[0] not in self.groups
+            or not (isinstance(move[2][0], str) and move[2][0].startswith(OVERFULL))
         )
 
     def _moves(self, state: Flat) -> Iterator[Found]:
@@ -97,7 +114,13 @@ class Fleet:
                 if ready.late and gone:
                     yield name, ready.label, there, True, False
                 else:
-                    yield name, ready.label, self._less(there) if ready.fault else there, ready.fair, ready.fault
+                    yield (
+                        name,
+                        ready.label,
+                        self._less(there) if ready.fault else there,
+                        ready.fair,
+                        ready.fault,
+                    )
         for slot, number in self.inbound:
             if state[slot]:
                 yield from self._from_queue(state, slot, number)
@@ -111,7 +134,9 @@ class Fleet:
             yield gone, "dies for good", self._after(list(state), state, number, ready), False, True
 
     def at_rest(self, state: Flat) -> bool:
-        """All idle, nothing on its way, subscriptions live, observations known; with `gone`: all who wait are."""
+        """All idle, nothing on its way, subscriptions live, observations known; with `gone`: all
+        who wait are.
+        """
         if self.faults.gone:
             return all(self.parts.resting(number, state[number]) for number in self.waiting)
         return self._all_rest(state)
@@ -122,7 +147,9 @@ class Fleet:
             return state[0]
         for slot, number in self.inbound:
             if state[slot]:
-                found = self.parts.outcomes(number, state[number], self.parts.queues.values[state[slot]][0])
+                found = self.parts.outcomes(
+                    number, state[number], self.parts.queues.values[state[slot]][0]
+                )
                 if isinstance(found, str):
                     return found
         return ""
@@ -132,7 +159,10 @@ class Fleet:
         if isinstance(state[0], str):
             return {}
         numbered = enumerate(zip(self.names, self.parts.agents, strict=True))
-        return {name: _local_text(agent, self.parts.local(number, state[number])) for number, (name, agent) in numbered}
+        return {
+            name: _local_text(agent, self.parts.local(number, state[number]))
+            for number, (name, agent) in numbered
+        }
 
     def _all_rest(self, state: Flat) -> bool:
         if any(state[self.count : self.count + len(self.inbound)]):
@@ -140,7 +170,7 @@ class Fleet:
         agents = all(self.parts.resting(number, state[number]) for number in range(self.count))
         return agents and all(soft.at_rest(self._ends(state, soft)) for soft in self.soft)
 
-    # --- moves --------------------------------------------------------------------------------------------------------
+    # --- moves ------------------------------------------------------------------------------------
 
     def _is_gone(self, state: Flat) -> bool:
         number = self.parts.place[self.faults.gone]
@@ -154,7 +184,13 @@ class Fleet:
             for ready in found:
                 after = list(state)
                 after[slot] = rest
-                yield self.names[number], ready.label, self._after(after, state, number, ready), True, False
+                yield (
+                    self.names[number],
+                    ready.label,
+                    self._after(after, state, number, ready),
+                    True,
+                    False,
+                )
 
     def _from_net(self, state: Flat, soft: Soft, faulty: bool) -> Iterator[Found]:
         for who, what, ends, number, ready, fault, wrong in soft.turns(self._ends(state, soft)):
@@ -177,19 +213,26 @@ class Fleet:
             for ready in self.parts.unasked(number, state[number], RESTART):
                 there = self._after(list(state), state, number, ready)
                 if not isinstance(there[0], str):
-                    told = (self.parts.with_news(other, there[other], name) for other in range(self.count))
+                    told = (
+                        self.parts.with_news(other, there[other], name)
+                        for other in range(self.count)
+                    )
                     there = (*told, *there[self.count :])
                 if there != state:
                     yield name, ready.label, self._less(there), False, True
 
     def _less(self, state: Flat) -> Flat:
         """One fault less may come."""
-        return (*state[:-1], state[-1] - 1) if isinstance(state[-1], int) and state[-1] > 0 else state
+        return (
+            (*state[:-1], state[-1] - 1) if isinstance(state[-1], int) and state[-1] > 0 else state
+        )
 
     def _after(self, after: list[Any], before: Flat, number: int, ready: Ready) -> Flat:
         """The state after an outcome of an agent."""
         if ready.again:
-            return (f"{self.names[number]} begins an act twice in one conversation of {ready.again}",)
+            return (
+                f"{self.names[number]} begins an act twice in one conversation of {ready.again}",
+            )
         for rule in ready.rules:
             if rule.broken(self.parts, before):
                 return (f"{rule.name}: {rule.text}",)
@@ -205,13 +248,17 @@ class Fleet:
                 after[slot] = self.parts.net_after(after[slot], kind, said)
         return tuple(after)
 
-    # --- after the exploration ----------------------------------------------------------------------------------------
+    # --- after the exploration --------------------------------------------------------------------
 
     def not_silent(self) -> tuple[str, ...]:
-        """States reached in which a word that was left out would have changed something; none if all is well."""
+        """States reached in which a word that was left out would have changed something; none if
+        all is well.
+        """
         return tuple(
             f"{name} in {_local_text(agent, local)}: {said} is not without effect"
-            for name, agent, met in zip(self.names, self.parts.agents, self.parts.locals, strict=True)
+            for name, agent, met in zip(
+                self.names, self.parts.agents, self.parts.locals, strict=True
+            )
             for said in sorted(self.parts.silent)
             if said.use in agent.index
             for local in met.values
@@ -219,25 +266,39 @@ class Fleet:
         )
 
     def unused(self) -> tuple[str, ...]:
-        """Rows that no path took: nobody needs them, or one needs more faults, or their guards are wrong."""
+        """Rows that no path took: nobody needs them, or one needs more faults, or their guards are
+        wrong.
+        """
         found = []
         for name, agent in zip(self.names, self.parts.agents, strict=True):
             # what takes a silent word is not needed either
             silent = {Event(Cause.TAKE, *said) for said in self.parts.silent}
             quiet = {row.number for row in agent.machine.rows if row.event in silent}
-            for number, row in enumerate(agent.machine.entry.row if name not in self.groups else (), start=1):
+            for number, row in enumerate(
+                agent.machine.entry.row if name not in self.groups else (), start=1
+            ):
                 if not row.several and number not in quiet and (name, number) not in self.used:
-                    found.append(f"row never used: {name} {number} (in {'|'.join(row.in_)} on {row.on})")
+                    found.append(
+                        f"row never used: {name} {number} (in {'|'.join(row.in_)} on {row.on})"
+                    )
         return tuple(found)
 
     def endless(self) -> tuple[str, ...]:
-        """The words that may fill a queue and are not in the model; of how many wait nothing is proven."""
-        machines = [agent.machine for agent in self.parts.agents if agent.machine.agent not in self.groups]
-        return tuple(dict.fromkeys(told for one in machines for told in endless(one, self.parts.silent)))
+        """The words that may fill a queue and are not in the model; of how many wait nothing is
+        proven.
+        """
+        machines = [
+            agent.machine for agent in self.parts.agents if agent.machine.agent not in self.groups
+        ]
+        return tuple(
+            dict.fromkeys(told for one in machines for told in endless(one, self.parts.silent))
+        )
 
 
 def _local_text(agent: Agent, local: Local) -> str:
     """A local state in words."""
-    talks = [f"{use.name}: {talk}" for use, talk in zip(agent.uses, local.talks, strict=True) if talk]
+    talks = [
+        f"{use.name}: {talk}" for use, talk in zip(agent.uses, local.talks, strict=True) if talk
+    ]
     owed = [f"owes {use}" for use in sorted(local.owed)]
     return "; ".join((local.state, *talks, *owed))

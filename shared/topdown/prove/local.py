@@ -1,7 +1,8 @@
 """Actions of one agent in the composed model: its rows applied to the states of its conversations.
 
-A local state is small: the state it waits in, the state of its conversation in each use (one at a time), what it owes,
-which act was begun, which peers it has news of. Everything an event may lead to is worked out once and kept.
+A local state is small: the state it waits in, the state of its conversation in each use (one at a
+time), what it owes, which act was begun, which peers it has news of. Everything an event may lead
+to is worked out once and kept.
 """
 
 from collections.abc import Iterator
@@ -31,13 +32,15 @@ GONE = "gone"
 
 
 class Stray(str):
-    """Reason why a word is outside an open conversation: where copies and late answers are normal, it is dropped."""
+    """Reason why a word is outside an open conversation: where copies and late answers are normal,
+    it is dropped.
+    """
 
 
 class Local(NamedTuple):
-    """`talks`: state of the conversation of each use, "" where none is open; `owed`, `begun`: uses in which an
-    observation is due, an act was begun; `news`: peers that came back and were not taken note of; `waiting`: uses whose
-    conversation waits for its turn.
+    """`talks`: state of the conversation of each use, "" where none is open; `owed`, `begun`: uses
+    in which an observation is due, an act was begun; `news`: peers that came back and were not
+    taken note of; `waiting`: uses whose conversation waits for its turn.
     """
 
     state: str
@@ -49,7 +52,9 @@ class Local(NamedTuple):
 
 
 class Effect(NamedTuple):
-    """An effect of a step outside the agent: `kind` is "say", "open", "close" or "owe"; `said` for the first two."""
+    """An effect of a step outside the agent: `kind` is "say", "open", "close" or "owe"; `said` for
+    the first two.
+    """
 
     kind: str
     use: str
@@ -57,8 +62,8 @@ class Effect(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Result of an event: `label` in words, `row` its number (0: the runtime's own answer), `again`: an act was begun
-    that had been begun before.
+    """Result of an event: `label` in words, `row` its number (0: the runtime's own answer),
+    `again`: an act was begun that had been begun before.
     """
 
     there: Local
@@ -69,7 +74,9 @@ class Outcome(NamedTuple):
 
 
 class Agent:
-    """An agent of the composed model. `silent`: words that change nothing anywhere, which are not sent."""
+    """An agent of the composed model. `silent`: words that change nothing anywhere, which are not
+    sent.
+    """
 
     def __init__(self, machine: Machine, silent: frozenset[ProtocolAct]) -> None:
         self.machine, self.silent = machine, silent
@@ -87,7 +94,9 @@ class Agent:
     @property
     def watched(self) -> frozenset[str]:
         """Peers whose coming back some row answers."""
-        return frozenset(row.event.name for row in self.machine.rows if row.event.cause is Cause.BACK)
+        return frozenset(
+            row.event.name for row in self.machine.rows if row.event.cause is Cause.BACK
+        )
 
     def talk(self, local: Local, use: str) -> str:
         """State of the conversation of a use, "" where none is open."""
@@ -101,10 +110,12 @@ class Agent:
         )
         return quiet and local.state in self.machine.rest and not local.owed and not local.news
 
-    # --- what can happen ----------------------------------------------------------------------------------------------
+    # --- what can happen --------------------------------------------------------------------------
 
     def _take(self, local: Local, said: ProtocolAct) -> "tuple[Outcome, ...] | str | None":
-        """Outcomes of a message at the head of its queue; None: it waits; a text: nobody has thought of it."""
+        """Outcomes of a message at the head of its queue; None: it waits; a text: nobody has
+        thought of it.
+        """
         if local.state == GONE:
             return None
         use = self.machine.uses[said.use]
@@ -113,48 +124,72 @@ class Agent:
             if table.find(START, RECEIVE, said.act, said.kind) is None:
                 return f"{self.machine.agent} knows no conversation of {said.use} and got {said}"
             # the runtime answers a cancel of what has ended as the table says
-            effects = tuple(Effect("say", use.name, answer) for answer in self.late_answers(use.name))
+            effects = tuple(
+                Effect("say", use.name, answer) for answer in self.late_answers(use.name)
+            )
             return (Outcome(local, effects, f"{said} <- {use.peer}, too late", 0),)
         named = self.machine.by_event.get((local.state, Event(Cause.TAKE, *said)), ())
         rows = [row for row in named if not row.several]
         if not rows:
-            several = f"only rows for several at a time of {self.machine.agent} in {local.state} take {said}"
+            several = (
+                f"only rows for several at a time of {self.machine.agent} in {local.state} take"
+                f" {said}"
+            )
             return several if named else None
         found = table.find(talk or START, RECEIVE, said.act, said.kind)
         if found is None:
-            return Stray(f"{self.machine.agent} in {local.state} has {said.use} in {talk or NONE} and got {said}")
+            return Stray(
+                f"{self.machine.agent} in {local.state} has {said.use} in {talk or NONE} and got"
+                f" {said}"
+            )
         after = self.with_talk(local, said.use, str(found.to))
         outcomes = tuple(self._apply(after, rows))
         if not outcomes:
             state = {u.name: t for u, t in zip(self.uses, after.talks, strict=True) if t}
-            return f"no row of {self.machine.agent} in {local.state} applies to {said}; its conversations: {state}"
+            return (
+                f"no row of {self.machine.agent} in {local.state} applies to {said}; its"
+                f" conversations: {state}"
+            )
         return outcomes
 
     def late_answers(self, name: str) -> tuple[ProtocolAct, ...]:
-        """The runtime's answer to a cancel that is not open: one word or, where the table owes none, nothing."""
+        """The runtime's answer to a cancel that is not open: one word or, where the table owes
+        none, nothing.
+        """
         use = self.machine.uses[name]
         table = use.protocol.tables[use.role]
         taken = table.find(START, RECEIVE, Performative.CANCEL)
-        owed = table.allowed(taken.to, SEND) if taken is not None and taken.to in table.urgent else ()
+        owed = (
+            table.allowed(taken.to, SEND) if taken is not None and taken.to in table.urgent else ()
+        )
         return tuple(ProtocolAct(name, row.performative, row.kind) for row in owed[:1])
 
     def _spontaneous(self, local: Local) -> tuple[tuple[Outcome, Event], ...]:
-        """The events without a message, except restarts: own, person, back (with news of that peer), late."""
+        """The events without a message, except restarts: own, person, back (with news of that
+        peer), late.
+        """
         found: list[tuple[Outcome, Event]] = []
         for row in self.machine.spontaneous.get(local.state, ()):
             event = row.event
             if row.several or event.cause is Cause.RESTART or not self._happens(local, event):
                 continue
             gives_up = event.cause is Cause.LATE and not self.machine.uses[event.name].durable
-            after = local._replace(news=local.news - {event.name}) if event.cause is Cause.BACK else local
+            after = (
+                local._replace(news=local.news - {event.name})
+                if event.cause is Cause.BACK
+                else local
+            )
             after = self.with_talk(after, event.name, "") if gives_up else after
             closed = (Effect("close", event.name),) if gives_up else ()
             for outcome in self._apply(after, [row]):
                 found.append((outcome._replace(effects=(*closed, *outcome.effects)), event))
         answered = {event.name for _, event in found if event.cause is Cause.BACK}
-        for peer in sorted(local.news - answered):  # news are told once: where no row answers them, they change nothing
+        # news are told once: where no row answers them, they change nothing
+        for peer in sorted(local.news - answered):
             after = local._replace(news=local.news - {peer})
-            found.append((Outcome(after, (), f"news of {peer} is dropped", 0), Event(Cause.BACK, peer)))
+            found.append(
+                (Outcome(after, (), f"news of {peer} is dropped", 0), Event(Cause.BACK, peer))
+            )
         return tuple(found)
 
     def _happens(self, local: Local, event: Event) -> bool:
@@ -166,30 +201,46 @@ class Agent:
         return True
 
     def _restarted(self, local: Local) -> tuple[Outcome, ...]:
-        """After a death: soft conversations are gone, then a row for it, where there is one that applies."""
+        """After a death: soft conversations are gone, then a row for it, where there is one that
+        applies.
+        """
         closed = tuple(Effect("close", use.name) for use in self.uses if not use.durable)
-        talks = tuple(talk if use.durable else "" for use, talk in zip(self.uses, local.talks, strict=True))
+        talks = tuple(
+            talk if use.durable else "" for use, talk in zip(self.uses, local.talks, strict=True)
+        )
         after = local._replace(talks=talks, news=self.watched)
         rows = self.machine.by_event.get((local.state, Event(Cause.RESTART)), ())
         outcomes = tuple(self._apply(after, [row for row in rows if not row.several]))
         found = outcomes or (Outcome(after, (), "", 0),)
-        return tuple(one._replace(effects=(*closed, *one.effects), label=f"{DIES}{_and(one.label)}") for one in found)
+        return tuple(
+            one._replace(effects=(*closed, *one.effects), label=f"{DIES}{_and(one.label)}")
+            for one in found
+        )
 
     def would_change(self, local: Local, said: ProtocolAct) -> bool:
-        """Whether a silent word, where it may come, would change this state after all, or would not be taken."""
+        """Whether a silent word, where it may come, would change this state after all, or would not
+        be taken.
+        """
         use = self.machine.uses[said.use]
         talk = self.talk(local, said.use)
-        if not talk or use.protocol.tables[use.role].find(talk, RECEIVE, said.act, said.kind) is None:
+        if (
+            not talk
+            or use.protocol.tables[use.role].find(talk, RECEIVE, said.act, said.kind) is None
+        ):
             return False
         found = self.take(local, said)
-        return found is None or isinstance(found, str) or any(one.there != local or one.effects for one in found)
+        return (
+            found is None
+            or isinstance(found, str)
+            or any(one.there != local or one.effects for one in found)
+        )
 
     def gone(self) -> Outcome:
         """Dead for good."""
         closed = tuple(Effect("close", use.name) for use in self.uses if not use.durable)
         return Outcome(Local(GONE, ("",) * len(self.uses)), closed, "dies for good", 0)
 
-    # --- a row applied ------------------------------------------------------------------------------------------------
+    # --- a row applied ----------------------------------------------------------------------------
 
     def _apply(self, after: Local, rows: list[Row]) -> Iterator[Outcome]:
         """Every row that applies to `after` (the event has happened to it)."""
@@ -218,7 +269,9 @@ class Agent:
             local = local._replace(waiting=local.waiting.union(row.waits))
             ended, closing = self._forget_ended(local)
             if ended is not None:
-                yield Outcome(ended, (*effects, *said, *closing), self.label(row), row.number, again)
+                yield Outcome(
+                    ended, (*effects, *said, *closing), self.label(row), row.number, again
+                )
 
     def _holds(self, local: Local, guard: Guard) -> bool:
         talk = self.talk(local, guard.use) or NONE
@@ -226,8 +279,12 @@ class Agent:
         turn = WAITING if guard.use in local.waiting else SERVED
         return talk in guard.states or not guard.words.isdisjoint((due, turn))
 
-    def _spoken(self, local: Local, words: tuple[ProtocolAct, ...]) -> "tuple[Local, list[Effect]] | None":
-        """The local state after these words, and what they do outside; None where a table forbids one."""
+    def _spoken(
+        self, local: Local, words: tuple[ProtocolAct, ...]
+    ) -> "tuple[Local, list[Effect]] | None":
+        """The local state after these words, and what they do outside; None where a table forbids
+        one.
+        """
         effects: list[Effect] = []
         for said in words:
             use = self.machine.uses[said.use]
@@ -243,7 +300,9 @@ class Agent:
         return local, effects
 
     def _forget_ended(self, local: Local) -> "tuple[Local | None, list[Effect]]":
-        """Ended conversations are not kept; None where one still owes a word, so that the row does not apply."""
+        """Ended conversations are not kept; None where one still owes a word, so that the row does
+        not apply.
+        """
         effects: list[Effect] = []
         for use, talk in zip(self.uses, local.talks, strict=True):
             table = use.protocol.tables[use.role]
@@ -251,7 +310,9 @@ class Agent:
                 return None, []
             if talk and talk in table.ended:
                 local = self.with_talk(local, use.name, "")
-                local = local._replace(begun=local.begun - {use.name}, waiting=local.waiting - {use.name})
+                local = local._replace(
+                    begun=local.begun - {use.name}, waiting=local.waiting - {use.name}
+                )
                 if not use.durable:
                     effects.append(Effect("close", use.name))
         return local, effects

@@ -1,24 +1,29 @@
-"""Variables, bounded queues and guarded commands: the one form from which a model and its exports are made.
+"""Variables, bounded queues and guarded commands: the one form from which a model and its exports
+are made.
 
-A net is data, so one and the same table is explored here (`net_model.NetModel`) and given to spin (`promela`). To fill
-it:
+A net is data, so one and the same table is explored here (`net_model.NetModel`) and given to spin
+(`promela`). To fill it:
 
-  * `Variable("co", ("idle", "busy"), owner="co")`: a small finite domain of words; it starts with the first one, or
-    with `start`. `owner`: the lifeline under which drawings show its value ("" = not shown).
+  * `Variable("co", ("idle", "busy"), owner="co")`: a small finite domain of words; it starts with
+    the first one, or with `start`. `owner`: the lifeline under which drawings show its value ("" =
+    not shown).
   * `Queue("co>ta", ("request", "cancel"), capacity=3)`: first in, first out, empty at the start.
-  * `Command(who, what, guards, effects)`: may happen where all `guards` hold, and all its effects happen at once.
-    Alternatives are separate commands. `fair` and `fault` mean what they mean in `engine.Move`.
-    Guards: `Is(variable, {values})`, `Head(queue, {words})`, `Empty(queue)`, `Full(queue)`.
-    Effects, carried out in their order: `Set(variable, value)`, `Copy(variable, source)` (another variable with the
-    same domain), `Take(queue)` (its first word goes), `Send(queue, word)`, `Clear(queue)`.
-    A command with `Send` does not happen while there is no room (a full queue holds the sender back); where fullness
-    is an error, write another command guarded by `Full` that sets a variable of `wrong`. `Take` wants a `Head` guard.
-  * `rest`: alternatives, each of them guards; where all guards of one hold, everybody may stay as he is. `wrong`: what
-    must never be, each with its words. Beyond a wrong state nothing is explored.
+  * `Command(who, what, guards, effects)`: may happen where all `guards` hold, and all its effects
+    happen at once. Alternatives are separate commands. `fair` and `fault` mean what they mean in
+    `engine.Move`. Guards: `Is(variable, {values})`, `Head(queue, {words})`, `Empty(queue)`,
+    `Full(queue)`. Effects, carried out in their order: `Set(variable, value)`, `Copy(variable,
+    source)` (another variable with the same domain), `Take(queue)` (its first word goes),
+    `Send(queue, word)`, `Clear(queue)`. A command with `Send` does not happen while there is no
+    room (a full queue holds the sender back); where fullness is an error, write another command
+    guarded by `Full` that sets a variable of `wrong`. `Take` wants a `Head` guard.
+  * `rest`: alternatives, each of them guards; where all guards of one hold, everybody may stay as
+    he is. `wrong`: what must never be, each with its words. Beyond a wrong state nothing is
+    explored.
 
-A bag of messages in any order is a variable per word (how many copies); an unbounded number of faults is fault commands
-without a counter, a bounded one a variable that they count down (`Net.counted`). Names are free text; exports make
-identifiers of them. Must not know: protocols, agents, files.
+A bag of messages in any order is a variable per word (how many copies); an unbounded number of
+faults is fault commands without a counter, a bounded one a variable that they count down
+(`Net.counted`). Names are free text; exports make identifiers of them. Must not know: protocols,
+agents, files.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -43,7 +48,9 @@ class Variable(NamedTuple):
 
 
 class Queue(NamedTuple):
-    """First in, first out, at most `capacity` words. `owner`: the lifeline that shows what waits in it."""
+    """First in, first out, at most `capacity` words. `owner`: the lifeline that shows what waits in
+    it.
+    """
 
     name: str
     words: tuple[str, ...]
@@ -115,7 +122,9 @@ Effect = Set | Copy | Take | Send | Clear
 
 
 class Command(NamedTuple):
-    """`who` does `what` where all guards hold; see `engine.Move` for `fair`, `fault` and the words of `what`."""
+    """`who` does `what` where all guards hold; see `engine.Move` for `fair`, `fault` and the words
+    of `what`.
+    """
 
     who: str
     what: str
@@ -159,7 +168,9 @@ class Net(NamedTuple):
         return {thing.name: thing for thing in self.things}
 
     def counted(self, faults: int | None, name: str = "faults left") -> "Net":
-        """The same net in which at most `faults` fault commands happen (None: any number, as it is)."""
+        """The same net in which at most `faults` fault commands happen (None: any number, as it
+        is).
+        """
         if faults is None:
             return self
         values = tuple(str(number) for number in range(faults + 1))
@@ -197,7 +208,11 @@ def is_(variable: str, *values: str) -> Is:
 
 
 def _check(place: str, part: Guard | Effect, known: Mapping[str, Variable | Queue]) -> None:
-    thing, wanted, words = known.get(part[0]), Variable if isinstance(part, Is | Set | Copy) else Queue, _values(part)
+    thing, wanted, words = (
+        known.get(part[0]),
+        Variable if isinstance(part, Is | Set | Copy) else Queue,
+        _values(part),
+    )
     if not isinstance(thing, wanted):
         names = ", ".join(name for name, one in known.items() if isinstance(one, wanted))
         raise NetError(f"{place}: {part[0]!r} is no {wanted.__name__.lower()}; there are {names}")
@@ -205,9 +220,13 @@ def _check(place: str, part: Guard | Effect, known: Mapping[str, Variable | Queu
     if isinstance(part, Copy):
         source = known.get(part.source)
         if not isinstance(source, Variable) or source.values != domain:
-            raise NetError(f"{place}: {part.source!r} is no variable with the domain of {part.variable!r}")
+            raise NetError(
+                f"{place}: {part.source!r} is no variable with the domain of {part.variable!r}"
+            )
     elif not words <= set(domain):
-        raise NetError(f"{place}: {', '.join(sorted(words - set(domain)))} is not in {thing.name!r}: {domain}")
+        raise NetError(
+            f"{place}: {', '.join(sorted(words - set(domain)))} is not in {thing.name!r}: {domain}"
+        )
 
 
 def _values(part: Guard | Effect) -> frozenset[str]:
@@ -220,7 +239,7 @@ def _values(part: Guard | Effect) -> frozenset[str]:
             return frozenset()
 
 
-# --- A net as a model that the engine explores ------------------------------------------------------------------------
+# --- A net as a model that the engine explores ----------------------------------------------------
 
 
 Cells = dict[str, str]
@@ -255,7 +274,9 @@ class NetModel:
         words: dict[str, list[str]] = {name: [] for name in self.net.lifelines}
         for variable in self.net.variables:
             if variable.owner:
-                words.setdefault(variable.owner, []).append(variable.values[state[self.places[variable.name]]])
+                words.setdefault(variable.owner, []).append(
+                    variable.values[state[self.places[variable.name]]]
+                )
         for queue in self.net.queues:
             content = ", ".join(queue.words[word] for word in state[self.places[queue.name]])
             if queue.owner and content:
@@ -267,7 +288,13 @@ def _compiled(net: Net) -> dict[str, Any]:
     """The three functions, from source made of the net's own table."""
     cells = {thing.name: f"v{place}" for place, thing in enumerate(net.things)}
     unpack = f"    {', '.join(cells.values())}, = s\n"
-    source = ["def moves(s):\n", unpack, "    out = []\n", *_commands(net, cells), "    return out\n"]
+    source = [
+        "def moves(s):\n",
+        unpack,
+        "    out = []\n",
+        *_commands(net, cells),
+        "    return out\n",
+    ]
     source += ["def at_rest(s):\n", unpack, f"    return {_any(net, net.rest, cells)}\n"]
     source += ["def wrong(s):\n", unpack]
     for wrong in net.wrong:
@@ -309,7 +336,9 @@ def _commands(net: Net, cells: Cells) -> list[str]:
     """The body of `moves`."""
     known, tree = net.by_name, _Tree()
     for command in net.commands:
-        conditions = [_guard(guard, known, cells) for guard in command.guards] + _room(net, command, cells)
+        conditions = [_guard(guard, known, cells) for guard in command.guards] + _room(
+            net, command, cells
+        )
         there = _after(net, command.effects, cells)
         move = f"({command.who!r}, {command.what!r}, {there}, {command.fair}, {command.fault})"
         tree.add(conditions, move)
@@ -320,9 +349,15 @@ def _room(net: Net, command: Command, cells: Cells) -> list[str]:
     """Conditions that every queue has room for what is sent into it."""
     conditions = []
     for queue in net.queues:
-        more = sum(isinstance(effect, Send) and effect.queue == queue.name for effect in command.effects)
-        less = sum(isinstance(effect, Take) and effect.queue == queue.name for effect in command.effects)
-        cleared = any(isinstance(effect, Clear) and effect.queue == queue.name for effect in command.effects)
+        more = sum(
+            isinstance(effect, Send) and effect.queue == queue.name for effect in command.effects
+        )
+        less = sum(
+            isinstance(effect, Take) and effect.queue == queue.name for effect in command.effects
+        )
+        cleared = any(
+            isinstance(effect, Clear) and effect.queue == queue.name for effect in command.effects
+        )
         if more > less and not cleared:
             conditions.append(f"len({cells[queue.name]}) <= {queue.capacity - more + less}")
     return conditions
@@ -343,7 +378,9 @@ def _guard(guard: Guard, known: Mapping[str, Any], cells: Cells) -> str:
         case Is(name, values):
             return _one_of(cell, [known[name].values.index(value) for value in values])
         case Head(name, words):
-            return f"{cell} and " + _one_of(f"{cell}[0]", [known[name].words.index(word) for word in words])
+            return f"{cell} and " + _one_of(
+                f"{cell}[0]", [known[name].words.index(word) for word in words]
+            )
         case Empty():
             return f"not {cell}"
         case Full(name):
@@ -351,7 +388,9 @@ def _guard(guard: Guard, known: Mapping[str, Any], cells: Cells) -> str:
 
 
 def _one_of(cell: str, numbers: list[int]) -> str:
-    return f"{cell} == {numbers[0]}" if len(numbers) == 1 else f"{cell} in {tuple(sorted(numbers))!r}"
+    return (
+        f"{cell} == {numbers[0]}" if len(numbers) == 1 else f"{cell} in {tuple(sorted(numbers))!r}"
+    )
 
 
 def _after(net: Net, effects: tuple[Effect, ...], cells: Cells) -> str:
@@ -367,7 +406,10 @@ def _after(net: Net, effects: tuple[Effect, ...], cells: Cells) -> str:
             case Take(name):
                 now[name] = f"{now[name]}[1:]"
             case Send(name, word):
-                now[name] = f"({now[name]} + ({'' if not isinstance(thing, Queue) else thing.words.index(word)},))"
+                now[name] = (
+                    f"({now[name]} +"
+                    f" ({'' if not isinstance(thing, Queue) else thing.words.index(word)},))"
+                )
             case Clear(name):
                 now[name] = "()"
     return f"({', '.join(now[name] for name in cells)},)"

@@ -1,7 +1,8 @@
-"""Layer 2 of a design: every use of a protocol explored with copies and receipts explicit, as its delivery has it.
+"""Layer 2 of a design: every use of a protocol explored with copies and receipts explicit, as its
+delivery has it.
 
-A use is explored with the words that its agents say: those in their rows, or, where an agent has no rows, the acts
-that the use lists. Nothing here knows a particular system.
+A use is explored with the words that its agents say: those in their rows, or, where an agent has no
+rows, the acts that the use lists. Nothing here knows a particular system.
 """
 
 from collections.abc import Iterator
@@ -14,11 +15,24 @@ from topdown.model.design import Design
 from topdown.model.machines import Machine
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import Exploration, explore
-from topdown.prove.net import Command, Empty, Head, Net, NetModel, Queue, Send, Take, Variable, Wrong, is_
+from topdown.prove.net import (
+    Command,
+    Empty,
+    Head,
+    Net,
+    NetModel,
+    Queue,
+    Send,
+    Take,
+    Variable,
+    Wrong,
+    is_,
+)
 from topdown.prove.roles import WRONG, Pair, Players, reachable, restricted, to
 from topdown.prove.volatile import volatile_pair
 
-# --- Both roles of a protocol over two ideal queues: what a durable stream is to its users, once layer 1 has proven it
+# --- Both roles of a protocol over two ideal queues: what a durable stream is to its users, once
+# layer 1 has proven it
 # Small enough for Petri net tools; `durable` has the copies and receipts that are left out here.
 
 
@@ -26,7 +40,9 @@ CAPACITY = 3
 """Words on their way to one role, as in fipa_codec.exploration."""
 
 
-def ideal_pair(protocol: Protocol, players: Players | None = None, *, capacity: int = CAPACITY) -> Net:
+def ideal_pair(
+    protocol: Protocol, players: Players | None = None, *, capacity: int = CAPACITY
+) -> Net:
     """The net of a protocol over two queues; no faults, since the streams hide them."""
     pair = Pair(protocol, players or Players())
     texts: list[str] = []
@@ -63,7 +79,7 @@ def _commands(pair: Pair, role: Role, texts: list[str]) -> Iterator[Command]:
             yield Command(me, f"{word} <- {peer}", heard, (to(WRONG, texts[-1]),))
 
 
-# --- Layer 2 of a design ----------------------------------------------------------------------------------------------
+# --- Layer 2 of a design --------------------------------------------------------------------------
 
 
 class PairResult(NamedTuple):
@@ -83,18 +99,27 @@ class PairResult(NamedTuple):
 
 
 def explore_use(
-    design: Design, use: str, faults: int | None = 1, *, seconds: float | None = None, most_states: int | None = None
+    design: Design,
+    use: str,
+    faults: int | None = 1,
+    *,
+    seconds: float | None = None,
+    most_states: int | None = None,
 ) -> PairResult:
     """One use. Raises NoSuchEntry."""
     entry, protocol = design.protocol(use), spoken(design, use)
     model = NetModel(net_of(design, use, faults))
     found = explore(model, seconds=seconds, most_states=most_states, first=False, keep=True)
     unreached = _unreached(model, protocol, Players(entry.initiator, entry.participant), found)
-    return PairResult(use, entry.channel, delivery(entry), faults, found._replace(reached=()), unreached)
+    return PairResult(
+        use, entry.channel, delivery(entry), faults, found._replace(reached=()), unreached
+    )
 
 
 def net_of(design: Design, use: str, faults: int | None = 1, *, ideal: bool = False) -> Net:
-    """The net of one use. `ideal`: a durable one over ideal queues, which need no faults. Raises NoSuchEntry."""
+    """The net of one use. `ideal`: a durable one over ideal queues, which need no faults. Raises
+    NoSuchEntry.
+    """
     entry = design.protocol(use)
     players = Players(entry.initiator, entry.participant)
     protocol = spoken(design, use)
@@ -113,30 +138,42 @@ def delivery(use: elements.Protocol) -> str:
 
 
 def spoken(design: Design, use: str) -> Protocol:
-    """The protocol of a use, with the words that its agents say. Raises NoSuchEntry, DesignError."""
+    """The protocol of a use, with the words that its agents say. Raises NoSuchEntry,
+    DesignError.
+    """
     entry = design.protocol(use)
     protocol = design.tables[entry.follows]
     says = {role: _acts_of(design, entry, role, protocol) for role in Role}
     return restricted(protocol, says)
 
 
-def _acts_of(design: Design, use: elements.Protocol, role: Role, protocol: Protocol) -> frozenset[str]:
+def _acts_of(
+    design: Design, use: elements.Protocol, role: Role, protocol: Protocol
+) -> frozenset[str]:
     agent = use.initiator if role is Role.INITIATOR else use.participant
     rows = Machine(design, agent).rows if agent in design.agents else ()
     sends = [row for row in protocol.tables[role] if row.way is SEND]
-    said = {(word.act, word.kind) for row in rows for word in (*row.say, *row.may) if word.use == use.name}
+    said = {
+        (word.act, word.kind)
+        for row in rows
+        for word in (*row.say, *row.may)
+        if word.use == use.name
+    }
     owed = any(use.name in row.owes for row in rows)
     listed = {message.performative for message in use.message if message.sender == agent}
     if said or owed:
         return frozenset(
             row.word
             for row in sends
-            if (row.performative, row.kind) in said or (owed and row.performative is Performative.INFORM)
+            if (row.performative, row.kind) in said
+            or (owed and row.performative is Performative.INFORM)
         )
     return frozenset(row.word for row in sends if row.performative in listed)
 
 
-def _unreached(model: NetModel, protocol: Protocol, players: Players, found: Exploration) -> tuple[str, ...]:
+def _unreached(
+    model: NetModel, protocol: Protocol, players: Players, found: Exploration
+) -> tuple[str, ...]:
     if not found.holds:
         return ()
     seen = {role: {state[number] for state in found.reached} for number, role in enumerate(Role)}
@@ -150,15 +187,18 @@ def _unreached(model: NetModel, protocol: Protocol, players: Players, found: Exp
 
 
 def _of_rows(protocol: Protocol, role: Role) -> frozenset[str]:
-    """States that rows alone lead to: what an opening asked again leads to is the delivery's business."""
+    """States that rows alone lead to: what an opening asked again leads to is the delivery's
+    business.
+    """
     old = protocol.tables[role]
     again = [row for row in old if row.performative in protocol.openings and row.state != START]
     return reachable(old.only(row for row in old if row not in again)).states
 
 
 def changed_channels(design: Design, step: int) -> tuple[str, ...]:
-    """Channels of the finished design that a step (from 1) created or changed: new ones, reallocated, split or
-    complemented ones, and what became of them when they were split later. Raises IndexError for a step there is not.
+    """Channels of the finished design that a step (from 1) created or changed: new ones,
+    reallocated, split or complemented ones, and what became of them when they were split later.
+    Raises IndexError for a step there is not.
     """
     steps = design.file.step
     if not 1 <= step <= len(steps):

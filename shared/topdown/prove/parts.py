@@ -1,4 +1,5 @@
-"""The parts of the composed model, with numbers in place of values: agents, queues, nets, and what events lead to.
+"""The parts of the composed model, with numbers in place of values: agents, queues, nets, and what
+events lead to.
 
 Everything that depends on an agent's local state alone is worked out once and kept.
 """
@@ -14,14 +15,17 @@ from topdown.model.design import Design
 from topdown.model.machines import NONE, Cause, Event, Machine, ProtocolAct, References, Row
 from topdown.prove.local import GONE, Agent, Effect, Local, Outcome
 
-# --- Rules of a design that must never be broken: an agent says something while others are in a certain state --------
+# --- Rules of a design that must never be broken: an agent says something while others are in a
+# certain state
 
 
 IN, OWES = "in", "owes"
 
 
 class While(NamedTuple):
-    """A condition on an agent: it is in a state, owes news in a use, or has its conversation of a use in a state."""
+    """A condition on an agent: it is in a state, owes news in a use, or has its conversation of a
+    use in a state.
+    """
 
     agent: int
     what: str
@@ -50,7 +54,9 @@ class Never(NamedTuple):
         return all(condition.holds(model, state) for condition in self.whiles)
 
 
-def nevers(design: Design, place: Mapping[str, int], machines: Mapping[str, Machine]) -> tuple[Never, ...]:
+def nevers(
+    design: Design, place: Mapping[str, int], machines: Mapping[str, Machine]
+) -> tuple[Never, ...]:
     """The rules of a design. Raises DesignError for one that cannot be read."""
     return tuple(_Rule(design, rule, place, machines).never() for rule in design.file.never)
 
@@ -59,7 +65,11 @@ class _Rule(References):
     """Reads one rule: a word that nothing answers to would make it hold for ever."""
 
     def __init__(
-        self, design: Design, rule: elements.Never, place: Mapping[str, int], machines: Mapping[str, Machine]
+        self,
+        design: Design,
+        rule: elements.Never,
+        place: Mapping[str, int],
+        machines: Mapping[str, Machine],
     ) -> None:
         super().__init__(design, f"never {rule.name}")
         self.rule, self.place, self.machines = rule, place, machines
@@ -74,8 +84,15 @@ class _Rule(References):
     def _while(self, text: str) -> While:
         agent, _, rest = text.partition(" ")
         what, _, words = rest.partition(" ")
-        if agent not in self.place or not words or what not in (IN, OWES, *self.machines[agent].uses):
-            right = 'write "AGENT in STATE|STATE", "AGENT owes USE" or "AGENT USE STATE|STATE"; agents are '
+        if (
+            agent not in self.place
+            or not words
+            or what not in (IN, OWES, *self.machines[agent].uses)
+        ):
+            right = (
+                'write "AGENT in STATE|STATE", "AGENT owes USE" or "AGENT USE STATE|STATE"; agents'
+                " are "
+            )
             raise self.error(f"{text!r} is no condition", right + ", ".join(self.place))
         for word in words.split("|"):
             self.among(f"word in {text!r}:", word, self._known(self.machines[agent], what))
@@ -85,50 +102,71 @@ class _Rule(References):
         if what == IN:
             return {state.name for state in machine.entry.state}
         if what == OWES:
-            return {use.name for use in machine.uses.values() if use.latest and use.role is Role.PARTICIPANT}
+            return {
+                use.name
+                for use in machine.uses.values()
+                if use.latest and use.role is Role.PARTICIPANT
+            }
         use = machine.uses[what]
         return {*map(str, use.protocol.tables[use.role].states), NONE}
 
 
-# --- Words that change nothing: progress told and confirmed. They are proven to be so, and then left out of the model
-# A word is silent where its receiver, in whatever state its table lets it come, stands as before after taking it, and
-# answers with silent words only. Left out as well is thus a queue that such words fill: who may say one over and over
-# is told (`endless`). The proof looks afterwards at every state that was reached (`Agent.take`), since rows
-# may miss a state.
+# --- Words that change nothing: progress told and confirmed. They are proven to be so, and then
+# left out of the model A word is silent where its receiver, in whatever state its table lets it
+# come, stands as before after taking it, and answers with silent words only. Left out as well is
+# thus a queue that such words fill: who may say one over and over is told (`endless`). The proof
+# looks afterwards at every state that was reached (`Agent.take`), since rows may miss a state.
 
 
 def silent_words(
     machines: Iterable[Machine], forbidden: frozenset[ProtocolAct] = frozenset()
 ) -> frozenset[ProtocolAct]:
-    """The greatest set of words of durable uses that are silent if all of the set are, but for those that a rule of the
-    design forbids at times.
+    """The greatest set of words of durable uses that are silent if all of the set are, but for
+    those that a rule of the design forbids at times.
     """
     kept = tuple(machines)
     found = {said for machine in kept for said in _heard(machine)} - forbidden
     while True:
-        loud = {said for machine in kept for said in _heard(machine) & found if not _is_silent(machine, said, found)}
+        loud = {
+            said
+            for machine in kept
+            for said in _heard(machine) & found
+            if not _is_silent(machine, said, found)
+        }
         if not loud:
             return frozenset(found)
         found -= loud
 
 
 def endless(machine: Machine, silent: Collection[ProtocolAct]) -> Iterator[str]:
-    """In words what an agent says over and over in durable uses, taking nothing in between, though the model
-    leaves it out: words that are silent, and those under `may`.
+    """In words what an agent says over and over in durable uses, taking nothing in between, though
+    the model leaves it out: words that are silent, and those under `may`.
     """
     for row in _free_loops(machine):
         for said in dict.fromkeys((*(word for word in row.say if word in silent), *row.may)):
             use = machine.uses[said.use]
             if use.durable:
                 states = "|".join(sorted(row.states))
-                told = f"how many `{said}` of {machine.agent} wait for {use.peer}: in {states} on {row.event} it may be"
-                yield f"{told} said over and over (row {row.number}); a full outbox holds {machine.agent} back"
+                told = (
+                    f"how many `{said}` of {machine.agent} wait for {use.peer}: in {states} on"
+                    f" {row.event} it may be"
+                )
+                yield (
+                    f"{told} said over and over (row {row.number}); a full outbox holds"
+                    f" {machine.agent} back"
+                )
 
 
 def _free_loops(machine: Machine) -> Iterator[Row]:
     """Rows without a message from whose next state such rows lead back to a state of theirs."""
-    free = [row for row in machine.rows if row.event.cause in (Cause.OWN, Cause.PERSON) and not row.several]
-    leads = {state: {row.to or state for row in free if state in row.states} for state in machine.waits}
+    free = [
+        row
+        for row in machine.rows
+        if row.event.cause in (Cause.OWN, Cause.PERSON) and not row.several
+    ]
+    leads = {
+        state: {row.to or state for row in free if state in row.states} for state in machine.waits
+    }
     for row in free:
         if any(state in _reached(row.to or state, leads) for state in row.states):
             yield row
@@ -160,12 +198,17 @@ def _is_silent(machine: Machine, said: ProtocolAct, silent: set[ProtocolAct]) ->
     rows = [row for row in machine.rows if row.event == event and not row.several]
     use = machine.uses[said.use]
     table = use.protocol.tables[use.role]
-    taken = [row for row in table if row.way is RECEIVE and (row.performative, row.kind) == (said.act, said.kind)]
+    taken = [
+        row
+        for row in table
+        if row.way is RECEIVE and (row.performative, row.kind) == (said.act, said.kind)
+    ]
     return (
         bool(rows)
         and not any(row.to or row.owes or row.waits or row.drop or row.moves for row in rows)
         and all(one in silent for row in rows for one in row.say)
-        # every row of the table that takes it comes back to its state, over silent words that it owes
+        # every row of the table that takes it comes back to its state, over silent words that it
+        # owes
         and all(row.state == _settled(table, str(row.to), said.use, silent) for row in taken)
     )
 
@@ -182,14 +225,15 @@ def _settled(table: Table, state: str, use: str, silent: set[ProtocolAct]) -> st
     return state
 
 
-# --- Words on their way outside the durable streams: questions, answers, subscriptions, the newest observations ------
-# A volatile channel is a set of words: copies of one word are one, and what belongs to a question that was given up is
-# dropped at once, as the receiver would. All operations are pure.
+# --- Words on their way outside the durable streams: questions, answers, subscriptions, the newest
+# observations
+# A volatile channel is a set of words: copies of one word are one, and what belongs to a question
+# that was given up is dropped at once, as the receiver would. All operations are pure.
 
 
 class Net(NamedTuple):
-    """`words` on the way. `current`: the participant's conversation is the initiator's present one. `stale`: there is
-    news the initiator does not have, as far as the participant was told.
+    """`words` on the way. `current`: the participant's conversation is the initiator's present one.
+    `stale`: there is news the initiator does not have, as far as the participant was told.
     """
 
     words: frozenset[ProtocolAct] = frozenset()
@@ -197,7 +241,9 @@ class Net(NamedTuple):
     stale: bool = False
 
     def opened(self, said: ProtocolAct) -> "Net":
-        """The initiator asks, perhaps again: every other word on the way belongs to an older question."""
+        """The initiator asks, perhaps again: every other word on the way belongs to an older
+        question.
+        """
         return Net(frozenset({said}), False, self.stale)
 
     def closed(self) -> "Net":
@@ -205,7 +251,9 @@ class Net(NamedTuple):
         return Net(frozenset(), False, self.stale)
 
     def orphaned(self) -> "Net":
-        """The participant's conversation is over, or gone with its death; what it said is still on the way."""
+        """The participant's conversation is over, or gone with its death; what it said is still on
+        the way.
+        """
         return self._replace(current=False)
 
     def added(self, said: ProtocolAct) -> "Net":
@@ -213,11 +261,15 @@ class Net(NamedTuple):
         return self._replace(words=self.words | {said})
 
     def answered(self, said: ProtocolAct) -> "Net":
-        """The participant says something; in a conversation that nobody holds any more it is lost."""
+        """The participant says something; in a conversation that nobody holds any more it is
+        lost.
+        """
         return self.added(said) if self.current else self
 
     def owed(self, news: ProtocolAct) -> "Net":
-        """Something new was observed: it is sent where somebody listens; older news are worth nothing."""
+        """Something new was observed: it is sent where somebody listens; older news are worth
+        nothing.
+        """
         return Net(self.words | {news} if self.current else self.words - {news}, self.current, True)
 
     def known(self, news: ProtocolAct) -> "Net":
@@ -233,7 +285,7 @@ class Net(NamedTuple):
         return self._replace(current=True)
 
 
-# --- The parts of the composed model, with numbers in place of values -------------------------------------------------
+# --- The parts of the composed model, with numbers in place of values -----------------------------
 
 
 SAY, OPEN, CLOSE, ORPHAN, OWE, ANSWER, ADD = range(7)
@@ -258,7 +310,9 @@ class Numbered:
 
 
 class Ready(NamedTuple):
-    """An outcome with numbers in place of words: `there` is the local state, `effects` are (slot, kind, word)."""
+    """An outcome with numbers in place of words: `there` is the local state, `effects` are (slot,
+    kind, word).
+    """
 
     there: int
     effects: tuple[tuple[int, int, ProtocolAct | None], ...]
@@ -272,7 +326,9 @@ class Ready(NamedTuple):
 
 
 class Parts:
-    """`place` of each agent in a state, then the slots of queues (`queue_of`) and nets (`net_of`), last the faults."""
+    """`place` of each agent in a state, then the slots of queues (`queue_of`) and nets (`net_of`),
+    last the faults.
+    """
 
     def __init__(self, design: Design, machines: dict[str, Machine]) -> None:
         self.names = list(machines)
@@ -284,8 +340,12 @@ class Parts:
         self.locals = [Numbered(agent.start) for agent in self.agents]
         self.queues, self.nets = Numbered(()), Numbered(Net())
         count = len(self.agents)
-        self.queue_of = {pair: count + number for number, pair in enumerate(sorted(_pairs(self.agents)))}
-        soft = [use for use in design.file.protocol if not use.durable and use.follows in design.tables]
+        self.queue_of = {
+            pair: count + number for number, pair in enumerate(sorted(_pairs(self.agents)))
+        }
+        soft = [
+            use for use in design.file.protocol if not use.durable and use.follows in design.tables
+        ]
         first = count + len(self.queue_of)
         self.net_of = {use.name: first + number for number, use in enumerate(soft)}
         self.soft = soft
@@ -294,7 +354,7 @@ class Parts:
         self._changes: dict[tuple[int, int, str, str], int] = {}
         self._nets: dict[tuple[int, int, ProtocolAct | None], int] = {}
 
-    # --- numbers and values -------------------------------------------------------------------------------------------
+    # --- numbers and values -----------------------------------------------------------------------
 
     def local(self, number: int, local: int) -> Local:
         """An agent's local state."""
@@ -352,10 +412,12 @@ class Parts:
         rests: bool = self._found[key]
         return rests
 
-    # --- outcomes -----------------------------------------------------------------------------------------------------
+    # --- outcomes ---------------------------------------------------------------------------------
 
     def outcomes(self, number: int, local: int, what: Any) -> "tuple[Ready, ...] | str | None":
-        """Of a word, of what is OWN, of a RESTART. None: a word waits; a text: nobody has thought of it."""
+        """Of a word, of what is OWN, of a RESTART. None: a word waits; a text: nobody has thought
+        of it.
+        """
         key = (number, local, what)
         if key not in self._found:
             self._found[key] = self._outcomes(number, self.local(number, local), what)
@@ -371,9 +433,14 @@ class Parts:
     def _outcomes(self, number: int, local: Local, what: Any) -> "tuple[Ready, ...] | str | None":
         agent = self.agents[number]
         if what == OWN:
-            return tuple(self._ready(number, outcome, event.cause) for outcome, event in agent.spontaneous(local))
+            return tuple(
+                self._ready(number, outcome, event.cause)
+                for outcome, event in agent.spontaneous(local)
+            )
         if what == RESTART:
-            return tuple(self._ready(number, outcome, Cause.RESTART) for outcome in agent.restarted(local))
+            return tuple(
+                self._ready(number, outcome, Cause.RESTART) for outcome in agent.restarted(local)
+            )
         if what == GONE:
             return (self._ready(number, agent.gone(), Cause.RESTART),)
         found = agent.take(local, what)
@@ -393,7 +460,11 @@ class Parts:
             fault=late or cause is Cause.RESTART,
             late=late,
             again=outcome.again,
-            rules=tuple(rule for rule in self.rules if rule.agent == agent.machine.agent and rule.says & said),
+            rules=tuple(
+                rule
+                for rule in self.rules
+                if rule.agent == agent.machine.agent and rule.says & said
+            ),
             row=outcome.row,
         )
 

@@ -1,7 +1,9 @@
-"""Whether what agents really did is a path of the composed model: each step of theirs must be a move of it.
+"""Whether what agents really did is a path of the composed model: each step of theirs must be a
+move of it.
 
-The model chooses where agents choose by content, so all states it may be in are kept. What agents do not show as steps
-of theirs (a question asked again, a loss, a cancel that the runtime answers) the model may do in between.
+The model chooses where agents choose by content, so all states it may be in are kept. What agents
+do not show as steps of theirs (a question asked again, a loss, a cancel that the runtime answers)
+the model may do in between.
 """
 
 from collections import Counter
@@ -17,11 +19,15 @@ from topdown.prove.fleet import ANY, Faults, Flat, Fleet
 from topdown.prove.local import DIES
 
 HIDDEN = 4
-"""Moves in between that no agent shows, at most (estimate: a loss, a repetition, a late cancel and one to spare)."""
+"""Moves in between that no agent shows, at most (estimate: a loss, a repetition, a late cancel and
+one to spare).
+"""
 
 
 class Deviation(NamedTuple):
-    """The step that no move of the model answers to; `number` counts steps from 1, `here` are states of one guess."""
+    """The step that no move of the model answers to; `number` counts steps from 1, `here` are
+    states of one guess.
+    """
 
     number: int
     agent: str
@@ -30,10 +36,11 @@ class Deviation(NamedTuple):
 
 
 class Follower:
-    """Follows steps of running agents through the composed model of their design, from the start of all agents. What
-    groups do shows nowhere: any of it may have happened in between.
+    """Follows steps of running agents through the composed model of their design, from the start of
+    all agents. What groups do shows nowhere: any of it may have happened in between.
 
-    `states`: those the model may be in. `aside`: (use, agent) of questions and answers that are not in the model.
+    `states`: those the model may be in. `aside`: (use, agent) of questions and answers that are not
+    in the model.
     """
 
     def __init__(self, design: Design) -> None:
@@ -45,7 +52,8 @@ class Follower:
         self.aside: Counter[tuple[str, str]] = Counter()
 
     def follow(self, deeds: Iterable[tuple[str, Done]]) -> Deviation | None:
-        """Follow (agent, step) in order of time; return the first that is not a move of the model, None if all are.
+        """Follow (agent, step) in order of time; return the first that is not a move of the model,
+        None if all are.
 
         Raises NoSuchEntry for an agent that the design does not have.
         """
@@ -69,11 +77,19 @@ class Follower:
     def _shows_nothing(self, agent: str, deed: Done) -> bool:
         """A step that the model leaves out: a silent word, a complaint, nothing said or changed."""
         if deed.took is None:
-            return not deed.said and deed.before == deed.after and not deed.event.startswith(("Started", "PeerChanged"))
-        return ProtocolAct(*deed.took) in self.fleet.parts.silent or deed.took[1] == "not-understood"
+            return (
+                not deed.said
+                and deed.before == deed.after
+                and not deed.event.startswith(("Started", "PeerChanged"))
+            )
+        return (
+            ProtocolAct(*deed.took) in self.fleet.parts.silent or deed.took[1] == "not-understood"
+        )
 
     def _after(self, agent: str, deed: Done) -> set[Flat]:
-        """All states the model may be in after the step, with as few moves in between as need be."""
+        """All states the model may be in after the step, with as few moves in between as need
+        be.
+        """
         label = self.fleet.parts.agents[self.fleet.parts.place[agent]].label
         labels = {DIES} if deed.event.startswith("Started") else set()
         for row in self.steps[agent].fitting(deed):
@@ -88,20 +104,34 @@ class Follower:
         return set(self.states) if self._is_repeated(agent, deed) else set()
 
     def _note_aside(self, agent: str, deed: Done) -> None:
-        """Questions that a row may ask besides, or that were given up, are not in the model: answered once each."""
+        """Questions that a row may ask besides, or that were given up, are not in the model:
+        answered once each.
+        """
         steps = self.steps[agent]
         rows = steps.fitting(deed)
         said = [ProtocolAct(*one) for one in deed.said] if rows else []
-        asked = [one.use for one in said if all(one in row.may and one not in row.say for row in rows)]
-        for use in (*asked, *{use for row in rows for use in row.drop}, *self._given_up(steps, deed)):
+        asked = [
+            one.use for one in said if all(one in row.may and one not in row.say for row in rows)
+        ]
+        for use in (
+            *asked,
+            *{use for row in rows for use in row.drop},
+            *self._given_up(steps, deed),
+        ):
             if not steps.uses[use].durable:
                 self.aside[use, steps.uses[use].peer] += 1
 
     def _given_up(self, steps: Steps, deed: Done) -> list[str]:
-        """Uses whose question nobody waits for any more: the wait is over, or who asked has died."""
-        asks = [use for use in steps.uses.values() if use.role is Role.INITIATOR and not use.durable]
+        """Uses whose question nobody waits for any more: the wait is over, or who asked has
+        died.
+        """
+        asks = [
+            use for use in steps.uses.values() if use.role is Role.INITIATOR and not use.durable
+        ]
         word, _, about = deed.event.partition(" ")
-        return [use.name for use in asks if word == "Started" or (word == "Late" and about == use.name)]
+        return [
+            use.name for use in asks if word == "Started" or (word == "Late" and about == use.name)
+        ]
 
     def _unasked(self, agent: str, deed: Done) -> set[Flat]:
         """Such a question is answered, or its answer taken: nothing else may change."""
@@ -118,11 +148,16 @@ class Follower:
             if who != agent or isinstance(there[0], str):
                 continue
             plain = what.removesuffix(" (a copy)").removesuffix("; its receipt is lost")
-            if self.fleet.parts.local(number, there[number]).state == deed.after and plain in labels:
+            if (
+                self.fleet.parts.local(number, there[number]).state == deed.after
+                and plain in labels
+            ):
                 yield there
 
     def _hidden(self, state: Flat) -> Iterator[Flat]:
-        """Moves that no agent shows as a step of its own; of observations any may be the last one that is owed."""
+        """Moves that no agent shows as a step of its own; of observations any may be the last one
+        that is owed.
+        """
         for who, what, there, _, _ in self.fleet.moves(state):
             hidden = (
                 who == "net"
@@ -134,7 +169,17 @@ class Follower:
                 yield there
 
     def _is_repeated(self, agent: str, deed: Done) -> bool:
-        """One observation stands for all; a peer that appears again brings no news; a start that changes nothing."""
+        """One observation stands for all; a peer that appears again brings no news; a start that
+        changes nothing.
+        """
         if deed.took is None:
-            return deed.event.startswith(("PeerChanged", "Started")) and deed.before == deed.after and not deed.said
-        return self.steps[agent].uses[deed.took[0]].latest and not deed.said and deed.before == deed.after
+            return (
+                deed.event.startswith(("PeerChanged", "Started"))
+                and deed.before == deed.after
+                and not deed.said
+            )
+        return (
+            self.steps[agent].uses[deed.took[0]].latest
+            and not deed.said
+            and deed.before == deed.after
+        )

@@ -1,10 +1,11 @@
 """A net as Promela, so that spin can give a second opinion (spinroot.com; SPIN 6.5 was tried).
 
-One process, one loop, one `d_step` for each command: spin stores exactly the states that are explored here. What is
-wrong is an assertion, a deadlock an invalid end state; in nets with faults it is an assertion as well, since a fault
-that may still happen is not a way out. Whether rest can be reached from everywhere is a branching property, which spin
-does not check. Verify with: spin -a -o1 -o2 FILE; gcc -DSAFETY -DNOREDUCE -o pan pan.c; ./pan -m1000000 -c0
-(-o1 -o2: else spin leaves out variables that nobody asks, and stores fewer states).
+One process, one loop, one `d_step` for each command: spin stores exactly the states that are
+explored here. What is wrong is an assertion, a deadlock an invalid end state; in nets with faults
+it is an assertion as well, since a fault that may still happen is not a way out. Whether rest can
+be reached from everywhere is a branching property, which spin does not check. Verify with: spin -a
+-o1 -o2 FILE; gcc -DSAFETY -DNOREDUCE -o pan pan.c; ./pan -m1000000 -c0 (-o1 -o2: else spin leaves
+out variables that nobody asks, and stores fewer states).
 """
 
 import re
@@ -34,7 +35,9 @@ Names = Mapping[str, str]
 def promela(net: Net) -> str:
     """The model's text. Raises NetError for names the net does not have."""
     net.check()
-    names = {thing.name: f"{_identifier(thing.name)}_{number}" for number, thing in enumerate(net.things)}
+    names = {
+        thing.name: f"{_identifier(thing.name)}_{number}" for number, thing in enumerate(net.things)
+    }
     return "\n".join([*_head(net, names), *_declared(net, names), *_process(net, names), ""])
 
 
@@ -66,15 +69,22 @@ def _process(net: Net, names: Names) -> Iterator[str]:
     yield "active proctype net() {"
     yield "  do"
     for wrong in net.wrong:
-        yield f"  :: d_step {{ {_all(net, wrong.guards, names)} -> assert(false) }} /* {_comment(wrong.text)} */"
+        yield (
+            f"  :: d_step {{ {_all(net, wrong.guards, names)} -> assert(false) }} /*"
+            f" {_comment(wrong.text)} */"
+        )
     yield "  :: d_step { REST && !WRONG -> skip }"
     for command in net.commands:
         effects = "; ".join(_effect(net, effect, names) for effect in command.effects) or "skip"
         words = _comment(f"{command.who}: {command.what}")
-        yield f"  :: d_step {{ !WRONG && {_condition(net, command, names)} -> {effects} }} /* {words} */"
+        yield (
+            f"  :: d_step {{ !WRONG && {_condition(net, command, names)} -> {effects} }} /*"
+            f" {words} */"
+        )
     if any(command.fault for command in net.commands):
         able = [_condition(net, command, names) for command in net.commands if not command.fault]
-        yield "  :: d_step { !WRONG && !REST &&"  # spin ends a statement at a line that could be one
+        # spin ends a statement at a line that could be one
+        yield "  :: d_step { !WRONG && !REST &&"
         yield from (f"       !({condition}) &&" for condition in dict.fromkeys(able))
         yield "       true -> assert(false) } /* deadlock */"
     yield "  od"
@@ -86,7 +96,9 @@ def _condition(net: Net, command: Command, names: Names) -> str:
     room = []
     for queue in net.queues:
         mine = [effect for effect in command.effects if effect[0] == queue.name]
-        more = sum(isinstance(effect, Send) for effect in mine) - sum(isinstance(effect, Take) for effect in mine)
+        more = sum(isinstance(effect, Send) for effect in mine) - sum(
+            isinstance(effect, Take) for effect in mine
+        )
         if more > 0 and not any(isinstance(effect, Clear) for effect in mine):
             room.append(f"len({names[queue.name]}) <= {queue.capacity - more}")
     return " && ".join([_all(net, command.guards, names), *room])
@@ -97,7 +109,10 @@ def _any(net: Net, alternatives: tuple[tuple[Guard, ...], ...], names: Names) ->
 
 
 def _all(net: Net, guards: tuple[Guard, ...], names: Names) -> str:
-    return " && ".join(_guard(net.by_name[guard[0]], guard, names[guard[0]]) for guard in guards) or "true"
+    return (
+        " && ".join(_guard(net.by_name[guard[0]], guard, names[guard[0]]) for guard in guards)
+        or "true"
+    )
 
 
 def _guard(thing: Variable | Queue, guard: Guard, name: str) -> str:

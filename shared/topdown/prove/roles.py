@@ -1,6 +1,8 @@
-"""Common parts of both kinds of pairs: the two role tables of a protocol as they are, and the names of its players.
+"""Common parts of both kinds of pairs: the two role tables of a protocol as they are, and the names
+of its players.
 
-Nothing here adds or takes away a row: a model made of these is the running conversation's own tables.
+Nothing here adds or takes away a row: a model made of these is the running conversation's own
+tables.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -52,21 +54,29 @@ class Pair:
         return frozenset({START, *map(str, self.tables[role].ended)})
 
     def opens(self, row: Row) -> bool:
-        """Whether a row is about an act that opens conversations; in a later state it is another round, or repeats."""
+        """Whether a row is about an act that opens conversations; in a later state it is another
+        round, or repeats.
+        """
         return row.performative in self.protocol.openings
 
     def sends(self, role: Role) -> Iterator[Row]:
-        """Rows that say something within a conversation, or begin one; asking again is the delivery's business."""
+        """Rows that say something within a conversation, or begin one; asking again is the
+        delivery's business.
+        """
         for row in self.tables[role]:
             if row.way is SEND and not (self.opens(row) and row.to == row.state):
                 yield row
 
     def sources(self, role: Role, row: Row) -> frozenset[str]:
-        """States in which a row applies: that of a conversation which is not open also after the last one has ended."""
+        """States in which a row applies: that of a conversation which is not open also after the
+        last one has ended.
+        """
         return self.over(role) if row.state == START else frozenset({str(row.state)})
 
     def takes(self, role: Role) -> Iterator[tuple[Row, frozenset[str]]]:
-        """Rows that take something, and the states in which they apply: remembered or forgotten, if it has ended."""
+        """Rows that take something, and the states in which they apply: remembered or forgotten, if
+        it has ended.
+        """
         said = self.words(role.other)
         for row in self.tables[role]:
             if row.way is RECEIVE and row.word in said:
@@ -76,10 +86,12 @@ class Pair:
                     yield row, forgotten
 
     def untaken(self, role: Role) -> Iterator[tuple[str, str, bool]]:
-        """(state, word, forgotten): what the peer may say and this role has no row for, though it is free to take.
+        """(state, word, forgotten): what the peer may say and this role has no row for, though it
+        is free to take.
 
-        An opening that comes while a conversation is open waits for its end. What a participant meets after an end must
-        be taken by the rows of the ended state and, an act without answer apart, by those of an unknown conversation.
+        An opening that comes while a conversation is open waits for its end. What a participant
+        meets after an end must be taken by the rows of the ended state and, an act without answer
+        apart, by those of an unknown conversation.
         """
         table, over = self.tables[role], self.over(role)
         for row in self.spoken(role.other):
@@ -91,12 +103,18 @@ class Pair:
                         yield str(state), row.word, False
                 elif here is None:
                     yield str(state), row.word, False
-                elif state in table.ended and unknown is None and row.performative is Performative.CANCEL:
+                elif (
+                    state in table.ended
+                    and unknown is None
+                    and row.performative is Performative.CANCEL
+                ):
                     yield str(state), row.word, True
 
     def wrong_words(self, role: Role, state: str, word: str, forgotten: bool) -> str:
         """In words the row that is missing."""
-        where = f"in state {state}, its conversation forgotten," if forgotten else f"in state {state}"
+        where = (
+            f"in state {state}, its conversation forgotten," if forgotten else f"in state {state}"
+        )
         return f"{self.players.named(role)} {where} has no row for {word}"
 
     def at_rest(self) -> tuple[tuple[Guard, ...], ...]:
@@ -126,7 +144,8 @@ def reachable(table: Table) -> Table:
 
 
 def restricted(protocol: Protocol, says: Mapping[Role, Collection[str]]) -> Protocol:
-    """The protocol as a use of it has it: each role says only these words, and what needs others is out of reach.
+    """The protocol as a use of it has it: each role says only these words, and what needs others is
+    out of reach.
 
     Answers to a cancel stay: the runtime gives them by itself where the cancel came too late.
     """
@@ -136,6 +155,10 @@ def restricted(protocol: Protocol, says: Mapping[Role, Collection[str]]) -> Prot
 
     def table(role: Role) -> Table:
         old = protocol.tables[role]
-        return reachable(old.only(row for row in old if kept(row, role if row.way is SEND else role.other)))
+        return reachable(
+            old.only(row for row in old if kept(row, role if row.way is SEND else role.other))
+        )
 
-    return protocol.with_tables(initiator=table(Role.INITIATOR), participant=table(Role.PARTICIPANT))
+    return protocol.with_tables(
+        initiator=table(Role.INITIATOR), participant=table(Role.PARTICIPANT)
+    )

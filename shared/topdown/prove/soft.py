@@ -1,7 +1,8 @@
 """A volatile use in the composed model: what of it may happen by itself, and to words on their way.
 
-What may happen depends on the two ends and on what is on the way; it is worked out once and kept. Asked again is only
-what nothing more is on the way of: other repetitions are copies, which count as faults.
+What may happen depends on the two ends and on what is on the way; it is worked out once and kept.
+Asked again is only what nothing more is on the way of: other repetitions are copies, which count as
+faults.
 """
 
 from collections.abc import Iterator
@@ -25,7 +26,8 @@ class Ends(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """Something that may happen: the parts change to `ends`; then agent `number` does `ready`, if there is one.
+    """Something that may happen: the parts change to `ends`; then agent `number` does `ready`, if
+    there is one.
 
     `wrong`: nobody has thought of it, and why.
     """
@@ -50,9 +52,13 @@ class Soft:
         asker, server = tables[Role.INITIATOR], tables[Role.PARTICIPANT]
         said = {message.performative for message in use.message}
         opening = [row for row in asker.allowed(START, SEND) if row.performative in said]
-        self.openings = {str(row.to): ProtocolAct(use.name, row.performative, row.kind) for row in opening}
+        self.openings = {
+            str(row.to): ProtocolAct(use.name, row.performative, row.kind) for row in opening
+        }
         self.asks = {**_repeated(use.name, asker), **self.openings}
-        self.outward = {ProtocolAct(use.name, row.performative, row.kind) for row in asker if row.way is SEND}
+        self.outward = {
+            ProtocolAct(use.name, row.performative, row.kind) for row in asker if row.way is SEND
+        }
         self.unanswered = {str(row.to) for row in server.allowed(START, RECEIVE)}
         self.resting = server.resting
         self.late = parts.agents[self.server].late_answers(use.name)
@@ -74,13 +80,17 @@ class Soft:
         """All that may happen in this use, faults as well."""
         found = self._turns.get(ends)
         if found is None:
-            found = self._turns[ends] = (*self._taken(ends), *self.by_itself(ends), *self._lost(ends))
+            found = self._turns[ends] = (
+                *self._taken(ends),
+                *self.by_itself(ends),
+                *self._lost(ends),
+            )
         return found
 
     def _with(self, ends: Ends, net: Net) -> Ends:
         return ends._replace(net=self.parts.nets(net))
 
-    # --- taken --------------------------------------------------------------------------------------------------------
+    # --- taken ------------------------------------------------------------------------------------
 
     def _taken(self, ends: Ends) -> Iterator[Turn]:
         net = self.parts.net(ends.net)
@@ -97,29 +107,43 @@ class Soft:
                 yield from self._heard(ends, net, said, self.asker, ends.asker)
 
     def _asked(self, ends: Ends, net: Net, said: ProtocolAct) -> Iterator[Turn]:
-        """An opening: of the present question once more, or of a newer one, whose conversation replaces the older."""
+        """An opening: of the present question once more, or of a newer one, whose conversation
+        replaces the older.
+        """
         talk = self.parts.talk(self.server, ends.server, self.use)
         if talk and net.current:
             answer, after = self.answers.get(talk), net.taken(said)
             after = after if answer is None else after.added(answer)
-            yield Turn(self.parts.names[self.server], f"{said}: asked again", self._with(ends, after))
+            yield Turn(
+                self.parts.names[self.server], f"{said}: asked again", self._with(ends, after)
+            )
             return
         local = self.parts.without_talk(self.server, ends.server, self.use)
         forgot = ends._replace(server=local)
         for turn in self._heard(forgot, net, said, self.server, local):
-            accepted = self.parts.net(turn.ends.net).accepted() if turn.ready else self.parts.net(turn.ends.net)
+            accepted = (
+                self.parts.net(turn.ends.net).accepted()
+                if turn.ready
+                else self.parts.net(turn.ends.net)
+            )
             yield turn._replace(ends=self._with(turn.ends, accepted))
 
     def _unknown(self, ends: Ends, net: Net, said: ProtocolAct) -> Turn:
-        """A word in a conversation that the participant does not hold: a cancel is answered as the table says."""
+        """A word in a conversation that the participant does not hold: a cancel is answered as the
+        table says.
+        """
         name, after = self.parts.names[self.server], net.taken(said)
         if said.act is not Performative.CANCEL:
             return Turn(name, f"{said} is dropped", self._with(ends, after))
         for answer in self.late:
             after = after.added(answer)
-        return Turn(name, f"{said} <- {self.parts.names[self.asker]}, too late", self._with(ends, after))
+        return Turn(
+            name, f"{said} <- {self.parts.names[self.asker]}, too late", self._with(ends, after)
+        )
 
-    def _heard(self, ends: Ends, net: Net, said: ProtocolAct, number: int, local: int) -> Iterator[Turn]:
+    def _heard(
+        self, ends: Ends, net: Net, said: ProtocolAct, number: int, local: int
+    ) -> Iterator[Turn]:
         """An agent takes a word, or a copy of it; what nobody waits for is dropped."""
         found, name = self.parts.outcomes(number, local, said), self.parts.names[number]
         if isinstance(found, Stray):
@@ -131,8 +155,13 @@ class Soft:
             yield Turn(name, f"{ready.label} (a copy)", ends, number, ready, fault=True)
 
     def _observed(self, ends: Ends, net: Net) -> Iterator[Turn]:
-        """The newest observation is taken, and nothing more is owed; or (a fault) its receipt is lost."""
-        found, name = self.parts.outcomes(self.asker, ends.asker, self.news), self.parts.names[self.asker]
+        """The newest observation is taken, and nothing more is owed; or (a fault) its receipt is
+        lost.
+        """
+        found, name = (
+            self.parts.outcomes(self.asker, ends.asker, self.news),
+            self.parts.names[self.asker],
+        )
         if isinstance(found, Stray):
             yield Turn(name, f"{self.news} is dropped", self._with(ends, net.taken(self.news)))
         elif isinstance(found, str):
@@ -141,9 +170,11 @@ class Soft:
             paid = ends._replace(server=self.parts.without_debt(self.server, ends.server, self.use))
             yield Turn(name, ready.label, self._with(paid, net.known(self.news)), self.asker, ready)
             lost = f"{ready.label}; its receipt is lost"
-            yield Turn(name, lost, self._with(ends, net.taken(self.news)), self.asker, ready, fault=True)
+            yield Turn(
+                name, lost, self._with(ends, net.taken(self.news)), self.asker, ready, fault=True
+            )
 
-    # --- by itself ----------------------------------------------------------------------------------------------------
+    # --- by itself --------------------------------------------------------------------------------
 
     def by_itself(self, ends: Ends) -> Iterator[Turn]:
         """What is said again when nothing of it is on the way."""
@@ -155,7 +186,13 @@ class Soft:
             what = f"{asked} -> {names[self.server]}, again"
             yield Turn(names[self.asker], what, self._with(ends, net.added(asked)))
         owed = self.use in self.parts.local(self.server, ends.server).owed
-        if self.latest and owed and net.current and served in self.resting and self.news not in net.words:
+        if (
+            self.latest
+            and owed
+            and net.current
+            and served in self.resting
+            and self.news not in net.words
+        ):
             what = f"{self.news} -> {names[self.asker]}, again"
             yield Turn(names[self.server], what, self._with(ends, net.added(self.news)))
 
@@ -166,8 +203,8 @@ class Soft:
 
 
 def _repeated(use: str, asker: Table) -> dict[str, ProtocolAct]:
-    """What is repeated in each state: the newest word of the initiator until something is taken, or its
-    cancel, which crossing messages do not answer, until the conversation has ended.
+    """What is repeated in each state: the newest word of the initiator until something is taken, or
+    its cancel, which crossing messages do not answer, until the conversation has ended.
     """
     found = {str(row.to): row for row in asker if row.way is SEND and row.to not in asker.ended}
     waiting = [row for row in found.values() if row.performative is Performative.CANCEL]

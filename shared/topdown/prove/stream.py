@@ -1,10 +1,12 @@
-"""Layer 1: one durable numbered stream in micro-steps, under any number of faults, right and in naive variants.
+"""Layer 1: one durable numbered stream in micro-steps, under any number of faults, right and in
+naive variants.
 
-A sender issues a few messages, a receiver takes them. A step is: run, one synced record, then receipt and sends; the
-journal of the sender has the counter and the outbox, that of the receiver the last number taken together with its
-effect. Unreceipted messages are sent again; a number below the expected one is receipted again, one above it dropped.
-Faults: loss, duplication and reordering of copies and receipts, death of either side between any two micro-steps.
-Numbers are compared with last + 1 only, so a few messages stand for any number (argued, not proved).
+A sender issues a few messages, a receiver takes them. A step is: run, one synced record, then
+receipt and sends; the journal of the sender has the counter and the outbox, that of the receiver
+the last number taken together with its effect. Unreceipted messages are sent again; a number below
+the expected one is receipted again, one above it dropped. Faults: loss, duplication and reordering
+of copies and receipts, death of either side between any two micro-steps. Numbers are compared with
+last + 1 only, so a few messages stand for any number (argued, not proved).
 """
 
 from collections.abc import Iterator
@@ -42,9 +44,10 @@ class Phase(StrEnum):
 
 
 class Place(NamedTuple):
-    """State of the whole. In RAM: `phase`, `issued`, `low` (receipted up to), `counter` (last number given); `taking`,
-    `now` (message in work), `last`. On disk: `kept` (issued), `kept_low`; `mark` (last number), `effects` (messages
-    worked on, in order). On the way: `copies` of messages, `receipts`.
+    """State of the whole. In RAM: `phase`, `issued`, `low` (receipted up to), `counter` (last
+    number given); `taking`, `now` (message in work), `last`. On disk: `kept` (issued), `kept_low`;
+    `mark` (last number), `effects` (messages worked on, in order). On the way: `copies` of
+    messages, `receipts`.
     """
 
     phase: Phase = Phase.IDLE
@@ -63,12 +66,17 @@ class Place(NamedTuple):
 
 
 class Stream:
-    """`messages` are issued, at most `copies` of them and as many receipts are on their way at a time; `fifo`: copies
-    arrive in the order in which they were sent.
+    """`messages` are issued, at most `copies` of them and as many receipts are on their way at a
+    time; `fifo`: copies arrive in the order in which they were sent.
     """
 
     def __init__(
-        self, variant: Variant = Variant.RIGHT, *, messages: int = 3, copies: int = 2, fifo: bool = False
+        self,
+        variant: Variant = Variant.RIGHT,
+        *,
+        messages: int = 3,
+        copies: int = 2,
+        fifo: bool = False,
     ) -> None:
         self.variant, self.messages, self.copies, self.fifo = variant, messages, copies, fifo
         self.start = Place()
@@ -92,18 +100,30 @@ class Stream:
         return idle and state.low == state.issued == self.messages == state.mark
 
     def wrong(self, state: Place) -> str:
-        """Doubled, out of order, lost, taken though never decided, or two messages under one number."""
+        """Doubled, out of order, lost, taken though never decided, or two messages under one
+        number.
+        """
         effects = state.effects
         if len(set(effects)) < len(effects):
             return f"message {effects[-1]} was worked on twice"
         if effects != tuple(range(1, len(effects) + 1)):
             return f"message {effects[-1]} was taken before the one it follows"
         if len(effects) > state.kept:
-            return f"message {effects[-1]} was taken, and its sender's journal knows of no such decision"
+            return (
+                f"message {effects[-1]} was taken, and its sender's journal knows of no such"
+                " decision"
+            )
         if state.counter != state.issued and state.phase is not Phase.IDLE:
-            return f"message {state.issued} goes out under number {state.counter}, which was given before"
+            return (
+                f"message {state.issued} goes out under number {state.counter}, which was given"
+                " before"
+            )
         lost = [number for number in range(1, state.kept + 1) if self._lost(state, number)]
-        return f"message {lost[0]} is lost: in no outbox and not on the way, or thought taken" if lost else ""
+        return (
+            f"message {lost[0]} is lost: in no outbox and not on the way, or thought taken"
+            if lost
+            else ""
+        )
 
     def describe(self, state: Place) -> dict[str, str]:
         """RAM and disk of both sides, and what is on its way."""
@@ -114,10 +134,12 @@ class Stream:
         return {
             SENDER: f"{state.phase}; outbox {outbox or 'empty'}; on disk {kept or 'none'}",
             WIRE: ", ".join(wire) or "empty",
-            RECEIVER: f"{state.taking}; last {state.last}; on disk {state.mark}, done {done or 'none'}",
+            RECEIVER: (
+                f"{state.taking}; last {state.last}; on disk {state.mark}, done {done or 'none'}"
+            ),
         }
 
-    # --- the sender ---------------------------------------------------------------------------------------------------
+    # --- the sender -------------------------------------------------------------------------------
 
     def _sender(self, state: Place) -> Iterator[Move]:
         sends_first = self.variant is Variant.SEND_FIRST
@@ -128,29 +150,39 @@ class Stream:
                 yield self._sent(state, state.counter, Phase.SAID)
             case Phase.RUN | Phase.SAID:
                 after = Phase.IDLE if sends_first else Phase.RECORDED
-                yield Move(SENDER, "record", state._replace(phase=after, kept=state.issued, kept_low=state.low))
+                yield Move(
+                    SENDER,
+                    "record",
+                    state._replace(phase=after, kept=state.issued, kept_low=state.low),
+                )
             case Phase.RECORDED:
                 yield self._sent(state, state.counter, Phase.IDLE)
 
     def _idle_sender(self, state: Place) -> Iterator[Move]:
         if state.issued < self.messages:
-            run = state._replace(phase=Phase.RUN, issued=state.issued + 1, counter=state.counter + 1)
+            run = state._replace(
+                phase=Phase.RUN, issued=state.issued + 1, counter=state.counter + 1
+            )
             yield Move(SENDER, f"issue {run.issued}", run)
         if self.variant is not Variant.NO_RESENDING:
             for number in range(state.low + 1, state.issued + 1):
                 if len(state.copies) < self.copies:
                     yield self._sent(state, number, Phase.IDLE, "send again")
         for receipt in state.receipts:
-            after = state._replace(low=max(state.low, receipt), receipts=_less(state.receipts, receipt))
+            after = state._replace(
+                low=max(state.low, receipt), receipts=_less(state.receipts, receipt)
+            )
             yield Move(SENDER, f"receipt {receipt} <- {RECEIVER}", after)
 
     def _sent(self, state: Place, number: int, phase: Phase, verb: str = "send") -> Move:
         """Put a copy on the wire; where there is no room it is lost at once."""
         copies = (*state.copies, number) if len(state.copies) < self.copies else state.copies
         copies = copies if self.fifo else tuple(sorted(copies))
-        return Move(SENDER, f"{verb} {number} -> {RECEIVER}", state._replace(phase=phase, copies=copies))
+        return Move(
+            SENDER, f"{verb} {number} -> {RECEIVER}", state._replace(phase=phase, copies=copies)
+        )
 
-    # --- the receiver -------------------------------------------------------------------------------------------------
+    # --- the receiver -----------------------------------------------------------------------------
 
     def _receiver(self, state: Place) -> Iterator[Move]:
         match state.taking:
@@ -166,9 +198,17 @@ class Stream:
     def _take(self, state: Place) -> Iterator[Move]:
         for number in state.copies[:1] if self.fifo else dict.fromkeys(state.copies):
             rest, verb = state._replace(copies=_less(state.copies, number)), f"{number} <- {SENDER}"
-            new = number not in state.effects if self.variant is Variant.ANY_ORDER else number == state.last + 1
+            new = (
+                number not in state.effects
+                if self.variant is Variant.ANY_ORDER
+                else number == state.last + 1
+            )
             if new:
-                yield Move(RECEIVER, f"take {verb}", rest._replace(taking=Phase.RUN, now=number, last=number))
+                yield Move(
+                    RECEIVER,
+                    f"take {verb}",
+                    rest._replace(taking=Phase.RUN, now=number, last=number),
+                )
             elif number <= state.last or self.variant is Variant.ANY_ORDER:
                 yield Move(RECEIVER, f"had {verb}", rest._replace(taking=Phase.RECORDED))
             else:
@@ -178,7 +218,9 @@ class Stream:
         both = state._replace(mark=state.last, effects=(*state.effects, state.now), now=0)
         match self.variant, state.taking:
             case Variant.MARK_THEN_EFFECT, Phase.RUN:
-                return Move(RECEIVER, "record the mark", state._replace(taking=Phase.HALF, mark=state.last))
+                return Move(
+                    RECEIVER, "record the mark", state._replace(taking=Phase.HALF, mark=state.last)
+                )
             case Variant.EFFECT_THEN_MARK, Phase.RUN:
                 half = state._replace(taking=Phase.HALF, effects=both.effects)
                 return Move(RECEIVER, "record the effect", half)
@@ -194,16 +236,26 @@ class Stream:
         receipts = tuple(sorted({*state.receipts, state.last}))
         receipts = receipts if len(receipts) <= self.copies else state.receipts
         return Move(
-            RECEIVER, f"receipt {state.last} -> {SENDER}", state._replace(taking=after, receipts=receipts), True
+            RECEIVER,
+            f"receipt {state.last} -> {SENDER}",
+            state._replace(taking=after, receipts=receipts),
+            True,
         )
 
-    # --- the wire -----------------------------------------------------------------------------------------------------
+    # --- the wire ---------------------------------------------------------------------------------
 
     def _wire(self, state: Place) -> Iterator[Move]:
         for number in dict.fromkeys(state.copies):
-            yield Move(WIRE, f"loses {number}", state._replace(copies=_less(state.copies, number)), fault=True)
+            yield Move(
+                WIRE,
+                f"loses {number}",
+                state._replace(copies=_less(state.copies, number)),
+                fault=True,
+            )
             if len(state.copies) < self.copies:
-                twice = (*state.copies, number) if self.fifo else tuple(sorted((*state.copies, number)))
+                twice = (
+                    (*state.copies, number) if self.fifo else tuple(sorted((*state.copies, number)))
+                )
                 yield Move(WIRE, f"doubles {number}", state._replace(copies=twice), fault=True)
         for receipt in state.receipts:
             lost = state._replace(receipts=_less(state.receipts, receipt))
@@ -213,7 +265,9 @@ class Stream:
                 yield Move(WIRE, f"delivers receipt {receipt} and keeps a copy", late, fault=True)
 
     def _lost(self, state: Place, number: int) -> bool:
-        """In the journal of its sender as issued, not worked on, and nobody will send it or take it any more."""
+        """In the journal of its sender as issued, not worked on, and nobody will send it or take it
+        any more.
+        """
         if number in state.effects or number == state.now:
             return False
         marked = number <= state.mark and self.variant is not Variant.ANY_ORDER
@@ -228,5 +282,9 @@ def _less(items: tuple[int, ...], item: int) -> tuple[int, ...]:
 def explore_stream(
     variant: Variant = Variant.RIGHT, *, messages: int = 3, copies: int = 2, fifo: bool = False
 ) -> Exploration:
-    """Everything that can happen on a stream; where something is wrong, the shortest way there first."""
-    return explore(Stream(variant, messages=messages, copies=copies, fifo=fifo), first=variant is Variant.RIGHT)
+    """Everything that can happen on a stream; where something is wrong, the shortest way there
+    first.
+    """
+    return explore(
+        Stream(variant, messages=messages, copies=copies, fifo=fifo), first=variant is Variant.RIGHT
+    )

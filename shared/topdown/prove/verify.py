@@ -1,8 +1,8 @@
 """All three layers of the proof of a design, one verdict after the other.
 
-Layer 1: the durable stream, and a physical act, in micro-steps. Layer 2: each use of a protocol with copies and
-receipts explicit. Layer 3: the composed system of all agents' rows. Must not know: how verdicts are printed, who waits
-for them.
+Layer 1: the durable stream, and a physical act, in micro-steps. Layer 2: each use of a protocol
+with copies and receipts explicit. Layer 3: the composed system of all agents' rows. Must not know:
+how verdicts are printed, who waits for them.
 """
 
 from collections.abc import Callable, Collection, Iterator
@@ -17,12 +17,13 @@ from topdown.prove.fleet import ANY, Faults, Fleet
 from topdown.prove.pairs import changed_channels, explore_use
 from topdown.prove.stream import explore_stream
 
-# --- Layer 1, besides: one physical act between an agent and the process that moves, in micro-steps, under any deaths
-# The agent records the intent, commands the loop with the act's key in a slot, records the outcome, reports it. The
-# loop begins what the slot says, once, and writes the phase there. After a death of the agent with an intent and no
-# outcome the slot decides: this key is waited for or taken, anything else is an outcome `unknown`; a new loop has an
-# empty slot. A command between intent and slot that is lost gives `unknown` as well: the act happens once at most,
-# not exactly once.
+# --- Layer 1, besides: one physical act between an agent and the process that moves, in
+# micro-steps, under any deaths The agent records the intent, commands the loop with the act's key
+# in a slot, records the outcome, reports it. The loop begins what the slot says, once, and writes
+# the phase there. After a death of the agent with an intent and no outcome the slot decides: this
+# key is waited for or taken, anything else is an outcome `unknown`; a new loop has an empty slot. A
+# command between intent and slot that is lost gives `unknown` as well: the act happens once at
+# most, not exactly once.
 
 
 AGENT, LOOP = "agent", "loop"
@@ -63,7 +64,9 @@ NOTHING, INTENT, DONE, UNKNOWN = "nothing", "intent", "done", "unknown"
 
 
 class Place(NamedTuple):
-    """State of the whole. `journal` is on disk; `begun`: how often the arm began; `ended`: it came to the act's end."""
+    """State of the whole. `journal` is on disk; `begun`: how often the arm began; `ended`: it came
+    to the act's end.
+    """
 
     agent: At = At.IDLE
     journal: str = NOTHING
@@ -82,7 +85,9 @@ class Act:
         """Of agent and loop, then the deaths of each."""
         yield from self._agent(state)
         if state.slot is Phase.WANTED:
-            yield Move(LOOP, "begins the act", state._replace(slot=Phase.RUNS, begun=state.begun + 1))
+            yield Move(
+                LOOP, "begins the act", state._replace(slot=Phase.RUNS, begun=state.begun + 1)
+            )
         elif state.slot is Phase.RUNS:
             yield Move(LOOP, "ends the act", state._replace(slot=Phase.DONE, ended=True))
         yield Move(AGENT, "dies and comes back", self._restored(state), fault=True)
@@ -108,10 +113,16 @@ class Act:
         match state.agent:
             case At.IDLE if self.variant is Variant.MOVES_FIRST:
                 yield Move(
-                    AGENT, "takes the request; act -> loop", state._replace(agent=At.COMMANDED, slot=Phase.WANTED)
+                    AGENT,
+                    "takes the request; act -> loop",
+                    state._replace(agent=At.COMMANDED, slot=Phase.WANTED),
                 )
             case At.IDLE:
-                yield Move(AGENT, "takes the request, records the intent", _recorded(state, At.INTENDS, INTENT))
+                yield Move(
+                    AGENT,
+                    "takes the request, records the intent",
+                    _recorded(state, At.INTENDS, INTENT),
+                )
             case At.COMMANDED:
                 yield Move(AGENT, "records the intent", _recorded(state, At.WAITS, INTENT))
             case At.INTENDS:
@@ -119,7 +130,9 @@ class Act:
             case At.WAITS if state.slot is Phase.DONE:
                 yield Move(AGENT, "done <- loop; records it", _recorded(state, At.KNOWS, DONE))
             case At.WAITS if state.slot is Phase.EMPTY:
-                yield Move(AGENT, "finds a new loop; records unknown", _recorded(state, At.KNOWS, UNKNOWN))
+                yield Move(
+                    AGENT, "finds a new loop; records unknown", _recorded(state, At.KNOWS, UNKNOWN)
+                )
             case At.KNOWS:
                 yield Move(AGENT, f"reports {state.journal}", state._replace(agent=At.TOLD))
 
@@ -148,7 +161,7 @@ def explore_act(variant: Variant = Variant.RIGHT) -> Exploration:
     return explore(Act(variant))
 
 
-# --- All three layers of the proof of a design, one verdict after the other -------------------------------------------
+# --- All three layers of the proof of a design, one verdict after the other -----------------------
 
 
 LAYERS = (1, 2, 3)
@@ -156,8 +169,8 @@ Progress = Callable[[int, int], None]
 
 
 class Verdict(NamedTuple):
-    """`faults` None: any number. `open`: what is not proven though nothing was found. `notes`: nothing wrong. `beyond`:
-    what this design may do and the model leaves out.
+    """`faults` None: any number. `open`: what is not proven though nothing was found. `notes`:
+    nothing wrong. `beyond`: what this design may do and the model leaves out.
     """
 
     layer: int
@@ -195,14 +208,19 @@ def tasks(
     seconds: float | None = None,
     skip_start: bool = False,
 ) -> Iterator[Task]:
-    """The proofs to run, in order. `step`: only channels which that step of the design created or changed (layer
-    2). `gone`: agents that may die for good, besides. `seconds` of CPU time limit each. `skip_start`: the start of all
-    agents is not explored by itself. Raises NoSuchEntry, IndexError, ValueError.
+    """The proofs to run, in order. `step`: only channels which that step of the design created or
+    changed (layer 2). `gone`: agents that may die for good, besides. `seconds` of CPU time limit
+    each. `skip_start`: the start of all agents is not explored by itself. Raises NoSuchEntry,
+    IndexError, ValueError.
     """
     channels = None if step is None else changed_channels(design, step)
     if 1 in layers and step is None and any(use.durable for use in design.file.protocol):
         yield Task(1, "durable stream", lambda _: _micro("durable stream", explore_stream()))
-    if 1 in layers and step is None and any(row.moves for agent in design.file.agent for row in agent.row):
+    if (
+        1 in layers
+        and step is None
+        and any(row.moves for agent in design.file.agent for row in agent.row)
+    ):
         yield Task(1, "physical act", lambda _: _micro("physical act", explore_act()))
     if 2 in layers:
         for use in design.file.protocol:
@@ -212,28 +230,51 @@ def tasks(
         most = ANY if faults is None else faults
         started = Faults(0, boot=True)
         if not skip_start:
-            yield Task(3, "all agents, starting", _fleet(design, "all agents, starting", started, seconds))
+            yield Task(
+                3, "all agents, starting", _fleet(design, "all agents, starting", started, seconds)
+            )
         yield Task(3, "all agents", _fleet(design, "all agents", Faults(most), seconds))
         for name in gone:
             wish = Faults(0, gone=name, waiting=waiting(design, name))
-            yield Task(3, f"{name} dies for good", _fleet(design, f"{name} dies for good", wish, seconds))
+            yield Task(
+                3, f"{name} dies for good", _fleet(design, f"{name} dies for good", wish, seconds)
+            )
 
 
 def _micro(what: str, found: Exploration) -> Verdict:
-    return Verdict(1, what, None, found.states, found.edges, found.seconds, found.findings, _open(found))
+    return Verdict(
+        1, what, None, found.states, found.edges, found.seconds, found.findings, _open(found)
+    )
 
 
-def _pair(design: Design, use: str, faults: int | None, seconds: float | None) -> Callable[[Progress | None], Verdict]:
+def _pair(
+    design: Design, use: str, faults: int | None, seconds: float | None
+) -> Callable[[Progress | None], Verdict]:
     def run(progress: Progress | None) -> Verdict:
         result = explore_use(design, use, faults, seconds=seconds)
-        found, notes = result.exploration, tuple(f"never reached: {state}" for state in result.unreached)
+        found, notes = (
+            result.exploration,
+            tuple(f"never reached: {state}" for state in result.unreached),
+        )
         what = f"{result.channel} {use}"
-        return Verdict(2, what, faults, found.states, found.edges, found.seconds, found.findings, _open(found), notes)
+        return Verdict(
+            2,
+            what,
+            faults,
+            found.states,
+            found.edges,
+            found.seconds,
+            found.findings,
+            _open(found),
+            notes,
+        )
 
     return run
 
 
-def _fleet(design: Design, what: str, faults: Faults, seconds: float | None) -> Callable[[Progress | None], Verdict]:
+def _fleet(
+    design: Design, what: str, faults: Faults, seconds: float | None
+) -> Callable[[Progress | None], Verdict]:
     def run(progress: Progress | None) -> Verdict:
         most = None if faults.most == ANY else faults.most
         silent = [name for name, machine in machines(design).items() if not machine.rows]
@@ -246,7 +287,18 @@ def _fleet(design: Design, what: str, faults: Faults, seconds: float | None) -> 
         whole = not (faults.gone or faults.boot or found.findings)
         notes, beyond = (fleet.unused(), fleet.endless()) if whole else ((), ())
         opened = (*_open(found), *loud)
-        return Verdict(3, what, most, found.states, found.edges, found.seconds, found.findings, opened, notes, beyond)
+        return Verdict(
+            3,
+            what,
+            most,
+            found.states,
+            found.edges,
+            found.seconds,
+            found.findings,
+            opened,
+            notes,
+            beyond,
+        )
 
     return run
 
@@ -256,14 +308,21 @@ def _open(found: Exploration) -> tuple[str, ...]:
 
 
 def waiting(design: Design, gone: str) -> tuple[str, ...]:
-    """All agents that must come to rest though `gone` never comes back: those that persons talk to, or, where
-    persons talk to none, all the others. Raises NoSuchEntry; ValueError where persons talk to `gone` alone.
+    """All agents that must come to rest though `gone` never comes back: those that persons talk to,
+    or, where persons talk to none, all the others. Raises NoSuchEntry; ValueError where persons
+    talk to `gone` alone.
     """
     composed(design).agent(gone)
-    told = [one.name for one in design.file.agent if any(row.on.startswith("person ") for row in one.row)]
+    told = [
+        one.name
+        for one in design.file.agent
+        if any(row.on.startswith("person ") for row in one.row)
+    ]
     left = tuple(name for name in told or design.agents if name != gone)
     if not left:
-        wrong = f"--gone {gone}: {gone} alone has `person` rows, so nobody is left whose wish could end"
+        wrong = (
+            f"--gone {gone}: {gone} alone has `person` rows, so nobody is left whose wish could end"
+        )
         others = ", ".join(name for name in design.agents if name != gone)
         raise ValueError(f"{wrong}; name another agent: {others or 'there is none'}")
     return left

@@ -1,9 +1,11 @@
-"""Layer 2, volatile: both roles of a protocol whose conversations are not journalled: questions, and subscriptions.
+"""Layer 2, volatile: both roles of a protocol whose conversations are not journalled: questions,
+and subscriptions.
 
-A volatile word travels in any order and may be lost. The initiator says its last word again until anything comes in the
-conversation; a participant that is asked again gives its last answer again. What belongs to an older conversation is
-dropped, so it is not in the net. With `latest` the participant's plain informs are observations: it owes the newest one
-until that is receipted, over deaths and renewed subscriptions.
+A volatile word travels in any order and may be lost. The initiator says its last word again until
+anything comes in the conversation; a participant that is asked again gives its last answer again.
+What belongs to an older conversation is dropped, so it is not in the net. With `latest` the
+participant's plain informs are observations: it owes the newest one until that is receipted, over
+deaths and renewed subscriptions.
 """
 
 from collections.abc import Iterator
@@ -18,14 +20,31 @@ from topdown.prove.roles import Pair, Players, to
 
 NOTHING = "-"
 ASKED, SAID = "asks again", "last said"
-DUE, ARRIVING, HELD, RECEIPT = "due", "observation on its way", "newest held", "its receipt on its way"
+DUE, ARRIVING, HELD, RECEIPT = (
+    "due",
+    "observation on its way",
+    "newest held",
+    "its receipt on its way",
+)
 NOT_HELD = "an observation is receipted, and its subscriber does not hold it"
 
 ABSTRACTIONS = (
-    ("words of an older conversation are dropped at once", "both sides tell conversations apart by their ids"),
-    ("a renewed subscription takes the place of the older one at once", "the older one's observations are dropped"),
-    ("one subject, and only its newest version", "subjects are independent, older versions are receipted and ignored"),
-    ("a message without a row is dropped", "so does the runtime with what is not durable: copies are normal there"),
+    (
+        "words of an older conversation are dropped at once",
+        "both sides tell conversations apart by their ids",
+    ),
+    (
+        "a renewed subscription takes the place of the older one at once",
+        "the older one's observations are dropped",
+    ),
+    (
+        "one subject, and only its newest version",
+        "subjects are independent, older versions are receipted and ignored",
+    ),
+    (
+        "a message without a row is dropped",
+        "so does the runtime with what is not durable: copies are normal there",
+    ),
     ("reply-by may pass at any time, and gives a question up", "no statement on durations is made"),
 )
 """Dropped traffic, and why it is safe to drop it."""
@@ -34,9 +53,10 @@ ABSTRACTIONS = (
 class Rules(NamedTuple):
     """Duties of the delivery beyond the tables; a test switches each off to show its purpose.
 
-    `asks_again`: the last word of the initiator is repeated. `cancels_till_over`: a cancel until the conversation is
-    over, not only until anything comes. `renews`: an initiator whose conversation may rest begins
-    it again when the participant comes back from a death. `keeps_due`: observations due are journalled.
+    `asks_again`: the last word of the initiator is repeated. `cancels_till_over`: a cancel until
+    the conversation is over, not only until anything comes. `renews`: an initiator whose
+    conversation may rest begins it again when the participant comes back from a death. `keeps_due`:
+    observations due are journalled.
     """
 
     asks_again: bool = True
@@ -54,7 +74,7 @@ class _Volatile:
         self.first, self.second = pair.tables[Role.INITIATOR], pair.tables[Role.PARTICIPANT]
         self.lives = bool(self.first.resting)
 
-    # --- names --------------------------------------------------------------------------------------------------------
+    # --- names ------------------------------------------------------------------------------------
 
     def on_way(self, role: Role, word: str) -> str:
         """The variable that counts copies of a word."""
@@ -62,14 +82,18 @@ class _Volatile:
 
     def spoken(self, role: Role) -> tuple[str, ...]:
         """Words that travel as such: all but observations."""
-        observed = {Performative.INFORM.value} if self.latest and role is Role.PARTICIPANT else set()
+        observed = (
+            {Performative.INFORM.value} if self.latest and role is Role.PARTICIPANT else set()
+        )
         return tuple(word for word in self.pair.words(role) if word not in observed)
 
     def variables(self) -> Iterator[Variable]:
         """States, words on their way, what is said again, observations."""
         yield from (self.pair.state(role) for role in Role)
         for role in Role:
-            yield from (Variable(self.on_way(role, word), ("0", "1", "2")) for word in self.spoken(role))
+            yield from (
+                Variable(self.on_way(role, word), ("0", "1", "2")) for word in self.spoken(role)
+            )
         yield Variable(ASKED, (NOTHING, *self.spoken(Role.INITIATOR)))
         yield Variable(SAID, (NOTHING, *self.spoken(Role.PARTICIPANT)))
         if self.lives:
@@ -78,10 +102,12 @@ class _Volatile:
             yield from (Variable(name, ("no", "yes")) for name in (DUE, ARRIVING, RECEIPT))
             yield Variable(HELD, ("yes", "no"))
 
-    # --- parts of commands --------------------------------------------------------------------------------------------
+    # --- parts of commands ------------------------------------------------------------------------
 
     def gone(self, *roles: Role) -> tuple[Effect, ...]:
-        """All words of these roles that were on their way are gone, observations and receipts as well."""
+        """All words of these roles that were on their way are gone, observations and receipts as
+        well.
+        """
         words = [to(self.on_way(role, word), 0) for role in roles for word in self.spoken(role)]
         if self.latest and Role.PARTICIPANT in roles:
             words.append(to(ARRIVING, "no"))
@@ -90,10 +116,17 @@ class _Volatile:
         return tuple(words)
 
     def forgotten(self) -> tuple[Effect, ...]:
-        """No conversation any more, for both; a receipt on its way stays, since it belongs to none."""
+        """No conversation any more, for both; a receipt on its way stays, since it belongs to
+        none.
+        """
         words = (to(self.on_way(role, word), 0) for role in Role for word in self.spoken(role))
         arriving = (to(ARRIVING, "no"),) if self.latest else ()
-        ends = to(self.initiator, START), to(self.participant, START), to(ASKED, NOTHING), to(SAID, NOTHING)
+        ends = (
+            to(self.initiator, START),
+            to(self.participant, START),
+            to(ASKED, NOTHING),
+            to(SAID, NOTHING),
+        )
         return (*words, *arriving, *ends)
 
     def said(self, role: Role, word: str, state: str) -> tuple[Effect, ...]:
@@ -108,7 +141,7 @@ class _Volatile:
         for copies in (1, 2):
             yield is_(name, str(copies)), to(name, copies - 1)
 
-    # --- commands -----------------------------------------------------------------------------------------------------
+    # --- commands ---------------------------------------------------------------------------------
 
     def commands(self) -> Iterator[Command]:
         """All of them."""
@@ -120,27 +153,37 @@ class _Volatile:
                     none, said = is_(me, *self.pair.over(role)), (*self.forgotten(), *said)
                     yield Command(me, f"{row.word} -> {peer}", (none,), said, fair=False)
                 elif row.word in self.spoken(role):
-                    yield Command(me, f"{row.word} -> {peer}", (is_(me, row.state),), said, fair=not row.free)
+                    yield Command(
+                        me, f"{row.word} -> {peer}", (is_(me, row.state),), said, fair=not row.free
+                    )
             yield from self._taken(role)
             yield from self._words_lost(role)
         yield from self._again()
         yield from self._deaths()
         over = self.pair.over(Role.INITIATOR) | self.first.resting
         waits = is_(self.initiator, *sorted(str(state) for state in self.first.states - over))
-        yield Command(self.initiator, "gives up: reply-by has passed", (waits,), self.forgotten(), False, True)
+        yield Command(
+            self.initiator, "gives up: reply-by has passed", (waits,), self.forgotten(), False, True
+        )
         if self.latest:
             yield from self._observations()
 
     def _taken(self, role: Role) -> Iterator[Command]:
         """Take what has a row; answer an opening again that is asked again; drop the rest."""
-        me, peer, table = self.pair.players.named(role), self.pair.players.named(role.other), self.pair.tables[role]
+        me, peer, table = (
+            self.pair.players.named(role),
+            self.pair.players.named(role.other),
+            self.pair.tables[role],
+        )
         for row in self.pair.spoken(role.other):
             if row.word not in self.spoken(role.other):
                 continue
             for state in sorted(table.states - table.urgent):
                 what, effects = self._reaction(role, str(state), row)
                 for guard, gone in self._arrives(role, row.word):
-                    yield Command(me, f"{what} <- {peer}", (is_(me, str(state)), guard), (gone, *effects))
+                    yield Command(
+                        me, f"{what} <- {peer}", (is_(me, str(state)), guard), (gone, *effects)
+                    )
 
     def _reaction(self, role: Role, state: str, word: Row) -> tuple[str, tuple[Effect, ...]]:
         me, table = self.pair.players.named(role), self.pair.tables[role]
@@ -154,14 +197,24 @@ class _Volatile:
         return word.word, (to(me, row.to), *self._answered(role, state, row.to))
 
     def _answered(self, role: Role, state: str, after: str) -> tuple[Effect, ...]:
-        """The initiator stops asking when anything comes; when it has cancelled, only when all is over."""
-        cancelling = state in self.cancelling and after not in self.first.ended and self.rules.cancels_till_over
+        """The initiator stops asking when anything comes; when it has cancelled, only when all is
+        over.
+        """
+        cancelling = (
+            state in self.cancelling
+            and after not in self.first.ended
+            and self.rules.cancels_till_over
+        )
         return (to(ASKED, NOTHING),) if role is Role.INITIATOR and not cancelling else ()
 
     @cached_property
     def cancelling(self) -> frozenset[str]:
         """States of the initiator after its cancel."""
-        waiting = [row.to for row in self.first if row.way is SEND and row.performative is Performative.CANCEL]
+        waiting = [
+            row.to
+            for row in self.first
+            if row.way is SEND and row.performative is Performative.CANCEL
+        ]
         found: set[str] = set()
         while waiting:
             state = str(waiting.pop())
@@ -171,7 +224,9 @@ class _Volatile:
         return frozenset(found)
 
     def _again(self) -> Iterator[Command]:
-        """The initiator asks again while nothing came, the participant answers again when asked again."""
+        """The initiator asks again while nothing came, the participant answers again when asked
+        again.
+        """
         for word in self.spoken(Role.INITIATOR) if self.rules.asks_again else ():
             guards = is_(ASKED, word), is_(self.on_way(Role.INITIATOR, word), "0")
             effects = (to(self.on_way(Role.INITIATOR, word), 1),)
@@ -182,17 +237,28 @@ class _Volatile:
                 for guard, gone in self._arrives(Role.PARTICIPANT, opening):
                     once_more = is_(self.participant, *held), is_(SAID, word), guard
                     again = gone, to(self.on_way(Role.PARTICIPANT, word), 1)
-                    yield Command(self.participant, f"{word} again -> {self.initiator}", once_more, again)
+                    yield Command(
+                        self.participant, f"{word} again -> {self.initiator}", once_more, again
+                    )
 
     def _words_lost(self, role: Role) -> Iterator[Command]:
         for word in self.spoken(role):
             name = self.on_way(role, word)
             for before, after, verb in ((1, 0, "loses"), (2, 1, "loses"), (1, 2, "doubles")):
                 guards, effects = (is_(name, str(before)),), (to(name, after),)
-                yield Command("wire", f"{verb} {word} of {self.pair.players.named(role)}", guards, effects, False, True)
+                yield Command(
+                    "wire",
+                    f"{verb} {word} of {self.pair.players.named(role)}",
+                    guards,
+                    effects,
+                    False,
+                    True,
+                )
 
     def _deaths(self) -> Iterator[Command]:
-        """Either side dies and is restored without its soft state; the other side sees another incarnation."""
+        """Either side dies and is restored without its soft state; the other side sees another
+        incarnation.
+        """
         mine = (*self.forgotten(), *((to(RECEIPT, "no"),) if self.latest else ()))
         yield Command(self.initiator, "dies and is restored", (), mine, False, True)
         came_back = (to("back", "yes"),) if self.lives else ()
@@ -200,10 +266,14 @@ class _Volatile:
         lost = (*self.gone(*Role), to(self.participant, START), to(SAID, NOTHING), *came_back, *due)
         yield Command(self.participant, "dies and is restored", (), lost, False, True)
         if self.lives:
-            states = sorted(str(state) for state in self.first.states - self.pair.over(Role.INITIATOR))
+            states = sorted(
+                str(state) for state in self.first.states - self.pair.over(Role.INITIATOR)
+            )
             yield from self._renewed(states)
             over = is_(self.initiator, *self.pair.over(Role.INITIATOR))
-            yield Command(self.initiator, "sees it is back", (is_("back", "yes"), over), (to("back", "no"),))
+            yield Command(
+                self.initiator, "sees it is back", (is_("back", "yes"), over), (to("back", "no"),)
+            )
 
     def _renewed(self, states: list[str]) -> Iterator[Command]:
         """Renew an open conversation of a kind that may rest with the new incarnation."""
@@ -211,9 +281,14 @@ class _Volatile:
             opened = to(self.initiator, row.to), *self.said(Role.INITIATOR, row.word, row.to)
             effects = (*self.forgotten(), to("back", "no"), *opened)
             guards = is_("back", "yes"), is_(self.initiator, *states)
-            yield Command(self.initiator, f"sees it is back: {row.word} -> {self.participant}", guards, effects)
+            yield Command(
+                self.initiator,
+                f"sees it is back: {row.word} -> {self.participant}",
+                guards,
+                effects,
+            )
 
-    # --- observations -------------------------------------------------------------------------------------------------
+    # --- observations -----------------------------------------------------------------------------
 
     def _observations(self) -> Iterator[Command]:
         """Something is seen, sent while there is a subscription, held, receipted."""
@@ -224,7 +299,12 @@ class _Volatile:
         for row in self.second:
             if row.way is SEND and row.word == Performative.INFORM:
                 sends = is_(self.participant, str(row.state)), *owed
-                yield Command(self.participant, inform, sends, (to(ARRIVING, "yes"), to(self.participant, row.to)))
+                yield Command(
+                    self.participant,
+                    inform,
+                    sends,
+                    (to(ARRIVING, "yes"), to(self.participant, row.to)),
+                )
         for state in sorted(self.first.states - self.first.urgent):
             row_in = self.first.find(state, RECEIVE, Performative.INFORM, Kind.PLAIN)
             here = is_(self.initiator, str(state)), is_(ARRIVING, "yes")
@@ -236,9 +316,13 @@ class _Volatile:
                 what = f"inform, receipted <- {self.participant}"
                 yield Command(self.initiator, what, here, (*effects, *answered, to(RECEIPT, "yes")))
         settled = to(RECEIPT, "no"), to(DUE, "no")
-        yield Command(self.participant, f"receipt <- {self.initiator}", (is_(RECEIPT, "yes"),), settled)
+        yield Command(
+            self.participant, f"receipt <- {self.initiator}", (is_(RECEIPT, "yes"),), settled
+        )
         for name in (ARRIVING, RECEIPT):
-            yield Command("wire", f"loses the {name}", (is_(name, "yes"),), (to(name, "no"),), False, True)
+            yield Command(
+                "wire", f"loses the {name}", (is_(name, "yes"),), (to(name, "no"),), False, True
+            )
 
     def net(self) -> Net:
         """Variables, commands, rest and wrong."""
@@ -249,8 +333,13 @@ class _Volatile:
             awake = (is_("back", "no"),) if self.lives else ()
             rest.append((*states, *quiet, *settled, *awake))
         wrong = (Wrong(NOT_HELD, (is_(DUE, "no"), is_(HELD, "no"))),) if self.latest else ()
-        name, players = f"{self.pair.protocol.name} {self.initiator} {self.participant}", tuple(self.pair.players)
-        return Net(name, tuple(self.variables()), (), tuple(self.commands()), tuple(rest), wrong, players)
+        name, players = (
+            f"{self.pair.protocol.name} {self.initiator} {self.participant}",
+            tuple(self.pair.players),
+        )
+        return Net(
+            name, tuple(self.variables()), (), tuple(self.commands()), tuple(rest), wrong, players
+        )
 
 
 def volatile_pair(
@@ -261,7 +350,11 @@ def volatile_pair(
     latest: bool = False,
     rules: Rules | None = None,
 ) -> Net:
-    """The net of a protocol whose conversations are volatile (`latest`: with observations), and at most `faults`
-    faults (None: any number).
+    """The net of a protocol whose conversations are volatile (`latest`: with observations), and at
+    most `faults` faults (None: any number).
     """
-    return _Volatile(Pair(protocol, players or Players()), latest, rules or Rules()).net().counted(faults)
+    return (
+        _Volatile(Pair(protocol, players or Players()), latest, rules or Rules())
+        .net()
+        .counted(faults)
+    )

@@ -1,8 +1,10 @@
-"""A project made from a design file: packages, typed interfaces, stubs to fill in, tests, processes, compose entries.
+"""A project made from a design file: packages, typed interfaces, stubs to fill in, tests,
+processes, compose entries.
 
-`scaffold(design_text, name, folder)` writes it and tells what it wrote, kept and left alone. What is made runs at once:
-behaviours that are not filled in refuse what they are asked (agent_runtime.core.agent). The text of the project
-imports agent_runtime, fipa_codec, topdown and operate; this package itself imports only fipa_codec.
+`scaffold(design_text, name, folder)` writes it and tells what it wrote, kept and left alone. What
+is made runs at once: behaviours that are not filled in refuse what they are asked
+(agent_runtime.core.agent). The text of the project imports agent_runtime, fipa_codec, topdown and
+operate; this package itself imports only fipa_codec.
 """
 
 from topdown.scaffold.naming import ScaffoldError

@@ -1,4 +1,6 @@
-"""Names of a design as names of Python: packages, modules, functions, classes; and texts as docstrings."""
+"""Names of a design as names of Python: packages, modules, functions, classes; and texts as
+docstrings.
+"""
 
 import importlib.util
 import keyword
@@ -11,7 +13,7 @@ from collections.abc import Iterable
 from topdown.model.design import Design
 from topdown.model.errors import TopdownError
 
-# --- Errors of the scaffold; one kind: no project can be made, because of a name or a folder -------------------------
+# --- Errors of the scaffold; one kind: no project can be made, because of a name or a folder ------
 
 
 class ScaffoldError(TopdownError):
@@ -22,7 +24,7 @@ class ScaffoldError(TopdownError):
         super().__init__(f"{where}: {wrong}; {right}")
 
 
-# --- Names of a design as names of Python -----------------------------------------------------------------------------
+# --- Names of a design as names of Python ---------------------------------------------------------
 
 
 WIDTH = 120
@@ -34,12 +36,16 @@ _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def require_names(design: Design, package: str) -> None:
-    """ScaffoldError names the first name of the design that can be no name in Python, and what can."""
+    """ScaffoldError names the first name of the design that can be no name in Python, and what
+    can.
+    """
     _package(package)
     for agent in design.agents:
         _identifier(f"agent {agent!r}", agent)
         if agent in RESERVED:
-            raise ScaffoldError(f"agent {agent!r}", "has the name of a module of the project", "name it otherwise")
+            raise ScaffoldError(
+                f"agent {agent!r}", "has the name of a module of the project", "name it otherwise"
+            )
     for agent, entry in design.agents.items():
         for state in entry.state:
             _identifier(f"agent {agent}, behaviour", state.behaviour)
@@ -48,28 +54,38 @@ def require_names(design: Design, package: str) -> None:
     for language in design.file.language:
         _identifier("language", language.name, keywords=True)
     doubled = [
-        name for name, count in Counter(module(entry.name) for entry in design.file.language).items() if count > 1
+        name
+        for name, count in Counter(module(entry.name) for entry in design.file.language).items()
+        if count > 1
     ]
     if doubled:
         raise ScaffoldError(
-            "languages", f"several would be module {doubled[0]}", "let them differ in more than capitals"
+            "languages",
+            f"several would be module {doubled[0]}",
+            "let them differ in more than capitals",
         )
 
 
 def _package(name: str) -> None:
     _identifier("system", name)
     if name != name.lower():
-        raise ScaffoldError("system", f"{name!r} is not a name of a package", f"write it small: {name.lower()!r}")
+        raise ScaffoldError(
+            "system", f"{name!r} is not a name of a package", f"write it small: {name.lower()!r}"
+        )
     # a package from outside, and not the project itself, made before
     known = importlib.util.find_spec(name)
     installed = known is not None and known.origin is not None and "site-packages" in known.origin
     if name in IMPORTED or name in sys.stdlib_module_names or installed:
-        raise ScaffoldError("system", f"{name!r} is an installed package", "choose a name that is free")
+        raise ScaffoldError(
+            "system", f"{name!r} is an installed package", "choose a name that is free"
+        )
 
 
 def _identifier(where: str, name: str, *, keywords: bool = False) -> None:
     if not _WORD.fullmatch(name) or (keyword.iskeyword(name) and not keywords):
-        raise ScaffoldError(where, f"{name!r} is not a name in Python", "letters, digits and _, a letter first")
+        raise ScaffoldError(
+            where, f"{name!r} is not a name in Python", "letters, digits and _, a letter first"
+        )
 
 
 def module(language: str) -> str:
@@ -79,10 +95,15 @@ def module(language: str) -> str:
 
 
 def classes(design: Design) -> dict[str, tuple[str, ...]]:
-    """Names of the classes that the design uses of each of its languages, in the order of the file."""
+    """Names of the classes that the design uses of each of its languages, in the order of the
+    file.
+    """
     found: dict[str, dict[str, None]] = {entry.name: {} for entry in design.file.language}
     named = [
-        name for entry in design.file.interface for row in entry.entries for name in (*row.arguments, *row.answers)
+        name
+        for entry in design.file.interface
+        for row in entry.entries
+        for name in (*row.arguments, *row.answers)
     ]
     for use in design.file.protocol:
         named += [name for message in use.message for name in design.contents(use, message)]
@@ -93,7 +114,9 @@ def classes(design: Design) -> dict[str, tuple[str, ...]]:
 
 
 def docstring(text: str, indent: int = 0) -> str:
-    """A docstring of whole lines, wrapped; a blank line parts the paragraphs, lines that begin with `- ` are kept."""
+    """A docstring of whole lines, wrapped; a blank line parts the paragraphs, lines that begin with
+    `- ` are kept.
+    """
     safe = text.strip().replace("\\", "\\\\").replace('"""', "'''")
     pad = " " * indent
     lines: list[str] = []
@@ -101,7 +124,9 @@ def docstring(text: str, indent: int = 0) -> str:
         first = ' "' if not lines else ""
         width = WIDTH - indent - (3 if first else 0)
         more = "  " if paragraph.startswith("- ") else ""
-        lines += textwrap.wrap(paragraph, width, subsequent_indent=more, break_long_words=False) or [""]
+        lines += textwrap.wrap(
+            paragraph, width, subsequent_indent=more, break_long_words=False
+        ) or [""]
     if len(lines) == 1 and len(lines[0]) + indent + 6 <= WIDTH:
         return f'{pad}"""{lines[0]}"""'
     body = "\n".join(f"{pad}{line}".rstrip() for line in lines[1:])
@@ -115,7 +140,9 @@ def sentence(text: str, otherwise: str) -> str:
 
 
 def wrapped(opening: str, items: Iterable[str], closing: str) -> str:
-    """A bracketed list as ruff's formatter writes it: on one line where that fits, else one item a line."""
+    """A bracketed list as ruff's formatter writes it: on one line where that fits, else one item a
+    line.
+    """
     kept = list(items)
     line = f"{opening}{', '.join(kept)}{closing}"
     if len(line) <= WIDTH or not kept:

@@ -1,7 +1,9 @@
-"""Makes a project's files of a design, all or nothing: names are looked at before anything is written.
+"""Makes a project's files of a design, all or nothing: names are looked at before anything is
+written.
 
-The files are in templates/, as `string.Template` texts: PACKAGE, AGENT and LANGUAGE in a path stand for names of the
-design. What depends on the number of entries, or has to be wrapped as ruff's formatter does, is written here.
+The files are in templates/, as `string.Template` texts: PACKAGE, AGENT and LANGUAGE in a path stand
+for names of the design. What depends on the number of entries, or has to be wrapped as ruff's
+formatter does, is written here.
 """
 
 import textwrap
@@ -25,15 +27,24 @@ from topdown.scaffold.naming import (
 from topdown.scaffold.writing import Outcome, write
 
 KEY = "roco/{system}/{channel}/{sender}/{receiver}/{protocol}/{performative}"
-"""The key template that agent_runtime.core.wiring puts communicates on; a design that runs on it has this one."""
+"""The key template that agent_runtime.core.wiring puts communicates on; a design that runs on it
+has this one.
+"""
 _SMALLEST = Path(__file__).with_name("smallest.toml")
 _TEMPLATES = Path(__file__).with_name("templates")
-# The order of these lists is that of the project's manifest, so that a manifest written before stays the same.
+# The order of these lists is that of the project's manifest, so that a manifest written before
+# stays the same.
 _ONCE = (
-    *(f"PACKAGE/{name}" for name in ("__init__.py", "py.typed", "design.py", "__main__.py", "system.py")),
+    *(
+        f"PACKAGE/{name}"
+        for name in ("__init__.py", "py.typed", "design.py", "__main__.py", "system.py")
+    ),
     *("pyproject.toml", "compose.yaml", "README.md", ".gitignore", "PACKAGE/languages/__init__.py"),
 )
-_OF_AGENT = tuple(f"PACKAGE/AGENT/{name}.py" for name in ("__init__", "__main__", "interface", "memory", "behaviours"))
+_OF_AGENT = tuple(
+    f"PACKAGE/AGENT/{name}.py"
+    for name in ("__init__", "__main__", "interface", "memory", "behaviours")
+)
 
 
 def smallest(name: str) -> str:
@@ -41,14 +52,20 @@ def smallest(name: str) -> str:
     return _SMALLEST.read_text(encoding="utf-8").replace("NAME", name)
 
 
-def scaffold(design_text: str, folder: Path, package: str = "", file: str = "design.toml") -> Outcome:
-    """Write the project into `folder`; `package` "": the system's name. Raises DesignError, ScaffoldError, OSError."""
+def scaffold(
+    design_text: str, folder: Path, package: str = "", file: str = "design.toml"
+) -> Outcome:
+    """Write the project into `folder`; `package` "": the system's name. Raises DesignError,
+    ScaffoldError, OSError.
+    """
     package = package or loading.read(design_text, file).system.name
     outcome = write(folder, project_files(design_text, package, file))
     if any(kept.path == f"{package}/design.toml" for kept in outcome.kept):
         target = folder / package / "design.toml"
         raise ScaffoldError(
-            str(target), f"was changed and differs from {file}", f"make the project of it: --from {target}"
+            str(target),
+            f"was changed and differs from {file}",
+            f"make the project of it: --from {target}",
         )
     return outcome
 
@@ -58,7 +75,11 @@ def project_files(design_text: str, package: str, file: str = "design.toml") -> 
     design = Design(loading.read(design_text, file), file)
     require_names(design, package)
     if design.file.system.key != KEY:
-        raise ScaffoldError(f"{file}: system.key", f"is {design.file.system.key!r}", f"the runtime's keys are {KEY!r}")
+        raise ScaffoldError(
+            f"{file}: system.key",
+            f"is {design.file.system.key!r}",
+            f"the runtime's keys are {KEY!r}",
+        )
     if slips := design.decomposition.slips:
         raise ScaffoldError(f"{file}: step {slips[0].step}", slips[0].wrong, slips[0].right)
     files = {f"{package}/design.toml": design_text}
@@ -84,7 +105,10 @@ def project_files(design_text: str, package: str, file: str = "design.toml") -> 
         if words["asked"]:
             files[f"tests/test_{agent}.py"] += _filled("tests/answered.py", {})
     for agent in design.agents:
-        text = sentence(design.agent(agent).text or design.decomposition.tasks.get(agent, ""), "its task is not said")
+        text = sentence(
+            design.agent(agent).text or design.decomposition.tasks.get(agent, ""),
+            "its task is not said",
+        )
         parts = (
             {"about": docstring(f"a_{agent}. {text}")},
             _process(package, agent, text),
@@ -101,15 +125,21 @@ def _filled(template: str, words: dict[str, str]) -> str:
     return Template((_TEMPLATES / f"{template}.txt").read_text(encoding="utf-8")).substitute(words)
 
 
-# --- once in a project ------------------------------------------------------------------------------------------------
+# --- once in a project ----------------------------------------------------------------------------
 
 
 def _of_project(design: Design, package: str) -> dict[str, str]:
     system, tasks = design.file.system, design.decomposition.tasks
     told = {
-        f"python -m {package}": "router and agents as processes; prints what they say; Ctrl-C ends them",
-        "roco up": "the same in the background; roco status, traffic echo, graph, top, down are about it",
-        "python -m pytest": "the design is consistent, every agent binds and answers, all meet over Zenoh",
+        f"python -m {package}": (
+            "router and agents as processes; prints what they say; Ctrl-C ends them"
+        ),
+        "roco up": (
+            "the same in the background; roco status, traffic echo, graph, top, down are about it"
+        ),
+        "python -m pytest": (
+            "the design is consistent, every agent binds and answers, all meet over Zenoh"
+        ),
         f"roco design check {package}/design.toml": "what is wrong with the design, and where",
         f"roco design verify {package}/design.toml": "whether it can go wrong, and how",
     }
@@ -121,22 +151,29 @@ def _of_project(design: Design, package: str) -> dict[str, str]:
         "capitals": package.upper(),
         "agents": wrapped("AGENTS = (", [f'"{agent}"' for agent in design.agents], ")"),
         "places": ",".join(f"{agent}=tcp/{agent}:7448" for agent in design.agents),
-        "services": "\n".join(f"  {one}:\n    <<: *agent\n    command: [{package}.{one}]\n" for one in design.agents),
+        "services": "\n".join(
+            f"  {one}:\n    <<: *agent\n    command: [{package}.{one}]\n" for one in design.agents
+        ),
         "table": "\n".join(
             f"| `{agent}` | {sentence(entry.text or tasks.get(agent, ''), 'not said')} |"
             for agent, entry in design.agents.items()
         ),
         "commands": "\n".join(f"{command:<{width}}  # {what}" for command, what in told.items()),
         "modules": ", ".join(sorted(module(language.name) for language in design.file.language)),
-        "languages": wrapped("LANGUAGES = Languages((", languages, ",))" if len(languages) == 1 else "))"),
+        "languages": wrapped(
+            "LANGUAGES = Languages((", languages, ",))" if len(languages) == 1 else "))"
+        ),
     }
 
 
-# --- the content languages: one Struct for each class that the design names, fields to fill in ------------------------
+# --- the content languages: one Struct for each class that the design names, fields to fill in ----
 
 
-def _of_language(design: Design, language: elements.Language, words: tuple[str, ...]) -> dict[str, str]:
-    said: dict[str, dict[str, None]] = {word: {} for word in words}  # class -> in which acts it is said
+def _of_language(
+    design: Design, language: elements.Language, words: tuple[str, ...]
+) -> dict[str, str]:
+    # class -> in which acts it is said
+    said: dict[str, dict[str, None]] = {word: {} for word in words}
     for use in design.file.protocol:
         for message in use.message:
             for name in design.contents(use, message):
@@ -150,36 +187,52 @@ def _of_language(design: Design, language: elements.Language, words: tuple[str, 
     line = " | ".join(words) or "Sentence"
     union = f"Content = {line}"
     if len(union) > WIDTH:
-        lines = (line,) if len(f"    {line}") <= WIDTH else (words[0], *(f"| {word}" for word in words[1:]))
+        lines = (
+            (line,)
+            if len(f"    {line}") <= WIDTH
+            else (words[0], *(f"| {word}" for word in words[1:]))
+        )
         union = "\n".join(("Content = (", *(f"    {one}" for one in lines), ")"))
     about = (
-        f"{language.name}: {language.text or 'a content language of the design'}.\n\n"
-        "Give each sentence its fields; msgspec checks them on the way in. Where a protocol tells uses of inform apart "
-        "(progress, final), give the Language a `kind`: a function of the sentence."
+        f"{language.name}: {language.text or 'a content language of the design'}.\n\nGive each"
+        " sentence its fields; msgspec checks them on the way in. Where a protocol tells uses of"
+        " inform apart (progress, final), give the Language a `kind`: a function of the sentence."
     )
-    return {"about": docstring(about), "name": language.name, "classes": "".join(blocks), "union": union}
+    return {
+        "about": docstring(about),
+        "name": language.name,
+        "classes": "".join(blocks),
+        "union": union,
+    }
 
 
-# --- an agent ---------------------------------------------------------------------------------------------------------
+# --- an agent -------------------------------------------------------------------------------------
 
 
 def _process(package: str, agent: str, text: str) -> dict[str, str]:
     told = textwrap.shorten(text, 80, placeholder=" ...").replace("\\", "\\\\").replace('"', "'")
     return {
         "imports": imports(
-            f"from {package}.{agent}.behaviours import agent", f"from {package}.design import DESIGN, LANGUAGES"
+            f"from {package}.{agent}.behaviours import agent",
+            f"from {package}.design import DESIGN, LANGUAGES",
         ),
         "run": wrapped("    cli.run(", [f'"{agent}"', f'"a_{agent}. {told}"', "serve"], ")"),
     }
 
 
 def _interface(design: Design, package: str, agent: str) -> dict[str, str]:
-    offers = _table(design, "OFFERS", [use for use in design.file.protocol if use.participant == agent])
+    offers = _table(
+        design, "OFFERS", [use for use in design.file.protocol if use.participant == agent]
+    )
     asks = _table(design, "ASKS", [use for use in design.file.protocol if use.initiator == agent])
     words = f"{offers}\n{asks}".replace("[", " ").replace("(", " ")
-    used = sorted({name for entry in design.file.language if f" {(name := module(entry.name))}." in words})
+    used = sorted(
+        {name for entry in design.file.language if f" {(name := module(entry.name))}." in words}
+    )
     return {
-        "about": docstring(f"Requests that a_{agent} takes (OFFERS) and makes (ASKS), by the use of a protocol."),
+        "about": docstring(
+            f"Requests that a_{agent} takes (OFFERS) and makes (ASKS), by the use of a protocol."
+        ),
         "imports": f"\nfrom {package}.languages import {', '.join(used)}\n" if used else "",
         "offers": offers,
         "asks": asks,
@@ -187,12 +240,17 @@ def _interface(design: Design, package: str, agent: str) -> dict[str, str]:
 
 
 def _table(design: Design, name: str, uses: list[elements.Protocol]) -> str:
-    """The interface entries of some uses as a table of Python, wrapped like ruff's formatter does."""
+    """The interface entries of some uses as a table of Python, wrapped like ruff's formatter
+    does.
+    """
     if not uses:
         return f"{name}: dict[str, ClassInterfaceInfo] = {{}}"
 
     def dotted(names: tuple[str, ...], between: str) -> str:
-        return between.join(f"{module(language)}.{word}" for language, _, word in (one.partition(".") for one in names))
+        return between.join(
+            f"{module(language)}.{word}"
+            for language, _, word in (one.partition(".") for one in names)
+        )
 
     def own_line(words: str) -> str:  # a union that is too long for a line stands in several
         return words if 16 + len(words) < WIDTH else words.replace(" | ", f"\n{' ' * 16}| ")
@@ -211,7 +269,9 @@ def _table(design: Design, name: str, uses: list[elements.Protocol]) -> str:
         flat = ", ".join(f"({', '.join(parts)})" for parts in entries)
         line = f'    "{use.name}": ClassInterfaceInfo([{flat}]),'
         opening = (f'    "{use.name}": ClassInterfaceInfo(', "        [")
-        rows = (wrapped("            (", [own_line(part) for part in entry], "),") for entry in entries)
+        rows = (
+            wrapped("            (", [own_line(part) for part in entry], "),") for entry in entries
+        )
         lines += [line] if len(line) <= WIDTH else [*opening, *rows, "        ]", "    ),"]
     return "\n".join((*lines, "}"))
 
@@ -221,11 +281,19 @@ def _memory(design: Design, agent: str) -> dict[str, str]:
     blocks = []
     for name in conditions:
         purpose = [f"ends state {state.name}" for state in entry.state if state.terminal == name]
-        purpose += [f"ends state {state.name} as an error" for state in entry.state if state.error == name]
-        purpose += [f"leads from {arc.source} to {arc.target}" for arc in entry.arc if arc.when == name]
+        purpose += [
+            f"ends state {state.name} as an error" for state in entry.state if state.error == name
+        ]
+        purpose += [
+            f"leads from {arc.source} to {arc.target}" for arc in entry.arc if arc.when == name
+        ]
         about = docstring(sentence("; ".join(purpose), name), 4)
-        blocks.append(f"def {name}(memory: Memory) -> bool:\n{about}\n    return False  # to fill in\n\n\n")
-    about = f"Memory of a_{agent}, and the conditions of its states and arcs. Must not know: messages."
+        blocks.append(
+            f"def {name}(memory: Memory) -> bool:\n{about}\n    return False  # to fill in\n\n\n"
+        )
+    about = (
+        f"Memory of a_{agent}, and the conditions of its states and arcs. Must not know: messages."
+    )
     return {
         "about": docstring(about),
         "conditions": "".join(blocks),
@@ -239,9 +307,10 @@ def _behaviours(design: Design, package: str, agent: str, text: str) -> dict[str
     for state in entry.state:
         states.setdefault(state.behaviour, []).append(state)
     head = (
-        f"a_{agent}. {text} Its behaviours, bound to the states of design.toml by name.\n\n"
-        "A behaviour is called once without an event when its state is entered, then once for each event; it gives the "
-        "memory as it then is, and says what is to be said through the turn. Must not know: clocks, the wire."
+        f"a_{agent}. {text} Its behaviours, bound to the states of design.toml by name.\n\nA"
+        " behaviour is called once without an event when its state is entered, then once for each"
+        " event; it gives the memory as it then is, and says what is to be said through the turn."
+        " Must not know: clocks, the wire."
     )
     blocks = []
     for name, served in states.items():
@@ -254,7 +323,8 @@ def _behaviours(design: Design, package: str, agent: str, text: str) -> dict[str
     return {
         "about": docstring(head),
         "imports": imports(
-            f"from {package}.{agent}.memory import CONDITIONS, Memory", f"from {package}.design import DESIGN"
+            f"from {package}.{agent}.memory import CONDITIONS, Memory",
+            f"from {package}.design import DESIGN",
         ),
         "behaviours": "".join(blocks),
         "table": wrapped(opening, [f'"{name}": {name}' for name in states], "}"),
@@ -262,12 +332,18 @@ def _behaviours(design: Design, package: str, agent: str, text: str) -> dict[str
 
 
 def _purpose(design: Design, entry: elements.Agent, states: list[elements.State]) -> Iterator[str]:
-    """Lines that say what a behaviour is for: its states, how they end, what the rows want of them."""
+    """Lines that say what a behaviour is for: its states, how they end, what the rows want of
+    them.
+    """
     names = {state.name for state in states}
     what = "; ".join(state.text for state in states if state.text)
-    yield f"Behaviour of {' and '.join(f'`{state.name}`' for state in states)}: {what or 'not said'}."
+    yield (
+        f"Behaviour of {' and '.join(f'`{state.name}`' for state in states)}: {what or 'not said'}."
+    )
     yield ""
-    ends = " or ".join(dict.fromkeys(f"`{name}`" for s in states for name in (s.terminal, s.error) if name))
+    ends = " or ".join(
+        dict.fromkeys(f"`{name}`" for s in states for name in (s.terminal, s.error) if name)
+    )
     arcs = (arc for arc in entry.arc if arc.source in names)
     targets = ", ".join(f"{arc.target} if {arc.when}" if arc.when else arc.target for arc in arcs)
     yield f"Ends when {ends} holds; then {targets or 'nowhere'}."
@@ -292,7 +368,9 @@ def _purpose(design: Design, entry: elements.Agent, states: list[elements.State]
         peer = use.participant if use.initiator == entry.name else use.initiator
         said: dict[str, list[str]] = {peer: [], entry.name: []}
         for message in use.message:
-            contents = " | ".join(content.partition(".")[2] for content in design.contents(use, message))
+            contents = " | ".join(
+                content.partition(".")[2] for content in design.contents(use, message)
+            )
             said[message.sender].append(f"{message.performative} {contents}".strip())
         hears, says = ", ".join(said[peer]), ", ".join(said[entry.name])
         yield f"- {name}: {use.follows} with {peer}; hears {hears}; says {says}"
@@ -309,7 +387,8 @@ def _asked(design: Design, package: str, agent: str) -> dict[str, str]:
             if message.sender == use.initiator and message.performative in table.openings:
                 for content in design.contents(use, message) or ("",):
                     rows.append(
-                        f'    ("{use.initiator}", "{use.follows}", P("{message.performative}"), "{content}"),\n'
+                        f'    ("{use.initiator}", "{use.follows}", P("{message.performative}"),'
+                        f' "{content}"),\n'
                     )
     samples = (
         "from agent_runtime.testing.samples import sample_named\n"

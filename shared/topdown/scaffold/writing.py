@@ -15,14 +15,18 @@ MANIFEST = ".scaffold.json"
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """A file that somebody changed and that was not touched; `missing`: names that no own file mentions."""
+    """A file that somebody changed and that was not touched; `missing`: names that no own file
+    mentions.
+    """
 
     path: str
     missing: tuple[str, ...] = ()
 
 
 class Outcome(msgspec.Struct, frozen=True):
-    """Paths relative to `folder`: `written` (new or changed), `same` as they were, `kept`; `left`: no longer made."""
+    """Paths relative to `folder`: `written` (new or changed), `same` as they were, `kept`; `left`:
+    no longer made.
+    """
 
     folder: str
     written: tuple[str, ...]
@@ -55,17 +59,27 @@ def write(folder: Path, files: dict[str, str]) -> Outcome:
         known[path] = _sum(text)
     left = tuple(path for path in known if path not in files and (folder / path).exists())
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / MANIFEST).write_bytes(msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n")
+    (folder / MANIFEST).write_bytes(
+        msgspec.json.format(msgspec.json.encode(known), indent=1) + b"\n"
+    )
     made = files.keys() - kept
     # all Python that a user wrote: what is bound in one of these files may be defined in another
-    others = [path for path in folder.rglob("*.py") if path.relative_to(folder).as_posix() not in made] if kept else []
+    others = (
+        [path for path in folder.rglob("*.py") if path.relative_to(folder).as_posix() not in made]
+        if kept
+        else []
+    )
     own = "\n".join(path.read_text(encoding="utf-8", errors="replace") for path in others)
-    changed = tuple(Kept(path, missing(files[path], own) if path.endswith(".py") else ()) for path in kept)
+    changed = tuple(
+        Kept(path, missing(files[path], own) if path.endswith(".py") else ()) for path in kept
+    )
     return Outcome(str(folder), tuple(written), tuple(same), changed, left)
 
 
 def missing(wanted: str, present: str) -> tuple[str, ...]:
-    """Functions, classes and tables that `wanted` defines and `present` does not so much as mention."""
+    """Functions, classes and tables that `wanted` defines and `present` does not so much as
+    mention.
+    """
     words = set(re.findall(r"\w+", present))
     return tuple(name for name in _defined(wanted) if name not in words)
 

@@ -1,4 +1,6 @@
-"""What must be true after each act: the table is complete, and what is known after acts follows from what they told."""
+"""What must be true after each act: the table is complete, and what is known after acts follows
+from what they told.
+"""
 
 import msgspec
 import pytest
@@ -6,7 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.acts import ACTS
-from companion.languages.evidence import AnyClaim, Claim, Evidence, Sense, fitting, newest, unchecked
+from companion.languages.evidence import (
+    AnyClaim,
+    Claim,
+    Evidence,
+    Sense,
+    fitting,
+    newest,
+    unchecked,
+)
 from companion.languages.open_enums import members
 
 pytestmark = pytest.mark.timeout(60)
@@ -45,12 +55,18 @@ def test_a_claim_survives_the_wire() -> None:
 
 @given(TOLD, TOLD, st.sets(THINGS))
 def test_the_last_word_counts(known: list[Evidence], told: list[Evidence], held: set[str]) -> None:
-    """Of each claim about a thing one word is kept, the newest; what a hand holds stands nowhere, and the reverse."""
+    """Of each claim about a thing one word is kept, the newest; what a hand holds stands nowhere,
+    and the reverse.
+    """
     found = newest(known, told, held)
     assert len({(one.claim, one.of) for one in found}) == len(found)
     for one in found:
         assert one.claim.kept
-        assert one == next(word for word in reversed([*known, *told]) if (word.claim, word.of) == (one.claim, one.of))
+        assert one == next(
+            word
+            for word in reversed([*known, *told])
+            if (word.claim, word.of) == (one.claim, one.of)
+        )
         assert one.claim is not Claim.STANDS or one.of not in held
         assert one.claim is not Claim.HELD or one.of in held
     assert newest(found, (), held) == found
@@ -58,7 +74,9 @@ def test_the_last_word_counts(known: list[Evidence], told: list[Evidence], held:
 
 @given(TOLD, st.integers(0, 400))
 def test_what_fits_begins_with_what_was_not_checked(known: list[Evidence], room: int) -> None:
-    """No more bytes than there is room for, and nothing that was checked before all is told that was not."""
+    """No more bytes than there is room for, and nothing that was checked before all is told that
+    was not.
+    """
     told = fitting(known, room)
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(told), type=tuple[Evidence, ...]) == told
     assert sum(len(msgspec.msgpack.encode(one)) for one in told) <= room

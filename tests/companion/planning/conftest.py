@@ -1,4 +1,6 @@
-"""km's scene after the survey of several scenes, and after each step of the first plan; `planned` is importable."""
+"""km's scene after the survey of several scenes, and after each step of the first plan; `planned`
+is importable.
+"""
 
 import sys
 from collections.abc import Callable
@@ -27,7 +29,9 @@ def beginning() -> Scene:
 
 @pytest.fixture(scope="session")
 def env2() -> Scene:
-    """The second recorded scene after the survey: a box is beside the jar in the cabinet, another before the bowl."""
+    """The second recorded scene after the survey: a box is beside the jar in the cabinet, another
+    before the bowl.
+    """
     return surveyed(model.load(model.CANONICAL.parent / "env2.toml"))
 
 
@@ -39,7 +43,9 @@ def doors() -> Callable[[float, float], Scene]:
     def made(*angles: float) -> Scene:
         whole = model.load(model.CANONICAL.with_stem("doors"))
         open_by = dict(zip(("door_1", "door_2"), angles, strict=True))
-        hung = (replace(t, xyz=model.NOWHERE, open=open_by[t.id]) if t.of else t for t in whole.things)
+        hung = (
+            replace(t, xyz=model.NOWHERE, open=open_by[t.id]) if t.of else t for t in whole.things
+        )
         return surveyed(model.hung(replace(whole, things=tuple(hung))))
 
     return made

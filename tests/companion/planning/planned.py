@@ -1,4 +1,6 @@
-"""km as the planner asks it: its memory filled through the receptor, and what plans suppose taken for observed."""
+"""km as the planner asks it: its memory filled through the receptor, and what plans suppose taken
+for observed.
+"""
 
 from collections.abc import Callable
 
@@ -23,9 +25,13 @@ SEED = 7
 
 
 class Km:
-    """Answers as km does, writes down what was asked, and knows nothing of what `starved` says yes to."""
+    """Answers as km does, writes down what was asked, and knows nothing of what `starved` says yes
+    to.
+    """
 
-    def __init__(self, scene: Scene, starved: Callable[[wm.AnyQuery], bool] = lambda query: False) -> None:
+    def __init__(
+        self, scene: Scene, starved: Callable[[wm.AnyQuery], bool] = lambda query: False
+    ) -> None:
         self.scene, self.overlays, self.starved = scene, Overlays(), starved
         self.asked: list[wm.AnyQuery] = []
 
@@ -37,9 +43,13 @@ class Km:
         self.overlays, answer = answers.ask(self.scene, self.overlays, query)
         return answer
 
-    def plan(self, *task: str, request: str = "p1", seed: int = SEED) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
+    def plan(
+        self, *task: str, request: str = "p1", seed: int = SEED
+    ) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
         """Return the search's result for a task."""
-        return search(hfsm.GroundTaskNetwork(request, (hfsm.Task(task[0], task[1:]),)), self.ask, seed)
+        return search(
+            hfsm.GroundTaskNetwork(request, (hfsm.Task(task[0], task[1:]),)), self.ask, seed
+        )
 
     def believed(self, number: int) -> Scene:
         """The scene once the hypothetical state with this number was observed to be so."""
@@ -47,8 +57,15 @@ class Km:
         joints = supposed.joints
         seen: list[wm.AnyObservation] = [
             wm.SeenBody(BodyPosture(joints["torso"][0], *(joints[part] for part in PARTS))),
-            *(wm.SeenHand(side, held.object, held.grasp, held.pose) for side, held in supposed.hands.items()),
-            *(wm.SeenObject(t.id, t.model, t.pose, 2.0) for t in supposed.things.values() if not supposed.holder(t.id)),
+            *(
+                wm.SeenHand(side, held.object, held.grasp, held.pose)
+                for side, held in supposed.hands.items()
+            ),
+            *(
+                wm.SeenObject(t.id, t.model, t.pose, 2.0)
+                for t in supposed.things.values()
+                if not supposed.holder(t.id)
+            ),
         ]
         return told(self.scene, *seen)
 
@@ -69,8 +86,12 @@ def steps(plan: hfsm.HierarchicalPlan | hfsm.NoPlan) -> list[str]:
     return [state.name for state in plan.root.states]
 
 
-def acts(plan: hfsm.HierarchicalPlan | hfsm.NoPlan, kind: type[rc.Command] = rc.Command) -> list[rc.Command]:
-    """The acts of a plan that are of this kind, in their order; a failure with its reason where there is none."""
+def acts(
+    plan: hfsm.HierarchicalPlan | hfsm.NoPlan, kind: type[rc.Command] = rc.Command
+) -> list[rc.Command]:
+    """The acts of a plan that are of this kind, in their order; a failure with its reason where
+    there is none.
+    """
     assert isinstance(plan, hfsm.HierarchicalPlan), plan.why
     return [act for act in hfsm.acts(plan.root) if isinstance(act, kind)]
 
@@ -81,8 +102,14 @@ def ends(plan: hfsm.HierarchicalPlan) -> hfsm.Outcome:
 
 
 def surveyed(scene: model.Scene) -> Scene:
-    """Return km's scene when the robot stands in its start posture and has looked around, with the receptor's noise."""
-    backend, eye, models = MujocoBackend(scene), simulation.receptor(scene), simulation.model_names(scene)
+    """Return km's scene when the robot stands in its start posture and has looked around, with the
+    receptor's noise.
+    """
+    backend, eye, models = (
+        MujocoBackend(scene),
+        simulation.receptor(scene),
+        simulation.model_names(scene),
+    )
     qpos, store = backend.configuration().copy(), Store.open()
     told: list[wm.AnyObservation] = []
     for point in SURVEY.at:
@@ -90,8 +117,13 @@ def surveyed(scene: model.Scene) -> Scene:
         for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
             qpos[backend.model.joint(name).qposadr[0]] = angle
         seen = eye.look(qpos)
-        told += [wm.SeenObject(s.name, models[s.name], Pose(*xyz_quat(s.T_world_object)), 1.0) for s in seen]
-    right, left = (tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left"))
+        told += [
+            wm.SeenObject(s.name, models[s.name], Pose(*xyz_quat(s.T_world_object)), 1.0)
+            for s in seen
+        ]
+    right, left = (
+        tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left")
+    )
     told.append(wm.SeenBody(BodyPosture(0.0, right, left, (0.0, 0.0), (0.0,) * 4, (0.0,) * 4)))
     told += [wm.SeenHand(side) for side in Side]
     for count, observation in enumerate(told):

@@ -47,8 +47,12 @@ def test_doors_that_are_not_open_enough_are_closed(doors, angles: tuple[float, f
 
 
 @pytest.mark.parametrize("beside", [True, False])
-def test_a_door_that_a_hand_is_beside_is_as_thick_as_it_is(beside: bool, doors, monkeypatch) -> None:
-    """Paths keep off the others by more: but a hand that let go of a door is nearer, and has to get away."""
+def test_a_door_that_a_hand_is_beside_is_as_thick_as_it_is(
+    beside: bool, doors, monkeypatch
+) -> None:
+    """Paths keep off the others by more: but a hand that let go of a door is nearer, and has to get
+    away.
+    """
     put, thick = World.put, dict[str, float]()
 
     def noted(world: World, name: str, shapes: Sequence[Box], *more: object) -> None:
@@ -56,7 +60,9 @@ def test_a_door_that_a_hand_is_beside_is_as_thick_as_it_is(beside: bool, doors, 
         put(world, name, shapes, *more)
 
     monkeypatch.setattr(World, "put", noted)
-    monkeypatch.setattr(World, "touching", lambda world, q: [("left_hand", "door_1", 0.004)] if beside else [])
+    monkeypatch.setattr(
+        World, "touching", lambda world, q: [("left_hand", "door_1", 0.004)] if beside else []
+    )
     situation(Asking(Km(doors(0.0, 0.0)).ask, "p"), Robot(), "")
     assert (thick["door_1"] < thick["door_2"]) is beside
 
@@ -73,7 +79,8 @@ def test_a_door_is_opened_to_look_for_a_thing(task, doors) -> None:
 
 
 @pytest.mark.parametrize(
-    ("angles", "closed"), [((0.0, WIDE), "door_1"), ((WIDE, 0.0), "door_2"), ((WIDE, 0.5), "door_2")]
+    ("angles", "closed"),
+    [((0.0, WIDE), "door_1"), ((WIDE, 0.0), "door_2"), ((WIDE, 0.5), "door_2")],
 )
 def test_the_other_door_is_opened_for_a_thing_that_was_seen(angles, closed: str, doors) -> None:
     """Before anything is taken; where the leaf is then is looked at."""
@@ -84,7 +91,9 @@ def test_the_other_door_is_opened_for_a_thing_that_was_seen(angles, closed: str,
 
 @pytest.mark.parametrize("angles", [(0.0, WIDE), (WIDE, 0.0)])
 def test_the_hand_turns_no_farther_than_the_leaf(angles, doors) -> None:
-    """It slides about the upright bar against the turn, or not at all, from one way to hold it to another."""
+    """It slides about the upright bar against the turn, or not at all, from one way to hold it to
+    another.
+    """
     world = Km(doors(*angles))
     (act,) = acts(world.plan("take", "jar", ""), OpenDoor)
     assert act.end is not None
@@ -98,10 +107,14 @@ def test_the_hand_turns_no_farther_than_the_leaf(angles, doors) -> None:
 
 
 def test_a_turn_whose_end_no_arm_reaches_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the cabinet 0.4 m to the left the near door ends beside the robot: the other one is opened."""
+    """With the cabinet 0.4 m to the left the near door ends beside the robot: the other one is
+    opened.
+    """
     whole = model.load(model.CANONICAL.with_stem("doors"))
     beside = (
-        replace(one, xyz=model.NOWHERE) if one.of else replace(one, xyz=(one.xyz[0], one.xyz[1] + 0.4, one.xyz[2]))
+        replace(one, xyz=model.NOWHERE)
+        if one.of
+        else replace(one, xyz=(one.xyz[0], one.xyz[1] + 0.4, one.xyz[2]))
         for one in whole.things
     )
     tried, arc = [], opening.arc
@@ -112,11 +125,14 @@ def test_a_turn_whose_end_no_arm_reaches_is_not_tried(monkeypatch: pytest.Monkey
 
 
 def test_open_doors_are_left_as_they_are(doors) -> None:
-    """The jar is taken from between them; a thing that nobody has seen is looked for as ever; a door is not taken, nor
-    put elsewhere, and the robot says why."""
+    """The jar is taken from between them; a thing that nobody has seen is looked for as ever; a
+    door is not taken, nor put elsewhere, and the robot says why.
+    """
     km = Km(doors(WIDE, WIDE))
     plan = km.plan("take", "jar", "")
     assert (opened(plan), steps(plan)[0]) == ([], "take jar_1")
     assert steps(km.plan("take", "lid", "", request="p2"))[0] == "look for lid"
-    hanging = [(fact(Kind.PERSON_NEEDED, fact(Kind.HANGS_ON_A_HINGE, name)),) for name in sorted(DOORS)]
+    hanging = [
+        (fact(Kind.PERSON_NEEDED, fact(Kind.HANGS_ON_A_HINGE, name)),) for name in sorted(DOORS)
+    ]
     assert km.plan("take", "door", "", request="p3").why[:1] in hanging

@@ -1,4 +1,6 @@
-"""A thing is handed over: held out level over the edge of a table, and put down where nobody takes it."""
+"""A thing is handed over: held out level over the edge of a table, and put down where nobody takes
+it.
+"""
 
 import math
 from itertools import pairwise
@@ -75,8 +77,14 @@ def test_another_plan_is_made_where_the_world_is_not_as_planned(plan) -> None:
     assert way(plan, OUT, Outcome.REPLAN) == ([], Outcome.REPLAN)
 
 
-def test_it_is_held_out_level_over_an_edge_that_looks_away_from_the_robot(plan, beginning: Scene) -> None:
-    lead, give, grasp = command(plan, OUT[0], "move-joint"), command(plan, *OUT), command(plan, "take jar_1", "grasp")
+def test_it_is_held_out_level_over_an_edge_that_looks_away_from_the_robot(
+    plan, beginning: Scene
+) -> None:
+    lead, give, grasp = (
+        command(plan, OUT[0], "move-joint"),
+        command(plan, *OUT),
+        command(plan, "take jar_1", "grasp"),
+    )
     assert isinstance(lead, rc.MoveJoint)
     assert isinstance(give, HandOver)
     q = np.array(names.START)
@@ -92,7 +100,9 @@ def test_it_is_held_out_level_over_an_edge_that_looks_away_from_the_robot(plan, 
 
 
 def _from_edge(table, point) -> tuple[float, float]:
-    """How far a point is from the nearest edge of a table's top, and the jar's foot from the top [m]."""
+    """How far a point is from the nearest edge of a table's top, and the jar's foot from the top
+    [m].
+    """
     top = table.known.surfaces[0]
     x, y, z = transform(table.pose).actInv(point) - (top.x, top.y, top.z)
     aside = abs(abs(x) - top.along_x / 2), abs(abs(y) - top.along_y / 2)

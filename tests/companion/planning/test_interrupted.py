@@ -1,4 +1,6 @@
-"""Planning from where an interrupted act left the robot: an empty hand may still be inside the cabinet."""
+"""Planning from where an interrupted act left the robot: an empty hand may still be inside the
+cabinet.
+"""
 
 import numpy as np
 import pytest
@@ -17,7 +19,9 @@ from velma.kinematics.robot import Robot
 
 @pytest.fixture(scope="module")
 def grasping(first, jar_carried: Scene) -> Scene:
-    """The left hand carries the jar; the right one is at the bowl in the cabinet, and has not closed."""
+    """The left hand carries the jar; the right one is at the bowl in the cabinet, and has not
+    closed.
+    """
     (step,) = (state for state in first[1].root.states if state.name == "take bowl_1")
     move, grasp = step.states[0].command, step.states[1].command
     assert isinstance(move, rc.MoveJoint)
@@ -28,7 +32,10 @@ def grasping(first, jar_carried: Scene) -> Scene:
     for point in grasp.approach:
         q = ik.solve(robot, "right", T_world_object * transform(point.at), q)
     right, left = (tuple(float(x) for x in q[names.ARM[side]]) for side in ("right", "left"))
-    open_hand, jar_hand = (grasp.approach[-1].fingers,) * 3 + (0.0,), jar_carried.joints["left_hand"]
+    open_hand, jar_hand = (
+        (grasp.approach[-1].fingers,) * 3 + (0.0,),
+        jar_carried.joints["left_hand"],
+    )
     posture = BodyPosture(float(q[names.TORSO]), right, left, (0.0, 0.0), open_hand, jar_hand)
     return observed(jar_carried, wm.SeenBody(posture), (9, 0), 3.0)
 
@@ -42,7 +49,9 @@ def test_an_arm_in_the_cabinet_comes_home_first(grasping: Scene) -> None:
 
 
 def test_what_stands_already_is_put_down_when_the_arm_is_home(grasping: Scene) -> None:
-    """As after the way home was blocked; with all empty arms at home nobody could have put it down."""
+    """As after the way home was blocked; with all empty arms at home nobody could have put it
+    down.
+    """
     assert steps(Km(grasping).plan("put_down", "bowl")) == ["home right", "look at bowl_1"]
 
 

@@ -1,7 +1,9 @@
-"""Problems that the robot's laboratory published, each with its end (dseredyn/proghtn-backstream@019fd34).
+"""Problems that the robot's laboratory published, each with its end
+(dseredyn/proghtn-backstream@019fd34).
 
-Those with pour that are active there: k, g, o, p; of "clear the table" y and y3. Km knows all things of a scene, also
-those that the look around does not show. What our grasps cannot do is refused with facts that name the things.
+Those with pour that are active there: k, g, o, p; of "clear the table" y and y3. Km knows all
+things of a scene, also those that the look around does not show. What our grasps cannot do is
+refused with facts that name the things.
 """
 
 from collections.abc import Callable
@@ -27,7 +29,9 @@ pytestmark = pytest.mark.timeout(300)
 
 def at_home(torso: float = 0.0) -> wm.SeenBody:
     """Both arms in their start posture."""
-    right, left = (tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left"))
+    right, left = (
+        tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left")
+    )
     return wm.SeenBody(BodyPosture(torso, right, left, STILL, OPEN, OPEN))
 
 
@@ -38,7 +42,12 @@ def known() -> Callable[[str], Scene]:
     def scene_of(name: str) -> Scene:
         things = scenes.load(Path(__file__).parent / "scenes" / f"{name}.toml").things
         seen = (
-            wm.SeenObject(t.id, KNOWN_AS.get(t.model, t.model), Pose(*xyz_quat(standing(np.array(t.xyz), t.yaw))), 1.0)
+            wm.SeenObject(
+                t.id,
+                KNOWN_AS.get(t.model, t.model),
+                Pose(*xyz_quat(standing(np.array(t.xyz), t.yaw))),
+                1.0,
+            )
             for t in things
         )
         return told(Scene(), *seen, at_home(), *(wm.SeenHand(side) for side in Side))
@@ -73,7 +82,9 @@ def test_g_the_bowl_is_in_a_hand(beginning: Scene) -> None:
 
 
 def test_o_boxes_stand_before_jar_and_bowl(env2: Scene) -> None:
-    """The one beside the jar is put aside, then the jar is poured into the bowl where that stands."""
+    """The one beside the jar is put aside, then the jar is poured into the bowl where that
+    stands.
+    """
     found = steps(Km(env2).plan(*POUR))
     assert (found[:2], found[-1]) == (["take box_1", "place box_1"], "pour jar_1 bowl_1")
 
@@ -88,11 +99,18 @@ def test_o_boxes_stand_before_jar_and_bowl(env2: Scene) -> None:
             (fact(Kind.NO_GRASP, Side.LEFT, "jar_1"), fact(Kind.NO_GRASP, Side.RIGHT, "box_2")),
         ),
         ("world_15", CLEAR, {"box_1", "box_2"}, (fact(Kind.NO_GRASP, Side.LEFT, "box_2"),)),
-        pytest.param("world_16", CLEAR, {"box_2", "box_3"}, (), marks=pytest.mark.long),  # some ten seconds
+        # some ten seconds
+        pytest.param("world_16", CLEAR, {"box_2", "box_3"}, (), marks=pytest.mark.long),
     ],
-    ids=["p: the jar beside a box that a hand cannot grip from above", "y: two boxes", "y3: a bowl among three boxes"],
+    ids=[
+        "p: the jar beside a box that a hand cannot grip from above",
+        "y: two boxes",
+        "y3: a bowl among three boxes",
+    ],
 )
-def test_what_the_grasps_cannot_do_is_refused(known, world: str, task: tuple[str, ...], things, why: Facts) -> None:
+def test_what_the_grasps_cannot_do_is_refused(
+    known, world: str, task: tuple[str, ...], things, why: Facts
+) -> None:
     """The reasons name the things."""
     plan = Km(known(world)).plan(*task)
     assert things <= {thing for one in plan.why for thing in one.things}, plan.why

@@ -28,8 +28,16 @@ def test_each_name_of_a_row_is_declared() -> None:
 @pytest.mark.parametrize("module", parts("plan"), ids=lambda module: module.__name__.split(".")[-2])
 def test_each_subtask_is_declared(module) -> None:
     """Those that a method names: tasks, subtasks and actions, its own and those of other tasks."""
-    declared = [one for methods in module.PLAN.methods.values() for one in methods if not isinstance(one, str)]
-    methods = [one.method if isinstance(one, Each) else one for one in (*declared, *module.PLAN.around.values())]
+    declared = [
+        one
+        for methods in module.PLAN.methods.values()
+        for one in methods
+        if not isinstance(one, str)
+    ]
+    methods = [
+        one.method if isinstance(one, Each) else one
+        for one in (*declared, *module.PLAN.around.values())
+    ]
     named = {name for method in methods for name in NAMED.findall(getsource(method))}
     assert methods
     assert named <= {*search.METHODS, *search.ACTIONS, *search.CONDITIONS, *OWN}

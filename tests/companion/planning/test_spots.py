@@ -1,4 +1,6 @@
-"""Spots to put something down, as they are offered: some at a time, ever farther from those that did not do."""
+"""Spots to put something down, as they are offered: some at a time, ever farther from those that
+did not do.
+"""
 
 import numpy as np
 from hypothesis import given
@@ -27,7 +29,9 @@ points = st.lists(st.tuples(*[st.floats(0.0, ROOM)] * 2), max_size=120, unique=T
 
 @given(points, st.sampled_from((0.0, 0.4, 2.0)))
 def test_each_time_free_spots_are_offered_farther_from_those_before(xy, taken):
-    """All of them free, at most so many together, and a step farther from each earlier one each time."""
+    """All of them free, at most so many together, and a step farther from each earlier one each
+    time.
+    """
     found = [Spot("table_1", np.array([x, y, 0.8])) for x, y in xy]
     offered = list(under_test._free(Free(taken), "s", found, "jar_1"))
     assert all(1 <= len(some) <= TOGETHER for some in offered)

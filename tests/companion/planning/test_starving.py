@@ -12,8 +12,10 @@ from services.knowledge.scene import Scene
 
 POUR = ("pour", "jar", "bowl")
 SOON = (
-    wm.ListObjects, wm.HypotheticalState, wm.CurrentGrasp, wm.ObjectPose, wm.Holds, wm.GraspAtSide, wm.StaticObjects,
-    wm.EnvironmentShapes, wm.GripperConfiguration, wm.TorsoConfiguration, wm.ArmConfiguration, wm.ObjectModel,
+    wm.ListObjects, wm.HypotheticalState, wm.CurrentGrasp, wm.ObjectPose, wm.Holds, wm.GraspAtSide,
+    wm.StaticObjects,
+    wm.EnvironmentShapes, wm.GripperConfiguration, wm.TorsoConfiguration, wm.ArmConfiguration,
+    wm.ObjectModel,
     wm.GraspSet, wm.ObjectHole, wm.GraspDefinition,
 )  # fmt: skip
 LATE = (wm.RobotReach, wm.FlatSurfaces, wm.CollisionsInVolume)  # of tables and reach
@@ -29,9 +31,11 @@ def test_these_are_all_that_is_asked(first, second) -> None:
 @pytest.mark.parametrize(
     ("begin", "kinds"),
     [
-        ("beginning", (*SOON, wm.FlatSurfaces)),  # the last question ends it as well, though both hands are tried first
+        # the last question ends it as well, though both hands are tried first
+        ("beginning", (*SOON, wm.FlatSurfaces)),
         ("bowl_out", LATE),
-        ("bowl_placed", (wm.ObjectHole, wm.ObjectModel, wm.ObjectPose, wm.EnvironmentShapes)),  # the second plan, too
+        # the second plan, too
+        ("bowl_placed", (wm.ObjectHole, wm.ObjectModel, wm.ObjectPose, wm.EnvironmentShapes)),
     ],
 )
 def test_starved_of_a_kind_there_is_no_plan(begin: str, kinds: tuple[type, ...], request) -> None:
@@ -44,7 +48,9 @@ def test_starved_of_a_kind_there_is_no_plan(begin: str, kinds: tuple[type, ...],
 def test_starved_of_a_thing_there_is_no_plan(beginning: Scene) -> None:
     """Source, destination and what they stand in: each is asked about by name."""
     for name in ("jar_1", "bowl_1", "cabinet_2"):
-        plan = Km(beginning, lambda query, name=name: getattr(query, "object", "") == name).plan(*POUR)
+        plan = Km(beginning, lambda query, name=name: getattr(query, "object", "") == name).plan(
+            *POUR
+        )
         assert Kind.UNKNOWN_TO_KM in {one.kind for one in plan.why}, name
 
 
@@ -57,7 +63,9 @@ def test_an_answer_of_another_kind_is_no_answer(beginning: Scene) -> None:
 
 
 def test_what_was_never_seen_is_looked_for_once(beginning: Scene) -> None:
-    """A look wherever the head turns; then km is asked for it, and if it does not know it, the task fails."""
+    """A look wherever the head turns; then km is asked for it, and if it does not know it, the task
+    fails.
+    """
     for scene, destination, word in ((beginning, "bucket", "bucket"), (Scene(), "bowl", "jar")):
         machine, asked, end = Km(scene).plan("pour", "jar", destination).root.states
         (look,) = machine.states
@@ -67,7 +75,9 @@ def test_what_was_never_seen_is_looked_for_once(beginning: Scene) -> None:
 
 
 def test_a_search_leaves_nothing_behind(beginning: Scene) -> None:
-    """Neither one that fails nor one that is broken off: the process that searches lives as long as the robot."""
+    """Neither one that fails nor one that is broken off: the process that searches lives as long as
+    the robot.
+    """
     starved = Km(beginning, lambda query: isinstance(query, wm.GraspSet))
     starved.plan(*POUR)
     with pytest.raises(RuntimeError, match="division"):

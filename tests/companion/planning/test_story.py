@@ -22,11 +22,17 @@ REPLAN = hfsm.Outcome.REPLAN
 
 def put_down(machine: hfsm.Machine | None) -> list[str]:
     """Return the things put down where a plan is cancelled, in order."""
-    return [] if machine is None else [c.object for c in hfsm.acts(machine) if isinstance(c, rc.Release)]
+    return (
+        []
+        if machine is None
+        else [c.object for c in hfsm.acts(machine) if isinstance(c, rc.Release)]
+    )
 
 
 def test_the_first_plan_takes_both_and_puts_the_bowl_down(first) -> None:
-    """The jar with the left hand and out of the way, the bowl with the right one; then the bowl is to be localized."""
+    """The jar with the left hand and out of the way, the bowl with the right one; then the bowl is
+    to be localized.
+    """
     _, plan = first
     assert steps(plan) == [
         "take jar_1", "carry jar_1", "take bowl_1", "place bowl_1", "home right", "look at bowl_1",
@@ -36,14 +42,19 @@ def test_the_first_plan_takes_both_and_puts_the_bowl_down(first) -> None:
     left, right = Side.LEFT, Side.RIGHT
     assert said == [
         ("MoveJoint", left), ("Grasp", left), ("MoveCartesian", left), ("MoveJoint", left),
-        ("MoveJoint", right), ("Grasp", right), ("MoveCartesian", right), ("MoveJoint", right), ("Release", right),
+        ("MoveJoint", right), ("Grasp", right), ("MoveCartesian", right), ("MoveJoint", right),
+        ("Release", right),
         ("MoveJoint", right), ("Look", None),
     ]  # fmt: skip
-    assert plan.root.states[-1] == hfsm.EndState("replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),))
+    assert plan.root.states[-1] == hfsm.EndState(
+        "replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),)
+    )
 
 
 def test_the_second_plan_pours(second) -> None:
-    """Now that the bowl was seen where it stands, the jar is tilted over it, and that is the end."""
+    """Now that the bowl was seen where it stands, the jar is tilted over it, and that is the
+    end.
+    """
     _, plan = second
     assert steps(plan) == ["pour jar_1 bowl_1"]
     move, pour = acts(plan)
@@ -78,7 +89,9 @@ def test_what_is_held_is_put_down_when_cancelled(first) -> None:
 
 
 def test_ta_can_run_the_plans(first, second) -> None:
-    """Every arc leads on, every act has a key of its own that names the request, and the wire keeps it all."""
+    """Every arc leads on, every act has a key of its own that names the request, and the wire keeps
+    it all.
+    """
     for _, plan in (first, second):
         plans.check(plan.root)
         keys = [command.key for command in acts(plan)]
@@ -101,7 +114,11 @@ def test_motions_begin_where_the_robot_stands(first) -> None:
 
 def test_what_is_carried_stays_upright(first) -> None:
     """All the way from before the cabinet to where the other arm has room."""
-    grasp, carry, q = acts(first[1], rc.Grasp)[0], acts(first[1], rc.MoveJoint)[1], np.array(names.START)
+    grasp, carry, q = (
+        acts(first[1], rc.Grasp)[0],
+        acts(first[1], rc.MoveJoint)[1],
+        np.array(names.START),
+    )
     inside = transform(grasp.approach[-1].at).inverse()
     for point in carry.path[:: max(1, len(carry.path) // 20)]:
         q[names.COLUMNS["left"]] = point
@@ -116,7 +133,9 @@ def test_queries_are_counted_as_asked(first, second) -> None:
 
 
 def test_hypothetical_states_bear_the_requests_name(first, second) -> None:
-    """So that they can be dropped by it; after the first one is made, the observed world is not asked any more."""
+    """So that they can be dropped by it; after the first one is made, the observed world is not
+    asked any more.
+    """
     for km, plan in (first, second):
         made = [query.id for query in km.asked if isinstance(query, wm.HypotheticalState)]
         assert all(one.startswith(f"{plan.id}/") for one in made)

@@ -22,12 +22,14 @@ from velma.kinematics.frames import tilt, transform
 from velma.kinematics.robot import Robot
 
 pytestmark = pytest.mark.timeout(240)  # a search takes 16 s of processor
-LIES, TURNED = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)  # on its side, upside down
+# on its side, upside down
+LIES, TURNED = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)
 JAR_ON_TABLE = wm.SeenObject("jar_1", "jar", Pose((0.55, -0.5, 0.875)), 3.0)
 FAR_JAR = wm.SeenObject("jar_2", "jar", Pose((1.30, -0.88, 0.876)), 3.0)
 BOWL_PUT = wm.PlacedObject("bowl_1", "bowl_high", Pose((0.75, -0.75, 0.775)), 3.0)
 LEFT_EMPTY = wm.SeenHand(Side.LEFT)
-OUT_OF_THE_WAY = wm.SeenObject("box_1", "box1", Pose((0.75, -0.5, 0.81)), 9.0)  # on table_2, an arm's length away
+# on table_2, an arm's length away
+OUT_OF_THE_WAY = wm.SeenObject("box_1", "box1", Pose((0.75, -0.5, 0.81)), 9.0)
 POUR, CLEAR = ("pour", "jar", "bowl"), ("clear_table",)
 REPLAN, SUCCEEDED = hfsm.Outcome.REPLAN, hfsm.Outcome.SUCCEEDED
 NO_KNOWN_GRASP = fact(Kind.NO_KNOWN_GRASP, "lid_1")
@@ -53,7 +55,9 @@ def scene(request: pytest.FixtureRequest) -> Get:
     def full(of: Scene) -> list[wm.SeenObject]:
         shelves = ((0.0, y, z) for y in (-0.2, -0.1, 0.0, 0.1, 0.2) for z in (-0.145, 0.155))
         at = (placed(of.things["cabinet_2"].pose, xyz) for xyz in shelves)
-        return [wm.SeenObject(f"jar_{n}", "jar", Pose(xyz), 3.0) for n, xyz in enumerate(at, start=2)]
+        return [
+            wm.SeenObject(f"jar_{n}", "jar", Pose(xyz), 3.0) for n, xyz in enumerate(at, start=2)
+        ]
 
     made: dict[str, Callable[[], Scene]] = {
         "nothing": Scene,
@@ -80,7 +84,8 @@ def scene(request: pytest.FixtureRequest) -> Get:
         "one jar in reach": lambda: told(get("beginning"), JAR_ON_TABLE, FAR_JAR),
         "full cabinet": lambda: told(get("jar_carried"), *full(get("jar_carried"))),
         "jar's place taken": lambda: told(
-            get("jar_carried"), wm.SeenObject("jar_2", "jar", get("beginning").things["jar_1"].pose, 3.0)
+            get("jar_carried"),
+            wm.SeenObject("jar_2", "jar", get("beginning").things["jar_1"].pose, 3.0),
         ),
         "place taken": lambda: told(
             get("bowl_out"),
@@ -97,15 +102,26 @@ PLANS = [
     ("bowl_out", POUR, ["place bowl_1", "home right", "look at bowl_1", ...], REPLAN),
     ("bowl in the open", POUR, ["take jar_1", "pour jar_1 bowl_1"], SUCCEEDED),
     ("bowl not seen since", POUR, ["look at bowl_1", "localize bowl_1", "replan"], REPLAN),
-    # take: what the wanted hand holds already needs nothing, what the other one holds is put down first
+    # take: what the wanted hand holds already needs nothing, what the other one holds is put down
+    # first
     ("beginning", ("take", "jar", ""), ["take jar_1"], SUCCEEDED),
     ("beginning", ("take", "jar", "right"), ["take jar_1"], SUCCEEDED),
     ("jar_carried", ("take", "jar", ""), ["nothing to do"], SUCCEEDED),
     ("jar_carried", ("take", "jar", "left"), ["nothing to do"], SUCCEEDED),
-    ("jar_carried", ("take", "jar", "right"), ["place jar_1", "home left", "look at jar_1", ...], REPLAN),
+    (
+        "jar_carried",
+        ("take", "jar", "right"),
+        ["place jar_1", "home left", "look at jar_1", ...],
+        REPLAN,
+    ),
     # bring, swap hands: what is held is only held out, or taken over by the other hand
     ("jar_carried", ("bring", "jar", ""), ["offer jar_1"], SUCCEEDED),
-    ("jar_carried", ("bring", "jar", "right"), ["place jar_1", "home left", "look at jar_1", ...], REPLAN),
+    (
+        "jar_carried",
+        ("bring", "jar", "right"),
+        ["place jar_1", "home left", "look at jar_1", ...],
+        REPLAN,
+    ),
     # put down, somewhere, back: there already, nothing moves but the head
     ("jar_carried", ("put_down", "jar"), ["place jar_1", "home left", "look at jar_1"], SUCCEEDED),
     ("beginning", ("put_at", "jar", "cabinet"), ["look at jar_1"], SUCCEEDED),
@@ -124,7 +140,9 @@ PLANS = [
 
 
 @pytest.mark.parametrize(("begin", "task", "wanted", "end"), PLANS, ids=lambda one: str(one)[:40])
-def test_a_plan_has_these_steps(begin: str, task: tuple[str, ...], wanted: list, end: hfsm.Outcome, scene: Get) -> None:
+def test_a_plan_has_these_steps(
+    begin: str, task: tuple[str, ...], wanted: list, end: hfsm.Outcome, scene: Get
+) -> None:
     """... stands for any steps; all that a wanted hand does it does itself."""
     plan = Km(scene(begin)).plan(*task)
     found = steps(plan)
@@ -165,7 +183,9 @@ NO_PLANS = [
 
 
 def test_a_task_that_cannot_be_done_is_refused_with_the_reason(scene: Get) -> None:
-    """Hands that are full or empty, places that nobody has seen or that are full, what is no task."""
+    """Hands that are full or empty, places that nobody has seen or that are full, what is no
+    task.
+    """
     wrong = []
     for begin, task, why in NO_PLANS:
         found = getattr(Km(scene(begin)).plan(*task), "why", None)
@@ -174,7 +194,9 @@ def test_a_task_that_cannot_be_done_is_refused_with_the_reason(scene: Get) -> No
     unknown = Km(scene("beginning")).plan("put_at", "jar_1", "back").why
     assert unknown[0] == fact(Kind.FIRST_PLACE_UNKNOWN, "jar_1")
     for name in tasks():  # with three arguments none is one
-        assert Km(scene("beginning")).plan(name, "jar", "bowl", "table").why == (fact(Kind.NOT_A_TASK, name),)
+        assert Km(scene("beginning")).plan(name, "jar", "bowl", "table").why == (
+            fact(Kind.NOT_A_TASK, name),
+        )
 
 
 @pytest.mark.parametrize(
@@ -187,20 +209,29 @@ def test_a_task_that_cannot_be_done_is_refused_with_the_reason(scene: Get) -> No
     ],
 )
 def test_what_no_grasp_fits_is_not_taken(scene: Get, name: str, pose: Pose, why: Facts) -> None:
-    """On the floor, out of reach of both hands, or a bowl on a table where a standing one would be in reach."""
+    """On the floor, out of reach of both hands, or a bowl on a table where a standing one would be
+    in reach.
+    """
     begin = scene("beginning")
-    plan = Km(told(begin, wm.SeenObject(name, begin.things[name].model, pose, 3.0))).plan("take", name, "")
+    plan = Km(told(begin, wm.SeenObject(name, begin.things[name].model, pose, 3.0))).plan(
+        "take", name, ""
+    )
     assert set(why) <= set(plan.why)
 
 
-def test_a_thing_without_a_known_grasp_is_left_alone(scene: Get, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is put aside for it, the reason is told; what else stands on the table is put away. A search that needs
-    too many steps for that ends with the reason."""
+def test_a_thing_without_a_known_grasp_is_left_alone(
+    scene: Get, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is put aside for it, the reason is told; what else stands on the table is put away. A
+    search that needs too many steps for that ends with the reason.
+    """
     begin = scene("lid beside the bowl")
     for task in (("take", "lid", ""), ("bring", "lid", ""), ("put_at", "lid", "cabinet")):
         assert NO_KNOWN_GRASP in Km(begin).plan(*task).why
     monkeypatch.setattr(search, "MOST_STEPS", 45)
-    assert Km(begin).plan(*CLEAR).root.states[-1].why == (fact(Kind.STAYS, "lid_1", NO_KNOWN_GRASP),)
+    assert Km(begin).plan(*CLEAR).root.states[-1].why == (
+        fact(Kind.STAYS, "lid_1", NO_KNOWN_GRASP),
+    )
     monkeypatch.setattr(search, "MOST_STEPS", 1)
     assert fact(Kind.SEARCH_TOO_LONG, 1) in Km(begin).plan(*CLEAR).why
 
@@ -221,7 +252,9 @@ def test_a_jar_that_lies_is_taken_from_above_and_stood_up(scene: Get) -> None:
 
 
 def test_what_a_hand_lost_is_looked_for_until_it_is_seen(scene: Get) -> None:
-    """The plan is to look, and to ask km, which says which hand lost it; seen again, it is taken again."""
+    """The plan is to look, and to ask km, which says which hand lost it; seen again, it is taken
+    again.
+    """
     known = Km(scene("jar lost"))
     asked = known.plan("take", "jar", "").root.states[1]
     assert known.ask(asked.query) == wm.Unknown((fact(Kind.LOST_SINCE, Side.LEFT, "jar_1"),))
@@ -230,7 +263,9 @@ def test_what_a_hand_lost_is_looked_for_until_it_is_seen(scene: Get) -> None:
 
 
 def test_what_was_put_down_unseen_is_where_the_hand_left_it(scene: Get) -> None:
-    """It is looked at there, and taken from there: no part of the plan goes where it was seen last."""
+    """It is looked at there, and taken from there: no part of the plan goes where it was seen
+    last.
+    """
     bowl = Km(scene("bowl put down unseen")).plan(*POUR)
     assert steps(bowl)[0] == "look at bowl_1"
     assert math.dist(acts(bowl, rc.Look)[0].at[0][:2], BOWL_PUT.pose.xyz[:2]) < 0.05
@@ -245,7 +280,9 @@ def test_what_was_put_down_unseen_is_where_the_hand_left_it(scene: Get) -> None:
 
 
 @pytest.mark.parametrize("side", ["right", ""])
-def test_a_thing_that_is_brought_is_held_over_a_place_where_it_could_be_put_down(scene: Get, side: str) -> None:
+def test_a_thing_that_is_brought_is_held_over_a_place_where_it_could_be_put_down(
+    scene: Get, side: str
+) -> None:
     """By the wanted hand, upright, and that hand still holds it when the task is done."""
     plan = Km(scene("beginning")).plan("bring", "jar", side)
     assert steps(plan) == ["take jar_1", "offer jar_1"]
@@ -255,14 +292,18 @@ def test_a_thing_that_is_brought_is_held_over_a_place_where_it_could_be_put_down
 
 @pytest.mark.parametrize("thing", ["jar", ""])
 def test_hands_are_swapped_over_the_table(scene: Get, thing: str) -> None:
-    """Put down, looked at, taken with the other hand; without a name the only thing that is held."""
+    """Put down, looked at, taken with the other hand; without a name the only thing that is
+    held.
+    """
     plan = Km(scene("jar_carried")).plan("swap_hands", thing)
     assert steps(plan) == ["place jar_1", "home left", "look at jar_1", "take jar_1", "offer jar_1"]
     assert plan.holds == {Side.RIGHT: "jar_1"}
 
 
 def test_a_plan_says_what_it_costs_to_leave_it_and_to_go_on(first, second) -> None:
-    """Less and less is left; leaving costs more with two things in the hands than with one; no step is forgotten."""
+    """Less and less is left; leaving costs more with two things in the hands than with one; no step
+    is forgotten.
+    """
     for _, plan in (first, second):
         rests = [one.rest for one in plan.schedule]
         assert rests == sorted(rests, reverse=True)
@@ -280,11 +321,15 @@ def test_things_are_not_put_onto_each_other(scene: Get) -> None:
     plan = Km(scene("place taken")).plan("put_down", "bowl_1")
     assert steps(plan) == ["place bowl_1", "home right", "look at bowl_1"]
     (release,) = acts(plan, rc.Release)
-    assert math.dist(release.place.xyz[:2], scene("bowl_placed").things["bowl_1"].pose.xyz[:2]) > 0.2
+    assert (
+        math.dist(release.place.xyz[:2], scene("bowl_placed").things["bowl_1"].pose.xyz[:2]) > 0.2
+    )
 
 
 def test_a_later_plan_finds_it_where_a_hand_left_it(scene: Get) -> None:
-    """The act of that hand had failed, but had let go before. Which thing is meant is settled by the first plan."""
+    """The act of that hand had failed, but had let go before. Which thing is meant is settled by
+    the first plan.
+    """
     begin, carried = scene("beginning"), scene("jar_carried")
     first = Km(carried).plan("put_down", "jar")
     later = PutDown("jar").settled(first)
@@ -343,11 +388,17 @@ def test_a_thing_is_put_back_where_it_was_taken_from(scene: Get, where: str) -> 
 
 
 def test_the_table_is_cleared_thing_by_thing(scene: Get) -> None:
-    """Into the cabinet, each to a place of its own; an empty table needs no clearing. What cannot be cleared away is
-    told: the other one goes, and where all stay, that is not a success."""
+    """Into the cabinet, each to a place of its own; an empty table needs no clearing. What cannot
+    be cleared away is told: the other one goes, and where all stay, that is not a success.
+    """
     both = Km(scene("both on the table")).plan(*CLEAR)
     jar, bowl = acts(both, rc.Release)
-    assert (jar.object, bowl.object, jar.surface, bowl.surface) == ("jar_1", "bowl_1", "cabinet_2", "cabinet_2")
+    assert (jar.object, bowl.object, jar.surface, bowl.surface) == (
+        "jar_1",
+        "bowl_1",
+        "cabinet_2",
+        "cabinet_2",
+    )
     assert math.dist(jar.place.xyz, bowl.place.xyz) > 0.15
     empty = Km(scene("beginning")).plan(*CLEAR)
     assert (steps(empty), ends(empty)) == (["nothing to do"], SUCCEEDED)
@@ -355,7 +406,11 @@ def test_the_table_is_cleared_thing_by_thing(scene: Get) -> None:
     one = Km(scene("one jar in reach")).plan(*CLEAR)
     assert [release.object for release in acts(one, rc.Release)] == ["jar_1"]
     (stays,) = one.root.states[-1].why
-    assert (stays.kind, stays.things, stays.because[0].things) == (Kind.STAYS, ("jar_2",), ("jar_2",))
+    assert (stays.kind, stays.things, stays.because[0].things) == (
+        Kind.STAYS,
+        ("jar_2",),
+        ("jar_2",),
+    )
     assert ends(one) is SUCCEEDED
     none = Km(scene("another jar out of reach")).plan(*CLEAR)
     assert any("jar_2" in why.things for why in none.why)

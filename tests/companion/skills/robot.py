@@ -1,5 +1,7 @@
-"""A simulated robot with its skills and no agents: acts in, outcomes out, copies of it for tests that begin in the same
-state. What it is told to grasp, it works out by itself, as the planner would."""
+"""A simulated robot with its skills and no agents: acts in, outcomes out, copies of it for tests
+that begin in the same state. What it is told to grasp, it works out by itself, as the planner
+would.
+"""
 
 import copy
 import dataclasses
@@ -53,7 +55,11 @@ class Interruptible(InProcess):
                 self.cancelled = fresh = True
                 self.core.cancel()
         sensed = self.sensed()
-        return dataclasses.replace(sensed, ended="cancelled") if fresh and sensed.ended == "done" else sensed
+        return (
+            dataclasses.replace(sensed, ended="cancelled")
+            if fresh and sensed.ended == "done"
+            else sensed
+        )
 
 
 class Acting:
@@ -70,7 +76,9 @@ class Acting:
         self.taking: tuple[rc.MoveJoint, rc.Grasp, rc.MoveCartesian] | None = None
 
     def copied(self) -> "Acting":
-        """Another one in the same state; robot model and eye are shared, since both forget what they were asked."""
+        """Another one in the same state; robot model and eye are shared, since both forget what
+        they were asked.
+        """
         other = copy.copy(self)
         other.core, other.retreats = copy.deepcopy(self.core), dict(self.retreats)
         other.here = beginning(self.robot, self.things, self.markers)
@@ -105,51 +113,80 @@ class Acting:
         """The true state."""
         return TruthReader(self.core.backend).read()
 
-    # --- commands -----------------------------------------------------------------------------------------------------
+    # --- commands ---------------------------------------------------------------------------------
 
     def look(self) -> rc.Look:
         """Around."""
         return rc.Look(self._key(), POINTS)
 
     def plan_to_take(self, name: str, side: Side) -> None:
-        """Work out the commands that take a vessel out of the cabinet by its first grasp: `taking`."""
+        """Work out the commands that take a vessel out of the cabinet by its first grasp:
+        `taking`.
+        """
         out = self.here.seen["cabinet_2"].rotation[:, 0]
         self._plan(name, side, out, models.GRASPS[self.things[name]][:1])
 
     def plan_to_take_off_the_table(self, name: str, side: Side) -> None:
-        """Work out the commands that take a thing that stands free, by any of its grasps: `taking`."""
+        """Work out the commands that take a thing that stands free, by any of its grasps:
+        `taking`.
+        """
         pose = self.here.seen[name]
-        fitting = [one for one in models.GRASPS[self.things[name]] if (one.kind == models.LYING) is lies(pose)]
+        fitting = [
+            one
+            for one in models.GRASPS[self.things[name]]
+            if (one.kind == models.LYING) is lies(pose)
+        ]
         self._plan(name, side, -pose.translation, fitting)
 
-    def _plan(self, name: str, side: Side, direction: np.ndarray, grasps: Sequence[wm.GraspDef]) -> None:
+    def _plan(
+        self, name: str, side: Side, direction: np.ndarray, grasps: Sequence[wm.GraspDef]
+    ) -> None:
         out = direction * np.array([1.0, 1.0, 0.0])
         out = out / np.linalg.norm(out)
         symmetric = models.MODELS[self.things[name]].symmetric
         target = Target(name, self.here.seen[name], symmetric, out, OUT_M)
-        ways = [GraspWay(g.id, tuple((transform(s.pose), s.fingers) for s in g.steps)) for g in grasps]
+        ways = [
+            GraspWay(g.id, tuple((transform(s.pose), s.fingers) for s in g.steps)) for g in grasps
+        ]
         found, path = self._reached(side, target, ways)
         grasp = next(one for one in grasps if one.id == found.grasp)
         self.retreats[name] = _points(backwards(found.steps))
         mass = models.MODELS[self.things[name]].mass
         close = rc.Grasp(
-            self._key(), side, name, grasp.id, _points(found.steps), squeeze=grasp.squeeze, speed=grasp.speed, mass=mass
+            self._key(),
+            side,
+            name,
+            grasp.id,
+            _points(found.steps),
+            squeeze=grasp.squeeze,
+            speed=grasp.speed,
+            mass=mass,
         )
         away = tuple(float(x) for x in out * OUT_M)
         segments = (rc.Segment((0.0, 0.0, LIFT_M), 0.1), rc.Segment((away[0], away[1], 0.0), 0.25))
-        self.taking = self.move(side, path, found.steps[0][1]), close, rc.MoveCartesian(self._key(), side, segments)
+        self.taking = (
+            self.move(side, path, found.steps[0][1]),
+            close,
+            rc.MoveCartesian(self._key(), side, segments),
+        )
 
-    def _reached(self, side: Side, target: Target, ways: list[GraspWay]) -> tuple[Approach, list[np.ndarray]]:
+    def _reached(
+        self, side: Side, target: Target, ways: list[GraspWay]
+    ) -> tuple[Approach, list[np.ndarray]]:
         here, rng = self.here, np.random.default_rng(1)
         with attaching.room(here.world, MARGIN):
-            for found in approaches(self.robot, here.world, side, here.q, target, ways, rng, wanted=WAYS_IN_TRIED):
+            for found in approaches(
+                self.robot, here.world, side, here.q, target, ways, rng, wanted=WAYS_IN_TRIED
+            ):
                 here.world.fingers(side, found.steps[0][1])
                 way = motion.plan(self.robot, here.world, side, here.q, found.way_in[0])
                 if way is not None:
                     return found, way.path
         raise AssertionError(f"no way to {target.name}")
 
-    def move(self, side: Side, path: list[np.ndarray], fingers: float | None = None) -> rc.MoveJoint:
+    def move(
+        self, side: Side, path: list[np.ndarray], fingers: float | None = None
+    ) -> rc.MoveJoint:
         """Along a joint path."""
         points = tuple(tuple(float(x) for x in q[COLUMNS[side]]) for q in path)
         return rc.MoveJoint(self._key(), side, points, 0.25, fingers)

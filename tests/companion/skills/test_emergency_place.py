@@ -1,4 +1,6 @@
-"""Places where a cancelled task puts down a held thing. Geometry alone; the robot's set-point is one of a real task."""
+"""Places where a cancelled task puts down a held thing. Geometry alone; the robot's set-point is
+one of a real task.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -14,8 +16,13 @@ THINGS = {"table_1": "table", BOWL: "bowl_high"}
 TORSO, RIGHT = -0.285, (-0.3, -1.8, 1.25, 0.85, 0.0, -0.5, 0.0)
 Q = (TORSO, *RIGHT, -1.2691, 1.6345, -0.5411, -0.6871, 0.3599, -1.0661, -2.6567)
 """[rad] The left hand has the bowl at the far end of its reach, 0.1 m above the table."""
-IN_HAND = ((0.9899, -0.1375, 0.0354), (-0.1182, -0.6604, 0.7415), (-0.0786, -0.7382, -0.6700)), (-0.001, -0.013, 0.153)
-RETREAT = [(pin.SE3(np.eye(3), np.array([0.0, 0.0, back])), 1.2) for back in (-0.025, -0.125, -0.16)]
+IN_HAND = (
+    ((0.9899, -0.1375, 0.0354), (-0.1182, -0.6604, 0.7415), (-0.0786, -0.7382, -0.6700)),
+    (-0.001, -0.013, 0.153),
+)
+RETREAT = [
+    (pin.SE3(np.eye(3), np.array([0.0, 0.0, back])), 1.2) for back in (-0.025, -0.125, -0.16)
+]
 
 
 @pytest.fixture

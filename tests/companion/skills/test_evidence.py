@@ -1,4 +1,6 @@
-"""Evidence of acts in the true loop: a hand is felt, touched and seen to hold its thing, each by its own sense."""
+"""Evidence of acts in the true loop: a hand is felt, touched and seen to hold its thing, each by
+its own sense.
+"""
 
 import dataclasses
 
@@ -29,7 +31,9 @@ def evidence(here: Situation, command: rc.Command, sensed: Sensed) -> tuple[Evid
 
 
 def test_each_sense_of_the_table_can_tell() -> None:
-    """What ex judges is what the language says, no more and no less; a task adds only what its own acts claim."""
+    """What ex judges is what the language says, no more and no less; a task adds only what its own
+    acts claim.
+    """
     told: set[tuple[AnyClaim, Sense]] = set()
     for act, row in SKILLS.items():
         claims = {(check.claim, sense) for check in ACTS[act].checks for sense in check.by}
@@ -58,7 +62,9 @@ def told(acting: Acting, sensed: Sensed) -> set[Sense]:
 
 
 def test_each_sense_is_missed_alone(jar_out: Acting) -> None:
-    """Without one of them the others still tell; without any the claim is there, and not checked."""
+    """Without one of them the others still tell; without any the claim is there, and not
+    checked.
+    """
     sensed = sensed_by(jar_out)
     blind = dataclasses.replace(sensed, sights=[])
     deaf = dataclasses.replace(blind, grips={})

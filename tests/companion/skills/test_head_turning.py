@@ -36,7 +36,9 @@ def raised() -> list[np.ndarray]:
 
 
 def meets(q: np.ndarray, heads: np.ndarray) -> bool:
-    """Whether an arm is near the head in one of these directions (n, 2) [rad], and not when it looks ahead."""
+    """Whether an arm is near the head in one of these directions (n, 2) [rad], and not when it
+    looks ahead.
+    """
     world = situation().world
     before, world.margin = world.margin, ROOM_M
     try:
@@ -63,7 +65,9 @@ def test_it_turns_where_no_arm_is_in_its_way() -> None:
 
 
 def test_it_turns_back_before_an_arm_that_comes() -> None:
-    """It was turned before the motion; the arm comes where it is: it looks ahead, as the path was planned."""
+    """It was turned before the motion; the arm comes where it is: it looks ahead, as the path was
+    planned.
+    """
     here = situation()
     q = next(q for q in raised() if meets(q, np.array([(ASIDE.pan, ASIDE.tilt)])))
     path = np.linspace(names.START, q, round(4.0 / KNOT_S))

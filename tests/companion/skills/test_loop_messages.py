@@ -4,7 +4,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from companion.skills.loop_messages import Cancel, Close, HeadGoal, Motion, Move, Payload, Release, motion
+from companion.skills.loop_messages import (
+    Cancel,
+    Close,
+    HeadGoal,
+    Motion,
+    Move,
+    Payload,
+    Release,
+    motion,
+)
 from services.executor.loop.link import LoopCommand
 from velma.errors import MotionError
 from velma.names import START
@@ -15,7 +24,13 @@ KNOTS = np.stack([START, START + 0.01])
 @pytest.mark.parametrize(
     "command",
     [
-        motion("a", KNOTS, head=HeadGoal(0.1, 0.2), left=Close(squeeze=0.7), payload_right=Payload(0.3, (0, 0, 0.04))),
+        motion(
+            "a",
+            KNOTS,
+            head=HeadGoal(0.1, 0.2),
+            left=Close(squeeze=0.7),
+            payload_right=Payload(0.3, (0, 0, 0.04)),
+        ),
         motion("b", START, until="touch", right=Close(squeeze=0.014)),
         motion("c", START, until="contact", contact_side="left", left=Move((0.5, 0.5, 0.5))),
         Cancel("a"),

@@ -1,4 +1,6 @@
-"""A thing missing from the hand is noticed and told, and no act on it succeeds: true loop, simulated physics."""
+"""A thing missing from the hand is noticed and told, and no act on it succeeds: true loop,
+simulated physics.
+"""
 
 import numpy as np
 import pytest
@@ -47,8 +49,12 @@ def swing(acting: Acting) -> rc.MoveJoint:
     return acting.move(LEFT, [acting.here.q, turned])
 
 
-def test_a_jar_that_falls_is_told_within_a_second(jar_out: Acting, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The act ends as lost and names the jar; the hand is open and empty; pouring the jar is refused."""
+def test_a_jar_that_falls_is_told_within_a_second(
+    jar_out: Acting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The act ends as lost and names the jar; the hand is open and empty; pouring the jar is
+    refused.
+    """
     trick, cycle = Trick(), jar_out.core.cycle
 
     def tricked() -> None:
@@ -69,8 +75,12 @@ def test_a_jar_that_falls_is_told_within_a_second(jar_out: Acting, monkeypatch: 
 
 
 @pytest.mark.parametrize("sees", [True, False])
-def test_no_hand_opens_because_of_the_wrist_alone(sees: bool, jar_out: Acting, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its sensor begins to read an empty hand: the act is not done, and the jar stays in the hand, seen or not."""
+def test_no_hand_opens_because_of_the_wrist_alone(
+    sees: bool, jar_out: Acting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its sensor begins to read an empty hand: the act is not done, and the jar stays in the hand,
+    seen or not.
+    """
     observe, share = jar_out.core.backend.observe, HAND_KG / (HAND_KG + JAR_KG)
 
     def light() -> State:
@@ -90,7 +100,9 @@ def test_no_hand_opens_because_of_the_wrist_alone(sees: bool, jar_out: Acting, m
 
 
 def test_a_jar_that_is_not_lifted_is_not_taken(holding: Acting) -> None:
-    """The hand has closed on it, and slides off as it rises: the act ends, nothing is in the hand."""
+    """The hand has closed on it, and slides off as it rises: the act ends, nothing is in the
+    hand.
+    """
     slippery(holding.core)
     outcome = holding.act(holding.taking[2])
     assert outcome.kind in ("lost", "empty")
@@ -101,7 +113,9 @@ def test_a_jar_that_is_not_lifted_is_not_taken(holding: Acting) -> None:
 def test_a_hand_that_closes_on_nothing_says_so_and_backs_out(
     before_the_jar: Acting, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Before the fingers are closed to the end; the jar is taken away while the hand reaches for it."""
+    """Before the fingers are closed to the end; the jar is taken away while the hand reaches for
+    it.
+    """
     core, stood = before_the_jar.core, before_the_jar.here.seen[JAR]
     at = core.backend.model.joint(JAR).qposadr[0]
 
@@ -116,14 +130,22 @@ def test_a_hand_that_closes_on_nothing_says_so_and_backs_out(
 
 
 @pytest.mark.parametrize("sure", [True, False])
-def test_a_jar_that_is_gone_is_missing(before_the_jar: Acting, sure: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The hand does not reach for it where the eyes would surely see it; else it closes on nothing."""
+def test_a_jar_that_is_gone_is_missing(
+    before_the_jar: Acting, sure: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The hand does not reach for it where the eyes would surely see it; else it closes on
+    nothing.
+    """
     monkeypatch.setattr(Situation, "surely_seen", lambda here, name: sure)
     core = before_the_jar.core
     at = core.backend.model.joint(JAR).qposadr[0]
     core.backend.data.qpos[at : at + 3] = (2.0, 2.0, 0.1)
     outcome = before_the_jar.act(before_the_jar.taking[1])
-    assert (outcome.kind, outcome.missing, outcome.held) == ("missing" if sure else "empty", (JAR,), {})
+    assert (outcome.kind, outcome.missing, outcome.held) == (
+        "missing" if sure else "empty",
+        (JAR,),
+        {},
+    )
     assert JAR not in before_the_jar.here.seen
 
 

@@ -1,4 +1,6 @@
-"""A straight line of the hand: blocked by what it would go into, not by what it leaves or only passes."""
+"""A straight line of the hand: blocked by what it would go into, not by what it leaves or only
+passes.
+"""
 
 import numpy as np
 import pytest
@@ -22,11 +24,18 @@ pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes
 
 
 def under(here: Situation, gap_m: float) -> np.ndarray:
-    """Put a box this far above the held jar, where no finger is; return the direction away from it."""
+    """Put a box this far above the held jar, where no finger is; return the direction away from
+    it.
+    """
     jar = here.robot.grip(here.q, LEFT) * here.held[LEFT].T_grip_object
     here.models = {**here.models, "box_1": "box1"}
     half = models.MODELS["box1"].base.z
-    here.place("box_1", standing(jar.translation + np.array([0.0, 0.0, -models.MODELS["jar"].base.z - half + gap_m])))
+    here.place(
+        "box_1",
+        standing(
+            jar.translation + np.array([0.0, 0.0, -models.MODELS["jar"].base.z - half + gap_m])
+        ),
+    )
     return np.array([0.0, 0.0, -1.0])
 
 
@@ -58,7 +67,9 @@ def test_a_line_into_a_thing_is_blocked(jar_out: Acting) -> None:
 
 @pytest.mark.parametrize("touched", ["passed", "met", "end"])
 def test_a_planned_path_goes_round_what_was_seen_since(jar_out: Acting, touched: str) -> None:
-    """Another path to its end is taken; the planned one where it meets nothing, none where its end is in something."""
+    """Another path to its end is taken; the planned one where it meets nothing, none where its end
+    is in something.
+    """
     here, turn = jar_out.here, np.zeros(15)
     turn[names.ARM["right"][0]] = -1.2
     path = [here.q + share * turn for share in np.linspace(0.0, 1.0, 25)]
@@ -73,7 +84,9 @@ def test_a_planned_path_goes_round_what_was_seen_since(jar_out: Acting, touched:
         with pytest.raises(NotPossible) as hindered:
             next(skill)
         assert hindered.value.kind == rc.NotDoneKind.REPLAN
-        assert {(why.kind, "box_1" in why.words) for why in hindered.value.why} == {(Kind.WAY_NOT_FREE, True)}
+        assert {(why.kind, "box_1" in why.words) for why in hindered.value.why} == {
+            (Kind.WAY_NOT_FREE, True)
+        }
         assert here.fingers["right"] != 0.3
         return
     followed = next(skill).path()
@@ -96,7 +109,9 @@ def test_fingers_that_would_meet_something_move_at_the_end_of_the_path(
     points = tuple(tuple(q[names.COLUMNS["right"]].tolist()) for q in path)
     if not free_at_the_end:
         here.models = {**here.models, "box_1": "box1"}
-        here.place("box_1", standing(here.robot.grip(path[-1], "right").act(np.array([0.0, 0.0, 0.05]))))
+        here.place(
+            "box_1", standing(here.robot.grip(path[-1], "right").act(np.array([0.0, 0.0, 0.05])))
+        )
     whole = moving._clear
 
     def entangled(here: Situation, path: list, side: str, bent: float | None, speed: float) -> list:

@@ -1,4 +1,6 @@
-"""Senses that are not well, in the true loop with simulated physics: told as what they are, not as the world's."""
+"""Senses that are not well, in the true loop with simulated physics: told as what they are, not as
+the world's.
+"""
 
 from collections.abc import Callable
 
@@ -26,7 +28,10 @@ from velma.sim.backend import State
 
 JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
 OFF = 0.05
-CAMERA, WRIST = rc.Ill(rc.Sensor.CAMERA, rc.Fault.FROZEN), rc.Ill(rc.Sensor.LEFT_WRIST, rc.Fault.ZERO)
+CAMERA, WRIST = (
+    rc.Ill(rc.Sensor.CAMERA, rc.Fault.FROZEN),
+    rc.Ill(rc.Sensor.LEFT_WRIST, rc.Fault.ZERO),
+)
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
 
@@ -82,7 +87,11 @@ def numb(state: State) -> None:
 def at(acting: Acting, name: str, times: int = 1) -> rc.Look:
     """A look, or several, at a thing: where it stands or in a hand."""
     side = acting.here.holder(name)
-    held = None if side is None else acting.robot.grip(acting.here.q, side) * acting.here.held[side].T_grip_object
+    held = (
+        None
+        if side is None
+        else acting.robot.grip(acting.here.q, side) * acting.here.held[side].T_grip_object
+    )
     x, y, z = (acting.here.seen[name] if held is None else held).translation
     return rc.Look(acting._key(), ((float(x), float(y), float(z)),) * times)
 
@@ -91,7 +100,15 @@ def acts_of(acting: Acting) -> dict[str, rc.Command]:
     """One of each kind."""
     move, grasp, pull = acting.taking
     pour = Pour("pour", LEFT, JAR, BOWL, 0.0, 0.0, (0.3, 2.0), 1.0, 0.2)
-    acts = (move, grasp, pull, pour, acting.put_down(JAR, LEFT), rc.Home("home", LEFT), acting.look())
+    acts = (
+        move,
+        grasp,
+        pull,
+        pour,
+        acting.put_down(JAR, LEFT),
+        rc.Home("home", LEFT),
+        acting.look(),
+    )
     return {type(act).__name__: act for act in acts}
 
 
@@ -105,7 +122,7 @@ def test_the_faults_of_a_sense_are_those_that_are_told() -> None:
     assert {str(one) for one in (*grip.Wrong, *health.Wrong)} <= {str(one) for one in rc.Fault}
 
 
-# --- what is not begun ------------------------------------------------------------------------------------------------
+# --- what is not begun ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -143,7 +160,9 @@ def test_a_hand_without_a_sensor_does_not_check(before_the_jar: Acting) -> None:
     """So a grasp is not begun with a camera alone that does not see."""
     here = before_the_jar.here
     here.ill, here.numb = (CAMERA,), {LEFT}
-    assert refused(here, before_the_jar.taking[1]) == (fact(Kind.NOT_BEGUN, fact(Kind.UNCHECKABLE, LEFT)),)
+    assert refused(here, before_the_jar.taking[1]) == (
+        fact(Kind.NOT_BEGUN, fact(Kind.UNCHECKABLE, LEFT)),
+    )
 
 
 def test_what_a_sense_was_is_remembered(jar_out: Acting) -> None:
@@ -155,13 +174,16 @@ def test_what_a_sense_was_is_remembered(jar_out: Acting) -> None:
     assert kept.held[LEFT].steady is not None
 
 
-# --- the camera -------------------------------------------------------------------------------------------------------
+# --- the camera -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("wrong", ["frozen", ""])
-def test_with_a_camera_that_does_not_see_nothing_is_missing(before_the_jar: Acting, wrong: str) -> None:
-    """What it is looked for is where it was; the look is not done, since the eyes do not see. Also where no picture
-    tells, and only the furniture is not in it."""
+def test_with_a_camera_that_does_not_see_nothing_is_missing(
+    before_the_jar: Acting, wrong: str
+) -> None:
+    """What it is looked for is where it was; the look is not done, since the eyes do not see. Also
+    where no picture tells, and only the furniture is not in it.
+    """
     before_the_jar.eye = Unwell(wrong)
     known = set(before_the_jar.here.seen)
     told = before_the_jar.act(at(before_the_jar, "cabinet_2", BLIND_LOOKS))
@@ -187,14 +209,17 @@ def test_a_grasp_that_nothing_checks_ends_before_the_hand_closes(
     before_the_jar.eye = Unwell("frozen")
     spoilt(before_the_jar, numb, monkeypatch)
     told = before_the_jar.act(before_the_jar.taking[1])
-    assert (told.kind, {one.sense for one in told.ill}) == (rc.NotDoneKind.FAILED, {*WRISTS, rc.Sensor.CAMERA})
+    assert (told.kind, {one.sense for one in told.ill}) == (
+        rc.NotDoneKind.FAILED,
+        {*WRISTS, rc.Sensor.CAMERA},
+    )
     assert not before_the_jar.here.held
     assert not any(before_the_jar.core.report.left.touched)
 
 
 WRISTS = (rc.Sensor.RIGHT_WRIST, rc.Sensor.LEFT_WRIST)
 
-# --- encoders ---------------------------------------------------------------------------------------------------------
+# --- encoders -------------------------------------------------------------------------------------
 
 
 @pytest.mark.process
@@ -223,9 +248,12 @@ def test_a_torso_that_is_measured_wrong_is_told_and_no_arm_moves(
 
 
 @pytest.mark.parametrize("joint", [8, 11], ids=["shoulder", "elbow"])
-def test_an_arm_that_is_measured_wrong_is_told(jar_out: Acting, joint: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By two looks that agree: the jar has turned in the hand, which feels that it holds it. Only putting it down, by
-    where it is seen, is begun."""
+def test_an_arm_that_is_measured_wrong_is_told(
+    jar_out: Acting, joint: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By two looks that agree: the jar has turned in the hand, which feels that it holds it. Only
+    putting it down, by where it is seen, is begun.
+    """
     assert not jar_out.done(at(jar_out, JAR, 2)).ill
     spoilt(jar_out, drifting(joint), monkeypatch)
     jar_out.core.hold(3.5)

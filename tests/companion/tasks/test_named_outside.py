@@ -1,4 +1,6 @@
-"""Nothing outside the rooms of the tasks names a task, its command, or its act: who adds one changes its folder."""
+"""Nothing outside the rooms of the tasks names a task, its command, or its act: who adds one
+changes its folder.
+"""
 
 import ast
 import re
@@ -22,8 +24,12 @@ ACTS = {one.__name__ for one in rc.Command.__subclasses__()} - {row.act.__name__
 CLASSES = COMMANDS | ACTS
 WORDS = re.compile(rf"\b({'|'.join(sorted(CLASSES))})\b")
 ALLOWED = {
-    "shared/companion/design.toml": "the design lists each content with its size and rate; test_acts.py compares it",
-    "shared/companion/planning/grasping.py": "a word of the seed: with another one, every plan would change",
+    "shared/companion/design.toml": (
+        "the design lists each content with its size and rate; test_acts.py compares it"
+    ),
+    "shared/companion/planning/grasping.py": (
+        "a word of the seed: with another one, every plan would change"
+    ),
     "shared/companion/tools/verbs/pour_run.py": "`roco experiment pour` is the paper's main job",
 }
 
@@ -32,9 +38,12 @@ def _python(path: Path) -> Iterator[str]:
     """Yield what a program names: classes, the rooms of tasks, and tasks by their names alone."""
     for node in ast.walk(ast.parse(path.read_text())):
         match node:
-            case ast.Name(id=name) | ast.Attribute(attr=name) | ast.alias(name=name) | ast.ClassDef(name=name) if (
-                name in CLASSES
-            ):
+            case (
+                ast.Name(id=name)
+                | ast.Attribute(attr=name)
+                | ast.alias(name=name)
+                | ast.ClassDef(name=name)
+            ) if name in CLASSES:
                 yield f"{node.lineno}: {name}"
             case ast.Constant(value=str(name)) if name in tasks.NAMES:
                 yield f"{node.lineno}: {name!r}"

@@ -1,4 +1,6 @@
-"""`roco ask`: what is printed in each form, what is said where there is no answer, with which exit code."""
+"""`roco ask`: what is printed in each form, what is said where there is no answer, with which exit
+code.
+"""
 
 import csv
 import io
@@ -13,16 +15,21 @@ from typer.testing import CliRunner
 from operate.cli.__main__ import app
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
-IN = "SELECT ?thing ?where WHERE { ?thing roco:isIn ?where . ?where a/rdfs:subClassOf* roco:Container } ORDER BY ?thing"
+IN = (
+    "SELECT ?thing ?where WHERE { ?thing roco:isIn ?where . ?where a/rdfs:subClassOf*"
+    " roco:Container } ORDER BY ?thing"
+)
 MIXED = (
-    "SELECT ?thing ?n ?text ?none WHERE { thing:jar_1 a ?kind BIND(thing:jar_1 AS ?thing) BIND(2.5 AS ?n) "
-    'BIND("a, \\"b\\""@en AS ?text) }'
+    "SELECT ?thing ?n ?text ?none WHERE { thing:jar_1 a ?kind BIND(thing:jar_1 AS ?thing) BIND(2.5"
+    ' AS ?n) BIND("a, \\"b\\""@en AS ?text) }'
 )
 
 
 def run(*words: str, text: str = "", recording: Path = POUR) -> tuple[int, str, str]:
     """Exit code, standard output, standard error."""
-    done = CliRunner().invoke(app, ["ask", *words, "--run", str(recording)], input=text, env={"COLUMNS": "80"})
+    done = CliRunner().invoke(
+        app, ["ask", *words, "--run", str(recording)], input=text, env={"COLUMNS": "80"}
+    )
     return done.exit_code, done.stdout, done.stderr
 
 
@@ -32,13 +39,19 @@ def test_a_table_for_people(recording: Path) -> None:
     code, out, error = run(IN, "--at", "12", recording=recording)
     lines = [line.split() for line in out.splitlines()]
     assert (code, error) == (0, "")
-    assert lines[:3] == [["thing", "where"], ["thing:bowl_1", "thing:cabinet_2"], ["thing:jar_1", "thing:cabinet_2"]]
+    assert lines[:3] == [
+        ["thing", "where"],
+        ["thing:bowl_1", "thing:cabinet_2"],
+        ["thing:jar_1", "thing:cabinet_2"],
+    ]
     assert out.splitlines()[3] == "2 rows; as km knew it at 12 of 85.7 s"
 
 
 @pytest.mark.usefixtures("answered_here")
 def test_nothing_was_known_before_it_was_told() -> None:
-    """A recording is asked of any time: km was told first 5 s after the beginning, and of the pour last."""
+    """A recording is asked of any time: km was told first 5 s after the beginning, and of the pour
+    last.
+    """
     assert "0 rows" in run(IN, "--at", "5")[1]
     assert "content:jar_1" in run(IN)[1]
     assert "content:jar_1" not in run(IN, "--at", "80")[1]
@@ -54,7 +67,11 @@ def test_json_as_sparql_has_it() -> None:
             "bindings": [
                 {
                     "thing": {"type": "uri", "value": "urn:robot-companion:thing/jar_1"},
-                    "n": {"type": "literal", "value": "2.5", "datatype": "http://www.w3.org/2001/XMLSchema#decimal"},
+                    "n": {
+                        "type": "literal",
+                        "value": "2.5",
+                        "datatype": "http://www.w3.org/2001/XMLSchema#decimal",
+                    },
                     "text": {"type": "literal", "value": 'a, "b"', "xml:lang": "en"},
                 }
             ]
@@ -79,7 +96,10 @@ def test_a_triple_term_is_shown() -> None:
     query = "SELECT (<<( thing:jar_1 roco:isIn 'x' )>> AS ?said) {}"
     assert run(query)[1].splitlines()[1].strip() == "<<( thing:jar_1 roco:isIn x )>>"
     space = "urn:robot-companion:"
-    assert run(query, "--format", "csv")[1].splitlines()[1] == f"<<( {space}thing/jar_1 {space}roco#isIn x )>>"
+    assert (
+        run(query, "--format", "csv")[1].splitlines()[1]
+        == f"<<( {space}thing/jar_1 {space}roco#isIn x )>>"
+    )
     said = json.loads(run(query, "--format", "json")[1])["results"]["bindings"][0]["said"]
     assert said["type"] == "triple"
     assert said["value"]["object"] == {"type": "literal", "value": "x"}

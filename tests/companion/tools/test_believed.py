@@ -1,4 +1,6 @@
-"""The robot's belief beside the truth in a report: of a recorded run, and with one thing changed at a time."""
+"""The robot's belief beside the truth in a report: of a recorded run, and with one thing changed at
+a time.
+"""
 
 import math
 from pathlib import Path
@@ -30,7 +32,9 @@ from services.knowledge.beliefs import believed as of_km
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 NEAR_MM = 10.0
-"""The receptor errs by up to 4 mm on each axis, and a held thing is where its hand should be, some mm higher."""
+"""The receptor errs by up to 4 mm on each axis, and a held thing is where its hand should be, some
+mm higher.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +52,13 @@ def saying(one: Spoken, content: object, id: str, received: float) -> Spoken:
 
 def told(past: History, *observations: wm.AnyObservation) -> History:
     """The history in which ta told km this at its end, newer than all before."""
-    last = max((one for one in past.said if one.content and one.receiver == "km"), key=lambda one: one.received)
+    last = max(
+        (one for one in past.said if one.content and one.receiver == "km"),
+        key=lambda one: one.received,
+    )
     more = (
-        saying(last, one, f"test/{number}@9.{number}", last.received + 1.0) for number, one in enumerate(observations)
+        saying(last, one, f"test/{number}@9.{number}", last.received + 1.0)
+        for number, one in enumerate(observations)
     )
     return msgspec.structs.replace(past, said=(*past.said, *more))
 
@@ -62,7 +70,9 @@ def found(past: History, name: str) -> believed.Believed:
 
 def test_belief_is_that_of_km(past: History) -> None:
     """Km's own functions make the same poses of the same messages; each is near the truth."""
-    heard = [Heard(one.received, one.wire) for one in past.said if "km" in (one.receiver, one.sender)]
+    heard = [
+        Heard(one.received, one.wire) for one in past.said if "km" in (one.receiver, one.sender)
+    ]
     scene = of_km(heard).scene
     rows = believed.beliefs(past)
     assert {one.object for one in rows} == set(scene.things)
@@ -76,7 +86,10 @@ def test_belief_is_that_of_km(past: History) -> None:
             assert one.apart_mm == pytest.approx(1000.0 * math.dist(one.at or (), one.true_at))
             assert one.apart_mm < NEAR_MM
     jar, bowl = (found(past, name) for name in ("jar_1", "bowl_1"))
-    assert (jar.how, jar.held) == ("in the left hand, not checked", "left"), "that run told no evidence"
+    assert (jar.how, jar.held) == (
+        "in the left hand, not checked",
+        "left",
+    ), "that run told no evidence"
     assert (bowl.how, bowl.after) == ("seen", "pour")
     assert jar.apart_mm is not None
 
@@ -107,14 +120,24 @@ sights = st.builds(
     lambda x, y, sure: wm.SeenObject("jar_1", "jar", Pose((0.6 + x, y, 0.875)), 1.0, None, sure),
     numbers,
     numbers,
-    st.sampled_from([None, *(Uncertainty((v, 0.0, 0.0, v, 0.0, v), v) for v in (1e-7, 4e-6, 2e-5))]),
+    st.sampled_from(
+        [None, *(Uncertainty((v, 0.0, 0.0, v, 0.0, v), v) for v in (1e-7, 4e-6, 2e-5))]
+    ),
 )
 observations = st.one_of(
     sights,
     sights,
     st.just(wm.PlacedObject("jar_1", "jar", Pose((0.6, 0.0, 0.875)), 2.0)),
-    st.sampled_from([wm.SeenHand(Side.LEFT), wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0)))]),
-    st.sampled_from([wm.LostObject("jar_1", Side.LEFT), wm.GivenObject("jar_1", Side.LEFT), wm.MissingObject("jar_1")]),
+    st.sampled_from(
+        [wm.SeenHand(Side.LEFT), wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0)))]
+    ),
+    st.sampled_from(
+        [
+            wm.LostObject("jar_1", Side.LEFT),
+            wm.GivenObject("jar_1", Side.LEFT),
+            wm.MissingObject("jar_1"),
+        ]
+    ),
 )
 
 
@@ -149,19 +172,29 @@ def test_a_thing_that_was_moved_unseen_is_shown_apart(past: History) -> None:
 def test_what_was_put_down_unseen_or_lost_is_said_so(past: History) -> None:
     """With its place, or without one."""
     let_go = wm.SeenHand(Side.LEFT)
-    put = found(told(past, let_go, wm.PlacedObject("jar_1", "jar", Pose((0.6, -0.5, 0.876)), 9.0)), "jar_1")
+    put = found(
+        told(past, let_go, wm.PlacedObject("jar_1", "jar", Pose((0.6, -0.5, 0.876)), 9.0)), "jar_1"
+    )
     assert (put.how, put.at, put.held) == ("put down, not seen since", (0.6, -0.5, 0.876), "")
     assert put.id == "test/1@9.1"
     lost = found(told(past, let_go, wm.LostObject("jar_1", Side.LEFT)), "jar_1")
     assert (lost.how, lost.at, lost.apart_mm) == ("lost by the left hand", None, None)
-    assert [one.how for one in believed.beliefs(told(past, wm.WorldLost((fact(Kind.NEW_WORLD),)))) if one.at] == []
+    assert [
+        one.how
+        for one in believed.beliefs(told(past, wm.WorldLost((fact(Kind.NEW_WORLD),))))
+        if one.at
+    ] == []
 
 
 def test_what_is_lost_is_in_no_hand(past: History) -> None:
     """Though no hand was told to be empty; before the loss it was."""
     jar = found(told(past, wm.LostObject("jar_1", Side.LEFT)), "jar_1")
     assert (jar.how, jar.held, jar.at) == ("lost by the left hand", "", None)
-    again = told(past, wm.LostObject("jar_1", Side.LEFT), wm.SeenHand(Side.LEFT, "jar_1", "47", Pose((0.0, 0.0, 0.0))))
+    again = told(
+        past,
+        wm.LostObject("jar_1", Side.LEFT),
+        wm.SeenHand(Side.LEFT, "jar_1", "47", Pose((0.0, 0.0, 0.0))),
+    )
     assert found(again, "jar_1").held == "left"
 
 
@@ -170,7 +203,10 @@ def test_nothing_older_than_a_lost_world_counts(past: History) -> None:
     lost = told(past, wm.WorldLost((fact(Kind.NEW_WORLD),)))
     (last,) = lost.said[-1:]
     late = saying(
-        last, wm.PlacedObject("jar_1", "jar", Pose((0.6, -0.5, 0.876)), 9.0), "object/jar_1@8.0", last.received
+        last,
+        wm.PlacedObject("jar_1", "jar", Pose((0.6, -0.5, 0.876)), 9.0),
+        "object/jar_1@8.0",
+        last.received,
     )
     beliefs = Beliefs()
     assert beliefs.hear(last)
@@ -179,18 +215,29 @@ def test_nothing_older_than_a_lost_world_counts(past: History) -> None:
 
 
 def test_the_poured_share_is_believed_by_weight(past: History) -> None:
-    """The recording is of before pours were weighed; with weights, half of the content left the jar."""
+    """The recording is of before pours were weighed; with weights, half of the content left the
+    jar.
+    """
     assert share(past) == Share(None, None, None, 1.0)
     (key,) = {one.content.key for one in past.said if isinstance(one.content, Pour)}
-    (done,) = [one for one in past.said if isinstance(one.content, rc.Done) and one.content.key == key]
+    (done,) = [
+        one for one in past.said if isinstance(one.content, rc.Done) and one.content.key == key
+    ]
     empty = next(one.content.empty_mass for one in past.said if isinstance(one.content, Pour))
     seen = (rs.Seen("bowl_1", "bowl_high", Pose((0.6, -0.5, 0.775)), 60.0, content=0.028),)
     content = msgspec.structs.replace(done.content, weighed=(empty + 0.06, empty + 0.03), seen=seen)
     one = saying(done, content, done.id, done.received)
-    weighed = msgspec.structs.replace(past, said=tuple(one if other is done else other for other in past.said))
+    weighed = msgspec.structs.replace(
+        past, said=tuple(one if other is done else other for other in past.said)
+    )
     half = share(weighed)
-    assert (half.believed, half.left_kg, half.content_kg) == tuple(map(pytest.approx, (0.5, 0.03, 0.06)))
+    assert (half.believed, half.left_kg, half.content_kg) == tuple(
+        map(pytest.approx, (0.5, 0.03, 0.06))
+    )
     text = page.rendered(weighed, report.build(weighed), "run")
     assert half.seen_kg == 0.028
-    assert "50\u00a0% by weight (30\u00a0g of 60\u00a0g left the jar), about 28\u00a0g seen in the bowl, " in text
+    assert (
+        "50\u00a0% by weight (30\u00a0g of 60\u00a0g left the jar), about 28\u00a0g seen in the"
+        " bowl, " in text
+    )
     assert "100\u00a0% in truth" in text

@@ -1,4 +1,6 @@
-"""Statements of one thing in several places: figures, computed ones, bounds, words; those that disagree are named."""
+"""Statements of one thing in several places: figures, computed ones, bounds, words; those that
+disagree are named.
+"""
 
 from pathlib import Path
 
@@ -22,7 +24,10 @@ stated = [
 
 [[claim]]
 name = "colours"
-stated = [{ where = "the text", says = ["red", "blue"] }, { where = "the drawing", says = ["blue", "red"] }]
+stated = [
+  { where = "the text", says = ["red", "blue"] },
+  { where = "the drawing", says = ["blue", "red"] },
+]
 """
 SPOILT = (
     ("sum = [2, 2]", "sum = [2, 1]", "the drawing: 3"),

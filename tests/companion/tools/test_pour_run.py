@@ -1,4 +1,6 @@
-"""The main job waits for agents that still stop, when its task has ended: not for ever, and it says for whom."""
+"""The main job waits for agents that still stop, when its task has ended: not for ever, and it says
+for whom.
+"""
 
 import io
 import os
@@ -68,14 +70,18 @@ def test_who_still_stops_is_named_once_and_given_up(tmp_path: Path, told: io.Str
 
 
 def test_what_was_said_before_is_not_believed(tmp_path: Path, told: io.StringIO) -> None:
-    """An agent that was idle before its act still says so until its next heartbeat; one may say nothing at all."""
+    """An agent that was idle before its act still says so until its next heartbeat; one may say
+    nothing at all.
+    """
     beats(tmp_path, "ta", "idle", later_s=-1.0)
     assert rested(tmp_path, told) == ["", ""]
 
 
 @pytest.mark.process
 def test_a_process_that_is_frozen_is_waited_for(tmp_path: Path, told: io.StringIO) -> None:
-    """A monitor that sleeps through the end of the task has not recorded it; the supervisor starts another one."""
+    """A monitor that sleeps through the end of the task has not recorded it; the supervisor starts
+    another one.
+    """
     for agent in RESTS:
         beats(tmp_path, agent, "idle")
     with subprocess.Popen([sys.executable, "-c", "import signal; signal.pause()"]) as frozen:
@@ -87,7 +93,9 @@ def test_a_process_that_is_frozen_is_waited_for(tmp_path: Path, told: io.StringI
 
 
 @pytest.mark.parametrize("state", ProcessState)
-def test_a_process_that_will_be_ready_is_waited_for(tmp_path: Path, told: io.StringIO, state: ProcessState) -> None:
+def test_a_process_that_will_be_ready_is_waited_for(
+    tmp_path: Path, told: io.StringIO, state: ProcessState
+) -> None:
     """One that was given up, or ended on purpose, is not."""
     for agent in RESTS:
         beats(tmp_path, agent, "idle")
@@ -97,8 +105,12 @@ def test_a_process_that_will_be_ready_is_waited_for(tmp_path: Path, told: io.Str
 
 
 @pytest.mark.parametrize("later_s", [-1.0, 1.0, None])
-def test_a_monitor_that_began_again_is_waited_for(tmp_path: Path, told: io.StringIO, later_s: float | None) -> None:
-    """Until it has recorded something of the robot, of which it hears twice a second; it may never have."""
+def test_a_monitor_that_began_again_is_waited_for(
+    tmp_path: Path, told: io.StringIO, later_s: float | None
+) -> None:
+    """Until it has recorded something of the robot, of which it hears twice a second; it may never
+    have.
+    """
     for agent in RESTS:
         beats(tmp_path, agent, "idle")
     ready_file(tmp_path, "monitor").touch()

@@ -42,7 +42,8 @@ def begin(run):
     (run / "loop.slots").touch()
     environment = os.environ | {{"{RUN_FOLDER_VARIABLE}": str(run), "{FLEET_VARIABLE}": run.name}}
     command = [sys.executable, "-P", "-c", LOOP]
-    loops.append(subprocess.Popen(command, cwd=run, env=environment, stdout=subprocess.PIPE, text=True))
+    loop = subprocess.Popen(command, cwd=run, env=environment, stdout=subprocess.PIPE, text=True)
+    loops.append(loop)
     assert loops[-1].stdout.readline() == "mapped\\n"
 
 roco("stop")
@@ -56,17 +57,37 @@ print([loop.stdout.readline().strip() for loop in loops])
 
 @pytest.mark.parametrize("words", [["stop"], ["say", "stój"]])
 def test_a_stop_elsewhere_holds_the_robots_of_all_fleets(words: list[str], tmp_path: Path) -> None:
-    """Also of one whose folder was deleted; each is told with the command that releases it. Without any it fails."""
+    """Also of one whose folder was deleted; each is told with the command that releases it. Without
+    any it fails.
+    """
     user = ["--user", "--map-root-user"] if os.geteuid() else []
-    if subprocess.run([ALONE[0], *user, *ALONE[1:], "true"], capture_output=True, check=False).returncode:
-        pytest.skip("needs a process namespace (as root, in a container with CAP_SYS_ADMIN: scripts/test)")
+    if subprocess.run(
+        [ALONE[0], *user, *ALONE[1:], "true"], capture_output=True, check=False
+    ).returncode:
+        pytest.skip(
+            "needs a process namespace (as root, in a container with CAP_SYS_ADMIN: scripts/test)"
+        )
     environment = {name: value for name, value in os.environ.items() if name != RUN_FOLDER_VARIABLE}
-    command = [ALONE[0], *user, *ALONE[1:], sys.executable, "-P", "-c", INSIDE, str(tmp_path), *words]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=100)
+    command = [
+        ALONE[0],
+        *user,
+        *ALONE[1:],
+        sys.executable,
+        "-P",
+        "-c",
+        INSIDE,
+        str(tmp_path),
+        *words,
+    ]
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=False, timeout=100
+    )
     nobody, *stopped, states = done.stdout.splitlines()
     assert nobody.startswith("3||roco: no run at runs/latest; start one with `roco up`"), done
     assert states == "['held', 'held']"
     told = "\n".join(stopped)
-    assert told.startswith("0|stopped: the loop holds the robot until `roco release --target "), done
+    assert told.startswith("0|stopped: the loop holds the robot until `roco release --target "), (
+        done
+    )
     for name in ("here", "gone"):
         assert f"until `roco release --target {tmp_path / name}`" in told

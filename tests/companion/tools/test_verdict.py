@@ -39,16 +39,38 @@ TRUTHS = [
     ("less than nine tenths", changed(grains_in={"jar_1": 4, "bowl_1": 26}), "87% of the content"),
     ("tilted a little", changed(tilt_deg={"jar_1": 0.0, "bowl_1": 9.9}), None),
     ("tilted", changed(tilt_deg={"jar_1": 0.0, "bowl_1": 10.0}), "tilted by 10 degrees"),
-    ("jar dropped", changed(fingers_on={"jar_1": {"left": 0, "right": 0}, "bowl_1": {}}), "no hand holds the jar"),
-    ("jar in the other hand", changed(fingers_on={"jar_1": {"left": 0, "right": 5}, "bowl_1": {}}), None),
-    ("bowl held", changed(fingers_on={"jar_1": {"left": 4}, "bowl_1": {"right": 3}}), "touches the bowl"),
-    ("bowl on the floor", changed(at={"jar_1": (0.0, 0.0, 1.0), "bowl_1": (0.58, -0.52, 0.0)}), "not on a table"),
-    ("bowl beside", changed(at={"jar_1": (0.0, 0.0, 1.0), "bowl_1": (0.0, -0.1, 0.775)}), "not on a table"),
+    (
+        "jar dropped",
+        changed(fingers_on={"jar_1": {"left": 0, "right": 0}, "bowl_1": {}}),
+        "no hand holds the jar",
+    ),
+    (
+        "jar in the other hand",
+        changed(fingers_on={"jar_1": {"left": 0, "right": 5}, "bowl_1": {}}),
+        None,
+    ),
+    (
+        "bowl held",
+        changed(fingers_on={"jar_1": {"left": 4}, "bowl_1": {"right": 3}}),
+        "touches the bowl",
+    ),
+    (
+        "bowl on the floor",
+        changed(at={"jar_1": (0.0, 0.0, 1.0), "bowl_1": (0.58, -0.52, 0.0)}),
+        "not on a table",
+    ),
+    (
+        "bowl beside",
+        changed(at={"jar_1": (0.0, 0.0, 1.0), "bowl_1": (0.0, -0.1, 0.775)}),
+        "not on a table",
+    ),
     ("no grains", changed(grains=0), "how much is in the bowl"),
 ]
 
 
-@pytest.mark.parametrize(("change", "reason"), [case[1:] for case in TRUTHS], ids=[case[0] for case in TRUTHS])
+@pytest.mark.parametrize(
+    ("change", "reason"), [case[1:] for case in TRUTHS], ids=[case[0] for case in TRUTHS]
+)
 def test_success_by_the_truth(pouring: Run, change: Change, reason: str | None) -> None:
     """Success is no reason against it; a failure names what was wrong."""
     past = _past(pouring)
@@ -60,7 +82,10 @@ def test_success_by_the_truth(pouring: Run, change: Change, reason: str | None) 
 def test_without_the_truth_there_is_no_success(pouring: Run) -> None:
     """Nothing is assumed."""
     past = synthetic.with_truth(_past(pouring), ())
-    assert verdict.failure(past) == "the true state of the simulation was not recorded at the end of the task"
+    assert (
+        verdict.failure(past)
+        == "the true state of the simulation was not recorded at the end of the task"
+    )
 
 
 @pytest.mark.parametrize("before_s", [0.9, 1.1])
@@ -74,13 +99,18 @@ def test_a_truth_from_before_the_end_of_the_task_is_none(pouring: Run, before_s:
     assert verdict.failure(past) == (
         None
         if before_s < 1.0
-        else "the true state of the simulation was not recorded at the end of the task, only at other times"
+        else (
+            "the true state of the simulation was not recorded at the end of the task, only at"
+            " other times"
+        )
     )
     assert (poured(past, command).fraction is None) == (before_s > 1.0)
 
 
 def put_down(run: Run) -> None:
-    """The person has the jar put down after the pour, and the content is tipped out of the bowl meanwhile."""
+    """The person has the jar put down after the pour, and the content is tipped out of the bowl
+    meanwhile.
+    """
     talk = run.name("hi")
     run.say("hi", "co", P.REQUEST, PutDown("jar"), talk=talk, protocol="request")
     asked = hfsm.GroundTaskNetwork(f"{talk}-plan1", (hfsm.Task("put_down", ("jar",)),))
@@ -93,13 +123,19 @@ def put_down(run: Run) -> None:
 
 
 def test_a_pour_is_judged_at_its_own_end() -> None:
-    """What is asked for afterwards changes nothing: no hand holds the jar then, and the bowl is empty."""
+    """What is asked for afterwards changes nothing: no hand holds the jar then, and the bowl is
+    empty.
+    """
     run = synthetic.pour(queries=5)
     put_down(run)
     past = _past(run)
     assert not truth(past)[-1][1].fingers_on["jar_1"]["left"]
     told = report.build(past)
-    assert (told.success, told.failure, told.poured_fraction) == (True, None, pytest.approx(29 / 30))
+    assert (told.success, told.failure, told.poured_fraction) == (
+        True,
+        None,
+        pytest.approx(29 / 30),
+    )
     assert [(one.asked, one.outcome, one.success) for one in told.tasks] == [
         ("pour into jar bowl", "done", True),
         ("put down jar", "done", True),
@@ -133,7 +169,11 @@ def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next
     assert verdict.failure(synthetic.with_truth(past, heard)) is None
     late = tuple(one for one in heard if one[0] > moved)
     found = verdict.failure(synthetic.with_truth(past, late))
-    assert found == "the true state of the simulation was not recorded at the end of the task, only at other times"
+    assert (
+        found
+        == "the true state of the simulation was not recorded at the end of the task, only at other"
+        " times"
+    )
 
 
 def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) -> None:
@@ -147,23 +187,35 @@ def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) 
 @pytest.mark.parametrize(
     ("kind", "reason"),
     [
-        (lambda one: isinstance(one.content, sw.Report) and one.content.state in sw.FINAL, "plan 1 did not end"),
-        (lambda one: isinstance(one.content, cmd.TaskReport) and one.performative == "inform", "task did not end"),
+        (
+            lambda one: isinstance(one.content, sw.Report) and one.content.state in sw.FINAL,
+            "plan 1 did not end",
+        ),
+        (
+            lambda one: isinstance(one.content, cmd.TaskReport) and one.performative == "inform",
+            "task did not end",
+        ),
         (lambda one: isinstance(one.content, cmd.Command), "no command"),
         (lambda one: one.channel == "C1", "no plan was carried out"),
         (lambda one: one.channel == "C3" and one.sender == "pl", "no answer came"),
     ],
 )
-def test_every_plan_and_the_task_must_end(pouring: Run, kind: Callable[[Spoken], bool], reason: str) -> None:
+def test_every_plan_and_the_task_must_end(
+    pouring: Run, kind: Callable[[Spoken], bool], reason: str
+) -> None:
     """A communicate that was never said is missed."""
     past = _past(pouring)
-    found = verdict.failure(msgspec.structs.replace(past, said=tuple(one for one in past.said if not kind(one))))
+    found = verdict.failure(
+        msgspec.structs.replace(past, said=tuple(one for one in past.said if not kind(one)))
+    )
     assert found is not None
     assert reason in found
 
 
 def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
-    """Say another command, which comes to nothing: co refuses it, or pl finds no plan for it. Its conversation."""
+    """Say another command, which comes to nothing: co refuses it, or pl finds no plan for it. Its
+    conversation.
+    """
     talk, network = run.name("hi"), run.name("co")
     run.say("hi", "co", P.REQUEST, command, talk=talk, protocol="request")
     if agreed:
@@ -172,7 +224,12 @@ def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
         asked = hfsm.GroundTaskNetwork(f"{talk}-plan1", (hfsm.Task("take", ("cup", "")),))
         run.say("co", "pl", P.REQUEST, asked, talk=network, protocol="request")
         run.say(
-            "pl", "co", P.REFUSE, hfsm.NoPlan(asked.id, (fact(Kind.NOT_SEEN, "cup"),)), talk=network, protocol="request"
+            "pl",
+            "co",
+            P.REFUSE,
+            hfsm.NoPlan(asked.id, (fact(Kind.NOT_SEEN, "cup"),)),
+            talk=network,
+            protocol="request",
         )
         failed = cmd.TaskReport(cmd.TaskState.FAILED, (fact(Kind.NOT_SEEN, "cup"),))
         run.say("co", "hi", P.INFORM, failed, talk=talk, protocol="request")
@@ -184,7 +241,9 @@ def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
 
 @pytest.mark.parametrize("agreed", [False, True])
 @pytest.mark.parametrize("command", [Take("cup"), PourInto("cup", "bowl")])
-def test_another_command_that_comes_to_nothing_is_no_failure(command: cmd.Command, agreed: bool) -> None:
+def test_another_command_that_comes_to_nothing_is_no_failure(
+    command: cmd.Command, agreed: bool
+) -> None:
     """The content is in the bowl; what else was asked for is told beside it, by its own name."""
     run = synthetic.pour(queries=5)
     aside(run, command, agreed=agreed)
@@ -208,7 +267,9 @@ def test_a_plan_of_the_job_that_is_refused_stays_a_failure() -> None:
 
 
 def test_a_plan_that_was_put_off_is_no_plan() -> None:
-    """The robot looked around first: the request that came to a plan is the first one, and the pour is a success."""
+    """The robot looked around first: the request that came to a plan is the first one, and the pour
+    is a success.
+    """
     run = synthetic.pour(queries=5)
     before = _past(run)
     first = next(one for one in before.said if isinstance(one.content, hfsm.GroundTaskNetwork))
@@ -218,7 +279,9 @@ def test_a_plan_that_was_put_off_is_no_plan() -> None:
     run.say("pl", "co", P.FAILURE, off, talk=talk, protocol="request")
     past = _past(run)
     assert verdict.failure(past) is None
-    assert [plan.number for plan in plans.made(past)] == [plan.number for plan in plans.made(before)]
+    assert [plan.number for plan in plans.made(past)] == [
+        plan.number for plan in plans.made(before)
+    ]
 
 
 def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job() -> None:
@@ -227,7 +290,9 @@ def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job() -> None:
     talk = aside(run, PourInto("jar", "bowl"), agreed=False)
     past = _past(run)
     first = tuple(one for one in past.said if one.conversation == talk)
-    past = msgspec.structs.replace(past, said=(*first, *(one for one in past.said if one not in first)))
+    past = msgspec.structs.replace(
+        past, said=(*first, *(one for one in past.said if one not in first))
+    )
     assert verdict.failure(past) is None
     alone = msgspec.structs.replace(past, said=first)
     assert str(verdict.failure(alone)).startswith("the task ended, refused: busy")
@@ -246,7 +311,9 @@ def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path: Path) -> N
     blamed = "loop did not run (given-up: ended with code 2: loop: scene: file is none)"
     assert verdict.failure(RecordedRun(tmp_path, SYSTEM).history) == blamed
     (tmp_path / FLEET_FILE).unlink()
-    assert verdict.failure(RecordedRun(tmp_path, SYSTEM).history) == "no command of a person was heard"
+    assert (
+        verdict.failure(RecordedRun(tmp_path, SYSTEM).history) == "no command of a person was heard"
+    )
 
 
 def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:
@@ -255,7 +322,9 @@ def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:
     past = msgspec.structs.replace(_past(pouring), down=dead)
     assert verdict.failure(past) is None
     past = synthetic.with_truth(past, ())
-    assert str(verdict.failure(past)).startswith("km did not run (backing-off: killed by signal 9); ")
+    assert str(verdict.failure(past)).startswith(
+        "km did not run (backing-off: killed by signal 9); "
+    )
 
 
 def _past(run: Run) -> history.History:

@@ -1,4 +1,6 @@
-"""`roco why` of the Robot Companion on a recorded pour: plans and beliefs, as what was said has them."""
+"""`roco why` of the Robot Companion on a recorded pour: plans and beliefs, as what was said has
+them.
+"""
 
 import json
 from pathlib import Path
@@ -24,11 +26,14 @@ def asked(*words: str) -> Any:
 
 def told(why: Any, title: str) -> list[str]:
     """The sentences of a passage."""
-    return next([fact["text"] for fact in one["facts"]] for one in why["passages"] if one["title"] == title)
+    return next(
+        [fact["text"] for fact in one["facts"]] for one in why["passages"] if one["title"] == title
+    )
 
 
 def test_why_two_plans() -> None:
-    """The first one says that it ends with a new plan and ended so, with the reason; the second one succeeded.
+    """The first one says that it ends with a new plan and ended so, with the reason; the second one
+    succeeded.
 
     The newest task is meant where none is named.
     """
@@ -39,25 +44,35 @@ def test_why_two_plans() -> None:
         "co asked pl for plan 1: pour jar bowl",
         "co asked pl for plan 2: pour jar bowl",
     ]
-    assert "pl found plan 1 with 91 answers of km, to take 48 s: take jar, carry jar, take bowl" in plans[1]
+    assert (
+        "pl found plan 1 with 91 answers of km, to take 48 s: take jar, carry jar, take bowl"
+        in plans[1]
+    )
     assert went[0].startswith("ta ended plan 1 with Replan after 11 acts: ")
     assert went[1].startswith("ta ended plan 2 with Succeeded after 2 acts")
 
 
 def test_what_is_believed_of_a_thing_is_what_ask_answers() -> None:
     """The place, the time since when, and the observer are the same in both."""
-    query = "SELECT ?where ?since WHERE { GRAPH ?said { thing:jar_1 roco:isIn ?where } ?said roco:toldAt ?since }"
+    query = (
+        "SELECT ?where ?since WHERE { GRAPH ?said { thing:jar_1 roco:isIn ?where } ?said"
+        " roco:toldAt ?since }"
+    )
     (row,) = asked("ask", query, "--at", "12")["results"]["bindings"]
     why = asked("why", "jar_1", "--at", "12")
     facts = why["passages"][0]["facts"]
     at = next(n for n, fact in enumerate(facts) if "it is in cabinet 2" in fact["text"])
     assert facts[at]["at"] - why["begin"] == pytest.approx(float(row["since"]["value"]), abs=0.002)
     assert facts[at]["record"] == "C6 ta > km inform, id object/jar_1@1.8"
-    assert facts[at + 1]["text"].startswith("ta told km so (object/jar_1); ex had reported it at the end of “look”")
+    assert facts[at + 1]["text"].startswith(
+        "ta told km so (object/jar_1); ex had reported it at the end of “look”"
+    )
 
 
 def test_beliefs_change() -> None:
-    """In the hand it is in no cabinet; after the pour its content is in the bowl; before a look nothing is believed."""
+    """In the hand it is in no cabinet; after the pour its content is in the bowl; before a look
+    nothing is believed.
+    """
     held = str(asked("why", "jar", "--at", "30"))
     assert "the left hand holds it" in held
     assert "it is in cabinet" not in held
@@ -69,8 +84,13 @@ def test_beliefs_change() -> None:
 def test_an_end_that_only_a_failure_reaches_is_told_as_one() -> None:
     """A plan that has another way for an act that fails is not to end so."""
     failing = hfsm.Arc(hfsm.Outcome.FAILED, "failed")
-    look = hfsm.ActState("look", rc.Look(key="k", at=()), arcs=(failing, hfsm.Arc(hfsm.Outcome.SUCCEEDED, "replan")))
-    ends = (hfsm.EndState("failed", hfsm.Outcome.FAILED), hfsm.EndState("replan", hfsm.Outcome.REPLAN))
+    look = hfsm.ActState(
+        "look", rc.Look(key="k", at=()), arcs=(failing, hfsm.Arc(hfsm.Outcome.SUCCEEDED, "replan"))
+    )
+    ends = (
+        hfsm.EndState("failed", hfsm.Outcome.FAILED),
+        hfsm.EndState("replan", hfsm.Outcome.REPLAN),
+    )
     said = list(_ends(hfsm.Machine("root", "look", (look, *ends))))
     assert said == [
         "the plan ends, if an act fails, with failed",

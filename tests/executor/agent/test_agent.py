@@ -1,4 +1,6 @@
-"""ex's agent: one act at a time, refusals in words, what a death leaves of an act, cancels before and in an act."""
+"""ex's agent: one act at a time, refusals in words, what a death leaves of an act, cancels before
+and in an act.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -19,7 +21,9 @@ from services.executor import behaviours
 from services.executor.outgoing_messages import wrong
 
 MOVE = rc.MoveJoint("m1", Side.LEFT, ((0.0,) * 8,), 0.3)
-GRASP = rc.Grasp("g1", Side.LEFT, "jar_1", "g", (rc.ApproachPoint(Pose((0.0, 0.0, 0.0)), 0.5),), 0.1, 0.3, 0.2)
+GRASP = rc.Grasp(
+    "g1", Side.LEFT, "jar_1", "g", (rc.ApproachPoint(Pose((0.0, 0.0, 0.0)), 0.5),), 0.1, 0.3, 0.2
+)
 
 
 class Scene:
@@ -31,7 +35,12 @@ class Scene:
         self.wires.add(partner("ta", self.heard), wiring("ta", "test"))
 
         def robot(post: Any) -> Robot:
-            return Robot(post, self.world, lambda delay, call: self.wires._at(self.wires.now + delay, call), looks)
+            return Robot(
+                post,
+                self.world,
+                lambda delay, call: self.wires._at(self.wires.now + delay, call),
+                looks,
+            )
 
         self.wires.add(behaviours.agent(), wiring("ex", "test"), robot)
 
@@ -68,7 +77,11 @@ def test_one_act_at_a_time(scene: Scene) -> None:
     scene.wires.run(lambda: len(scene.heard) == 1)
     scene.ask(GRASP)
     scene.wires.run(lambda: len(scene.heard) == 3)
-    assert [(number, word) for number, word, _ in scene.heard] == [(0, "agree"), (1, "refuse"), (0, "inform")]
+    assert [(number, word) for number, word, _ in scene.heard] == [
+        (0, "agree"),
+        (1, "refuse"),
+        (0, "inform"),
+    ]
     assert scene.heard[1][2].kind == "busy"
     assert scene.heard[1][2].why == (fact(Kind.BUSY, "ex"),)
 
@@ -82,7 +95,11 @@ SENSELESS = (
     (rc.MoveCartesian("a", Side.LEFT, ()), "segments", "empty"),
     (rc.Grasp("a", Side.LEFT, "jar_1", "g", (), 0.1, 0.3, 0.2), "approach", "empty"),
     (rc.Look("a", ()), "at", "point"),
-    (Pour("a", Side.LEFT, "jar_1", "bowl_1", float("inf"), 0.0, (0.0, 1.0), 1.0, 0.1), "azimuth", "finite"),
+    (
+        Pour("a", Side.LEFT, "jar_1", "bowl_1", float("inf"), 0.0, (0.0, 1.0), 1.0, 0.1),
+        "azimuth",
+        "finite",
+    ),
 )
 
 
@@ -128,7 +145,9 @@ DEATHS = [
 
 
 def test_a_death_in_an_act(some: Callable[[Sequence[Any], int], list[Any]]) -> None:
-    """The act is done once or unknown, it is never begun again, and what ex holds it still knows."""
+    """The act is done once or unknown, it is never begun again, and what ex holds it still
+    knows.
+    """
     for point, looks, step in some(DEATHS, 44):
         print(point, looks, step)
         dies(Scene(looks), point, step)
@@ -136,7 +155,12 @@ def test_a_death_in_an_act(some: Callable[[Sequence[Any], int], list[Any]]) -> N
 
 def dies(scene: Scene, point: Point, step: int) -> None:
     """A step of ex ends there."""
-    scene.wires.run(lambda: scene.wires.nodes["ex"].state is not None and scene.wires.nodes["ex"].state.state == "idle")
+    scene.wires.run(
+        lambda: (
+            scene.wires.nodes["ex"].state is not None
+            and scene.wires.nodes["ex"].state.state == "idle"
+        )
+    )
     scene.wires.crash("ex", point, in_steps=step)
     scene.ask(GRASP)
     scene.wires.run(lambda: bool(scene.heard) and scene.heard[-1][1] != "agree")
@@ -146,9 +170,13 @@ def dies(scene: Scene, point: Point, step: int) -> None:
     if isinstance(scene.last, rc.NotDone):
         assert scene.last.kind == "unknown"
     scene.ask(rc.Look("l1", ((1.0, 0.0, 1.0),)))
-    scene.wires.run(lambda: getattr(scene.last, "key", "") == "l1" and isinstance(scene.last, rc.Done))
+    scene.wires.run(
+        lambda: getattr(scene.last, "key", "") == "l1" and isinstance(scene.last, rc.Done)
+    )
     held = scene.wires.memory("ex").remembered.held
-    assert bool(held) == any(isinstance(content, rc.Done) and content.key == "g1" for _, _, content in scene.heard)
+    assert bool(held) == any(
+        isinstance(content, rc.Done) and content.key == "g1" for _, _, content in scene.heard
+    )
 
 
 def test_a_cancel_in_an_act(scene: Scene) -> None:
@@ -174,7 +202,9 @@ def test_a_cancel_before_anything_moved(scene: Scene) -> None:
 
 
 def test_a_cancel_too_late(scene: Scene) -> None:
-    """One that crosses the outcome is answered by a failure; that ends the conversation for both."""
+    """One that crosses the outcome is answered by a failure; that ends the conversation for
+    both.
+    """
     scene.ask(MOVE)
     scene.until("agree")
     scene.wires.run(lambda: scene.wires.nodes["ex"].state.state == "idle")

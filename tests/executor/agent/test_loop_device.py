@@ -1,4 +1,6 @@
-"""The agent's way to the loop: what is asked is done by a loop process (turned in a thread, with a pretended robot)."""
+"""The agent's way to the loop: what is asked is done by a loop process (turned in a thread, with a
+pretended robot).
+"""
 
 import queue
 import threading
@@ -32,7 +34,11 @@ class Turned:
         self.path = path
         backend = MockBackend()
         self.process = LoopProcess(
-            LoopCore(backend), LoopLink(path), speed=Speed.MAX, truth=None, pacer=Pacer(backend.period_s)
+            LoopCore(backend),
+            LoopLink(path),
+            speed=Speed.MAX,
+            truth=None,
+            pacer=Pacer(backend.period_s),
         )
         self._over, self.awake = threading.Event(), threading.Event()
         self.awake.set()
@@ -146,7 +152,9 @@ def test_a_motion_is_braked(turned: Turned, reach: LoopDevice, heard: Heard) -> 
 
 
 def test_a_motion_is_looked_at(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
-    """At speed max exactly as often as is asked for, whatever the answers take; after the last one it is done."""
+    """At speed max exactly as often as is asked for, whatever the answers take; after the last one
+    it is done.
+    """
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 1.0), look_every_s=0.25)))
     at = []
@@ -160,8 +168,12 @@ def test_a_motion_is_looked_at(turned: Turned, reach: LoopDevice, heard: Heard) 
     assert len(at) >= 4
 
 
-def test_a_look_may_take_long(turned: Turned, reach: LoopDevice, heard: Heard, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Longer than a loop may stand still; it is asked for once, and the loop is not taken for dead."""
+def test_a_look_may_take_long(
+    turned: Turned, reach: LoopDevice, heard: Heard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Longer than a loop may stand still; it is asked for once, and the loop is not taken for
+    dead.
+    """
     monkeypatch.setattr(loop_device, "SILENT_S", 0.05)
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 0.5), look_every_s=0.3)))
@@ -215,7 +227,9 @@ def test_a_motion_too_long_for_the_slot(turned: Turned, reach: LoopDevice, heard
     where(reach, heard)
 
 
-def test_a_fault_of_the_loop_is_told_with_its_words(turned: Turned, reach: LoopDevice, heard: Heard) -> None:
+def test_a_fault_of_the_loop_is_told_with_its_words(
+    turned: Turned, reach: LoopDevice, heard: Heard
+) -> None:
     """The words are for the log."""
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 200.0))))
@@ -227,11 +241,16 @@ def test_a_fault_of_the_loop_is_told_with_its_words(turned: Turned, reach: LoopD
     assert "torque" in word.felt.text
 
 
-def test_a_new_loop_loses_the_motion(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
-    """Another loop's file in the same place: nobody knows how the motion ended; the new loop is found at once."""
+def test_a_new_loop_loses_the_motion(
+    turned: Turned, reach: LoopDevice, heard: Heard, slots: Path
+) -> None:
+    """Another loop's file in the same place: nobody knows how the motion ended; the new loop is
+    found at once.
+    """
     felt = where(reach, heard)
     reach.tell(Do(1, motion("a", path(felt, 200.0))))
-    until(lambda: turned.process.core.report.phase is Phase.RUNNING)  # or the new loop would be given it
+    # or the new loop would be given it
+    until(lambda: turned.process.core.report.phase is Phase.RUNNING)
     turned.end()
     second = Turned(slots)
     word = heard.next()
@@ -253,7 +272,9 @@ def test_without_a_loop(reach: LoopDevice, heard: Heard, slots: Path) -> None:
     loop.end()
 
 
-def test_halt_stops_what_moves(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
+def test_halt_stops_what_moves(
+    turned: Turned, reach: LoopDevice, heard: Heard, slots: Path
+) -> None:
     """After a restart of the agent the motion of its former life is brought to rest."""
     felt = where(reach, heard)
     stranger = AgentLink(slots)
@@ -269,7 +290,9 @@ def test_halt_stops_what_moves(turned: Turned, reach: LoopDevice, heard: Heard, 
 def test_a_motion_that_was_lost_before_the_loop_took_it_never_begins(
     turned: Turned, reach: LoopDevice, heard: Heard, slots: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The loop stands still when it is sent; when it goes on, the robot stays, and the next motion is done."""
+    """The loop stands still when it is sent; when it goes on, the robot stays, and the next motion
+    is done.
+    """
     monkeypatch.setattr(loop_device, "TAKEN_WITHIN_S", 0.1)
     felt = where(reach, heard)
     turned.awake.clear()
@@ -297,8 +320,12 @@ def _turns(turned: Turned) -> bool:
     return link.told().taken == number
 
 
-def test_a_fault_is_released_and_a_stop_is_not(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
-    """`Where` ends the hold after a lost heartbeat; a person's stop stays until a person ends it."""
+def test_a_fault_is_released_and_a_stop_is_not(
+    turned: Turned, reach: LoopDevice, heard: Heard, slots: Path
+) -> None:
+    """`Where` ends the hold after a lost heartbeat; a person's stop stays until a person ends
+    it.
+    """
     felt = where(reach, heard)
     stranger = AgentLink(slots)
     stranger.send(motion("nobody beats for this", path(felt, 200.0)))
@@ -311,7 +338,9 @@ def test_a_fault_is_released_and_a_stop_is_not(turned: Turned, reach: LoopDevice
     assert stranger.state().mode is Mode.STOPPED
 
 
-def test_telemetry_shows_the_state(turned: Turned, reach: LoopDevice, heard: Heard, slots: Path) -> None:
+def test_telemetry_shows_the_state(
+    turned: Turned, reach: LoopDevice, heard: Heard, slots: Path
+) -> None:
     """Measured joints, mode and act are those of the loop."""
     felt = where(reach, heard)
     link = AgentLink(slots)

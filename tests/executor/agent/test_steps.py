@@ -1,4 +1,6 @@
-"""ex's agent step by step: each word in each state, told to whom it belongs, and nothing for words of another act."""
+"""ex's agent step by step: each word in each state, told to whom it belongs, and nothing for words
+of another act.
+"""
 
 import itertools
 from collections.abc import Callable
@@ -44,7 +46,9 @@ FELT = Felt(q=Q.tobytes(), measured=Q.tobytes(), head=(0.1, 0.2), time=5.0)
 MOVE = rc.MoveJoint("m1", Side.LEFT, ((0.0,) * 8,), 0.3)
 KEPT = Remembered(q=(1.0,) * 15, time=7.0)
 HOLDING = Remembered(
-    q=(1.0,) * 15, held={Side.LEFT: Holding("jar_1", "g", Pose((0, 0, 0), (1, 0, 0, 0)), 0.3)}, epoch="one"
+    q=(1.0,) * 15,
+    held={Side.LEFT: Holding("jar_1", "g", Pose((0, 0, 0), (1, 0, 0, 0)), 0.3)},
+    epoch="one",
 )
 POSTURE = KEPT.posture()
 assert POSTURE is not None
@@ -116,7 +120,10 @@ def cancel(one: Driven, talk: str) -> None:
 def said(one: Driven) -> list[tuple[P, str, Any]]:
     """Performative, conversation and content of what was said in the last step."""
     read = one.core.wiring.languages.read
-    return [(sent.performative, sent.conversation, read(sent)[0] if sent.content else None) for sent in one.sends()]
+    return [
+        (sent.performative, sent.conversation, read(sent)[0] if sent.content else None)
+        for sent in one.sends()
+    ]
 
 
 def test_ex_knows_where_its_robot_stands() -> None:
@@ -164,7 +171,12 @@ def test_words_of_another_act_change_nothing() -> None:
         one = state()
         memory, place = one.state.memory, one.state.state
         one.step(Local(word))
-        assert (one.state.memory, one.state.state, one.tells, one.sends()) == (memory, place, [], []), (name, word)
+        assert (one.state.memory, one.state.state, one.tells, one.sends()) == (
+            memory,
+            place,
+            [],
+            [],
+        ), (name, word)
 
 
 def test_a_second_act_and_a_subscription_are_refused_in_every_state() -> None:
@@ -173,7 +185,9 @@ def test_a_second_act_and_a_subscription_are_refused_in_every_state() -> None:
         one = state()
         place = one.state.state
         ask(one, rc.Look("l1", ((1.0, 0.0, 1.0),)), "t2")
-        assert said(one) == [(P.REFUSE, "t2", rc.NotDone("l1", "busy", (fact(Kind.BUSY, "ex"),)))], name
+        assert said(one) == [
+            (P.REFUSE, "t2", rc.NotDone("l1", "busy", (fact(Kind.BUSY, "ex"),)))
+        ], name
         one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
         assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")], name
         assert one.state.state == place, name
@@ -213,7 +227,9 @@ def test_an_act_whose_skill_gives_no_motion_is_interrupted(event: Event, why: Fa
 @pytest.mark.parametrize("state", [acting, stopping])
 @pytest.mark.parametrize("answer", [GoOn(1, "m1", 0.25), Brake(1, "m1")])
 def test_a_look_at_a_motion_is_the_skills(state: Callable[[], Driven], answer: Any) -> None:
-    """It gets what the loop felt, and its answer is the loop's; nothing is written into ex's memory by that."""
+    """It gets what the loop felt, and its answer is the loop's; nothing is written into ex's memory
+    by that.
+    """
     one = state()
     memory = one.state.memory
     one.step(Local(Passing(1, FELT)))
@@ -247,7 +263,12 @@ def test_a_skill_that_ends_without_a_motion_is_the_outcome() -> None:
     one.step(Local(Ended(1, DONE, KEPT)))
     assert said(one) == [(P.INFORM, "t1", DONE)]
     memory = one.state.memory
-    assert (memory.act, memory.last, memory.remembered, memory.soft.felt) == (None, "m1", KEPT, None)
+    assert (memory.act, memory.last, memory.remembered, memory.soft.felt) == (
+        None,
+        "m1",
+        KEPT,
+        None,
+    )
 
 
 ELSEWHERE = msgspec.structs.replace(FELT, epoch="another", q=(Q + 1).tobytes())
@@ -255,7 +276,9 @@ ELSEWHERE = msgspec.structs.replace(FELT, epoch="another", q=(Q + 1).tobytes())
 
 @pytest.mark.parametrize("lost", [False, True])
 def test_in_another_world_everything_is_forgotten_once(lost: bool) -> None:
-    """Before an act, or after the loss of the loop: what was held and seen is of a world that is no more."""
+    """Before an act, or after the loss of the loop: what was held and seen is of a world that is no
+    more.
+    """
     one = idle(msgspec.structs.replace(FELT, epoch="one"))
     ask(one, MOVE, "t1")
     if lost:
@@ -265,7 +288,9 @@ def test_in_another_world_everything_is_forgotten_once(lost: bool) -> None:
     one.step(Local(Stands(1, ELSEWHERE)))
     ((_, _, outcome),) = said(one)[-1:]
     assert (outcome.kind, outcome.body, outcome.held) == ("new-world", None, {})
-    assert one.state.memory.remembered == Remembered(tuple(Q + 1), (0.1, 0.2), time=5.0, epoch="another")
+    assert one.state.memory.remembered == Remembered(
+        tuple(Q + 1), (0.1, 0.2), time=5.0, epoch="another"
+    )
     ask(one, msgspec.structs.replace(MOVE, key="m2"), "t2")
     one.step(Local(Stands(2, ELSEWHERE)))
     assert isinstance(one.tells[-1], Perform)
@@ -291,7 +316,9 @@ def test_a_cancel_while_it_is_brought_to_rest_is_answered_with_the_outcome() -> 
     assert (act, outcome.kind) == (P.INFORM, "unknown")
 
 
-@pytest.mark.parametrize(("state", "why"), [("stopping", (fact(Kind.ENDED, "ex"),)), ("halting", NO_LOOP)])
+@pytest.mark.parametrize(
+    ("state", "why"), [("stopping", (fact(Kind.ENDED, "ex"),)), ("halting", NO_LOOP)]
+)
 def test_a_restart_while_it_stops_brings_the_robot_to_rest(state: str, why: Facts) -> None:
     """The reason of the unknown outcome is the one known first."""
     one = STATES[state]()

@@ -3,4 +3,7 @@
 import sys
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[3] / "examples" / "point_mass")]
+sys.path[:0] = [
+    str(Path(__file__).parent),
+    str(Path(__file__).parents[3] / "examples" / "point_mass"),
+]

@@ -68,8 +68,12 @@ LOOPS = {
 @pytest.mark.timeout(180)
 @pytest.mark.parametrize("name", GOOD)
 def test_a_right_back_end_conforms(name: str) -> None:
-    """The simulated robot, the pretended one, and the one that was written from docs/back-ends.md."""
-    assert [str(result) for check in CHECKS if not (result := judged(check, Subject(GOOD[name]))).passed] == []
+    """The simulated robot, the pretended one, and the one that was written from
+    docs/back-ends.md.
+    """
+    assert [
+        str(result) for check in CHECKS if not (result := judged(check, Subject(GOOD[name]))).passed
+    ] == []
 
 
 @pytest.mark.timeout(180)
@@ -129,7 +133,9 @@ def test_a_robot_that_cannot_be_made_fails_with_its_own_words() -> None:
 def test_no_number_is_no_pass() -> None:
     """A measure that is NaN or infinite fails."""
     for value in (float("nan"), float("inf"), float("-inf")):
-        check = msgspec.structs.replace(CHECKS[0], measure=lambda _, value=value: (value, "nowhere"))
+        check = msgspec.structs.replace(
+            CHECKS[0], measure=lambda _, value=value: (value, "nowhere")
+        )
         assert not judged(check, Subject(MockBackend)).passed
 
 

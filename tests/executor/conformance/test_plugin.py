@@ -27,14 +27,30 @@ class Hung(MockBackend):
 
 def ask(*words: str, folder: Path = ROBOTS) -> tuple[int, str]:
     """Exit code and standard output."""
-    command = [sys.executable, "-P", "-m", "pytest", "-v", "--no-header", "-p", "services.executor.conformance", *words]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=55, check=False)
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "pytest",
+        "-v",
+        "--no-header",
+        "-p",
+        "services.executor.conformance",
+        *words,
+    ]
+    done = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=55, check=False
+    )
     return done.returncode, done.stdout + done.stderr
 
 
 def test_a_failure_says_what_is_wrong_by_how_much_and_what_to_do() -> None:
-    """Property, measured value, limit with its source, remedy; exit code 1. What is left out is told."""
-    code, out = ask("--backend", "turned:make", "--gentle", "-k", "own-joint or period or servo-ends")
+    """Property, measured value, limit with its source, remedy; exit code 1. What is left out is
+    told.
+    """
+    code, out = ask(
+        "--backend", "turned:make", "--gentle", "-k", "own-joint or period or servo-ends"
+    )
     assert code == 1
     assert "readings::own-joint FAILED 1 of at most 0 joints" in out
     assert "measured  1 joints (right_arm_1_joint by -" in out
@@ -56,7 +72,9 @@ def test_the_list_has_every_property_with_its_limit_and_source() -> None:
     """So that a lab can trust and act; names are unique."""
     code, out = ask("--backend", "mock", "--collect-only", "-qq")
     assert code == 0
-    assert all(f"{check.area}: {check}\n  {check.says}" in out and check.source in out for check in CHECKS)
+    assert all(
+        f"{check.area}: {check}\n  {check.says}" in out and check.source in out for check in CHECKS
+    )
     assert len({check.name for check in CHECKS}) == len(CHECKS)
     assert all(check.source and check.remedy and check.says for check in CHECKS)
 

@@ -1,4 +1,6 @@
-"""Back-ends that are wrong on purpose, one mistake each; the kit must find each by the check that is meant for it."""
+"""Back-ends that are wrong on purpose, one mistake each; the kit must find each by the check that
+is meant for it.
+"""
 
 import time
 from collections import deque
@@ -17,7 +19,9 @@ class Told(MockBackend):
     def observe(self):
         state = super().observe()
         names = ("q", "v", "head", "spread", "proximal", "distal")
-        copy = msgspec.structs.replace(state, **{name: getattr(state, name).copy() for name in names})
+        copy = msgspec.structs.replace(
+            state, **{name: getattr(state, name).copy() for name in names}
+        )
         return self.tell(copy)
 
 
@@ -105,7 +109,9 @@ class Endless(MockBackend):
     def step(self, command):
         before = self._state.q.copy()
         super().step(command)
-        self._state.q[:] = before + self.period_s * np.where(self._state.v == 0.0, np.sign(command.tau), self._state.v)
+        self._state.q[:] = before + self.period_s * np.where(
+            self._state.v == 0.0, np.sign(command.tau), self._state.v
+        )
 
 
 class EndlessFingers(MockBackend):
@@ -124,7 +130,9 @@ class Latched(MockBackend):
         self.largest = np.zeros(15)
 
     def step(self, command):
-        self.largest = np.where(np.abs(command.tau) > np.abs(self.largest), command.tau, self.largest)
+        self.largest = np.where(
+            np.abs(command.tau) > np.abs(self.largest), command.tau, self.largest
+        )
         super().step(msgspec.structs.replace(command, tau=self.largest))
 
 

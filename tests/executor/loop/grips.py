@@ -11,9 +11,26 @@ from velma.sim.truth import TruthReader
 
 DYNAMICS = Dynamics(ROBOT_XML)
 
-# Postures in which a hand stands around its object in the canonical scene, found by inverse kinematics: the left grip
-# 2 mm behind the jar's axis, the right one at a published grasp of the bowl's rim.
-JAR_POSTURE = (0.5121, -0.3, -1.8, 1.25, 0.85, 0.0, -0.5, 0.0, -1.3444, 1.8428, 1.9591, 0.5537, 2.3412, 1.5196, 0.0563)
+# Postures in which a hand stands around its object in the canonical scene, found by inverse
+# kinematics: the left grip 2 mm behind the jar's axis, the right one at a published grasp of the
+# bowl's rim.
+JAR_POSTURE = (
+    0.5121,
+    -0.3,
+    -1.8,
+    1.25,
+    0.85,
+    0.0,
+    -0.5,
+    0.0,
+    -1.3444,
+    1.8428,
+    1.9591,
+    0.5537,
+    2.3412,
+    1.5196,
+    0.0563,
+)
 BOWL_POSTURE = (
     0.8447,
     -1.2777,
@@ -34,7 +51,9 @@ BOWL_POSTURE = (
 
 
 def standing(posture, row, finger):
-    """A loop whose robot stands in a posture with the fingers of one hand bent already, everything at rest."""
+    """A loop whose robot stands in a posture with the fingers of one hand bent already, everything
+    at rest.
+    """
     backend = MujocoBackend(scene.load())
     backend.data.qpos[backend._q] = posture
     backend.data.qpos[backend._proximal[row]] = finger
@@ -53,7 +72,9 @@ def raised(q, row, height):
     """Knots that raise one hand straight up with its own arm only, in a second."""
     columns = slice(1, 8) if row == 0 else slice(8, 15)
     knots, q = [q.copy()], q.copy()
-    for step in np.diff(height * (lambda u: u**3 * (10 - 15 * u + 6 * u * u))(np.linspace(0, 1, 101))):
+    for step in np.diff(
+        height * (lambda u: u**3 * (10 - 15 * u + 6 * u * u))(np.linspace(0, 1, 101))
+    ):
         jacobian = DYNAMICS.terms(q).jacobian[6 * row : 6 * row + 6, columns]
         q = q.copy()
         q[columns] += np.linalg.pinv(jacobian) @ (0, 0, step, 0, 0, 0)

@@ -113,7 +113,10 @@ def test_contact_is_what_holds_a_hand_up_further_than_at_the_start(side):
     other = "left" if side == "right" else "right"
     for own, foreign in ((-0.125, 0.0), (0.0, -0.25), (-0.1875, 0.0), (0.25, 0.0)):
         # Its load is not known exactly: 0.125 m below is where it hangs without any contact.
-        assert judged(one, error=error(**{side: (0.1, -0.1, own), other: (-0.1, 0.1, foreign)})) is None
+        assert (
+            judged(one, error=error(**{side: (0.1, -0.1, own), other: (-0.1, 0.1, foreign)}))
+            is None
+        )
         assert report(one).ended_by is None
     assert one.track is not None
     assert judged(one, error=error(**{side: (0.0, 0.0, -0.19)})) is None

@@ -1,4 +1,6 @@
-"""A motion is done only if joints, hands and fingers are at its end: simulated physics, joints that stick."""
+"""A motion is done only if joints, hands and fingers are at its end: simulated physics, joints that
+stick.
+"""
 
 import numpy as np
 import pytest
@@ -41,7 +43,9 @@ def turn(core, joint, by=0.35, seconds=2.0):
 
 @pytest.mark.parametrize("joint", [0, 1, 2, 4, 9, 11, 14])
 def test_an_arm_with_a_joint_that_sticks_is_named(joint, core):
-    """The motion is not done, and the set-point is where the arm is: the next one can begin there."""
+    """The motion is not done, and the set-point is where the arm is: the next one can begin
+    there.
+    """
     assert stick(core, BODY[joint])
     asked = turn(core, joint)
     report = core.run(asked)

@@ -1,4 +1,6 @@
-"""Back-ends by name: one that is not part of the project stands behind the loop, and what a wrong name is told."""
+"""Back-ends by name: one that is not part of the project stands behind the loop, and what a wrong
+name is told.
+"""
 
 import os
 import subprocess
@@ -63,12 +65,21 @@ def lab(tmp_path, monkeypatch):
 
 
 def test_a_back_end_of_ones_own_runs_in_the_loop(lab):
-    """`--backend my_lab:make` in the folder of my_lab.py: its state is shown, a motion is done, it is closed.
+    """`--backend my_lab:make` in the folder of my_lab.py: its state is shown, a motion is done, it
+    is closed.
 
     With PYTHONSAFEPATH, as the supervisor starts the loop.
     """
     slots = lab / "loop.slots"
-    command = [sys.executable, "-m", "services.executor.loop", "--slots", str(slots), "--speed", "max"]
+    command = [
+        sys.executable,
+        "-m",
+        "services.executor.loop",
+        "--slots",
+        str(slots),
+        "--speed",
+        "max",
+    ]
     own = {"ROCO_BACKEND": "my_lab:make", "PYTHONSAFEPATH": "1"}
     child = subprocess.Popen(command, env=os.environ | own, stderr=subprocess.PIPE, text=True)
     try:
@@ -134,14 +145,20 @@ def test_a_wrong_name_is_told_what_is_wrong_what_is_right_and_what_to_do(lab, na
     said = str(caught.value)
     assert said.startswith(f"back-end {name!r}: ")
     assert found in said
-    wanted, do = ("velma.sim.backend.Backend", "docs/back-ends.md") if "made a" in found else (SHORT, "mend the name")
+    wanted, do = (
+        ("velma.sim.backend.Backend", "docs/back-ends.md")
+        if "made a" in found
+        else (SHORT, "mend the name")
+    )
     assert all(word in said for word in ([wanted] if isinstance(wanted, str) else wanted))
     assert do in said
 
 
 def test_what_its_function_raises_is_told(lab):
     """The robot may answer later: an error of its own."""
-    with pytest.raises(NoRobotError, match=r"my_lab:broken.*OSError: no robot at 10\.0\.0\.1.*answers"):
+    with pytest.raises(
+        NoRobotError, match=r"my_lab:broken.*OSError: no robot at 10\.0\.0\.1.*answers"
+    ):
         maker("my_lab:broken", scene.load())()
 
 
@@ -153,8 +170,18 @@ def test_a_state_of_another_kind_is_told_before_the_loop_reads_it(lab):
 
 def test_the_loop_says_a_wrong_name_in_one_line(tmp_path):
     """Exit code 2, with which no supervisor tries again."""
-    command = [sys.executable, "-m", "services.executor.loop", "--slots", str(tmp_path / "s"), "--backend", "mujoko"]
+    command = [
+        sys.executable,
+        "-m",
+        "services.executor.loop",
+        "--slots",
+        str(tmp_path / "s"),
+        "--backend",
+        "mujoko",
+    ]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
     assert ended.returncode == 2
-    assert ended.stderr.startswith("loop: back-end 'mujoko': No module named 'mujoko', expected package.module:")
+    assert ended.stderr.startswith(
+        "loop: back-end 'mujoko': No module named 'mujoko', expected package.module:"
+    )
     assert len(ended.stderr.splitlines()) == 1

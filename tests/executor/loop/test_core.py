@@ -1,4 +1,6 @@
-"""The loop's core on a pretended robot: motions end, cycles end in a command, safe modes are left only on demand."""
+"""The loop's core on a pretended robot: motions end, cycles end in a command, safe modes are left
+only on demand.
+"""
 
 import itertools
 
@@ -10,7 +12,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.languages.facts import Kind, fact
-from companion.skills.loop_messages import FAULT, Close, HeadGoal, Mode, Move, Open, Payload, Phase, Until, motion
+from companion.skills.loop_messages import (
+    FAULT,
+    Close,
+    HeadGoal,
+    Mode,
+    Move,
+    Open,
+    Payload,
+    Phase,
+    Until,
+    motion,
+)
 from services.executor.loop.core import BEYOND, DAMPING_CYCLES, LoopCore, impossible
 from velma.control import damping
 from velma.control.joint import JointGains
@@ -18,7 +31,8 @@ from velma.errors import MotionError
 from velma.names import BODY, LOWER, START, TORQUE, UPPER
 from velma.sim.mock_backend import MockBackend
 
-ARM = (50.0, 50.0, 30.0, 20.0, 20.0, 10.0, 10.0)  # Nm; at least 500 cycles in the safe state, left by a release
+# Nm; at least 500 cycles in the safe state, left by a release
+ARM = (50.0, 50.0, 30.0, 20.0, 20.0, 10.0, 10.0)
 MOVED, BENT = Move((0.5, 0.5, 0.5), spread=0.4), 0.8
 
 
@@ -130,7 +144,12 @@ def test_closing_by_touch_stops_squeezes_and_locks(core):
 def test_closing_on_nothing_ends_too(core):
     """At the angle where it is told to give up, with no finger touched and no squeeze."""
     result = core.run(
-        motion("grip", core.setpoint, until="touch", left=Close(squeeze=0.02, upto=1.0, speed=1.0, lock=False))
+        motion(
+            "grip",
+            core.setpoint,
+            until="touch",
+            left=Close(squeeze=0.02, upto=1.0, speed=1.0, lock=False),
+        )
     )
     assert result.phase is Phase.DONE
     assert result.left.touched == (False, False, False)
@@ -173,7 +192,9 @@ def test_contact_ends_a_motion_and_leaves_no_force():
     terms = DYNAMICS.terms(START)
     down = np.linalg.pinv(terms.jacobian)[:, 2] * -0.08
     u = np.linspace(0, 1, 201)[:, None]
-    result = core.run(motion("down", core.setpoint + u * down, until="contact", contact_m=0.02, settle_s=0.1))
+    result = core.run(
+        motion("down", core.setpoint + u * down, until="contact", contact_m=0.02, settle_s=0.1)
+    )
     assert (result.phase, result.ended_by) == (Phase.DONE, Until.CONTACT)
     assert 0.5 < result.time_s < 1.2
     np.testing.assert_allclose(core.setpoint, core.state.q)
@@ -198,9 +219,14 @@ def test_a_hand_far_from_its_path_ends_the_motion():
 
 
 @settings(max_examples=25, deadline=None)
-@given(broken=st.sampled_from(["observe throws", "observe lies", "step throws"]), when=st.integers(0, 60))
+@given(
+    broken=st.sampled_from(["observe throws", "observe lies", "step throws"]),
+    when=st.integers(0, 60),
+)
 def test_whatever_breaks_every_cycle_ends_in_an_accepted_command(broken, when):
-    """No exception leaves `cycle`; the command is finite and accepted; the motion ends with the reason."""
+    """No exception leaves `cycle`; the command is finite and accepted; the motion ends with the
+    reason.
+    """
     backend = Watched()
     core = LoopCore(backend, dynamics=DYNAMICS)
     core.begin(motion("up", rise(core)))
@@ -216,8 +242,17 @@ def test_whatever_breaks_every_cycle_ends_in_an_accepted_command(broken, when):
 
 
 def test_an_impossible_reading_pushes_nothing():
-    """One joint's sensor is wrong: the motion ends in this cycle, and no torque goes where a speed is not known."""
-    for reading in ({"v": 1e8}, {"v": -101.0}, {"v": 1e308}, {"q": 1e308}, {"q": -1e200}, {"q": 4.0}):
+    """One joint's sensor is wrong: the motion ends in this cycle, and no torque goes where a speed
+    is not known.
+    """
+    for reading in (
+        {"v": 1e8},
+        {"v": -101.0},
+        {"v": 1e308},
+        {"q": 1e308},
+        {"q": -1e200},
+        {"q": 4.0},
+    ):
         print(reading)
         pushes_nothing(reading)
 
@@ -276,7 +311,9 @@ def test_damping_lasts_twenty_cycles(core):
 
 
 def test_after_a_fault_damping_becomes_hold_and_hold_waits_for_a_release(core):
-    """Twenty cycles of damping, then the posture is held until somebody releases it and the dwell is over."""
+    """Twenty cycles of damping, then the posture is held until somebody releases it and the dwell
+    is over.
+    """
     core.abandon((fact(Kind.GAVE_NO_ANSWER, "ex"),))
     assert core.mode is Mode.DAMPING
     cycles(core, DAMPING_CYCLES + 1)
@@ -317,7 +354,9 @@ def test_a_stop_keeps_hands_locked_and_weight_carried(core):
 
 def test_a_weight_is_taken_up_gradually(core):
     """No step in the torques when something is lifted."""
-    core.begin(motion("lift", core.setpoint, settle_s=0.5, payload_left=Payload(0.3, (0.0, 0.0, 0.02))))
+    core.begin(
+        motion("lift", core.setpoint, settle_s=0.5, payload_left=Payload(0.3, (0.0, 0.0, 0.02)))
+    )
     masses = []
     for _ in range(150):
         core.cycle()
@@ -363,7 +402,9 @@ def test_time_has_to_go_on_while_something_is_to_happen(core):
 
 
 def test_what_is_just_possible_is_no_fault(core):
-    """At the fastest speed, and as far beyond its end as a joint can be; a bit more is impossible."""
+    """At the fastest speed, and as far beyond its end as a joint can be; a bit more is
+    impossible.
+    """
     state = core.state
     ends = (("q", -1.0, (LOWER - BEYOND)[3]), ("q", 1.0, (UPPER + BEYOND)[3]))
     for name, way, limit in (("v", -1.0, -damping.FASTEST), ("v", 1.0, damping.FASTEST), *ends):
@@ -403,7 +444,7 @@ def test_a_motion_counts_as_cancelled_once_it_rests(core):
     np.testing.assert_allclose(core.setpoint, rest)
 
 
-# --- To the cycle: how long a safe mode lasts, which posture it holds, the counts -------------------------------------
+# --- To the cycle: how long a safe mode lasts, which posture it holds, the counts -----------------
 # Figures are those of Velma's lower level (common_predicates.cpp, safe state).
 
 
@@ -413,7 +454,15 @@ def grip():
     backend = Watched()
     backend.grasped[0] = BENT
     core = LoopCore(backend, dynamics=DYNAMICS)
-    core.run(motion("grip", core.setpoint, until="touch", right=Close(squeeze=0.02), left=Move((0.3, 0.3, 0.3))))
+    core.run(
+        motion(
+            "grip",
+            core.setpoint,
+            until="touch",
+            right=Close(squeeze=0.02),
+            left=Move((0.3, 0.3, 0.3)),
+        )
+    )
     return core
 
 
@@ -448,10 +497,14 @@ def test_hands_stay_as_they_are_found():
 
 
 def test_each_hand_does_what_it_alone_was_told():
-    """It moves and takes its load; the other hand keeps both, and the report has each in its place."""
+    """It moves and takes its load; the other hand keeps both, and the report has each in its
+    place.
+    """
     for side, own, other in (("right", 0, 1), ("left", 1, 0)):
         core = LoopCore(Watched(), dynamics=DYNAMICS)
-        report = core.run(motion("move", START, **{side: MOVED, f"payload_{side}": Payload(0.3)}, settle_s=0.3))
+        report = core.run(
+            motion("move", START, **{side: MOVED, f"payload_{side}": Payload(0.3)}, settle_s=0.3)
+        )
         assert report.hand(side).proximal == pytest.approx((0.5,) * 3)
         assert report.hand("left" if own == 0 else "right").proximal == (0.0,) * 3
         assert core.state.spread[own] == pytest.approx(0.4)
@@ -465,7 +518,11 @@ def test_what_either_hand_cannot_do_is_refused_before_anything_begins(core):
         refused = core.begin(msgspec.structs.replace(asked, **{side: Move((9.0, 0.0, 0.0))}))
         assert refused.why == (fact(Kind.MOTION_REFUSED, f"{side}.fingers[0]"),)
         assert f"{side}.fingers[0] is 9.0" in refused.text
-        assert (core.report.key, core.report.phase, core.report.why) == ("bend", Phase.FAILED, refused.why)
+        assert (core.report.key, core.report.phase, core.report.why) == (
+            "bend",
+            Phase.FAILED,
+            refused.why,
+        )
     cycles(core, 50)
     np.testing.assert_allclose(core.setpoint, START)
     np.testing.assert_allclose(core.command.head, 0.0)
@@ -517,7 +574,12 @@ def test_a_torque_is_cut_to_what_the_lower_level_accepts_and_counted(core):
     """One joint at a time, to the figures of VS; at its limit it is neither cut nor counted."""
     for joint in range(1, 15):
         most, before = ARM[(joint - 1) % 7], core.saturated
-        for asked, sent, count in ((most, most, 0), (-most - 0.1, -most, 1), (1e6, most, 2), (0.0, 0.0, 2)):
+        for asked, sent, count in (
+            (most, most, 0),
+            (-most - 0.1, -most, 1),
+            (1e6, most, 2),
+            (0.0, 0.0, 2),
+        ):
             core.impedance.torque = lambda *_, asked=asked, joint=joint: asked * np.eye(15)[joint]
             core.cycle()
             assert core.command.tau[joint] == sent, joint
@@ -526,7 +588,9 @@ def test_a_torque_is_cut_to_what_the_lower_level_accepts_and_counted(core):
 
 
 def test_a_body_that_follows_is_not_damped_against_its_own_motion(core):
-    """The speed that the law damps is the body's beside the path's: at 0.1 rad/s on a path of 0.1 rad/s it is 0."""
+    """The speed that the law damps is the body's beside the path's: at 0.1 rad/s on a path of 0.1
+    rad/s it is 0.
+    """
     slips, torque = [], core.impedance.torque
     core.impedance.torque = lambda terms, error, slip, *rest: (
         slips.append(slip.copy()) or torque(terms, error, slip, *rest)
@@ -592,7 +656,9 @@ def test_a_safe_mode_lasts_five_hundred_cycles_in_all(core):
 
 
 def test_a_release_is_used_up_by_the_mode_it_ends(core):
-    """The next fault waits for a release of its own, and so does one behind a release that came too early."""
+    """The next fault waits for a release of its own, and so does one behind a release that came too
+    early.
+    """
     core.release()
     core.abandon(())
     core.release()
@@ -613,9 +679,13 @@ def test_abandoned_in_a_safe_mode_a_robot_stays_in_it(core):
     assert core.mode is Mode.STOPPED
 
 
-@pytest.mark.parametrize(("gains", "torso", "arm"), [(None, 10.0, 2.0), (JointGains((500.0, 400.0)), 5.0, 4.0)])
+@pytest.mark.parametrize(
+    ("gains", "torso", "arm"), [(None, 10.0, 2.0), (JointGains((500.0, 400.0)), 5.0, 4.0)]
+)
 def test_a_posture_is_held_with_the_gains_asked_for(gains, torso, arm):
-    """A hundredth of a radian beside it, at rest: 1000 and 200 Nm/rad where nobody asks for others."""
+    """A hundredth of a radian beside it, at rest: 1000 and 200 Nm/rad where nobody asks for
+    others.
+    """
     core = LoopCore(MockBackend(), dynamics=DYNAMICS, hold=gains)
     core.stop()
     core.setpoint[:] += 0.01

@@ -16,15 +16,18 @@ commands = st.one_of(
     st.builds(Open, angles, st.just(3.0)),
     st.just("freeze"),
 )
-happenings = st.tuples(st.integers(1, 900), st.integers(0, 1), commands, st.sampled_from([0.2, 0.6, FINGER_UPPER]))
+happenings = st.tuples(
+    st.integers(1, 900), st.integers(0, 1), commands, st.sampled_from([0.2, 0.6, FINGER_UPPER])
+)
 
 
 @settings(max_examples=40, deadline=None)
 @example([(900, 0, Close(0.0), 0.2)], 0)  # it waits for the lock while no motor moves
 @given(st.lists(happenings, min_size=1, max_size=4), st.integers(0, 2**32 - 1))
 def test_fingers_at_rest_command_what_computed_ones_do(told, seed):
-    """Beside fingers that compute each cycle in full; the joints follow the motors, with some error, until they meet
-    something."""
+    """Beside fingers that compute each cycle in full; the joints follow the motors, with some
+    error, until they meet something.
+    """
     ours, theirs = Fingers(), Fingers()
     sent, expected = no_command(), no_command()
     rng, state = np.random.default_rng(seed), at_rest()

@@ -20,7 +20,9 @@ def test_a_jar_is_held_and_lifted():
     assert truth.fingers_on("jar_1")["left"] >= 4  # fingertips and palm
     held = np.array(lever(core, truth, 1, "jar_1"))
     payload = Payload(0.26, tuple(held))
-    result = core.run(motion("lift", raised(core.setpoint, 1, 0.03), payload_left=payload, settle_s=0.5))
+    result = core.run(
+        motion("lift", raised(core.setpoint, 1, 0.03), payload_left=payload, settle_s=0.5)
+    )
     assert result.phase is Phase.DONE
     assert np.linalg.norm(lever(core, truth, 1, "jar_1") - held) < 0.002
     assert at(truth, "jar_1")[2] > 1.305
@@ -28,10 +30,14 @@ def test_a_jar_is_held_and_lifted():
 
 
 def test_a_bowl_is_held_by_its_rim_without_tilting_and_let_go():
-    """Touch and 0.8 degrees of squeeze: lifted it tilts below 2 degrees; set down by contact and let go, it stays."""
+    """Touch and 0.8 degrees of squeeze: lifted it tilts below 2 degrees; set down by contact and
+    let go, it stays.
+    """
     core, truth = standing(BOWL_POSTURE, 0, math.radians(60))
     start = np.array(at(truth, "bowl_1"))
-    result = core.run(motion("grip", core.setpoint, until="touch", right=Close(squeeze=math.radians(0.8))))
+    result = core.run(
+        motion("grip", core.setpoint, until="touch", right=Close(squeeze=math.radians(0.8)))
+    )
     assert result.right.touched == (True, True, True)
     assert truth.fingers_on("bowl_1")["right"] == 3
     assert np.linalg.norm(at(truth, "bowl_1") - start) < 0.004

@@ -1,4 +1,6 @@
-"""Reaction of the loop when a hand loses its thing, in simulated physics with errors of the sensors."""
+"""Reaction of the loop when a hand loses its thing, in simulated physics with errors of the
+sensors.
+"""
 
 import copy
 import math
@@ -16,7 +18,13 @@ from velma.sim.mock_backend import MockBackend
 from velma.sim.truth import TruthReader
 
 GRASPS = {
-    "jar_1": (JAR_POSTURE, 1, 0.52, Close(squeeze=math.radians(40), upto=2.0, speed=0.6, settle_s=0.6), 0.2),
+    "jar_1": (
+        JAR_POSTURE,
+        1,
+        0.52,
+        Close(squeeze=math.radians(40), upto=2.0, speed=0.6, settle_s=0.6),
+        0.2,
+    ),
     "bowl_1": (BOWL_POSTURE, 0, math.radians(60), Close(squeeze=math.radians(0.8)), 0.3),
 }
 SPARE_KG = 0.12
@@ -88,7 +96,9 @@ def test_what_is_lifted_is_felt_and_weighed(lifted):
 
 
 def test_a_motion_ends_as_lost_when_the_thing_falls(lifted):
-    """Within a quarter of a second the loop knows; it comes to rest and says which hand lost something."""
+    """Within a quarter of a second the loop knows; it comes to rest and says which hand lost
+    something.
+    """
     truth = TruthReader(lifted.core.backend)
     height = at(truth, lifted.name)[2]
     lifted.begin_to_move()
@@ -121,7 +131,9 @@ def test_what_was_lost_between_two_motions_ends_the_next_one(lifted):
 
 
 def test_a_push_ends_the_motion_and_nothing_is_dropped(lifted):
-    """3 N from the side for 0.2 s: the motion ends as slipped, the next one is done with the thing in the hand."""
+    """3 N from the side for 0.2 s: the motion ends as slipped, the next one is done with the thing
+    in the hand.
+    """
     data, body = lifted.core.backend.data, lifted.core.backend.model.body(lifted.name).id
     lifted.begin_to_move()
     data.xfrc_applied[body, 1] = 3.0
@@ -139,7 +151,13 @@ def test_a_thing_put_down_is_not_lost(lifted):
     down = raised(lifted.core.setpoint, lifted.row, -0.045)
     lifted.core.run(motion("down", down, until="contact", contact_side=lifted.side, settle_s=0.3))
     assert lifted.core.report.phase is Phase.DONE
-    lifted.core.run(motion("open", lifted.core.setpoint, **{lifted.side: Open(), f"payload_{lifted.side}": Payload()}))
+    lifted.core.run(
+        motion(
+            "open",
+            lifted.core.setpoint,
+            **{lifted.side: Open(), f"payload_{lifted.side}": Payload()},
+        )
+    )
     assert lifted.core.report.phase is Phase.DONE
 
 
@@ -152,7 +170,9 @@ def test_a_thing_put_down_is_not_lost(lifted):
     ],
 )
 def test_a_sensor_that_is_not_well_feels_nothing(lifted, kind, wrong, monkeypatch):
-    """The motion goes on and the thing stays in the hand; the other hand feels; a sensor that is well again is one."""
+    """The motion goes on and the thing stays in the hand; the other hand feels; a sensor that is
+    well again is one.
+    """
     observe, row = lifted.core.backend.observe, lifted.row
     stuck = lifted.core.state.wrist[row].copy()
     spoilt = {"nan": np.full(6, math.nan), "zero": np.zeros(6), "stuck": stuck}[kind]

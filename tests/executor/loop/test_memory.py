@@ -12,7 +12,16 @@ import pytest
 from grips import DYNAMICS, JAR_POSTURE, lever, raised, standing
 
 from companion.languages.facts import Kind, fact
-from companion.skills.loop_messages import Close, HeadGoal, Mode, Move, Payload, Phase, Until, motion
+from companion.skills.loop_messages import (
+    Close,
+    HeadGoal,
+    Mode,
+    Move,
+    Payload,
+    Phase,
+    Until,
+    motion,
+)
 from services.executor.loop.core import LoopCore
 from services.executor.loop.fingers import Activity
 from services.executor.loop.link import AgentLink, StopLink
@@ -34,7 +43,9 @@ def path(tmp_path):
 
 @pytest.fixture(scope="module")
 def carrying():
-    """A loop that holds the jar and begins to raise it, with everything that a loop can remember."""
+    """A loop that holds the jar and begins to raise it, with everything that a loop can
+    remember.
+    """
     core, truth = standing(JAR_POSTURE, 1, 0.52)
     core.run(motion("close", core.setpoint, until="touch", left=JAR_GRIP))
     assert core.report.left.locked
@@ -53,8 +64,19 @@ def reborn(path):
 def everything(core):
     """All that can be seen of a loop and its world."""
     counted = (core.cycles, core.saturated, core.faults, core.last_fault, core.mode, core.busy)
-    arrays = (core.setpoint, core.command.tau, core.command.spread, core.fingers.motor, core.payloads.mass)
-    return (*counted, core.backend.save(), msgspec.msgpack.encode(core.report), *(one.tobytes() for one in arrays))
+    arrays = (
+        core.setpoint,
+        core.command.tau,
+        core.command.spread,
+        core.fingers.motor,
+        core.payloads.mass,
+    )
+    return (
+        *counted,
+        core.backend.save(),
+        msgspec.msgpack.encode(core.report),
+        *(one.tobytes() for one in arrays),
+    )
 
 
 def killed_after(core, keeper, cycles):
@@ -75,14 +97,18 @@ AMID = {
 
 @pytest.mark.parametrize("amid", AMID)
 def test_it_goes_on_closing_exactly(path, amid):
-    """Touch, squeeze and lock come at the same cycle; the other hand's spread and the head arrive with them."""
+    """Touch, squeeze and lock come at the same cycle; the other hand's spread and the head arrive
+    with them.
+    """
     core, _ = standing(JAR_POSTURE, 1, 0.52)
     keeper = Keeper(path, core, core.backend)
     assert not keeper.restored
     other, grip = Move((0.3, 0.3, 0.3), spread=0.8), JAR_GRIP
     if amid == "stalling":  # it feels no touch, and closes until the motors stand still
         grip = msgspec.structs.replace(JAR_GRIP, effort=100.0)
-    core.begin(motion("act", core.setpoint, until="touch", left=grip, right=other, head=HeadGoal(0.5, 0.1)))
+    core.begin(
+        motion("act", core.setpoint, until="touch", left=grip, right=other, head=HeadGoal(0.5, 0.1))
+    )
     killed_after(core, keeper, 20)
     while not AMID[amid](core.fingers):
         killed_after(core, keeper, 1)
@@ -92,12 +118,17 @@ def test_it_goes_on_closing_exactly(path, amid):
 
 @pytest.mark.parametrize("amid", ["path", "settling"])
 def test_it_ends_at_the_same_contact(path, amid):
-    """The hand goes down onto the shelf; how far it hung there at the start, and since when it rests, is known."""
+    """The hand goes down onto the shelf; how far it hung there at the start, and since when it
+    rests, is known.
+    """
     core, _ = standing(JAR_POSTURE, 1, 0.52)
     keeper = Keeper(path, core, core.backend)
     down = raised(core.setpoint, 1, -0.12)
-    core.payloads.mass[1] = core.payloads._goal[1] = 1.0  # pushes the hand up: below its path from the start on
-    core.begin(motion("down", down, until="contact", contact_side="left", contact_m=0.02, settle_s=0.3))
+    # pushes the hand up: below its path from the start on
+    core.payloads.mass[1] = core.payloads._goal[1] = 1.0
+    core.begin(
+        motion("down", down, until="contact", contact_side="left", contact_m=0.02, settle_s=0.3)
+    )
     killed_after(core, keeper, 100)
     while amid == "settling" and core.act._settling_s is None:
         killed_after(core, keeper, 1)
@@ -139,7 +170,9 @@ def same_from_here(core, keeper, path):
 
 
 def test_a_carried_jar_is_carried_on(path, carrying):
-    """Locks, load, set-points, the path and its rate, the design of the damping: nothing differs after the lift."""
+    """Locks, load, set-points, the path and its rate, the design of the damping: nothing differs
+    after the lift.
+    """
     core = carrying
     keeper = Keeper(path, core, core.backend)
     killed_after(core, keeper, 200)
@@ -180,7 +213,9 @@ def test_the_largest_world_is_kept(path):
     core, other = (LoopCore(MujocoBackend(largest), dynamics=DYNAMICS) for _ in range(2))
     keeper = Keeper(path, core, core.backend)
     killed_after(core, keeper, 20)
-    assert len(core.backend.save()) == pytest.approx(20e3, rel=0.05), "as the comment beside the slots says"
+    assert len(core.backend.save()) == pytest.approx(20e3, rel=0.05), (
+        "as the comment beside the slots says"
+    )
     assert Keeper(path, other, other.backend).restored
     for _ in range(50):
         core.cycle()
@@ -203,7 +238,7 @@ def test_a_robot_without_a_simulated_world_has_no_memory():
     assert not isinstance(MockBackend(), Restorable)
 
 
-# --- processes --------------------------------------------------------------------------------------------------------
+# --- processes ------------------------------------------------------------------------------------
 
 
 def until(reached, within_s=40.0):
@@ -218,7 +253,15 @@ def until(reached, within_s=40.0):
 def loop(slots):
     """A loop as a process, killed at the end, and its agent."""
     before = slots.stat().st_ino if slots.exists() else 0
-    command = [sys.executable, "-m", "services.executor.loop", "--slots", str(slots), "--speed", "max"]
+    command = [
+        sys.executable,
+        "-m",
+        "services.executor.loop",
+        "--slots",
+        str(slots),
+        "--speed",
+        "max",
+    ]
     child = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:
         until(lambda: slots.exists() and slots.stat().st_ino != before and shows(slots))
@@ -245,7 +288,9 @@ def shows(slots):
 
 @pytest.mark.process
 def test_kill_9_amid_a_motion_stops_nothing_but_the_motion(tmp_path):
-    """The arms come to rest along their path; no joint and no set-point jumps; the next motion starts there."""
+    """The arms come to rest along their path; no joint and no set-point jumps; the next motion
+    starts there.
+    """
     slots = tmp_path / "loop.slots"
     rise = (lambda u: u**3 * (10 - 15 * u + 6 * u * u))(np.linspace(0, 1, 401))[:, None] * 0.3
     with loop(slots) as (child, agent):
@@ -256,7 +301,8 @@ def test_kill_9_amid_a_motion_stops_nothing_but_the_motion(tmp_path):
         child.wait(timeout=10)
         last = seen(agent)
     with loop(slots) as (_, agent):
-        until(lambda: agent.told().report.phase is Phase.CANCELLED)  # nobody beats, and nobody has to
+        # nobody beats, and nobody has to
+        until(lambda: agent.told().report.phase is Phase.CANCELLED)
         state = seen(agent)
         assert (state.epoch, state.mode, state.faults) == (began.epoch, Mode.MOTION, 0)
         assert began.time_s + 1.5 < last.time_s <= state.time_s < last.time_s + 1.0
@@ -269,7 +315,9 @@ def test_kill_9_amid_a_motion_stops_nothing_but_the_motion(tmp_path):
 
 @pytest.mark.process
 def test_a_stop_outlives_the_loop_and_its_release_is_heard_while_none_runs(tmp_path):
-    """A person stopped it: it is stopped in the next loop, too, and moves again only after the release."""
+    """A person stopped it: it is stopped in the next loop, too, and moves again only after the
+    release.
+    """
     slots = tmp_path / "loop.slots"
     with loop(slots) as (_, agent):
         StopLink(slots).stop()

@@ -1,4 +1,6 @@
-"""The executor's agent dies with the jar in hand, and the next one takes the running loop over without a jerk."""
+"""The executor's agent dies with the jar in hand, and the next one takes the running loop over
+without a jerk.
+"""
 
 import math
 
@@ -16,7 +18,9 @@ pytestmark = [pytest.mark.process, pytest.mark.timeout(180)]  # 15 s at a load o
 JAR_GRIP = Close(squeeze=math.radians(40), upto=2.0, speed=0.6, settle_s=0.6)
 BEFORE_TURNS = 250
 AWAY = {"soon": 500, "late": GONE_TURNS + 500}
-"""Turns without an agent: it comes back while its motion rests, or after that was interrupted and is held."""
+"""Turns without an agent: it comes back while its motion rests, or after that was interrupted and
+is held.
+"""
 
 
 class Carried:
@@ -56,7 +60,8 @@ class Carried:
 def test_a_jar_is_held_and_then_carried_on(tmp_path, clock, away):
     """No set-point jumps, no joint is pushed, and the jar stays where it is in the hand.
 
-    After 5 s without an agent the set-point goes to where the body is, which lags a little: as damping begins and ends.
+    After 5 s without an agent the set-point goes to where the body is, which lags a little: as
+    damping begins and ends.
     """
     path = tmp_path / "loop.slots"
     carried = Carried(path)
@@ -72,7 +77,9 @@ def test_a_jar_is_held_and_then_carried_on(tmp_path, clock, away):
     interrupted = agent.told().report.phase is Phase.INTERRUPTED
     assert interrupted == (away == "late")
     agent.send(Release() if interrupted else Cancel("lift"))
-    carried.until(agent, lambda: agent.told().report.phase is not Phase.RUNNING and not carried.core.busy)
+    carried.until(
+        agent, lambda: agent.told().report.phase is not Phase.RUNNING and not carried.core.busy
+    )
     assert carried.core.mode is Mode.MOTION
     np.testing.assert_array_equal(carried.core.setpoint, held)
     agent.send(motion("on", raised(held, 1, -0.02), payload_left=carried.load))

@@ -1,4 +1,6 @@
-"""Whether the machine holds 500 Hz: late cycles are counted as they are, and the program says so in JSON."""
+"""Whether the machine holds 500 Hz: late cycles are counted as they are, and the program says so in
+JSON.
+"""
 
 import subprocess
 import sys
@@ -35,10 +37,17 @@ class Slow(MockBackend):
 
 @pytest.mark.parametrize(
     ("work_s", "seldom_s", "late", "held"),
-    [(0.001, 0.001, 0, True), (0.001, 0.0025, 50, True), (0.0015, 0.0045, 250, False), (0.003, 0.003, 740, False)],
+    [
+        (0.001, 0.001, 0, True),
+        (0.001, 0.0025, 50, True),
+        (0.0015, 0.0045, 250, False),
+        (0.003, 0.003, 740, False),
+    ],
 )
 def test_a_pace_is_held_where_few_cycles_are_late(clock, work_s, seldom_s, late, held):
-    """Of 500 cycles: none, every tenth, five of ten, all but the first (they take 1.5 s, 750 periods)."""
+    """Of 500 cycles: none, every tenth, five of ten, all but the first (they take 1.5 s, 750
+    periods).
+    """
     core = LoopCore(Slow(clock, work_s, seldom_s))
     found = measure(core, Pacer(core.backend.period_s))
     assert found.held is held
@@ -116,7 +125,9 @@ def test_the_program_measures_as_the_loop_runs(monkeypatch, capsys, refused, rea
 
 
 def shown(folder, *timings):
-    """A loop's slot file with the first of these; the others come one at each pause of the watcher."""
+    """A loop's slot file with the first of these; the others come one at each pause of the
+    watcher.
+    """
     link, left = LoopLink(folder / "loop.slots"), list(timings)
 
     def show(_seconds=0.0):
@@ -130,13 +141,19 @@ def shown(folder, *timings):
     ("before", "after", "expected"),
     [
         (Timing(1000, 900, 0, PACED), Timing(2000, 950, 0, PACED), (1000, 50, True, False)),
-        (Timing(1000, 0, 500, PACED, {}, True), Timing(1900, 10, 600, PACED, {}, True), (1000, 110, False, True)),
+        (
+            Timing(1000, 0, 500, PACED, {}, True),
+            Timing(1900, 10, 600, PACED, {}, True),
+            (1000, 110, False, True),
+        ),
         (Timing(1000, 900, 0, PACED), Timing(1000, 900, 0, PACED), (0, 0, True, False)),
         (Timing(1000, 0, 0), Timing(2000, 500, 0), (0, 0, True, False)),
     ],
     ids=["late before, not now", "skipped cycles are late", "stands still", "speed max"],
 )
-def test_a_loop_that_runs_is_judged_by_what_it_counted_meanwhile(tmp_path, monkeypatch, before, after, expected):
+def test_a_loop_that_runs_is_judged_by_what_it_counted_meanwhile(
+    tmp_path, monkeypatch, before, after, expected
+):
     """Earlier lateness counts for nothing; a loop without deadlines has no periods."""
     slots, pause = shown(tmp_path, before, after)
     monkeypatch.setattr(pace.time, "sleep", pause)
@@ -146,7 +163,9 @@ def test_a_loop_that_runs_is_judged_by_what_it_counted_meanwhile(tmp_path, monke
 
 def test_another_loop_is_tried_out_where_the_world_stands_still(tmp_path, monkeypatch):
     """The one that runs computes nothing, so it cannot be judged."""
-    slots, pause = shown(tmp_path, Timing(1000, 0, 0, PACED), Timing(1000, 0, 0, PACED, rested=1000))
+    slots, pause = shown(
+        tmp_path, Timing(1000, 0, 0, PACED), Timing(1000, 0, 0, PACED, rested=1000)
+    )
     tried = pace.Pace(500, 3, True, False, {})
     monkeypatch.setattr(pace.time, "sleep", pause)
     monkeypatch.setattr(pace, "try_out", lambda: tried)
@@ -161,7 +180,9 @@ def test_who_watches_a_loop_tells_it_nothing(tmp_path, monkeypatch):
     before = AgentLink(slots)
     numbers = {name: slot.number for name, slot in before.file.slots.items() if name != "timing"}
     pace.main(slots)
-    assert {name: slot.number for name, slot in before.file.slots.items() if name != "timing"} == numbers
+    assert {
+        name: slot.number for name, slot in before.file.slots.items() if name != "timing"
+    } == numbers
 
 
 @pytest.mark.process
@@ -176,7 +197,10 @@ def test_the_console_is_told_of_no_pace_where_a_loop_stands_still(tmp_path):
 def test_the_program_says_it_in_words_that_the_console_reads():
     """A real second of the simulated robot, in a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-m", "services.executor.loop.pace"], capture_output=True, timeout=50, check=True
+        [sys.executable, "-m", "services.executor.loop.pace"],
+        capture_output=True,
+        timeout=50,
+        check=True,
     )
     found = msgspec.json.decode(done.stdout, type=Pace)
     assert found.periods >= 500

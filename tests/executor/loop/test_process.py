@@ -63,7 +63,12 @@ def test_an_agent_sees_its_motion_taken_running_and_done(pair):
     number = agent.send(motion("up", rise(agent.state().setpoint)))
     loop.turn()
     told = agent.told()
-    assert (told.taken, told.refusal, told.report.key, told.report.phase) == (number, None, "up", Phase.RUNNING)
+    assert (told.taken, told.refusal, told.report.key, told.report.phase) == (
+        number,
+        None,
+        "up",
+        Phase.RUNNING,
+    )
     turn(loop, agent)
     assert agent.told().report.phase is Phase.DONE
     state = agent.state()
@@ -109,7 +114,9 @@ def test_a_cancel_reaches_the_motion(pair):
 
 
 def until_told(loop, agent, seen, most=2000):
-    """Turn while the agent lives, until it is told what is `seen`; return the state of that time."""
+    """Turn while the agent lives, until it is told what is `seen`; return the state of that
+    time.
+    """
     for _ in range(most):
         if seen(agent.told()):
             return agent.state()
@@ -119,7 +126,9 @@ def until_told(loop, agent, seen, most=2000):
 
 
 def looked_at(tmp_path, speed, later_s=0.0, backend=None):
-    """A loop in a motion of 2 s with a look every 0.5 s, the first one later, its agent, and when it began."""
+    """A loop in a motion of 2 s with a look every 0.5 s, the first one later, its agent, and when
+    it began.
+    """
     loop = build(tmp_path / "loop.slots", backend or MockBackend(), speed=speed, realtime=False)
     agent = AgentLink(tmp_path / "loop.slots")
     began = agent.state().time_s
@@ -131,7 +140,11 @@ def looked_at(tmp_path, speed, later_s=0.0, backend=None):
 def test_time_waits_for_a_look_at_full_speed(tmp_path, clock):
     """It is due after so long, not later; the next one so long after that as the answer says."""
     loop, agent, began = looked_at(tmp_path, Speed.MAX)
-    for answer, due in ((LookAgain("up", 0.1), 0.5), (LookAgain("up", 0.5), 0.6), (LookAgain("up", 60.0), 1.1)):
+    for answer, due in (
+        (LookAgain("up", 0.1), 0.5),
+        (LookAgain("up", 0.5), 0.6),
+        (LookAgain("up", 60.0), 1.1),
+    ):
         state = until_told(loop, agent, lambda told: told.look)
         assert state.time_s - began == pytest.approx(due, abs=0.003)
         for _ in range(100):
@@ -150,10 +163,14 @@ def test_time_waits_for_a_look_at_full_speed(tmp_path, clock):
 
 @pytest.mark.parametrize("cycles", range(SHOW_EVERY))
 def test_a_look_is_told_whenever_it_is_due(tmp_path, clock, cycles):
-    """Also in a cycle in which the state is shown: a simulator is read once more for that, and its time has gone on."""
+    """Also in a cycle in which the state is shown: a simulator is read once more for that, and its
+    time has gone on.
+    """
     later_s = cycles * PERIOD_S
     loop, agent, began = looked_at(tmp_path, Speed.MAX, later_s, MujocoBackend(scene.load()))
-    assert until_told(loop, agent, lambda told: told.look).time_s - began == pytest.approx(0.5 + later_s, abs=0.003)
+    assert until_told(loop, agent, lambda told: told.look).time_s - began == pytest.approx(
+        0.5 + later_s, abs=0.003
+    )
 
 
 def test_in_real_time_nothing_waits_for_a_look(tmp_path, clock):
@@ -184,7 +201,9 @@ def test_a_cancel_waits_for_no_look(tmp_path, clock):
 
 @pytest.fixture(params=[Speed.REAL, Speed.MAX])
 def at_speed(request, tmp_path, clock):
-    """A loop on the pretended robot in a motion of 2 s, its agent, and the clock, at both speeds."""
+    """A loop on the pretended robot in a motion of 2 s, its agent, and the clock, at both
+    speeds.
+    """
     loop = build(tmp_path / "loop.slots", MockBackend(), speed=request.param, realtime=False)
     agent = AgentLink(tmp_path / "loop.slots")
     for _ in range(5000):
@@ -196,7 +215,9 @@ def at_speed(request, tmp_path, clock):
 
 
 def silent(loop, clock, seconds):
-    """Turn for a while of wall time, at least as long as a turn of 2 ms takes; the set-points on the way."""
+    """Turn for a while of wall time, at least as long as a turn of 2 ms takes; the set-points on
+    the way.
+    """
     end, points = clock.now + seconds, []
     while clock.now < end:
         before = clock.now
@@ -207,7 +228,9 @@ def silent(loop, clock, seconds):
 
 
 def test_a_late_beat_brings_the_arms_to_rest_and_the_next_one_lets_them_go_on(request, at_speed):
-    """0.5 s after the last beat nothing moves (at speed max nor does time); with beats the motion arrives."""
+    """0.5 s after the last beat nothing moves (at speed max nor does time); with beats the motion
+    arrives.
+    """
     loop, agent, clock = at_speed
     goal = rise(agent.state().setpoint, 2.0)[-1]
     points, began = silent(loop, clock, 0.5), loop.core.state.time
@@ -216,7 +239,9 @@ def test_a_late_beat_brings_the_arms_to_rest_and_the_next_one_lets_them_go_on(re
     assert points[0] < points[-1] < 0.5 * goal[0], "it moved, and not to the end"
     rest = points[250:]
     assert min(rest) == max(rest), "at rest within half a second"
-    assert passed == pytest.approx(3.5 if request.node.callspec.params["at_speed"] is Speed.REAL else 0.0, abs=0.01)
+    assert passed == pytest.approx(
+        3.5 if request.node.callspec.params["at_speed"] is Speed.REAL else 0.0, abs=0.01
+    )
     assert agent.told().report.phase is Phase.RUNNING
     turn(loop, agent)
     assert agent.told().report.phase is Phase.DONE
@@ -291,10 +316,19 @@ def test_no_agent_releases_what_a_person_stopped(pair):
 
 
 @pytest.mark.parametrize(
-    "words", [["stop"], ["say", "STOP!!!"], ["say", "no, don't touch that"], ["say", "stój"], ["say", "help"]]
+    "words",
+    [
+        ["stop"],
+        ["say", "STOP!!!"],
+        ["say", "no, don't touch that"],
+        ["say", "stój"],
+        ["say", "help"],
+    ],
 )
 def test_a_stop_in_words_is_obeyed_within_two_cycles_by_a_loop_alone(pair, words):
-    """There is no fleet, no agent, no router, no key, no supervisor: a folder with the files of the loop."""
+    """There is no fleet, no agent, no router, no key, no supervisor: a folder with the files of the
+    loop.
+    """
     loop, agent, path = pair
     agent.send(motion("up", rise(agent.state().setpoint, 2.0)))
     loop.turn()
@@ -402,7 +436,9 @@ def test_page_faults_are_counted_while_a_motion_is_under_way(clock):
 
 
 def still(tmp_path, seconds=3.0, *, world=None):
-    """A loop in real time whose simulated world has had these seconds to come to rest, its agent and its path."""
+    """A loop in real time whose simulated world has had these seconds to come to rest, its agent
+    and its path.
+    """
     path = tmp_path / "loop.slots"
     loop = build(path, MujocoBackend(world or scene.load()), speed=Speed.REAL, realtime=False)
     until = loop.core.state.time + seconds
@@ -412,14 +448,18 @@ def still(tmp_path, seconds=3.0, *, world=None):
 
 
 def turned(loop):
-    """Turn once; return how much simulated time has passed, and the largest change of a coordinate."""
+    """Turn once; return how much simulated time has passed, and the largest change of a
+    coordinate.
+    """
     time_s, before = loop.core.backend.data.time, loop.core.backend.configuration().copy()
     loop.turn()
     moved = np.abs(loop.core.backend.configuration() - before).max()
     return pytest.approx(loop.core.backend.data.time - time_s), moved
 
 
-def test_a_world_that_stands_still_is_not_computed_but_its_time_passes_and_is_shown(tmp_path, clock):
+def test_a_world_that_stands_still_is_not_computed_but_its_time_passes_and_is_shown(
+    tmp_path, clock
+):
     """Every 50 ms, with the clock, and shown every 0.1 s; no cycle of it counts, none is missed."""
     loop, agent, _ = still(tmp_path)
     began, before, shown = clock.now, agent.state(), agent.timing()
@@ -472,7 +512,9 @@ def test_a_motion_after_a_rest_is_the_motion_without_one(tmp_path, clock):
 
 @pytest.mark.parametrize("asked", ["stop", "release", "cancel", "refused"])
 def test_whatever_is_asked_of_a_world_that_stands_still_has_it_computed(tmp_path, clock, asked):
-    """For half a second at least: a stop changes the law of control, and what follows from it is seen."""
+    """For half a second at least: a stop changes the law of control, and what follows from it is
+    seen.
+    """
     loop, agent, path = still(tmp_path)
     assert turned(loop)[0] == 0.050
     if asked in ("stop", "release"):
@@ -509,8 +551,12 @@ def test_a_robot_whose_joints_are_measured_with_noise_is_computed(tmp_path, cloc
 def test_a_world_is_saved_whether_or_not_it_can_rest(tmp_path, clock):
     """A back-end of others may have the one without the other."""
     backend = MujocoBackend(scene.load())
-    parts = {name: getattr(backend, name) for name in (*PARTS, "fingerprint", "save", "restore", "data")}
-    loop = build(tmp_path / "loop.slots", SimpleNamespace(**parts), speed=Speed.REAL, realtime=False)
+    parts = {
+        name: getattr(backend, name) for name in (*PARTS, "fingerprint", "save", "restore", "data")
+    }
+    loop = build(
+        tmp_path / "loop.slots", SimpleNamespace(**parts), speed=Speed.REAL, realtime=False
+    )
     for _ in range(2000):
         assert turned(loop)[0] == 0.002
     assert (tmp_path / MEMORY).exists()

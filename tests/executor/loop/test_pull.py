@@ -1,4 +1,6 @@
-"""A hand that holds something out feels a pull in physics, and only a pull ends its motion before its time."""
+"""A hand that holds something out feels a pull in physics, and only a pull ends its motion before
+its time.
+"""
 
 import copy
 
@@ -70,7 +72,13 @@ def test_nobody_comes(jar):
 
 @pytest.mark.parametrize(
     ("kind", "size"),
-    [(Kind.KNOCKED, 20.0), (Kind.KNOCKED, 40.0), (Kind.KNOCKED, -30.0), (Kind.PULLED, 3.5), (Kind.PULLED, -10.0)],
+    [
+        (Kind.KNOCKED, 20.0),
+        (Kind.KNOCKED, 40.0),
+        (Kind.KNOCKED, -30.0),
+        (Kind.PULLED, 3.5),
+        (Kind.PULLED, -10.0),
+    ],
 )
 def test_neither_a_knock_nor_a_weak_pull_nor_a_push_ends_it(jar, kind, size):
     """And the jar stays in the hand."""
@@ -83,7 +91,9 @@ def test_neither_a_knock_nor_a_weak_pull_nor_a_push_ends_it(jar, kind, size):
     assert jar.grip.felt == "held"
 
 
-@pytest.mark.parametrize(("kind", "by"), [(Kind.ZERO, ()), (Kind.NAN, ()), (Kind.STUCK, ()), (Kind.BIAS, (20.0,))])
+@pytest.mark.parametrize(
+    ("kind", "by"), [(Kind.ZERO, ()), (Kind.NAN, ()), (Kind.STUCK, ()), (Kind.BIAS, (20.0,))]
+)
 def test_a_faulty_wrist_gives_no_permission(jar, kind, by):
     report = hold_out(jar, (kind, by))
     assert (report.phase, report.ended_by) == (Phase.DONE, Until.END)

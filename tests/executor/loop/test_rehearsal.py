@@ -1,4 +1,6 @@
-"""The rehearsal leaves no trace, and after it a motion needs no page of a library that was not needed before."""
+"""The rehearsal leaves no trace, and after it a motion needs no page of a library that was not
+needed before.
+"""
 
 import subprocess
 import sys
@@ -52,7 +54,10 @@ there = start + 0.4 * u**3 * (10 - 15 * u + 6 * u * u) * np.sign(-start)
 close = Close(0.1, upto=1.0, speed=1.0)
 before = code()
 for asked in (
-    motion("there", there, head=HeadGoal(0.2, 0.3), right=Move((0.5, 0.5, 0.5)), payload_right=Payload(0.4)),
+    motion(
+        "there", there, head=HeadGoal(0.2, 0.3), right=Move((0.5, 0.5, 0.5)),
+        payload_right=Payload(0.4),
+    ),
     motion("back", there[::-1], until=Until.CONTACT, tare="left"),
     motion("close", start, right=close, left=close, until=Until.TOUCH),
     motion("open", start, right=Open(), left=Open()),
@@ -69,7 +74,9 @@ def made(path: Path, robot: Backend) -> LoopProcess:
 def grown(folder: Path, how: str) -> int:
     """Code [kB] that motions touch first, in a process of its own."""
     words = [sys.executable, "-P", "-c", MOTIONS, str(folder), how]
-    return int(subprocess.run(words, capture_output=True, text=True, timeout=100, check=True).stdout)
+    return int(
+        subprocess.run(words, capture_output=True, text=True, timeout=100, check=True).stdout
+    )
 
 
 def test_motions_need_no_code_that_the_rehearsal_did_not(tmp_path: Path) -> None:
@@ -78,9 +85,13 @@ def test_motions_need_no_code_that_the_rehearsal_did_not(tmp_path: Path) -> None
     assert grown(tmp_path, "at once") > 0
 
 
-@pytest.mark.parametrize("robot", [MockBackend(), MujocoBackend(scene.load())], ids=["mock", "simulated"])
+@pytest.mark.parametrize(
+    "robot", [MockBackend(), MujocoBackend(scene.load())], ids=["mock", "simulated"]
+)
 def test_it_leaves_no_trace(robot: Backend, tmp_path: Path) -> None:
-    """The robot is as it was, and so is the folder; the rehearsed loop meets no fault but the end it is told of."""
+    """The robot is as it was, and so is the folder; the rehearsed loop meets no fault but the end
+    it is told of.
+    """
     loops: list[LoopProcess] = []
 
     def kept(path: Path, twin: Backend) -> LoopProcess:

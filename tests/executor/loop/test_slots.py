@@ -56,7 +56,9 @@ def test_a_writer_that_died_in_the_middle_is_seen_and_survived(slot):
 
 
 def test_no_reader_sees_half_a_record(slot):
-    """Another process writes records of one letter each; every record read has its letter and its length."""
+    """Another process writes records of one letter each; every record read has its letter and its
+    length.
+    """
     record = [bytes([65 + k % 26]) * (1 + 37 * k % 3000) for k in range(20000)]
     child = os.fork()
     if child == 0:

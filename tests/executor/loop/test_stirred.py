@@ -1,4 +1,6 @@
-"""The loop in a world that somebody disturbs: it is computed then, also where it stood still or time stands still."""
+"""The loop in a world that somebody disturbs: it is computed then, also where it stood still or
+time stands still.
+"""
 
 import numpy as np
 import pytest

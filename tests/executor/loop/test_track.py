@@ -40,7 +40,9 @@ def test_position_is_the_integral_of_velocity_and_ends_at_the_last_knot(offset, 
     fastest = np.abs(np.diff(path, axis=0)).max() / KNOT_S + abs(offset) * 1.875 / 0.3
     assert np.abs(np.diff(q, axis=0)).max() <= (fastest + 1e-6) * DT * 1.05
     travelled = (0.5 * (v[1:] + v[:-1])).sum(axis=0) * DT
-    np.testing.assert_allclose(travelled, q[-1] - q[0], atol=0.02 * abs(path[-1] - q[0]).max() + 2e-3)
+    np.testing.assert_allclose(
+        travelled, q[-1] - q[0], atol=0.02 * abs(path[-1] - q[0]).max() + 2e-3
+    )
 
 
 @settings(max_examples=25, deadline=None)
@@ -63,7 +65,9 @@ def test_braking_comes_to_rest_on_the_path(after):
 @settings(max_examples=25, deadline=None)
 @given(after=st.integers(0, 400), rest=st.integers(0, 400))
 def test_a_paused_motion_rests_on_its_path_and_arrives_all_the_same(after, rest):
-    """Paused anywhere and for any time: no jump of position or velocity, and the last knot is reached."""
+    """Paused anywhere and for any time: no jump of position or velocity, and the last knot is
+    reached.
+    """
     path = knots()
     track = Track(path, START)
     speeds = []
@@ -121,7 +125,9 @@ def test_a_single_knot_is_a_motion_that_has_ended():
 
 
 def test_between_knots_the_speed_is_that_of_the_path():
-    """A straight line at 1 rad/s: 1 rad/s in every cycle but those of the first and last knot, where it is at rest."""
+    """A straight line at 1 rad/s: 1 rad/s in every cycle but those of the first and last knot,
+    where it is at rest.
+    """
     path = START + np.arange(0.0, 0.105, KNOT_S)[:, None]
     q, v = walk(Track(path, START))
     assert len(q) == 51, "0.1 s"
@@ -146,7 +152,9 @@ def test_the_speed_of_a_bend_is_that_of_the_parabola_through_its_knots():
 @settings(max_examples=25, deadline=None)
 @given(offset=st.floats(0.01, 0.049), pause_at=st.integers(0, 200))
 def test_the_blend_moves_at_the_speed_it_reports(offset, pause_at):
-    """A body 0.05 rad off comes over in 0.3 s, at most at 1.875 times the mean, and waits in a pause."""
+    """A body 0.05 rad off comes over in 0.3 s, at most at 1.875 times the mean, and waits in a
+    pause.
+    """
     track = Track(np.tile(START, (101, 1)), START + offset)
     q, v = [track.q[0]], [track.v[0]]
     for k in range(500):
@@ -167,7 +175,9 @@ def test_the_blend_moves_at_the_speed_it_reports(offset, pause_at):
 
 
 def test_the_blend_is_smooth_and_takes_three_tenths_of_a_second():
-    """The share 10 s^3 - 15 s^4 + 6 s^5 of the way: 0.05792 at a fifth of the time, half at half, all at the end."""
+    """The share 10 s^3 - 15 s^4 + 6 s^5 of the way: 0.05792 at a fifth of the time, half at half,
+    all at the end.
+    """
     track = Track(np.tile(START, (101, 1)), START + 0.04)
     left = []
     for _ in range(151):

@@ -1,5 +1,6 @@
-"""Numbers that are set behind every check, on the simulated robot: a fault is counted and no hand sinks, a stop holds,
-and after a release a new motion is done."""
+"""Numbers that are set behind every check, on the simulated robot: a fault is counted and no hand
+sinks, a stop holds, and after a release a new motion is done.
+"""
 
 import math
 
@@ -35,12 +36,15 @@ def _set(path, value):
 
 JAR_KG = 0.2 + 30 * 0.002  # with its content
 VALUES = (math.nan, math.inf, -math.inf, 1e12)
-NOT_A_NUMBER, NOT_FINITE, NOT_OPEN = VALUES[:1], VALUES[:3], (math.nan, math.inf, 1e12)  # an open hand drops the jar
+# an open hand drops the jar
+NOT_A_NUMBER, NOT_FINITE, NOT_OPEN = VALUES[:1], VALUES[:3], (math.nan, math.inf, 1e12)
 INJECTED = {
-    "_head_target": NOT_A_NUMBER, "_head_goal": VALUES, "payloads.mass": VALUES, "payloads._goal": VALUES,
+    "_head_target": NOT_A_NUMBER, "_head_goal": VALUES, "payloads.mass": VALUES,
+    "payloads._goal": VALUES,
     "payloads.lever": NOT_FINITE, "setpoint": NOT_FINITE, "impedance._damping": NOT_FINITE,
     "fingers.spread": VALUES, "fingers.locked": VALUES,
-    "fingers.motor": NOT_OPEN, "fingers._goal": NOT_OPEN, "fingers._speed": NOT_OPEN, "fingers._spread_goal": VALUES,
+    "fingers.motor": NOT_OPEN, "fingers._goal": NOT_OPEN, "fingers._speed": NOT_OPEN,
+    "fingers._spread_goal": VALUES,
 }  # fmt: skip
 
 
@@ -53,7 +57,11 @@ def grips(core):
 def carrying():
     """A loop that holds the jar 3 cm above its shelf, and all that is needed to return to this."""
     core, truth = standing(JAR_POSTURE, 1, 0.52)
-    core.run(motion("close", core.setpoint, until="touch", left=Close(math.radians(40), upto=2.0, speed=0.6)))
+    core.run(
+        motion(
+            "close", core.setpoint, until="touch", left=Close(math.radians(40), upto=2.0, speed=0.6)
+        )
+    )
     payload = Payload(JAR_KG, lever(core, truth, 1, "jar_1"))
     core.run(motion("lift", raised(core.setpoint, 1, 0.03), payload_left=payload, settle_s=0.5))
     assert core.report.phase is Phase.DONE
@@ -74,8 +82,12 @@ def again(core):
 
 @pytest.mark.timeout(300)
 def test_no_value_lets_a_hand_sink(carrying, some):
-    """Whatever it is: the arms stay up, a person's stop holds, a release is granted, a new motion is done."""
-    for path, value in some([(path, value) for path, values in INJECTED.items() for value in values], 13):
+    """Whatever it is: the arms stay up, a person's stop holds, a release is granted, a new motion
+    is done.
+    """
+    for path, value in some(
+        [(path, value) for path, values in INJECTED.items() for value in values], 13
+    ):
         print(path, value)
         stays_up(again(carrying), path, value)
 
@@ -95,15 +107,24 @@ def stays_up(core, path, value):
     core.hold(0.7)
     assert core.mode is Mode.MOTION
     faults = core.faults
-    asked = motion("on", raised(core.setpoint, 1, 0.02), head=HeadGoal(0.1, 0.1), right=Move((0.1, 0.1, 0.1)))
+    asked = motion(
+        "on", raised(core.setpoint, 1, 0.02), head=HeadGoal(0.1, 0.1), right=Move((0.1, 0.1, 0.1))
+    )
     assert core.run(asked).phase is Phase.DONE
     assert (core.faults, core.report.left.locked) == (faults, True)
     assert np.abs(grips(core) - before - (0.0, 0.02)).max() < 2 * SUNK_M
 
 
 def _harmless(path, value):
-    """Whether a value changes no command: laws cut to what can be reached, and a hand at rest has no speed."""
-    cut = not math.isnan(value) and path in ("_head_goal", "fingers.motor", "fingers._goal", "fingers._spread_goal")
+    """Whether a value changes no command: laws cut to what can be reached, and a hand at rest has
+    no speed.
+    """
+    cut = not math.isnan(value) and path in (
+        "_head_goal",
+        "fingers.motor",
+        "fingers._goal",
+        "fingers._spread_goal",
+    )
     return cut or path in ("fingers._speed", "_head_target")
 
 
@@ -121,7 +142,8 @@ def test_readings_that_are_none_let_no_hand_sink(carrying, name):
     core.backend.observe = lying
     core.hold(1.0)
     core.backend.observe = observe
-    assert np.abs(grips(core) - before).max() < (0.02 if name == "q" else SUNK_M)  # no posture: no weight is known
+    # no posture: no weight is known
+    assert np.abs(grips(core) - before).max() < (0.02 if name == "q" else SUNK_M)
     core.stop()
     core.release()
     core.hold(1.1)
@@ -157,7 +179,9 @@ class Fast(MockBackend):
 
 
 def test_a_joint_that_is_too_fast_is_damped(some):
-    """By its own limit, after some cycles in a row; with fewer it is noise. A stop that held before holds after it."""
+    """By its own limit, after some cycles in a row; with fewer it is noise. A stop that held before
+    holds after it.
+    """
     for joint in some(range(15), 5):
         print(joint)
         is_damped(joint)

@@ -15,13 +15,17 @@ FAKE = Path(__file__).with_name("fake_fleet.py")
 
 @pytest.fixture
 def pretend(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bool], None]]:
-    """Let the console start the pretended fleet in place of the supervisor; its report will say so much of success."""
+    """Let the console start the pretended fleet in place of the supervisor; its report will say so
+    much of success.
+    """
     started: list[subprocess.Popen[bytes]] = []
 
     def with_success(success: bool) -> None:
         def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
             run.mkdir(parents=True)
-            started.append(subprocess.Popen([sys.executable, FAKE, "services.supervisor", run, str(success)]))
+            started.append(
+                subprocess.Popen([sys.executable, FAKE, "services.supervisor", run, str(success)])
+            )
             return started[-1]
 
         monkeypatch.setattr(starting, "start", start)

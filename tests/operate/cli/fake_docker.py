@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""A pretended docker: containers are folders below $FAKE_DOCKER; a script that is to be run there is run here.
+"""A pretended docker: containers are folders below $FAKE_DOCKER; a script that is to be run there
+is run here.
 
 A container's folder has a file `state`; its name is <project>.<service>, which is its id, too.
 """
@@ -20,7 +21,12 @@ def described(folder: Path) -> dict[str, object]:
     image = "robot-companion/agent:test" if project != "other" else "redis"
     return {
         "Id": folder.name,
-        "State": {"Status": (folder / "state").read_text(), "StartedAt": "", "ExitCode": 0, "Health": None},
+        "State": {
+            "Status": (folder / "state").read_text(),
+            "StartedAt": "",
+            "ExitCode": 0,
+            "Health": None,
+        },
         "Config": {"Image": image, "Labels": labels, "Env": environment(folder)},
         "RestartCount": 0,
     }
@@ -43,7 +49,9 @@ def main(words: list[str]) -> int:
             if (ROOT / id / "state").read_text() != "running":
                 print("container is not running", file=sys.stderr)
                 return 1
-            return subprocess.run(command, env=os.environ | {"ROCO_RUN_DIR": str(ROOT / id)}, check=False).returncode
+            return subprocess.run(
+                command, env=os.environ | {"ROCO_RUN_DIR": str(ROOT / id)}, check=False
+            ).returncode
         case ["version", *_]:
             print("28.2.2")
         case ["compose", "version", "--short"] if (ROOT / "compose").exists():
@@ -52,10 +60,16 @@ def main(words: list[str]) -> int:
             for id in ids:
                 (ROOT / id / "state").write_text("running" if order == "start" else "exited")
         case ["run", "--rm", *rest]:
-            given = {one.split("=", 1)[0]: one.split("=", 1)[1] for one in rest if one.startswith("--") and "=" in one}
+            given = {
+                one.split("=", 1)[0]: one.split("=", 1)[1]
+                for one in rest
+                if one.startswith("--") and "=" in one
+            }
             module, *words = rest[rest.index("robot-companion/agent:test") + 1 :]
             place = {"ROCO_RUN_DIR": str(ROOT / given["--volumes-from"])}
-            told = dict(one.removeprefix("--env=").split("=", 1) for one in rest if one.startswith("--env="))
+            told = dict(
+                one.removeprefix("--env=").split("=", 1) for one in rest if one.startswith("--env=")
+            )
             return subprocess.run(
                 ["python", "-m", module, *words], env=os.environ | told | place, check=False
             ).returncode

@@ -1,7 +1,9 @@
-"""A pretended fleet for the console's tests: one process that writes a run folder, answers as a_hi, reports at SIGTERM.
+"""A pretended fleet for the console's tests: one process that writes a run folder, answers as a_hi,
+reports at SIGTERM.
 
-Called as `fake_fleet.py services.supervisor RUN SUCCESS [MODE]`; the first word makes it look like the supervisor. MODE
-`starting`: it never gets ready; `slow`: nor does it end at once, but when RUN/may-end is there.
+Called as `fake_fleet.py services.supervisor RUN SUCCESS [MODE]`; the first word makes it look like
+the supervisor. MODE `starting`: it never gets ready; `slow`: nor does it end at once, but when
+RUN/may-end is there.
 """
 
 import http.server
@@ -19,7 +21,17 @@ from companion import run_files
 from companion.run_files import HiAddress, TaskLine
 from companion.tools.system import JOB
 from operate import run_folder
-from operate.run_folder import AgentIn, Fleet, Happened, PlanAt, PlanSeen, ProcessStatus, Sent, Step, Task
+from operate.run_folder import (
+    AgentIn,
+    Fleet,
+    Happened,
+    PlanAt,
+    PlanSeen,
+    ProcessStatus,
+    Sent,
+    Step,
+    Task,
+)
 
 TOKEN = "a token"
 BEAT_S = 0.1
@@ -30,9 +42,22 @@ GRASP = Step(("take", "grasp"), "take", ("jar_1",), act="Grasp")
 TILT = Step(("pour",), act="Pour")
 STORY = (
     AgentIn(t=1.0, agent="ta", state="running"),
-    PlanSeen(t=1.0, plan="p1", tasks=(Task("pour"),), states=(Step(("take",), "take", ("jar_1",)), GRASP, TILT)),
+    PlanSeen(
+        t=1.0,
+        plan="p1",
+        tasks=(Task("pour"),),
+        states=(Step(("take",), "take", ("jar_1",)), GRASP, TILT),
+    ),
     PlanAt(t=1.5, at=GRASP),
-    Sent(t=2.0, channel="C4", sender="pl", receiver="km", protocol="query", performative="query-ref", bytes=231),
+    Sent(
+        t=2.0,
+        channel="C4",
+        sender="pl",
+        receiver="km",
+        protocol="query",
+        performative="query-ref",
+        bytes=231,
+    ),
     Happened(t=3.0, name="grasped", of=("jar_1",), text="left hand"),
     PlanAt(t=4.0, at=TILT, outcome="succeeded"),
 )
@@ -50,7 +75,9 @@ class Answers(http.server.BaseHTTPRequestHandler):
         if self.path == "/say":
             said = msgspec.json.decode(body, type=run_files.Say).text
             known = "pour" in said
-            answer = TaskLine("hi-1-1" if known else "", "waiting" if known else "refused", "I can pour", said)
+            answer = TaskLine(
+                "hi-1-1" if known else "", "waiting" if known else "refused", "I can pour", said
+            )
             Answers.task = answer if known else None
             self.reply(answer)
         elif Answers.task is None:
@@ -109,8 +136,14 @@ def main(run: Path, success: bool, mode: str) -> None:
     while mode == "slow" and not (run / "may-end").exists():
         time.sleep(0.02)
     server.shutdown()
-    report = {"success": success, "failure": None if success else "the jar slipped", "poured_fraction": 0.97}
-    (run / run_folder.REPORT_FILE).write_bytes(encode({**report, "sim_time_s": 98.5, "wall_time_s": 120.0}))
+    report = {
+        "success": success,
+        "failure": None if success else "the jar slipped",
+        "poured_fraction": 0.97,
+    }
+    (run / run_folder.REPORT_FILE).write_bytes(
+        encode({**report, "sim_time_s": 98.5, "wall_time_s": 120.0})
+    )
 
 
 if __name__ == "__main__":

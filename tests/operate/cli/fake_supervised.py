@@ -1,6 +1,8 @@
-"""`roco` with a pretended fleet in place of the supervisor: `fake_supervised.py MODE WORDS OF ROCO`.
+"""`roco` with a pretended fleet in place of the supervisor: `fake_supervised.py MODE WORDS OF
+ROCO`.
 
-MODE: `ready`, `starting` (never ready), or `slow` (never ready, and it does not end before a file `may-end` is there).
+MODE: `ready`, `starting` (never ready), or `slow` (never ready, and it does not end before a file
+`may-end` is there).
 """
 
 import subprocess
@@ -18,7 +20,9 @@ def start(run: Path, arguments: list[str]) -> "subprocess.Popen[bytes]":
     run.mkdir(parents=True)
     command = [sys.executable, FAKE, "services.supervisor", run, "True", mode]
     quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, start_new_session=True, stdin=quiet, stdout=quiet, stderr=quiet)
+    return subprocess.Popen(
+        command, start_new_session=True, stdin=quiet, stdout=quiet, stderr=quiet
+    )
 
 
 mode = sys.argv.pop(1)

@@ -9,9 +9,9 @@ from typer.testing import CliRunner, Result
 from operate.cli.__main__ import app
 
 MESSAGE = (
-    "(inform :sender (agent-identifier :name km :addresses (sequence http://a:1/acc)) :receiver (set "
-    '(agent-identifier :name pl) (agent-identifier :name ta)) :content "{\\"a\\":1}" :encoding json '
-    ":reply-by 20260101T120000250Z :X-id km-1)"
+    "(inform :sender (agent-identifier :name km :addresses (sequence http://a:1/acc)) :receiver"
+    ' (set (agent-identifier :name pl) (agent-identifier :name ta)) :content "{\\"a\\":1}"'
+    " :encoding json :reply-by 20260101T120000250Z :X-id km-1)"
 )
 
 
@@ -74,7 +74,10 @@ def test_a_fault_for_programs() -> None:
 
 def test_a_terminal_obeys_no_message() -> None:
     """Control characters are shown, not sent; neither are rich's tags."""
-    for text in ('(inform :content "a\x1b[2Jb" :language "[red]x[/red]")', '(inform :content "a\x1b[2Jb" :mood x)'):
+    for text in (
+        '(inform :content "a\x1b[2Jb" :language "[red]x[/red]")',
+        '(inform :content "a\x1b[2Jb" :mood x)',
+    ):
         said = show(text)
         assert "\x1b" not in said.stdout + said.stderr
         assert "[2Jb" in said.stdout + said.stderr

@@ -1,4 +1,6 @@
-"""One fleet, unless a second one is named: what is refused, where a second one writes, whom a verb means then."""
+"""One fleet, unless a second one is named: what is refused, where a second one writes, whom a verb
+means then.
+"""
 
 import json
 import os
@@ -38,8 +40,12 @@ def told() -> list[list[str]]:
 
 
 @pytest.fixture
-def begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: list[list[str]]) -> Iterator[Begin]:
-    """Brings up a pretended fleet in a folder here, as the console would, too; the first is runs/latest."""
+def begin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: list[list[str]]
+) -> Iterator[Begin]:
+    """Brings up a pretended fleet in a folder here, as the console would, too; the first is
+    runs/latest.
+    """
     started: list[subprocess.Popen[bytes]] = []
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("ROCO_RUN_DIR", raising=False)
@@ -67,7 +73,9 @@ def begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: list[list[str]]
 
 @pytest.mark.parametrize("verb", [["up"], ["demo"], ["experiment", "pour", "--runs", "1"]])
 @pytest.mark.parametrize("folder", ["runs/first", "experiments/mine/runs/seed-1"])
-def test_beside_a_fleet_none_is_started(begin: Begin, tmp_path: Path, verb: list[str], folder: str) -> None:
+def test_beside_a_fleet_none_is_started(
+    begin: Begin, tmp_path: Path, verb: list[str], folder: str
+) -> None:
     """The sentence says what runs where, and what to do; nothing was made."""
     begin(folder)
     before = _files(tmp_path)
@@ -95,23 +103,30 @@ def test_processes_that_a_supervisor_left_count_too(begin: Begin) -> None:
     assert "1 process left; `roco down --run-dir runs/first` ends it" in done.stderr
 
 
-def test_where_nothing_runs_any_more_a_fleet_is_started(begin: Begin, told: list[list[str]]) -> None:
+def test_where_nothing_runs_any_more_a_fleet_is_started(
+    begin: Begin, told: list[list[str]]
+) -> None:
     """Old folders are in nobody's way."""
     starting.down(begin("runs/first"))
     assert roco("up").exit_code == 0
     assert "--no-latest" not in told[-1]
 
 
-def test_without_room_no_fleet_is_started(tmp_path: Path, disk: Callable[[Path, str], Path]) -> None:
+def test_without_room_no_fleet_is_started(
+    tmp_path: Path, disk: Callable[[Path, str], Path]
+) -> None:
     """The sentence says where, how much there is, and how much it takes."""
     done = roco("up", "--out", disk(tmp_path / "small", "1m") / "run")
     assert done.exit_code == 1
     assert re.search(
-        r"the disk of .*/small/run has 1\.0 MB free, and a fleet needs 34 MB to start: make room", done.stderr
+        r"the disk of .*/small/run has 1\.0 MB free, and a fleet needs 34 MB to start: make room",
+        done.stderr,
     )
 
 
-def test_a_second_fleet_is_named_and_latest_stays(begin: Begin, told: list[list[str]], tmp_path: Path) -> None:
+def test_a_second_fleet_is_named_and_latest_stays(
+    begin: Begin, told: list[list[str]], tmp_path: Path
+) -> None:
     """A verb without a name means the first, as before; the name means the second."""
     first = begin("runs/first")
     done = roco("up", "--another", "second", "--format", "json")
@@ -127,7 +142,9 @@ def test_a_second_fleet_is_named_and_latest_stays(begin: Begin, told: list[list[
     assert (folders.stop_held(first), folders.stop_held(tmp_path / "runs/second")) == (False, True)
 
 
-def test_a_folder_of_ones_own_takes_latest_from_no_living_fleet(begin: Begin, told: list[list[str]]) -> None:
+def test_a_folder_of_ones_own_takes_latest_from_no_living_fleet(
+    begin: Begin, told: list[list[str]]
+) -> None:
     """--out is a name as well; parts of one fleet may stand side by side."""
     begin("runs/first")
     assert roco("up", "--out", "runs/part").exit_code == 0

@@ -1,4 +1,6 @@
-"""`roco chaos`: a seed chooses the same cell each time, one that can be done; results are kept and gone on from."""
+"""`roco chaos`: a seed chooses the same cell each time, one that can be done; results are kept and
+gone on from.
+"""
 
 from pathlib import Path
 
@@ -24,7 +26,9 @@ WITHOUT = msgspec.structs.replace(SYSTEM, job=Job())
 CELL = Cell(1, "kill", "pl", "planning", "event:plan-requested 1")
 
 
-def result(cell: Cell = CELL, *, success: bool = True, why: str = "", began: bool = True, **more: object) -> Result:
+def result(
+    cell: Cell = CELL, *, success: bool = True, why: str = "", began: bool = True, **more: object
+) -> Result:
     """A run."""
     told = {"broken": (), "stuck": False, "orphans": (), **more}
     whole = {"exit": 0, "bytes": 1, "wall_s": 1.0, "load": 0.1, "text": "back"}
@@ -33,7 +37,9 @@ def result(cell: Cell = CELL, *, success: bool = True, why: str = "", began: boo
 
 @given(st.integers(0, 2**31), st.sampled_from([SYSTEM, WITHOUT]))
 def test_a_seed_is_a_cell_that_can_be_done(seed: int, system: chaos.System) -> None:
-    """Always the same; its kind's verb takes its words, its moment is one, its amount lies in the kind's span."""
+    """Always the same; its kind's verb takes its words, its moment is one, its amount lies in the
+    kind's span.
+    """
     cell = chaos.choose(system, seed, (), ())
     assert cell == chaos.choose(system, seed, (), ())
     row = KINDS[cell.kind]
@@ -97,7 +103,9 @@ def test_wrong_use_is_told(words: list[str], why: str) -> None:
         (result(began=False), True, chaos.NOTHING),
     ],
 )
-def test_a_run_holds_where_it_is_done_or_explained_and_nothing_is_broken(one: Result, held: bool, colour: str) -> None:
+def test_a_run_holds_where_it_is_done_or_explained_and_nothing_is_broken(
+    one: Result, held: bool, colour: str
+) -> None:
     """And its seed has the colour of that."""
     assert (one.held, chaos.colour(one)) == (held, colour)
 
@@ -119,7 +127,9 @@ def done(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
 
 
 def test_what_is_done_is_not_done_again(done: list[int], tmp_path: Path) -> None:
-    """With --resume more runs are added; a line that a kill cut off is repeated; folders stay only of broken runs."""
+    """With --resume more runs are added; a line that a kill cut off is repeated; folders stay only
+    of broken runs.
+    """
     out = str(tmp_path / "c")
     first = CliRunner().invoke(app, ["chaos", "--runs", "3", "--out", out])
     assert (first.exit_code, done) == (1, [1, 2, 3])
@@ -136,7 +146,9 @@ def test_a_budget_begins_no_more_runs(done: list[int], monkeypatch: pytest.Monke
     """And says how to go on."""
     clock = iter(range(0, 10_000, 100))
     monkeypatch.setattr(chaos.time, "monotonic", lambda: float(next(clock)))
-    told = CliRunner().invoke(app, ["chaos", "--runs", "9", "--budget", "4", "--seed", "3", "--out", "c"])
+    told = CliRunner().invoke(
+        app, ["chaos", "--runs", "9", "--budget", "4", "--seed", "3", "--out", "c"]
+    )
     assert done == [3, 4]
     assert "--out" in told.output
     assert "--resume" in told.output
@@ -144,7 +156,9 @@ def test_a_budget_begins_no_more_runs(done: list[int], monkeypatch: pytest.Monke
 
 def test_programs_get_a_line_for_each_run(done: list[int]) -> None:
     """With the cell that repeats it."""
-    told = CliRunner().invoke(app, ["chaos", "--runs", "2", "--seed", "5", "--out", "c", "--format", Format.JSON])
+    told = CliRunner().invoke(
+        app, ["chaos", "--runs", "2", "--seed", "5", "--out", "c", "--format", Format.JSON]
+    )
     found = [msgspec.json.decode(line, type=Result) for line in told.stdout.splitlines()]
     assert [one.cell for one in found] == [chaos.choose(SYSTEM, seed, (), ()) for seed in (5, 6)]
 

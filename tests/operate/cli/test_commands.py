@@ -65,7 +65,9 @@ def test_down_ends_the_fleet_and_status_tells_it(run: Path) -> None:
 
 
 def test_stop_reaches_whoever_has_the_flag_mapped(tmp_path: Path) -> None:
-    """The loop maps the file once; stop and release change that very byte, with nothing else running."""
+    """The loop maps the file once; stop and release change that very byte, with nothing else
+    running.
+    """
     (tmp_path / "stop").write_bytes(b"\x00")
     (tmp_path / SLOTS_FILE).touch()
     file = os.open(tmp_path / "stop", os.O_RDONLY)
@@ -85,7 +87,9 @@ def test_stop_promises_nothing_where_no_control_loop_is(tmp_path: Path) -> None:
     assert roco("release", "--run-dir", tmp_path).exit_code == 0
 
 
-@pytest.mark.parametrize("command", [["down"], ["status"], ["say", "x"], ["cancel"], ["stop"], ["release"]])
+@pytest.mark.parametrize(
+    "command", [["down"], ["status"], ["say", "x"], ["cancel"], ["stop"], ["release"]]
+)
 def test_without_a_run_every_command_says_so(command: list[str], tmp_path: Path) -> None:
     """And says what to do, as JSON where asked for."""
     nowhere = tmp_path / "none"
@@ -132,7 +136,9 @@ def test_the_demo_takes_the_speed_that_the_machine_holds(
     pretend(True)
     monkeypatch.setattr("companion.tools.verbs.checkup.measure", lambda: pace)
     start, started = starting.start, []
-    monkeypatch.setattr(starting, "start", lambda run, given: started.append(given) or start(run, given))
+    monkeypatch.setattr(
+        starting, "start", lambda run, given: started.append(given) or start(run, given)
+    )
     done = roco("demo", "--out", tmp_path / "out", *words)
     assert done.exit_code == 0, done.output
     assert started[0][started[0].index("--speed") + 1] == speed

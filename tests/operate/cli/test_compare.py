@@ -1,4 +1,6 @@
-"""`roco compare`, `roco report`, `roco export`: exit codes, and what people and programs are shown."""
+"""`roco compare`, `roco report`, `roco export`: exit codes, and what people and programs are
+shown.
+"""
 
 from pathlib import Path
 
@@ -39,7 +41,9 @@ def experiment(place: Path, factor: float = 1.0, lost: int = 0) -> Path:
 
 @pytest.mark.timeout(180)
 def test_a_regression_is_said_and_ends_with_1(tmp_path: Path) -> None:
-    """Energy by name, with its threshold; the same set alone passes; a wide threshold passes, too."""
+    """Energy by name, with its threshold; the same set alone passes; a wide threshold passes,
+    too.
+    """
     before, after = experiment(tmp_path / "before"), experiment(tmp_path / "after", 1.3)
     code, out, _ = run("compare", str(before), str(after))
     assert code == 1
@@ -51,7 +55,9 @@ def test_a_regression_is_said_and_ends_with_1(tmp_path: Path) -> None:
 
 def test_lost_runs_are_named(tmp_path: Path) -> None:
     """Half of them failed: exit code 1, the first seeds and why."""
-    code, out, _ = run("compare", str(experiment(tmp_path / "a")), str(experiment(tmp_path / "b", lost=10)))
+    code, out, _ = run(
+        "compare", str(experiment(tmp_path / "a")), str(experiment(tmp_path / "b", lost=10))
+    )
     assert code == 1
     assert "seed 1 succeeded in A and not in B: the jar fell" in out
     assert "regression: success (threshold 5)" in out
@@ -79,7 +85,9 @@ def test_what_is_no_set_of_runs_is_wrong_use(tmp_path: Path) -> None:
 def test_a_unit_and_an_interval_are_shown() -> None:
     """Brackets would be taken for markup."""
     sides = (Interval(48.0, None, None, 3), Interval(50.0, None, None, 3))
-    row = Compared("command to end", "latency", "s", *sides, None, 4.2, -1.0, 9.4, 10.0, Verdict.SAME)
+    row = Compared(
+        "command to end", "latency", "s", *sides, None, 4.2, -1.0, 9.4, 10.0, Verdict.SAME
+    )
     console = Console(width=80, color_system=None)
     with console.capture() as text:
         console.print(compare.quantities((row,)))
@@ -88,8 +96,12 @@ def test_a_unit_and_an_interval_are_shown() -> None:
 
 
 def test_the_first_difference_is_shown_in_words() -> None:
-    """The conversation, the communicate, and each side's words at the first difference are shown."""
-    said = SentMessage(1.5, "C6", "ta", "km", "subscribe", "inform", "km-1-1", "SeenObject", 300, "seen jar")
+    """The conversation, the communicate, and each side's words at the first difference are
+    shown.
+    """
+    said = SentMessage(
+        1.5, "C6", "ta", "km", "subscribe", "inform", "km-1-1", "SeenObject", 300, "seen jar"
+    )
     first = Divergence("km to ta, subscribe", 1, 3, said, None)
     lines = compare.divergences((Diverged(4, first), Diverged(5, None)))
     assert lines[0].startswith("what was said differs in 1 of 2 seeds")
@@ -119,7 +131,9 @@ def test_a_report_goes_where_it_is_wanted_and_overwrites_no_recording(tmp_path: 
     """report.json, report.html and run.rrd beside a copy of the recording."""
     code, out, error = run("report", str(POUR / "traffic.mcap"), "--out", str(tmp_path / "again"))
     assert code == 0, error
-    assert {"report.json", "report.html", "run.rrd", "traffic.mcap"} <= {p.name for p in (tmp_path / "again").iterdir()}
+    assert {"report.json", "report.html", "run.rrd", "traffic.mcap"} <= {
+        p.name for p in (tmp_path / "again").iterdir()
+    }
     assert "written:" in out
     code, _, error = run("report", str(POUR / "traffic.mcap"), "--out", str(tmp_path / "again"))
     assert code == 2
@@ -129,7 +143,9 @@ def test_a_report_goes_where_it_is_wanted_and_overwrites_no_recording(tmp_path: 
 @pytest.mark.timeout(180)
 def test_tables_are_written(tmp_path: Path) -> None:
     """Each table is reported with its number of rows."""
-    code, out, error = run("export", str(POUR), "--to", "csv", "--out", str(tmp_path), "--format", "json")
+    code, out, error = run(
+        "export", str(POUR), "--to", "csv", "--out", str(tmp_path), "--format", "json"
+    )
     assert code == 0, error
     assert {Path(one["file"]).name: one["rows"] for one in msgspec.json.decode(out)} == {
         "communicates.csv": 420, "states.csv": 81, "events.csv": 19, "telemetry.csv": 172,

@@ -1,4 +1,6 @@
-"""Completion: each parameter of each verb has names to complete, or a reason why there are none; and they are right."""
+"""Completion: each parameter of each verb has names to complete, or a reason why there are none;
+and they are right.
+"""
 
 import os
 import subprocess
@@ -22,7 +24,11 @@ POUR = ROOT / "tests/histories/pour_seed_7"
 DEPOT = ROOT / "examples/depot/depot/design.toml"
 CHOICES, PATHS = ("choice", "boolean"), ("path", "file", "directory")
 """Types that the command line completes by itself, and those that the shell does."""
-A_NUMBER, A_NAME, A_TEXT = "a number of one's own", "a name that is not there yet", "a text of one's own"
+A_NUMBER, A_NAME, A_TEXT = (
+    "a number of one's own",
+    "a name that is not there yet",
+    "a text of one's own",
+)
 FREE = {
     ("*", "count"): A_NUMBER,
     ("*", "for_"): A_NUMBER,
@@ -46,7 +52,10 @@ FREE = {
     ("replay", "connect"): "the address of a router of another machine",
     ("traffic judge", "languages"): "a place in code that is not this system's",
     ("send", "content"): A_TEXT,
-    ("send", "in_reply_to"): "a label that is in no list: `roco traffic echo --format json` shows it",
+    (
+        "send",
+        "in_reply_to",
+    ): "a label that is in no list: `roco traffic echo --format json` shows it",
     ("send", "reply_with"): A_NAME,
     ("send", "id"): A_NAME,
     ("send", "reply_by"): A_NUMBER,
@@ -87,7 +96,9 @@ def completed(one: Any) -> bool:
 
 
 def test_every_parameter_is_completed_or_has_a_reason() -> None:
-    """A new parameter needs a completer, or an entry in FREE with the reason why it has no names to give."""
+    """A new parameter needs a completer, or an entry in FREE with the reason why it has no names to
+    give.
+    """
     bare = [(verb, one.name) for verb, one in parameters() if not completed(one)]
     assert [row for row in bare if row not in FREE and ("*", row[1]) not in FREE] == []
 
@@ -142,7 +153,10 @@ NAMES: list[tuple[str, list[str]]] = [
     ("fault h", ["hang", "heal"]),
     ("fault se", ["sensor"]),
     ("record in", ["info"]),
-    ("design export --pair ta-", ["-".join(one.ends) for one in DESIGN.channels.values() if one.ends[0] == "ta"]),
+    (
+        "design export --pair ta-",
+        ["-".join(one.ends) for one in DESIGN.channels.values() if one.ends[0] == "ta"],
+    ),
     ("design verify --layer ", ["1", "2", "3"]),
     ("param pl a", ["attempts"]),
     ("param pl log-level w", ["warning"]),

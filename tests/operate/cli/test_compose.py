@@ -37,7 +37,9 @@ def wait_for(condition: Callable[[], object]) -> None:
 
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Containers of two services and of ex, which has a supervisor with two processes; a foreign one beside them."""
+    """Containers of two services and of ex, which has a supervisor with two processes; a foreign
+    one beside them.
+    """
     root, bin = tmp_path / "containers", tmp_path / "bin"
     for name in ("one.router", "one.hi", "one.ex", "other.cache"):
         (root / name).mkdir(parents=True)
@@ -45,11 +47,16 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (root / name / "stop").write_bytes(b"\0")
     for service in ("router", "hi"):
         (root / f"one.{service}" / f"{service}.ready").touch()
-        os.utime(root / f"one.{service}" / f"{service}.ready", (4e9, 4e9))  # after any /dev was made
-    (root / "one.hi" / "hi.heartbeat.json").write_text(f'{{"pid":{os.getpid()},"incarnation":2,"state":"listening"}}')
+        # after any /dev was made
+        os.utime(root / f"one.{service}" / f"{service}.ready", (4e9, 4e9))
+    (root / "one.hi" / "hi.heartbeat.json").write_text(
+        f'{{"pid":{os.getpid()},"incarnation":2,"state":"listening"}}'
+    )
     (root / "one.hi" / "hi.json").write_bytes(msgspec.json.encode(HiAddress(1, "t")))
     both = tuple(ProcessStatus(name, ProcessState.READY, 7) for name in ("loop", "ex"))
-    (root / "one.ex" / "fleet.json").write_bytes(msgspec.json.encode(Fleet("roco", "", 1, 0.0, both)))
+    (root / "one.ex" / "fleet.json").write_bytes(
+        msgspec.json.encode(Fleet("roco", "", 1, 0.0, both))
+    )
     bin.mkdir()
     (bin / "docker").write_text(f'#!/bin/sh\nexec "{sys.executable}" -I -S "{DOCKER}" "$@"\n')
     (bin / "docker").chmod(0o755)
@@ -66,7 +73,9 @@ def roco(*words: str) -> Result:
 
 
 def test_containers_are_found_out_where_nothing_runs_here(world: Path) -> None:
-    """Every process in its container, those of ex as their supervisor says; the foreign container is none of ours."""
+    """Every process in its container, those of ex as their supervisor says; the foreign container
+    is none of ours.
+    """
     found = targets.find().look()
     assert [one.name for one in found.seen] == ["router", "loop", "ex", "hi"]
     assert {one.status.state for one in found.seen} == {ProcessState.READY}
@@ -104,7 +113,8 @@ def test_stop_reaches_the_loop_in_place(world: Path) -> None:
     """The byte that the loop has mapped changes, no other file takes its place."""
     flag = world / "one.ex" / "stop"
     number = flag.stat().st_ino
-    assert roco("stop", "--target", "one").exit_code == 0  # without it, the fleets of other tests are stopped, too
+    # without it, the fleets of other tests are stopped, too
+    assert roco("stop", "--target", "one").exit_code == 0
     assert (flag.read_bytes(), flag.stat().st_ino) == (b"\x01", number)
     assert json.loads(roco("agents", "--format", "json").stdout)["where"] == "compose project one"
     assert targets.find().look().stop_held
@@ -143,7 +153,9 @@ def test_the_monitors_file_is_read_from_a_byte_on(world: Path) -> None:
     assert targets.find().live(2) == b"cdef"
 
 
-def test_without_docker_nothing_is_found_there(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_docker_nothing_is_found_there(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """No error of docker, but that nothing runs."""
     monkeypatch.setenv("PATH", "/nowhere")
     done = roco("status")
@@ -152,18 +164,24 @@ def test_without_docker_nothing_is_found_there(world: Path, monkeypatch: pytest.
 
 
 def test_of_several_robots_one_is_meant(world: Path) -> None:
-    """PROJECT/ROBOT: its own services, though their names have numbers, and what all share; no other's."""
+    """PROJECT/ROBOT: its own services, though their names have numbers, and what all share; no
+    other's.
+    """
     judged = (
-        '{"t":1.0,"verdict":"legal","bytes":1,"channel":"C2","sender":"hi","receiver":"co","conversation":"hi-1-1"}\n'
+        '{"t":1.0,"verdict":"legal","bytes":1,"channel":"C2","sender":"hi","receiver":"co",'
+        '"conversation":"hi-1-1"}\n'
     )
     both = "velma1,velma2"
-    for service, system in {"router": both, "monitor": both, "hi": "velma1", "ex": "velma1", "hi2": "velma2",
+    for service, system in {"router": both, "monitor": both, "hi": "velma1", "ex": "velma1",
+                            "hi2": "velma2",
                             "ex2": "velma2"}.items():  # fmt: skip
         folder = world / f"one.{service}"
         folder.mkdir(exist_ok=True)
         (folder / "state").write_text("running")
         (folder / "stop").write_bytes(b"\0")
-        (folder / "environment").write_text(f"{'ROCO_SYSTEMS' if ',' in system else 'ROCO_SYSTEM'}={system}\n")
+        (folder / "environment").write_text(
+            f"{'ROCO_SYSTEMS' if ',' in system else 'ROCO_SYSTEM'}={system}\n"
+        )
     (world / "one.monitor" / "velma2").mkdir()
     (world / "one.monitor" / "velma2" / "verdicts.jsonl").write_text(judged)
     second = targets.find("one/velma2")
@@ -175,16 +193,25 @@ def test_of_several_robots_one_is_meant(world: Path) -> None:
     whole = targets.find("one")
     whole.hold("ex", True)
     assert {(world / f"one.{ex}" / "stop").read_bytes() for ex in ("ex", "ex2")} == {b"\x01"}
-    with pytest.raises(UsageError, match="name the one to release: --target one/velma1 or one/velma2"):
+    with pytest.raises(
+        UsageError, match="name the one to release: --target one/velma1 or one/velma2"
+    ):
         whole.hold("ex", False)
     assert [one.conversation for one in second.verdicts()] == ["hi-1-1"]
     assert targets.find("compose/velma1").verdicts() == []
-    assert json.loads(roco("conversation", "--target", "one/velma2", "--format", "json").stdout)[0]["id"] == "hi-1-1"
+    assert (
+        json.loads(roco("conversation", "--target", "one/velma2", "--format", "json").stdout)[0][
+            "id"
+        ]
+        == "hi-1-1"
+    )
     assert roco("status", "--target", "one/velma3").exit_code == 3
 
 
 def test_a_fault_hits_the_process_in_its_container(world: Path) -> None:
-    """By its pid there; the line stands where the monitor records, or in the folder of this robot."""
+    """By its pid there; the line stands where the monitor records, or in the folder of this
+    robot.
+    """
     fleet = targets.find("one")
     with subprocess.Popen(["sleep", "60"]) as victim:
         (world / "one.hi" / "hi.heartbeat.json").write_text(
@@ -202,7 +229,9 @@ def test_a_fault_hits_the_process_in_its_container(world: Path) -> None:
     assert (monitor / FAULTS_FILE).read_bytes() == b"first\n"
     (monitor / "roco").mkdir()
     targets.find("one").add_fault(b"second\n")
-    assert (monitor / "roco" / FAULTS_FILE).read_bytes() == b"second\n" == targets.find("one").faults()
+    assert (
+        (monitor / "roco" / FAULTS_FILE).read_bytes() == b"second\n" == targets.find("one").faults()
+    )
 
 
 def test_a_fault_of_the_monitor_is_noted_when_it_is_back(world: Path) -> None:
@@ -213,7 +242,10 @@ def test_a_fault_of_the_monitor_is_noted_when_it_is_back(world: Path) -> None:
     noting = threading.Thread(target=lambda: targets.find("one").add_fault(b"killed\n"))
     noting.start()
     looked = targets.find("one").look()
-    assert next(one.status.state for one in looked.seen if one.name == "monitor") is ProcessState.BACKING_OFF
+    assert (
+        next(one.status.state for one in looked.seen if one.name == "monitor")
+        is ProcessState.BACKING_OFF
+    )
     assert noting.is_alive()
     (monitor / "state").write_text("running")
     noting.join(DEADLINE_S)
@@ -221,7 +253,9 @@ def test_a_fault_of_the_monitor_is_noted_when_it_is_back(world: Path) -> None:
 
 
 def test_doctor_misses_compose(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without it no container of ours can be started, though docker answers; it is a plugin or a program."""
+    """Without it no container of ours can be started, though docker answers; it is a plugin or a
+    program.
+    """
     bin = world.parent / "bin"
     monkeypatch.setenv("PATH", str(bin))
     (check,) = checkup.containers()

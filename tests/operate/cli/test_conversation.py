@@ -1,4 +1,6 @@
-"""`roco conversation`: listed with filters, drawn as a sequence of arrows, of a run that ended or goes on."""
+"""`roco conversation`: listed with filters, drawn as a sequence of arrows, of a run that ended or
+goes on.
+"""
 
 from itertools import product
 from pathlib import Path
@@ -18,16 +20,20 @@ from topdown.judge.verdicts import Verdict
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 ASKED = Judged(
-    t=100.0, verdict=Verdict.LEGAL, bytes=196, channel="C5", sender="ta", receiver="ex", protocol="request",
-    performative="request", conversation="ta-1-2", id="1", text="look", initiator="asked", participant="asked",
+    t=100.0, verdict=Verdict.LEGAL, bytes=196, channel="C5", sender="ta", receiver="ex",
+    protocol="request",
+    performative="request", conversation="ta-1-2", id="1", text="look", initiator="asked",
+    participant="asked",
 )  # fmt: skip
 AGREED = msgspec.structs.replace(
-    ASKED, t=102.2, sender="ex", receiver="ta", performative="agree", text="accepted", initiator="agreed",
+    ASKED, t=102.2, sender="ex", receiver="ta", performative="agree", text="accepted",
+    initiator="agreed",
     participant="agreed",
 )  # fmt: skip
 WRONG = msgspec.structs.replace(
     AGREED, t=103.0, verdict=Verdict.OUT_OF_SEQUENCE, violation=True,
-    why="request: participant ex says agree in agreed; it may say failure, inform, inform[progress]",
+    why="request: participant ex says agree in agreed; "
+        "it may say failure, inform, inform[progress]",
 )  # fmt: skip
 
 
@@ -35,14 +41,19 @@ WRONG = msgspec.structs.replace(
 def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The pour, with its verdicts as the monitor writes them."""
     run = tmp_path_factory.mktemp("run")
-    (run / VERDICTS_FILE).write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in verdicts_of(POUR)))
+    (run / VERDICTS_FILE).write_bytes(
+        b"".join(msgspec.json.encode(one) + b"\n" for one in verdicts_of(POUR))
+    )
     return run
 
 
 def roco(run_dir: Path, *words: str, columns: int = 80, code: int = 0) -> str:
     """Return the verb's output; its exit code must be `code`."""
     done = CliRunner().invoke(
-        app, ["conversation", *words, "--run-dir", str(run_dir)], env={"COLUMNS": str(columns)}, terminal_width=columns
+        app,
+        ["conversation", *words, "--run-dir", str(run_dir)],
+        env={"COLUMNS": str(columns)},
+        terminal_width=columns,
     )
     assert done.exit_code == code, done.output
     return done.stdout + done.stderr
@@ -50,7 +61,9 @@ def roco(run_dir: Path, *words: str, columns: int = 80, code: int = 0) -> str:
 
 def listed(run_dir: Path, *words: str) -> list[conversation.Conversation]:
     """The list, for programs."""
-    return msgspec.json.decode(roco(run_dir, "--format", "json", *words), type=list[conversation.Conversation])
+    return msgspec.json.decode(
+        roco(run_dir, "--format", "json", *words), type=list[conversation.Conversation]
+    )
 
 
 def test_every_conversation_is_listed_once(run_dir: Path) -> None:
@@ -58,7 +71,9 @@ def test_every_conversation_is_listed_once(run_dir: Path) -> None:
     found = listed(run_dir)
     assert len({one.id for one in found}) == len(found) == 137
     assert [one.since for one in found] == sorted(one.since for one in found)
-    assert {(one.initiator, one.participant) for one in found if one.channel == "C1"} == {("co", "ta")}
+    assert {(one.initiator, one.participant) for one in found if one.channel == "C1"} == {
+        ("co", "ta")
+    }
 
 
 @pytest.mark.parametrize(
@@ -83,7 +98,9 @@ def test_filters(run_dir: Path, words: tuple[str, ...], count: int) -> None:
 def test_a_conversation_is_drawn(run_dir: Path) -> None:
     """Both lifelines, each act with its size, its content, the states after it."""
     text = roco(run_dir, "ta-1-2")
-    assert [word for word in ("request  196 B", "agree  115 B", "inform  1.03 kB") if word not in text] == []
+    assert [
+        word for word in ("request  196 B", "agree  115 B", "inform  1.03 kB") if word not in text
+    ] == []
     assert text.count("▶") == 1
     assert text.count("◀") == 2
     assert "look" in text

@@ -31,7 +31,14 @@ def test_one_use_goes_to_one_file(tmp_path: Path) -> None:
 def test_a_pair_goes_to_a_folder(tmp_path: Path) -> None:
     """Both uses that are meant, each in a file of its own."""
     said = export(
-        "--promela", str(tmp_path / "models"), "--pair", "co-ta", "--use", "generate_plan", "--format", "json"
+        "--promela",
+        str(tmp_path / "models"),
+        "--pair",
+        "co-ta",
+        "--use",
+        "generate_plan",
+        "--format",
+        "json",
     )
     assert said.exit_code == 0, said.output
     written = json.loads(said.stdout)

@@ -1,4 +1,6 @@
-"""`roco design show`: the companion's design as text, JSON, page and pictures; the committed pictures are not stale."""
+"""`roco design show`: the companion's design as text, JSON, page and pictures; the committed
+pictures are not stale.
+"""
 
 import json
 from pathlib import Path
@@ -34,7 +36,9 @@ def test_text_fits_the_terminal(columns: int) -> None:
 def test_json_has_what_the_text_has() -> None:
     """The same sections, tables with their rows."""
     sections = json.loads(show("--format", "json").stdout)
-    assert [section["what"] for section in sections] == [what for what in book.What if what is not book.What.ALL]
+    assert [section["what"] for section in sections] == [
+        what for what in book.What if what is not book.What.ALL
+    ]
     (tree,) = json.loads(show("--what", "tree", "--step", "1", "--format", "json").stdout)
     assert tree["parts"][1]["rows"] == [["C1", "ac-ec", "1", "commands to be executed"]]
 
@@ -48,7 +52,9 @@ def test_json_has_what_the_text_has() -> None:
         (["--what", "system", "--agent", "co"], ["system"]),
     ],
 )
-def test_an_option_alone_chooses_the_sections_it_is_about(words: list[str], sections: list[str]) -> None:
+def test_an_option_alone_chooses_the_sections_it_is_about(
+    words: list[str], sections: list[str]
+) -> None:
     """A step its table, an agent its interface and machine, a protocol its diagram."""
     found = json.loads(show(*words, "--format", "json").stdout)
     assert [section["what"] for section in found] == sections
@@ -60,7 +66,11 @@ def test_another_design_is_shown_and_written(tmp_path: Path) -> None:
     said = show(str(OTHER), "--html", str(page), "--svg", str(folder))
     assert said.exit_code == 0
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    assert {path.name for path in folder.iterdir()} >= {"system.svg", "tree.svg", "machine-lamp.svg"}
+    assert {path.name for path in folder.iterdir()} >= {
+        "system.svg",
+        "tree.svg",
+        "machine-lamp.svg",
+    }
     assert str(page) in said.stdout
 
 
@@ -86,7 +96,10 @@ def test_step_1_and_step_4_are_the_papers_tables_1_and_2() -> None:
     assert first["C1 transmits"] == "commands to be executed"
     fourth = dict(grid(book.What.STEPS, "Step 4", step=4).rows)
     assert fourth["Division"] == "cp := <pl, km>"
-    assert (fourth["Channel reallocation"], fourth["New channels"]) == ("C3 co-cp ↦ C3 co-pl", "C4 pl-km")
+    assert (fourth["Channel reallocation"], fourth["New channels"]) == (
+        "C3 co-cp ↦ C3 co-pl",
+        "C4 pl-km",
+    )
     assert fourth["C4 transmits"] == "knowledge needed by the planner"
 
 
@@ -94,7 +107,14 @@ def test_generate_plan_is_listed_as_the_paper_writes_it() -> None:
     """('request', 'generatePlan', [GroundTaskNetwork], HierarchicalPlan), section 5.6."""
     rows = grid(book.What.INTERFACES, "pl answers").rows
     assert rows == (
-        ("generate_plan", "co", "request", "generatePlan", "HFSM.GroundTaskNetwork", "HFSM.HierarchicalPlan"),
+        (
+            "generate_plan",
+            "co",
+            "request",
+            "generatePlan",
+            "HFSM.GroundTaskNetwork",
+            "HFSM.HierarchicalPlan",
+        ),
     )
 
 

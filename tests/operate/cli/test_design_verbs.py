@@ -40,7 +40,11 @@ def test_findings_exit_with_1_and_have_file_and_line() -> None:
 @pytest.mark.parametrize("columns", [80, 120])
 def test_lines_fit_the_terminal(columns: int) -> None:
     """But for what cannot be broken: paths."""
-    for words in (("check", PRINTED), ("diff", FILE, BARROW), ("check", "--estimate", "--recording", RUN)):
+    for words in (
+        ("check", PRINTED),
+        ("diff", FILE, BARROW),
+        ("check", "--estimate", "--recording", RUN),
+    ):
         lines = roco(*words, columns=columns).output.splitlines()
         assert lines
         assert [line for line in lines if len(line) > columns and " " in line.strip()] == []
@@ -101,7 +105,9 @@ def test_leaves_without_evidence_are_printed(tmp_path: Path) -> None:
     """By name, and in JSON; the exit code is 1."""
     bare = tmp_path / "bare.toml"
     bare.write_text(
-        BARROW.read_text().replace('evidence = ["event:order done", "message:order inform WAY.Arrived"]', "")
+        BARROW.read_text().replace(
+            'evidence = ["event:order done", "message:order inform WAY.Arrived"]', ""
+        )
     )
     done = roco("trace", bare)
     assert done.exit_code == 1
@@ -125,7 +131,10 @@ def test_an_estimate_names_the_narrow_place() -> None:
     done = roco("check", "--estimate")
     assert done.exit_code == 0
     assert "narrowest: channel C4" in done.output
-    assert json.loads(roco("check", "--estimate", "--format", "json").stdout)["estimate"]["narrowest"] == "C4"
+    assert (
+        json.loads(roco("check", "--estimate", "--format", "json").stdout)["estimate"]["narrowest"]
+        == "C4"
+    )
 
 
 def test_an_estimate_beside_a_run_tells_its_error() -> None:

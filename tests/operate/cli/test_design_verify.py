@@ -45,7 +45,11 @@ def lamp(tmp_path: Path) -> Path:
 def dark(lamp: Path) -> Path:
     """Its lamp takes the request and says nothing."""
     file = lamp.with_name("dark.toml")
-    file.write_text(lamp.read_text().replace('on = "switch request", say = ["switch inform"]', 'on = "switch request"'))
+    file.write_text(
+        lamp.read_text().replace(
+            'on = "switch request", say = ["switch inform"]', 'on = "switch request"'
+        )
+    )
     return file
 
 
@@ -54,11 +58,13 @@ def said(result: Result) -> str:
     return result.output + result.stderr
 
 
-# --- verify -----------------------------------------------------------------------------------------------------------
+# --- verify ---------------------------------------------------------------------------------------
 
 
 def test_a_design_that_holds_exits_with_0(lamp: Path) -> None:
-    """A line for each verdict under the title of its layer, what all say together, and what none says."""
+    """A line for each verdict under the title of its layer, what all say together, and what none
+    says.
+    """
     done = roco("verify", lamp)
     assert done.exit_code == 0, said(done)
     lines = done.output.splitlines()
@@ -67,7 +73,12 @@ def test_a_design_that_holds_exits_with_0(lamp: Path) -> None:
         "Layer 2: each use of a protocol, copies and receipts explicit",
         "Layer 3: all agents composed, on ideal queues",
     ]
-    assert [line.split()[0] for line in lines if line.endswith("holds")] == ["durable", "C1", "all", "all"]
+    assert [line.split()[0] for line in lines if line.endswith("holds")] == [
+        "durable",
+        "C1",
+        "all",
+        "all",
+    ]
     assert "any faults" in lines[1]
     assert "1 fault " in next(line for line in lines if "C1 switch" in line)
     assert "0 faults" in next(line for line in lines if "starting" in line)
@@ -125,9 +136,16 @@ def test_json_has_every_verdict(lamp: Path, dark: Path) -> None:
 
 def test_faults_and_layers_are_those_asked_for(lamp: Path) -> None:
     """Any number of faults, too; layers in their order, however they are named."""
-    for layers, faults, told in (((1,), "0", None), ((2,), "0", 0), ((3,), "any", None), ((3, 2), "2", 2)):
+    for layers, faults, told in (
+        ((1,), "0", None),
+        ((2,), "0", 0),
+        ((3,), "any", None),
+        ((3, 2), "2", 2),
+    ):
         words = [word for layer in layers for word in ("--layer", layer)]
-        found = json.loads(roco("verify", lamp, *words, "--faults", faults, "--format", "json").stdout)
+        found = json.loads(
+            roco("verify", lamp, *words, "--faults", faults, "--format", "json").stdout
+        )
         assert sorted({one["layer"] for one in found}) == sorted(layers)
         assert [one["layer"] for one in found] == sorted(one["layer"] for one in found)
         assert found[-1]["faults"] == told
@@ -156,7 +174,9 @@ def test_who_may_die_for_good(lamp: Path) -> None:
 
 def test_the_start_may_be_left_out(lamp: Path) -> None:
     """It is the longest verdict where agents open subscriptions."""
-    found = json.loads(roco("verify", lamp, "--layer", 3, "--skip-start", "--format", "json").stdout)
+    found = json.loads(
+        roco("verify", lamp, "--layer", 3, "--skip-start", "--format", "json").stdout
+    )
     assert [one["what"] for one in found] == ["all agents"]
 
 
@@ -181,7 +201,9 @@ def test_long_tells_what_is_left_out_and_not_needed(lamp: Path) -> None:
     assert "row never used" not in short.output
     assert "contents of messages are dropped" in long.output
     assert "contents of messages are dropped" not in short.output
-    assert "Not needed by any path:\n  nothing" in roco("verify", lamp, "--layer", 3, "--long").output
+    assert (
+        "Not needed by any path:\n  nothing" in roco("verify", lamp, "--layer", 3, "--long").output
+    )
 
 
 def test_lines_fit_the_terminal(lamp: Path) -> None:
@@ -200,12 +222,18 @@ def test_an_option_that_makes_no_sense_exits_with_2(lamp: Path) -> None:
         (("--step", "1", "--layer", "3"), "a step changes channels of layer 2 only"),
         (("--step", "9"), "steps 1 to 1"),
         (("--gone", "lump"), "hand, lamp"),
-        (("--gone", "hand"), "hand alone has `person` rows, so nobody is left whose wish could end; name another"),
+        (
+            ("--gone", "hand"),
+            "hand alone has `person` rows, so nobody is left whose wish could end; name another",
+        ),
     ):
         done = roco("verify", lamp, *words)
         assert done.exit_code == 2, said(done)
         assert told in " ".join(done.stderr.split()), words
-    assert "steps 1 to 1" in json.loads(roco("verify", lamp, "--step", "9", "--format", "json").stderr)["error"]
+    assert (
+        "steps 1 to 1"
+        in json.loads(roco("verify", lamp, "--step", "9", "--format", "json").stderr)["error"]
+    )
 
 
 def test_a_design_with_a_group_is_proven() -> None:
@@ -224,8 +252,9 @@ def test_an_end_that_is_nobody_exits_with_2(tmp_path: Path) -> None:
     file.write_text(text[:start] + text[text.index("\n\n", start) :])
     done = roco("verify", file, "--layer", 3)
     assert done.exit_code == 2, said(done)
-    assert "protocol drive: 'base' is neither an agent nor a group; agents are asker, doer" in " ".join(
-        done.stderr.split()
+    assert (
+        "protocol drive: 'base' is neither an agent nor a group; agents are asker, doer"
+        in " ".join(done.stderr.split())
     )
 
 
@@ -233,15 +262,24 @@ def test_a_queue_that_progress_fills_is_told_as_not_proven(lamp: Path) -> None:
     """With the row that may be taken over and over; for programs too."""
     file = lamp.with_name("chatty.toml")
     rows = '"switch request", say = ["switch agree"] },\n  { in = ["idle"], on = "own flicker", '
-    rows += 'when = ["switch agreed"], may = ["switch inform[progress]"] },\n  { in = ["idle"], on = "own lit", '
+    rows += (
+        'when = ["switch agreed"], may = ["switch inform[progress]"] },\n  { in = ["idle"], on ='
+        ' "own lit", '
+    )
     rows += 'when = ["switch agreed"], say = ["switch inform"] }'
-    hears = '  { in = ["idle"], on = "switch agree" },\n  { in = ["idle"], on = "switch inform[progress]" },\n'
+    hears = (
+        '  { in = ["idle"], on = "switch agree" },\n  { in = ["idle"], on = "switch'
+        ' inform[progress]" },\n'
+    )
     text = lamp.read_text().replace('"switch request", say = ["switch inform"] }', rows)
     ends = '  { in = ["idle"], on = "switch inform" },'
     file.write_text(text.replace(ends, hears + ends))
     done = roco("verify", file, "--layer", 3, columns=200)
     assert done.exit_code == 0, said(done)
-    assert "Not proven by any layer:\n- how many `switch inform[progress]` of lamp wait for hand" in done.output
+    assert (
+        "Not proven by any layer:\n- how many `switch inform[progress]` of lamp wait for hand"
+        in done.output
+    )
     found = json.loads(roco("verify", file, "--layer", 3, "--format", "json").stdout)
     assert [len(one["beyond"]) for one in found] == [0, 1]
 
@@ -255,7 +293,7 @@ def test_a_file_that_cannot_be_read_exits_with_2(lamp: Path) -> None:
     assert "agent hand, row 1: no protocol 'prson'" in done.stderr
 
 
-# --- follow -----------------------------------------------------------------------------------------------------------
+# --- follow ---------------------------------------------------------------------------------------
 
 
 def test_a_recorded_run_is_followed() -> None:
@@ -268,7 +306,9 @@ def test_a_recorded_run_is_followed() -> None:
 
 
 def spoilt(folder: Path) -> int:
-    """The same run, in which co said one word other than it did; the number of that step of co's."""
+    """The same run, in which co said one word other than it did; the number of that step of
+    co's.
+    """
     shutil.copytree(HISTORY, folder)
     file = folder / "steps/co.steps"
     steps = list(steplog.read(file))

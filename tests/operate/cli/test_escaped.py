@@ -1,4 +1,6 @@
-"""Nothing that others wrote makes a terminal do anything: contents, names, ids, folders, in text and in JSON."""
+"""Nothing that others wrote makes a terminal do anything: contents, names, ids, folders, in text
+and in JSON.
+"""
 
 import io
 import json
@@ -22,7 +24,15 @@ from operate.cli.__main__ import app
 from operate.cli.terminal.console import Console
 from operate.recording.mcap_file import Recording
 from operate.recording.records import understood
-from operate.run_folder import FLEET_FILE, TRAFFIC_FILE, VERDICTS_FILE, Fleet, Judged, ProcessState, ProcessStatus
+from operate.run_folder import (
+    FLEET_FILE,
+    TRAFFIC_FILE,
+    VERDICTS_FILE,
+    Fleet,
+    Judged,
+    ProcessState,
+    ProcessStatus,
+)
 from operate.wording import escaped, one_line
 
 TITLE = "\x1b]0;pwned\x07"
@@ -36,15 +46,23 @@ SEEN = "\\u001b]0;pwned\\u202etxet"
 
 def obeyed(text: str) -> list[str]:
     """What is in a text that a terminal obeys, but line ends."""
-    return [c for c in text if (ord(c) < 32 and c != "\n") or 0x7F <= ord(c) < 0xA0 or c in "\u202e\u2066\u200f"]
+    return [
+        c
+        for c in text
+        if (ord(c) < 32 and c != "\n") or 0x7F <= ord(c) < 0xA0 or c in "\u202e\u2066\u200f"
+    ]
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    """A recorded pour in which one says a control sequence; its folder, a process and a note are called so, too."""
+    """A recorded pour in which one says a control sequence; its folder, a process and a note are
+    called so, too.
+    """
     traffic, folder = Traffic(), tmp_path / f"run{TITLE}{TURNED}"
     folder.mkdir()
-    report = cmd.TaskReport(state=cmd.TaskState.RUNNING, at=hfsm.Place(("x",), hfsm.Step(EVIL + BELOW)))
+    report = cmd.TaskReport(
+        state=cmd.TaskState.RUNNING, at=hfsm.Place(("x",), hfsm.Step(EVIL + BELOW))
+    )
     traffic.edit(traffic.said("co", "hi", "inform"), **saying(report))
     traffic.edit(traffic.said("ta", "co", "inform"), conversation=f"c{EVIL}")
     recording = Recording(folder / TRAFFIC_FILE)
@@ -53,7 +71,9 @@ def run(tmp_path: Path) -> Path:
     recording.finish()
     status = ProcessStatus(f"co{EVIL}", ProcessState.GIVEN_UP, note=EVIL)
     told = Fleet(f"roco{EVIL}", f"tcp/{EVIL}", 0, 0.0, (status,), "companion.tools.system:SYSTEM")
-    judged = Judged(0.0, "legal", 1, "C1", "ta", "co", "coordinate", "inform", f"c{EVIL}", text=EVIL, why=EVIL)
+    judged = Judged(
+        0.0, "legal", 1, "C1", "ta", "co", "coordinate", "inform", f"c{EVIL}", text=EVIL, why=EVIL
+    )
     (folder / VERDICTS_FILE).write_bytes(msgspec.json.encode(judged))
     (folder / FLEET_FILE).write_bytes(msgspec.json.encode(told))
     return folder
@@ -64,7 +84,10 @@ def run(tmp_path: Path) -> Path:
     ("words", "has"),
     [
         (("traffic", "echo", "--run", "{run}"), (SEEN, "\\u000a00:00:00.000 C1 a line")),
-        (("traffic", "echo", "--run", "{run}", "--format", "json"), ("\\u001b]0;pwned\\u0007", "\\u009b2J", "\\u202e")),
+        (
+            ("traffic", "echo", "--run", "{run}", "--format", "json"),
+            ("\\u001b]0;pwned\\u0007", "\\u009b2J", "\\u202e"),
+        ),
         (("sniff", "--run", "{run}"), (SEEN,)),
         (("sniff", "--run", "{run}", "--format", "json"), ("\\u001b]0;pwned\\u0007",)),
         (("conversation", "--run-dir", "{run}"), ("c\\u001b]0;pwned",)),
@@ -81,7 +104,9 @@ def run(tmp_path: Path) -> Path:
     ],
     ids=lambda words: " ".join(words)[:24].encode("unicode_escape").decode(),
 )
-def test_no_verb_lets_a_control_sequence_through(run: Path, words: tuple[str, ...], has: tuple[str, ...]) -> None:
+def test_no_verb_lets_a_control_sequence_through(
+    run: Path, words: tuple[str, ...], has: tuple[str, ...]
+) -> None:
     """It is shown as JSON writes it, and what is JSON stays that."""
     design = run / "design.toml"
     text = (Path(__file__).parents[3] / "examples/depot/depot/design.toml").read_text()
@@ -89,7 +114,9 @@ def test_no_verb_lets_a_control_sequence_through(run: Path, words: tuple[str, ..
     done = CliRunner().invoke(app, [word.format(run=run, design=design) for word in words])
     said = done.stdout + done.stderr
     assert obeyed(said) == [], ascii(said[:2000])
-    assert [part for part in has if part not in said.replace("\n", "") and part not in said] == [], ascii(said)[:3000]
+    assert [
+        part for part in has if part not in said.replace("\n", "") and part not in said
+    ] == [], ascii(said)[:3000]
     if "json" in words:
         assert all(json.loads(line) for line in done.stdout.splitlines())
 
@@ -107,7 +134,9 @@ def test_a_line_of_json_means_the_same(text: str) -> None:
 def test_colours_are_ours() -> None:
     """On a terminal they are there, in a table, too; those of others, and their links, are text."""
     out = io.StringIO()
-    console = Console(file=out, force_terminal=True, color_system="standard", width=200, highlight=False)
+    console = Console(
+        file=out, force_terminal=True, color_system="standard", width=200, highlight=False
+    )
     table = Table("name")
     table.add_row(f"\x1b[31mred{TITLE}[link=file:///x]here[/]")
     console.print(table)
@@ -121,7 +150,9 @@ def test_colours_are_ours() -> None:
 
 
 def test_a_verb_cannot_forget_it(capsys: pytest.CaptureFixture[str]) -> None:
-    """Whatever it prints with; a console of rich's own would be seen at once: its colours are escaped."""
+    """Whatever it prints with; a console of rich's own would be seen at once: its colours are
+    escaped.
+    """
 
     def verb() -> None:
         """Print."""

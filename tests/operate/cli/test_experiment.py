@@ -1,4 +1,6 @@
-"""`roco experiment`: interrupted it goes on, a run that hangs is ended, what does not work at all is not repeated."""
+"""`roco experiment`: interrupted it goes on, a run that hangs is ended, what does not work at all
+is not repeated.
+"""
 
 import signal
 import subprocess
@@ -36,14 +38,18 @@ def setting(**changed: object) -> trials.Setting:
 
 @pytest.fixture
 def played(monkeypatch: pytest.MonkeyPatch) -> Callable[[Play], list[int]]:
-    """In place of the demo start a program of Python, chosen by the seed; the seeds that were played."""
+    """In place of the demo start a program of Python, chosen by the seed; the seeds that were
+    played.
+    """
     seeds: list[int] = []
 
     def by(play: Play) -> list[int]:
         def start(place: Path, setting: trials.Setting, seed: int) -> subprocess.Popen[bytes]:
             seeds.append(seed)
             with (place / trials.LOG_FILE).open("ab") as log:
-                return subprocess.Popen([sys.executable, "-c", play(seed)], cwd=place, stdout=log, stderr=log)
+                return subprocess.Popen(
+                    [sys.executable, "-c", play(seed)], cwd=place, stdout=log, stderr=log
+                )
 
         monkeypatch.setattr(trials, "_start", start)
         return seeds
@@ -56,7 +62,9 @@ def leaves(report: str, code: int = 0) -> str:
     return f"open({REPORT_FILE!r}, 'w').write({report!r}); raise SystemExit({code})"
 
 
-def run_all(place: Path, wanted: trials.Setting, resume: bool = False, form: Format = Format.TEXT) -> str:
+def run_all(
+    place: Path, wanted: trials.Setting, resume: bool = False, form: Format = Format.TEXT
+) -> str:
     """The verb without its report; what it printed."""
     console = Console(file=StringIO(), width=100)
     now, done = trials.begun(place, wanted, resume)
@@ -69,19 +77,28 @@ def test_each_run_leaves_a_line(tmp_path: Path, played: Callable[[Play], list[in
     played(lambda seed: leaves(MISSED, 1) if seed == 2 else leaves(POURED))
     said = run_all(tmp_path, setting())
     lines = trials.lines(tmp_path)
-    assert [(one.seed, one.failure, one.exit) for one in lines] == [(1, None, 0), (2, "the jar fell", 1), (3, None, 0)]
+    assert [(one.seed, one.failure, one.exit) for one in lines] == [
+        (1, None, 0),
+        (2, "the jar fell", 1),
+        (3, None, 0),
+    ]
     assert msgspec.json.decode(lines[0].figures)["energy_J"] == 1.0
     assert len((tmp_path / trials.RESULTS_FILE).read_bytes().splitlines()) == 3
     assert "run 2 of 3, seed 2: FAILED: the jar fell" in said
     assert said.splitlines()[0].endswith("left")
 
 
-def test_an_interrupted_experiment_goes_on(tmp_path: Path, played: Callable[[Play], list[int]]) -> None:
-    """A run with a line is not repeated; one that was under way is, in a clean folder; more runs may be asked for."""
+def test_an_interrupted_experiment_goes_on(
+    tmp_path: Path, played: Callable[[Play], list[int]]
+) -> None:
+    """A run with a line is not repeated; one that was under way is, in a clean folder; more runs
+    may be asked for.
+    """
     seeds = played(lambda seed: leaves(POURED))
     run_all(tmp_path, setting(runs=2))
     whole = (tmp_path / trials.RESULTS_FILE).read_bytes()
-    (tmp_path / trials.RESULTS_FILE).write_bytes(whole[:-20])  # a kill in the middle of the second line
+    # a kill in the middle of the second line
+    (tmp_path / trials.RESULTS_FILE).write_bytes(whole[:-20])
     left = trials.folder(tmp_path, 2) / "left over"
     left.touch()
     with pytest.raises(UsageError, match="--resume"):
@@ -96,12 +113,16 @@ def test_an_interrupted_experiment_goes_on(tmp_path: Path, played: Callable[[Pla
 def test_of_a_seed_that_stands_there_twice_the_first_line_counts(tmp_path: Path) -> None:
     """Two experiments at once in one folder do not choose the better run."""
     for failure in ("the jar fell", None):
-        trials.keep(tmp_path, trials.Line(1, 1.0, 60.0, 0, False, (1.0, 1.0), failure, msgspec.Raw(b"null")))
+        trials.keep(
+            tmp_path, trials.Line(1, 1.0, 60.0, 0, False, (1.0, 1.0), failure, msgspec.Raw(b"null"))
+        )
     assert [one.failure for one in trials.lines(tmp_path)] == ["the jar fell"]
 
 
 @pytest.mark.parametrize("changed", [{"seed": 2}, {"speed": "1"}, {"scene": "other.toml"}])
-def test_another_experiment_does_not_go_on_in_its_folder(tmp_path: Path, changed: dict[str, object]) -> None:
+def test_another_experiment_does_not_go_on_in_its_folder(
+    tmp_path: Path, changed: dict[str, object]
+) -> None:
     """Runs of two settings in one table would say nothing."""
     trials.begun(tmp_path, setting(), resume=False)
     with pytest.raises(UsageError, match=next(iter(changed))):
@@ -131,17 +152,24 @@ def test_where_nothing_works_it_stops(tmp_path: Path, played: Callable[[Play], l
     assert seeds == [1, 2, 3]
 
 
-def test_a_report_of_success_and_a_bad_exit_is_no_success(tmp_path: Path, played: Callable[[Play], list[int]]) -> None:
+def test_a_report_of_success_and_a_bad_exit_is_no_success(
+    tmp_path: Path, played: Callable[[Play], list[int]]
+) -> None:
     """Something went wrong after the pour."""
     played(lambda seed: leaves(POURED, 1))
     run_all(tmp_path, setting(runs=1))
     assert trials.lines(tmp_path)[0].failure == "`roco demo` ended with 1"
 
 
-def test_for_programs_each_run_is_a_line_of_json(tmp_path: Path, played: Callable[[Play], list[int]]) -> None:
+def test_for_programs_each_run_is_a_line_of_json(
+    tmp_path: Path, played: Callable[[Play], list[int]]
+) -> None:
     """With what is left in seconds: for each to come the median of those so far; at last none."""
     played(lambda seed: leaves(POURED))
-    said = [msgspec.json.decode(line) for line in run_all(tmp_path, setting(), form=Format.JSON).splitlines()]
+    said = [
+        msgspec.json.decode(line)
+        for line in run_all(tmp_path, setting(), form=Format.JSON).splitlines()
+    ]
     assert [(one["kind"], one["seed"], one["done"], one["of"]) for one in said] == [
         ("run", 1, 1, 3), ("run", 2, 2, 3), ("run", 3, 3, 3),
     ]  # fmt: skip
@@ -171,7 +199,9 @@ def test_a_supervisor_that_told_nothing_yet_is_ended() -> None:
 
 
 @pytest.mark.timeout(180)
-def test_the_whole_verb_ends_with_a_report(tmp_path: Path, played: Callable[[Play], list[int]]) -> None:
+def test_the_whole_verb_ends_with_a_report(
+    tmp_path: Path, played: Callable[[Play], list[int]]
+) -> None:
     """Runs, then report.html, .json and .md; the last line says where."""
     played(lambda seed: leaves(POURED))
     words = ["experiment", "pour", "--runs", "2", "--seed", "5", "--out", str(tmp_path / "mine")]

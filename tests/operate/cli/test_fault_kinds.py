@@ -1,4 +1,6 @@
-"""When a fault is over: by what is seen of the process that was hit, and of the one that takes its place."""
+"""When a fault is over: by what is seen of the process that was hit, and of the one that takes its
+place.
+"""
 
 import signal
 from itertools import product
@@ -15,12 +17,18 @@ FAULT = Fault(id="kill-ox", kind="kill", target="ox", t=0.0, at="", pid=PID, sta
 
 
 def test_another_process_that_lives_and_is_ready_is_back() -> None:
-    """One that was killed is READY until its supervisor looks, and has nothing in use any more (`start` None)."""
+    """One that was killed is READY until its supervisor looks, and has nothing in use any more
+    (`start` None).
+    """
     for state, pid, start in product(ProcessState, (0, PID, PID + 1), (None, START, START + 1)):
         used = None if start is None else Used(0.0, 0, frozen=False, start=start)
         another = start is not None and (pid, start) != (PID, START)
         seen = Seen(ProcessStatus("ox", state, pid), used=used)
-        assert kinds.back(seen, FAULT) == (another and state is ProcessState.READY), (state, pid, start)
+        assert kinds.back(seen, FAULT) == (another and state is ProcessState.READY), (
+            state,
+            pid,
+            start,
+        )
 
 
 class Slow:
@@ -37,7 +45,12 @@ class Slow:
         """Return the process, stopped or not yet."""
         self.left -= 1
         used = Used(0.0, 0, frozen=self.left < 0, start=START)
-        return Look(None, (Seen(ProcessStatus("ox", ProcessState.READY, PID), used=used),), stop_held=False, at=0.0)
+        return Look(
+            None,
+            (Seen(ProcessStatus("ox", ProcessState.READY, PID), used=used),),
+            stop_held=False,
+            at=0.0,
+        )
 
 
 def test_a_pause_has_begun_when_the_process_is_stopped() -> None:

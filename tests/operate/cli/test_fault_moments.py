@@ -8,7 +8,16 @@ from hypothesis import strategies as st
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
 from operate.cli.errors import UsageError
-from operate.cli.faults.moments import After, Event, InPlan, InState, Message, counter, moment_text, parse
+from operate.cli.faults.moments import (
+    After,
+    Event,
+    InPlan,
+    InState,
+    Message,
+    counter,
+    moment_text,
+    parse,
+)
 from operate.run_folder import Happened, PlanAt, Step
 
 STATES = [(agent, one.name) for agent, entry in DESIGN.agents.items() for one in entry.state]
@@ -21,20 +30,30 @@ def test_seconds(value: float, unit: str) -> None:
     assert parse(f"{value:.3f}{unit}", DESIGN, "pl") == After(value)
 
 
-@given(st.integers(1, 10**6), st.sampled_from(["st", "nd", "rd", "th", ""]), st.sampled_from(["pl", "router"]))
+@given(
+    st.integers(1, 10**6),
+    st.sampled_from(["st", "nd", "rd", "th", ""]),
+    st.sampled_from(["pl", "router"]),
+)
 def test_messages(count: int, ending: str, target: str) -> None:
     """Of an agent its own are counted, of another process all."""
-    assert parse(f"{count}{ending}-message", DESIGN, target) == Message(count, "pl" if target == "pl" else "")
+    assert parse(f"{count}{ending}-message", DESIGN, target) == Message(
+        count, "pl" if target == "pl" else ""
+    )
 
 
 @given(st.sampled_from(STATES), st.sampled_from([*DESIGN.agents, "router"]))
 def test_states(named: tuple[str, str], target: str) -> None:
-    """AGENT:STATE is that one's; a state alone is the target's, else the only one's, else it is asked whose."""
+    """AGENT:STATE is that one's; a state alone is the target's, else the only one's, else it is
+    asked whose.
+    """
     agent, state = named
     assert parse(f"{agent}:{state}", DESIGN, target) == InState(agent, state)
     owners = OWNERS[state]
     if target in owners or len(owners) == 1:
-        assert parse(state, DESIGN, target) == InState(target if target in owners else owners[0], state)
+        assert parse(state, DESIGN, target) == InState(
+            target if target in owners else owners[0], state
+        )
     else:
         with pytest.raises(UsageError, match=f"{owners[0]}:{state}"):
             parse(state, DESIGN, target)
@@ -60,7 +79,9 @@ def test_an_event_is_there_by_its_name_and_what_it_is_of(
     assert not event.there(PlanAt(t=0.0, at=Step((name,), name, of)))
 
 
-@given(names, ids, st.sampled_from(["", "Grasp", "Pour"]), names, st.sampled_from(["Grasp", "Pour"]))
+@given(
+    names, ids, st.sampled_from(["", "Grasp", "Pour"]), names, st.sampled_from(["Grasp", "Pour"])
+)
 def test_a_step_of_a_plan_is_there_by_what_it_does(
     does: str, things: tuple[str, ...], act: str, other: str, acts: str
 ) -> None:
@@ -109,12 +130,15 @@ def spoken(sender: str, receiver: str) -> Sample:
 
 
 @given(
-    st.lists(st.sampled_from([("pl", "km"), ("km", "pl"), ("ta", "ex"), ("_", "x")]), max_size=30), st.integers(1, 12)
+    st.lists(st.sampled_from([("pl", "km"), ("km", "pl"), ("ta", "ex"), ("_", "x")]), max_size=30),
+    st.integers(1, 12),
 )
 def test_the_nth_message_is_counted(pairs: list[tuple[str, str]], count: int) -> None:
     """Communicates of others and other samples do not count."""
     there = counter(Message(count, "pl"))
-    samples = [Sample("roco/s/_/ping/pl/km", b"", 1.0) if a == "_" else spoken(a, b) for a, b in pairs]
+    samples = [
+        Sample("roco/s/_/ping/pl/km", b"", 1.0) if a == "_" else spoken(a, b) for a, b in pairs
+    ]
     when = next((n for n, sample in enumerate(samples) if there(sample)), None)
     own = [n for n, pair in enumerate(pairs) if "pl" in pair]
     assert when == (own[count - 1] if len(own) >= count else None)
@@ -124,9 +148,13 @@ def test_a_state_is_there_when_it_is_told() -> None:
     """By that agent, in that state."""
 
     def beat(agent: str, state: str) -> Sample:
-        return Sample(f"roco/s/_/state/{agent}", msgspec.json.encode({"agent": agent, "state": state}), 1.0)
+        return Sample(
+            f"roco/s/_/state/{agent}", msgspec.json.encode({"agent": agent, "state": state}), 1.0
+        )
 
     there = counter(InState("pl", "idle"))
-    assert [there(one) for one in (beat("pl", "busy"), beat("km", "idle"), spoken("pl", "km"))] == [False] * 3
+    assert [there(one) for one in (beat("pl", "busy"), beat("km", "idle"), spoken("pl", "km"))] == [
+        False
+    ] * 3
     assert not there(Sample("roco/s/_/state/pl", b"\xff", 1.0))
     assert there(beat("pl", "idle"))

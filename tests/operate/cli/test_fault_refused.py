@@ -42,7 +42,9 @@ def loop(backend: str | None, tmp_path: Path) -> Iterator["subprocess.Popen[byte
         process.kill()
 
 
-def test_only_simulated_robots(loop: "subprocess.Popen[bytes]", backend: str | None, tmp_path: Path) -> None:
+def test_only_simulated_robots(
+    loop: "subprocess.Popen[bytes]", backend: str | None, tmp_path: Path
+) -> None:
     """Any other back-end than the simulator and the mock: refused, before anything is noted."""
     words = ["fault", "pause", "loop", "--for", "0.1", "--run-dir", str(tmp_path)]
     done = CliRunner().invoke(app, words)

@@ -1,4 +1,6 @@
-"""Scenarios of faults: a seed chooses, always the same, within what the file says; what is wrong is named."""
+"""Scenarios of faults: a seed chooses, always the same, within what the file says; what is wrong is
+named.
+"""
 
 import inspect
 import json
@@ -26,7 +28,9 @@ names = st.sampled_from(["mule", "ox", "desk"])
 
 def amounts(kind: str) -> st.SearchStrategy[Any]:
     """Return a strategy for the amounts of a kind, required and optional."""
-    below = spans.map(lambda span: tuple(-one for one in reversed(span)) if isinstance(span, tuple) else -span)
+    below = spans.map(
+        lambda span: tuple(-one for one in reversed(span)) if isinstance(span, tuple) else -span
+    )
     return spans | below if kind in SIGNED else spans if kind in AMOUNTS else st.none() | spans
 
 
@@ -55,14 +59,24 @@ def toml(entry: Entry) -> str:
             return f"[{', '.join(map(value, what))}]"
         return f'"{what}"' if isinstance(what, str) else repr(what)
 
-    fields = {"kind": entry.kind, "target": entry.target, "at": entry.at, "for": entry.for_, "amount": entry.amount}
+    fields = {
+        "kind": entry.kind,
+        "target": entry.target,
+        "at": entry.at,
+        "for": entry.for_,
+        "amount": entry.amount,
+    }
     fields["within"] = entry.within
-    return "[[fault]]\n" + "".join(f"{name} = {value(one)}\n" for name, one in fields.items() if one is not None)
+    return "[[fault]]\n" + "".join(
+        f"{name} = {value(one)}\n" for name, one in fields.items() if one is not None
+    )
 
 
 def between(chosen: float | str | None, span: Any) -> bool:
     """Whether what was chosen is what was written, or lies in its span."""
-    return span[0] - 0.001 <= chosen <= span[1] + 0.001 if isinstance(span, tuple) else chosen == span
+    return (
+        span[0] - 0.001 <= chosen <= span[1] + 0.001 if isinstance(span, tuple) else chosen == span
+    )
 
 
 @given(scenarios, st.integers(0, 2**32))
@@ -115,7 +129,10 @@ def test_words_are_of_the_verb(some: Scenario, seed: int) -> None:
         ("", "missing required field `fault`"),
         ("fault = []", "no \\[\\[fault\\]\\]"),
         ("[[fault]]\nkind = 3", "fault\\[0\\].kind"),
-        ('[[fault]]\nkind = "explode"\ntarget = "ox"', "fault 1: there is no kind 'explode'; there are kill, "),
+        (
+            '[[fault]]\nkind = "explode"\ntarget = "ox"',
+            "fault 1: there is no kind 'explode'; there are kill, ",
+        ),
         ('[[fault]]\nkind = "kill"\ntarget = []', "fault 1: target names no process"),
         ('[[fault]]\nkind = "kill"\ntarget = "ox"\nwhen = 1', "unknown field `when`"),
         ('[[fault]]\nkind = "delay"\ntarget = "ox"', "delay needs an amount"),
@@ -141,7 +158,9 @@ def test_the_example_is_right() -> None:
 
 
 def test_each_kind_is_told_and_called_by_the_verb() -> None:
-    """With an example that fits its row: an amount where it needs one, --for only where it is healed after a time."""
+    """With an example that fits its row: an amount where it needs one, --for only where it is
+    healed after a time.
+    """
     text, examples = inspect.getdoc(verbs.fault) or "", lazy.examples_of(verbs.fault)
     for kind in VERBS:
         assert f"\n{kind}: " in text
@@ -168,13 +187,19 @@ def test_each_kind_is_told_and_called_by_the_verb() -> None:
         (("kill",), "Missing argument 'PROCESS'"),
     ],
 )
-def test_what_does_not_fit_a_kind_is_wrong_use(tmp_path: Path, words: tuple[str, ...], why: str) -> None:
+def test_what_does_not_fit_a_kind_is_wrong_use(
+    tmp_path: Path, words: tuple[str, ...], why: str
+) -> None:
     """Before a fleet is looked for."""
-    done = CliRunner().invoke(app, ["fault", *words, "--run-dir", str(tmp_path), "--format", "json"])
+    done = CliRunner().invoke(
+        app, ["fault", *words, "--run-dir", str(tmp_path), "--format", "json"]
+    )
     assert (done.exit_code, why in json.loads(done.stderr)["error"]) == (2, True), done.stderr
 
 
-@pytest.mark.parametrize("words", [["ox", "-3600"], ["ox", "-0.5", "--for", "2"], ["--for", "2", "ox", "3600"]])
+@pytest.mark.parametrize(
+    "words", [["ox", "-3600"], ["ox", "-0.5", "--for", "2"], ["--for", "2", "ox", "3600"]]
+)
 def test_a_clock_goes_back_by_a_number_below_zero(words: list[str]) -> None:
     """It is an argument, no option; an unknown option is still told."""
     command = lazy.made("fault", verbs.fault)

@@ -1,4 +1,6 @@
-"""The graph of agents and channels: drawn as arcs that join what they should, with rates as the lines say."""
+"""The graph of agents and channels: drawn as arcs that join what they should, with rates as the
+lines say.
+"""
 
 from itertools import combinations
 
@@ -14,13 +16,17 @@ from operate.run_folder import ProcessState, ProcessStatus, Sent
 
 NODES = ("a", "b", "c", "d", "e")
 edges = st.dictionaries(
-    st.sampled_from([f"E{n}" for n in range(8)]), st.sampled_from(list(combinations(NODES, 2))), max_size=8
+    st.sampled_from([f"E{n}" for n in range(8)]),
+    st.sampled_from(list(combinations(NODES, 2))),
+    max_size=8,
 )
 
 
 @given(edges)
 def test_every_edge_joins_its_two_nodes(joined: dict[str, tuple[str, str]]) -> None:
-    """One corner at each end, in a row of that node, and a line in one column without a gap between them."""
+    """One corner at each end, in a row of that node, and a line in one column without a gap between
+    them.
+    """
     rows = graph.rows(NODES, joined)
     assert [row.node for row in rows if row.node] == list(NODES)
     of = []
@@ -43,7 +49,9 @@ def test_every_edge_joins_its_two_nodes(joined: dict[str, tuple[str, str]]) -> N
 
 
 @given(edges)
-def test_no_order_of_the_nodes_has_shorter_arcs_than_the_one_chosen(joined: dict[str, tuple[str, str]]) -> None:
+def test_no_order_of_the_nodes_has_shorter_arcs_than_the_one_chosen(
+    joined: dict[str, tuple[str, str]],
+) -> None:
     """Than the one given, at least; and no node is lost."""
 
     def length(order: list[str]) -> int:
@@ -63,7 +71,13 @@ def test_an_edge_to_nowhere_is_named() -> None:
 def sent(t: float, channel: str, size: int) -> Sent:
     """A communicate that was heard."""
     return Sent(
-        t=t, channel=channel, sender="pl", receiver="km", protocol="query", performative="query-ref", bytes=size
+        t=t,
+        channel=channel,
+        sender="pl",
+        receiver="km",
+        protocol="query",
+        performative="query-ref",
+        bytes=size,
     )
 
 
@@ -76,7 +90,9 @@ FOUND = graph.graph_at(DESIGN, "here", SEEN, LINES, at=100.0, window_s=10.0)
 
 
 def test_rates_are_those_of_the_last_seconds() -> None:
-    """Two communicates of 400 bytes in ten seconds, three in all; a channel that the design has not is left out."""
+    """Two communicates of 400 bytes in ten seconds, three in all; a channel that the design has not
+    is left out.
+    """
     c4 = next(edge for edge in FOUND.channels if edge.name == "C4")
     assert (c4.per_s, c4.bytes_per_s, c4.count, c4.last) == (0.2, 40.0, 3, 99.0)
     assert {edge.name for edge in FOUND.channels} == set(DESIGN.channels)

@@ -1,4 +1,6 @@
-"""Processes started by `roco` end with it: by Ctrl-C, SIGTERM and SIGHUP alike, with real processes."""
+"""Processes started by `roco` end with it: by Ctrl-C, SIGTERM and SIGHUP alike, with real
+processes.
+"""
 
 import contextlib
 import os
@@ -68,7 +70,9 @@ Roco = Callable[..., "subprocess.Popen[str]"]
 
 @pytest.fixture
 def roco(tmp_path: Path) -> Iterator[Roco]:
-    """Starts `roco` with a pretended fleet, in a folder of its own; at the end nothing of either is left."""
+    """Starts `roco` with a pretended fleet, in a folder of its own; at the end nothing of either is
+    left.
+    """
     started: list[subprocess.Popen[str]] = []
 
     def start(mode: str, *words: str) -> "subprocess.Popen[str]":
@@ -126,7 +130,9 @@ def fleet_of(folder: Path) -> int:
 
 @pytest.mark.parametrize("number", ENDINGS)
 @pytest.mark.parametrize("words", [("up",), ("demo",), ("demo", "--format", "json")])
-def test_an_interrupted_start_leaves_no_fleet(roco: Roco, tmp_path: Path, words: tuple[str, ...], number: int) -> None:
+def test_an_interrupted_start_leaves_no_fleet(
+    roco: Roco, tmp_path: Path, words: tuple[str, ...], number: int
+) -> None:
     """It ends in order, and `roco` only after it."""
     process = roco("starting", *words)
     supervisor = fleet_of(tmp_path)
@@ -154,7 +160,9 @@ def test_a_terminal_that_is_gone_leaves_no_fleet(roco: Roco, tmp_path: Path, ver
 
 
 def test_signals_that_come_twice_are_one(roco: Roco, tmp_path: Path) -> None:
-    """`timeout` sends SIGTERM twice, a closed terminal SIGHUP: the fleet is waited for all the same."""
+    """`timeout` sends SIGTERM twice, a closed terminal SIGHUP: the fleet is waited for all the
+    same.
+    """
     process = roco("slow", "demo")
     supervisor = fleet_of(tmp_path)
     for number in (signal.SIGTERM, signal.SIGTERM, signal.SIGHUP):
@@ -168,7 +176,9 @@ def test_signals_that_come_twice_are_one(roco: Roco, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("verb", ["up", "demo"])
-def test_a_second_ctrl_c_does_not_wait_and_says_what_is_left(roco: Roco, tmp_path: Path, verb: str) -> None:
+def test_a_second_ctrl_c_does_not_wait_and_says_what_is_left(
+    roco: Roco, tmp_path: Path, verb: str
+) -> None:
     """The fleet was asked to end, and goes on ending."""
     process = roco("slow", verb)
     supervisor = fleet_of(tmp_path)
@@ -192,13 +202,20 @@ def test_a_second_ctrl_c_does_not_wait_and_says_what_is_left(roco: Roco, tmp_pat
 @pytest.mark.parametrize("number", ENDINGS)
 def test_a_viewer_ends_with_the_command_that_shows_it(tmp_path: Path, number: int) -> None:
     """Also what it runs in its turn, as Rerun's command does."""
-    process = subprocess.Popen([sys.executable, "-c", SHOWING, VIEWER], cwd=tmp_path, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [sys.executable, "-c", SHOWING, VIEWER], cwd=tmp_path, stderr=subprocess.DEVNULL
+    )
     file = tmp_path / "pids"
     until(lambda: file.exists() and file.read_text().endswith("\n"))
     child = int(file.read_text())
     process.send_signal(number)
     process.wait(PATIENCE_S)
-    until(lambda: not Path(f"/proc/{child}").exists() or "Z" in Path(f"/proc/{child}/stat").read_text().split()[2])
+    until(
+        lambda: (
+            not Path(f"/proc/{child}").exists()
+            or "Z" in Path(f"/proc/{child}/stat").read_text().split()[2]
+        )
+    )
 
 
 def test_a_signal_waits_for_what_must_not_be_cut() -> None:

@@ -19,15 +19,24 @@ RUN = CliRunner()
 
 def test_each_identity_gets_its_own_for_as_long_as_asked(tmp_path: Path) -> None:
     """CN is the identity; it holds for the days given; those of router and agents name hosts."""
-    done = RUN.invoke(app, ["keys", "make", str(tmp_path), "--days", "2", "--host", "robot.lan", "--format", "json"])
+    done = RUN.invoke(
+        app,
+        ["keys", "make", str(tmp_path), "--days", "2", "--host", "robot.lan", "--format", "json"],
+    )
     assert done.exit_code == 0, done.output
     told = json.loads(done.output)
     assert told["identities"] == list(identities(DESIGN))
     for name in told["identities"]:
         one = x509.load_pem_x509_certificate((tmp_path / f"{name}.pem").read_bytes())
         assert one.subject.rfc4514_string() == f"CN={name}"
-        assert 2.0 <= (one.not_valid_after_utc - one.not_valid_before_utc).total_seconds() / 86400 < 2.01
-        hosts = [ext for ext in one.extensions if isinstance(ext.value, x509.SubjectAlternativeName)]
+        assert (
+            2.0
+            <= (one.not_valid_after_utc - one.not_valid_before_utc).total_seconds() / 86400
+            < 2.01
+        )
+        hosts = [
+            ext for ext in one.extensions if isinstance(ext.value, x509.SubjectAlternativeName)
+        ]
         assert bool(hosts) == (name in {"router", *DESIGN.agents})
         if hosts:
             assert "robot.lan" in hosts[0].value.get_values_for_type(x509.DNSName)
@@ -48,7 +57,14 @@ def test_another_design_has_other_identities(tmp_path: Path) -> None:
     file = str(ROOT / "shared/topdown/scaffold/smallest.toml")
     done = RUN.invoke(app, ["keys", "make", str(tmp_path), "--design", file])
     assert done.exit_code == 0, done.output
-    assert {one.stem for one in tmp_path.glob("*.key")} == {"asker", "doer", "monitor", "console", "operator", "router"}
+    assert {one.stem for one in tmp_path.glob("*.key")} == {
+        "asker",
+        "doer",
+        "monitor",
+        "console",
+        "operator",
+        "router",
+    }
 
 
 @pytest.mark.parametrize("design", ["nowhere.toml", "README.md"])

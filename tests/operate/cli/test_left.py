@@ -1,4 +1,6 @@
-"""`roco down` on a fleet whose supervisor has died: in order, as the supervisor would have ended it."""
+"""`roco down` on a fleet whose supervisor has died: in order, as the supervisor would have ended
+it.
+"""
 
 import os
 import subprocess
@@ -49,11 +51,15 @@ def left(tmp_path: Path) -> Iterator[Path]:
         while len(list(tmp_path.glob("*.ready"))) < len(NAMES):
             assert time.monotonic() < until
             os.sched_yield()
-        (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(Fleet("test", "", 0, 0.0, tuple(told))))
+        (tmp_path / FLEET_FILE).write_bytes(
+            msgspec.json.encode(Fleet("test", "", 0, 0.0, tuple(told)))
+        )
         yield tmp_path
 
 
-def test_the_monitor_ends_after_the_others_and_has_its_time(left: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_monitor_ends_after_the_others_and_has_its_time(
+    left: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It is not killed amid its report, as others are after LEFT_S; the router ends last."""
     monkeypatch.setattr(starting, "LEFT_S", 2.0)
     assert starting.down(left) == NAMES

@@ -32,7 +32,8 @@ from operate.run_folder import (
 
 TAKE, POUR = ("main", "take"), ("main", "pour")
 APPROACH, GRASP = (
-    Step((*TAKE, name), "take", ("jar_1",), act=act) for name, act in (("1", "MoveJoint"), ("2", "Grasp"))
+    Step((*TAKE, name), "take", ("jar_1",), act=act)
+    for name, act in (("1", "MoveJoint"), ("2", "Grasp"))
 )
 TILT = Step((*POUR, "1"), "pour", ("jar_1", "bowl_1"), act="Pour")
 STATES = (
@@ -58,7 +59,13 @@ lines: st.SearchStrategy[LiveLine] = st.one_of(
         performative=words,
         bytes=st.integers(0, 10**6),
     ),
-    st.builds(AgentIn, t=st.floats(0, 1e9), agent=st.sampled_from(["ta", "pl"]), state=words, alive=st.booleans()),
+    st.builds(
+        AgentIn,
+        t=st.floats(0, 1e9),
+        agent=st.sampled_from(["ta", "pl"]),
+        state=words,
+        alive=st.booleans(),
+    ),
     st.builds(
         PlanSeen,
         t=st.floats(0, 1e9),
@@ -72,7 +79,13 @@ lines: st.SearchStrategy[LiveLine] = st.one_of(
         at=st.sampled_from([*STATES, Step(("elsewhere",)), None]),
         outcome=st.sampled_from(["", "failed"]),
     ),
-    st.builds(Happened, t=st.floats(0, 1e9), name=words, of=st.lists(words, max_size=3).map(tuple), text=words),
+    st.builds(
+        Happened,
+        t=st.floats(0, 1e9),
+        name=words,
+        of=st.lists(words, max_size=3).map(tuple),
+        text=words,
+    ),
 )
 
 
@@ -85,7 +98,13 @@ def scene(view: run_state.View) -> draw.Scene:
     )
     fleet = Fleet("test", "tcp/127.0.0.1:1", 9, 0.0, processes)
     return draw.Scene(
-        "a run", 0.0, SYSTEM, fleet, (TaskLine("hi-1-1", "running", "on my way", "pour"),), view, stop_held=True
+        "a run",
+        0.0,
+        SYSTEM,
+        fleet,
+        (TaskLine("hi-1-1", "running", "on my way", "pour"),),
+        view,
+        stop_held=True,
     )
 
 
@@ -141,8 +160,11 @@ def test_the_present_state_stands_out_and_those_before_are_ticked() -> None:
 def test_the_picture_fits_the_terminal(told: list[LiveLine], height: int, width: int) -> None:
     """From 80 x 24 on nothing is cut off, however much has happened."""
     console = Console(width=width, height=height, force_terminal=True, file=io.StringIO())
-    fleet = Fleet("t", "", 9, 0.0, tuple(ProcessStatus(f"p{n}", ProcessState.READY, 1) for n in range(9)))
-    reason = " ".join(["a long reason"] * 24) if height > 30 else "plan 1"  # five lines instead of one
+    fleet = Fleet(
+        "t", "", 9, 0.0, tuple(ProcessStatus(f"p{n}", ProcessState.READY, 1) for n in range(9))
+    )
+    # five lines instead of one
+    reason = " ".join(["a long reason"] * 24) if height > 30 else "plan 1"
     task = TaskLine("hi-1-1", "planning", reason, "pour")
     many = (Happened(t=float(n), name="event", text=str(n)) for n in range(run_state.LATEST_EVENTS))
     whole = draw.Scene("a run", 0.0, SYSTEM, fleet, (task,), folded(*told, *many))
@@ -153,22 +175,30 @@ REASON = "the task failed: " + " ".join(f"reason-{number}" for number in range(3
 
 
 def test_a_reason_can_be_read_whole() -> None:
-    """Longer than a line at 80 columns: of an event, of a task, and of the verdict; no word is broken."""
+    """Longer than a line at 80 columns: of an event, of a task, and of the verdict; no word is
+    broken.
+    """
     view = folded(Happened(t=1.0, name="ended", of=("failed",), text=REASON, again=True))
-    told = draw.Scene("a run", 0.0, SYSTEM, None, (TaskLine("hi-1-1", "failed", REASON, "pour"),), view)
+    told = draw.Scene(
+        "a run", 0.0, SYSTEM, None, (TaskLine("hi-1-1", "failed", REASON, "pour"),), view
+    )
     console = Console(width=80, height=40, record=True, force_terminal=True, file=io.StringIO())
     console.print(draw.picture(told, 12.0, console.height, console.width))
     text = console.export_text()
     assert " ".join(text.split()).count(REASON) == 2
     assert len(text.splitlines()) < console.height
-    said = pour_run.verdict(pour_run.Report(success=False, failure=REASON), Path("run"), 80).splitlines()
+    said = pour_run.verdict(
+        pour_run.Report(success=False, failure=REASON), Path("run"), 80
+    ).splitlines()
     assert max(map(len, said)) <= 80
     assert " ".join(" ".join(said[:-1]).split()) == f"no success: {REASON}"
 
 
 def test_an_event_longer_than_the_picture_is_cut_where_it_ends() -> None:
     """The latest one comes first, older ones as long as they fit whole."""
-    view = folded(Happened(t=1.0, name="old", text=REASON), Happened(t=2.0, name="new", text=REASON))
+    view = folded(
+        Happened(t=1.0, name="old", text=REASON), Happened(t=2.0, name="new", text=REASON)
+    )
     lines = draw.events(view, 0.0, 5, 80, SYSTEM).plain.splitlines()
     assert len(lines) <= 5
     assert lines[0].startswith("    2 s  new: the task failed")
@@ -177,7 +207,10 @@ def test_an_event_longer_than_the_picture_is_cut_where_it_ends() -> None:
 
 def test_the_start_says_whom_it_waits_for() -> None:
     """Before there is a task, the second line tells how far the fleet is."""
-    processes = (ProcessStatus("router", ProcessState.READY, 7), ProcessStatus("km", ProcessState.STARTING, 8))
+    processes = (
+        ProcessStatus("router", ProcessState.READY, 7),
+        ProcessStatus("km", ProcessState.STARTING, 8),
+    )
     starting = draw.Scene("a run", 0.0, SYSTEM, Fleet("t", "", 9, 0.0, processes))
     assert "starting: 1 of 2 ready, waiting for km" in draw.header(starting, 3.0).plain
     assert "starting the supervisor" in draw.header(draw.Scene("a run", 0.0, SYSTEM), 0.0).plain
@@ -186,7 +219,11 @@ def test_the_start_says_whom_it_waits_for() -> None:
 def test_states_of_all_agents_have_words() -> None:
     """No state of the design is shown as an id."""
     for agent, entry in DESIGN.agents.items():
-        assert [state.name for state in entry.state if not state_words.state_text(SYSTEM, agent, state.name)] == []
+        assert [
+            state.name
+            for state in entry.state
+            if not state_words.state_text(SYSTEM, agent, state.name)
+        ] == []
 
 
 def test_a_machine_left_behind_is_ticked() -> None:
@@ -202,9 +239,17 @@ def test_a_machine_left_behind_is_ticked() -> None:
 
 
 @given(st.integers(1, 30), st.integers(1, 12), st.data())
-def test_a_long_plan_is_cut_around_the_present_state(machines: int, leaves: int, data: st.DataObject) -> None:
-    """At most the given number of lines, in the order of the tree, and the present state is one of them."""
-    paths = [path for m in range(machines) for path in ((f"m{m}",), *((f"m{m}", f"s{n}") for n in range(leaves)))]
+def test_a_long_plan_is_cut_around_the_present_state(
+    machines: int, leaves: int, data: st.DataObject
+) -> None:
+    """At most the given number of lines, in the order of the tree, and the present state is one of
+    them.
+    """
+    paths = [
+        path
+        for m in range(machines)
+        for path in ((f"m{m}",), *((f"m{m}", f"s{n}") for n in range(leaves)))
+    ]
     states = [Step(path) for path in paths]
     at = data.draw(st.sampled_from(states))
     shown = draw.shown(run_state.Plan("p", TASKS, tuple(states), at), 16)
@@ -220,7 +265,9 @@ def test_only_whole_lines_are_read_and_strange_ones_left_out(tmp_path: Path) -> 
     assert follow.new() == []
     first, second = Happened(t=1.0, name="a"), Happened(t=2.0, name="b")
     whole = msgspec.json.encode(second) + b"\n"
-    file.write_bytes(msgspec.json.encode(first) + b'\n{"kind":"Later","t":1}\nnot json\n' + whole[:9])
+    file.write_bytes(
+        msgspec.json.encode(first) + b'\n{"kind":"Later","t":1}\nnot json\n' + whole[:9]
+    )
     assert follow.new() == [first]
     with file.open("ab") as rest:
         rest.write(whole[9:])
@@ -229,7 +276,13 @@ def test_only_whole_lines_are_read_and_strange_ones_left_out(tmp_path: Path) -> 
 
 
 AGAINST = Against(
-    t=1.0, verdict="late", channel="C4", sender="km", receiver="pl", performative="inform-ref", why="too late"
+    t=1.0,
+    verdict="late",
+    channel="C4",
+    sender="km",
+    receiver="pl",
+    performative="inform-ref",
+    why="too late",
 )
 
 
@@ -252,8 +305,14 @@ def test_what_is_not_as_designed_is_an_event() -> None:
             Happened(t=0, name="plan-ended", of=("1", "Failed"), text="it slipped"),
             "plan 1 ended: Failed: it slipped",
         ),
-        (Happened(t=0, name="command-received", of=("PutDown", "jar_1")), "command received: put down jar"),
-        (Happened(t=0, name="ended", of=("failed", "PutDown", "jar_1")), "ended, failed: put down jar"),
+        (
+            Happened(t=0, name="command-received", of=("PutDown", "jar_1")),
+            "command received: put down jar",
+        ),
+        (
+            Happened(t=0, name="ended", of=("failed", "PutDown", "jar_1")),
+            "ended, failed: put down jar",
+        ),
         (Happened(t=0, name="disk limit", text="full"), "disk limit: full"),
         (Happened(t=0, name="plan-received", of=("1",), again=True), ""),
         (AgentIn(t=0, agent="km", state="idle", alive=False), "km: gone"),

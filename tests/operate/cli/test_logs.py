@@ -23,14 +23,23 @@ def run(tmp_path: Path) -> Path:
     (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(told))
     for name, begin, level in (("co", 1000.0, "info"), ("ta", 1005.0, "debug")):
         log = Log(name, "error", tmp_path / "logs" / f"{name}.jsonl")
-        log.write_all([(begin + 10 * each, f"{name}{each}", level, {"peer": "x"}) for each in range(3)])
+        log.write_all(
+            [(begin + 10 * each, f"{name}{each}", level, {"peer": "x"}) for each in range(3)]
+        )
         log.close()
     return tmp_path
 
 
 def test_all_agents_are_one_stream_in_the_order_of_time(run: Path) -> None:
     """Though each file has only its own."""
-    assert [line.event for line in Written(Local(run)).new()] == ["co0", "ta0", "co1", "ta1", "co2", "ta2"]
+    assert [line.event for line in Written(Local(run)).new()] == [
+        "co0",
+        "ta0",
+        "co1",
+        "ta1",
+        "co2",
+        "ta2",
+    ]
 
 
 def test_each_line_is_told_once_and_only_when_it_is_whole(run: Path) -> None:
@@ -50,7 +59,9 @@ def test_a_log_that_began_anew_is_read_from_its_beginning(run: Path) -> None:
     """A full log is moved away: what stands in the new one is told, once."""
     written = Written(Local(run), "co")
     assert len(written.new()) == 3
-    (run / "logs" / "co.jsonl").write_bytes(b'{"agent":"co","t":1100.0,"level":"info","event":"new"}\n')
+    (run / "logs" / "co.jsonl").write_bytes(
+        b'{"agent":"co","t":1100.0,"level":"info","event":"new"}\n'
+    )
     assert [line.event for line in written.new()] == ["new"]
     assert written.new() == []
 
@@ -58,15 +69,25 @@ def test_a_log_that_began_anew_is_read_from_its_beginning(run: Path) -> None:
 def test_level_and_since_leave_the_rest_out(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """From info on ta's are none; from a time on the older ones are none."""
     logs(level=Level.INFO, since="", lines=0, run_dir=run, form=Format.JSON)
-    assert [json.loads(line)["event"] for line in capsys.readouterr().out.splitlines()] == ["co0", "co1", "co2"]
+    assert [json.loads(line)["event"] for line in capsys.readouterr().out.splitlines()] == [
+        "co0",
+        "co1",
+        "co2",
+    ]
     since = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime(1011.0))
     logs(level=Level.DEBUG, since=since, run_dir=run, form=Format.JSON)
-    assert [json.loads(line)["event"] for line in capsys.readouterr().out.splitlines()] == ["ta1", "co2", "ta2"]
+    assert [json.loads(line)["event"] for line in capsys.readouterr().out.splitlines()] == [
+        "ta1",
+        "co2",
+        "ta2",
+    ]
     logs(level=Level.DEBUG, since="", lines=1, run_dir=run)
     assert "ta ta2 peer=x" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("text", "ago"), [("30s", 30.0), ("1.5m", 90.0), ("2h", 7200.0), ("1d", 86400.0)])
+@pytest.mark.parametrize(
+    ("text", "ago"), [("30s", 30.0), ("1.5m", 90.0), ("2h", 7200.0), ("1d", 86400.0)]
+)
 def test_since_takes_a_length_of_time(text: str, ago: float) -> None:
     """As docker logs does."""
     assert moment(text, 1e9) == 1e9 - ago

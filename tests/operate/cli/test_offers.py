@@ -1,4 +1,6 @@
-"""`roco agents --offers`: a search finds what the design offers and fits all that it names; who is up is told as up."""
+"""`roco agents --offers`: a search finds what the design offers and fits all that it names; who is
+up is told as up.
+"""
 
 import json
 from pathlib import Path
@@ -26,7 +28,9 @@ class Fleet:
     def look(self) -> Look:
         """Each process, with a heartbeat."""
         there = {name: ProcessStatus(name, state, pid=7) for name, state in self._states.items()}
-        return Look(None, tuple(Seen(one, Beat(state="idle")) for one in there.values()), False, 0.0)
+        return Look(
+            None, tuple(Seen(one, Beat(state="idle")) for one in there.values()), False, 0.0
+        )
 
 
 def roco(*words: str, code: int = 0) -> str:
@@ -51,9 +55,17 @@ def found(*words: str) -> dict[str, Any]:
 
 def test_every_use_of_a_protocol_is_a_service_of_its_participant() -> None:
     """Once, and asked for by its initiator; nothing else is offered."""
-    offered = [(one.agent, service.name) for one in describe(DESIGN, Search(), NOBODY) for service in one.services]
+    offered = [
+        (one.agent, service.name)
+        for one in describe(DESIGN, Search(), NOBODY)
+        for service in one.services
+    ]
     assert sorted(offered) == sorted((use.participant, use.name) for use in DESIGN.file.protocol)
-    asked = {(one.agent, asked.partition(": ")[2]) for one in describe(DESIGN, Search(), NOBODY) for asked in one.asks}
+    asked = {
+        (one.agent, asked.partition(": ")[2])
+        for one in describe(DESIGN, Search(), NOBODY)
+        for asked in one.asks
+    }
     assert asked == {(use.initiator, use.name) for use in DESIGN.file.protocol}
 
 

@@ -1,4 +1,6 @@
-"""The operator's verbs on the real fleet: seen, stopped, started, restarted, drawn, frozen and found out."""
+"""The operator's verbs on the real fleet: seen, stopped, started, restarted, drawn, frozen and
+found out.
+"""
 
 import json
 import os
@@ -19,7 +21,16 @@ VERB_S = 150.0
 
 def roco(run: Path, *words: str, code: int = 0) -> dict[str, Any]:
     """Return the verb's JSON output; its exit code must be `code`."""
-    command = [sys.executable, "-m", "operate.cli", *words, "--run-dir", str(run), "--format", "json"]
+    command = [
+        sys.executable,
+        "-m",
+        "operate.cli",
+        *words,
+        "--run-dir",
+        str(run),
+        "--format",
+        "json",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=VERB_S, check=False)
     assert done.returncode == code, done.stdout + done.stderr
     found: dict[str, Any] = json.loads(done.stdout or done.stderr)
@@ -47,7 +58,19 @@ def rows(run: Path, code: int = 0) -> dict[str, dict[str, Any]]:
 def test_every_process_is_seen(run: Path) -> None:
     """Eleven, each with memory; agents with their state, first life, and a heartbeat."""
     found = rows(run)
-    assert set(found) == {"forks", "router", "monitor", "loop", "km", "pl", "ta", "ex", "co", "hi", "page"}
+    assert set(found) == {
+        "forks",
+        "router",
+        "monitor",
+        "loop",
+        "km",
+        "pl",
+        "ta",
+        "ex",
+        "co",
+        "hi",
+        "page",
+    }
     assert all(row["memory"] > 10 << 20 for row in found.values())
     assert (found["km"]["state"], found["km"]["incarnation"]) == ("idle", 1)
     assert all(found[name]["heartbeat_s"] < 10 for name in ("km", "pl", "ta", "ex", "co", "hi"))
@@ -56,7 +79,9 @@ def test_every_process_is_seen(run: Path) -> None:
 def test_a_stopped_agent_stays_down_until_it_is_started(run: Path) -> None:
     """The others live on; the status says who is down, and its next life counts on."""
     roco(run, "agent", "stop", "km")
-    states = {one["name"]: one["state"] for one in roco(run, "status", code=1)["fleet"]["processes"]}
+    states = {
+        one["name"]: one["state"] for one in roco(run, "status", code=1)["fleet"]["processes"]
+    }
     assert {name for name, state in states.items() if state != "ready"} == {"km"}
     assert "roco agent start km" in json.dumps(roco(run, "doctor", code=1))
     roco(run, "agent", "start", "km")
@@ -74,7 +99,9 @@ def test_a_restarted_agent_is_another_process(run: Path) -> None:
 
 
 def test_a_frozen_process_is_found_out_and_a_restart_helps(run: Path) -> None:
-    """Doctor names it with a remedy, and the remedy works. The supervisor, which would do the same, is frozen, too."""
+    """Doctor names it with a remedy, and the remedy works. The supervisor, which would do the same,
+    is frozen, too.
+    """
     told = folders.fleet(run)
     assert told is not None
     os.kill(told.supervisor, signal.SIGSTOP)
@@ -96,4 +123,6 @@ def test_the_graph_has_what_was_said(run: Path) -> None:
     roco(run, "say", "look around")
     (picture,) = [roco(run, "top", "--once")]
     assert picture["task"]["said"] == "look around"
-    assert {one["name"]: one["count"] for one in roco(run, "top", "--graph", "--once")["channels"]}["C2"] > 0
+    assert {one["name"]: one["count"] for one in roco(run, "top", "--graph", "--once")["channels"]}[
+        "C2"
+    ] > 0

@@ -1,4 +1,6 @@
-"""`roco protocol`: the tables of every protocol, as they are registered or as the design has them."""
+"""`roco protocol`: the tables of every protocol, as they are registered or as the design has
+them.
+"""
 
 import json
 import xml.etree.ElementTree as ElementTree
@@ -81,15 +83,21 @@ def test_text_has_every_row_and_every_mark() -> None:
 
 
 def test_the_list_names_each_once_with_whose_rules_it_has() -> None:
-    """A protocol common to FIPA and the paper is listed once; the design's own protocols are listed as the design's."""
+    """A protocol common to FIPA and the paper is listed once; the design's own protocols are listed
+    as the design's.
+    """
     listed = json.loads(protocol("--format", "json").stdout)
     assert sorted(one["name"] for one in listed) == names()
     origins = {one["name"]: one["origin"] for one in listed}
-    assert {name for name, origin in origins.items() if origin == "FIPA"} == {p.name for p in set(FIPA) - set(PAPER)}
+    assert {name for name, origin in origins.items() if origin == "FIPA"} == {
+        p.name for p in set(FIPA) - set(PAPER)
+    }
     assert {name for name, origin in origins.items() if origin == "the paper"} == {
         p.name for p in set(PAPER) - set(FIPA)
     }
-    assert {name for name, origin in origins.items() if "design" in origin} == set(DESIGN.own_tables)
+    assert {name for name, origin in origins.items() if "design" in origin} == set(
+        DESIGN.own_tables
+    )
 
 
 def test_an_alias_means_the_same() -> None:
@@ -107,7 +115,9 @@ def test_the_drawing_is_an_svg_with_every_opening(tmp_path: Path) -> None:
 
 
 def test_an_unknown_name_is_told_the_known_ones(tmp_path: Path) -> None:
-    """Exit code 2, as for any name that is not there; the same for a file that cannot be written."""
+    """Exit code 2, as for any name that is not there; the same for a file that cannot be
+    written.
+    """
     said = protocol("auction")
     assert (said.exit_code, said.stdout) == (2, "")
     assert all(name in said.stderr for name in names())

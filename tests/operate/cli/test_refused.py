@@ -1,4 +1,6 @@
-"""What the operating system refuses of `roco` is told in a line, and its output can be shown by any terminal."""
+"""What the operating system refuses of `roco` is told in a line, and its output can be shown by any
+terminal.
+"""
 
 import json
 import os
@@ -32,13 +34,19 @@ FORMS = ["text", "json"]
 def roco(
     *words: str, cwd: Path, out: int | None = subprocess.PIPE, **variables: str
 ) -> "subprocess.CompletedProcess[bytes]":
-    """`roco` to its end; words on standard error are one line, as an object where JSON was asked for."""
+    """`roco` to its end; words on standard error are one line, as an object where JSON was asked
+    for.
+    """
     command = [sys.executable, "-P", "-m", "operate.cli", *words]
     shared = os.environ | {"COLUMNS": "80"} | variables
-    done = subprocess.run(command, cwd=cwd, env=shared, stdout=out, stderr=subprocess.PIPE, timeout=50, check=False)
+    done = subprocess.run(
+        command, cwd=cwd, env=shared, stdout=out, stderr=subprocess.PIPE, timeout=50, check=False
+    )
     if done.stderr:
         (line,) = done.stderr.decode().splitlines()
-        assert list(json.loads(line)) == ["error"] if "json" in words else line.startswith("roco: "), line
+        assert (
+            list(json.loads(line)) == ["error"] if "json" in words else line.startswith("roco: ")
+        ), line
     return done
 
 
@@ -53,20 +61,29 @@ def test_a_folder_that_may_not_be_written_to_is_named(form: str) -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(("verb", "option"), [(("up",), "--out"), (("keys", "make"), "")])
-def test_a_file_in_place_of_a_folder_is_named(verb: tuple[str, ...], option: str, form: str, tmp_path: Path) -> None:
+def test_a_file_in_place_of_a_folder_is_named(
+    verb: tuple[str, ...], option: str, form: str, tmp_path: Path
+) -> None:
     """As the folder itself, and on the way to it."""
     file = tmp_path / "file\x1b]0;x\u202e"  # what a terminal would obey is shown
     file.touch()
     shown = str(file).replace("\x1b", "\\u001b").replace("\u202e", "\\u202e")
-    for place, remedy in ((file, b"it is a file; name a folder"), (file / "run", b"a part of this path is a file")):
+    for place, remedy in (
+        (file, b"it is a file; name a folder"),
+        (file / "run", b"a part of this path is a file"),
+    ):
         done = roco(*verb, *[option] * bool(option), str(place), "--format", form, cwd=tmp_path)
         assert (done.returncode, done.stdout) == (2, b"")
         assert remedy in done.stderr
         assert shown.encode() in done.stderr
 
 
-def called(words: list[str], out: TextIOWrapper, monkeypatch: pytest.MonkeyPatch) -> tuple[object, str]:
-    """Call `roco` in this process with this standard output; its exit code, and its words on standard error."""
+def called(
+    words: list[str], out: TextIOWrapper, monkeypatch: pytest.MonkeyPatch
+) -> tuple[object, str]:
+    """Call `roco` in this process with this standard output; its exit code, and its words on
+    standard error.
+    """
     error = TextIOWrapper(BytesIO())
     monkeypatch.setattr(sys, "argv", ["roco", *words])
     monkeypatch.setattr(sys, "stdout", out)
@@ -92,7 +109,10 @@ def test_output_to_a_full_disk_is_told(here: Path, monkeypatch: pytest.MonkeyPat
     for words in VERBS:
         with Path("/dev/full").open("wb", buffering=0) as full:
             code, said = called(words, TextIOWrapper(full), monkeypatch)  # type: ignore[type-var]
-        assert (code, "the disk is full: the output cannot be written" in said) == (1, True), (words, said)
+        assert (code, "the disk is full: the output cannot be written" in said) == (1, True), (
+            words,
+            said,
+        )
 
 
 def test_output_to_a_full_disk_where_nobody_can_be_told_is_an_error(tmp_path: Path) -> None:
@@ -100,12 +120,16 @@ def test_output_to_a_full_disk_where_nobody_can_be_told_is_an_error(tmp_path: Pa
     with Path("/dev/full").open("wb") as full:
         done = roco("design", "check", cwd=tmp_path, out=full.fileno())
         command = [sys.executable, "-P", "-m", "operate.cli", "design", "check"]
-        mute = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=full, timeout=50, check=False)
+        mute = subprocess.run(
+            command, cwd=tmp_path, stdout=full, stderr=full, timeout=50, check=False
+        )
     assert (done.returncode, mute.returncode) == (1, 1)
     assert b"the disk is full: the output cannot be written" in done.stderr
 
 
-def test_letters_that_a_terminal_lacks_are_escaped(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_letters_that_a_terminal_lacks_are_escaped(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The verb does the same as elsewhere."""
     for words in VERBS:
         codes, texts = [], []
@@ -123,7 +147,9 @@ def test_letters_that_a_terminal_lacks_are_escaped(here: Path, monkeypatch: pyte
 def test_json_for_such_a_terminal_means_the_same(tmp_path: Path) -> None:
     """An escape is that of JSON: halves of a pair beyond the first plane."""
     words = ("acl", "show", ACL, "--format", "json")
-    there, here = (roco(*words, cwd=tmp_path, PYTHONIOENCODING=one).stdout for one in ("ascii", "utf-8"))
+    there, here = (
+        roco(*words, cwd=tmp_path, PYTHONIOENCODING=one).stdout for one in ("ascii", "utf-8")
+    )
     assert there.isascii()
     assert there != here
     assert json.loads(there) == json.loads(here)

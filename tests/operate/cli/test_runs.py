@@ -1,4 +1,6 @@
-"""`roco runs`: what is listed of real fleets that are up, ended or died, and what a rule removes."""
+"""`roco runs`: what is listed of real fleets that are up, ended or died, and what a rule
+removes.
+"""
 
 import json
 import os
@@ -26,7 +28,11 @@ Told = list[Run]
 
 
 def kept(
-    folder: Path, name: str, days: float = 0.0, processes: tuple[ProcessStatus, ...] = ENDED, **more: object
+    folder: Path,
+    name: str,
+    days: float = 0.0,
+    processes: tuple[ProcessStatus, ...] = ENDED,
+    **more: object,
 ) -> Path:
     """Make the folder of a run that began that many days before NOW and took a minute."""
     run = folder / name
@@ -60,7 +66,12 @@ def up(tmp_path: Path) -> Iterator[Path]:
         if b"depot.ox" in Path(f"/proc/{process.pid}/cmdline").read_bytes():
             break
         time.sleep(0.01)
-    kept(tmp_path, "up", 30.0, (ProcessStatus("ox", ProcessState.READY, process.pid, module="depot.ox"),))
+    kept(
+        tmp_path,
+        "up",
+        30.0,
+        (ProcessStatus("ox", ProcessState.READY, process.pid, module="depot.ox"),),
+    )
     yield tmp_path
     process.kill()
     process.wait()
@@ -73,7 +84,11 @@ def test_a_run_is_told_with_begin_duration_and_system(tmp_path: Path) -> None:
     (tmp_path / LATEST).symlink_to("new")
     found = listed(tmp_path)
     assert list(found) == ["new", "old"]
-    assert (found["old"].begin, found["old"].duration_s, found["old"].system) == (NOW - 2 * DAY, 60.0, "depot")
+    assert (found["old"].begin, found["old"].duration_s, found["old"].system) == (
+        NOW - 2 * DAY,
+        60.0,
+        "depot",
+    )
     assert [one.latest for one in found.values()] == [True, False]
     assert "new (latest)" in roco(tmp_path)
 
@@ -86,11 +101,20 @@ def test_a_run_is_told_with_begin_duration_and_system(tmp_path: Path) -> None:
         (ENDED, {"success": None}, "ended", ""),
         (ENDED, {}, "ended", ""),
         ((ProcessStatus("ox", ProcessState.GIVEN_UP),), {}, "failed", "given up: ox"),
-        ((ProcessStatus("ox", ProcessState.READY, 4_000_000, module="depot.ox"),), {}, "failed", "died without"),
+        (
+            (ProcessStatus("ox", ProcessState.READY, 4_000_000, module="depot.ox"),),
+            {},
+            "failed",
+            "died without",
+        ),
     ],
 )
 def test_the_result_of_a_run(
-    tmp_path: Path, processes: tuple[ProcessStatus, ...], report: dict[str, object], result: str, why: str
+    tmp_path: Path,
+    processes: tuple[ProcessStatus, ...],
+    report: dict[str, object],
+    result: str,
+    why: str,
 ) -> None:
     """By its report, else by how its processes ended."""
     kept(tmp_path, "run", 1.0, processes, **report)
@@ -101,22 +125,42 @@ def test_the_result_of_a_run(
 
 POURED = {"asked": "pour into jar bowl", "success": True, "failure": None}
 TAKEN = {"asked": "take jar", "success": True, "failure": None}
-NOT_TAKEN = {"asked": "take cup", "success": False, "failure": "the task ended, failed: there is no cup"}
+NOT_TAKEN = {
+    "asked": "take cup",
+    "success": False,
+    "failure": "the task ended, failed: there is no cup",
+}
 
 
 @pytest.mark.parametrize(
     ("report", "result"),
     [
         ({"success": True, "tasks": [POURED, NOT_TAKEN]}, "success"),
-        ({"success": False, "failure": "nobody asked to pour, but to take jar", "tasks": [TAKEN]}, "success"),
-        ({"success": False, "failure": "nobody asked to pour, but to take jar", "tasks": [TAKEN, NOT_TAKEN]}, "failed"),
+        (
+            {
+                "success": False,
+                "failure": "nobody asked to pour, but to take jar",
+                "tasks": [TAKEN],
+            },
+            "success",
+        ),
+        (
+            {
+                "success": False,
+                "failure": "nobody asked to pour, but to take jar",
+                "tasks": [TAKEN, NOT_TAKEN],
+            },
+            "failed",
+        ),
         ({"success": False, "failure": "no command of a person was heard", "tasks": []}, "failed"),
     ],
 )
 def test_a_run_lists_its_tasks_and_failed_only_if_one_did(
     tmp_path: Path, report: dict[str, object], result: str
 ) -> None:
-    """A run in which all was done as asked is not removed as failed, also where it is not the system's main job."""
+    """A run in which all was done as asked is not removed as failed, also where it is not the
+    system's main job.
+    """
     kept(tmp_path, "run", 1.0, **report)
     assert listed(tmp_path)["run"].result == result
     said = roco(tmp_path)
@@ -131,7 +175,9 @@ def test_the_size_is_that_on_disk(tmp_path: Path) -> None:
     run = kept(tmp_path, "run")
     (run / "traffic.mcap").write_bytes(b"x" * 1_000_000)
     (run / "away").symlink_to("/usr/bin")
-    counted = subprocess.run(["du", "-s", "--block-size=1", run], capture_output=True, text=True, check=True)
+    counted = subprocess.run(
+        ["du", "-s", "--block-size=1", run], capture_output=True, text=True, check=True
+    )
     assert size(run) == listed(tmp_path)["run"].bytes == int(counted.stdout.split()[0]) >= 1_000_000
 
 
@@ -164,7 +210,9 @@ def test_what_is_up_is_never_removed(up: Path) -> None:
     """By a rule it is passed over, by its name it is refused, and nothing else goes either."""
     kept(up, "other", 40.0)
     assert listed(up)["up"].result == "up"
-    assert "up is up (1 process, and no supervisor); `roco down" in roco(up, "--remove", "up", "other", code=2)
+    assert "up is up (1 process, and no supervisor); `roco down" in roco(
+        up, "--remove", "up", "other", code=2
+    )
     assert (up / "other").exists()
     roco(up, "--remove", "--older-than", "1d")
     assert [path.name for path in up.iterdir()] == ["up"]
@@ -197,7 +245,9 @@ def test_a_replay_that_goes_on_is_up(tmp_path: Path) -> None:
 def test_a_rule_removes_what_fits_all_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], gone: set[str]
 ) -> None:
-    """Runs of 0.5, 1.5, 2.5 and 3.5 days; b and d failed. Without --remove they are listed, and nothing goes."""
+    """Runs of 0.5, 1.5, 2.5 and 3.5 days; b and d failed. Without --remove they are listed, and
+    nothing goes.
+    """
     for name, days in {"a": 0.5, "b": 1.5, "c": 2.5, "d": 3.5}.items():
         kept(tmp_path, name, days, success=name in "ac")
     (tmp_path / LATEST).symlink_to("a")
@@ -215,7 +265,8 @@ def test_a_rule_removes_what_fits_all_of_it(
 
 
 @pytest.mark.parametrize(
-    "words", [[], ["--older-than", "7"], ["--older-than", "7y"], ["--older-than", "-1d"], ["nobody"]]
+    "words",
+    [[], ["--older-than", "7"], ["--older-than", "7y"], ["--older-than", "-1d"], ["nobody"]],
 )
 def test_a_removal_that_is_not_clear_is_refused(tmp_path: Path, words: list[str]) -> None:
     """Exit code 2, and nothing goes; without a rule nothing is meant, rather than all."""
@@ -226,7 +277,17 @@ def test_a_removal_that_is_not_clear_is_refused(tmp_path: Path, words: list[str]
 
 def test_durations() -> None:
     """Durations are parsed in each allowed form, and a run's duration is printed in words."""
-    assert [age(text) for text in ("90s", "30min", "12h", "7d", "2w")] == [90.0, 1800.0, 43200.0, 604800.0, 1209600.0]
-    assert [span(seconds) for seconds in (4.4, 185.0, 7810.0)] == ["4 s", "3 min 05 s", "2 h 10 min"]
+    assert [age(text) for text in ("90s", "30min", "12h", "7d", "2w")] == [
+        90.0,
+        1800.0,
+        43200.0,
+        604800.0,
+        1209600.0,
+    ]
+    assert [span(seconds) for seconds in (4.4, 185.0, 7810.0)] == [
+        "4 s",
+        "3 min 05 s",
+        "2 h 10 min",
+    ]
     with pytest.raises(UsageError, match="7d"):
         age("seven days")

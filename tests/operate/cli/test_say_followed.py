@@ -77,7 +77,9 @@ def test_a_coordinator_that_says_nothing_is_not_waited_for_for_ever(say, words):
 
 @pytest.mark.parametrize(("end", "code"), [("done", 0), ("failed", 1), ("cancelled", 1)])
 def test_waiting_follows_it_to_its_end(say, end, code):
-    """Progress on standard error, each state once; the end on standard output and in the exit code."""
+    """Progress on standard error, each state once; the end on standard output and in the exit
+    code.
+    """
     ended = TaskLine("hi-1-1", end, "the end", accepted=True)
     found, out, err, _ = say(ASKED, TAKEN, RUNS, RUNS, ended, words=("--wait",))
     assert (found, out) == (code, f"hi-1-1  {end}  the end\n")
@@ -86,7 +88,9 @@ def test_waiting_follows_it_to_its_end(say, end, code):
 
 def test_waiting_outlives_a_hi_that_is_started_again(say):
     """But not for ever."""
-    code, out, _, _ = say(ASKED, RUNS, HiError(0, "nobody"), HiError(0, "nobody"), RUNS, DONE, words=("--wait",))
+    code, out, _, _ = say(
+        ASKED, RUNS, HiError(0, "nobody"), HiError(0, "nobody"), RUNS, DONE, words=("--wait",)
+    )
     assert (code, out) == (0, "hi-1-1  done  held\n")
     code, _, err, answers = say(ASKED, RUNS, HiError(0, "nobody"), words=("--wait",))
     assert (code, "nobody" in err) == (3, True)
@@ -104,7 +108,9 @@ def test_all_wishes_of_a_sentence_are_followed(say):
     assert (code, out) == (1, "hi-1-1  failed  slipped\n")
 
 
-@pytest.mark.parametrize(("state", "code"), [("question", 1), ("refused", 1), ("answered", 0), ("done", 0)])
+@pytest.mark.parametrize(
+    ("state", "code"), [("question", 1), ("refused", 1), ("answered", 0), ("done", 0)]
+)
 def test_what_is_no_task_is_told_at_once(say, state, code):
     """A question back did nothing yet."""
     assert say(TaskLine("", state, "words"), HiError(500, "never asked"))[:2] == (code, "words\n")

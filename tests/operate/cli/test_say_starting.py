@@ -1,4 +1,6 @@
-"""`roco say` and `roco page` right after a start: a fleet on its way is waited for; nothing else is."""
+"""`roco say` and `roco page` right after a start: a fleet on its way is waited for; nothing else
+is.
+"""
 
 import http.server
 import os
@@ -30,7 +32,9 @@ Act = Callable[[], None]
 
 
 class Clock:
-    """In place of `time` in the verb: what is to happen while it waits happens there, one thing at each pause."""
+    """In place of `time` in the verb: what is to happen while it waits happens there, one thing at
+    each pause.
+    """
 
     localtime, time = staticmethod(time.localtime), staticmethod(time.time)
 
@@ -66,10 +70,16 @@ def called() -> Iterator[Callable[..., int]]:
     processes: list[subprocess.Popen[bytes]] = []
 
     def call(*words: object) -> int:
-        idle = [sys.executable, "-c", "import time; time.sleep(300)", *(str(word) for word in words)]
+        idle = [
+            sys.executable,
+            "-c",
+            "import time; time.sleep(300)",
+            *(str(word) for word in words),
+        ]
         processes.append(subprocess.Popen(idle))
         pid, until = processes[-1].pid, time.monotonic() + 20.0
-        while not folders.is_service(pid, str(words[0])):  # for a moment it still bears the words of this process
+        # for a moment it still bears the words of this process
+        while not folders.is_service(pid, str(words[0])):
             assert time.monotonic() < until, f"{words} did not start"
         return pid
 
@@ -81,7 +91,9 @@ def called() -> Iterator[Callable[..., int]]:
 
 def say(*words: object) -> Result:
     """Say a sentence."""
-    return CliRunner().invoke(app, ["say", "pour the jar into the bowl", *(str(word) for word in words)])
+    return CliRunner().invoke(
+        app, ["say", "pour the jar into the bowl", *(str(word) for word in words)]
+    )
 
 
 def heard(done: Result) -> None:
@@ -95,7 +107,9 @@ def told(run: Path, state: ProcessState, supervisor: int, name: str = "hi") -> N
     """Write a supervisor's report about a_hi, or another process."""
     run.mkdir(parents=True, exist_ok=True)
     processes = (ProcessStatus(name, state, supervisor, module="services.supervisor"),)
-    (run / FLEET_FILE).write_bytes(msgspec.json.encode(Fleet("test", "", supervisor, time.time(), processes)))
+    (run / FLEET_FILE).write_bytes(
+        msgspec.json.encode(Fleet("test", "", supervisor, time.time(), processes))
+    )
 
 
 def listening(pretend: Callable[[bool], None], run: Path) -> Act:
@@ -140,8 +154,12 @@ def test_the_run_that_will_be_the_latest(clock, called, pretend, tmp_path: Path)
     heard(say())
 
 
-@pytest.mark.parametrize("state", [ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF])
-def test_while_the_supervisor_brings_it_up(clock, called, pretend, tmp_path: Path, state: ProcessState) -> None:
+@pytest.mark.parametrize(
+    "state", [ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF]
+)
+def test_while_the_supervisor_brings_it_up(
+    clock, called, pretend, tmp_path: Path, state: ProcessState
+) -> None:
     """As it says in the run folder."""
     run = tmp_path / "run"
     told(run, state, called("services.supervisor"))
@@ -150,7 +168,9 @@ def test_while_the_supervisor_brings_it_up(clock, called, pretend, tmp_path: Pat
 
 
 @pytest.mark.parametrize("state", [ProcessState.GIVEN_UP, ProcessState.STOPPED, ProcessState.READY])
-def test_what_does_not_come_is_not_waited_for(clock, called, tmp_path: Path, state: ProcessState) -> None:
+def test_what_does_not_come_is_not_waited_for(
+    clock, called, tmp_path: Path, state: ProcessState
+) -> None:
     """It was given up or stopped, or is there and hangs: said at once."""
     run = tmp_path / "run"
     told(run, state, called("services.supervisor", "--run-dir", run))
@@ -185,10 +205,13 @@ def test_the_wait_ends(clock, called, tmp_path: Path) -> None:
     assert "still starting after 90 s; see `roco status`" in done.stderr
 
 
-def test_in_a_container_a_hi_itself_is_looked_for(clock, called, pretend, tmp_path: Path, monkeypatch) -> None:
+def test_in_a_container_a_hi_itself_is_looked_for(
+    clock, called, pretend, tmp_path: Path, monkeypatch
+) -> None:
     """There is no supervisor, and no run folder until a_hi makes it."""
     run = tmp_path / "run"
-    mine = hi.HUMAN_INTERFACE._replace(module="services.a_hi_of_this_test")  # others may have a fleet here
+    # others may have a fleet here
+    mine = hi.HUMAN_INTERFACE._replace(module="services.a_hi_of_this_test")
     monkeypatch.setattr(talk, "HUMAN_INTERFACE", mine)
     monkeypatch.setenv("ROCO_CONNECT", "tls/router:7447")
     monkeypatch.setenv("ROCO_RUN_DIR", str(run))
@@ -234,7 +257,9 @@ def test_a_page_that_is_starting_is_waited_for(clock, called, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("state", [ProcessState.GIVEN_UP, ProcessState.STOPPED, ProcessState.READY])
-def test_a_page_that_does_not_come_is_not_waited_for(clock, called, tmp_path: Path, state: ProcessState) -> None:
+def test_a_page_that_does_not_come_is_not_waited_for(
+    clock, called, tmp_path: Path, state: ProcessState
+) -> None:
     """It is said that there is none, in words."""
     run = tmp_path / "run"
     told(run, state, called("services.supervisor", "--run-dir", run), "page")

@@ -1,4 +1,6 @@
-"""A real agent's words held against a recording: what is a line, what a cue, and where words first differ."""
+"""A real agent's words held against a recording: what is a line, what a cue, and where words first
+differ.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -32,7 +34,8 @@ def renamed(one: Communicate, prefix: str = "new-") -> Communicate:
 def spoken(
     part: tuple[Part, ...], changed: dict[int, Communicate] | None = None, *, shifted: bool = False
 ) -> tuple[Script, Difference | None]:
-    """An agent that says all its lines under other names (its own conversations, too), some of them changed.
+    """An agent that says all its lines under other names (its own conversations, too), some of them
+    changed.
 
     `shifted`: each conversation has the name that the recording gives to the next one.
     """
@@ -45,17 +48,22 @@ def spoken(
         if line is None:
             assert cue is not None
             one = renamed(script.adapted(cue), "cue-")
-            assert one.conversation == names.get(cue.communicate.conversation, cue.communicate.conversation)
+            assert one.conversation == names.get(
+                cue.communicate.conversation, cue.communicate.conversation
+            )
             assert one.in_reply_to.startswith("new-") == bool(cue.communicate.in_reply_to)
             labels[cue.communicate.sender, cue.communicate.reply_with] = one.reply_with
             script.given(cue, one)
             continue
         was = (changed or {}).get(line.n, line.communicate)
         talk = names.setdefault(
-            was.conversation, f"new-{was.conversation}" if was.conversation in own else was.conversation
+            was.conversation,
+            f"new-{was.conversation}" if was.conversation in own else was.conversation,
         )
         answers = labels.get((was.receiver, was.in_reply_to), was.in_reply_to)
-        found = script.hear(msgspec.structs.replace(renamed(was), conversation=talk, in_reply_to=answers))
+        found = script.hear(
+            msgspec.structs.replace(renamed(was), conversation=talk, in_reply_to=answers)
+        )
         if found is not None:
             return script, found
     return script, None
@@ -96,17 +104,25 @@ def test_a_recording_that_began_later_is_told(agent: str) -> None:
 
 def changes(one: Communicate) -> dict[str, Communicate]:
     """Other words in its place, by what differs."""
-    other = Performative.FAILURE if one.performative is not Performative.FAILURE else Performative.INFORM
+    other = (
+        Performative.FAILURE
+        if one.performative is not Performative.FAILURE
+        else Performative.INFORM
+    )
     return {
         "performative": msgspec.structs.replace(one, performative=other),
-        "content": msgspec.structs.replace(one, content=msgspec.Raw(msgspec.msgpack.encode({"type": "Other"}))),
+        "content": msgspec.structs.replace(
+            one, content=msgspec.Raw(msgspec.msgpack.encode({"type": "Other"}))
+        ),
         "reply_by": msgspec.structs.replace(one, reply_by=None if one.reply_by else 1.0),
         "language": msgspec.structs.replace(one, language="XX"),
         "in_reply_to": msgspec.structs.replace(one, in_reply_to="another"),
     }
 
 
-@pytest.mark.parametrize("field", ["performative", "content", "reply_by", "language", "in_reply_to"])
+@pytest.mark.parametrize(
+    "field", ["performative", "content", "reply_by", "language", "in_reply_to"]
+)
 def test_the_first_difference_is_found_and_named(field: str) -> None:
     """The first difference is found in its line, whatever the field, and none before it."""
     part = parts("ta", HEARD)
@@ -131,7 +147,9 @@ def test_words_beyond_the_recording_are_a_difference() -> None:
 
 VALUES: st.SearchStrategy[Any] = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(max_size=3),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=2), inner, max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=2), inner, max_size=3)
+    ),
     max_leaves=12,
 )
 

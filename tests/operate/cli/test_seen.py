@@ -32,7 +32,8 @@ def idle() -> Iterator[int]:
     """The pid of a process that does nothing and looks like one of ours, as soon as it does."""
     process = subprocess.Popen([sys.executable, "-c", IDLE, "services.pretended"])
     line = Path(f"/proc/{process.pid}/cmdline")
-    while b"services.pretended" not in line.read_bytes():  # Popen returns amid the exec, on a busy machine long before
+    # Popen returns amid the exec, on a busy machine long before
+    while b"services.pretended" not in line.read_bytes():
         time.sleep(0.001)
     yield process.pid
     process.kill()
@@ -42,10 +43,30 @@ def idle() -> Iterator[int]:
 @pytest.fixture
 def run(tmp_path: Path, idle: int) -> Path:
     """A run folder of that process, with a heartbeat as an agent writes it."""
-    fleet = Fleet("test", "", idle, 0.0, (ProcessStatus("km", ProcessState.READY, idle, module="services.pretended"),))
+    fleet = Fleet(
+        "test",
+        "",
+        idle,
+        0.0,
+        (ProcessStatus("km", ProcessState.READY, idle, module="services.pretended"),),
+    )
     (tmp_path / "fleet.json").write_bytes(msgspec.json.encode(fleet))
-    beat = {"agent": "km", "pid": idle, "incarnation": 3, "step": 5, "state": "idle", "ready": True, "up": True}
-    beat |= {"peers": {"pl": 1}, "unreceipted": {"pl": 2}, "due": {"ta": 1}, "counts": {}, "at": 0.0}
+    beat = {
+        "agent": "km",
+        "pid": idle,
+        "incarnation": 3,
+        "step": 5,
+        "state": "idle",
+        "ready": True,
+        "up": True,
+    }
+    beat |= {
+        "peers": {"pl": 1},
+        "unreceipted": {"pl": 2},
+        "due": {"ta": 1},
+        "counts": {},
+        "at": 0.0,
+    }
     (tmp_path / "km.heartbeat.json").write_bytes(msgspec.json.encode(beat))
     (tmp_path / "stop").write_bytes(b"\x01")
     return tmp_path
@@ -54,7 +75,14 @@ def run(tmp_path: Path, idle: int) -> Path:
 def test_a_process_is_seen_with_its_heartbeat_and_what_it_uses(run: Path, idle: int) -> None:
     """As /proc and the heartbeat's file say."""
     (row,) = process_status.rows(Local(run).look(), Local(run).look())
-    assert (row.name, row.state, row.pid, row.incarnation, row.waiting, row.trouble) == ("km", "idle", idle, 3, 3, "")
+    assert (row.name, row.state, row.pid, row.incarnation, row.waiting, row.trouble) == (
+        "km",
+        "idle",
+        idle,
+        3,
+        3,
+        "",
+    )
     assert row.memory is not None
     assert 1 << 20 < row.memory < 1 << 28
     assert row.heartbeat_s is not None
@@ -73,7 +101,9 @@ def test_a_process_stopped_by_a_signal_is_called_frozen(run: Path, idle: int) ->
 def test_an_old_heartbeat_is_one_of_a_process_that_hangs(run: Path) -> None:
     """Also of one that is there."""
     os.utime(run / "km.heartbeat.json", (0, time.time() - 60))
-    assert re.search("hangs: last heartbeat 6[0-9] s ago", process_status.trouble(Local(run).look().seen[0]))
+    assert re.search(
+        "hangs: last heartbeat 6[0-9] s ago", process_status.trouble(Local(run).look().seen[0])
+    )
 
 
 def test_a_child_counts_for_its_parent() -> None:
@@ -140,7 +170,9 @@ def test_a_file_that_goes_while_it_is_looked_at_is_not_there(run: Path, tmp_path
     pretended.chmod(0o755)
     (run / "km.ready").write_text("1")
     environment = {"PATH": f"{pretended.parent}:{os.environ['PATH']}", "ROCO_RUN_DIR": str(run)}
-    done = subprocess.run(["sh", "-c", SHEET], env=environment, capture_output=True, timeout=20, check=True)
+    done = subprocess.run(
+        ["sh", "-c", SHEET], env=environment, capture_output=True, timeout=20, check=True
+    )
     read = sheet(done.stdout)
     assert not read.ready("km")
     assert read.beat("km")[0] is not None
@@ -157,9 +189,14 @@ def test_an_empty_sheet_says_nothing(data: bytes) -> None:
 
 @pytest.mark.parametrize(
     ("used", "age_s", "words"),
-    [(Used(0.0, 1, True), 0.1, "frozen by a signal"), (Used(0.0, 1, False), 290.0, "hangs: last heartbeat 290 s ago")],
+    [
+        (Used(0.0, 1, True), 0.1, "frozen by a signal"),
+        (Used(0.0, 1, False), 290.0, "hangs: last heartbeat 290 s ago"),
+    ],
 )
-def test_who_is_stuck_before_it_is_ready_is_not_waited_for(used: Used, age_s: float, words: str) -> None:
+def test_who_is_stuck_before_it_is_ready_is_not_waited_for(
+    used: Used, age_s: float, words: str
+) -> None:
     """Doctor does not say "wait" of it, nor of one that is optional."""
     status = ProcessStatus("km", ProcessState.STARTING, 7, optional=True)
     seen = (Seen(status, Beat(pid=7), age_s, used),)
@@ -180,9 +217,13 @@ def test_nobody_keeps_a_fleet_whose_supervisor_is_dead_or_stuck() -> None:
     runs = (ProcessStatus("km", ProcessState.READY, 7),)
 
     def unkept(supervisor: int, processes: tuple[ProcessStatus, ...], age_s: float) -> str:
-        return process_status.unkept(Fleet("s", "", supervisor, 0.0, processes), Seen(keeper, Beat(pid=5), age_s))
+        return process_status.unkept(
+            Fleet("s", "", supervisor, 0.0, processes), Seen(keeper, Beat(pid=5), age_s)
+        )
 
     assert unkept(5, runs, 0.5) == ""
     assert unkept(0, runs, 0.5) == process_status.UNSUPERVISED
-    assert unkept(5, runs, 60.0) == "the supervisor (pid 5) is stuck, hangs: last heartbeat 60 s ago"
+    assert (
+        unkept(5, runs, 60.0) == "the supervisor (pid 5) is stuck, hangs: last heartbeat 60 s ago"
+    )
     assert unkept(0, (ProcessStatus("km", ProcessState.STOPPED),), 0.5) == ""

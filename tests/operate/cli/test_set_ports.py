@@ -1,4 +1,6 @@
-"""`roco doctor` on ports that are set: another program has one, before a fleet is up and while it runs."""
+"""`roco doctor` on ports that are set: another program has one, before a fleet is up and while it
+runs.
+"""
 
 import os
 import re
@@ -36,14 +38,20 @@ def port() -> Iterator[int]:
 
 
 @pytest.mark.parametrize("variable", [GRPC, WEB, "ROCO_HTTP", "ROCO_PAGE"])
-def test_a_set_port_that_is_taken(variable: str, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_set_port_that_is_taken(
+    variable: str, port: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Before the fleet is up; the variable and the port are named."""
     monkeypatch.setenv(variable, str(port) if variable in (GRPC, WEB) else f"127.0.0.1:{port}")
     wrong = [check for check in CHECKS.machine["ports"]() if check.level is Level.WRONG]
-    assert [check.what for check in wrong] == [f"{variable}: another program listens at port {port}"]
+    assert [check.what for check in wrong] == [
+        f"{variable}: another program listens at port {port}"
+    ]
 
 
-def test_a_set_port_of_a_fleet_in_any_folder(port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_set_port_of_a_fleet_in_any_folder(
+    port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """No other program's: the fleet is named, and says itself what is wrong with the port."""
     monkeypatch.setenv("ROCO_HTTP", f"127.0.0.1:{port}")
     idle = [sys.executable, "-c", "import time; time.sleep(300)"]
@@ -51,10 +59,14 @@ def test_a_set_port_of_a_fleet_in_any_folder(port: int, tmp_path: Path, monkeypa
     with subprocess.Popen(idle, env=os.environ | own) as process:
         try:
             until = time.monotonic() + 20.0
-            while tmp_path not in run_folders() and time.monotonic() < until:  # until it has its own environment
+            # until it has its own environment
+            while tmp_path not in run_folders() and time.monotonic() < until:
                 os.sched_yield()
             found = [(check.level, check.what) for check in CHECKS.machine["ports"]()]
-            assert (Level.NOTE, f"ROCO_HTTP: the fleet of {tmp_path} was started with port {port}") in found
+            assert (
+                Level.NOTE,
+                f"ROCO_HTTP: the fleet of {tmp_path} was started with port {port}",
+            ) in found
             assert Level.WRONG not in [level for level, _ in found]
         finally:
             process.kill()
@@ -69,7 +81,9 @@ with socket.create_server(("127.0.0.1", int(sys.argv[1]))) as server:
 
 
 @pytest.mark.parametrize("own", [False, True])
-def test_the_pictures_of_a_fleet(own: bool, port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_pictures_of_a_fleet(
+    own: bool, port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Wrong where another program has the port; fine where a process of the fleet has it."""
     fleet = {FLEET_VARIABLE: "one", RUN_FOLDER_VARIABLE: str(tmp_path)}
     with ExitStack() as stack:
@@ -88,12 +102,16 @@ def test_the_pictures_of_a_fleet(own: bool, port: int, tmp_path: Path, monkeypat
         until = time.monotonic() + 20.0
         while not folders.is_service(process.pid, "services.supervisor"):
             assert time.monotonic() < until
-        monitor = ProcessStatus("monitor", ProcessState.READY, process.pid, module="services.supervisor")
+        monitor = ProcessStatus(
+            "monitor", ProcessState.READY, process.pid, module="services.supervisor"
+        )
         told = Fleet("test", "", process.pid, time.time(), (monitor,))
         (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(told))
         local = Local(tmp_path)
         words = "" if own else f"another program listens at port {port} ({GRPC})"
-        assert [check.what for check in pictures(local, local.look())] == ([] if own else [f"none: {words}"])
+        assert [check.what for check in pictures(local, local.look())] == (
+            [] if own else [f"none: {words}"]
+        )
         assert state_of(local).pictures == words
         wanted = "no pictures are served" if own else f"{words}; end that program"
         with pytest.raises(NoRunError, match=re.escape(f"{tmp_path} shows nothing: {wanted}")):

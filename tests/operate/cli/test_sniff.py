@@ -1,4 +1,6 @@
-"""`roco sniff`: every communicate is an arrow between the right lifelines, in the terminal and in the drawing."""
+"""`roco sniff`: every communicate is an arrow between the right lifelines, in the terminal and in
+the drawing.
+"""
 
 import re
 from pathlib import Path
@@ -22,17 +24,24 @@ from topdown.judge.verdicts import Verdict
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 AGENTS = tuple(DESIGN.agents)
 ASKED = Judged(
-    t=100.0, verdict=Verdict.LEGAL, bytes=196, channel="C5", sender="ta", receiver="ex", protocol="request",
+    t=100.0, verdict=Verdict.LEGAL, bytes=196, channel="C5", sender="ta", receiver="ex",
+    protocol="request",
     performative="request", conversation="ta-1-2", id="1", text="look",
 )  # fmt: skip
 WRONG = msgspec.structs.replace(
-    ASKED, t=101.0, verdict=Verdict.OUT_OF_SEQUENCE, violation=True, why="it may say nothing in done"
+    ASKED,
+    t=101.0,
+    verdict=Verdict.OUT_OF_SEQUENCE,
+    violation=True,
+    why="it may say nothing in done",
 )
 
 
 def roco(*words: str, columns: int = 120, code: int = 0) -> str:
     """Return the output of `roco sniff` for the pour; its exit code must be `code`."""
-    done = CliRunner().invoke(app, ["sniff", "--run", str(POUR), *words], env={"COLUMNS": str(columns)})
+    done = CliRunner().invoke(
+        app, ["sniff", "--run", str(POUR), *words], env={"COLUMNS": str(columns)}
+    )
     assert done.exit_code == code, done.output
     return done.output
 
@@ -43,8 +52,12 @@ def roco(*words: str, columns: int = 120, code: int = 0) -> str:
     st.integers(12, 60),
     st.sampled_from(["agree", "accept-proposal"]),
 )
-def test_an_arrow_goes_from_the_sender_to_the_receiver(one: str, other: str, gap: int, act: str) -> None:
-    """At any width: it begins at the one's lifeline, its head is beside the other's, the others go on."""
+def test_an_arrow_goes_from_the_sender_to_the_receiver(
+    one: str, other: str, gap: int, act: str
+) -> None:
+    """At any width: it begins at the one's lifeline, its head is beside the other's, the others go
+    on.
+    """
     columns = Columns(AGENTS, gap)
     cells = columns.arrow(one, other, act)
     if one == other:
@@ -85,7 +98,9 @@ def test_names_stand_above_their_lifelines() -> None:
 def test_what_has_no_lifeline_is_a_remark() -> None:
     """Garbage, and agents that the design does not have, are shown all the same."""
     lives = Lifelines(AGENTS, 100)
-    garbage = Judged(t=100.0, verdict=Verdict.MALFORMED, bytes=7, key="roco/x", why="no map", violation=True)
+    garbage = Judged(
+        t=100.0, verdict=Verdict.MALFORMED, bytes=7, key="roco/x", why="no map", violation=True
+    )
     assert "7 bytes on roco/x" in lives.row(garbage, 100.0, 80).plain
     stranger = msgspec.structs.replace(ASKED, sender="zz")
     assert "zz > ex request" in lives.row(stranger, 100.0, 80).plain
@@ -97,7 +112,8 @@ def test_what_is_not_as_designed_is_told_in_words() -> None:
     assert "OUT OF SEQUENCE" in shown
     assert shown.endswith("\n          it may say nothing in done")
     assert (
-        "OUT OF SEQUENCE: it may say nothing in done" in draw(Diagram("", AGENTS, tuple(arrows([ASKED, WRONG])))).svg()
+        "OUT OF SEQUENCE: it may say nothing in done"
+        in draw(Diagram("", AGENTS, tuple(arrows([ASKED, WRONG])))).svg()
     )
 
 
@@ -124,7 +140,9 @@ def test_lifelines_are_of_those_that_may_speak(which: Filter, names: tuple[str, 
 
 @pytest.mark.process
 def test_a_recording_is_drawn_whole(tmp_path: Path) -> None:
-    """An arrow for each communicate that is meant, in the terminal as in the drawing, with what it says."""
+    """An arrow for each communicate that is meant, in the terminal as in the drawing, with what it
+    says.
+    """
     file = tmp_path / "talk.svg"
     said = roco("--channel", "C2", "--svg", str(file))
     heads = re.findall("[▶◀]", said)

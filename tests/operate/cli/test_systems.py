@@ -1,4 +1,6 @@
-"""Choice of the system for a verb, failures to find one, and the effect of a system's own verbs on the table."""
+"""Choice of the system for a verb, failures to find one, and the effect of a system's own verbs on
+the table.
+"""
 
 import json
 import os
@@ -42,14 +44,23 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "pyproject.toml").write_text(f'[tool.roco]\nsystem = "{module}:SYSTEM"\n')
     (tmp_path / "design.toml").write_text(BROKEN)
     file = str(tmp_path / "design.toml")
-    code = f"from pathlib import Path\nfrom topdown.model import design\ndesign.load(Path({file!r}))\n"
+    code = (
+        f"from pathlib import Path\nfrom topdown.model import design\ndesign.load(Path({file!r}))\n"
+    )
     (tmp_path / f"{module}.py").write_text(code)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.mark.parametrize(
-    "words", [("up",), ("send", "--list"), ("design", "check"), ("traffic", "judge", "."), ("keys", "make", "keys")]
+    "words",
+    [
+        ("up",),
+        ("send", "--list"),
+        ("design", "check"),
+        ("traffic", "judge", "."),
+        ("keys", "make", "keys"),
+    ],
 )
 def test_a_system_that_is_not_there_is_wrong_use(nowhere: Path, words: tuple[str, ...]) -> None:
     """One sentence, which names what was looked for; nothing is made."""
@@ -86,9 +97,12 @@ PANELS = st.lists(st.sampled_from("ABCDE"), unique=True)
 
 @given(PANELS, PANELS)
 def test_panels_are_merged_in_order(general: list[str], own: list[str]) -> None:
-    """Those of any system as they were; a new one right behind the own one before it; every row is there."""
+    """Those of any system as they were; a new one right behind the own one before it; every row is
+    there.
+    """
     tables = [
-        {panel: {f"{kind} {panel}": ("", "")} for panel in panels} for kind, panels in (("g", general), ("o", own))
+        {panel: {f"{kind} {panel}": ("", "")} for panel in panels}
+        for kind, panels in (("g", general), ("o", own))
     ]
     found = merged(*tables)
     assert [panel for panel in found if panel in general] == general

@@ -11,13 +11,19 @@ from typer.testing import CliRunner
 from operate.cli.__main__ import app
 
 HISTORIES = Path(__file__).parents[2] / "histories"
-POUR, LOGGED, DEPOT = (HISTORIES / name for name in ("pour_seed_7", "verified_pour_seed_7", "verified_depot"))
+POUR, LOGGED, DEPOT = (
+    HISTORIES / name for name in ("pour_seed_7", "verified_pour_seed_7", "verified_depot")
+)
 EXAMPLE = Path(__file__).parents[3] / "examples" / "depot"
 
 
-def roco(*words: str | Path, width: int = 100, env: dict[str, str] | None = None) -> tuple[int, str, str]:
+def roco(
+    *words: str | Path, width: int = 100, env: dict[str, str] | None = None
+) -> tuple[int, str, str]:
     """Exit code, standard output, standard error."""
-    done = CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": str(width)} | (env or {}))
+    done = CliRunner().invoke(
+        app, [str(word) for word in words], env={"COLUMNS": str(width)} | (env or {})
+    )
     return done.exit_code, done.stdout, done.stderr
 
 
@@ -39,12 +45,20 @@ def test_without_a_task_all_that_can_be_traced_is_listed() -> None:
     code, out, _ = roco("trace", "--run", POUR)
     assert code == 0
     assert [line.split()[0] for line in out.splitlines()] == ["task", "km-1-1", "ta-1-2", "hi-1-1"]
-    assert [one["task"] for one in in_json("trace", "--run", POUR)] == ["km-1-1", "ta-1-2", "hi-1-1"]
+    assert [one["task"] for one in in_json("trace", "--run", POUR)] == [
+        "km-1-1",
+        "ta-1-2",
+        "hi-1-1",
+    ]
 
 
-@pytest.mark.parametrize(("run", "guessed"), [(POUR, True), (POUR / "traffic.mcap", True), (LOGGED, False)])
+@pytest.mark.parametrize(
+    ("run", "guessed"), [(POUR, True), (POUR / "traffic.mcap", True), (LOGGED, False)]
+)
 def test_the_tree_of_a_task(run: Path, guessed: bool) -> None:
-    """Two plans and two runs of them below the task; what is only known by time is marked, and the mark explained."""
+    """Two plans and two runs of them below the task; what is only known by time is marked, and the
+    mark explained.
+    """
     code, out, error = roco("trace", "hi-1-1", "--run", run)
     lines = out.splitlines()
     assert (code, error) == (0, "")
@@ -60,13 +74,17 @@ def test_the_tree_of_a_task(run: Path, guessed: bool) -> None:
 
 def test_each_query_has_a_line_of_its_own_where_all_are_wanted() -> None:
     """Else many alike in a row are one."""
-    few, all_of_them = (roco("trace", "hi-1-1", "--run", POUR, *more)[1] for more in ((), ("--all",)))
+    few, all_of_them = (
+        roco("trace", "hi-1-1", "--run", POUR, *more)[1] for more in ((), ("--all",))
+    )
     assert all_of_them.count("pl >") > 100 > few.count("pl >")
 
 
 @pytest.mark.usefixtures("depot")
 def test_another_system() -> None:
-    """An order of the depot: the calls to both robots, one of which refused, and what the other asked for."""
+    """An order of the depot: the calls to both robots, one of which refused, and what the other
+    asked for.
+    """
     code, out, _ = roco("trace", "desk-1-4", "--run", DEPOT)
     assert code == 0
     assert "refuse" in next(line for line in out.splitlines() if "dispatcher > mule" in line)
@@ -102,8 +120,17 @@ def test_a_sentence_names_its_record() -> None:
 @pytest.mark.parametrize(
     ("words", "wanted"),
     [
-        (("trace", "hi-9-9"), "no conversation 'hi-9-9' in this run; `roco trace` lists what can be traced"),
-        (("why", "spoon"), "'spoon' is no task of this run, nor a thing that the system knew; its tasks are hi-1-1"),
+        (
+            ("trace", "hi-9-9"),
+            "no conversation 'hi-9-9' in this run; `roco trace` lists what can be traced",
+        ),
+        (
+            ("why", "spoon"),
+            (
+                "'spoon' is no task of this run, nor a thing that the system knew; its tasks are"
+                " hi-1-1"
+            ),
+        ),
     ],
 )
 def test_what_is_not_there_is_said_with_what_is(words: tuple[str, ...], wanted: str) -> None:

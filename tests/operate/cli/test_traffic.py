@@ -1,4 +1,6 @@
-"""`roco traffic judge`: a recording judged for people and for programs, and what cannot be judged."""
+"""`roco traffic judge`: a recording judged for people and for programs, and what cannot be
+judged.
+"""
 
 from io import StringIO
 from pathlib import Path
@@ -15,10 +17,14 @@ from topdown.judge.verdicts import Verdict
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 LATE = Judged(
-    t=105.0, verdict=Verdict.LATE, bytes=300, channel="C4", sender="km", receiver="pl", protocol="query",
-    performative="inform-ref", conversation="pl-1-1", id="km-1-1", why="2.000 s after the reply-by", violation=True,
+    t=105.0, verdict=Verdict.LATE, bytes=300, channel="C4", sender="km", receiver="pl",
+    protocol="query",
+    performative="inform-ref", conversation="pl-1-1", id="km-1-1", why="2.000 s after the reply-by",
+    violation=True,
 )  # fmt: skip
-FINE = msgspec.structs.replace(LATE, t=100.0, verdict=Verdict.LEGAL, id="km-1-0", violation=False, why="")
+FINE = msgspec.structs.replace(
+    LATE, t=100.0, verdict=Verdict.LEGAL, id="km-1-0", violation=False, why=""
+)
 NOISE = Judged(t=106.0, verdict=Verdict.MALFORMED, bytes=7, key="a/b", why="no map", violation=True)
 
 
@@ -63,7 +69,9 @@ def test_what_is_no_recording_is_wrong_usage(tmp_path: Path) -> None:
 
 
 def test_violations_are_told_with_place_and_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Exit code 1; what, who, where, when since the first communicate, why; also of what was no communicate."""
+    """Exit code 1; what, who, where, when since the first communicate, why; also of what was no
+    communicate.
+    """
     text = shown(FINE, LATE, NOISE)
     assert "late  C4  km > pl inform-ref" in text
     assert "+5.00" in text
@@ -76,7 +84,9 @@ def test_violations_are_told_with_place_and_reason(monkeypatch: pytest.MonkeyPat
 
 def test_what_was_not_judged_is_said() -> None:
     """No violation, and yet not all is as designed."""
-    text = shown(FINE, msgspec.structs.replace(FINE, t=101.0, verdict=Verdict.NOT_JUDGED, id="km-1-9"))
+    text = shown(
+        FINE, msgspec.structs.replace(FINE, t=101.0, verdict=Verdict.NOT_JUDGED, id="km-1-9")
+    )
     assert "1 of 2 communicates could not be judged" in text
 
 
@@ -84,7 +94,9 @@ def test_what_was_not_judged_is_said() -> None:
 def test_no_line_is_wider_than_the_terminal(width: int) -> None:
     """With every verdict there is, on as many channels as the design has."""
     lines = [
-        msgspec.structs.replace(FINE, t=100.0 + n, verdict=verdict, channel=f"C{n % 6 + 1}", violation=n > 3)
+        msgspec.structs.replace(
+            FINE, t=100.0 + n, verdict=verdict, channel=f"C{n % 6 + 1}", violation=n > 3
+        )
         for n, verdict in enumerate(Verdict)
     ]
     assert max(len(line) for line in shown(*lines, width=width).splitlines()) <= width

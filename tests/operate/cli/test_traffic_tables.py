@@ -1,4 +1,6 @@
-"""Output of `roco traffic echo|hz|bw|size|stats` for a recorded run, for people and for programs."""
+"""Output of `roco traffic echo|hz|bw|size|stats` for a recorded run, for people and for
+programs.
+"""
 
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +27,9 @@ from topdown.judge.verdicts import Verdict
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 SAMPLES = list(recorded(POUR))
-SAID = [one for sample in SAMPLES if sample is not None and (one := heard_message(sample)) is not None]
+SAID = [
+    one for sample in SAMPLES if sample is not None and (one := heard_message(sample)) is not None
+]
 KINDS = ["hz", "bw", "size", "all"]
 
 
@@ -53,7 +57,9 @@ def test_every_communicate_is_counted_in_its_row(kind: str) -> None:
     """In all tables alike."""
     rows = told(kind)["rows"]
     assert sum(row["count"] for row in rows) == len(SAID) == 424
-    assert {(row["channel"], row["performative"]) for row in rows} == {(one.channel, one.performative) for one in SAID}
+    assert {(row["channel"], row["performative"]) for row in rows} == {
+        (one.channel, one.performative) for one in SAID
+    }
 
 
 @pytest.mark.parametrize("columns", [80, 100])
@@ -73,7 +79,9 @@ def test_rates_are_those_of_the_row() -> None:
     assert row["max_gap_s"] == pytest.approx(max(b.at - a.at for a, b in pairwise(mine)))
     whole = told("bw", "--channel", "C5")
     speed = sum(row["bytes_per_s"] for row in whole["rows"])
-    assert speed * whole["seconds"] == pytest.approx(sum(one.size for one in SAID if one.channel == "C5"), rel=1e-3)
+    assert speed * whole["seconds"] == pytest.approx(
+        sum(one.size for one in SAID if one.channel == "C5"), rel=1e-3
+    )
 
 
 def test_answers_are_timed_from_what_they_answer() -> None:
@@ -96,15 +104,35 @@ def test_a_copy_of_an_answer_answers_nothing_again() -> None:
     """One latency."""
     tally = Tally(Filter())
     ask = Communicate(
-        performative=Performative.QUERY_REF, reply_with="q", conversation="c", sender="pl", receiver="km", id="1"
+        performative=Performative.QUERY_REF,
+        reply_with="q",
+        conversation="c",
+        sender="pl",
+        receiver="km",
+        id="1",
     )
     answer = Communicate(
-        performative=Performative.INFORM_REF, in_reply_to="q", conversation="c", sender="km", receiver="pl", id="2"
+        performative=Performative.INFORM_REF,
+        in_reply_to="q",
+        conversation="c",
+        sender="km",
+        receiver="pl",
+        id="2",
     )
     for at, one in ((1.0, ask), (1.5, answer), (9.0, answer)):
         data = encode(one)
         tally.take(
-            HeardMessage(at, "", data, len(data), "C4", one.sender, one.receiver, "query", str(one.performative))
+            HeardMessage(
+                at,
+                "",
+                data,
+                len(data),
+                "C4",
+                one.sender,
+                one.receiver,
+                "query",
+                str(one.performative),
+            )
         )
     (row,) = [row for row in tally.rows if row.performative == "inform-ref"]
     assert (row.count, list(row.answers)) == (2, [0.5])
@@ -114,7 +142,8 @@ def test_filters_of_one_kind_add_up_and_of_several_narrow() -> None:
     """Repeated options are or, different ones and."""
     count = told("all", "--agent", "hi", "--agent", "ex", "--performative", "request")["count"]
     assert count == sum(
-        one.performative == "request" and bool({"hi", "ex"} & {one.sender, one.receiver}) for one in SAID
+        one.performative == "request" and bool({"hi", "ex"} & {one.sender, one.receiver})
+        for one in SAID
     )
 
 
@@ -138,9 +167,13 @@ def test_echo_has_every_communicate_with_its_verdict() -> None:
     """As `roco traffic judge` says; JSON has the content whole."""
     lines = [msgspec.json.decode(line) for line in roco("echo", "--format", "json").splitlines()]
     assert len(lines) == 424
-    assert [line["t"] for line in lines if line["channel"] == "C1"] == [one.at for one in SAID if one.channel == "C1"]
+    assert [line["t"] for line in lines if line["channel"] == "C1"] == [
+        one.at for one in SAID if one.channel == "C1"
+    ]
     assert {line["verdict"] for line in lines} == {"legal", "copy", "slow"}
-    plan = next(line for line in lines if line["channel"] == "C1" and line["performative"] == "request")
+    plan = next(
+        line for line in lines if line["channel"] == "C1" and line["performative"] == "request"
+    )
     assert plan["content"]["type"] == "HierarchicalPlan"
     assert len(roco("echo", "--count", "7").splitlines()) == 7
     assert roco("echo", "--wrong") == ""
@@ -150,11 +183,14 @@ def test_echo_has_every_communicate_with_its_verdict() -> None:
 def test_a_line_of_echo_is_as_wide_as_the_terminal(width: int) -> None:
     """No line is wider than the terminal; the reason of a violation stands below."""
     fine = Judged(
-        t=1.0, verdict=Verdict.LEGAL, bytes=852_000, channel="C4", sender="km", receiver="pl", protocol="query",
+        t=1.0, verdict=Verdict.LEGAL, bytes=852_000, channel="C4", sender="km", receiver="pl",
+        protocol="query",
         performative="inform-ref", text="x" * 80,
     )  # fmt: skip
     assert cell_len(echo.drawn(fine, width, 5).plain) == width
-    wrong = msgspec.structs.replace(fine, verdict=Verdict.OUT_OF_SEQUENCE, violation=True, why="it may say nothing")
+    wrong = msgspec.structs.replace(
+        fine, verdict=Verdict.OUT_OF_SEQUENCE, violation=True, why="it may say nothing"
+    )
     first, second = echo.drawn(wrong, width, 5).plain.splitlines()
     assert (cell_len(first), second.strip()) == (width, "it may say nothing")
 

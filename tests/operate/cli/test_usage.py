@@ -1,4 +1,6 @@
-"""Wrong use, as people and programs are told of it; what cannot be is said before anything starts."""
+"""Wrong use, as people and programs are told of it; what cannot be is said before anything
+starts.
+"""
 
 import json
 import subprocess
@@ -53,7 +55,9 @@ def test_other_ends_are_as_without_json() -> None:
 @pytest.mark.process
 def test_the_version_is_that_of_the_package() -> None:
     """As pip says it."""
-    done = subprocess.run([sys.executable, "-m", "operate.cli", "--version"], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "operate.cli", "--version"], capture_output=True, text=True
+    )
     assert (done.returncode, done.stdout) == (0, f"roco {version('robot-companion')}\n")
 
 
@@ -63,7 +67,11 @@ def test_the_version_is_that_of_the_package() -> None:
     [(("--seed", "-1"), "'-1' is not a seed"), (("--scene", "far.toml"), "is (100.0, 0.0, 0.0, ")],
 )
 def test_seed_and_scene_are_looked_at_before_anything_starts(
-    verb: tuple[str, ...], options: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    verb: tuple[str, ...],
+    options: tuple[str, ...],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The loop would say the same, after router and monitor; here no folder was made."""
     monkeypatch.chdir(tmp_path)
@@ -74,7 +82,9 @@ def test_seed_and_scene_are_looked_at_before_anything_starts(
     assert [path.name for path in tmp_path.iterdir()] == ["far.toml"]
 
 
-def test_a_process_that_is_none_is_wrong_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_is_none_is_wrong_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It lists what there is."""
     monkeypatch.chdir(tmp_path)
     done = roco("up", "--only", "nobody", "--format", "json")

@@ -1,4 +1,6 @@
-"""The table of verbs: every row leads to a function that says what the row says and shows calls of itself."""
+"""The table of verbs: every row leads to a function that says what the row says and shows calls of
+itself.
+"""
 
 import inspect
 import json
@@ -41,7 +43,9 @@ def found(words: list[str]) -> tuple[Any, list[str]]:
 
 
 def test_a_row_says_what_its_verb_does() -> None:
-    """The docstring begins with the row's line, and the words lead to that function; a group has a line and verbs."""
+    """The docstring begins with the row's line, and the words lead to that function; a group has a
+    line and verbs.
+    """
     wrong = []
     for words, (place, line) in ROWS.items():
         if place is GROUP:
@@ -55,7 +59,9 @@ def test_a_row_says_what_its_verb_does() -> None:
     assert wrong == []
 
 
-def test_the_examples_of_a_verb_are_calls_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_examples_of_a_verb_are_calls_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Each verb shows one at least; each parses, also with --format json, which every verb has."""
     monkeypatch.chdir(tmp_path)
     for words in CALLED:
@@ -64,7 +70,9 @@ def test_the_examples_of_a_verb_are_calls_of_it(tmp_path: Path, monkeypatch: pyt
         for example in examples:
             roco, *called = shlex.split(example)
             assert (roco, called[: len(words.split())]) == ("roco", words.split()), example
-            for word in (Path(word) for word in called if ("/" in word or "." in word) and " " not in word):
+            for word in (
+                Path(word) for word in called if ("/" in word or "." in word) and " " not in word
+            ):
                 (word.parent if word.suffix else word).mkdir(parents=True, exist_ok=True)
                 word.touch()
             command, rest = found(called)
@@ -86,23 +94,37 @@ def test_help_of_an_option_has_no_word_in_brackets() -> None:
 
 @pytest.mark.process
 def test_lists_and_frequent_verbs_import_nothing_heavy(tmp_path: Path) -> None:
-    """Of a fleet that was there: no session, no numbers, no robot; no tables of rich where a program asks."""
-    (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(Fleet("roco", str(tmp_path), 0, 0.0, (GONE,))))
+    """Of a fleet that was there: no session, no numbers, no robot; no tables of rich where a
+    program asks.
+    """
+    (tmp_path / FLEET_FILE).write_bytes(
+        msgspec.json.encode(Fleet("roco", str(tmp_path), 0, 0.0, (GONE,)))
+    )
     code = (
-        "import json, sys\nfrom operate.cli.__main__ import app\n"
-        "def imported(*words):\n    try:\n        app(list(words))\n    except SystemExit:\n        pass\n"
-        "    return list(sys.modules)\n"
-        "asked = ['--run-dir', sys.argv[1], '--format', 'json']\n"
-        "calls = [['status', *asked], ['agents', *asked], ['say', 'look around', *asked]]\n"
-        "called = [imported(*words) for words in calls][-1]\n"
-        "print(json.dumps([called, imported('--help')]))"
+        "import json, sys\nfrom operate.cli.__main__ import app\ndef imported(*words):\n    try:\n "
+        "       app(list(words))\n    except SystemExit:\n        pass\n    return"
+        " list(sys.modules)\nasked = ['--run-dir', sys.argv[1], '--format', 'json']\ncalls ="
+        " [['status', *asked], ['agents', *asked], ['say', 'look around', *asked]]\ncalled ="
+        " [imported(*words) for words in calls][-1]\nprint(json.dumps([called,"
+        " imported('--help')]))"
     )
     command = [sys.executable, "-c", code, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
     called, listed = json.loads(done.stdout.splitlines()[-1])
-    heavy = {"cryptography", "matplotlib", "mujoco", "numpy", "pinocchio", "rdflib", "rich", "zenoh"}
+    heavy = {
+        "cryptography",
+        "matplotlib",
+        "mujoco",
+        "numpy",
+        "pinocchio",
+        "rdflib",
+        "rich",
+        "zenoh",
+    }
     assert heavy.isdisjoint(called)
-    assert [name for name in listed if name.startswith(("operate.cli.design.", "cryptography", "zenoh"))] == []
+    assert [
+        name for name in listed if name.startswith(("operate.cli.design.", "cryptography", "zenoh"))
+    ] == []
     assert '"state":"stopped"' in done.stdout
     assert "human interface" in done.stderr
     assert "conversation" in done.stdout

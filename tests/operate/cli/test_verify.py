@@ -1,4 +1,6 @@
-"""`roco replay --verify`: recorded histories run again to the same bytes; else agent, step, field and both values."""
+"""`roco replay --verify`: recorded histories run again to the same bytes; else agent, step, field
+and both values.
+"""
 
 import json
 import os
@@ -27,7 +29,10 @@ from operate.recording.records import Spoken
 
 ROOT = Path(__file__).parents[3]
 POUR, DEPOT = (ROOT / "tests/histories" / f"verified_{name}" for name in ("pour_seed_7", "depot"))
-MEANT = "an agent puts out something else than in a recorded run; if that is meant: scripts/record-histories"
+MEANT = (
+    "an agent puts out something else than in a recorded run; if that is meant:"
+    " scripts/record-histories"
+)
 
 
 def told(code: int, wanted: int, out: str, error: str) -> Any:
@@ -48,16 +53,29 @@ def verify(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     return again
 
 
-# --- recorded histories -----------------------------------------------------------------------------------------------
+# --- recorded histories ---------------------------------------------------------------------------
 
 
 @pytest.mark.process
 @pytest.mark.timeout(180)
 def test_the_agents_of_a_pour_put_out_the_same_bytes() -> None:
     """Every step of co, hi, km, pl and ta of a run over Zenoh."""
-    command = [sys.executable, "-m", "operate.cli", "replay", str(POUR), "--verify", "--seed", "7", "--format", "json"]
+    command = [
+        sys.executable,
+        "-m",
+        "operate.cli",
+        "replay",
+        str(POUR),
+        "--verify",
+        "--seed",
+        "7",
+        "--format",
+        "json",
+    ]
     kept = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
-    done = subprocess.run(command, cwd=ROOT, env=kept, capture_output=True, text=True, timeout=110, check=False)
+    done = subprocess.run(
+        command, cwd=ROOT, env=kept, capture_output=True, text=True, timeout=110, check=False
+    )
     found = told(done.returncode, 0, done.stdout, done.stderr)
     assert [one["agent"] for one in found] == ["co", "hi", "km", "pl", "ta"]
     assert all(one["difference"] is None and one["steps"] > 20 for one in found)
@@ -66,10 +84,14 @@ def test_the_agents_of_a_pour_put_out_the_same_bytes() -> None:
 @pytest.mark.process
 @pytest.mark.timeout(180)
 def test_another_system_with_two_deaths_and_a_parameter(verify: Callable[..., Any]) -> None:
-    """Two agents were killed and lived again; all that they said is in the recording, to the byte."""
+    """Two agents were killed and lived again; all that they said is in the recording, to the
+    byte.
+    """
     found = {one["agent"]: one for one in verify(DEPOT, folder=ROOT / "examples/depot")}
     assert [one["lives"] for one in found.values()] == [1, 2, 1, 2, 1]
-    assert all(one["difference"] is None and one["heard"] == one["said"] > 0 for one in found.values())
+    assert all(
+        one["difference"] is None and one["heard"] == one["said"] > 0 for one in found.values()
+    )
 
 
 @pytest.mark.process
@@ -84,8 +106,8 @@ def test_another_seed_is_another_agent(verify: Callable[..., Any]) -> None:
 
 
 def changed(run: Path, agent: str, field: str, value: Any, *, skip: int = 0) -> int:
-    """Change a field in the first communicate to reach an agent whose content has it, but for `skip` conversations; the
-    number of that step.
+    """Change a field in the first communicate to reach an agent whose content has it, but for
+    `skip` conversations; the number of that step.
     """
     file = run / "steps" / f"{agent}.steps"
     steps, number, talks = list(read(file)), 0, set[str]()
@@ -101,7 +123,10 @@ def changed(run: Path, agent: str, field: str, value: Any, *, skip: int = 0) -> 
                 continue
             told[field] = value
             other = replace(arrived.communicate, content=msgspec.Raw(pack(told)))
-            steps[place], number = replace(step, input=pack(replace(arrived, communicate=other))), step.step
+            steps[place], number = (
+                replace(step, input=pack(replace(arrived, communicate=other))),
+                step.step,
+            )
     lines = [pack(step) for step in steps]
     file.write_bytes(b"".join(HEAD.pack(len(line)) + line for line in lines))
     return number
@@ -118,7 +143,8 @@ def test_a_message_that_says_something_else_is_seen(
 ) -> None:
     """Asked for something else, an agent says or writes something else; both are told.
 
-    When the first order comes the robots have perhaps not appeared yet, and what the dispatcher says to them waits.
+    When the first order comes the robots have perhaps not appeared yet, and what the dispatcher
+    says to them waits.
     """
     run = tmp_path / "run"
     shutil.copytree(DEPOT, run)
@@ -133,8 +159,12 @@ def test_a_message_that_says_something_else_is_seen(
 
 @pytest.mark.process
 @pytest.mark.timeout(60)
-def test_a_recording_that_says_something_else_is_seen(tmp_path: Path, verify: Callable[..., Any]) -> None:
-    """A recording that differs from the agent's own output is noticed: another sender, or a changed file."""
+def test_a_recording_that_says_something_else_is_seen(
+    tmp_path: Path, verify: Callable[..., Any]
+) -> None:
+    """A recording that differs from the agent's own output is noticed: another sender, or a changed
+    file.
+    """
     run = tmp_path / "run"
     shutil.copytree(DEPOT, run)
     (run / mcap_file.FILE).unlink()
@@ -167,13 +197,18 @@ def test_a_folder_without_logs_is_told(tmp_path: Path, verify: Callable[..., Any
     assert "has no step logs; give the folder of a run" in verify(tmp_path, code=2)
 
 
-# --- the field, from what the run has kept ----------------------------------------------------------------------------
+# --- the field, from what the run has kept --------------------------------------------------------
 
 
 def word(id: str, content: Any, sent: float = 5.0) -> Communicate:
     """A communicate of the agent."""
     return Communicate(
-        performative=Performative.INFORM, content=msgspec.Raw(pack(content)), receiver="b", sender="a", id=id, sent=sent
+        performative=Performative.INFORM,
+        content=msgspec.Raw(pack(content)),
+        receiver="b",
+        sender="a",
+        id=id,
+        sent=sent,
     )
 
 
@@ -201,7 +236,9 @@ def parted(now: Effects, then: Effects = THEN) -> Parted:
         (replace(THEN, tells=("stop",)), "tells", f"hash {fingerprint(THEN).hex()}", ["stop"]),
     ],
 )
-def test_the_part_that_differs_is_named(now: Effects, field: str, recorded: Any, is_now: Any) -> None:
+def test_the_part_that_differs_is_named(
+    now: Effects, field: str, recorded: Any, is_now: Any
+) -> None:
     """With its recorded value, from the journal or the recording, and its value now."""
     found = first(parted(now), KEPT)
     assert (found.step, found.field, found.recorded, found.now) == (9, field, recorded, is_now)

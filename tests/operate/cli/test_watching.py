@@ -62,11 +62,17 @@ def test_where_no_supervisor_is_nobody_is_stopped(run: Path) -> None:
 
 def test_top_tells_what_went_over_a_channel(run: Path) -> None:
     """The one communicate of the story, long ago."""
-    channels = json.loads(roco("top", "--graph", "--once", "--run-dir", run, "--format", "json").stdout)["channels"]
+    channels = json.loads(
+        roco("top", "--graph", "--once", "--run-dir", run, "--format", "json").stdout
+    )["channels"]
     assert {one["name"]: one["count"] for one in channels}["C4"] == 1
     assert "C4 0.0/s 0 B/s, 1 in all" in roco("top", "--graph", "--once", "--run-dir", run).stdout
-    assert roco("top", "--format", "dot", "--once", "--run-dir", run).stdout.startswith("graph fleet {")
-    pictures = roco("top", "--run-dir", run, "--count", "2", "--period", "0.2", "--format", "json").stdout.splitlines()
+    assert roco("top", "--format", "dot", "--once", "--run-dir", run).stdout.startswith(
+        "graph fleet {"
+    )
+    pictures = roco(
+        "top", "--run-dir", run, "--count", "2", "--period", "0.2", "--format", "json"
+    ).stdout.splitlines()
     assert len(pictures) == 2
     assert json.loads(pictures[1])["plan"] == "plan 1: pour, succeeded"
     assert "carries out the plan" in roco("top", "--run-dir", run, "--count", "1").stdout
@@ -75,7 +81,8 @@ def test_top_tells_what_went_over_a_channel(run: Path) -> None:
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (100, 30)])
 def test_the_picture_of_top_fits(width: int, height: int, run: Path) -> None:
     """No line is longer than the terminal, and no more lines than it has."""
-    console = Console(width=width, height=height, force_terminal=True, file=Path(os.devnull).open("w"))  # noqa: SIM115
+    nowhere = Path(os.devnull).open("w")  # noqa: SIM115
+    console = Console(width=width, height=height, force_terminal=True, file=nowhere)
     lines = console.render_lines(top.Watched(Local(run)).picture(width, height))
     assert len(lines) <= height
     console.file.close()
@@ -86,7 +93,9 @@ def test_top_ends_at_q_and_leaves_the_terminal_as_it_was(run: Path) -> None:
     ours, theirs = pty.openpty()
     before = termios.tcgetattr(theirs)
     command = [sys.executable, "-m", "operate.cli", "top", "--run-dir", str(run)]
-    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=os.environ | {"TERM": "xterm"})
+    process = subprocess.Popen(
+        command, stdin=theirs, stdout=theirs, stderr=theirs, env=os.environ | {"TERM": "xterm"}
+    )
     told = b""
     while b"who" not in told and b"agent" not in told:
         assert select.select([ours], [], [], 30)[0], told
@@ -102,7 +111,9 @@ def test_top_ends_at_q_and_leaves_the_terminal_as_it_was(run: Path) -> None:
     os.close(theirs)
 
 
-def test_doctor_finds_nothing_wrong_with_a_fleet_that_is_well(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_finds_nothing_wrong_with_a_fleet_that_is_well(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """And a note where it is held."""
     monkeypatch.setitem(checkup.CHECKS.machine, "imports", partial(general.imports, ("msgspec",)))
     roco("stop", "--run-dir", run)
@@ -110,7 +121,15 @@ def test_doctor_finds_nothing_wrong_with_a_fleet_that_is_well(run: Path, monkeyp
     checks = {check["name"]: check for check in json.loads(done.stdout)["checks"]}
     assert checks["fleet"]["level"] == "fine"
     assert checks["stop"]["level"] == "note"
-    assert {"python", "libraries", "imports", "ports", "disk", "memory", "processor"} <= checks.keys()
+    assert {
+        "python",
+        "libraries",
+        "imports",
+        "ports",
+        "disk",
+        "memory",
+        "processor",
+    } <= checks.keys()
 
 
 def test_doctor_names_what_died_and_what_was_left_behind(
@@ -144,7 +163,9 @@ def test_doctor_names_what_died_and_what_was_left_behind(
 def test_doctor_says_whether_real_time_is_held(
     late: int, level: str, runs: bool, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without a fleet by a loop that is tried out, else by the one that runs; and what to do where it is not held."""
+    """Without a fleet by a loop that is tried out, else by the one that runs; and what to do where
+    it is not held.
+    """
     asked: list[Path | None] = []
 
     def measure(slots: Path | None = None) -> checkup.Pace:
@@ -159,7 +180,9 @@ def test_doctor_says_whether_real_time_is_held(
         named(run, "loop")
         (tmp_path / "runs").symlink_to(run.parent)
     done = roco("doctor", *(["--run-dir", run] if runs else []), "--format", "json")
-    (check,) = [check for check in json.loads(done.stdout)["checks"] if check["name"] == "real time"]
+    (check,) = [
+        check for check in json.loads(done.stdout)["checks"] if check["name"] == "real time"
+    ]
     assert asked == [run / SLOTS_FILE if runs else None]
     assert check["level"] == level
     assert ("real time cannot be held" in check["what"]) == (level == "wrong")
@@ -175,7 +198,9 @@ def named(run: Path, name: str) -> None:
     (run / "fleet.json").write_text(json.dumps(fleet))
 
 
-def test_doctor_asks_nobody_about_a_loop_that_does_not_run(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_asks_nobody_about_a_loop_that_does_not_run(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Beside a fleet none is tried out either: both would be late."""
     monkeypatch.chdir(run.parent)
     monkeypatch.setattr(folders, "RUNS", run.parent)
@@ -190,11 +215,17 @@ def test_doctor_says_whether_the_loop_gets_its_priority(
 ) -> None:
     """As the loop found it, not as the rights of this user let one expect."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(checkup, "measure", lambda: checkup.Pace(500, 0, held=True, realtime=realtime))
-    assert [check.level for check in checkup.real_time() if check.name == "priority"] == ["note"] * (not realtime)
+    monkeypatch.setattr(
+        checkup, "measure", lambda: checkup.Pace(500, 0, held=True, realtime=realtime)
+    )
+    assert [check.level for check in checkup.real_time() if check.name == "priority"] == [
+        "note"
+    ] * (not realtime)
 
 
-def test_the_load_of_a_fleet_of_ones_own_is_only_told(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_load_of_a_fleet_of_ones_own_is_only_told(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """At --speed max nothing fails by it."""
     monkeypatch.chdir(run.parent)
     (run.parent / "runs").symlink_to(run.parent)
@@ -204,7 +235,11 @@ def test_the_load_of_a_fleet_of_ones_own_is_only_told(run: Path, monkeypatch: py
 
 def test_doctor_names_libraries_that_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the extra that brings them; those of development are nobody's business."""
-    wanted = ["nowhere-to-be>=1; extra == 'executor'", "not-this>=2; extra == 'dev'", "msgspec>=0.20"]
+    wanted = [
+        "nowhere-to-be>=1; extra == 'executor'",
+        "not-this>=2; extra == 'dev'",
+        "msgspec>=0.20",
+    ]
     monkeypatch.setattr("importlib.metadata.requires", lambda _: wanted)
     (check,) = checkup.CHECKS.machine["libraries"]()
     assert check.what == "not installed: nowhere-to-be"

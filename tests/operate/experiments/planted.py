@@ -35,14 +35,28 @@ def figures(seed: int, noise: random.Random) -> PourFigures:
             total=421,
             small=0.9,
             matrix={"pl": {"km": 116}, "km": {"pl": 116 + seed % 3}},
-            per_channel={"C4": Sizes(count=232, total=104888, least=110, mean=452.0, largest=22870)},
+            per_channel={
+                "C4": Sizes(count=232, total=104888, least=110, mean=452.0, largest=22870)
+            },
         ),
-        plans=(Plan(1, 1.0, 10.0 * (1.0 + shake), 92, 184, 92534, 0.1), Plan(2, wall - 10, 2.1, 22, 44, 11819, 0.03)),
+        plans=(
+            Plan(1, 1.0, 10.0 * (1.0 + shake), 92, 184, 92534, 0.1),
+            Plan(2, wall - 10, 2.1, 22, 44, 11819, 0.03),
+        ),
         events=(
-            Happened("command-received", 4.6, words="command received", sim_s=3.2, channels=("C2",)),
+            Happened(
+                "command-received", 4.6, words="command received", sim_s=3.2, channels=("C2",)
+            ),
             Happened("finished", 4.6 + wall, words="finished", sim_s=67.0, channels=("C2",)),
         ),
-        latency=(Latency("C3", "generate_plan", 15000.0, Spans(2, 6000.0 * (1.0 + shake), p99=10000.0, max=10200.0)),),
+        latency=(
+            Latency(
+                "C3",
+                "generate_plan",
+                15000.0,
+                Spans(2, 6000.0 * (1.0 + shake), p99=10000.0, max=10200.0),
+            ),
+        ),
         seed=seed,
         speed="max",
         began=1.7e9 + seed,
@@ -50,7 +64,9 @@ def figures(seed: int, noise: random.Random) -> PourFigures:
 
 
 def said(seed: int) -> tuple[SentMessage, ...]:
-    """Return a run's exchanges: queries of pl with answers, and a request of co; times vary from run to run."""
+    """Return a run's exchanges: queries of pl with answers, and a request of co; times vary from
+    run to run.
+    """
     shake = random.Random(seed)
     rows, t = [], 0.0
     for n in range(6):
@@ -60,7 +76,18 @@ def said(seed: int) -> tuple[SentMessage, ...]:
         ):
             t += shake.uniform(0.01, 0.5)
             rows.append(
-                SentMessage(t, "C4", sender, receiver, "query", act, f"pl-1-{n}", kind, 150 + n, f"object pose {n}")
+                SentMessage(
+                    t,
+                    "C4",
+                    sender,
+                    receiver,
+                    "query",
+                    act,
+                    f"pl-1-{n}",
+                    kind,
+                    150 + n,
+                    f"object pose {n}",
+                )
             )
     for sender, receiver, act in (("co", "pl", "request"), ("pl", "co", "agree")):
         t += 0.1
@@ -69,9 +96,15 @@ def said(seed: int) -> tuple[SentMessage, ...]:
 
 
 def runs(
-    seeds: Iterable[int] = range(1, 31), *, change: Change = same, failing: Collection[int] = (), machine: int = 1
+    seeds: Iterable[int] = range(1, 31),
+    *,
+    change: Change = same,
+    failing: Collection[int] = (),
+    machine: int = 1,
 ) -> Runs:
-    """A set; `machine`: another one adds other noise. Of the failing seeds the reason is "the jar fell"."""
+    """A set; `machine`: another one adds other noise. Of the failing seeds the reason is "the jar
+    fell".
+    """
     noise = random.Random(machine)
     found = []
     for seed in seeds:
@@ -80,21 +113,31 @@ def runs(
         one = msgspec.structs.replace(one, success=why is None, failure=why)
         found.append(Result(seed, why, one, one.began, 60.0, False, (1.0, 2.0)))
     return Runs(
-        "planted", None, tuple(found), {one.seed: said(one.seed) for one in found if one.seed is not None}, MEASURES
+        "planted",
+        None,
+        tuple(found),
+        {one.seed: said(one.seed) for one in found if one.seed is not None},
+        MEASURES,
     )
 
 
 def times(factor: float, *names: str) -> Change:
     """Multiply some figures."""
-    return lambda one: msgspec.structs.replace(one, **{name: factor * getattr(one, name) for name in names})
+    return lambda one: msgspec.structs.replace(
+        one, **{name: factor * getattr(one, name) for name in names}
+    )
 
 
 def written(place: Path, of: Runs, setting: ExperimentSetting | None = None) -> Path:
-    """An experiment's folder with these results, as `roco experiment` leaves it, without recordings."""
+    """An experiment's folder with these results, as `roco experiment` leaves it, without
+    recordings.
+    """
     from operate.experiments import tables
 
     place.mkdir(parents=True)
-    (place / results.RESULTS_FILE).write_bytes(b"".join(msgspec.json.encode(one) + b"\n" for one in of.results))
+    (place / results.RESULTS_FILE).write_bytes(
+        b"".join(msgspec.json.encode(one) + b"\n" for one in of.results)
+    )
     tables.write_said(place / results.SAID_FILE, of.said)
     if setting is not None:
         (place / results.SETTING_FILE).write_bytes(msgspec.json.encode(setting))

@@ -1,4 +1,6 @@
-"""Planted regressions are found, equal sets pass, and the first communicate that differs is named."""
+"""Planted regressions are found, equal sets pass, and the first communicate that differs is
+named.
+"""
 
 import random
 import shutil
@@ -29,7 +31,9 @@ def slower(figures: PourFigures) -> PourFigures:
     """Plans come 40 % later."""
     rows = [msgspec.structs.replace(one, wall_s=1.4 * (one.wall_s or 0.0)) for one in figures.plans]
     answers = [
-        Latency(one.channel, one.use, 0.0, Spans(2, 1.4 * one.answer.p50)) for one in figures.latency if one.answer
+        Latency(one.channel, one.use, 0.0, Spans(2, 1.4 * one.answer.p50))
+        for one in figures.latency
+        if one.answer
     ]
     return msgspec.structs.replace(figures, plans=tuple(rows), latency=tuple(answers))
 
@@ -86,11 +90,15 @@ def test_a_planted_regression_is_found_and_named(change: Change, name: str) -> N
 def test_only_what_was_made_worse_is_named() -> None:
     """Energy alone, where energy alone was planted."""
     found = comparing.compared(runs(), runs(change=times(1.3, "energy_J")))
-    assert [one.name for one in found.rows if one.verdict is Verdict.WORSE] == ["energy of the body's joints"]
+    assert [one.name for one in found.rows if one.verdict is Verdict.WORSE] == [
+        "energy of the body's joints"
+    ]
 
 
 def test_a_growth_within_the_threshold_is_no_regression() -> None:
-    """5 % more energy: the same by the threshold of 10 %, worse by one of 2 %, open by one at 5 %."""
+    """5 % more energy: the same by the threshold of 10 %, worse by one of 2 %, open by one at 5
+    %.
+    """
     before, after = runs(), runs(change=times(1.05, "energy_J"))
     name = "energy of the body's joints"
     for limit, verdict in ((10.0, Verdict.SAME), (2.0, Verdict.WORSE), (5.0, Verdict.OPEN)):
@@ -100,7 +108,9 @@ def test_a_growth_within_the_threshold_is_no_regression() -> None:
 
 def test_a_few_runs_that_vary_do_not_make_a_regression() -> None:
     """Three runs a side with scenes of their own: 12 % more may be chance, and is called open."""
-    found = comparing.compared(runs(range(1, 4)), runs(range(50, 53), change=times(1.12, "energy_J")))
+    found = comparing.compared(
+        runs(range(1, 4)), runs(range(50, 53), change=times(1.12, "energy_J"))
+    )
     one = row(found, "energy of the body's joints")
     assert one.percent is not None
     assert one.verdict is Verdict.OPEN
@@ -108,7 +118,9 @@ def test_a_few_runs_that_vary_do_not_make_a_regression() -> None:
 
 
 def test_lost_successes_are_a_regression_and_named() -> None:
-    """A third of the runs fail: worse; one of thirty: open, for that may be chance. Each lost seed is told."""
+    """A third of the runs fail: worse; one of thirty: open, for that may be chance. Each lost seed
+    is told.
+    """
     found = comparing.compared(runs(), runs(failing=range(1, 11)))
     assert row(found, "success").verdict is Verdict.WORSE
     assert [one.seed for one in found.lost] == list(range(1, 11))
@@ -144,7 +156,9 @@ def test_single_runs_have_no_interval_but_a_lost_success_counts() -> None:
 def test_the_order_of_lines_does_not_matter(order: list[int]) -> None:
     """An experiment that was interrupted and went on compares as one that was not."""
     one, other = runs(), runs(change=times(1.05, "energy_J"), machine=2)
-    mixed = Runs("planted", None, tuple(other.results[n] for n in order), other.said, other.measures)
+    mixed = Runs(
+        "planted", None, tuple(other.results[n] for n in order), other.said, other.measures
+    )
     assert comparing.compared(one, mixed).rows == comparing.compared(one, other).rows
 
 
@@ -158,14 +172,16 @@ def test_thresholds_are_read_and_wrong_ones_named() -> None:
             comparing.thresholds([wrong])
 
 
-# --- where what was said begins to differ -----------------------------------------------------------------------------
+# --- where what was said begins to differ ---------------------------------------------------------
 
 
 def test_the_same_words_at_other_times_do_not_diverge() -> None:
     """Times, sizes, names of conversations and numbers in words make no difference."""
     for seed in range(2, 12):
         assert comparing.first(said(1), said(seed)) is None
-    renamed = [msgspec.structs.replace(one, conversation=f"{one.conversation}x", size=1) for one in said(2)]
+    renamed = [
+        msgspec.structs.replace(one, conversation=f"{one.conversation}x", size=1) for one in said(2)
+    ]
     assert comparing.first(said(1), renamed) is None
 
 
@@ -214,7 +230,9 @@ def test_of_two_differences_the_earlier_one_is_named() -> None:
 @given(st.integers(1, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_conversations_side_by_side_may_be_interleaved_otherwise(seed: int) -> None:
-    """Two conversations of different kinds, and two words that cross in one: any order as heard is the same."""
+    """Two conversations of different kinds, and two words that cross in one: any order as heard is
+    the same.
+    """
     pick, first, second = random.Random(seed), list(said(1)[:12]), list(said(1)[12:])
     mixed: list[SentMessage] = []
     while first or second:
@@ -233,16 +251,23 @@ def test_of_sets_each_common_seed_is_aligned() -> None:
 
 
 def test_runs_of_other_seeds_are_not_aligned() -> None:
-    """Neither two single ones, nor sets whose runs are only numbered; single ones without a seed are."""
+    """Neither two single ones, nor sets whose runs are only numbered; single ones without a seed
+    are.
+    """
     changed = {2: said(2)[:-1]}
     other = msgspec.structs.replace(runs([2]), said=changed)
     assert comparing.compared(runs([1]), other).diverged == ()
     unseeded = [
-        msgspec.structs.replace(one, seeded=False) for one in (runs(range(1, 6)), runs(range(1, 6), failing=[2]))
+        msgspec.structs.replace(one, seeded=False)
+        for one in (runs(range(1, 6)), runs(range(1, 6), failing=[2]))
     ]
     found = comparing.compared(*unseeded)
     assert (found.diverged, found.lost) == ((), ())
-    assert {one.difference.method for one in found.rows if one.difference} <= {"too few runs", "Welch's t", "Newcombe"}
+    assert {one.difference.method for one in found.rows if one.difference} <= {
+        "too few runs",
+        "Welch's t",
+        "Newcombe",
+    }
     singles = [msgspec.structs.replace(one, seeded=False) for one in (runs([1]), runs([1]))]
     assert [one.first for one in comparing.compared(*singles).diverged] == [None]
 

@@ -16,16 +16,29 @@ TRIALS = 3000
 
 @pytest.mark.parametrize("n", [3, 10, 30])
 def test_students_interval_covers_the_true_mean_in_95_of_100_sets(n: int) -> None:
-    """Of 3000 sets drawn from a normal distribution; the count's own spread is 0.4 %, four times that is allowed."""
+    """Of 3000 sets drawn from a normal distribution; the count's own spread is 0.4 %, four times
+    that is allowed.
+    """
     draw = np.random.default_rng(n)
     sets = draw.normal(7.0, 2.0, (TRIALS, n))
-    covered = sum(i.low <= 7.0 <= i.high for one in sets if (i := intervals.mean(list(one))) is not None)  # type: ignore[operator]
+    covered = sum(
+        i.low <= 7.0 <= i.high for one in sets if (i := intervals.mean(list(one))) is not None
+    )  # type: ignore[operator]
     assert covered / TRIALS == pytest.approx(0.95, abs=0.016)
 
 
 @pytest.mark.parametrize(
     ("freedom", "printed"),
-    [(1, 12.706), (2, 4.303), (3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042), (60, 2.000), (120, 1.980)],
+    [
+        (1, 12.706),
+        (2, 4.303),
+        (3, 3.182),
+        (5, 2.571),
+        (10, 2.228),
+        (30, 2.042),
+        (60, 2.000),
+        (120, 1.980),
+    ],
 )
 def test_students_factor_is_that_of_printed_tables(freedom: int, printed: float) -> None:
     """The column for 0.975; NIST/SEMATECH e-Handbook of Statistical Methods, 1.3.6.7.2."""
@@ -35,7 +48,9 @@ def test_students_factor_is_that_of_printed_tables(freedom: int, printed: float)
 
 @pytest.mark.parametrize(("n", "p"), [(30, 0.97), (30, 0.5), (10, 0.9)])
 def test_wilsons_interval_covers_the_true_share(n: int, p: float) -> None:
-    """On the whole nominal; a discrete count makes it somewhat more or less (Wilson's: at least 0.92 here)."""
+    """On the whole nominal; a discrete count makes it somewhat more or less (Wilson's: at least
+    0.92 here).
+    """
     draw = np.random.default_rng(n)
     found = {k: intervals.share(k, n) for k in range(n + 1)}
     covered = sum(found[k].low <= p <= found[k].high for k in draw.binomial(n, p, TRIALS))  # type: ignore[operator, union-attr]
@@ -53,7 +68,9 @@ def test_wilsons_interval_of_a_textbook() -> None:
 
 
 def test_newcombes_interval_as_printed() -> None:
-    """His example (a): 56/70 and 48/80, difference 0.2, interval 0.0524 to 0.3339 (table II, method 10)."""
+    """His example (a): 56/70 and 48/80, difference 0.2, interval 0.0524 to 0.3339 (table II, method
+    10).
+    """
     found = intervals.difference_of_shares((48, 80), (56, 70))
     assert found is not None
     assert (found.value, found.low, found.high) == pytest.approx((0.2, 0.0524, 0.3339), abs=1e-4)
@@ -97,9 +114,13 @@ def test_the_order_of_runs_does_not_matter(values: list[float], shuffling: objec
     one, other = intervals.mean(values), intervals.mean(again)
     assert one is not None
     assert other is not None
-    assert (other.value, other.low, other.high) == pytest.approx((one.value, one.low, one.high), rel=1e-6, abs=1e-6)
+    assert (other.value, other.low, other.high) == pytest.approx(
+        (one.value, one.low, one.high), rel=1e-6, abs=1e-6
+    )
     numbered = dict(enumerate(values))
-    assert intervals.difference(numbered, dict(reversed(numbered.items()))) == intervals.difference(numbered, numbered)
+    assert intervals.difference(numbered, dict(reversed(numbered.items()))) == intervals.difference(
+        numbered, numbered
+    )
 
 
 @given(VALUES)
@@ -111,7 +132,9 @@ def test_the_value_lies_inside_and_both_ends_are_as_far(values: list[float]) -> 
     assert found.high is not None
     assert found.low <= found.value <= found.high
     middle, half = intervals.band(np.array(values)[:, None])
-    assert (middle[0] - half[0], middle[0] + half[0]) == pytest.approx((found.low, found.high), rel=1e-9, abs=1e-6)
+    assert (middle[0] - half[0], middle[0] + half[0]) == pytest.approx(
+        (found.low, found.high), rel=1e-9, abs=1e-6
+    )
 
 
 @given(st.integers(0, 40), st.integers(1, 40))
@@ -126,7 +149,9 @@ def test_a_share_stays_between_none_and_all(yes: int, n: int) -> None:
 
 def test_more_runs_say_more() -> None:
     """The interval of a share grows narrower with the runs, at the same share."""
-    wide = [found.high - found.low for n in (10, 20, 40, 80) if (found := intervals.share(n // 2, n))]  # type: ignore[operator]
+    wide = [
+        found.high - found.low for n in (10, 20, 40, 80) if (found := intervals.share(n // 2, n))
+    ]  # type: ignore[operator]
     assert all(later < before for before, later in pairwise(wide))
 
 
@@ -147,9 +172,14 @@ def test_one_or_two_runs_have_no_interval_and_none_has_nothing() -> None:
 
 @given(st.integers(0, 12), st.integers(0, 12))
 def test_only_seeds_that_both_sets_have_are_paired(more: int, others: int) -> None:
-    """Four of them, beside others: their own difference, or that of all runs where they are less than half."""
+    """Four of them, beside others: their own difference, or that of all runs where they are less
+    than half.
+    """
     a = {seed: 10.0 * seed for seed in range(4 + more)}
-    b = {**{seed: 10.0 * seed + 1.0 for seed in range(4)}, **{100 + seed: 7.0 for seed in range(others)}}
+    b = {
+        **{seed: 10.0 * seed + 1.0 for seed in range(4)},
+        **{100 + seed: 7.0 for seed in range(others)},
+    }
     found = intervals.difference(a, b)
     assert found is not None
     paired = max(len(a), len(b)) <= 2 * 4

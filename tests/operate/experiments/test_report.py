@@ -1,4 +1,6 @@
-"""The report of an experiment: its tables count the lines, its page needs nothing else, its tables read back."""
+"""The report of an experiment: its tables count the lines, its page needs nothing else, its tables
+read back.
+"""
 
 from pathlib import Path
 
@@ -27,10 +29,19 @@ POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 def test_the_summary_counts_the_lines(tmp_path: Path) -> None:
     """Success over all runs, figures over the successful ones, the paper's beside them."""
     told = summary.summed(runs(failing=[2, 9]))
-    assert (told.runs, told.success.value, [one.seed for one in told.failures]) == (30, 28 / 30, [2, 9])
+    assert (told.runs, told.success.value, [one.seed for one in told.failures]) == (
+        30,
+        28 / 30,
+        [2, 9],
+    )
     rows = {row.name: row for row in told.rows}
-    assert rows["command to end"].published == PAPER.times["finished"] - PAPER.times["command-received"]
-    good = [one.figures.energy_J for one in runs(failing=[2, 9]).results if one.success and one.figures]
+    assert (
+        rows["command to end"].published
+        == PAPER.times["finished"] - PAPER.times["command-received"]
+    )
+    good = [
+        one.figures.energy_J for one in runs(failing=[2, 9]).results if one.success and one.figures
+    ]
     energy = rows["energy of the body's joints"]
     assert energy.mean.value == pytest.approx(sum(x for x in good if x is not None) / 28)
     assert (energy.mean.n, energy.least, energy.largest) == (28, min(good), max(good))  # type: ignore[type-var]
@@ -52,7 +63,9 @@ def test_tables_7_and_8_have_every_row_of_the_paper() -> None:
 
 
 def test_all_of_it_is_made_of_a_folder_of_lines(tmp_path: Path) -> None:
-    """One page that needs nothing from elsewhere, below 500 kB; JSON, text and Parquet say the same."""
+    """One page that needs nothing from elsewhere, below 500 kB; JSON, text and Parquet say the
+    same.
+    """
     place = written(tmp_path / "mine", runs(failing=[2]))
     made = make.everything(place)
     assert (made.runs, made.success) == (30, 29 / 30)
@@ -90,7 +103,9 @@ def test_an_experiment_without_recordings_still_has_a_report(tmp_path: Path) -> 
 
 
 def test_lines_of_a_killed_experiment_are_read_as_far_as_they_go(tmp_path: Path) -> None:
-    """A line cut off is left out; of a seed that stands there twice the first counts; a run without a report is one."""
+    """A line cut off is left out; of a seed that stands there twice the first counts; a run without
+    a report is one.
+    """
     place = written(tmp_path / "mine", runs(range(1, 4)))
     file = place / results.RESULTS_FILE
     lost = msgspec.json.encode(Result(9, "no report", None))
@@ -130,7 +145,9 @@ def test_the_99_of_a_hundred_are_of_runs_that_have_a_hundred(count: int, named: 
 
 
 def test_a_recorded_run_fills_every_table() -> None:
-    """Of a real run, by itself: figures without intervals, both drawn, both tables as its own report has them."""
+    """Of a real run, by itself: figures without intervals, both drawn, both tables as its own
+    report has them.
+    """
     one = results.load(POUR)
     told = summary.summed(one)
     assert {row.mean.low for row in told.rows} == {None}
@@ -155,7 +172,8 @@ def test_a_recording_is_exported_as_tables(tmp_path: Path) -> None:
     past = opened(POUR / "traffic.mcap", SYSTEM).history
     made = tables.of_history(past, SYSTEM)
     assert {name: table.num_rows for name, table in made.items()} == {
-        "communicates": len(past.said), "states": len(report.busy(past)), "events": 19, "telemetry": len(robot(past)),
+        "communicates": len(past.said), "states": len(report.busy(past)), "events": 19,
+        "telemetry": len(robot(past)),
     }  # fmt: skip
     assert sum(made["communicates"]["size"].to_pylist()) == sum(one.size for one in past.said)
     assert made["telemetry"]["work_J"].to_pylist()[-1] == robot(past)[-1][1].work_J
@@ -173,7 +191,9 @@ def test_what_holds_nothing_is_named(tmp_path: Path) -> None:
     """An empty folder, a file that is not there, an experiment without a line."""
     with pytest.raises(NothingHere, match="holds no runs; give an experiment's folder"):
         results.load(tmp_path)
-    with pytest.raises(NoRecordingError, match="none is not there; give a run folder, or a recording"):
+    with pytest.raises(
+        NoRecordingError, match="none is not there; give a run folder, or a recording"
+    ):
         opened(tmp_path / "none", SYSTEM)
     with pytest.raises(NothingHere, match="`roco experiment` makes one"):
         make.everything(tmp_path)

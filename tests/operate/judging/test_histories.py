@@ -1,4 +1,6 @@
-"""The report of a recorded run of the fleet: seed 7, speed 1; every tenth record of telemetry and truth is kept."""
+"""The report of a recorded run of the fleet: seed 7, speed 1; every tenth record of telemetry and
+truth is kept.
+"""
 
 import shutil
 import subprocess
@@ -34,14 +36,18 @@ def test_the_pour_is_told_as_it_was(told: report.Report) -> None:
     """Success, counts and bytes are those known of this run; nothing is missing."""
     assert told.success
     assert told.poured_fraction == 1.0
-    assert {s: {r: n for r, n in row.items() if n} for s, row in told.communicates.matrix.items()} == MATRIX
+    assert {
+        s: {r: n for r, n in row.items() if n} for s, row in told.communicates.matrix.items()
+    } == MATRIX
     assert told.communicates.total == sum(sum(row.values()) for row in MATRIX.values())
     assert told.missing == ()
     assert told.holes == ()
 
 
 def test_plans_are_told_as_they_were(told: report.Report) -> None:
-    """Two plans; the first one waited for km, which had not heard of anything yet, and ended in the second."""
+    """Two plans; the first one waited for km, which had not heard of anything yet, and ended in the
+    second.
+    """
     first, second = told.plans
     assert (first.queries, first.communicates, first.ended) == (92, 184, "Replan")
     assert (second.queries, second.communicates, second.ended) == (22, 44, "Succeeded")
@@ -67,7 +73,9 @@ def test_times_are_those_of_acts(told: report.Report) -> None:
 
 
 def test_without_a_clock_there_is_no_lateness() -> None:
-    """A run that went as fast as it could has no deadlines: no figure is given, rather than zeros."""
+    """A run that went as fast as it could has no deadlines: no figure is given, rather than
+    zeros.
+    """
     past = Run(POUR, SYSTEM).history
     fast = msgspec.structs.replace(past, setting=Setting(seed=7, speed="max"))
     loop = report.build(fast).loop

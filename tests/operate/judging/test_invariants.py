@@ -39,7 +39,9 @@ def depot() -> System:
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     """A recorded run of the depot without its journals, to be broken."""
-    copied = shutil.copytree(HISTORIES / "verified_depot", tmp_path / "run", ignore=shutil.ignore_patterns("journal"))
+    copied = shutil.copytree(
+        HISTORIES / "verified_depot", tmp_path / "run", ignore=shutil.ignore_patterns("journal")
+    )
     return Path(copied)
 
 
@@ -55,18 +57,27 @@ def record(agent: str, issued: int, taken: int, outbox: tuple[int, ...], state: 
     peer = "ox" if agent == "mule" else "mule"
     waiting = {peer: tuple(Outgoing(number, WORD) for number in outbox)}
     streams = {"issued": {peer: issued}, "taken": {peer: taken}, "outbox": waiting}
-    return Record(agent=agent, incarnation=1, counter=0, state=state, memory=msgspec.Raw(b"\x80"), **streams)
+    return Record(
+        agent=agent, incarnation=1, counter=0, state=state, memory=msgspec.Raw(b"\x80"), **streams
+    )
 
 
 @given(st.integers(0, 20), st.integers(0, 20), st.sets(st.integers(1, 20)))
 def test_what_was_numbered_is_taken_or_waits(said: int, taken: int, waiting: set[int]) -> None:
     """Missing ones are told as lost; a receiver that took more than was said is told, too."""
-    found = list(invariants.lost({"mule": record("mule", said, 0, tuple(waiting)), "ox": record("ox", 0, taken, ())}))
+    found = list(
+        invariants.lost(
+            {"mule": record("mule", said, 0, tuple(waiting)), "ox": record("ox", 0, taken, ())}
+        )
+    )
     gone = {number for number in range(1, said + 1) if number > taken and number not in waiting}
     if taken > said:
         assert found == [f"ox took {taken} durable messages of mule, which said {said}"]
     elif gone:
-        assert found == [f"{len(gone)} durable messages of mule to ox are lost, the first one has number {min(gone)}"]
+        assert found == [
+            f"{len(gone)} durable messages of mule to ox are lost, the first one has number"
+            f" {min(gone)}"
+        ]
     else:
         assert found == []
 
@@ -111,7 +122,9 @@ def test_a_state_that_the_design_does_not_have_is_told(
 def test_an_agent_that_is_still_busy_when_the_job_is_done_is_told(
     run: Path, depot: System, state: str, success: bool | None
 ) -> None:
-    """By the state in its journal, whether the job succeeded or failed; of one that never ended it is not asked."""
+    """By the state in its journal, whether the job succeeded or failed; of one that never ended it
+    is not asked.
+    """
     journalled(run, record("mule", 0, 0, (), state))
     if success is not None:
         (run / "report.json").write_bytes(msgspec.json.encode({"success": success}))

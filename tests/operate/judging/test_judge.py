@@ -1,4 +1,6 @@
-"""The judge in the monitor: while traffic goes by and afterwards it says the same, in file, log, report and page."""
+"""The judge in the monitor: while traffic goes by and afterwards it says the same, in file, log,
+report and page.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -50,12 +52,15 @@ def lines(path: Path, kind: Any) -> list[Any]:
 
 
 def test_verdicts_are_written_as_they_come(told: tuple[Path, list[dict[str, Any]]]) -> None:
-    """A line for each communicate; the violations are in the log, as warnings, and among the lines for people."""
+    """A line for each communicate; the violations are in the log, as warnings, and among the lines
+    for people.
+    """
     run, log = told
     verdicts = lines(run / VERDICTS_FILE, Judged)
     assert len(verdicts) == sum(isinstance(item, Sample) for item in wrong().items)
     against = {one.verdict for one in verdicts if one.violation}
-    # the recorder began after its agents as far as it knows, so an answer to nothing is none of its business
+    # the recorder began after its agents as far as it knows, so an answer to nothing is none of its
+    # business
     assert against == {Verdict.MALFORMED, Verdict.OVER_BUDGET}
     assert [(one["event"], one["level"]) for one in log] == [("not as designed", "warning")] * 2
     assert {one["verdict"] for one in log} == against
@@ -67,17 +72,23 @@ def test_verdicts_are_written_as_they_come(told: tuple[Path, list[dict[str, Any]
 def test_afterwards_the_same_is_said(told: tuple[Path, list[dict[str, Any]]]) -> None:
     """The recording judged again gives the lines that were written while it was made."""
     run, _ = told
-    assert list(verdicts(run, SYSTEM)) == sorted(lines(run / VERDICTS_FILE, Judged), key=lambda one: one.t)
+    assert list(verdicts(run, SYSTEM)) == sorted(
+        lines(run / VERDICTS_FILE, Judged), key=lambda one: one.t
+    )
 
 
 def test_lines_for_people_can_be_judged_too(told: tuple[Path, list[dict[str, Any]]]) -> None:
-    """live.jsonl has what sequence, size and entitlement need; what was no communicate of the design is not in it."""
+    """live.jsonl has what sequence, size and entitlement need; what was no communicate of the
+    design is not in it.
+    """
     found = verdicts(told[0] / LIVE_FILE, SYSTEM)
     assert {one.verdict for one in found if one.violation} == {Verdict.OVER_BUDGET}
     assert sum(one.verdict == Verdict.COPY for one in found) == 4
 
 
-def test_live_lines_of_an_earlier_version_are_not_judged(told: tuple[Path, list[dict[str, Any]]]) -> None:
+def test_live_lines_of_an_earlier_version_are_not_judged(
+    told: tuple[Path, list[dict[str, Any]]],
+) -> None:
     """They say neither ids nor labels: what cannot be followed by them is not called wrong."""
     sent = [line for line in lines(told[0] / LIVE_FILE, LiveLine) if isinstance(line, Sent)]
     old = [msgspec.structs.replace(line, id="", reply_with="", in_reply_to="") for line in sent]
@@ -86,11 +97,17 @@ def test_live_lines_of_an_earlier_version_are_not_judged(told: tuple[Path, list[
 
 
 def test_the_report_tells_what_was_against_the_design() -> None:
-    """Counts of each verdict, and of each violation when, where and why; nothing where all is well."""
+    """Counts of each verdict, and of each violation when, where and why; nothing where all is
+    well.
+    """
     past = history.of_records([_known(item) for item in wrong().items], SYSTEM)
     judged = report.build(past).judged
     assert judged is not None
-    assert {one.verdict for one in judged.violations} == {"out of sequence", "malformed", "over budget"}
+    assert {one.verdict for one in judged.violations} == {
+        "out of sequence",
+        "malformed",
+        "over budget",
+    }
     assert sum(judged.verdicts.values()) == judged.communicates == 426
     assert all(one.why and one.t > 0 for one in judged.violations)
     clean = report.build(Run(POUR.parent, SYSTEM).history).judged
@@ -116,7 +133,9 @@ def test_the_page_shows_it(tmp_path: Path) -> None:
 
 
 def test_a_recorder_that_began_first_knows_beginnings(tmp_path: Path) -> None:
-    """Told when it began, it can say that nothing opened a conversation between agents that were born since."""
+    """Told when it began, it can say that nothing opened a conversation between agents that were
+    born since.
+    """
     recorder = Recorder(tmp_path, SYSTEM)
     recorder.begin(Setting(seed=7, speed="1"))
     recorder.finish()
@@ -126,7 +145,9 @@ def test_a_recorder_that_began_first_knows_beginnings(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["nothing", "empty.mcap", "empty.jsonl"])
 def test_what_cannot_be_judged_says_so(name: str, tmp_path: Path) -> None:
-    """A missing or empty recording is named, with what to give; an empty run has nothing wrong in it."""
+    """A missing or empty recording is named, with what to give; an empty run has nothing wrong in
+    it.
+    """
     if name != "nothing":
         (tmp_path / name).write_bytes(b"")
     if name.endswith("jsonl"):
@@ -137,7 +158,9 @@ def test_what_cannot_be_judged_says_so(name: str, tmp_path: Path) -> None:
 
 
 def test_another_systems_design_and_languages_are_named(tmp_path: Path) -> None:
-    """A design file that is none, and languages that are none, are errors that say what to write."""
+    """A design file that is none, and languages that are none, are errors that say what to
+    write.
+    """
     (tmp_path / "no.toml").write_text("x = 1")
     with pytest.raises(NoSystemError, match=r"no\.toml"):
         of_design(tmp_path / "no.toml")

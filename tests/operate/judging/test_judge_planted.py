@@ -1,4 +1,6 @@
-"""The judge on a whole recorded run: no false alarm, and each planted violation is found, named, and nothing else."""
+"""The judge on a whole recorded run: no false alarm, and each planted violation is found, named,
+and nothing else.
+"""
 
 import random
 from collections import Counter
@@ -20,7 +22,9 @@ UNTOLD_S = 0.02
 
 
 def test_a_whole_run_is_as_designed() -> None:
-    """Every communicate of the pour is judged, none is against the design, and none is left unjudged."""
+    """Every communicate of the pour is judged, none is against the design, and none is left
+    unjudged.
+    """
     traffic = Traffic()
     verdicts = Counter(traffic.verdicts())
     assert traffic.found() == []
@@ -30,11 +34,14 @@ def test_a_whole_run_is_as_designed() -> None:
 
 
 def test_there_are_plants_of_every_verdict() -> None:
-    """At least twenty, and each kind of violation that one communicate shows (tests/operate/recording/test_ends.py has
-    those that two logs show).
+    """At least twenty, and each kind of violation that one communicate shows
+    (tests/operate/recording/test_ends.py has those that two logs show).
     """
     assert len(PLANTS) >= 20
-    assert {plant(Traffic())[0] for plant in PLANTS} == VIOLATIONS - {Verdict.NOT_SAID, Verdict.ALTERED}
+    assert {plant(Traffic())[0] for plant in PLANTS} == VIOLATIONS - {
+        Verdict.NOT_SAID,
+        Verdict.ALTERED,
+    }
 
 
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.__name__)
@@ -50,13 +57,17 @@ def test_who_begins_in_the_middle_alarms_about_nothing(part: int) -> None:
     """Communicates after a start in the middle are as designed, or not judged."""
     traffic = Traffic()
     cut = part * len(traffic.items) // 12
-    traffic.items = [item for n, item in enumerate(traffic.items) if n >= cut or isinstance(item, Token)]
+    traffic.items = [
+        item for n, item in enumerate(traffic.items) if n >= cut or isinstance(item, Token)
+    ]
     assert traffic.found() == []
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_the_order_of_hearing_need_not_be_that_of_saying(seed: int) -> None:
-    """A stream keeps its order; all else may be heard some ms sooner or later than the other side's words."""
+    """A stream keeps its order; all else may be heard some ms sooner or later than the other side's
+    words.
+    """
     traffic, chance = Traffic(), random.Random(seed)
     last: dict[tuple[str, ...], float] = {}
     for n, item in enumerate(traffic.items):
@@ -70,7 +81,9 @@ def test_the_order_of_hearing_need_not_be_that_of_saying(seed: int) -> None:
 
 @pytest.mark.parametrize("nth", range(1, 99, 4))
 def test_a_number_that_was_not_heard_is_no_violation(nth: int) -> None:
-    """Of a durable stream nobody can skip a number: the tap missed it, and what it was about is not judged."""
+    """Of a durable stream nobody can skip a number: the tap missed it, and what it was about is not
+    judged.
+    """
     traffic = Traffic()
     keys = [item.key.split("/") if isinstance(item, Sample) else [] for item in traffic.items]
     durable = [n for n, key in enumerate(keys) if key[2:3] in (["C1"], ["C2"], ["C5"])]

@@ -24,27 +24,39 @@ def lines(run: Run) -> list[LiveLine]:
 def test_each_communicate_is_a_line_once(pouring: Run) -> None:
     """Re-sent copies show no second line, and all lines can be read back."""
     live = Live(SYSTEM)
-    twice = [line for sample in pouring.samples for _ in (1, 2) for line in live.lines(understood(sample, SYSTEM))]
+    twice = [
+        line
+        for sample in pouring.samples
+        for _ in (1, 2)
+        for line in live.lines(understood(sample, SYSTEM))
+    ]
     sent = [line for line in twice if isinstance(line, Sent)]
     assert len(sent) == len(pouring.said)
     assert [msgspec.json.decode(msgspec.json.encode(line), type=LiveLine) for line in sent] == sent
 
 
 def test_plans_are_shown_and_followed(pouring: Run) -> None:
-    """Each place that ta reports is a state shown for the plan; both plans end with their outcome."""
+    """Each place that ta reports is a state shown for the plan; both plans end with their
+    outcome.
+    """
     found = lines(pouring)
     shown = {state for line in found if isinstance(line, PlanSeen) for state in line.states}
     places = [line for line in found if isinstance(line, PlanAt)]
     assert {place.at for place in places if place.at} <= shown
-    assert {line.tasks for line in found if isinstance(line, PlanSeen)} == {(Task("pour", ("jar", "bowl")),)}
+    assert {line.tasks for line in found if isinstance(line, PlanSeen)} == {
+        (Task("pour", ("jar", "bowl")),)
+    }
     assert [place.outcome for place in places if place.outcome] == ["replan", "succeeded"]
 
 
 def test_what_happens_is_told_when_it_happens(pouring: Run) -> None:
     """Each event once, in the order of the story."""
-    names = [" ".join((line.name, *line.of)) for line in lines(pouring) if isinstance(line, Happened)]
+    names = [
+        " ".join((line.name, *line.of)) for line in lines(pouring) if isinstance(line, Happened)
+    ]
     story = [
-        "command-received", "plan-received 1", "grasped jar_1", "put-down bowl_1", "poured jar_1 bowl_1", "finished"
+        "command-received", "plan-received 1", "grasped jar_1", "put-down bowl_1",
+        "poured jar_1 bowl_1", "finished"
     ]  # fmt: skip
     assert [name for name in names if name in story] == story
     assert len(names) == len(set(names))
@@ -59,7 +71,9 @@ def test_an_agent_is_told_when_its_state_changes(pouring: Run) -> None:
 
 
 def test_what_was_recorded_shows_no_text_that_is_no_word_or_label() -> None:
-    """Records are printed and drawn: a question with a control character in a label is garbage, without it none."""
+    """Records are printed and drawn: a question with a control character in a label is garbage,
+    without it none.
+    """
     for label, kind in (("pl-1-1", Spoken), ("pl\x1b[2J", Garbage)):
         said = Communicate(
             performative=Performative.QUERY_REF,

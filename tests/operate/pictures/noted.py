@@ -1,4 +1,6 @@
-"""A sheet that also keeps what is drawn on it, and two ways from a run to it: as it goes by, and afterwards."""
+"""A sheet that also keeps what is drawn on it, and two ways from a run to it: as it goes by, and
+afterwards.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -32,10 +34,14 @@ class Noted(Sheet):
         self.looks[entity] = what
         super().static(entity, what)
 
-    def add(self, entity: str, columns: Any, at: float, value: Any, sim: float | None = None) -> None:
+    def add(
+        self, entity: str, columns: Any, at: float, value: Any, sim: float | None = None
+    ) -> None:
         """Keep and draw."""
         super().add(entity, columns, at, value, sim)
-        self.drawn.append((entity, self._waiting[entity, columns, sim is not None][-1][0] - self.begin, value))
+        self.drawn.append(
+            (entity, self._waiting[entity, columns, sim is not None][-1][0] - self.begin, value)
+        )
 
     def of(self, entity: str) -> list[tuple[float, Any]]:
         """Rows of an entity."""

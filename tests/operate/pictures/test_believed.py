@@ -1,4 +1,6 @@
-"""Beliefs in 3D: a label on each thing with its source and age, a ghost only where belief and truth differ."""
+"""Beliefs in 3D: a label on each thing with its source and age, a ghost only where belief and truth
+differ.
+"""
 
 import math
 
@@ -11,7 +13,14 @@ from companion.languages import wm
 from companion.languages.values import Pose, Side
 from companion.telemetry import RobotState
 from companion.tools.beliefs import MOST_APART_MM, Belief
-from companion.tools.pictures.believed import APART, BELIEVED, LABELS, Believed, joints_at, label_text
+from companion.tools.pictures.believed import (
+    APART,
+    BELIEVED,
+    LABELS,
+    Believed,
+    joints_at,
+    label_text,
+)
 from companion.tools.pictures.scene import Scene
 from companion.tools.telemetry import truth
 from operate.pictures.happenings import Happening
@@ -37,7 +46,9 @@ class Both:
 
 @pytest.fixture(scope="module")
 def moved(true_past: History) -> tuple[float, Noted]:
-    """The recorded pour, in the last quarter of which the bowl is elsewhere in truth; since when [unix s]."""
+    """The recorded pour, in the last quarter of which the bowl is elsewhere in truth; since when
+    [unix s].
+    """
     told = truth(true_past)
     since = told[3 * len(told) // 4][0]
     states = []
@@ -57,8 +68,15 @@ def texts(sheet: Noted, name: str) -> list[tuple[float, str]]:
 
 def test_labels_say_how_who_and_how_long_ago(true_past: History, true_sheet: Noted) -> None:
     """Of the things that can be taken; the age grows until the thing is seen again."""
-    assert {text.partition(":")[0] for _, rows in true_sheet.of(LABELS) for _, text in rows} == {"jar_1", "bowl_1"}
-    seen = [one.received for one in true_past.said if isinstance(one.content, wm.SeenObject) and "jar" in one.id]
+    assert {text.partition(":")[0] for _, rows in true_sheet.of(LABELS) for _, text in rows} == {
+        "jar_1",
+        "bowl_1",
+    }
+    seen = [
+        one.received
+        for one in true_past.said
+        if isinstance(one.content, wm.SeenObject) and "jar" in one.id
+    ]
     jar = [(at, text) for at, text in texts(true_sheet, "jar_1") if "jar_1: seen" in text]
     assert len(jar) > 5
     for at, text in jar:
@@ -70,17 +88,25 @@ def test_labels_say_how_who_and_how_long_ago(true_past: History, true_sheet: Not
 
 def test_where_belief_and_truth_agree_there_is_no_ghost(true_sheet: Noted) -> None:
     """Neither of what stands, nor of what a hand carries along."""
-    assert {entity for entity, _, _ in true_sheet.drawn if entity.startswith(f"{BELIEVED}/")} == {LABELS}
+    assert {entity for entity, _, _ in true_sheet.drawn if entity.startswith(f"{BELIEVED}/")} == {
+        LABELS
+    }
 
 
 def test_a_ghost_stands_where_the_moved_thing_was_seen(
     moved: tuple[float, Noted], true_past: History, true_sheet: Noted
 ) -> None:
-    """Hidden before; then at the believed pose, with a line to the true one and the distance in words."""
+    """Hidden before; then at the believed pose, with a line to the true one and the distance in
+    words.
+    """
     since, sheet = moved
     (_, hidden), *rows = sheet.of(f"{BELIEVED}/bowl_1")
     assert hidden == HIDDEN
-    seen = [one.content.pose for one in true_past.said if isinstance(one.content, wm.SeenObject) and "bowl" in one.id]
+    seen = [
+        one.content.pose
+        for one in true_past.said
+        if isinstance(one.content, wm.SeenObject) and "bowl" in one.id
+    ]
     shown = [(at, value) for at, value in rows if value != HIDDEN]
     assert shown
     assert {value for _, value in shown} <= {(pose.xyz, pose.quat_wxyz) for pose in seen}
@@ -94,7 +120,10 @@ def test_a_ghost_stands_where_the_moved_thing_was_seen(
 def test_what_slipped_from_a_hand_has_its_ghost_there(true_past: History) -> None:
     """In truth the jar stays where it was seen at first; km believes that the hand carries it."""
     first = truth(true_past)[0][1].poses["jar_1"]
-    states = [(at, msgspec.structs.replace(one, poses={**one.poses, "jar_1": first})) for at, one in truth(true_past)]
+    states = [
+        (at, msgspec.structs.replace(one, poses={**one.poses, "jar_1": first}))
+        for at, one in truth(true_past)
+    ]
     sheet = afterwards(with_truth(true_past, tuple(states)), Both)
     carried = [one.poses["jar_1"].xyz for _, one in truth(true_past)]
     ghosts = [value[0] for _, value in sheet.of(f"{BELIEVED}/jar_1") if value != HIDDEN]
@@ -105,19 +134,27 @@ def test_what_slipped_from_a_hand_has_its_ghost_there(true_past: History) -> Non
 def test_words_leave_out_what_is_not_known() -> None:
     """Nobody told of it; a distance that does not count."""
     assert label_text(Belief("lid_1"), 10.0, MOST_APART_MM) == "lid_1: never seen"
-    assert label_text(Belief("jar_1", "in the left hand", side=Side.LEFT), 1.0, 40.4).endswith("in truth 40 mm away")
+    assert label_text(Belief("jar_1", "in the left hand", side=Side.LEFT), 1.0, 40.4).endswith(
+        "in truth 40 mm away"
+    )
 
 
 @pytest.mark.parametrize(
-    ("time_s", "torso"), [(1.0, 0.0), (1.025, 0.25), (1.1, 1.0), (1.105, 1.0), (0.9, None), (2.0, None)]
+    ("time_s", "torso"),
+    [(1.0, 0.0), (1.025, 0.25), (1.1, 1.0), (1.105, 1.0), (0.9, None), (2.0, None)],
 )
 def test_joints_are_those_of_the_time_of_the_truth(time_s: float, torso: float | None) -> None:
     """Between two states, in the last one, or not known."""
     states = [RobotState(1.0 + 0.1 * k, (float(k), *(0.0,) * 14)) for k in range(2)]
-    assert joints_at(states, time_s).get(BODY[0]) == (None if torso is None else pytest.approx(torso))
+    assert joints_at(states, time_s).get(BODY[0]) == (
+        None if torso is None else pytest.approx(torso)
+    )
 
 
 def test_rerun_gets_as_many_labels_as_there_are_each_time() -> None:
     """None, then two."""
-    places, names = (one.as_arrow_array().to_pylist() for one in labels([[], [((0, 0, 1), "a"), ((0, 2, 0), "b")]]))
+    places, names = (
+        one.as_arrow_array().to_pylist()
+        for one in labels([[], [((0, 0, 1), "a"), ((0, 2, 0), "b")]])
+    )
     assert (places, names) == ([[], [[0, 0, 1], [0, 2, 0]]], [[], ["a", "b"]])

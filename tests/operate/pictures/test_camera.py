@@ -1,4 +1,6 @@
-"""Pictures of the head camera, drawn at the place and time they were taken, from live records and from a history."""
+"""Pictures of the head camera, drawn at the place and time they were taken, from live records and
+from a history.
+"""
 
 import math
 from pathlib import Path
@@ -35,7 +37,11 @@ def seen() -> list[Record]:
     """Two pictures amid the robot's states, and what is none: one of an older recording."""
     state = RobotState(sim_time_s=1.0, body=(0.0,) * 15)
     old = {"type": "Picture", "sim_time_s": 12.0, "width": 4, "height": 3, "rgb": b""}
-    return [house(100.0, state), *(house(101.0 + k, one) for k, one in enumerate(PICTURES)), house(103.0, old)]
+    return [
+        house(100.0, state),
+        *(house(101.0 + k, one) for k, one in enumerate(PICTURES)),
+        house(103.0, old),
+    ]
 
 
 def test_pictures_are_drawn_live_and_afterwards(seen: list[Record]) -> None:
@@ -51,15 +57,28 @@ def test_pictures_are_drawn_live_and_afterwards(seen: list[Record]) -> None:
 
 
 def test_markers_are_drawn_with_their_picture(seen: list[Record]) -> None:
-    """None with the first, two with the second, by the names of their things; closed; a time without any is kept."""
+    """None with the first, two with the second, by the names of their things; closed; a time
+    without any is kept.
+    """
     rows = afterwards(history.of_records(seen, SYSTEM)).of(MARKERS)
-    assert [(at, [label for label, _ in found]) for at, found in rows] == [(1.0, []), (2.0, ["jar_1", "bowl_1"])]
+    assert [(at, [label for label, _ in found]) for at, found in rows] == [
+        (1.0, []),
+        (2.0, ["jar_1", "bowl_1"]),
+    ]
     corners = rows[1][1][0][1]
     assert corners.ravel().tolist() == list(SQUARE)
-    columns = [column.as_arrow_array().to_pylist() for column in outlines([found for _, found in rows])]
+    columns = [
+        column.as_arrow_array().to_pylist() for column in outlines([found for _, found in rows])
+    ]
     assert [len(row) for row in columns[0]] == [0, 2]
     assert ["jar_1", "bowl_1"] in (row[1] for row in columns)
-    assert [list(point) for point in columns[0][1][0]] == [[0.5, 0.5], [2.5, 0.5], [2.5, 2.5], [0.5, 2.5], [0.5, 0.5]]
+    assert [list(point) for point in columns[0][1][0]] == [
+        [0.5, 0.5],
+        [2.5, 0.5],
+        [2.5, 2.5],
+        [0.5, 2.5],
+        [0.5, 0.5],
+    ]
 
 
 def test_the_picture_is_a_part_of_the_robot(seen: list[Record]) -> None:
@@ -80,7 +99,9 @@ def test_states_beside_them_stay_what_they_are(seen: list[Record]) -> None:
 
 def test_rerun_gets_each_picture_as_it_is() -> None:
     """As a JPEG file of its own."""
-    blobs, forms = (column.as_arrow_array().to_pylist() for column in images([FILES[0], b"longer" * 9]))
+    blobs, forms = (
+        column.as_arrow_array().to_pylist() for column in images([FILES[0], b"longer" * 9])
+    )
     assert [bytes(blob) for (blob,) in blobs] == [FILES[0], b"longer" * 9]
     assert forms == [["image/jpeg"]] * 2
 

@@ -1,4 +1,6 @@
-"""The lane of faults: the same live and afterwards, those that go on at the same time side by side."""
+"""The lane of faults: the same live and afterwards, those that go on at the same time side by
+side.
+"""
 
 import msgspec
 import pytest
@@ -25,8 +27,24 @@ def some(records: list[Record], past: history.History) -> list[Record]:
     """The synthetic run with three faults, two of which overlap and one of which is not healed."""
     at = past.begin
     faults = [
-        Fault(id="a", kind="kill", target="pl", t=at + 4.0, began=at + 2.0, ended=at + 4.0, text="back"),
-        Fault(id="b", kind="hang", target="ta", t=at + 5.0, began=at + 3.0, ended=at + 5.0, at="ta:running"),
+        Fault(
+            id="a",
+            kind="kill",
+            target="pl",
+            t=at + 4.0,
+            began=at + 2.0,
+            ended=at + 4.0,
+            text="back",
+        ),
+        Fault(
+            id="b",
+            kind="hang",
+            target="ta",
+            t=at + 5.0,
+            began=at + 3.0,
+            ended=at + 5.0,
+            at="ta:running",
+        ),
         Fault(id="c", kind="pause", target="km", t=at + 6.0, began=at + 6.0),
     ]
     more = [line for fault in faults for line in lines(fault)]
@@ -59,5 +77,9 @@ def test_a_run_without_faults_has_no_lane(sheet: Noted) -> None:
 def test_the_history_has_each_fault_once(some: list[Record]) -> None:
     """As its last line has it; the lines are not traffic."""
     past = history.of_records(some, SYSTEM)
-    assert [(one.id, one.ended is None) for one in past.faults] == [("a", False), ("b", False), ("c", True)]
+    assert [(one.id, one.ended is None) for one in past.faults] == [
+        ("a", False),
+        ("b", False),
+        ("c", True),
+    ]
     assert FAULT not in past.houses

@@ -1,5 +1,6 @@
-"""The feed never holds who feeds it: a bounded queue, and children that read nothing, die, or never start. None is
-started before somebody looks."""
+"""The feed never holds who feeds it: a bounded queue, and children that read nothing, die, or never
+start. None is started before somebody looks.
+"""
 
 import os
 import shutil
@@ -35,17 +36,26 @@ READS_NOTHING = (sys.executable, "-c", "import time; time.sleep(600)")
 DEAF = (
     sys.executable,
     "-c",
-    "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf', flush=True); time.sleep(600)",
+    (
+        "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf',"
+        " flush=True); time.sleep(600)"
+    ),
 )
-LEAVES = (sys.executable, "-c", "import socket, sys; socket.socket(fileno=int(sys.argv[1])).accept()")
+LEAVES = (
+    sys.executable,
+    "-c",
+    "import socket, sys; socket.socket(fileno=int(sys.argv[1])).accept()",
+)
 """Takes the viewer, and ends in order."""
 DIES = (sys.executable, "-c", "raise SystemExit(3)")
 COPIES = (
     sys.executable,
     "-c",
-    "import signal, socket, sys; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
-    "socket.socket(fileno=int(sys.argv[2])).accept(); "
-    "open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())",
+    (
+        "import signal, socket, sys; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+        "socket.socket(fileno=int(sys.argv[2])).accept(); "
+        "open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())"
+    ),
 )
 """Takes the viewer, and writes what it is fed to a file."""
 
@@ -89,14 +99,18 @@ Begin = Callable[[tuple[str, ...]], tuple[Feed, list[str]]]
 
 @pytest.fixture
 def begin(tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch) -> Iterator[Begin]:
-    """Begins a feed of a child with this command, and keeps what it says of it. Pauses are short."""
+    """Begins a feed of a child with this command, and keeps what it says of it. Pauses are
+    short.
+    """
     monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.02)
     monkeypatch.setattr(feeding, "LONGEST_PAUSE_S", 0.05)
     with ExitStack() as stack:
 
         def feed(command: tuple[str, ...]) -> tuple[Feed, list[str]]:
             said: list[str] = []
-            begun = Feed(tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=command)
+            begun = Feed(
+                tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=command
+            )
             return stack.enter_context(closing(begun)), said
 
         yield feed
@@ -107,9 +121,16 @@ def heard(data: bytes) -> wire.Heard:
     return wire.Heard(Sample("", data, 1.0))
 
 
-@given(st.lists(st.one_of(st.binary(max_size=300), st.integers(1, 900)), max_size=80), st.integers(600, 6000))
-def test_the_queue_is_bounded_and_keeps_the_newest_in_order(steps: list[bytes | int], most: int) -> None:
-    """Bytes put and taken at will: never more than `most` wait; what is dropped is older than all that is left."""
+@given(
+    st.lists(st.one_of(st.binary(max_size=300), st.integers(1, 900)), max_size=80),
+    st.integers(600, 6000),
+)
+def test_the_queue_is_bounded_and_keeps_the_newest_in_order(
+    steps: list[bytes | int], most: int
+) -> None:
+    """Bytes put and taken at will: never more than `most` wait; what is dropped is older than all
+    that is left.
+    """
     queue, put, got = Queue(most), 0, list[int]()
     for step in steps:
         if isinstance(step, bytes):
@@ -135,13 +156,19 @@ def test_an_item_larger_than_all_room_is_dropped() -> None:
 
 def numbers(items: list[wire.Item]) -> list[int]:
     """What the samples begin with."""
-    return [int.from_bytes(item.sample.data[:4], "big") for item in items if isinstance(item, wire.Heard)]
+    return [
+        int.from_bytes(item.sample.data[:4], "big")
+        for item in items
+        if isinstance(item, wire.Heard)
+    ]
 
 
 @given(st.lists(st.integers(1, 60), max_size=40))
 def test_frames_come_whole_however_they_are_cut(cuts: list[int]) -> None:
     """Items out are the items in."""
-    items: list[wire.Item] = [wire.Heard(Sample("k", b"d" * n, float(n))) for n in cuts] + [wire.Missed(1.0, 2)]
+    items: list[wire.Item] = [wire.Heard(Sample("k", b"d" * n, float(n))) for n in cuts] + [
+        wire.Missed(1.0, 2)
+    ]
     data = b"".join(wire.framed(wire.encode(item)) for item in items)
     frames, found = wire.Frames(), list[wire.Item]()
     while data:
@@ -159,7 +186,9 @@ def test_something_else_than_frames_is_said() -> None:
 
 @pytest.mark.usefixtures("look")
 def test_a_child_that_reads_nothing_holds_nobody(begin: Begin) -> None:
-    """300 MB are fed to it: no call waits, memory stays within queue and batch, the rest is counted as dropped."""
+    """300 MB are fed to it: no call waits, memory stays within queue and batch, the rest is counted
+    as dropped.
+    """
     sample = Sample("roco/x", os.urandom(100_000), 1.0)
     feed, _ = begin(READS_NOTHING)
     assert eventually(lambda: feed.pid)
@@ -176,11 +205,15 @@ def test_a_child_that_reads_nothing_holds_nobody(begin: Begin) -> None:
 
 
 @pytest.mark.usefixtures("look")
-def test_a_child_that_does_not_follow_is_killed(tmp_path: Path, begin: Begin, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_child_that_does_not_follow_is_killed(
+    tmp_path: Path, begin: Begin, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It ignores SIGTERM and is frozen besides; the end comes in time."""
     monkeypatch.setattr(feeding, "END_S", 0.5)
     feed, _ = begin(DEAF)
-    assert eventually(lambda: (tmp_path / "rerun.log").exists() and "deaf" in (tmp_path / "rerun.log").read_text())
+    assert eventually(
+        lambda: (tmp_path / "rerun.log").exists() and "deaf" in (tmp_path / "rerun.log").read_text()
+    )
     pid = feed.pid
     os.kill(pid, signal.SIGSTOP)
     feed.close()
@@ -196,11 +229,17 @@ def test_a_child_that_dies_is_started_anew_and_said(begin: Begin) -> None:
 
 
 @pytest.mark.usefixtures("look")
-def test_where_nobody_looks_any_more_it_waits_for_the_next_viewer(begin: Begin, place: Place) -> None:
+def test_where_nobody_looks_any_more_it_waits_for_the_next_viewer(
+    begin: Begin, place: Place
+) -> None:
     """A child that ends in order is no failure, though more was fed to it meanwhile."""
     feed, said = begin(LEAVES)
     for times in (1, 2):
-        assert eventually(lambda: feed.heard(Sample("k", b"d", 1.0)) or said.count("nobody looks") == times)  # noqa: B023
+        assert eventually(
+            lambda times=times: (
+                feed.heard(Sample("k", b"d", 1.0)) or said.count("nobody looks") == times
+            )
+        )
         assert said == ["showing", "nobody looks"] * times
         with socket.create_connection((place.bind, place.grpc)):
             pass
@@ -215,7 +254,9 @@ def test_a_program_that_is_not_there_holds_nobody(begin: Begin) -> None:
 
 
 def test_nothing_is_drawn_before_somebody_looks(tmp_path: Path, begin: Begin, place: Place) -> None:
-    """The ports are open and told, no child runs, and of what is fed only the last seconds are kept."""
+    """The ports are open and told, no child runs, and of what is fed only the last seconds are
+    kept.
+    """
     feed, said = begin(READS_NOTHING)
     assert eventually((tmp_path / VIEW_FILE).exists)
     for _ in range(100):
@@ -232,7 +273,9 @@ def test_nothing_is_drawn_before_somebody_looks(tmp_path: Path, begin: Begin, pl
 def test_each_sample_is_in_the_recording_or_fed(
     tmp_path: Path, begin: Begin, place: Place, pouring: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whenever somebody looks: each is drawn once, from the one or the other; also one that was logged late."""
+    """Whenever somebody looks: each is drawn once, from the one or the other; also one that was
+    logged late.
+    """
     monkeypatch.setattr(feeding, "RECENT_S", 0.0)
     (feed, _), recorder = begin((*COPIES, str(tmp_path / "fed"))), Recorder(tmp_path, SYSTEM)
     recorder.show(feed)
@@ -261,15 +304,27 @@ def test_each_sample_is_in_the_recording_or_fed(
     past = Past(since.at)
     recorded = [one.what for one in past.read(then, SYSTEM, Reader(SYSTEM))]
     before = [one for one in recorded if isinstance(one, Spoken)]
-    after = spoken([item.sample for item in fed if isinstance(item, wire.Heard) and not past.has(item.sample.at)])
+    after = spoken(
+        [
+            item.sample
+            for item in fed
+            if isinstance(item, wire.Heard) and not past.has(item.sample.at)
+        ]
+    )
     assert before
     assert after
     found = sorted((one.received, one.identity) for one in (*before, *after))
     assert found == sorted((one.received, one.identity) for one in spoken(pouring.samples))
-    judged = [item.judged for item in fed if isinstance(item, wire.ShownVerdict) and not past.judged(item.judged)]
+    judged = [
+        item.judged
+        for item in fed
+        if isinstance(item, wire.ShownVerdict) and not past.judged(item.judged)
+    ]
     judged += [one for one in recorded if isinstance(one, Judged)]
     lines = (tmp_path / VERDICTS_FILE).read_bytes().splitlines()
-    assert sorted(judged, key=repr) == sorted((msgspec.json.decode(line, type=Judged) for line in lines), key=repr)
+    assert sorted(judged, key=repr) == sorted(
+        (msgspec.json.decode(line, type=Judged) for line in lines), key=repr
+    )
 
 
 def spoken(samples: list[Sample]) -> list[Spoken]:
@@ -278,14 +333,19 @@ def spoken(samples: list[Sample]) -> list[Spoken]:
 
 
 def test_where_pictures_are_served_is_the_environments_word() -> None:
-    """On by default, on loopback, at free ports; several systems side by side; wrong words are named."""
+    """On by default, on loopback, at free ports; several systems side by side; wrong words are
+    named.
+    """
     assert wanted({"ROCO_VIEW": "off"}) is None
     place = wanted({})
     assert place is not None
     assert place.bind == "127.0.0.1"
     assert 0 < place.grpc != place.web > 0
     fixed = {"ROCO_VIEW_BIND": "0.0.0.0", "ROCO_VIEW_GRPC": "9876", "ROCO_VIEW_WEB": "9090"}
-    assert [wanted(fixed, k) for k in (0, 1)] == [Place("0.0.0.0", 9876, 9090), Place("0.0.0.0", 9877, 9091)]
+    assert [wanted(fixed, k) for k in (0, 1)] == [
+        Place("0.0.0.0", 9876, 9090),
+        Place("0.0.0.0", 9877, 9091),
+    ]
     for wrong in ({"ROCO_VIEW": "perhaps"}, {"ROCO_VIEW_WEB": "web"}, {"ROCO_VIEW_GRPC": "70000"}):
         with pytest.raises(ViewSettingError, match=next(iter(wrong))):
             wanted(wrong)

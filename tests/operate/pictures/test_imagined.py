@@ -26,7 +26,11 @@ LINKS = {link.joint: link for link in robot.links() if link.joint}
 
 def plans(past: History) -> list[tuple[float, hfsm.HierarchicalPlan]]:
     """The plans that ta got, each with its time [s after the beginning]."""
-    given = [one for one in past.said if one.channel == "C1" and isinstance(one.content, hfsm.HierarchicalPlan)]
+    given = [
+        one
+        for one in past.said
+        if one.channel == "C1" and isinstance(one.content, hfsm.HierarchicalPlan)
+    ]
     return [(one.received - past.begin, one.content) for one in given]
 
 
@@ -35,29 +39,42 @@ def moves(machine: hfsm.Machine) -> list[rc.MoveJoint]:
     return [
         move
         for state in machine.states
-        for move in (moves(state) if isinstance(state, hfsm.Machine) else [getattr(state, "command", None)])
+        for move in (
+            moves(state) if isinstance(state, hfsm.Machine) else [getattr(state, "command", None)]
+        )
         if isinstance(move, rc.MoveJoint)
     ]
 
 
 def plan_of(state: hfsm.ActState) -> hfsm.HierarchicalPlan:
     """A plan of one act."""
-    return hfsm.HierarchicalPlan("p", "t", hfsm.Machine("m", initial=state.name, states=(state,)), 1.0, 0)
+    return hfsm.HierarchicalPlan(
+        "p", "t", hfsm.Machine("m", initial=state.name, states=(state,)), 1.0, 0
+    )
 
 
-def test_the_ghost_has_the_last_free_motion_of_each_arm(true_past: History, true_sheet: Noted) -> None:
+def test_the_ghost_has_the_last_free_motion_of_each_arm(
+    true_past: History, true_sheet: Noted
+) -> None:
     """Its joints stand where the last path of that side ends, from the time of the plan on."""
     (at, plan), *_ = plans(true_past)
     ends = {move.side: move.path[-1] for move in moves(plan.root)}
     assert set(ends) == set(ARM)
     for side, end in ends.items():
-        for column, q in list(zip(COLUMNS[side], end, strict=True))[2:]:  # after the torso and the arm's own root
+        # after the torso and the arm's own root
+        for column, q in list(zip(COLUMNS[side], end, strict=True))[2:]:
             link = LINKS[BODY[column]]
-            shown = [value for when, value in true_sheet.of(entity(link, ROBOT)) if when == pytest.approx(at)]
+            shown = [
+                value
+                for when, value in true_sheet.of(entity(link, ROBOT))
+                if when == pytest.approx(at)
+            ]
             assert shown[-1] == (link.at, pytest.approx(robot.turned(link, q)))
 
 
-def test_the_ghost_is_gone_when_no_plan_is_carried_out(true_past: History, true_sheet: Noted) -> None:
+def test_the_ghost_is_gone_when_no_plan_is_carried_out(
+    true_past: History, true_sheet: Noted
+) -> None:
     """Before the first plan, and after each end of one: nothing of it is left."""
     ends = [
         one.received - true_past.begin
@@ -83,15 +100,21 @@ def test_an_arm_that_stays_has_no_ghost(true_past: History, turn: float) -> None
     drawer.take(Happening(1.0, RobotState(1.0, start)))
     path = ((turn, *(q + 0.3 for q in start[8:])),)
     plan = plan_of(hfsm.ActState("move", rc.MoveJoint("key", Side.LEFT, path, 0.2)))
-    given = next(one for one in true_past.said if one.channel == "C1" and isinstance(one.content, type(plan)))
+    given = next(
+        one for one in true_past.said if one.channel == "C1" and isinstance(one.content, type(plan))
+    )
     wire = encode(msgspec.structs.replace(given.communicate, content=HFSM.encode(plan)))
     drawer.take(Happening(2.0, msgspec.structs.replace(given, wire=wire).read_in(LANGUAGES)))
-    shown = {side: sheet.of(entity(LINKS[f"{side}_arm_0_joint"], ROBOT))[-1][1] != HIDDEN for side in ARM}
+    shown = {
+        side: sheet.of(entity(LINKS[f"{side}_arm_0_joint"], ROBOT))[-1][1] != HIDDEN for side in ARM
+    }
     assert shown == {"left": True, "right": turn > 0.0}
 
 
 def test_things_are_imagined_where_they_are_put_and_carried(true_past: History) -> None:
-    """When the next plan is given, bowl and jar are within the errors of grasps of where the first one had them."""
+    """When the next plan is given, bowl and jar are within the errors of grasps of where the first
+    one had them.
+    """
     (_, first), (at, _) = plans(true_past)
     end = End(first, {})
     then = next(one for when, one in truth(true_past) if when >= true_past.begin + at)

@@ -1,4 +1,6 @@
-"""The real processes of the pictures: killed, frozen, bereaved; recording goes on, and pictures come back."""
+"""The real processes of the pictures: killed, frozen, bereaved; recording goes on, and pictures
+come back.
+"""
 
 import os
 import re
@@ -41,11 +43,17 @@ def place(bind: str = "") -> Place:
 
 def children(pid: int) -> list[int]:
     """The processes that any of its threads started."""
-    return [int(word) for file in Path(f"/proc/{pid}/task").glob("*/children") for word in file.read_text().split()]
+    return [
+        int(word)
+        for file in Path(f"/proc/{pid}/task").glob("*/children")
+        for word in file.read_text().split()
+    ]
 
 
 def lives(pid: int) -> bool:
-    """Whether any of its threads runs: the first may be a zombie while another still holds the port open."""
+    """Whether any of its threads runs: the first may be a zombie while another still holds the port
+    open.
+    """
     try:
         threads = list(Path(f"/proc/{pid}/task").iterdir())
     except OSError:
@@ -75,7 +83,9 @@ def serves(run: Path) -> bool:
 def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
     bind: str, tmp_path: Path, pouring: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The drawing process is killed, its server is killed, the drawing process is frozen: every sample is recorded."""
+    """The drawing process is killed, its server is killed, the drawing process is frozen: every
+    sample is recorded.
+    """
     monkeypatch.setattr(feeding, "FIRST_PAUSE_S", 0.1)
     samples = iter(pouring.samples)
     feed = Feed(tmp_path, place(bind), SYSTEM, lambda event, **_: None)
@@ -98,7 +108,9 @@ def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
         some(len(pouring.samples))
     finally:
         recorder.finish()
-    said = [one for one in mcap_file.read(tmp_path / mcap_file.FILE).records if isinstance(one, Spoken)]
+    said = [
+        one for one in mcap_file.read(tmp_path / mcap_file.FILE).records if isinstance(one, Spoken)
+    ]
     assert len(said) == len(pouring.said)
     assert not serves(tmp_path)
 
@@ -120,7 +132,9 @@ def test_the_port_of_another_program_is_not_told_as_that_of_the_pictures(
     said: list[str] = []
     with socket.create_server(("127.0.0.1", 0)) as other:
         wished = msgspec.structs.replace(place(), **{which: other.getsockname()[1]})
-        feed = Feed(tmp_path, wished, SYSTEM, lambda event, **fields: said.append(str(fields.get("why"))))
+        feed = Feed(
+            tmp_path, wished, SYSTEM, lambda event, **fields: said.append(str(fields.get("why")))
+        )
         assert eventually(lambda: said, PATIENCE_S)
         assert "Address already in use; ROCO_VIEW_GRPC and ROCO_VIEW_WEB name others" in said[0]
         assert not (tmp_path / VIEW_FILE).exists()
@@ -132,7 +146,10 @@ def test_the_port_of_another_program_is_not_told_as_that_of_the_pictures(
 
 def test_who_looks_late_sees_the_run_from_its_beginning(tmp_path: Path, pouring: Run) -> None:
     """What a viewer gets that comes in the middle of a run has all communicates so far."""
-    feed, recorder = Feed(tmp_path, at := place(), SYSTEM, lambda event, **_: None), Recorder(tmp_path, SYSTEM)
+    feed, recorder = (
+        Feed(tmp_path, at := place(), SYSTEM, lambda event, **_: None),
+        Recorder(tmp_path, SYSTEM),
+    )
     recorder.show(feed)
     for sample in pouring.samples:
         recorder.take(sample)
@@ -141,14 +158,19 @@ def test_who_looks_late_sees_the_run_from_its_beginning(tmp_path: Path, pouring:
 
     def sizes() -> int:
         """Communicates that were drawn."""
-        done = subprocess.run([program, "rrd", "print", "-v", saved], capture_output=True, text=True, timeout=60)
+        done = subprocess.run(
+            [program, "rrd", "print", "-v", saved], capture_output=True, text=True, timeout=60
+        )
         return sum(int(rows) for rows in re.findall(r"with (\d+) rows .* - /sizes/C", done.stdout))
 
     try:
         assert eventually(lambda: serves(tmp_path), PATIENCE_S)
         url = f"rerun+http://127.0.0.1:{at.grpc}/proxy"
-        with subprocess.Popen([program, url, "--save", saved, "--port", str(place().grpc)]) as viewer:
-            every = len(spoken(pouring.samples)) + len(SYSTEM.design.channels)  # each has a row that stands
+        with subprocess.Popen(
+            [program, url, "--save", saved, "--port", str(place().grpc)]
+        ) as viewer:
+            # each has a row that stands
+            every = len(spoken(pouring.samples)) + len(SYSTEM.design.channels)
             assert eventually(lambda: saved.exists() and sizes() >= every, PATIENCE_S)
             viewer.terminate()
         assert sizes() == every
@@ -156,7 +178,9 @@ def test_who_looks_late_sees_the_run_from_its_beginning(tmp_path: Path, pouring:
         recorder.finish()
 
 
-def test_it_ends_when_nobody_looks(tmp_path: Path, ports: child.Ports, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_ends_when_nobody_looks(
+    tmp_path: Path, ports: child.Ports, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Not while a viewer is connected."""
     monkeypatch.setattr(child, "QUIET_S", 0.5)
     drawing = child.Child(tmp_path, ports, SYSTEM)
@@ -177,7 +201,9 @@ def test_it_ends_when_nobody_looks(tmp_path: Path, ports: child.Ports, monkeypat
         os.close(into)
 
 
-@pytest.mark.parametrize(("module", "limit", "error"), [(child, "OWN_MB", OverLimit), (server, "MOST_MB", ServerError)])
+@pytest.mark.parametrize(
+    ("module", "limit", "error"), [(child, "OWN_MB", OverLimit), (server, "MOST_MB", ServerError)]
+)
 def test_a_process_above_its_limit_of_memory_ends(
     module: ModuleType,
     limit: str,
@@ -186,8 +212,8 @@ def test_a_process_above_its_limit_of_memory_ends(
     ports: child.Ports,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The drawing process watches its own memory and its server's and names the one too large; the monitor restarts
-    both.
+    """The drawing process watches its own memory and its server's and names the one too large; the
+    monitor restarts both.
     """
     drawing = child.Child(tmp_path, ports, SYSTEM)
     out, into = os.pipe()
@@ -213,7 +239,9 @@ def test_a_monitor_that_is_killed_leaves_nobody_behind(tmp_path: Path) -> None:
     monitor = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])
     try:
         assert eventually(lambda: serves(tmp_path), PATIENCE_S)
-        assert eventually(lambda: [children(one) for one in children(monitor.pid)] not in ([], [[]]), PATIENCE_S)
+        assert eventually(
+            lambda: [children(one) for one in children(monitor.pid)] not in ([], [[]]), PATIENCE_S
+        )
         (drawing,) = children(monitor.pid)
         (serving,) = children(drawing)
     finally:

@@ -1,4 +1,6 @@
-"""Things are drawn where they truly were, else where they were seen; contacts as forces on what is touched."""
+"""Things are drawn where they truly were, else where they were seen; contacts as forces on what is
+touched.
+"""
 
 import msgspec
 import pytest
@@ -32,7 +34,9 @@ def test_true_poses_come_first(past: history.History, sheet: Noted) -> None:
         assert set(drawn[1:]) <= true  # before the first truth there is what was seen
 
 
-def test_without_true_poses_things_are_where_they_were_seen(past: history.History, pouring: Run) -> None:
+def test_without_true_poses_things_are_where_they_were_seen(
+    past: history.History, pouring: Run
+) -> None:
     """Vessels follow their true origins, furniture the observations; nothing is left out."""
     sheet = afterwards(changed(past, poses={}, models={}), Scene)
     assert poses(sheet, "table_1")[-1][0] == POSES["table_1"].xyz
@@ -51,6 +55,13 @@ def test_forces_are_arrows_and_their_end_is_drawn_once(past: history.History) ->
     """An arrow as long as the force, and nothing where the last one ended."""
     touched = Contact((0.1, 0.2, 0.3), (0.0, 0.0, 5.0))
     (first, now), (second, free), (third, still) = truth(past)[:3]
-    truths = ((first, msgspec.structs.replace(now, contacts=(touched,))), (second, free), (third, still))
+    truths = (
+        (first, msgspec.structs.replace(now, contacts=(touched,))),
+        (second, free),
+        (third, still),
+    )
     drawn = afterwards(with_truth(past, truths), Contacts).of(CONTACTS)
-    assert [value for _, value in drawn] == [([touched.at], [(0.0, 0.0, pytest.approx(5.0 * M_PER_N))]), ([], [])]
+    assert [value for _, value in drawn] == [
+        ([touched.at], [(0.0, 0.0, pytest.approx(5.0 * M_PER_N))]),
+        ([], []),
+    ]

@@ -34,7 +34,9 @@ def rows(sheet: Noted) -> Counter[tuple[str, int, str]]:
     return Counter((entity, round(at * 1e6), repr(value)) for entity, at, value in sheet.drawn)
 
 
-def test_live_and_afterwards_the_same_is_drawn(records: list[Record], past: history.History, sheet: Noted) -> None:
+def test_live_and_afterwards_the_same_is_drawn(
+    records: list[Record], past: history.History, sheet: Noted
+) -> None:
     """Every row of every entity."""
     now = live(records, past.begin, past.begin + end_s(past) + 1.0)
     assert rows(now) == rows(sheet)
@@ -52,7 +54,11 @@ def test_each_communicate_is_a_point_and_a_line(which: str, request: pytest.Fixt
     past = request.getfixturevalue("past" if which == "sheet" else "true_past")
     said = sorted((*past.said, *past.copies), key=lambda one: one.received)
     for channel in DESIGN.channels:
-        sizes = [(one.received - past.begin, (math.log10(one.size),)) for one in said if one.channel == channel]
+        sizes = [
+            (one.received - past.begin, (math.log10(one.size),))
+            for one in said
+            if one.channel == channel
+        ]
         assert sheet.of(f"sizes/{channel}") == sizes
         judged = sum(one.channel == channel for one in past.judged)
         assert len(sheet.of(f"communicates/{channel}")) == judged
@@ -64,18 +70,35 @@ def test_bandwidth_has_every_bit(true_past: history.History, true_sheet: Noted) 
     said = (*true_past.said, *true_past.copies)
     for channel in DESIGN.channels:
         kbit = sum(value[0] for _, value in true_sheet.of(f"bandwidth/{channel}")) * 0.25
-        assert kbit * 1000 / 8 == pytest.approx(sum(one.size for one in said if one.channel == channel))
+        assert kbit * 1000 / 8 == pytest.approx(
+            sum(one.size for one in said if one.channel == channel)
+        )
 
 
 @pytest.mark.parametrize(
     ("verdict", "level"),
-    [("legal", "INFO"), ("copy", "DEBUG"), ("slow", "WARN"), ("out of sequence", "ERROR"), ("malformed", "ERROR")],
+    [
+        ("legal", "INFO"),
+        ("copy", "DEBUG"),
+        ("slow", "WARN"),
+        ("out of sequence", "ERROR"),
+        ("malformed", "ERROR"),
+    ],
 )
 def test_a_line_has_its_level_by_the_verdict(verdict: str, level: str) -> None:
     """And says why, where it is not as designed."""
     sheet = Noted(100.0)
     said = Judged(
-        101.0, verdict, 9, "C1", "co", "ta", "coordinate", "inform", why="because", violation=level == "ERROR"
+        101.0,
+        verdict,
+        9,
+        "C1",
+        "co",
+        "ta",
+        "coordinate",
+        "inform",
+        why="because",
+        violation=level == "ERROR",
     )
     Stage(sheet, SYSTEM).take(Happening(said.t, said))
     ((at, (text, found, _)),) = sheet.of("communicates/C1")
@@ -101,20 +124,27 @@ def test_the_plan_shows_the_leaf_ta_is_in(past: history.History, sheet: Noted) -
     """One marked leaf while it runs, the outcome at its end."""
     reports = [one.content for one in past.said if isinstance(one.content, sw.Report)]
     texts = [text for _, text in sheet.of(PLAN)]
-    plans = sum(isinstance(one.content, hfsm.HierarchicalPlan) and one.channel == "C1" for one in past.said)
+    plans = sum(
+        isinstance(one.content, hfsm.HierarchicalPlan) and one.channel == "C1" for one in past.said
+    )
     assert len(texts) == 1 + plans + len(reports)
     marked = [[line for line in text.splitlines() if "▶" in line] for text in texts]
     leaves = [f"**▶ {at(hfsm.Place((), act=one.at.act))}**" for one in reports if one.at]
     assert [line.strip("- ").strip() for lines in marked for line in lines] == leaves
     assert all(len(lines) <= 1 for lines in marked)
-    # What is behind is ticked, never what is ahead: ta goes through the synthetic plans in the order of their text.
+    # What is behind is ticked, never what is ahead: ta goes through the synthetic plans in the
+    # order of their text.
     assert any("  - ✓" in text for text in texts)
     assert all("✓" not in text.partition("▶")[2] for text in texts)
     assert "replan" in texts[-1] or "succeeded" in texts[-1]
 
 
-def test_a_planned_path_ends_where_the_plan_says(true_past: history.History, true_sheet: Noted) -> None:
-    """The grip frame at the last joints of a free motion; nothing is left of it when the act is answered."""
+def test_a_planned_path_ends_where_the_plan_says(
+    true_past: history.History, true_sheet: Noted
+) -> None:
+    """The grip frame at the last joints of a free motion; nothing is left of it when the act is
+    answered.
+    """
     drawn = true_sheet.of(PLANNED)
     commands = [one for one in true_past.said if isinstance(one.content, rc.MoveJoint)]
     assert commands
@@ -136,7 +166,9 @@ def test_the_way_taken_ends_at_the_hand(true_past: history.History, true_sheet: 
         assert np.linalg.norm(trail[-1] - frames[name][:3, 3]) < 0.02
 
 
-def test_every_joint_is_drawn_as_it_was_measured_last(true_past: history.History, true_sheet: Noted) -> None:
+def test_every_joint_is_drawn_as_it_was_measured_last(
+    true_past: history.History, true_sheet: Noted
+) -> None:
     """Each moving link's turn is that of its joint."""
     q = robot.joints(telemetry.robot(true_past)[-1][1])
     for link in robot.links():
@@ -155,8 +187,12 @@ def test_before_any_telemetry_the_arms_hang_down() -> None:
         assert sheet.of("/".join((VELMA, *link.path))) == [(0.0, (link.at, robot.turned(link, q)))]
 
 
-def test_channels_of_the_graph_light_up_and_fade(true_past: history.History, true_sheet: Noted) -> None:
-    """Each node stands between its agents; a channel is brightest while it carries, and dark at the end."""
+def test_channels_of_the_graph_light_up_and_fade(
+    true_past: history.History, true_sheet: Noted
+) -> None:
+    """Each node stands between its agents; a channel is brightest while it carries, and dark at the
+    end.
+    """
     places = positions(SYSTEM.design)
     for name, channel in DESIGN.channels.items():
         ends = np.array([places[agent] for agent in channel.ends])
@@ -170,7 +206,9 @@ def test_channels_of_the_graph_light_up_and_fade(true_past: history.History, tru
 
 
 def test_nothing_is_before_the_beginning(past: history.History, sheet: Noted) -> None:
-    """Events before the first communicate stand at its time; a thing's first place holds from then on."""
+    """Events before the first communicate stand at its time; a thing's first place holds from then
+    on.
+    """
     assert min(one.at for one in past.entered) < past.begin
     assert min(at for _, at, _ in sheet.drawn) == 0.0
     entity = "world/things/jar_1"

@@ -1,4 +1,6 @@
-"""Few bytes that unpack to gigabytes: a recording of somebody else costs no more than any file that cannot be read."""
+"""Few bytes that unpack to gigabytes: a recording of somebody else costs no more than any file that
+cannot be read.
+"""
 
 import json
 import struct
@@ -21,13 +23,19 @@ from operate.recording.stored import CHUNK_LIMIT
 GIGABYTE = 1 << 30
 PIECE = bytes(1 << 20)
 MOST_KB = 200_000
-"""Of memory for a reader of such a file, most of it its libraries; unpacked, a bomb has a million."""
+"""Of memory for a reader of such a file, most of it its libraries; unpacked, a bomb has a
+million.
+"""
 
 
 def by_lz4(size: int) -> bytes:
     """So many zeros, which its head does not tell."""
     packed = lz4.frame.LZ4FrameCompressor()
-    return packed.begin() + b"".join(packed.compress(PIECE) for _ in range(size // len(PIECE))) + packed.flush()
+    return (
+        packed.begin()
+        + b"".join(packed.compress(PIECE) for _ in range(size // len(PIECE)))
+        + packed.flush()
+    )
 
 
 def by_zstd(size: int) -> bytes:
@@ -69,13 +77,17 @@ for words in json.loads(sys.argv[1]):
     (peak,) = re.findall(r"VmHWM:\\s+(\\d+) kB", open("/proc/self/status").read())
     print(json.dumps([words, done.exit_code, done.output, int(peak)]))
 """
-"""The peak that wait4 and getrusage tell is at least that of the process that started it, a worker of pytest."""
+"""The peak that wait4 and getrusage tell is at least that of the process that started it, a worker
+of pytest.
+"""
 
 
 @pytest.mark.process
 @pytest.mark.timeout(120)
 def test_a_bomb_is_a_file_that_cannot_be_read(tmp_path: Path) -> None:
-    """Exit code 2 and the usual sentence, with the memory that such a process has anyway; by whatever verb."""
+    """Exit code 2 and the usual sentence, with the memory that such a process has anyway; by
+    whatever verb.
+    """
     calls = []
     for number, bomb in enumerate(BOMBS):
         for says in (1000, 1 << 60):
@@ -83,7 +95,10 @@ def test_a_bomb_is_a_file_that_cannot_be_read(tmp_path: Path) -> None:
             calls.append(["traffic", "judge", str(file)])
     calls += [["traffic", "echo", "--run", calls[0][-1]], ["record", "info", calls[0][-1]]]
     done = subprocess.run(
-        [sys.executable, "-P", "-c", MEASURED, json.dumps(calls)], capture_output=True, text=True, check=True
+        [sys.executable, "-P", "-c", MEASURED, json.dumps(calls)],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     told = [json.loads(line) for line in done.stdout.splitlines()]
     assert [words for words, *_ in told] == calls
@@ -97,8 +112,12 @@ def test_a_bomb_is_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     assert wrong == []
 
 
-@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
-def test_a_recording_that_another_tool_packed_is_read(tmp_path: Path, compression: CompressionType) -> None:
+@pytest.mark.parametrize(
+    "compression", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD]
+)
+def test_a_recording_that_another_tool_packed_is_read(
+    tmp_path: Path, compression: CompressionType
+) -> None:
     """With chunks as large as they may be, and in their order."""
     file, many = tmp_path / "traffic.mcap", 500
     records = [Token("co", number, True, float(number)) for number in range(many)]

@@ -1,4 +1,6 @@
-"""Dead letters: each communicate that nobody took is listed once, with the reason; what was taken never is."""
+"""Dead letters: each communicate that nobody took is listed once, with the reason; what was taken
+never is.
+"""
 
 import shutil
 from pathlib import Path
@@ -36,7 +38,9 @@ def run(tmp_path: Path) -> Path:
 
 def said(act: str) -> Communicate:
     """The first communicate of the run with this act."""
-    return next(one.communicate for one in records() if isinstance(one, Spoken) and one.performative == act)
+    return next(
+        one.communicate for one in records() if isinstance(one, Spoken) and one.performative == act
+    )
 
 
 def records() -> tuple[Record, ...]:
@@ -78,16 +82,27 @@ def test_what_the_design_does_not_have(
     key = f"roco/depot/C2/{one.sender}/{one.receiver}/{one.protocol}/{one.performative}"
     add(run, understood(Sample(key, encode(one), records()[-1].received), depot))
     (letter,) = told(run, depot)
-    assert (letter.reason, letter.sender, letter.receiver, letter.id) == (reason, one.sender, one.receiver, one.id)
+    assert (letter.reason, letter.sender, letter.receiver, letter.id) == (
+        reason,
+        one.sender,
+        one.receiver,
+        one.id,
+    )
     assert why in letter.why
 
 
-@pytest.mark.parametrize(("data", "reason"), [(b"\xc1", Dead.NO_COMMUNICATE), (bytes(5_000_000), Dead.TOO_LARGE)])
-def test_bytes_that_were_no_communicate(run: Path, depot: System, data: bytes, reason: Dead) -> None:
+@pytest.mark.parametrize(
+    ("data", "reason"), [(b"\xc1", Dead.NO_COMMUNICATE), (bytes(5_000_000), Dead.TOO_LARGE)]
+)
+def test_bytes_that_were_no_communicate(
+    run: Path, depot: System, data: bytes, reason: Dead
+) -> None:
     """By their key; what is longer than an agent takes is told as such."""
     key = "roco/depot/C2/desk/dispatcher/request/request"
     add(run, understood(Sample(key, data, records()[-1].received), depot))
-    assert [(one.reason, one.key, one.bytes) for one in told(run, depot)] == [(reason, key, len(data))]
+    assert [(one.reason, one.key, one.bytes) for one in told(run, depot)] == [
+        (reason, key, len(data))
+    ]
 
 
 @pytest.mark.parametrize(
@@ -113,7 +128,9 @@ def test_what_an_agent_turned_away(run: Path, depot: System, event: str, reason:
     line |= {"sender": one.sender, "performative": "cfp", "conversation": one.conversation}
     (run / "logs").mkdir()
     other = line | {"event": "peer", "peer": "ox"}
-    (run / "logs" / "x.jsonl").write_bytes(b"".join(msgspec.json.encode(each) + b"\n" for each in (other, line)) + b"{")
+    (run / "logs" / "x.jsonl").write_bytes(
+        b"".join(msgspec.json.encode(each) + b"\n" for each in (other, line)) + b"{"
+    )
     (letter,) = told(run, depot)
     assert (letter.reason, letter.sender, letter.receiver) == (reason, one.sender, one.receiver)
     assert (letter.protocol, letter.bytes) == ("cfp", len(encode(one)))
@@ -123,14 +140,18 @@ def test_what_an_agent_turned_away(run: Path, depot: System, event: str, reason:
 def test_a_question_that_never_reached_its_receiver(run: Path, depot: System) -> None:
     """Its sender's log has it, and no other; a moment after it was said nobody can tell."""
     end = records()[-1].received
-    one = msgspec.structs.replace(said("subscribe"), id="desk-7-7", conversation="desk-7-7", sent=end)
+    one = msgspec.structs.replace(
+        said("subscribe"), id="desk-7-7", conversation="desk-7-7", sent=end
+    )
     StepLogs(run).said(one, end)
     assert [(one.reason, one.id) for one in told(run, depot)] == [(Dead.NOT_HEARD, "desk-7-7")]
     assert dead.letters(Run(run, depot), end + 1.0) == []
 
 
 @pytest.mark.parametrize(("taken", "letters"), [(6, [7]), (7, [])])
-def test_durable_words_that_were_never_taken(run: Path, depot: System, taken: int, letters: list[int]) -> None:
+def test_durable_words_that_were_never_taken(
+    run: Path, depot: System, taken: int, letters: list[int]
+) -> None:
     """The sender's journal keeps them; the receiver's says how far it has taken."""
     one = msgspec.structs.replace(said("request"), id="7")
 

@@ -1,5 +1,5 @@
-"""The record of a run in its agents' logs: each communicate is told once, whoever reads from wherever, and what two
-logs do not agree on is named.
+"""The record of a run in its agents' logs: each communicate is told once, whoever reads from
+wherever, and what two logs do not agree on is named.
 """
 
 import shutil
@@ -53,7 +53,9 @@ def names(some: Iterable[Record]) -> Counter[tuple[object, ...]]:
 
 
 def test_the_logs_have_what_the_recorder_recorded() -> None:
-    """Communicates, copies, lives and receipts, though two agents were killed; in the order of time, as designed."""
+    """Communicates, copies, lives and receipts, though two agents were killed; in the order of
+    time, as designed.
+    """
     recorded = mcap_file.read(DEPOT / mcap_file.FILE, SYSTEM).records
     said = [one for one in recorded if isinstance(one, Spoken)]
     assert len(said) > 50
@@ -69,9 +71,18 @@ def test_the_logs_have_what_the_recorder_recorded() -> None:
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.lists(st.dictionaries(st.sampled_from(sorted(LOGS)), st.floats(0.0, 1.0), min_size=1), max_size=6), st.data())
-def test_however_it_is_read_each_is_told_once(grown: list[dict[str, float]], data: st.DataObject) -> None:
-    """The logs grow at will, and now and then another reader goes on from the cursor of the last."""
+@given(
+    st.lists(
+        st.dictionaries(st.sampled_from(sorted(LOGS)), st.floats(0.0, 1.0), min_size=1), max_size=6
+    ),
+    st.data(),
+)
+def test_however_it_is_read_each_is_told_once(
+    grown: list[dict[str, float]], data: st.DataObject
+) -> None:
+    """The logs grow at will, and now and then another reader goes on from the cursor of the
+    last.
+    """
     with tempfile.TemporaryDirectory() as folder:
         run, told = Path(folder), list[Record]()
         (run / STEPS).mkdir()
@@ -126,24 +137,30 @@ def grow(run: Path, share: float) -> None:
 
 
 def test_a_large_content_is_stored_once(tmp_path: Path) -> None:
-    """In the log of its receiver; who reads the run folder has it, and the recording tells its size."""
+    """In the log of its receiver; who reads the run folder has it, and the recording tells its
+    size.
+    """
     large = msgspec.Raw(msgspec.msgpack.encode(["x" * MUCH_BYTES]))
     one = msgspec.structs.replace(first("request"), content=large)
     StepLogs(tmp_path).passed(one, one.sent)
     Recorder(tmp_path, SYSTEM).finish()
-    (alone,) = (it for it in mcap_file.read(tmp_path / mcap_file.FILE).records if isinstance(it, Spoken))
+    (alone,) = (
+        it for it in mcap_file.read(tmp_path / mcap_file.FILE).records if isinstance(it, Spoken)
+    )
     (whole,) = (it for it in Run(tmp_path, SYSTEM).records if isinstance(it, Spoken))
     assert (alone.lost, alone.size, whole.lost) == (True, whole.size, False)
     assert whole.communicate == one
     assert (tmp_path / mcap_file.FILE).stat().st_size < MUCH_BYTES
 
 
-# --- two logs that do not agree ---------------------------------------------------------------------------------------
+# --- two logs that do not agree -------------------------------------------------------------------
 
 
 def first(act: str) -> Communicate:
     """The first communicate of the run with this act."""
-    return next(one.communicate for one in WHOLE if isinstance(one, Spoken) and one.performative == act)
+    return next(
+        one.communicate for one in WHOLE if isinstance(one, Spoken) and one.performative == act
+    )
 
 
 def told(run: Path, *heartbeats: tuple[str, float]) -> list[Record]:
@@ -167,7 +184,12 @@ def test_what_its_sender_did_not_say_is_named(tmp_path: Path, by: str) -> None:
         logs.said(msgspec.structs.replace(one, id="101"), after)
     found = told(tmp_path, *([(one.sender, after)] if by == "a heartbeat" else []))
     (wrong,) = (each for each in found if isinstance(each, Unpaired))
-    assert (wrong.sender, wrong.receiver, wrong.id, wrong.altered) == (one.sender, one.receiver, one.id, False)
+    assert (wrong.sender, wrong.receiver, wrong.id, wrong.altered) == (
+        one.sender,
+        one.receiver,
+        one.id,
+        False,
+    )
     (line,) = (each for each in of_records(found, SYSTEM) if each.verdict == "not said")
     assert line.violation
     assert one.sender in line.why
@@ -194,7 +216,9 @@ def test_who_died_after_it_spoke_is_not_blamed(tmp_path: Path) -> None:
     assert not [each for each in told(tmp_path) if isinstance(each, Unpaired)]
 
 
-@pytest.mark.parametrize("changed", [{"conversation": "desk-9-9"}, {"content": msgspec.Raw(b"\x90")}])
+@pytest.mark.parametrize(
+    "changed", [{"conversation": "desk-9-9"}, {"content": msgspec.Raw(b"\x90")}]
+)
 def test_what_is_not_what_was_said_is_named(tmp_path: Path, changed: dict[str, object]) -> None:
     """Another field, or other content."""
     one, logs = first("request"), StepLogs(tmp_path)
@@ -203,11 +227,15 @@ def test_what_is_not_what_was_said_is_named(tmp_path: Path, changed: dict[str, o
     found = told(tmp_path)
     (wrong,) = (each for each in found if isinstance(each, Unpaired))
     assert wrong.altered
-    assert [each.verdict for each in of_records(found, SYSTEM) if each.violation].count("altered") == 1
+    assert [each.verdict for each in of_records(found, SYSTEM) if each.violation].count(
+        "altered"
+    ) == 1
 
 
 @pytest.mark.parametrize("taken", [(0, 1, 2), (0, 2), (2,), (0,)])
-def test_an_observation_that_was_said_again_meanwhile_is_what_was_said(tmp_path: Path, taken: tuple[int, ...]) -> None:
+def test_an_observation_that_was_said_again_meanwhile_is_what_was_said(
+    tmp_path: Path, taken: tuple[int, ...]
+) -> None:
     """Its receiver was held up: it takes the copies later, whichever came through."""
     one, logs = first("request"), StepLogs(tmp_path)
     copies = [msgspec.structs.replace(one, sent=one.sent + number) for number in range(3)]
@@ -222,11 +250,17 @@ def test_an_observation_that_was_said_again_meanwhile_is_what_was_said(tmp_path:
 
 
 def test_what_nobody_took_is_told_from_its_senders_log(tmp_path: Path) -> None:
-    """A volatile one after a while; a durable one, which is said again, when nobody reads any more."""
+    """A volatile one after a while; a durable one, which is said again, when nobody reads any
+    more.
+    """
     asked, ordered, logs = first("subscribe"), first("request"), StepLogs(tmp_path)
     logs.said(asked, asked.sent)
     logs.said(ordered, ordered.sent)
-    soon = [one for one in Ends(tmp_path, SYSTEM).new(asked.sent + LOST_S / 2) if isinstance(one, Spoken)]
+    soon = [
+        one
+        for one in Ends(tmp_path, SYSTEM).new(asked.sent + LOST_S / 2)
+        if isinstance(one, Spoken)
+    ]
     late = [one for one in Ends(tmp_path, SYSTEM).new(NOW) if isinstance(one, Spoken)]
     rest = [one for one in Ends(tmp_path, SYSTEM).rest() if isinstance(one, Spoken)]
     assert [one.identity for one in soon] == []
@@ -251,7 +285,9 @@ def test_what_is_taken_late_is_what_was_said(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ahead", ["sender", "receiver"])
 def test_clocks_that_differ_blame_nobody(tmp_path: Path, ahead: str) -> None:
-    """What the host whose clock is ten seconds ahead has written is there, though it is told later."""
+    """What the host whose clock is ten seconds ahead has written is there, though it is told
+    later.
+    """
     one, logs, now = first("subscribe"), StepLogs(tmp_path), first("subscribe").sent
     logs.said(msgspec.structs.replace(one, id="before", sent=now - 30.0), now - 30.0)
     logs.took(msgspec.structs.replace(one, id="before", sent=now - 30.0), now - 30.0)
@@ -274,7 +310,8 @@ def test_who_is_of_another_design_keeps_no_log(tmp_path: Path) -> None:
     logs = StepLogs(tmp_path)
     one = msgspec.structs.replace(first("request"), receiver="stranger")
     logs.said(one, one.sent)
-    assert [each for each in told(tmp_path) if isinstance(each, Spoken | Unpaired)] == []  # the design has not its rule
+    # the design has not its rule
+    assert [each for each in told(tmp_path) if isinstance(each, Spoken | Unpaired)] == []
 
 
 def test_time_stands_still_before_what_may_still_be_taken(tmp_path: Path) -> None:

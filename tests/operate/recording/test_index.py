@@ -1,4 +1,6 @@
-"""A closed or repaired recording is read by other tools, which count what we count: by Rerun, and by mcap's reader."""
+"""A closed or repaired recording is read by other tools, which count what we count: by Rerun, and
+by mcap's reader.
+"""
 
 import re
 import subprocess
@@ -35,8 +37,19 @@ def records(pouring: Run) -> list[Record]:
 def by_rerun(path: Path) -> int:
     """Return the number of messages that Rerun reads: rows of a time."""
     rrd = path.with_suffix(".rrd")
-    subprocess.run([*RERUN, "mcap", "convert", path, "-o", rrd], check=True, capture_output=True, timeout=DEADLINE_S)
-    done = subprocess.run([*RERUN, "rrd", "stats", rrd], check=True, capture_output=True, text=True, timeout=DEADLINE_S)
+    subprocess.run(
+        [*RERUN, "mcap", "convert", path, "-o", rrd],
+        check=True,
+        capture_output=True,
+        timeout=DEADLINE_S,
+    )
+    done = subprocess.run(
+        [*RERUN, "rrd", "stats", rrd],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+    )
     rows, static = (
         int(re.sub(r"\D", "", re.findall(rf"^{name} = (.+)$", done.stdout, re.MULTILINE)[0]))
         for name in ("num_rows", "num_static")
@@ -66,7 +79,9 @@ def roco(*words: str, code: int = 0) -> str:
 
 @pytest.mark.process
 def test_other_tools_count_what_was_recorded(pouring: Run, tmp_path: Path) -> None:
-    """This holds for a recorder that ends in order, also for one that went on in the file of another."""
+    """This holds for a recorder that ends in order, also for one that went on in the file of
+    another.
+    """
     path = tmp_path / mcap_file.FILE
     for samples in (pouring.samples[:300], pouring.samples[300:400]):
         recorder = Recorder(tmp_path, SYSTEM)
@@ -79,9 +94,15 @@ def test_other_tools_count_what_was_recorded(pouring: Run, tmp_path: Path) -> No
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-@pytest.mark.parametrize("behind", [b"", b"\x05 a record that a kill cut off"], ids=["whole", "torn"])
-def test_a_recording_that_was_not_closed_is_repaired(behind: bytes, records: list[Record], tmp_path: Path) -> None:
-    """Nothing that could be read is lost; it says that it was repaired, and what was torn off is kept beside."""
+@pytest.mark.parametrize(
+    "behind", [b"", b"\x05 a record that a kill cut off"], ids=["whole", "torn"]
+)
+def test_a_recording_that_was_not_closed_is_repaired(
+    behind: bytes, records: list[Record], tmp_path: Path
+) -> None:
+    """Nothing that could be read is lost; it says that it was repaired, and what was torn off is
+    kept beside.
+    """
     path, other = tmp_path / "a" / mcap_file.FILE, tmp_path / mcap_file.FILE
     recording = Recording(path)
     for record in records:
@@ -104,7 +125,8 @@ def test_a_recording_that_was_not_closed_is_repaired(behind: bytes, records: lis
 def older(path: Path) -> None:
     """Write the recorded pour as the first versions did."""
     writer = Writer(
-        str(path), use_chunking=False, index_types=IndexType.NONE, repeat_channels=False, repeat_schemas=False,
+        str(path), use_chunking=False, index_types=IndexType.NONE, repeat_channels=False,
+        repeat_schemas=False,
         use_statistics=False, use_summary_offsets=False,
     )  # fmt: skip
     writer.start(profile="robot-companion")
@@ -116,7 +138,9 @@ def older(path: Path) -> None:
                 case Channel():
                     writer.register_channel(one.topic, one.message_encoding, one.schema_id)
                 case Message():
-                    writer.add_message(one.channel_id, one.log_time, one.data, one.publish_time, one.sequence)
+                    writer.add_message(
+                        one.channel_id, one.log_time, one.data, one.publish_time, one.sequence
+                    )
                 case Footer():
                     break
     writer.finish()
@@ -157,7 +181,9 @@ def test_what_is_no_recording_is_left_alone(tmp_path: Path) -> None:
     assert "is not there" in roco(str(tmp_path), code=2)
 
 
-def test_where_there_is_no_room_for_the_index_the_recording_stays(records: list[Record], tmp_path: Path) -> None:
+def test_where_there_is_no_room_for_the_index_the_recording_stays(
+    records: list[Record], tmp_path: Path
+) -> None:
     """It is whole, and says why it has no index."""
     path = tmp_path / mcap_file.FILE
     recording = Recording(path)

@@ -44,7 +44,9 @@ class Again:
             self._times += 1
             labels = {"": ""}
             for k, one in enumerate(self._said):
-                yield self._renamed(one.communicate, labels, 1e9 + self._times * PAUSE_S + 0.001 * k)
+                yield self._renamed(
+                    one.communicate, labels, 1e9 + self._times * PAUSE_S + 0.001 * k
+                )
 
     def _renamed(self, old: Communicate, labels: dict[str, str], at: float) -> Sample:
         self._numbers[old.sender] += 1
@@ -78,9 +80,13 @@ def grown(recorder: Recorder, again: Again) -> list[int]:
     return sizes[2:]
 
 
-@pytest.mark.timeout(300)  # 24 s at a load of 13, and each gc.collect() looks through all that other tests left
-@pytest.mark.parametrize("channel", ["C4", pytest.param("C3", marks=pytest.mark.long)])  # large content: some ten s
-def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+# 24 s at a load of 13, and each gc.collect() looks through all that other tests left
+@pytest.mark.timeout(300)
+# large content: some ten s
+@pytest.mark.parametrize("channel", ["C4", pytest.param("C3", marks=pytest.mark.long)])
+def test_memory_does_not_grow_with_what_is_said(
+    channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Judge, live lines and file, with what they remember filled soon."""
     for module, name in (
         (conversations, "REMEMBERED"),
@@ -94,7 +100,9 @@ def test_memory_does_not_grow_with_what_is_said(channel: str, tmp_path: Path, mo
     recorder = Recorder(tmp_path, SYSTEM)
     sizes = grown(recorder, Again(said))
     recorder.finish()
-    verdicts = [msgspec.json.decode(line) for line in (tmp_path / VERDICTS_FILE).read_bytes().splitlines()]
+    verdicts = [
+        msgspec.json.decode(line) for line in (tmp_path / VERDICTS_FILE).read_bytes().splitlines()
+    ]
     assert {one["verdict"] for one in verdicts} == {"legal"}
     assert max(sizes) < 1.03 * sizes[0], sizes
 
@@ -105,7 +113,11 @@ def test_events_are_told_after_older_ones_were_forgotten(monkeypatch: pytest.Mon
 
     def told() -> list[str]:
         seen = live.Live(SYSTEM)
-        lines = [line for sample in Again(said).block(20) for line in seen.lines(understood(sample, SYSTEM))]
+        lines = [
+            line
+            for sample in Again(said).block(20)
+            for line in seen.lines(understood(sample, SYSTEM))
+        ]
         return [line.name for line in lines if isinstance(line, Happened)]
 
     whole = told()
@@ -128,7 +140,9 @@ def test_the_last_are_remembered(keys: list[int], most: int) -> None:
 
 
 def test_a_recording_is_gone_on_with_in_little_memory(tmp_path: Path) -> None:
-    """Memory of a second monitor at its start does not grow with the size of the first one's recording."""
+    """Memory of a second monitor at its start does not grow with the size of the first one's
+    recording.
+    """
     said = [one for one in Run(RECORDED, SYSTEM).history.said if one.channel == "C4"][:2]
     peaks = []
     for blocks in (1, 4):

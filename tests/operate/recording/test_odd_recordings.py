@@ -1,4 +1,6 @@
-"""Files that are no recording, or several, or out of order: every verb says so, or reads what is there."""
+"""Files that are no recording, or several, or out of order: every verb says so, or reads what is
+there.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -72,6 +74,9 @@ def test_the_order_in_the_file_does_not_matter(tmp_path: Path) -> None:
         reversed_file.add(record)
     reversed_file.finish()
     one, other = opened(POUR, SYSTEM), opened(tmp_path / "some.mcap", SYSTEM)
-    said = [[(it.sender, it.id) for it in found.records if isinstance(it, Spoken)] for found in (one, other)]
+    said = [
+        [(it.sender, it.id) for it in found.records if isinstance(it, Spoken)]
+        for found in (one, other)
+    ]
     assert said[0] == said[1]
     assert known(POUR).words == known(tmp_path / "some.mcap").words

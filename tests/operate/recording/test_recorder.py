@@ -47,9 +47,15 @@ class Processes:
     def start(self, module: str, name: str, *, ready: bool = True) -> subprocess.Popen[bytes]:
         """Start one, and wait until it is ready."""
         (self.run / f"{name}.ready").unlink(missing_ok=True)
-        options = {"ROCO_LISTEN": self.endpoint, "ROCO_CONNECT": self.endpoint, "ROCO_RUN_DIR": str(self.run)}
+        options = {
+            "ROCO_LISTEN": self.endpoint,
+            "ROCO_CONNECT": self.endpoint,
+            "ROCO_RUN_DIR": str(self.run),
+        }
         with (self.run / f"{name}.log").open("ab") as log:
-            process = subprocess.Popen([sys.executable, "-m", module], env=os.environ | options, stdout=log, stderr=log)
+            process = subprocess.Popen(
+                [sys.executable, "-m", module], env=os.environ | options, stdout=log, stderr=log
+            )
         self.running.append(process)
         if ready:
             wait_for((self.run / f"{name}.ready").exists, f"{name} is ready")
@@ -76,9 +82,11 @@ def recorded(run: Path, kind: type) -> int:
     return sum(isinstance(record, kind) for record in mcap_file.read(run / mcap_file.FILE).records)
 
 
-def test_a_recorder_reads_everything_dies_and_comes_back(processes: Processes, pouring: Run) -> None:
-    """All that agents logged is in the recording once, also what they logged while none lived; SIGTERM leaves report,
-    page and pictures.
+def test_a_recorder_reads_everything_dies_and_comes_back(
+    processes: Processes, pouring: Run
+) -> None:
+    """All that agents logged is in the recording once, also what they logged while none lived;
+    SIGTERM leaves report, page and pictures.
     """
     said = [decode(sample.data) for sample in pouring.samples if "/_/" not in sample.key][:400]
     logs = StepLogs(processes.run)
@@ -105,7 +113,9 @@ def test_a_recorder_reads_everything_dies_and_comes_back(processes: Processes, p
     assert told["communicates"]["total"] == 400
     assert told["communicates"]["garbage"] == 1
     assert told["holes"] == []
-    assert all((processes.run / name).stat().st_size for name in ("report.html", "run.rrd", "live.jsonl"))
+    assert all(
+        (processes.run / name).stat().st_size for name in ("report.html", "run.rrd", "live.jsonl")
+    )
 
 
 def test_a_recorder_needs_no_router(tmp_path: Path, pouring: Run) -> None:
@@ -120,15 +130,22 @@ def test_a_recorder_needs_no_router(tmp_path: Path, pouring: Run) -> None:
         fleet.start("services.router", "router")
         wait_for((tmp_path / "monitor.ready").exists, "the recorder reached the router")
         with zenoh.open(client_config(fleet.endpoint)) as session:
-            wait_for(lambda: session.put(STATE, b"{}") or recorded(tmp_path, House) > 1, "a heartbeat is recorded")
+            wait_for(
+                lambda: session.put(STATE, b"{}") or recorded(tmp_path, House) > 1,
+                "a heartbeat is recorded",
+            )
         logs.passed(said[1], said[1].sent)
         wait_for(lambda: recorded(tmp_path, Spoken) == 2, "the second is recorded")
     finally:
         fleet.end()
 
 
-def test_a_recorder_records_before_it_shows(processes: Processes, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is drawn before a viewer connects; who draws yields to the fleet as the recorder does."""
+def test_a_recorder_records_before_it_shows(
+    processes: Processes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is drawn before a viewer connects; who draws yields to the fleet as the recorder
+    does.
+    """
     monkeypatch.setenv(SWITCH, "on")
     processes.start("services.monitor", "monitor")
     log, address = processes.run / "logs/monitor.jsonl", processes.run / VIEW_FILE
@@ -148,7 +165,9 @@ def events(log: Path) -> list[dict[str, Any]]:
 
 
 def test_a_recorder_that_is_frozen_ends_when_it_goes_on(processes: Processes) -> None:
-    """It is told to end meanwhile; the system may hand the signal to a thread that runs no handlers."""
+    """It is told to end meanwhile; the system may hand the signal to a thread that runs no
+    handlers.
+    """
     monitor = processes.start("services.monitor", "monitor")
     for number in (signal.SIGSTOP, signal.SIGTERM, signal.SIGCONT):
         monitor.send_signal(number)

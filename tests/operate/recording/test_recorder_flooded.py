@@ -1,4 +1,6 @@
-"""Output of a recorder in a flood is bounded: the first of each kind, then sums; files that end with words."""
+"""Output of a recorder in a flood is bounded: the first of each kind, then sums; files that end
+with words.
+"""
 
 from collections import Counter
 from pathlib import Path
@@ -23,7 +25,13 @@ MANY = 500
 
 def forged(number: int) -> Sample:
     """A communicate that names another sender than its key."""
-    one = Communicate(performative=Performative.REQUEST, sender="ta", receiver="co", protocol="request", id=str(number))
+    one = Communicate(
+        performative=Performative.REQUEST,
+        sender="ta",
+        receiver="co",
+        protocol="request",
+        id=str(number),
+    )
     return Sample(KEY, encode(one), 1e9 + number / 1000)
 
 
@@ -39,13 +47,21 @@ def test_violations_of_a_kind_are_told_singly_then_as_a_sum(tmp_path: Path) -> N
     """In the log, live.jsonl and verdicts.jsonl alike; none is missing in the sum."""
     said = list[dict[str, Any]]()
     flooded(tmp_path, said).finish()
-    verdicts = [msgspec.json.decode(one, type=Judged) for one in (tmp_path / VERDICTS_FILE).read_bytes().splitlines()]
-    live = [msgspec.json.decode(one, type=LiveLine) for one in (tmp_path / LIVE_FILE).read_bytes().splitlines()]
+    verdicts = [
+        msgspec.json.decode(one, type=Judged)
+        for one in (tmp_path / VERDICTS_FILE).read_bytes().splitlines()
+    ]
+    live = [
+        msgspec.json.decode(one, type=LiveLine)
+        for one in (tmp_path / LIVE_FILE).read_bytes().splitlines()
+    ]
     against = [one for one in live if isinstance(one, Against)]
     assert len(verdicts) == len(against) == len(said) == SINGLY + 1
     assert f"… {MANY - SINGLY} more of this kind from" in verdicts[-1].why
     assert verdicts[-1].violation
-    assert Counter(one.verdict for one in verdicts).most_common() == [(verdicts[0].verdict, SINGLY + 1)]
+    assert Counter(one.verdict for one in verdicts).most_common() == [
+        (verdicts[0].verdict, SINGLY + 1)
+    ]
 
 
 def test_of_what_is_no_communicate_the_first_of_a_key_are_recorded(tmp_path: Path) -> None:
@@ -55,7 +71,9 @@ def test_of_what_is_no_communicate_the_first_of_a_key_are_recorded(tmp_path: Pat
     assert sum(isinstance(one, Garbage) for one in records) == SINGLY
 
 
-def test_a_recording_that_is_full_ends_with_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recording_that_is_full_ends_with_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Later records are judged, and not recorded; the file can be read."""
     said = list[dict[str, Any]]()
     monkeypatch.setattr(recorder, "MOST_BYTES", 1)
@@ -67,5 +85,7 @@ def test_a_recording_that_is_full_ends_with_words(tmp_path: Path, monkeypatch: p
     assert [line["event"] for line in said].count("disk limit") == 1
     records = mcap_file.read(tmp_path / mcap_file.FILE, SYSTEM)
     assert records.whole
-    assert not any(isinstance(found, Garbage) and found.data == b"late" for found in records.records)
+    assert not any(
+        isinstance(found, Garbage) and found.data == b"late" for found in records.records
+    )
     assert b"disk limit" in (tmp_path / LIVE_FILE).read_bytes()

@@ -1,4 +1,6 @@
-"""A recording opens in viewers of MCAP: its schemas are of the form they read, and every message fits its own."""
+"""A recording opens in viewers of MCAP: its schemas are of the form they read, and every message
+fits its own.
+"""
 
 import base64
 from pathlib import Path
@@ -26,15 +28,21 @@ def file(tmp_path_factory: pytest.TempPathFactory, pouring: Run) -> Path:
     keeper = side_recording.Keeper(side_recording.Asked(path, Filter(), 0, 0.0), SYSTEM)
     for sample in pouring.samples:
         keeper.take(sample)
-    keeper.take(msgspec.structs.replace(pouring.samples[0], key="roco/roco/C1/x/y/z/w", data=b"\xc1"))
-    keeper._recording.add(Unpaired("co", "ta", "request", "request", "co-1-1", "1", True, "other words", 1.0))
+    keeper.take(
+        msgspec.structs.replace(pouring.samples[0], key="roco/roco/C1/x/y/z/w", data=b"\xc1")
+    )
+    keeper._recording.add(
+        Unpaired("co", "ta", "request", "request", "co-1-1", "1", True, "other words", 1.0)
+    )
     keeper.finish(0)
     return path
 
 
 @pytest.mark.parametrize("kind", [Spoken, House, Token, Garbage, Unpaired])
 def test_a_schema_is_an_object_of_plain_fields(kind: type) -> None:
-    """`type: object` at the root, a plain type for each field, no references; bytes say that they are base64."""
+    """`type: object` at the root, a plain type for each field, no references; bytes say that they
+    are base64.
+    """
     made = schema(kind)
     assert made["type"] == "object"
     assert set(made["properties"]) == set(kind.__struct_fields__)
@@ -43,7 +51,9 @@ def test_a_schema_is_an_object_of_plain_fields(kind: type) -> None:
 
 
 def test_every_message_fits_the_schema_of_its_channel(file: Path) -> None:
-    """As mcap's own reader sees the file: indexed, each channel with an encoding and a schema, messages in order."""
+    """As mcap's own reader sees the file: indexed, each channel with an encoding and a schema,
+    messages in order.
+    """
     kinds = set()
     with file.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
@@ -76,13 +86,19 @@ def _fits(message: dict[str, Any], kind: dict[str, Any]) -> None:
 def test_viewers_see_what_was_said(file: Path) -> None:
     """In a few words; the content itself is among the bytes."""
     said = [one for one in mcap_file.read(file).records if isinstance(one, Spoken)]
-    assert {one.text for one in said if one.channel == "C2" and one.performative == "request"} == {"pour into jar bowl"}
+    assert {one.text for one in said if one.channel == "C2" and one.performative == "request"} == {
+        "pour into jar bowl"
+    }
 
 
 def test_a_filtered_recording_says_so(tmp_path: Path, pouring: Run) -> None:
-    """Only what is meant, and tokens, by which it can be judged; the filter stands in the file's metadata."""
+    """Only what is meant, and tokens, by which it can be judged; the filter stands in the file's
+    metadata.
+    """
     path = tmp_path / "c4.mcap"
-    keeper = side_recording.Keeper(side_recording.Asked(path, Filter(channels=("C4",), agents=("pl",)), 5, 0.0), SYSTEM)
+    keeper = side_recording.Keeper(
+        side_recording.Asked(path, Filter(channels=("C4",), agents=("pl",)), 5, 0.0), SYSTEM
+    )
     for sample in pouring.samples:
         if not keeper.over:
             keeper.take(sample)
@@ -93,5 +109,7 @@ def test_a_filtered_recording_says_so(tmp_path: Path, pouring: Run) -> None:
     assert (kept.communicates, kept.records, kept.bytes) == (5, len(records), path.stat().st_size)
     assert not [one for one in records if isinstance(one, House) and one.kind != "setting"]
     with path.open("rb") as stream:
-        (note,) = (one for one in make_reader(stream).iter_metadata() if one.name == side_recording.FILTER)
+        (note,) = (
+            one for one in make_reader(stream).iter_metadata() if one.name == side_recording.FILTER
+        )
     assert (note.name, note.metadata["channels"], note.metadata["agents"]) == ("filter", "C4", "pl")

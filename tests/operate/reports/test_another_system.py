@@ -1,4 +1,6 @@
-"""The report and the pictures of a system that is not the Robot Companion: examples/depot, run over a real router."""
+"""The report and the pictures of a system that is not the Robot Companion: examples/depot, run over
+a real router.
+"""
 
 import os
 import shutil
@@ -26,15 +28,20 @@ from operate.system import of_run
 from operate.recording.run import Run
 run = Path(sys.argv[1])
 assert make.everything(Run(run, of_run(run)), lambda *_, **__: None)
-print([name for name in sys.modules if name.partition(".")[0] in ("companion", "velma", "services")])
+ours = ("companion", "velma", "services")
+print([name for name in sys.modules if name.partition(".")[0] in ours])
 """
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The run folder of a depot that has run for some seconds and ended in order; the project is outside the clone."""
+    """The run folder of a depot that has run for some seconds and ended in order; the project is
+    outside the clone.
+    """
     folder = tmp_path_factory.mktemp("depot")
-    shutil.copytree(EXAMPLE, folder / "project", ignore=shutil.ignore_patterns("runs", "__pycache__"))
+    shutil.copytree(
+        EXAMPLE, folder / "project", ignore=shutil.ignore_patterns("runs", "__pycache__")
+    )
     command = [sys.executable, "-m", "depot", "--seconds", "3", "--run-dir", str(folder / "run")]
     path = sys.path.copy()
     subprocess.run(command, cwd=folder / "project", check=True, timeout=90, capture_output=True)
@@ -47,10 +54,16 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def test_the_report_counts_what_was_recorded(run: Path) -> None:
     """The report counts the communicates per pair, all as designed, and the busy agents."""
     told = msgspec.json.decode((run / "report.json").read_bytes(), type=Report)
-    first = {one.identity: one for one in mcap_file.read(run / mcap_file.FILE).records if isinstance(one, Spoken)}
+    first = {
+        one.identity: one
+        for one in mcap_file.read(run / mcap_file.FILE).records
+        if isinstance(one, Spoken)
+    }
     pairs = Counter((one.sender, one.receiver) for one in first.values())
     assert pairs["desk", "dispatcher"]
-    assert {(s, r): n for s, row in told.communicates.matrix.items() for r, n in row.items() if n} == pairs
+    assert {
+        (s, r): n for s, row in told.communicates.matrix.items() for r, n in row.items() if n
+    } == pairs
     assert told.judged is not None
     assert told.judged.violations == ()
     assert {one.agent for one in told.busy} == set(of_run(run).design.agents)
@@ -68,7 +81,11 @@ def test_neither_report_nor_pictures_need_the_companion(run: Path) -> None:
     """Made again by a process that imports nothing of it."""
     environment = os.environ | {"PYTHONSAFEPATH": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", AGAIN, str(run)], env=environment, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", AGAIN, str(run)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     assert done.stdout.strip() == "[]", done.stderr
     assert (run / "run.rrd").stat().st_size

@@ -38,7 +38,12 @@ def heard(depot: System) -> tuple[Record, ...]:
 def told(heard: tuple[Record, ...], depot: System) -> dict[tuple[str, str], Spans]:
     """Return (use, "answer" or "receipt") -> its latencies."""
     rows = counts.latencies(history.of_records(heard, depot), depot.design)
-    return {(row.use, name): one for row in rows for name in ("answer", "receipt") if (one := getattr(row, name))}
+    return {
+        (row.use, name): one
+        for row in rows
+        for name in ("answer", "receipt")
+        if (one := getattr(row, name))
+    }
 
 
 def later(record: Record, by: float) -> Record:
@@ -62,19 +67,34 @@ def by_wrong_clocks(record: Record, wrong: dict[str, float]) -> Record:
 
 
 def same(one: dict[tuple[str, str], Spans], other: dict[tuple[str, str], Spans]) -> bool:
-    """Whether all times are the same, but for the rounding of unix seconds (some 0.2 us, so below 2 us)."""
-    ours, theirs = ({key: (spans.p50, spans.max) for key, spans in each.items()} for each in (one, other))
-    return ours.keys() == theirs.keys() and all(theirs[key] == pytest.approx(ours[key], abs=2e-3) for key in ours)
+    """Whether all times are the same, but for the rounding of unix seconds (some 0.2 us, so below 2
+    us).
+    """
+    ours, theirs = (
+        {key: (spans.p50, spans.max) for key, spans in each.items()} for each in (one, other)
+    )
+    return ours.keys() == theirs.keys() and all(
+        theirs[key] == pytest.approx(ours[key], abs=2e-3) for key in ours
+    )
 
 
-def test_an_answer_is_there_when_its_asker_hears_it(heard: tuple[Record, ...], depot: System) -> None:
+def test_an_answer_is_there_when_its_asker_hears_it(
+    heard: tuple[Record, ...], depot: System
+) -> None:
     """The orders of the desk, by its own log alone."""
-    steps = [one for one in steplog.read(DEPOT / STEPS / "desk.steps") if one.kind == Arrived.__name__]
+    steps = [
+        one for one in steplog.read(DEPOT / STEPS / "desk.steps") if one.kind == Arrived.__name__
+    ]
     came = [(one.at, msgspec.msgpack.decode(one.input, type=Arrived).communicate) for one in steps]
-    asked = [one for one in heard if isinstance(one, Spoken) and (one.sender, one.performative) == ("desk", "request")]
+    asked = [
+        one
+        for one in heard
+        if isinstance(one, Spoken) and (one.sender, one.performative) == ("desk", "request")
+    ]
     first = {one.conversation: one for one in reversed(asked)}
     waited = [
-        next(at for at, answer in came if answer.conversation == name) - one.sent for name, one in sorted(first.items())
+        next(at for at, answer in came if answer.conversation == name) - one.sent
+        for name, one in sorted(first.items())
     ]
     found = told(heard, depot)["order", "answer"]
     assert found.count == len(waited)
@@ -89,10 +109,16 @@ def test_a_copy_answers_nothing_again(heard: tuple[Record, ...], depot: System) 
 
 @settings(max_examples=20, deadline=None)
 @given(st.data())
-def test_clocks_that_differ_change_no_latency(heard: tuple[Record, ...], depot: System, data: st.DataObject) -> None:
-    """Each agent is on a host whose clock is wrong by some seconds: both ends of a latency are on one clock."""
+def test_clocks_that_differ_change_no_latency(
+    heard: tuple[Record, ...], depot: System, data: st.DataObject
+) -> None:
+    """Each agent is on a host whose clock is wrong by some seconds: both ends of a latency are on
+    one clock.
+    """
     wrong = {agent: data.draw(st.floats(-30.0, 30.0)) for agent in depot.design.agents}
-    assert same(told(tuple(by_wrong_clocks(one, wrong) for one in heard), depot), told(heard, depot))
+    assert same(
+        told(tuple(by_wrong_clocks(one, wrong) for one in heard), depot), told(heard, depot)
+    )
 
 
 SECONDS = st.integers(0, 1000).map(float)
@@ -106,11 +132,17 @@ def test_a_time_is_of_one_life(lives: list[float], sent: float, at: float | None
     assert spent == (at - sent if one_life and at is not None else None)
 
 
-def test_an_agent_whose_clock_was_set_while_it_was_down(heard: tuple[Record, ...], depot: System) -> None:
-    """The desk asks, is killed, and hears the answers in a life an hour ahead: how long they took nobody knows."""
+def test_an_agent_whose_clock_was_set_while_it_was_down(
+    heard: tuple[Record, ...], depot: System
+) -> None:
+    """The desk asks, is killed, and hears the answers in a life an hour ahead: how long they took
+    nobody knows.
+    """
     asked = min(one.sent for one in heard if isinstance(one, Spoken) and one.sender == "desk")
     ahead = [
-        later(one, 3600.0) if "desk" in (getattr(one, "receiver", ""), getattr(one, "peer", "")) else one
+        later(one, 3600.0)
+        if "desk" in (getattr(one, "receiver", ""), getattr(one, "peer", ""))
+        else one
         for one in heard
         if not (isinstance(one, Token) and one.agent == "desk")
     ]

@@ -42,7 +42,9 @@ def test_the_main_job_is_told_as_it_was_made(pouring: Run) -> None:
     for message in pouring.said:
         sizes[DESIGN.rule(message).channel] += len(encode(message))
     assert told.communicates.total == len(pouring.said)
-    assert {(s, r): n for s, row in told.communicates.matrix.items() for r, n in row.items() if n} == matrix
+    assert {
+        (s, r): n for s, row in told.communicates.matrix.items() for r, n in row.items() if n
+    } == matrix
     assert {channel: n for channel, n in told.communicates.bytes.items() if n} == sizes
     assert told.success
     assert told.failure is None
@@ -52,7 +54,9 @@ def test_the_main_job_is_told_as_it_was_made(pouring: Run) -> None:
 
 
 def test_the_events_are_those_of_table_7_in_their_order(pouring: Run) -> None:
-    """Every row of the paper's time table is found in a run of the main job, in the paper's order."""
+    """Every row of the paper's time table is found in a run of the main job, in the paper's
+    order.
+    """
     from companion.tools.report.paper import PAPER
 
     names = [event.id for event in figures(pouring.samples).events]
@@ -60,14 +64,18 @@ def test_the_events_are_those_of_table_7_in_their_order(pouring: Run) -> None:
 
 
 def test_simulated_time_counts_acts_only(pouring: Run) -> None:
-    """Simulated seconds of acts are those the run let pass in them, to a sample of telemetry for each act."""
+    """Simulated seconds of acts are those the run let pass in them, to a sample of telemetry for
+    each act.
+    """
     told, past = figures(pouring.samples), history.of_records(records(pouring.samples), SYSTEM)
     assert told.sim_time_s == pytest.approx(pouring.sim, abs=0.05 * len(plans.acts(past)))
 
 
 @settings(max_examples=4, deadline=None)
 @given(st.data())
-def test_copies_count_once_and_order_on_the_wire_does_not_matter(pouring: Run, data: st.DataObject) -> None:
+def test_copies_count_once_and_order_on_the_wire_does_not_matter(
+    pouring: Run, data: st.DataObject
+) -> None:
     """Re-sent communicates change nothing but the number of copies."""
     said = [s for s in pouring.samples if "/_/" not in s.key]
     again = data.draw(st.lists(st.sampled_from(said), max_size=20))
@@ -80,7 +88,8 @@ def test_copies_count_once_and_order_on_the_wire_does_not_matter(pouring: Run, d
 
 @settings(max_examples=100, deadline=None)
 @given(
-    st.binary(max_size=300), st.sampled_from(["roco/roco/C1/co/ta/coordinate/request", "roco/roco/_/telemetry/ex", "x"])
+    st.binary(max_size=300),
+    st.sampled_from(["roco/roco/C1/co/ta/coordinate/request", "roco/roco/_/telemetry/ex", "x"]),
 )
 def test_garbage_harms_nobody_and_is_counted(data: bytes, key: str) -> None:
     """Any bytes on any key are recorded; on a communicate's key they are garbage."""
@@ -92,13 +101,16 @@ def test_garbage_harms_nobody_and_is_counted(data: bytes, key: str) -> None:
 
 
 def test_plans_wait_until_answers_are_heard(pouring: Run) -> None:
-    """km's answers reach pl a quarter of a second later, and so do plans co, and the end of the task the person."""
+    """km's answers reach pl a quarter of a second later, and so do plans co, and the end of the
+    task the person.
+    """
     heard, late = records(pouring.samples), 0.25
 
     def reached(after: float) -> report.Report:
         some = (
             msgspec.structs.replace(one, received=one.received + after).read_in(SYSTEM.languages)
-            if isinstance(one, Spoken) and (one.sender, one.receiver) in (("km", "pl"), ("pl", "co"), ("co", "hi"))
+            if isinstance(one, Spoken)
+            and (one.sender, one.receiver) in (("km", "pl"), ("pl", "co"), ("co", "hi"))
             else one
             for one in heard
         )
@@ -125,7 +137,9 @@ def test_what_nobody_took_is_named(pouring: Run) -> None:
 
 
 def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_path: Path) -> None:
-    """Records flushed before a kill are read, in order, and nothing else; the report names the hole."""
+    """Records flushed before a kill are read, in order, and nothing else; the report names the
+    hole.
+    """
     recorder = Recorder(tmp_path, SYSTEM)
     for sample in pouring.samples:
         recorder.take(sample)
@@ -144,7 +158,9 @@ def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_
     assert any("was killed" in hole.text for hole in RecordedRun(tmp_path, SYSTEM).history.holes)
 
 
-def test_a_recorder_that_comes_back_goes_on_where_the_other_died(pouring: Run, tmp_path: Path) -> None:
+def test_a_recorder_that_comes_back_goes_on_where_the_other_died(
+    pouring: Run, tmp_path: Path
+) -> None:
     """After a kill the next recorder keeps what was flushed; nothing is there twice."""
     half = len(pouring.samples) // 2
     first = Recorder(tmp_path / "first", SYSTEM)
@@ -164,13 +180,17 @@ def test_a_recorder_that_comes_back_goes_on_where_the_other_died(pouring: Run, t
 
 
 def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_path: Path) -> None:
-    """report.json, report.html and run.rrd come from the recording alone; the page needs nothing from elsewhere."""
+    """report.json, report.html and run.rrd come from the recording alone; the page needs nothing
+    from elsewhere.
+    """
     recorder = Recorder(tmp_path, SYSTEM)
     for sample in pouring.samples:
         recorder.take(sample)
     recorder.finish()
     said: list[str] = []
-    assert make.everything(RecordedRun(tmp_path, SYSTEM), lambda event, **_: said.append(event)), said
+    assert make.everything(RecordedRun(tmp_path, SYSTEM), lambda event, **_: said.append(event)), (
+        said
+    )
     told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
     assert told["success"] is True
     assert told["communicates"]["matrix"]["pl"]["km"] == 342
@@ -197,7 +217,10 @@ def test_the_page_shows_the_robot_and_says_what_each_colour_means(pouring: Run) 
     bars = {bar.colour for bar in story.bars(past)}
     assert bars <= {colour for _, colour in story.LEGEND}
     assert len({name for name, _ in story.LEGEND}) == len({colour for _, colour in story.LEGEND})
-    told = tuple((past.begin + k, Picture(1.0, b"camera", room)) for k, room in enumerate((b"first", b"last", b"")))
+    told = tuple(
+        (past.begin + k, Picture(1.0, b"camera", room))
+        for k, room in enumerate((b"first", b"last", b""))
+    )
     seen = msgspec.structs.replace(past, told=(*past.told, *told))
     text = page.rendered(seen, report.build(seen), "run")
     assert f'src="data:image/jpeg;base64,{base64.b64encode(b"last").decode()}"' in text

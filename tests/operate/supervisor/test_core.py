@@ -19,7 +19,9 @@ THREE = (
 
 
 class World:
-    """Pretended processes under a core: does at once what is ordered, and dies or gets ready when told to."""
+    """Pretended processes under a core: does at once what is ordered, and dies or gets ready when
+    told to.
+    """
 
     def __init__(self, processes: tuple[Process, ...] = THREE) -> None:
         self.now = 0.0
@@ -35,10 +37,15 @@ class World:
             self.log.append(action)
             match action:
                 case core.Start(name=name):
-                    assert all(self.ready_or_optional(other) for other in self.fleet.known[name].process.after)
+                    assert all(
+                        self.ready_or_optional(other)
+                        for other in self.fleet.known[name].process.after
+                    )
                     self.tell(core.Started(name, pid=100 + len(self.log)))
                 case core.Terminate(name=name):
-                    followers = [known for known in self.fleet.known.values() if name in known.process.after]
+                    followers = [
+                        known for known in self.fleet.known.values() if name in known.process.after
+                    ]
                     assert not any(known.running for known in followers)
                     if name not in self.deaf:
                         self.tell(core.Exited(name, 0))
@@ -148,7 +155,9 @@ def test_a_process_that_never_gets_ready_is_given_up() -> None:
 
 
 def test_deaths_after_it_was_ready_are_no_failed_attempts() -> None:
-    """Only ends in a row without being ready count; one that served and is given up has the robot held."""
+    """Only ends in a row without being ready count; one that served and is given up has the robot
+    held.
+    """
     world = World((THREE[0],))
     for _ in range(core.ATTEMPTS - 1):
         world.tick(6.0)
@@ -218,7 +227,9 @@ def test_who_does_not_end_in_order_is_killed_once() -> None:
 
 def test_a_table_out_of_order_is_refused_by_name() -> None:
     """The processes that one waits for stand before it, so there is no circle."""
-    with pytest.raises(ValueError, match="ta starts after monitor, but \\['router'\\] stands before it"):
+    with pytest.raises(
+        ValueError, match="ta starts after monitor, but \\['router'\\] stands before it"
+    ):
         core.begin((THREE[0], THREE[2], THREE[1]), 0.0)
 
 
@@ -243,8 +254,12 @@ happenings = st.lists(
 
 
 @given(happenings)
-def test_whatever_happens_the_end_is_reached_and_nothing_runs_twice(story: list[tuple[str, str, float]]) -> None:
-    """Starts only what does not run, stops only what does, and always comes to an end when asked."""
+def test_whatever_happens_the_end_is_reached_and_nothing_runs_twice(
+    story: list[tuple[str, str, float]],
+) -> None:
+    """Starts only what does not run, stops only what does, and always comes to an end when
+    asked.
+    """
     world = World(PROCESSES)
     for name, what, seconds in story:
         running = {known.process.name for known in world.fleet.known.values() if known.running}
@@ -253,7 +268,11 @@ def test_whatever_happens_the_end_is_reached_and_nothing_runs_twice(story: list[
         if what == "stop":
             world.fleet = core.stop(world.fleet)
         elif world.fleet.known[name].running:
-            event = {"ready": core.Ready(name), "dies": core.Exited(name, 1), "wrong": core.Exited(name, 2)}.get(what)
+            event = {
+                "ready": core.Ready(name),
+                "dies": core.Exited(name, 1),
+                "wrong": core.Exited(name, 2),
+            }.get(what)
             if event is not None:
                 world.tell(event)
     world.fleet = core.stop(world.fleet)
@@ -265,8 +284,12 @@ def test_whatever_happens_the_end_is_reached_and_nothing_runs_twice(story: list[
 
 
 @given(data=st.data())
-def test_what_a_dead_supervisor_left_is_ended_in_order_and_nothing_is_started(data: st.DataObject) -> None:
-    """This holds for any surviving part of the real table, any deaf processes, and any time of their ends."""
+def test_what_a_dead_supervisor_left_is_ended_in_order_and_nothing_is_started(
+    data: st.DataObject,
+) -> None:
+    """This holds for any surviving part of the real table, any deaf processes, and any time of
+    their ends.
+    """
     world = World(PROCESSES)
     names = [process.name for process in PROCESSES]
     found = data.draw(st.sets(st.sampled_from(names)))
@@ -284,7 +307,7 @@ def test_what_a_dead_supervisor_left_is_ended_in_order_and_nothing_is_started(da
     assert {action.name for action in world.log} == found
 
 
-# --- heartbeats -------------------------------------------------------------------------------------------------------
+# --- heartbeats -----------------------------------------------------------------------------------
 
 
 def silent(world: World, name: str, seconds: float) -> list[core.Action]:
@@ -323,7 +346,9 @@ def test_one_that_beats_again_is_forgiven() -> None:
 
 
 def test_one_that_freezes_before_it_is_ready_is_killed() -> None:
-    """After its first heartbeat as any other; before it after a minute, since imports take their time."""
+    """After its first heartbeat as any other; before it after a minute, since imports take their
+    time.
+    """
     world = World((THREE[0],))
     world.tick()
     assert silent(world, "router", core.BORN_WITHIN_S - 0.1) == []
@@ -361,7 +386,9 @@ def test_a_machine_that_was_suspended_kills_nobody() -> None:
 
 
 def test_one_that_cannot_be_kept_alive_is_given_up_and_named() -> None:
-    """Ready and dead, again and again; at the pace at which a test or a person kills it, it is restarted for ever."""
+    """Ready and dead, again and again; at the pace at which a test or a person kills it, it is
+    restarted for ever.
+    """
     for every_s, failing in ((0.5, True), (10.0, False)):
         world = World((THREE[0],))
         for _ in range(200):

@@ -33,7 +33,9 @@ if __name__ == "__main__":
 
 
 def test_the_server_is_ready_before_what_it_makes() -> None:
-    """It has all that they import; a router and who locks memory wait for nothing more than before."""
+    """It has all that they import; a router and who locks memory wait for nothing more than
+    before.
+    """
     after = forking(TABLE)
     core.begin(after, 0.0)  # the order holds
     server, *others = after
@@ -67,7 +69,9 @@ def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shell]:
         "PYTHONPATH": str(code),
         "OMP_NUM_THREADS": "1",
     }
-    shell = Shell(run, forking((Process("one", "one"), Process("two", "two"))), "test", "", os.environ | told)
+    shell = Shell(
+        run, forking((Process("one", "one"), Process("two", "two"))), "test", "", os.environ | told
+    )
     yield shell
     shell.end_asked.set()
     until(shell, lambda: shell.fleet.ended)
@@ -87,7 +91,9 @@ def parent(shell: Shell, name: str) -> int:
 
 @pytest.mark.process
 def test_processes_are_made_by_the_server_also_by_a_new_one(fleet: Shell) -> None:
-    """Its death ends nobody; a process that dies then is made by the next one. In the end all end in order."""
+    """Its death ends nobody; a process that dies then is made by the next one. In the end all end
+    in order.
+    """
     until(fleet, lambda: fleet.fleet.ready)
     first = fleet.children[FORKS.name].pid
     assert {parent(fleet, "one"), parent(fleet, "two")} == {first}
@@ -102,18 +108,32 @@ def test_processes_are_made_by_the_server_also_by_a_new_one(fleet: Shell) -> Non
     fleet.end_asked.set()
     until(fleet, lambda: fleet.fleet.ended)
     assert {one.state for one in fleet.fleet.status} == {ProcessState.STOPPED}
-    codes = {one.note for one in fleet.fleet.status if "code" in one.note}  # a busy machine notes late heartbeats, too
+    # a busy machine notes late heartbeats, too
+    codes = {one.note for one in fleet.fleet.status if "code" in one.note}
     assert codes <= {"ended with code 0"}
 
 
 @pytest.mark.process
 def test_services_are_made_by_it(tmp_path: Path) -> None:
-    """What they import changes nothing that counts at a start; a search process is made by it, too."""
+    """What they import changes nothing that counts at a start; a search process is made by it,
+    too.
+    """
     run = tmp_path / "run"
-    command = [sys.executable, "-m", "services.supervisor", "--run-dir", str(run), "--only", "router,pl,ex"]
+    command = [
+        sys.executable,
+        "-m",
+        "services.supervisor",
+        "--run-dir",
+        str(run),
+        "--only",
+        "router,pl,ex",
+    ]
     with subprocess.Popen(command, stdin=subprocess.DEVNULL) as supervisor:
         try:
-            while not all((run / f"{name}.pid").exists() for name in ("forks", "pl", "ex")) or len(children(run)) < 3:
+            while (
+                not all((run / f"{name}.pid").exists() for name in ("forks", "pl", "ex"))
+                or len(children(run)) < 3
+            ):
                 assert supervisor.poll() is None
                 time.sleep(0.05)
             made = children(run)

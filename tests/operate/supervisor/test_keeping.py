@@ -1,4 +1,6 @@
-"""One supervisor keeps a run folder; the next one ends what a dead one left. With real supervisors and routers."""
+"""One supervisor keeps a run folder; the next one ends what a dead one left. With real supervisors
+and routers.
+"""
 
 import contextlib
 import datetime as dt
@@ -96,7 +98,9 @@ def of_run(run: Path, module: str = "services.router") -> list[int]:
     found = []
     for place in Path("/proc").glob("[0-9]*"):
         try:
-            words, settings = ((place / name).read_bytes().split(b"\0") for name in ("cmdline", "environ"))
+            words, settings = (
+                (place / name).read_bytes().split(b"\0") for name in ("cmdline", "environ")
+            )
         except OSError:
             continue
         if f"ROCO_RUN_DIR={run}".encode() in settings and (not module or module.encode() in words):
@@ -105,8 +109,12 @@ def of_run(run: Path, module: str = "services.router") -> list[int]:
 
 
 @pytest.mark.parametrize("frozen", [False, True])
-def test_the_next_supervisor_ends_what_a_dead_one_left(run: Path, start: Start, frozen: bool) -> None:
-    """Never two routers of one run, also where the first one is frozen; nothing is left at the end."""
+def test_the_next_supervisor_ends_what_a_dead_one_left(
+    run: Path, start: Start, frozen: bool
+) -> None:
+    """Never two routers of one run, also where the first one is frozen; nothing is left at the
+    end.
+    """
     first = supervise(start)
     up(run, first)
     (old,) = of_run(run)
@@ -122,7 +130,9 @@ def test_the_next_supervisor_ends_what_a_dead_one_left(run: Path, start: Start, 
     def other() -> bool:
         nonlocal most
         most = max(most, len(of_run(run)))
-        return folders.keeper(run) == second.pid and old not in of_run(run) and len(of_run(run)) == 1
+        return (
+            folders.keeper(run) == second.pid and old not in of_run(run) and len(of_run(run)) == 1
+        )
 
     until(other)
     assert most == 1
@@ -158,11 +168,15 @@ def test_the_fork_server_of_a_dead_supervisor_is_ended_too(run: Path, start: Sta
 
 
 @pytest.mark.parametrize("hours", [-24 * 8, 24])
-def test_status_names_a_certificate_that_does_not_hold(run: Path, start: Start, tmp_path: Path, hours: int) -> None:
+def test_status_names_a_certificate_that_does_not_hold(
+    run: Path, start: Start, tmp_path: Path, hours: int
+) -> None:
     """One that has ended, or begins only later; doctor names it, too."""
     made = dt.datetime.now(dt.UTC) + dt.timedelta(hours=hours)
     issue(tmp_path / "keys", DESIGN, ("roco",), now=made)
-    supervisor = start("services.supervisor", "--only", "router,ta", "--keys", str(tmp_path / "keys"))
+    supervisor = start(
+        "services.supervisor", "--only", "router,ta", "--keys", str(tmp_path / "keys")
+    )
     until(lambda: supervisor.poll() is None and (run / "ta.heartbeat.json").exists())
     for verb in ("status", "doctor"):
         code, said = roco(start, verb, "--run-dir", str(run), "--format", "json")
@@ -174,8 +188,12 @@ def test_status_names_a_certificate_that_does_not_hold(run: Path, start: Start, 
 
 
 @pytest.mark.parametrize("keeper_dies", [False, True])
-def test_a_fleet_whose_run_folder_was_deleted_is_ended(run: Path, start: Start, keeper_dies: bool) -> None:
-    """It is not started a second time meanwhile; with its supervisor dead, too, it is found by its variables."""
+def test_a_fleet_whose_run_folder_was_deleted_is_ended(
+    run: Path, start: Start, keeper_dies: bool
+) -> None:
+    """It is not started a second time meanwhile; with its supervisor dead, too, it is found by its
+    variables.
+    """
     words = ("up", "--only", "router", "--insecure", "--out", str(run))
     assert roco(start, *words)[0] == 0
     (supervisor,) = of_run(run, "operate.supervisor")
@@ -233,7 +251,9 @@ def test_a_look_at_the_lock_keeps_nobody_from_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("who", ["supervisor", "router"])
-def test_status_says_who_is_frozen_and_that_nobody_keeps_the_fleet(run: Path, start: Start, who: str) -> None:
+def test_status_says_who_is_frozen_and_that_nobody_keeps_the_fleet(
+    run: Path, start: Start, who: str
+) -> None:
     """Exit code 0 only where all run and are looked after."""
     supervisor = supervise(start)
     up(run, supervisor)

@@ -1,5 +1,5 @@
-"""Where the processes of a host cannot meet on 127.0.0.1, `up` and `doctor` say so at once, with a network of the
-kernel's that has no such interface, or one with ::1 only.
+"""Where the processes of a host cannot meet on 127.0.0.1, `up` and `doctor` say so at once, with a
+network of the kernel's that has no such interface, or one with ::1 only.
 """
 
 import json
@@ -21,7 +21,9 @@ WORDS = "processes cannot meet on 127.0.0.1 ("
 def tried(*command: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
     """A command to its end."""
     shared = os.environ | {"COLUMNS": "200"}
-    return subprocess.run(command, cwd=cwd, env=shared, capture_output=True, text=True, timeout=50, check=False)
+    return subprocess.run(
+        command, cwd=cwd, env=shared, capture_output=True, text=True, timeout=50, check=False
+    )
 
 
 @pytest.fixture(params=[ALONE, [*ALONE, *SIX]], ids=["none", "::1"])

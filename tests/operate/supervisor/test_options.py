@@ -57,7 +57,10 @@ def test_the_program_itself_ends_so(here: Path) -> None:
     """As a container starts it, and without --check."""
     command = [sys.executable, "-m", "services.supervisor", "--run-dir", "run", "--only", "nobody"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30)
-    assert (done.returncode, done.stderr.partition(" nobody")[0]) == (2, "supervisor: no process is called")
+    assert (done.returncode, done.stderr.partition(" nobody")[0]) == (
+        2,
+        "supervisor: no process is called",
+    )
     assert not (here / "run").exists()
 
 

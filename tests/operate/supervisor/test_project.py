@@ -12,7 +12,9 @@ from topdown.scaffold import scaffold, smallest
 @pytest.mark.long
 @pytest.mark.zenoh
 def test_an_agent_that_cannot_start_is_named_and_the_rest_is_ended(tmp_path: Path) -> None:
-    """Its behaviours do not fit the design: the binding says which, the command ends with 1 and leaves nothing."""
+    """Its behaviours do not fit the design: the binding says which, the command ends with 1 and
+    leaves nothing.
+    """
     scaffold(smallest("tiny"), tmp_path)
     broken = tmp_path / "tiny" / "doer" / "behaviours.py"
     broken.write_text(broken.read_text().replace('"do": do}', '"dance": do}'))
@@ -21,5 +23,8 @@ def test_an_agent_that_cannot_start_is_named_and_the_rest_is_ended(tmp_path: Pat
     assert done.returncode == 1
     assert "not ready: " in done.stdout
     assert "doer" in done.stdout.rpartition("not ready: ")[2]
-    assert "nothing is bound to do; the design has no dance" in (tmp_path / "run" / "doer.log").read_text()
+    assert (
+        "nothing is bound to do; the design has no dance"
+        in (tmp_path / "run" / "doer.log").read_text()
+    )
     assert list((tmp_path / "run").glob("*.pid")) == []

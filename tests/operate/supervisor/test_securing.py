@@ -1,4 +1,6 @@
-"""The process that starts the router makes the keys and renews them in time; nothing is plain by accident."""
+"""The process that starts the router makes the keys and renews them in time; nothing is plain by
+accident.
+"""
 
 import shutil
 import socket
@@ -18,9 +20,13 @@ from operate.supervisor.securing import AGAIN_S, DAYS, LAST, Keys
 ROOT = Path(__file__).resolve().parents[3]
 
 
-def keys(run: Path, connect: str = "", given: str = "", *, insecure: bool = False, router: bool = True) -> Keys:
+def keys(
+    run: Path, connect: str = "", given: str = "", *, insecure: bool = False, router: bool = True
+) -> Keys:
     """As the command line asks for them, once they are there."""
-    found = Keys(run, SYSTEM.design, "velma7", connect, given, insecure=insecure, here=router, agents={})
+    found = Keys(
+        run, SYSTEM.design, "velma7", connect, given, insecure=insecure, here=router, agents={}
+    )
     found.made()
     return found
 
@@ -31,7 +37,11 @@ def test_the_default_is_tls_with_keys_of_a_week_in_the_run_folder(tmp_path: Path
     assert (made.address, made.folder) == ("tls/192.0.2.7:7447", tmp_path / "keys")
     assert rights_of(tmp_path / "keys", "velma7")
     router = x509.load_pem_x509_certificate((tmp_path / "keys/router.pem").read_bytes())
-    assert 7.0 <= (router.not_valid_after_utc - router.not_valid_before_utc).total_seconds() / 86400.0 < 7.01
+    assert (
+        7.0
+        <= (router.not_valid_after_utc - router.not_valid_before_utc).total_seconds() / 86400.0
+        < 7.01
+    )
     hosts = router.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     assert "192.0.2.7" in [str(one) for one in hosts.get_values_for_type(x509.IPAddress)]
     assert (tmp_path / "keys").stat().st_mode & 0o777 == 0o700
@@ -44,7 +54,9 @@ def test_a_free_port_is_reached_by_tls(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("insecure", [False, True])
-def test_a_router_that_others_reach_has_a_listener_of_its_own_for_this_host(tmp_path: Path, insecure: bool) -> None:
+def test_a_router_that_others_reach_has_a_listener_of_its_own_for_this_host(
+    tmp_path: Path, insecure: bool
+) -> None:
     """On loopback, at a port of its own; the processes of this host meet there."""
     way = "tcp/" if insecure else "tls/"
     made = keys(tmp_path, f"{way}192.0.2.7:7447", insecure=insecure)
@@ -52,8 +64,12 @@ def test_a_router_that_others_reach_has_a_listener_of_its_own_for_this_host(tmp_
     assert made.listen == f"{way}192.0.2.7:7447,{made.own}"
 
 
-@pytest.mark.parametrize(("connect", "router"), [("tls/127.0.0.1:7447", True), ("tls/router:7447", False)])
-def test_elsewhere_all_meet_at_the_address_that_was_asked_for(tmp_path: Path, connect: str, router: bool) -> None:
+@pytest.mark.parametrize(
+    ("connect", "router"), [("tls/127.0.0.1:7447", True), ("tls/router:7447", False)]
+)
+def test_elsewhere_all_meet_at_the_address_that_was_asked_for(
+    tmp_path: Path, connect: str, router: bool
+) -> None:
     """It is on loopback already, or the router is not started here."""
     made = keys(tmp_path, connect, "some", router=router)
     assert (made.own, made.listen) == (connect, connect)
@@ -61,7 +77,9 @@ def test_elsewhere_all_meet_at_the_address_that_was_asked_for(tmp_path: Path, co
 
 @pytest.mark.parametrize("name", ["x" * 90, "a?b", "a#b", "a;b"])
 def test_a_socket_that_cannot_be_is_told(name: str) -> None:
-    """The kernel takes 107 bytes for its name, Zenoh a lock file beside it and none of the marks of an endpoint."""
+    """The kernel takes 107 bytes for its name, Zenoh a lock file beside it and none of the marks of
+    an endpoint.
+    """
     assert securing.socket_in(Path("/run/one"), "co") == "unixsock-stream//run/one/links/co.sock"
     with pytest.raises(ValueError, match="name another folder with --out"):
         securing.socket_in(Path("/run") / name, "co")
@@ -114,7 +132,9 @@ def test_each_start_makes_them_anew(tmp_path: Path) -> None:
     assert (tmp_path / "keys/authority.pem").read_bytes() != before
 
 
-def test_they_are_made_anew_before_they_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_they_are_made_anew_before_they_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """In the last part of their time, once."""
     made = keys(tmp_path)
     file = tmp_path / "keys/router.key"
@@ -127,7 +147,9 @@ def test_they_are_made_anew_before_they_end(tmp_path: Path, monkeypatch: pytest.
     assert file.read_bytes() != first
 
 
-def test_keys_that_were_given_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_keys_that_were_given_are_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Given keys are renewed by whoever made them."""
     made = keys(tmp_path, "tls/router:7447", str(tmp_path), router=False)
     monkeypatch.setattr(securing.time, "time", lambda: 9e9)
@@ -140,9 +162,15 @@ def test_git_takes_no_key(tmp_path: Path) -> None:
     """Git ignores keys anywhere in the project; a copy without git has nothing to take."""
     if not (ROOT / ".git").exists():
         pytest.skip("needs a clone (git clone; this is a copy without .git)")
-    made = [f"some/where/{one.name}" for one in (keys(tmp_path).folder or tmp_path).iterdir() if one.suffix != ".json"]
+    made = [
+        f"some/where/{one.name}"
+        for one in (keys(tmp_path).folder or tmp_path).iterdir()
+        if one.suffix != ".json"
+    ]
     command = ["git", "check-ignore", "--no-index", *made]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=30.0, check=False)
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=30.0, check=False
+    )
     assert done.stdout.split() == made
 
 
@@ -162,7 +190,9 @@ def test_the_time_they_hold_is_said_once() -> None:
 def test_keys_are_renewed_for_a_clock_that_was_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hours: float
 ) -> None:
-    """Back or forward: the new ones hold at the time that the clock shows now; a second look renews nothing."""
+    """Back or forward: the new ones hold at the time that the clock shows now; a second look renews
+    nothing.
+    """
     made, now = keys(tmp_path), securing.time.time() + 3600.0 * hours
     monkeypatch.setattr(securing.time, "time", lambda: now)
     before = (tmp_path / "keys/router.pem").read_bytes()
@@ -183,7 +213,9 @@ def test_deleted_keys_are_made_again(tmp_path: Path) -> None:
     assert (tmp_path / "keys/router.pem").exists()
 
 
-def test_a_renewal_that_fails_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_renewal_that_fails_is_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A fleet that runs goes on running."""
     made, now = keys(tmp_path), securing.time.time()
     (tmp_path / "keys").rename(tmp_path / "away")
@@ -193,10 +225,14 @@ def test_a_renewal_that_fails_is_tried_again(tmp_path: Path, monkeypatch: pytest
         made.tend()
         if (tmp_path / "keys").is_file():
             (tmp_path / "keys").unlink()
-    assert (tmp_path / "keys/router.key").read_bytes() != (tmp_path / "away/router.key").read_bytes()
+    assert (tmp_path / "keys/router.key").read_bytes() != (
+        tmp_path / "away/router.key"
+    ).read_bytes()
 
 
-def test_the_router_cannot_take_the_last_starts_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_router_cannot_take_the_last_starts_keys(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """They are away while the new ones are made: the router waits for those."""
     keys(tmp_path)
     monkeypatch.setattr(Keys, "_begin", lambda self: None)
@@ -205,7 +241,9 @@ def test_the_router_cannot_take_the_last_starts_keys(tmp_path: Path, monkeypatch
 
 
 def test_no_free_port_is_one_of_outgoing_connections() -> None:
-    """Else somebody's connection has it when its listener starts, seconds later; twenty are twenty."""
+    """Else somebody's connection has it when its listener starts, seconds later; twenty are
+    twenty.
+    """
     lowest = int(reaching.RANGE.read_text().split()[0])
     found = {reaching.free_port() for _ in range(20)}
     assert len(found) == 20
@@ -223,7 +261,9 @@ def test_a_port_that_was_given_is_given_to_no_other_fleet(monkeypatch: pytest.Mo
         listener.bind(("127.0.0.1", given))
 
 
-def test_where_all_of_these_are_taken_any_free_port_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_all_of_these_are_taken_any_free_port_is_given(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """One that the system gives."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

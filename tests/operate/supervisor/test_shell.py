@@ -82,12 +82,16 @@ def test_a_full_disk_ends_neither_the_supervisor_nor_what_it_starts(
     start: Callable[..., Shell],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """What was killed meanwhile is started again; what could not be written is written once there is room."""
+    """What was killed meanwhile is started again; what could not be written is written once there
+    is room.
+    """
     small_disk = disk(tmp_path / "run", "256k")
     shell = start(Process("ta", WAIT))
     until(shell, lambda: shell.fleet.ready)
     first = shell.children["ta"].pid
-    filled = subprocess.run(["dd", "if=/dev/zero", f"of={small_disk}/filler", "bs=4096"], capture_output=True)
+    filled = subprocess.run(
+        ["dd", "if=/dev/zero", f"of={small_disk}/filler", "bs=4096"], capture_output=True
+    )
     assert b"No space left" in filled.stderr
     os.kill(first, signal.SIGKILL)
     until(shell, lambda: shell.fleet.known["ta"].restarts == 1 and shell.fleet.ready)
@@ -145,7 +149,11 @@ def test_a_killed_process_comes_back_with_a_fresh_ready_file(start: Callable[...
 
 def test_what_ignores_the_request_to_end_is_killed(start: Callable[..., Shell]) -> None:
     """A deaf process does not hold up the end."""
-    deaf = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); " + READY + "\nwhile True: signal.pause()"
+    deaf = (
+        "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+        + READY
+        + "\nwhile True: signal.pause()"
+    )
     shell = start(Process("ta", deaf, stop_within_s=0.2))
     until(shell, lambda: shell.fleet.ready)
     shell.end_asked.set()
@@ -168,8 +176,12 @@ def test_the_last_words_of_a_process_are_told(start: Callable[..., Shell]) -> No
     ],
     ids=["a farewell", "more lines"],
 )
-def test_the_exception_on_which_a_process_ends_is_told(start: Callable[..., Shell], behind: str, note: str) -> None:
-    """An agent logs its traceback, and then that it stopped; a traceback long before the end is no reason."""
+def test_the_exception_on_which_a_process_ends_is_told(
+    start: Callable[..., Shell], behind: str, note: str
+) -> None:
+    """An agent logs its traceback, and then that it stopped; a traceback long before the end is no
+    reason.
+    """
     code = (
         "import sys, traceback\n"
         "try: raise OSError(98, 'Address already in use')\n"
@@ -185,13 +197,27 @@ def test_a_service_without_a_program_is_named() -> None:
     """The message says which file is missing."""
     with pytest.raises(NotBuiltError, match=r"services/nowhere/__main__\.py is missing"):
         python_module(Process("x", "services.nowhere"))
-    assert python_module(Process("supervisor", "services.supervisor"))[1:] == ["-P", "-m", "services.supervisor"]
+    assert python_module(Process("supervisor", "services.supervisor"))[1:] == [
+        "-P",
+        "-m",
+        "services.supervisor",
+    ]
 
 
 def test_the_program_itself_beats_and_stops_in_order_on_sigterm(tmp_path: Path) -> None:
-    """`python -m services.supervisor` with a real router: who looks from outside sees that it gets on, and its end."""
+    """`python -m services.supervisor` with a real router: who looks from outside sees that it gets
+    on, and its end.
+    """
     run = tmp_path / "runs" / "one"
-    command = [sys.executable, "-m", "services.supervisor", "--run-dir", str(run), "--only", "router"]
+    command = [
+        sys.executable,
+        "-m",
+        "services.supervisor",
+        "--run-dir",
+        str(run),
+        "--only",
+        "router",
+    ]
     with subprocess.Popen(command) as supervisor:
         while not all((run / f"{name}.ready").exists() for name in ("supervisor", "router")):
             assert supervisor.poll() is None
@@ -210,7 +236,9 @@ def test_the_program_itself_beats_and_stops_in_order_on_sigterm(tmp_path: Path) 
 
 
 def test_the_file_beside_it_keeps_a_process_down(start: Callable[..., Shell]) -> None:
-    """With real processes: it ends when the file appears, and starts when it goes; a new start knows of no file."""
+    """With real processes: it ends when the file appears, and starts when it goes; a new start
+    knows of no file.
+    """
     shell = start(*TABLE)
     until(shell, lambda: shell.fleet.ready)
     off = shell.run / f"ta{OFF_SUFFIX}"
@@ -225,14 +253,22 @@ def test_the_file_beside_it_keeps_a_process_down(start: Callable[..., Shell]) ->
     assert not off.exists()
 
 
-BEATS = "import threading, time; f = pathlib.Path(os.environ['RUN'], sys.argv[1] + '.heartbeat.json'); "
-BEATING = "import pathlib, sys, os; " + BEATS + "{}\nwhile True: f.write_text(str(time.time())); time.sleep(0.05)"
+BEATS = (
+    "import threading, time; f = pathlib.Path(os.environ['RUN'], sys.argv[1] + '.heartbeat.json'); "
+)
+BEATING = (
+    "import pathlib, sys, os; "
+    + BEATS
+    + "{}\nwhile True: f.write_text(str(time.time())); time.sleep(0.05)"
+)
 READY_BEATING = BEATING.format("pathlib.Path(os.environ['RUN'], sys.argv[1] + '.ready').touch()")
 UNREADY_BEATING = BEATING.format("pass")
 
 
 @pytest.mark.parametrize("ready", [True, False])
-def test_a_frozen_process_is_killed_and_comes_back(start: Callable[..., Shell], ready: bool) -> None:
+def test_a_frozen_process_is_killed_and_comes_back(
+    start: Callable[..., Shell], ready: bool
+) -> None:
     """SIGSTOP, before it is ready or after; one that beats beside it is left alone."""
     frozen = Process("ta", READY_BEATING if ready else UNREADY_BEATING, hangs_s=0.5)
     shell = start(frozen, Process("co", READY_BEATING, hangs_s=0.5))
@@ -262,8 +298,12 @@ def test_where_a_process_cannot_be_kept_alive_the_robot_is_held(
     assert "died 2 times" in read(shell).processes[0].note
 
 
-def test_what_a_process_prints_takes_bounded_space(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An appending process goes on in the same file, which begins again; the earlier contents are beside it."""
+def test_what_a_process_prints_takes_bounded_space(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An appending process goes on in the same file, which begins again; the earlier contents are
+    beside it.
+    """
     monkeypatch.setattr(folder, "MOST_BYTES", 1000)
     file = tmp_path / "co.log"
     with file.open("ab", buffering=0) as printed:

@@ -1,4 +1,6 @@
-"""A process that is switched off stays down, whatever happens, until somebody switches it on again."""
+"""A process that is switched off stays down, whatever happens, until somebody switches it on
+again.
+"""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,7 +38,9 @@ class World:
         self.fleet = core.take(self.fleet, event, self.now)
 
 
-turns = st.lists(st.tuples(st.sets(st.sampled_from(["router", "ta", "nobody"])), st.booleans()), max_size=12)
+turns = st.lists(
+    st.tuples(st.sets(st.sampled_from(["router", "ta", "nobody"])), st.booleans()), max_size=12
+)
 
 
 @given(turns)

@@ -1,4 +1,6 @@
-"""A fleet with wires: each agent has a port of its own, starts after the wires, and is told of no other address."""
+"""A fleet with wires: each agent has a port of its own, starts after the wires, and is told of no
+other address.
+"""
 
 from pathlib import Path
 
@@ -36,7 +38,9 @@ def test_agents_start_after_their_wires(tmp_path: Path, only: str) -> None:
 
 
 def test_linked_agents_have_a_wire_to_each_neighbour(tmp_path: Path) -> None:
-    """And to the router; each listens at its own address and is told the neighbours' only by their wires."""
+    """And to the router; each listens at its own address and is told the neighbours' only by their
+    wires.
+    """
     agents = {name: f"tls/10.0.0.1:{7500 + number}" for number, name in enumerate(AGENTS)}
     _, apart = wired(SYSTEM.processes, SYSTEM.design, "tls/10.0.0.1:7447", agents, tmp_path)
     told = files.wires_of(tmp_path)
@@ -49,9 +53,10 @@ def test_linked_agents_have_a_wire_to_each_neighbour(tmp_path: Path) -> None:
             peer: f"tls/127.0.0.1:{port}" for peer, port in ports.items() if peer != "router"
         }
     assert {told.missing(name) for name in ("co-pl", "pl-co", "co", "router")} == {""}
-    assert told.missing("co-km") == (
-        "co-km has no wire; there are km, pl, ta, ex, co, hi, router for all to it, and the links co-hi, co-pl,"
-        " co-ta, ex-ta, km-pl, km-ta"
+    assert (
+        told.missing("co-km")
+        == "co-km has no wire; there are km, pl, ta, ex, co, hi, router for all to it, and the"
+        " links co-hi, co-pl, co-ta, ex-ta, km-pl, km-ta"
     )
 
 

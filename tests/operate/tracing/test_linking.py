@@ -8,7 +8,12 @@ from operate.tracing.trace import Known, Message, Span, Step, Talk, spans
 
 
 def say(
-    sender: str, receiver: str, id: str, sent: float, conversation: str = "c", protocol: str = "request"
+    sender: str,
+    receiver: str,
+    id: str,
+    sent: float,
+    conversation: str = "c",
+    protocol: str = "request",
 ) -> Message:
     """A message that says no more than who, when and in which conversation."""
     return Message(sender, receiver, id, "inform", protocol, "C1", conversation, sent, sent + 0.001)
@@ -17,7 +22,9 @@ def say(
 def talk(*messages: Message, ended: bool = True) -> Talk:
     """The conversation of these messages, opened by the sender of the first."""
     first = messages[0]
-    return Talk(first.conversation, first.protocol, "C1", first.sender, first.receiver, ended, messages)
+    return Talk(
+        first.conversation, first.protocol, "C1", first.sender, first.receiver, ended, messages
+    )
 
 
 ORDER = talk(say("hi", "co", "1", 1.0, "order"), say("co", "hi", "1", 9.0, "order"))
@@ -25,7 +32,14 @@ PLAN = talk(say("co", "pl", "1", 2.0, "plan"), say("pl", "co", "1", 3.0, "plan")
 WORK = talk(say("co", "ta", "1", 3.5, "work"), say("ta", "co", "1", 8.0, "work"))
 
 
-def step(agent: str, at: float, took: Message | None, *said: Message, event: str = "Received", **more: object) -> Step:
+def step(
+    agent: str,
+    at: float,
+    took: Message | None,
+    *said: Message,
+    event: str = "Received",
+    **more: object,
+) -> Step:
     """A step that took one message and said others."""
     found = None if took is None else took.identity
     return Step(agent, at, event, found, tuple(one.identity for one in said), **more)  # type: ignore[arg-type]
@@ -40,15 +54,21 @@ TAKEN = step("co", 2.0, ORDER.messages[0], PLAN.messages[0])
 ANSWERED = step("co", 3.5, PLAN.messages[1], WORK.messages[0])
 
 
-def test_what_is_opened_for_a_request_stands_below_it_and_so_does_what_its_answer_leads_to() -> None:
-    """The plan is made for the order; the work begins when the plan is there, and is for the order, too."""
+def test_what_is_opened_for_a_request_stands_below_it_and_so_does_what_its_answer_leads_to() -> (
+    None
+):
+    """The plan is made for the order; the work begins when the plan is there, and is for the order,
+    too.
+    """
     found = by_id([ORDER, PLAN, WORK], TAKEN, ANSWERED)
     assert [found[name].parent for name in ("order", "plan", "work")] == ["", "order", "order"]
     assert {found["plan"].known, found["work"].known} == {Known.STEP}
 
 
 def test_an_agent_knows_better_than_the_rule() -> None:
-    """The end of one order lets another begin: what is opened then is for the other one, and the agent says so."""
+    """The end of one order lets another begin: what is opened then is for the other one, and the
+    agent says so.
+    """
     other = talk(say("hi", "co", "2", 4.0, "other"), say("co", "hi", "3", 20.0, "other"))
     second = talk(say("co", "pl", "2", 8.5, "second"), say("pl", "co", "2", 9.5, "second"))
     ended = step("co", 8.5, WORK.messages[1], second.messages[0])
@@ -95,9 +115,19 @@ def test_an_answer_after_work_of_its_own_is_caused_by_the_request() -> None:
 
 
 def test_what_is_said_in_another_trace_stands_beside_its_cause() -> None:
-    """An answer in the work makes ta tell a subscriber something: a line of the work, no conversation of it."""
+    """An answer in the work makes ta tell a subscriber something: a line of the work, no
+    conversation of it.
+    """
     told = say("ta", "km", "5", 5.0, "watch", "subscribe")
-    watch = Talk("watch", "subscribe", "C6", "km", "ta", False, (say("km", "ta", "1", 0.5, "watch", "subscribe"), told))
+    watch = Talk(
+        "watch",
+        "subscribe",
+        "C6",
+        "km",
+        "ta",
+        False,
+        (say("km", "ta", "1", 0.5, "watch", "subscribe"), told),
+    )
     act = talk(say("ta", "ex", "1", 4.0, "act"), say("ex", "ta", "1", 4.9, "act"))
     found = by_id(
         [watch, ORDER, WORK, act],

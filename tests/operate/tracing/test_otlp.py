@@ -1,4 +1,6 @@
-"""The export for tools of OpenTelemetry: what the format of OTLP in JSON demands of spans, on recorded runs."""
+"""The export for tools of OpenTelemetry: what the format of OTLP in JSON demands of spans, on
+recorded runs.
+"""
 
 import re
 from pathlib import Path
@@ -31,12 +33,16 @@ def spans_of(request: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
 
 
 def test_every_conversation_is_a_client_and_a_server_span_of_its_two_agents(trace: Trace) -> None:
-    """Ids are 8 and 16 bytes in hexadecimal digits and unique; a trace has one root, every other parent is in it."""
+    """Ids are 8 and 16 bytes in hexadecimal digits and unique; a trace has one root, every other
+    parent is in it.
+    """
     task = next(one for one in trace.roots if one.initiator == "hi")
     found = spans_of(exported(trace, [task]))
     ids = {span["spanId"]: (agent, span) for agent, span in found}
     assert len(ids) == len(found) == 2 * len(list(trace.below(task)))
-    assert {re.fullmatch("[0-9a-f]{32}", span["traceId"]) is not None for _, span in found} == {True}
+    assert {re.fullmatch("[0-9a-f]{32}", span["traceId"]) is not None for _, span in found} == {
+        True
+    }
     assert len({span["traceId"] for _, span in found}) == 1
     assert [span["kind"] for _, span in found if "parentSpanId" not in span] == [CLIENT]
     for agent, span in found:
@@ -64,4 +70,7 @@ def test_a_no_is_an_error_with_its_reason() -> None:
     told = spans_of(exported(Trace("s", 1.0, (span,)), [span]))
     assert [one["status"] for _, one in told] == [{"code": ERROR, "message": "busy"}] * 2
     going = Span("c", "c", "request", "C1", "a", "b", "go", 1.0, 1.0, False, messages=(asked,))
-    assert [one["status"] for _, one in spans_of(exported(Trace("s", 1.0, (going,)), [going]))] == [{}, {}]
+    assert [one["status"] for _, one in spans_of(exported(Trace("s", 1.0, (going,)), [going]))] == [
+        {},
+        {},
+    ]

@@ -1,4 +1,6 @@
-"""The library is built where a compiler is, carries its sources in its name, and is never required."""
+"""The library is built where a compiler is, carries its sources in its name, and is never
+required.
+"""
 
 import os
 import shutil
@@ -27,7 +29,9 @@ def build(copy: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """The result of `python -m velma.compiled` on the copy."""
     env = {**os.environ, "PYTHONPATH": str(copy), "PYTHONSAFEPATH": "1", **environment}
     command = [sys.executable, "-m", "velma.compiled"]
-    return subprocess.run(command, env=env, cwd=copy, capture_output=True, text=True, timeout=50, check=False)
+    return subprocess.run(
+        command, env=env, cwd=copy, capture_output=True, text=True, timeout=50, check=False
+    )
 
 
 def libraries(copy: Path) -> list[str]:
@@ -35,7 +39,9 @@ def libraries(copy: Path) -> list[str]:
     return sorted(path.name for path in (copy / "velma/compiled").glob("*.so"))
 
 
-@pytest.mark.skipif(COMPILER is None, reason="needs a C compiler (Debian: apt install gcc libc6-dev)")
+@pytest.mark.skipif(
+    COMPILER is None, reason="needs a C compiler (Debian: apt install gcc libc6-dev)"
+)
 def test_changed_sources_are_built_again_and_the_old_library_goes(copy: Path) -> None:
     """Once for the same sources; the name is another one for others."""
     assert build(copy).returncode == 0
@@ -60,7 +66,9 @@ def test_without_a_compiler_it_is_said_and_nothing_is_built(copy: Path) -> None:
     assert "/nowhere/cc failed" in failing.stderr
 
 
-def test_what_is_not_built_or_not_wanted_is_not_loaded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_is_not_built_or_not_wanted_is_not_loaded(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """The plain code runs then."""
     monkeypatch.setattr(compiled, "FOLDER", tmp_path)
     assert compiled.library.__wrapped__() is None

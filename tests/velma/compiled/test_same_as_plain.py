@@ -27,7 +27,10 @@ from velma.kinematics.timing import Spline
 
 pytestmark = pytest.mark.skipif(
     compiled.library() is None,
-    reason="needs velma.compiled (Debian: apt install gcc libc6-dev, then .venv/bin/python -m velma.compiled)",
+    reason=(
+        "needs velma.compiled (Debian: apt install gcc libc6-dev, then .venv/bin/python -m"
+        " velma.compiled)"
+    ),
 )
 MANY = settings(max_examples=60, deadline=None, phases=(Phase.explicit, Phase.generate))
 
@@ -42,9 +45,13 @@ poses = st.builds(
 )
 sizes = st.floats(0.02, 0.4)
 shapes = st.one_of(
-    st.builds(Sphere, sizes), st.builds(Cylinder, sizes, sizes), st.builds(Box, st.tuples(sizes, sizes, sizes))
+    st.builds(Sphere, sizes),
+    st.builds(Cylinder, sizes, sizes),
+    st.builds(Box, st.tuples(sizes, sizes, sizes)),
 )
-things = st.lists(st.tuples(shapes, poses, st.sampled_from(["furniture", "object"])), min_size=1, max_size=5)
+things = st.lists(
+    st.tuples(shapes, poses, st.sampled_from(["furniture", "object"])), min_size=1, max_size=5
+)
 
 
 def without(module: object, make: Callable[[], Any]) -> Any:
@@ -104,7 +111,10 @@ def test_times_of_steps_are_the_same(seed, side, tool_speed):
     columns = names.COLUMNS[side]
     start, path = names.START.copy(), postures(seed, 12)[:, columns]
     for some in (path, path[:1]):
-        tasks = (motion._Task(robot, None, side, start, start, None, tool_speed, columns) for robot in (ROBOT, PLAIN))
+        tasks = (
+            motion._Task(robot, None, side, start, start, None, tool_speed, columns)
+            for robot in (ROBOT, PLAIN)
+        )
         ours, theirs = (task.cost(some) for task in tasks)
         np.testing.assert_allclose(ours, theirs, rtol=1e-9)
 
@@ -114,14 +124,22 @@ def test_times_of_steps_are_the_same(seed, side, tool_speed):
 def test_path_speeds_are_the_same(seed, corners, size):
     """To the last bit, for paths that stand still in some joints and turn back in others."""
     rng = np.random.default_rng(seed)
-    ways = rng.normal(0.0, size, (corners, 15)) * (rng.random(15) < 0.7) + 1e-9 * (rng.random() < 0.5)
+    ways = rng.normal(0.0, size, (corners, 15)) * (rng.random(15) < 0.7) + 1e-9 * (
+        rng.random() < 0.5
+    )
     points = timing.dense(np.cumsum(np.concatenate((np.zeros((1, 15)), ways, -ways[-1:])), axis=0))
     if len(points) < 2:
         return
     along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     grid = np.linspace(0.0, along[-1], 4 * len(points))
     _, first, second = Spline(along, points).at(grid)
-    given_all = first, second, timing.ACCELERATION, np.diff(grid), rng.uniform(0.0025, 4.0, len(grid))
+    given_all = (
+        first,
+        second,
+        timing.ACCELERATION,
+        np.diff(grid),
+        rng.uniform(0.0025, 4.0, len(grid)),
+    )
     expected = without(timing, lambda: timing.path_speeds(*given_all))
     np.testing.assert_array_equal(timing.path_speeds(*given_all), expected)
 
@@ -140,7 +158,9 @@ def test_solutions_are_the_same(seed, side, arm_only, far):
         np.testing.assert_allclose(ours, theirs, atol=1e-7)
 
 
-def followed(robot: Robot, side: str, start: np.ndarray, goal: Any) -> tuple[list[np.ndarray], str, float]:
+def followed(
+    robot: Robot, side: str, start: np.ndarray, goal: Any
+) -> tuple[list[np.ndarray], str, float]:
     """The postures of a line up to its end or where it is blocked, why, and how far it went."""
     accepted: list[np.ndarray] = []
     try:
@@ -156,19 +176,35 @@ def test_lines_are_the_same(seed, side, far):
     """To near and far targets, to the end, out of reach, and where the elbow flips."""
     rng, (start,) = np.random.default_rng(seed), postures(seed, 1)
     goal = PLAIN.grip(np.clip(start + rng.normal(0.0, far, 15), names.LOWER, names.UPPER), side)
-    (ours, *ended), (theirs, *expected) = (followed(robot, side, start, goal) for robot in (ROBOT, PLAIN))
+    (ours, *ended), (theirs, *expected) = (
+        followed(robot, side, start, goal) for robot in (ROBOT, PLAIN)
+    )
     assert ended == expected
     np.testing.assert_allclose(ours, theirs, atol=1e-6)
 
 
-ANYWHERE = np.full(7, -9.0), np.full(7, 9.0), 0.0, 99.0, 9.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+ANYWHERE = (
+    np.full(7, -9.0),
+    np.full(7, 9.0),
+    0.0,
+    99.0,
+    9.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]),
+)
 
 
-def closed_forms(side: str, target: Any, torso: np.ndarray, swivel: np.ndarray, wanted: Any = None) -> int:
-    """Compare both closed forms, of all postures or those in which a motion may end; return how many there are."""
+def closed_forms(
+    side: str, target: Any, torso: np.ndarray, swivel: np.ndarray, wanted: Any = None
+) -> int:
+    """Compare both closed forms, of all postures or those in which a motion may end; return how
+    many there are.
+    """
     q, columns = postures(0, 1)[0], names.COLUMNS[side]
-    ours = ARMS[side].comfortable(target, torso, swivel, wanted or ik.Wanted(*ANYWHERE, int(columns[1])), q)
-    theirs = np.tile(q, (8 * len(torso), 1))[: len(found := PLAIN_ARMS[side].postures(target, torso, swivel))]
+    ours = ARMS[side].comfortable(
+        target, torso, swivel, wanted or ik.Wanted(*ANYWHERE, int(columns[1])), q
+    )
+    theirs = np.tile(q, (8 * len(torso), 1))[
+        : len(found := PLAIN_ARMS[side].postures(target, torso, swivel))
+    ]
     theirs[:, columns] = found
     if wanted is not None:
         theirs = theirs[[ik.comfortable(ROBOT, one, side) for one in theirs]]
@@ -181,7 +217,9 @@ def closed_forms(side: str, target: Any, torso: np.ndarray, swivel: np.ndarray, 
 @MANY
 @given(seeds, sides, st.sampled_from([0.0, 0.3, 3.0]))
 def test_closed_forms_are_the_same(seed, side, far):
-    """Of four targets, with torsos as in a posture there and others: all, and those in which a motion may end."""
+    """Of four targets, with torsos as in a posture there and others: all, and those in which a
+    motion may end.
+    """
     rng = np.random.default_rng(seed)
     counts = []
     for q in postures(seed, 4):
@@ -192,16 +230,32 @@ def test_closed_forms_are_the_same(seed, side, far):
 
 
 @MANY
-@given(seeds, sides, st.sampled_from([0.0, 1e-7, 1e-5, 0.2]), st.sampled_from([0.3, 1.0 - 1e-5, 1.0 - 1e-7, 1.0]))
+@given(
+    seeds,
+    sides,
+    st.sampled_from([0.0, 1e-7, 1e-5, 0.2]),
+    st.sampled_from([0.3, 1.0 - 1e-5, 1.0 - 1e-7, 1.0]),
+)
 def test_closed_forms_agree_at_the_edge(seed, side, beside, reach):
-    """The wrist beside the shoulder's axis by so many metres, at a share of the reach: where they branch."""
+    """The wrist beside the shoulder's axis by so many metres, at a share of the reach: where they
+    branch.
+    """
     rng, form = np.random.default_rng(seed), PLAIN_ARMS[side]
     away = reach * (form.upper + form.fore)
     way = np.array([beside, 0.0, np.sqrt(away**2 - beside**2)])
     torso = float(rng.uniform(-1.0, 1.0))
-    turned = form.T_world_torso * pin.SE3(pin.exp3(np.array([0.0, 0.0, torso])), np.zeros(3)) * form.T_torso_shoulder
+    turned = (
+        form.T_world_torso
+        * pin.SE3(pin.exp3(np.array([0.0, 0.0, torso])), np.zeros(3))
+        * form.T_torso_shoulder
+    )
     wrist = pin.SE3(pin.exp3(rng.normal(size=3)), turned.act(way))
-    count = closed_forms(side, wrist * form.T_grip_wrist.inverse(), np.full(24, torso), rng.uniform(-np.pi, np.pi, 24))
+    count = closed_forms(
+        side,
+        wrist * form.T_grip_wrist.inverse(),
+        np.full(24, torso),
+        rng.uniform(-np.pi, np.pi, 24),
+    )
     assert count == (24 * 8 if reach < 1.0 - 1e-6 else 0)
 
 
@@ -234,7 +288,13 @@ def worlds(some: list, held: str | None, allowed: bool, margin: float) -> tuple[
 
 
 @MANY
-@given(things, seeds, st.sampled_from([None, *names.SIDES]), st.booleans(), st.sampled_from([0.0, 0.006, 0.05]))
+@given(
+    things,
+    seeds,
+    st.sampled_from([None, *names.SIDES]),
+    st.booleans(),
+    st.sampled_from([0.0, 0.006, 0.05]),
+)
 def test_verdicts_are_the_same(some, seed, held, allowed, margin):
     """With things in hands, allowed pairs and any margin; again after things were let go of."""
     ours, theirs = worlds(some, held, allowed, margin)
@@ -249,22 +309,34 @@ def test_verdicts_are_the_same(some, seed, held, allowed, margin):
 
 
 @MANY
-@given(things, seeds, st.sampled_from([None, *names.SIDES]), st.booleans(), st.sampled_from([0.0, 0.006, 0.05]))
+@given(
+    things,
+    seeds,
+    st.sampled_from([None, *names.SIDES]),
+    st.booleans(),
+    st.sampled_from([0.0, 0.006, 0.05]),
+)
 def test_what_touches_is_the_same(some, seed, held, allowed, margin):
-    """The same links and things at the same distances, nearest first; and it touches where it is not free."""
+    """The same links and things at the same distances, nearest first; and it touches where it is
+    not free.
+    """
     ours, theirs = worlds(some, held, allowed, margin)
     for q in postures(seed, 5):
         found = ours.touching(q)
         expected = {(a, b): distance for a, b, distance in theirs.touching(q)}
         assert {(a, b): distance for a, b, distance in found} == pytest.approx(expected, abs=1e-9)
-        assert [distance for _, _, distance in found] == sorted(distance for _, _, distance in found)
+        assert [distance for _, _, distance in found] == sorted(
+            distance for _, _, distance in found
+        )
         assert ours.free(q) == (not found)
 
 
 @settings(MANY, max_examples=20)
 @given(things, seeds, st.sampled_from([None, *names.SIDES]), st.sampled_from([0.006, 0.05]))
 def test_many_postures_have_the_verdicts_of_each(some, seed, held, margin):
-    """The first one that is free, and whether all are, with as many checks as one after the other."""
+    """The first one that is free, and whether all are, with as many checks as one after the
+    other.
+    """
     for world in worlds(some, held, False, margin):
         some_postures = postures(seed, 12)
         verdicts = [world.free(q) for q in some_postures]
@@ -291,7 +363,15 @@ def left(world: World, number: int, q: np.ndarray) -> list[int] | None:
     checks, one = world._checks, np.zeros(world._numbered.shape[1], dtype=bool)
     one[number] = True
     among, given = checks.among(one), np.array(q)
-    checks._first(checks._itself, among.itself, world.margin, given.ctypes.data, 1, 1, ctypes.byref(checks._left))
+    checks._first(
+        checks._itself,
+        among.itself,
+        world.margin,
+        given.ctypes.data,
+        1,
+        1,
+        ctypes.byref(checks._left),
+    )
     return None if checks._left.value < 0 else list(among.found[: checks._left.value])
 
 
@@ -305,7 +385,9 @@ def met(world: World, number: int) -> bool:
 @MANY
 @given(things, seeds, st.sampled_from([0.0, 0.006, 0.05]))
 def test_pairs_have_the_verdicts_of_coal(some, seed, margin):
-    """Each pair of a shape of the robot and of a thing by itself: decided rightly, or left to the exact check."""
+    """Each pair of a shape of the robot and of a thing by itself: decided rightly, or left to the
+    exact check.
+    """
     world, _ = worlds(some, None, False, margin)
     for q in postures(seed, 2):
         world.free(q)
@@ -322,7 +404,9 @@ def test_pairs_have_the_verdicts_of_coal(some, seed, margin):
 @MANY
 @given(seeds, st.integers(0, 2), st.floats(0.5, 1.5).filter(lambda share: abs(share - 1.0) > 1e-6))
 def test_a_gap_within_the_margin_is_found(seed, axis, share):
-    """A ball beside each ball of the robot, along an axis of the world, `share` of the margin away."""
+    """A ball beside each ball of the robot, along an axis of the world, `share` of the margin
+    away.
+    """
     margin, radius = 0.05, 0.03
     world, _ = worlds([(Sphere(radius), standing((0.0, 0.0, 5.0)), "object")], None, False, margin)
     (q,) = postures(seed, 1)
@@ -339,20 +423,27 @@ def test_a_gap_within_the_margin_is_found(seed, axis, share):
 
 
 def apart(size: np.ndarray, other: np.ndarray, turn: np.ndarray, away: np.ndarray) -> float:
-    """The widest gap [m] between the shadows of two boxes on an axis: they are at least so far apart."""
+    """The widest gap [m] between the shadows of two boxes on an axis: they are at least so far
+    apart.
+    """
     axes = np.vstack((np.eye(3), turn.T, np.cross(np.eye(3)[:, None], turn.T[None]).reshape(9, 3)))
     lengths = np.linalg.norm(axes, axis=1)
     axes = axes[lengths > 1e-9] / lengths[lengths > 1e-9, None]
-    return float((np.abs(axes @ away) - (np.abs(axes) @ size + np.abs(axes @ turn) @ other) / 2).max())
+    return float(
+        (np.abs(axes @ away) - (np.abs(axes) @ size + np.abs(axes @ turn) @ other) / 2).max()
+    )
 
 
 @MANY
 @example(1046893, 1e-4, 0.0)
 @given(seeds, st.sampled_from([0.0, 1e-7, 1e-4, 0.5]), st.sampled_from([0.0, 0.006]))
 def test_boxes_have_the_verdict_of_coal(seed, turned, margin):
-    """Side by side with edges that are parallel, nearly or not at all, a little apart or into each other; and anyhow.
+    """Side by side with edges that are parallel, nearly or not at all, a little apart or into each
+    other; and anyhow.
 
-    coal says of boxes up to 1e-6 m apart that they touch; there, an axis with a gap shows that they do not."""
+    coal says of boxes up to 1e-6 m apart that they touch; there, an axis with a gap shows that they
+    do not.
+    """
     rng, q, number = np.random.default_rng(seed), np.array(names.START), 0
     size, other = (rng.uniform(0.02, 0.6, 3) for _ in range(2))
     far = pin.SE3(pin.exp3(rng.normal(size=3)), np.array([0.0, 0.0, 9.0]))
@@ -362,7 +453,11 @@ def test_boxes_have_the_verdict_of_coal(seed, turned, margin):
     world.attach("other", "left", grip * far)
     world.free(q)
     (number,) = np.flatnonzero((world._groups[world._numbered] == [["one"], ["other"]]).all(axis=0))
-    for gap in (*10.0 ** rng.uniform(-5, -2, 10), *-(10.0 ** rng.uniform(-5, -2, 10)), *np.full(60, np.nan)):
+    for gap in (
+        *10.0 ** rng.uniform(-5, -2, 10),
+        *-(10.0 ** rng.uniform(-5, -2, 10)),
+        *np.full(60, np.nan),
+    ):
         turn = pin.exp3(turned * rng.normal(size=3))
         away = rng.integers(-1, 2, 3) * ((size + np.abs(turn) @ other) / 2 + gap + margin)
         if np.isnan(gap):
@@ -378,15 +473,25 @@ def test_boxes_have_the_verdict_of_coal(seed, turned, margin):
 @MANY
 @given(seeds, st.booleans())
 def test_torques_are_the_same(seed, some_weight):
-    """At any posture, for any errors, over the cycles between two damping designs, to rounding of the inverses."""
-    rng, ours, theirs = np.random.default_rng(seed), CartesianImpedance(), without(cartesian, CartesianImpedance)
+    """At any posture, for any errors, over the cycles between two damping designs, to rounding of
+    the inverses.
+    """
+    rng, ours, theirs = (
+        np.random.default_rng(seed),
+        CartesianImpedance(),
+        without(cartesian, CartesianImpedance),
+    )
     assert (ours._law is None, theirs._law is None) == (False, True)
     for q in postures(seed, 6):
         terms = DYNAMICS.terms(q)
-        error, slip, stray, wrench = (rng.normal(0.0, s, n) for s, n in ((0.1, 12), (0.3, 15), (0.1, 15), (5.0, 12)))
+        error, slip, stray, wrench = (
+            rng.normal(0.0, s, n) for s, n in ((0.1, 12), (0.3, 15), (0.1, 15), (5.0, 12))
+        )
         acting = error, slip, stray, wrench * some_weight
         expected = theirs.torque(terms, *acting)
-        np.testing.assert_allclose(ours.torque(terms, *acting), expected, atol=1e-9 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            ours.torque(terms, *acting), expected, atol=1e-9 * np.abs(expected).max()
+        )
 
 
 @MANY
@@ -400,7 +505,9 @@ def test_dampings_are_the_same(seed, scale, ratio):
     inertia = root @ root.T + 1e-3 * scale**2 * np.eye(12)
     ours.set(inertia=inertia, stiffness=np.tile(stiffness, 2), twice_ratio=2.0 * ratio)
     expected = task_damping(inertia, stiffness, ratio)
-    np.testing.assert_allclose(ours.damping(), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        ours.damping(), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max()
+    )
 
 
 @MANY
@@ -411,7 +518,9 @@ def test_errors_are_the_same(seed, angle):
     assert ours is not cartesian.task_error
     axes = rng.normal(size=(2, 3)) ** 3
     here = np.stack([pin.exp3(rng.normal(size=3)) for _ in range(2)])
-    goal = np.stack([pin.exp3(angle * a / np.linalg.norm(a)) @ r for a, r in zip(axes, here, strict=True)])
+    goal = np.stack(
+        [pin.exp3(angle * a / np.linalg.norm(a)) @ r for a, r in zip(axes, here, strict=True)]
+    )
     terms = msgspec.structs.replace(DYNAMICS.terms(np.array(names.START)), rotation=here)
     at = rng.normal(size=(2, 3))
     found, expected = ours(terms, goal, at), cartesian.task_error(terms, goal, at)
@@ -426,7 +535,11 @@ def test_errors_are_the_same(seed, angle):
 @given(seeds, st.integers(1, 80), st.lists(st.integers(0, 79), max_size=2))
 def test_wrists_feel_the_same(seed, cycles, restarts):
     """Over many cycles of any readings, with restarts; what they keep is the same, too."""
-    rng, ours, theirs = np.random.default_rng(seed), Wrists(0.002), without(grip, lambda: Wrists(0.002))
+    rng, ours, theirs = (
+        np.random.default_rng(seed),
+        Wrists(0.002),
+        without(grip, lambda: Wrists(0.002)),
+    )
     assert (ours._feel is None, theirs._feel is None) == (False, True)
     for k in range(cycles):
         rotation = np.stack([pin.exp3(rng.normal(size=3)) for _ in range(2)])

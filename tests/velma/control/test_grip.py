@@ -1,4 +1,6 @@
-"""Wrist measurements: the same mass in every posture and motion, a loss at once, and nothing else."""
+"""Wrist measurements: the same mass in every posture and motion, a loss at once, and nothing
+else.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -20,9 +22,13 @@ KINDS = st.floats(-1.0, 1.0)
 
 
 class Swung:
-    """Two hands swung alike, that hold `masses(t)` (2,) kg, pushed by `push(t)` (3,) N; `error` (3,) N of sensors."""
+    """Two hands swung alike, that hold `masses(t)` (2,) kg, pushed by `push(t)` (3,) N; `error`
+    (3,) N of sensors.
+    """
 
-    def __init__(self, masses, way=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0), error=(0.0, 0.0, 0.0), push=None):
+    def __init__(
+        self, masses, way=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0), error=(0.0, 0.0, 0.0), push=None
+    ):
         self.masses, self.way, self.turn = masses, np.array(way), np.array(turn)
         self.error, self.push = np.array(error), push or (lambda t: np.zeros(3))
         self.wrists = Wrists(PERIOD_S)
@@ -39,7 +45,10 @@ class Swung:
         lever = grip.POINT_M * rotation[:, 2]
         # The mass centre is at the point c; the grip is beside it.
         centre, up = s * self.way, np.array((0.0, 0.0, GRAVITY))
-        force = [(grip.HAND_KG + m) * (acceleration * self.way + up) - self.push(t) for m in self.masses(t)]
+        force = [
+            (grip.HAND_KG + m) * (acceleration * self.way + up) - self.push(t)
+            for m in self.masses(t)
+        ]
         axes = rotation.T @ np.array(force).T + self.error[:, None]
         left = np.diag((-1.0, -1.0, 1.0))
         return rotation, centre - lever, np.array([axes[:, 0], left @ axes[:, 1]])
@@ -52,9 +61,14 @@ class Swung:
             wrist = np.hstack((before, np.zeros((2, 3))))
             felt = self.wrists.feel(wrist, np.array([rotation] * 2), np.array([position] * 2))
             force, gravity = felt[:, 0], felt[:, 1]
-            rows = list(zip((force - self.tared).tolist(), gravity.tolist(), LOW, HIGH, strict=True))
+            rows = list(
+                zip((force - self.tared).tolist(), gravity.tolist(), LOW, HIGH, strict=True)
+            )
             masses = np.array([grip.mass(f, g) for f, g, _, _ in rows])
-            rest = [grip.residual(f, g, m, low, high) for m, (f, g, low, high) in zip(masses, rows, strict=True)]
+            rest = [
+                grip.residual(f, g, m, low, high)
+                for m, (f, g, low, high) in zip(masses, rows, strict=True)
+            ]
             if k * PERIOD_S < REST and self.wrists.settled:
                 self.last = force, gravity
             yield k * PERIOD_S, masses, np.array(rest)
@@ -88,7 +102,9 @@ def test_the_hand_weighs_what_its_model_does():
 @settings(max_examples=15, deadline=None)
 @given(way=st.tuples(KINDS, KINDS, KINDS), turn=st.tuples(KINDS, KINDS, KINDS))
 def test_a_held_mass_is_the_same_however_it_is_swung(way, turn):
-    """Acceleration and turning of the hand do not count as a change of the load, in any direction."""
+    """Acceleration and turning of the hand do not count as a change of the load, in any
+    direction.
+    """
     hands = Swung(constant(0.35, 0.25), way=np.array(way) * 0.3, turn=turn)
     felt = [(masses, rest) for _, masses, rest in hands.run(3.0) if hands.wrists.settled]
     assert np.abs(np.array([masses for masses, _ in felt]) - (0.35, 0.25)).max() < 0.012
@@ -118,9 +134,13 @@ def test_content_may_leave():
     assert changes[Grip.HELD] < 1.0
 
 
-@pytest.mark.parametrize(("row", "way"), [(0, (0, 0, 0)), (1, (0, 0, 0)), (0, (0.1, 0.2, 0.1)), (1, (0.2, 0.1, 0.1))])
+@pytest.mark.parametrize(
+    ("row", "way"), [(0, (0, 0, 0)), (1, (0, 0, 0)), (0, (0.1, 0.2, 0.1)), (1, (0.2, 0.1, 0.1))]
+)
 def test_a_loss_is_felt_at_once(row, way):
-    """Warned within 60 ms, lost within 0.2 s, at rest and in motion; the other hand is not alarmed."""
+    """Warned within 60 ms, lost within 0.2 s, at rest and in motion; the other hand is not
+    alarmed.
+    """
 
     def masses(t):
         held = [0.3, 0.26]
@@ -165,7 +185,9 @@ def test_nothing_is_lost_without_a_warning_before(readings):
         after = watched(known, r, m, 0.2)
         if after.grip is not known.grip:
             allowed = {Grip.UNSURE: Grip.HELD, Grip.HELD: Grip.WARNED}.get(known.grip)
-            assert after.grip is allowed or (known.grip is Grip.WARNED and after.grip in (Grip.LOST, Grip.SLIPPED))
+            assert after.grip is allowed or (
+                known.grip is Grip.WARNED and after.grip in (Grip.LOST, Grip.SLIPPED)
+            )
         known = after
 
 
@@ -185,5 +207,7 @@ def test_what_another_period_kept_is_taken_without_its_constants():
     ours.take(other.record.values.tobytes())
     for name, part in ours.record.part.items():
         constant = name in ("sign", "up", "rate", "gain", "point")
-        np.testing.assert_array_equal(part, (fresh if constant else other).record.part[name], err_msg=name)
+        np.testing.assert_array_equal(
+            part, (fresh if constant else other).record.part[name], err_msg=name
+        )
     assert ours.record.part["gain"] != other.record.part["gain"]

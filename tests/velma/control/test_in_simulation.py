@@ -21,7 +21,9 @@ FRONT = np.array([0, -0.3, -1.57, 1.57, 1.57, 0, -1.57, 0, 0.3, 1.57, -1.57, -1.
 
 
 class Bench:
-    """A robot under one law. `wrench` pushes the right grip, (6,) force and torque; `speed`: of the set-point."""
+    """A robot under one law. `wrench` pushes the right grip, (6,) force and torque; `speed`: of the
+    set-point.
+    """
 
     def __init__(self, gains=None, *, q=FRONT, law="cartesian"):
         self.robot = MujocoBackend(Scene("empty"))
@@ -45,7 +47,9 @@ class Bench:
             tau = joint.torque(self.hold, terms, stray, state.v, np.zeros(12))
         else:
             self.error = cartesian.task_error(terms, *self.dynamics.grips(self.goal))
-            tau = self.impedance.torque(terms, self.error, state.v - self.speed, stray, np.zeros(12))
+            tau = self.impedance.torque(
+                terms, self.error, state.v - self.speed, stray, np.zeros(12)
+            )
         self.command.tau[:] = limits.accepted(tau)
         self.largest = np.maximum(self.largest, np.abs(self.command.tau))
         self.robot.data.xfrc_applied[self.body] = self.wrench
@@ -97,7 +101,9 @@ def test_the_other_hand_does_not_feel_it():
 
 @pytest.mark.parametrize("start", [START, FRONT])
 def test_free_motion_loses_energy(start):
-    """Set-point fixed, displaced and let go: kinetic plus spring energy never grows (beyond 1 % of its start)."""
+    """Set-point fixed, displaced and let go: kinetic plus spring energy never grows (beyond 1 % of
+    its start).
+    """
     bench = Bench(CartesianGains(posture_stiffness=(0.0, 0.0)), q=start)
     rng = np.random.default_rng(2)
     bench.place(start + rng.uniform(-0.03, 0.03, 15))
@@ -111,13 +117,16 @@ def test_free_motion_loses_energy(start):
 
 
 def test_posture_spring_brings_the_elbow_back_and_leaves_the_hands():
-    """A body pushed in its null space returns to its posture; meanwhile the hands stay within a millimetre."""
+    """A body pushed in its null space returns to its posture; meanwhile the hands stay within a
+    millimetre.
+    """
     bench = Bench()
     terms = bench.dynamics.terms(FRONT)
     null = np.linalg.svd(terms.jacobian)[2][12:]  # joint directions that move no hand
     bench.place(FRONT + 0.15 * null[0])
     bench.run(0.01)
-    # A finite step along a curved null space moves the hands a little: that is the error they may keep.
+    # A finite step along a curved null space moves the hands a little: that is the error they may
+    # keep.
     allowed = max(1e-3, 1.2 * np.abs(bench.error).max())
     for _ in range(300):
         bench.run(0.01)
@@ -127,7 +136,9 @@ def test_posture_spring_brings_the_elbow_back_and_leaves_the_hands():
 
 @pytest.mark.parametrize("speed", [0.15, 0.25])
 def test_an_arm_goes_through_a_straight_elbow_as_it_is_told(speed):
-    """Where the elbow is straight, no error of the hand tells to which side it bends: the posture spring does."""
+    """Where the elbow is straight, no error of the hand tells to which side it bends: the posture
+    spring does.
+    """
     # Torso and left arm, of a way to a pour.
     ways = [
         (-0.12, -0.23, 1.36, -0.89, -0.37, -0.5, -0.17, -0.83),

@@ -17,7 +17,9 @@ from velma.names import HEAD_LOWER, HEAD_SPEED, HEAD_UPPER, LOWER, START, TORQUE
 
 DYNAMICS = Dynamics(ROBOT_XML)
 
-postures = hnp.arrays(float, 15, elements=st.floats(0.05, 0.95)).map(lambda u: LOWER + u * (UPPER - LOWER))
+postures = hnp.arrays(float, 15, elements=st.floats(0.05, 0.95)).map(
+    lambda u: LOWER + u * (UPPER - LOWER)
+)
 speeds = hnp.arrays(float, 15, elements=st.floats(-2, 2))
 torques = hnp.arrays(float, 15, elements=st.floats(-500, 500, allow_nan=False))
 calm = settings(max_examples=40, deadline=None)
@@ -42,7 +44,9 @@ def test_jacobian_is_the_derivative_of_the_grips(q):
     for k in range(15):
         (r1, p1), (r0, p0) = difference(q, k)
         for row in (0, 1):
-            np.testing.assert_allclose((p1 - p0)[row] / 2e-6, jacobian[6 * row : 6 * row + 3, k], atol=1e-6)
+            np.testing.assert_allclose(
+                (p1 - p0)[row] / 2e-6, jacobian[6 * row : 6 * row + 3, k], atol=1e-6
+            )
             turned = cartesian.rotation_vector(r1[row] @ r0[row].T) / 2e-6
             np.testing.assert_allclose(turned, jacobian[6 * row + 3 : 6 * row + 6, k], atol=1e-5)
 
@@ -120,11 +124,15 @@ def test_no_error_and_no_speed_is_no_torque():
 
 
 @calm
-@given(q=postures, mass=st.floats(0.01, 2.0), lever=hnp.arrays(float, 3, elements=st.floats(-0.2, 0.2)))
+@given(
+    q=postures, mass=st.floats(0.01, 2.0), lever=hnp.arrays(float, 3, elements=st.floats(-0.2, 0.2))
+)
 def test_payload_wrench_is_the_virtual_work_of_the_weight(q, mass, lever):
     """J^T h = m g dz/dq of the payload's centre: finite differences of its height agree."""
     terms = DYNAMICS.terms(q)
-    wrench = cartesian.payload_wrench(terms.rotation, np.array([mass, 0.0]), np.array([lever, np.zeros(3)]))
+    wrench = cartesian.payload_wrench(
+        terms.rotation, np.array([mass, 0.0]), np.array([lever, np.zeros(3)])
+    )
     tau = terms.jacobian.T @ wrench
     for k in range(15):
         (r1, p1), (r0, p0) = difference(q, k)
@@ -193,7 +201,9 @@ travel = hnp.arrays(float, (2, 3), elements=st.floats(0, 2.4))
 @given(motor=travel)
 def test_free_finger_bends_by_a_third(motor):
     """proximal = m gives distal = m / 3, up to the stop of the distal joint."""
-    np.testing.assert_allclose(hand.distal_target(motor, motor), np.minimum(motor / 3, hand.DISTAL_UPPER), atol=1e-12)
+    np.testing.assert_allclose(
+        hand.distal_target(motor, motor), np.minimum(motor / 3, hand.DISTAL_UPPER), atol=1e-12
+    )
 
 
 @given(motor=travel, more=st.floats(0.01, 0.2))
@@ -228,5 +238,7 @@ def test_a_finger_that_lags_by_its_own_friction_touches_nothing(motor, speed):
 def test_a_blocked_link_is_a_touch(where):
     """Either link may be the one that meets something."""
     motor, proximal, distal = (np.full((2, 3), x) for x in (1.0, 1.0, 1.0 / 3.0))
-    blocked = {"proximal": (proximal - 0.05, distal + 0.05), "distal": (proximal, distal - 0.05)}[where]
+    blocked = {"proximal": (proximal - 0.05, distal + 0.05), "distal": (proximal, distal - 0.05)}[
+        where
+    ]
     assert hand.touching(motor, *blocked, 0.3, 0.12).all()

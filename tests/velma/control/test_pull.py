@@ -1,4 +1,6 @@
-"""A hand may open for a steady pull alone: no knock, no push, no weight and no faulty wrist is one."""
+"""A hand may open for a steady pull alone: no knock, no push, no weight and no faulty wrist is
+one.
+"""
 
 import math
 
@@ -20,16 +22,20 @@ READING = st.tuples(*[ANYTHING] * 6)
 
 
 def longest(pulls, least=LEAST, wrist=None, beside=None):
-    """For how many cycles a pull was felt at most; `pulls` [N] that are made, as a wrist without filters reads them.
+    """For how many cycles a pull was felt at most; `pulls` [N] that are made, as a wrist without
+    filters reads them.
 
-    `wrist(cycle, reading)`: what it reads instead; `beside` [m]: what the joints tell, None: the arm yields.
+    `wrist(cycle, reading)`: what it reads instead; `beside` [m]: what the joints tell, None: the
+    arm yields.
     """
     felt, most = Pull(), 0
     for cycle, size in enumerate(pulls):
         reading = (-size, 0.0, HAND_KG * GRAVITY, 0.0, 0.0, 1e-6 * (cycle % 7))
         reading = wrist(cycle, reading) if wrist else reading
         told = grip.size(reading[:3], UP, 0.0, AWAY)
-        felt = grip.pulled(felt, reading, told, told, YIELDS * size if beside is None else beside, least)
+        felt = grip.pulled(
+            felt, reading, told, told, YIELDS * size if beside is None else beside, least
+        )
         most = max(most, felt.steady)
     return most
 

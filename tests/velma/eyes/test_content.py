@@ -24,16 +24,20 @@ from velma.sim.photographs import Photographs
 TABLE_Z, RIM_Z, GRAINS = 0.776, 0.872, 30
 FALL_STEPS = 500  # one second
 NEAR, LOW, FAR = 0.75, 1.05, 1.4
-"""[m] from the robot's axis: where a bowl is put to be poured into; where its wall hides some; and beyond."""
+"""[m] from the robot's axis: where a bowl is put to be poured into; where its wall hides some; and
+beyond.
+"""
 OFF = 4  # grains; of 68 piles that fell from 2 to 12 cm the worst was 5.3 off
-OFF_BY_RAYS = 6  # rays pass between grains where a picture blurs them: of 10 piles the worst was 5.1 off
+# rays pass between grains where a picture blurs them: of 10 piles the worst was 5.1 off
+OFF_BY_RAYS = 6
 OFF_SPUN = 5  # grains that spin spread wider, and look like more: of 52 piles the worst was 4.9 off
 pytestmark = [pytest.mark.needs_opengl, pytest.mark.timeout(120)]
 
 
 class Pile:
-    """Grains that fell into a bowl `far` [m] from the robot, seen by its head camera; `beside`: off its middle [m];
-    `spin`: whether they turn."""
+    """Grains that fell into a bowl `far` [m] from the robot, seen by its head camera; `beside`: off
+    its middle [m]; `spin`: whether they turn.
+    """
 
     def __init__(self, grains: int, far: float, beside: float, spin: bool) -> None:
         scene = _scene(grains, spin)
@@ -64,7 +68,12 @@ class Pile:
             columns = self.model.jnt_qposadr[body.jntadr[0]] + np.arange(7 if spin else 3)
             moving.append(columns)
             falling.append(self.model.jnt_dofadr[body.jntadr[0]] + np.arange(6 if spin else 3))
-            at = np.array([*self.at, TABLE_Z]) + offset + [beside, 0.0, 0.1] + self.rng.normal(0.0, 0.002, 3)
+            at = (
+                np.array([*self.at, TABLE_Z])
+                + offset
+                + [beside, 0.0, 0.1]
+                + self.rng.normal(0.0, 0.002, 3)
+            )
             self.data.qpos[columns[:3]] = at if spin else at - body.pos
         still = np.setdiff1d(np.arange(self.model.nq), moving)
         held, kept = np.setdiff1d(np.arange(self.model.nv), falling), self.data.qpos[still].copy()
@@ -92,7 +101,11 @@ class Pile:
 
 def _stack() -> Iterator[np.ndarray]:
     """Layers of grains, each 13 in a disc."""
-    flat = [(x, y) for x in (-0.036, -0.018, 0.0, 0.018, 0.036) for y in (-0.036, -0.018, 0.0, 0.018, 0.036)]
+    flat = [
+        (x, y)
+        for x in (-0.036, -0.018, 0.0, 0.018, 0.036)
+        for y in (-0.036, -0.018, 0.0, 0.018, 0.036)
+    ]
     for layer in range(4):
         yield from (np.array([x, y, 0.018 * layer]) for x, y in flat if math.hypot(x, y) < 0.04)
 

@@ -32,7 +32,9 @@ def test_exposure_multiplies_and_blur_smooths() -> None:
     places = np.arange(len(rise)) + 0.5
     middle = (places * rise).sum() / rise.sum()
     assert middle == pytest.approx(149.5, abs=0.1)
-    assert np.sqrt((rise * (places - middle) ** 2).sum() / rise.sum()) == pytest.approx(2.0, rel=0.15)
+    assert np.sqrt((rise * (places - middle) ** 2).sum() / rise.sum()) == pytest.approx(
+        2.0, rel=0.15
+    )
 
 
 def test_nothing_asked_changes_nothing() -> None:

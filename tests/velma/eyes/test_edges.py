@@ -1,4 +1,6 @@
-"""Corners of drawn markers: where they were drawn, whatever their size, turn, slant, noise and light."""
+"""Corners of drawn markers: where they were drawn, whatever their size, turn, slant, noise and
+light.
+"""
 
 import cv2
 import numpy as np
@@ -13,15 +15,26 @@ SIZE, FINE = 160, 8  # the picture and how many samples a pixel has each way
 
 
 def drawn(corners: np.ndarray, number: int, low: float, high: float) -> np.ndarray:
-    """A picture (SIZE, SIZE) of a marker's plate on a dark ground, each pixel the mean of FINE x FINE samples."""
+    """A picture (SIZE, SIZE) of a marker's plate on a dark ground, each pixel the mean of FINE x
+    FINE samples.
+    """
     plate = detect.plate(number, 12).astype(np.float32)
     side = plate.shape[0]
-    inner = np.array([(side / 8, side / 8), (7 * side / 8, side / 8), (7 * side / 8,) * 2, (side / 8, 7 * side / 8)])
+    inner = np.array(
+        [
+            (side / 8, side / 8),
+            (7 * side / 8, side / 8),
+            (7 * side / 8,) * 2,
+            (side / 8, 7 * side / 8),
+        ]
+    )
     # Pixel k has its centre at k; its samples fill k - 0.5 to k + 0.5.
     place = cv2.getPerspectiveTransform(
         (inner - 0.5).astype(np.float32), (FINE * (corners + 0.5) - 0.5).astype(np.float32)
     )
-    large = cv2.warpPerspective(plate, place, (SIZE * FINE,) * 2, flags=cv2.INTER_LINEAR, borderValue=90.0)
+    large = cv2.warpPerspective(
+        plate, place, (SIZE * FINE,) * 2, flags=cv2.INTER_LINEAR, borderValue=90.0
+    )
     small = large.reshape(SIZE, FINE, SIZE, FINE).mean(axis=(1, 3))
     return np.asarray(low + (high - low) * small / 255.0)
 
@@ -33,15 +46,20 @@ def noisy(picture: np.ndarray, sigma: float, seed: int) -> np.ndarray:
 
 
 @given(
-    side=st.floats(16.0, 60.0), turn=st.floats(-3.1, 3.1), flat=st.floats(0.6, 1.0), slant=st.floats(-0.3, 0.3),
-    number=st.integers(0, 49), x=st.floats(-0.5, 0.5), y=st.floats(-0.5, 0.5), seed=st.integers(0, 1000),
+    side=st.floats(16.0, 60.0), turn=st.floats(-3.1, 3.1), flat=st.floats(0.6, 1.0),
+    slant=st.floats(-0.3, 0.3),
+    number=st.integers(0, 49), x=st.floats(-0.5, 0.5), y=st.floats(-0.5, 0.5),
+    seed=st.integers(0, 1000),
     low=st.floats(0.0, 60.0), high=st.floats(140.0, 250.0),
 )  # fmt: skip
 def test_corners_are_found_to_a_fraction_of_a_pixel(
-    side: float, turn: float, flat: float, slant: float, number: int, x: float, y: float, seed: int, low: float,
+    side: float, turn: float, flat: float, slant: float, number: int, x: float, y: float, seed: int,
+    low: float,
     high: float,
 ) -> None:  # fmt: skip
-    """Within 0.35 pixels all four, from the whole-pixel corners of the detector, with noise of 3 grey levels."""
+    """Within 0.35 pixels all four, from the whole-pixel corners of the detector, with noise of 3
+    grey levels.
+    """
     square = side / 2 * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) * (1.0, flat)
     square[:, 0] += slant * square[:, 1]
     c, s = np.cos(turn), np.sin(turn)
@@ -73,7 +91,9 @@ def test_the_fit_is_better_than_the_detector() -> None:
 
 
 def test_what_has_no_edges_is_refused() -> None:
-    """A grey picture, a marker whose corner is covered by grey, and corners that belong elsewhere."""
+    """A grey picture, a marker whose corner is covered by grey, and corners that belong
+    elsewhere.
+    """
     corners = np.array([(60.0, 60.0), (100.0, 60.0), (100.0, 100.0), (60.0, 100.0)])
     assert not refined(np.full((SIZE, SIZE), 128, np.uint8), corners[None])[1][0]
     picture = noisy(drawn(corners, 3, 20.0, 220.0), 0.0, 0)

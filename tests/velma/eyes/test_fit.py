@@ -14,7 +14,9 @@ from velma.model.kinds import Model
 from velma.model.markers import Marker, of_scene
 from velma.model.scene import Scene, SceneObject
 
-JAR: tuple[Marker, ...] = of_scene(Scene("jar", (SceneObject("jar_1", Model.JAR, (0.0, 0.0, 0.0)),)))["jar_1"]
+JAR: tuple[Marker, ...] = of_scene(
+    Scene("jar", (SceneObject("jar_1", Model.JAR, (0.0, 0.0, 0.0)),))
+)["jar_1"]
 SEEN = (JAR[0], JAR[1], JAR[8], JAR[15])  # those that look along +x
 EYE = np.array([0.0, 0.0, 1.6])
 yaws, tilts = st.floats(-math.pi, math.pi), st.floats(-0.6, 0.6)
@@ -30,7 +32,9 @@ def looking(point: np.ndarray) -> View:
 
 
 def towards(yaw: float) -> np.ndarray:
-    """The rotation that shows SEEN to a camera on the side of -x, turned by a yaw (-pi to pi) of at most 0.3."""
+    """The rotation that shows SEEN to a camera on the side of -x, turned by a yaw (-pi to pi) of at
+    most 0.3.
+    """
     return np.asarray(pin.exp3(np.array([0.0, 0.0, math.pi + 0.1 * yaw])))
 
 
@@ -44,7 +48,9 @@ CORNERS = np.concatenate([one.corners for one in SEEN])
 
 
 @given(position=places, yaw=yaws, turn=st.tuples(tilts, tilts))
-def test_derivatives_are_those_of_small_steps(position: np.ndarray, yaw: float, turn: tuple[float, float]) -> None:
+def test_derivatives_are_those_of_small_steps(
+    position: np.ndarray, yaw: float, turn: tuple[float, float]
+) -> None:
     """Each of the six columns, against differences."""
     view = looking(position)
     rotation = pin.exp3(np.array([*turn, 0.0])) @ towards(yaw)
@@ -59,7 +65,12 @@ def test_derivatives_are_those_of_small_steps(position: np.ndarray, yaw: float, 
         assert after / 1e-6 == pytest.approx(slopes[:, k], rel=1e-3, abs=0.1)
 
 
-@given(position=places, yaw=yaws, off=st.tuples(*[st.floats(-0.05, 0.05)] * 3), spin=st.floats(-0.4, 0.4))
+@given(
+    position=places,
+    yaw=yaws,
+    off=st.tuples(*[st.floats(-0.05, 0.05)] * 3),
+    spin=st.floats(-0.4, 0.4),
+)
 def test_a_standing_body_is_found_from_a_start_that_is_off(
     position: np.ndarray, yaw: float, off: tuple[float, float, float], spin: float
 ) -> None:
@@ -74,7 +85,8 @@ def test_a_standing_body_is_found_from_a_start_that_is_off(
     assert found.rotation[2, 2] == 1.0
 
 
-@example(position=np.array((1.125, 0.0, 1.1875)), yaw=0.0, turn=(0.0, 0.375))  # almost from straight ahead
+# almost from straight ahead
+@example(position=np.array((1.125, 0.0, 1.1875)), yaw=0.0, turn=(0.0, 0.375))
 @given(position=places, yaw=yaws, turn=st.tuples(tilts, tilts))
 def test_a_tipped_body_is_found_from_its_largest_marker(
     position: np.ndarray, yaw: float, turn: tuple[float, float]
@@ -96,14 +108,22 @@ def test_a_tipped_body_is_found_from_its_largest_marker(
 
 @pytest.mark.parametrize(("sigma", "upright"), [(0.3, True), (0.3, False)])
 def test_the_covariance_is_honest(sigma: float, upright: bool) -> None:
-    """Of 400 fits with independent errors of the corners 95 % are in the 95 % region, give or take 3 %."""
+    """Of 400 fits with independent errors of the corners 95 % are in the 95 % region, give or take
+    3 %.
+    """
     rng = np.random.default_rng(4)
     position, rotation = np.array([0.9, 0.1, 1.0]), towards(0.5)
     view = looking(position)
     at = pixels(view, rotation, position)
     limit, inside = 7.815, 0  # chi squared of three, 95 %
     for _ in range(400):
-        found = fit(view, CORNERS, at + rng.normal(0, sigma, at.shape), (rotation, position), upright=upright)
+        found = fit(
+            view,
+            CORNERS,
+            at + rng.normal(0, sigma, at.shape),
+            (rotation, position),
+            upright=upright,
+        )
         assert found is not None
         off = found.position - position
         inside += off @ np.linalg.solve(found.covariance()[:3, :3], off) < limit
@@ -118,7 +138,9 @@ def test_no_corner_is_believed_beyond_the_floor() -> None:
     found = fit(view, CORNERS, pixels(view, rotation, position), (rotation, position), upright=True)
     assert found is not None
     assert found.covariance() == pytest.approx(FLOOR_PX**2 * found.spread)
-    assert found.sideways() == pytest.approx(math.sqrt(np.linalg.eigvalsh(found.spread[:2, :2]).max()))
+    assert found.sideways() == pytest.approx(
+        math.sqrt(np.linalg.eigvalsh(found.spread[:2, :2]).max())
+    )
 
 
 def test_what_is_not_determined_is_none() -> None:

@@ -1,4 +1,6 @@
-"""Bodies seen in rendered pictures: near the truth, honest about it, and none where a wrong reading is all there is."""
+"""Bodies seen in rendered pictures: near the truth, honest about it, and none where a wrong reading
+is all there is.
+"""
 
 from collections.abc import Iterator
 
@@ -81,7 +83,9 @@ def look(looks: list[Look]) -> Look:
 
 
 def test_things_are_seen_where_they_are(looks: list[Look]) -> None:
-    """Jar, bowl and cabinet, looked at: within 4 mm, the heading within half a degree, upright, four of five closer."""
+    """Jar, bowl and cabinet, looked at: within 4 mm, the heading within half a degree, upright,
+    four of five closer.
+    """
     off: dict[str, list[float]] = {"jar_1": [], "bowl_1": [], "cabinet_2": []}
     for one in looks:
         for name in off:
@@ -126,9 +130,13 @@ def test_a_tipped_jar_is_seen_as_it_lies(look: Look, tilt: float) -> None:
 
 
 def test_a_wrong_reading_does_not_move_a_thing(look: Look) -> None:
-    """A jar's marker read where one of the bowl is, or two of them confused: no jar, rather than a wrong one."""
+    """A jar's marker read where one of the bowl is, or two of them confused: no jar, rather than a
+    wrong one.
+    """
     found, view = look.at(look.true("jar_1")[1])
-    jar, bowl = ([number for number in found if low <= number < high] for low, high in ((0, 16), (16, 26)))
+    jar, bowl = (
+        [number for number in found if low <= number < high] for low, high in ((0, 16), (16, 26))
+    )
     right = {number: found[number] for number in jar}
     assert [one.name for one in look.eyes.bodies(right, view)] == ["jar_1"]
     assert not look.eyes.bodies({jar[0]: found[jar[0]], jar[1]: found[bowl[0]]}, view)
@@ -149,10 +157,14 @@ AHEAD = View(lens(), np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.
 def test_what_does_not_tell_enough_is_not_believed(
     look: Look, name: str, numbers: tuple[int, ...], away: float, believed: bool
 ) -> None:
-    """Exact corners of two markers; not of one, however large and near; not of two small ones beside each other,
-    so far away that a pixel of error moves the jar by 3 cm."""
+    """Exact corners of two markers; not of one, however large and near; not of two small ones
+    beside each other, so far away that a pixel of error moves the jar by 3 cm.
+    """
     pose = pin.SE3(pin.exp3(np.array([0.0, 0.0, np.pi])), np.array([away, 0.0, 0.0]))
-    corners = {one.number: one.corners @ pose.rotation.T + pose.translation for one in of_scene(look.scene)[name]}
+    corners = {
+        one.number: one.corners @ pose.rotation.T + pose.translation
+        for one in of_scene(look.scene)[name]
+    }
     found = {number: AHEAD.lens.project(AHEAD.inside(corners[number])) for number in numbers}
     assert ([one.name for one in look.eyes.bodies(found, AHEAD)] == [name]) is believed
 

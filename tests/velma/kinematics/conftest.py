@@ -1,7 +1,8 @@
-"""One robot for all tests, the canonical scene, and a random source that shows its seed when a test fails.
+"""One robot for all tests, the canonical scene, and a random source that shows its seed when a test
+fails.
 
-The things of the scene are read from the MuJoCo model of it, so that a comparison of verdicts compares checks only, not
-numbers.
+The things of the scene are read from the MuJoCo model of it, so that a comparison of verdicts
+compares checks only, not numbers.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,6 @@
-"""A hand that is folded against its own arm finds its way out, and comes nearer to nothing on it."""
+"""A hand that is folded against its own arm finds its way out, and comes nearer to nothing on
+it.
+"""
 
 from collections.abc import Iterator
 from itertools import islice
@@ -17,14 +19,20 @@ FOUND, OF = 6, 8  # measured: 55 of 60
 
 
 def test_a_folded_hand_gets_out_of_touch(robot: Robot, rng: np.random.Generator) -> None:
-    """Random postures in which nothing is near but parts of one arm: most of them lead to a free one."""
+    """Random postures in which nothing is near but parts of one arm: most of them lead to a free
+    one.
+    """
     world = World(robot)
     world.fingers(SIDE, BENT)
     freed = 0
     for q in islice(folded(world, rng), OF):
         path = backing.out_of_touch(robot, world, SIDE, q)
         least = min(distance for *_, distance in world.touching(q))
-        assert all(distance >= min(least, 0.002) - 0.001 for state in path for *_, distance in world.touching(state))
+        assert all(
+            distance >= min(least, 0.002) - 0.001
+            for state in path
+            for *_, distance in world.touching(state)
+        )
         freed += world.free(path[-1])
     assert freed >= FOUND
 

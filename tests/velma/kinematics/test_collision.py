@@ -23,7 +23,9 @@ BESIDE = 0.003  # m
 
 
 class Judge:
-    """MuJoCo's opinion: the nearest contact of the scene, with objects in hands and fingers bent as told."""
+    """MuJoCo's opinion: the nearest contact of the scene, with objects in hands and fingers bent as
+    told.
+    """
 
     def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
         self.robot, self.model = robot, model
@@ -67,7 +69,9 @@ def _near(robot: Robot, rng: np.random.Generator) -> np.ndarray:
     return np.clip(names.START + rng.normal(0.0, 0.7, 15), robot.lower, robot.upper)
 
 
-def _compare(world: World, judge: Judge, robot: Robot, rng: np.random.Generator, count: int) -> list[bool]:
+def _compare(
+    world: World, judge: Judge, robot: Robot, rng: np.random.Generator, count: int
+) -> list[bool]:
     verdicts = []
     while len(verdicts) < count:
         q = _near(robot, rng)
@@ -81,7 +85,9 @@ def _compare(world: World, judge: Judge, robot: Robot, rng: np.random.Generator,
 def test_verdicts_are_those_of_mujoco(
     robot: Robot, furnished: Furnish, canonical: mujoco.MjModel, rng: np.random.Generator
 ) -> None:
-    """With nothing in the hands, 400 random states with bent fingers get MuJoCo's verdict, near the margin aside."""
+    """With nothing in the hands, 400 random states with bent fingers get MuJoCo's verdict, near the
+    margin aside.
+    """
     world, judge = furnished(), Judge(robot, canonical)
     for angle in (0.0, 0.6, 1.2, 1.8):
         for side in names.SIDES:
@@ -94,7 +100,9 @@ def test_verdicts_are_those_of_mujoco(
 def test_held_things_get_the_verdicts_of_mujoco(
     robot: Robot, furnished: Furnish, canonical: mujoco.MjModel, rng: np.random.Generator
 ) -> None:
-    """With jar and bowl in the hands they are checked against furniture, robot and each other, but not their hand."""
+    """With jar and bowl in the hands they are checked against furniture, robot and each other, but
+    not their hand.
+    """
     world, judge = furnished(), Judge(robot, canonical)
     jar = pin.SE3(pin.exp3(np.array([0.0, 1.5, 0.0])), np.array([0.0, 0.0, 0.0]))
     bowl = pin.SE3(pin.exp3(np.array([0.0, 0.8, 0.3])), np.array([0.02, 0.0, 0.08]))
@@ -104,8 +112,12 @@ def test_held_things_get_the_verdicts_of_mujoco(
     assert 20 < sum(_compare(world, judge, robot, rng, 200)) < 180
 
 
-def test_touching_names_what_free_refuses(robot: Robot, furnished: Furnish, rng: np.random.Generator) -> None:
-    """A state is free exactly if no pair is named; the pairs come nearest first, all below the margin."""
+def test_touching_names_what_free_refuses(
+    robot: Robot, furnished: Furnish, rng: np.random.Generator
+) -> None:
+    """A state is free exactly if no pair is named; the pairs come nearest first, all below the
+    margin.
+    """
     world = furnished()
     for _ in range(100):
         q = _near(robot, rng)
@@ -116,7 +128,9 @@ def test_touching_names_what_free_refuses(robot: Robot, furnished: Furnish, rng:
 
 
 def test_the_margin_is_kept(robot: Robot) -> None:
-    """A ball comes too near a little before 6 mm, also where the boxes around both do not overlap."""
+    """A ball comes too near a little before 6 mm, also where the boxes around both do not
+    overlap.
+    """
     world, q = World(robot, MARGIN), np.array(names.START)
     world.put("ball", [Sphere(0.05)], standing((3.0, 0.0, 1.0)), "object")
     world.put("wall", [Box((0.1, 0.1, 0.1))], standing((3.5, 0.0, 1.0)))
@@ -127,7 +141,9 @@ def test_the_margin_is_kept(robot: Robot) -> None:
 
 
 def test_the_margin_can_be_changed(robot: Robot) -> None:
-    """A wall 10 mm away is too near with a margin of 12 mm, and no more when the margin is narrowed again."""
+    """A wall 10 mm away is too near with a margin of 12 mm, and no more when the margin is narrowed
+    again.
+    """
     world, q = World(robot), np.array(names.START)
     world.put("ball", [Sphere(0.05)], standing((3.0, 0.0, 1.0)), "object")
     world.put("wall", [Box((0.1, 0.1, 0.1))], standing((3.11, 0.0, 1.0)))
@@ -140,7 +156,9 @@ def test_the_margin_can_be_changed(robot: Robot) -> None:
 
 
 def test_a_hand_may_touch_only_what_it_is_allowed(robot: Robot) -> None:
-    """A ball in the palm is a collision until the pair is allowed or the ball is held, and again afterwards."""
+    """A ball in the palm is a collision until the pair is allowed or the ball is held, and again
+    afterwards.
+    """
     world, q = World(robot), np.array(names.START)
     at = robot.grip(q, "right") * standing((0.0, 0.0, -0.03))
     world.put("ball", [Sphere(0.03)], at, "object")
@@ -160,7 +178,9 @@ def test_a_hand_may_touch_only_what_it_is_allowed(robot: Robot) -> None:
 
 
 def test_resting_things_do_not_mind_each_other(robot: Robot) -> None:
-    """An object inside a box of furniture and inside another object is not a collision until a hand carries it."""
+    """An object inside a box of furniture and inside another object is not a collision until a hand
+    carries it.
+    """
     world, q = World(robot), np.array(names.START)
     for name, kind in (("shelf", "furniture"), ("ball", "object"), ("cube", "object")):
         world.put(name, [Box((0.2, 0.2, 0.2))], standing((2.0, 0.0, 1.0)), kind)
@@ -172,7 +192,9 @@ def test_resting_things_do_not_mind_each_other(robot: Robot) -> None:
 
 
 def test_a_thing_in_the_hand_moves_with_it(robot: Robot, rng: np.random.Generator) -> None:
-    """Its pose is the grip's pose times its place in the hand; let go without a pose it rests there."""
+    """Its pose is the grip's pose times its place in the hand; let go without a pose it rests
+    there.
+    """
     world, q = World(robot), _near(robot, rng)
     T_grip_object = standing((0.01, 0.02, 0.03), yaw=0.4)
     world.put("cube", [Box((0.01, 0.01, 0.01))], standing((2.0, 0.0, 1.0)), "object")
@@ -187,7 +209,9 @@ def test_a_thing_in_the_hand_moves_with_it(robot: Robot, rng: np.random.Generato
 
 
 def test_things_come_and_go(robot: Robot) -> None:
-    """A thing put in the way blocks, moved away or removed it does not, and unknown names are refused by name."""
+    """A thing put in the way blocks, moved away or removed it does not, and unknown names are
+    refused by name.
+    """
     world, q = World(robot), np.array(names.START)
     block = [Box((0.2, 0.2, 0.2))]
     world.put("block", block, robot.grip(q, "left"))
@@ -204,7 +228,9 @@ def test_things_come_and_go(robot: Robot) -> None:
 
 
 def test_the_head_is_part_of_the_robot(robot: Robot) -> None:
-    """A ball at the left end of the camera bar is met while the head looks ahead, and no more when it looks aside."""
+    """A ball at the left end of the camera bar is met while the head looks ahead, and no more when
+    it looks aside.
+    """
     world, q = World(robot), np.array(names.START)
     world.put("ball", [Sphere(0.02)], standing((0.04, 0.13, 1.69)))
     assert [name for name, *_ in world.touching(q)] == ["head_tilt_link"]
@@ -212,12 +238,21 @@ def test_the_head_is_part_of_the_robot(robot: Robot) -> None:
     assert world.free(q)
 
 
-@pytest.mark.parametrize(("at", "hides"), [((0.6, 0.0, 1.3), True), ((0.6, 0.3, 1.3), False), ((0.9, 0.0, 0.8), False)])
+@pytest.mark.parametrize(
+    ("at", "hides"), [((0.6, 0.0, 1.3), True), ((0.6, 0.3, 1.3), False), ((0.9, 0.0, 0.8), False)]
+)
 def test_what_is_between_the_eye_and_a_point_hides_it(
     at: tuple[float, float, float], hides: bool, robot: Robot
 ) -> None:
-    """A ball on the line; not one beside it, nor one behind the point. The thing itself hides nothing of it."""
-    world, q, eye, point = World(robot), np.array(names.START), np.array([0.2, 0.0, 1.7]), np.array([0.8, 0.0, 1.1])
+    """A ball on the line; not one beside it, nor one behind the point. The thing itself hides
+    nothing of it.
+    """
+    world, q, eye, point = (
+        World(robot),
+        np.array(names.START),
+        np.array([0.2, 0.0, 1.7]),
+        np.array([0.8, 0.0, 1.1]),
+    )
     world.put("bowl", [Box((0.1, 0.1, 0.1))], standing(point))
     assert not world.hidden(q, eye, [point], "bowl")
     world.put("ball", [Sphere(0.05)], standing(at))
@@ -240,14 +275,19 @@ def test_an_arm_before_the_eye_hides_a_point(robot: Robot) -> None:
 def test_what_hides_a_point_hides_it_from_a_ray_of_mujoco(
     robot: Robot, canonical: mujoco.MjModel, rng: np.random.Generator
 ) -> None:
-    """Arms anywhere, also a hand's width before the eye; the head, wherever it looks, hides nothing."""
+    """Arms anywhere, also a hand's width before the eye; the head, wherever it looks, hides
+    nothing.
+    """
     world, data = World(robot), mujoco.MjData(canonical)
     columns = [canonical.joint(name).qposadr[0] for name in names.BODY]
     shapes = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
     shapes[int(SHAPE_GROUP)] = 1
     verdicts = []
     for _ in range(400):
-        q, pan, tilt = rng.uniform(names.LOWER, names.UPPER), *rng.uniform(names.HEAD_LOWER, names.HEAD_UPPER)
+        q, pan, tilt = (
+            rng.uniform(names.LOWER, names.UPPER),
+            *rng.uniform(names.HEAD_LOWER, names.HEAD_UPPER),
+        )
         camera = robot.camera(q[names.TORSO], pan, tilt)
         point = camera.act(np.array([*rng.uniform(-0.1, 0.1, 2), rng.uniform(0.3, 0.5)]))
         data.qpos[columns] = q
@@ -261,13 +301,22 @@ def test_what_hides_a_point_hides_it_from_a_ray_of_mujoco(
 
 
 def _hit(
-    model: mujoco.MjModel, data: mujoco.MjData, shapes: np.ndarray, eye: np.ndarray, point: np.ndarray
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    shapes: np.ndarray,
+    eye: np.ndarray,
+    point: np.ndarray,
 ) -> bool | None:
-    """Whether rays meet the robot before the point; None where those beside differ: the line goes along an edge."""
+    """Whether rays meet the robot before the point; None where those beside differ: the line goes
+    along an edge.
+    """
     way, geom, head = point - eye, np.full(1, -1, dtype=np.int32), model.body("head_tilt_link").id
     length = float(np.linalg.norm(way))
     across = np.cross(way, [0.0, 0.0, 1.0])
-    sides = (np.zeros(3), *(BESIDE * one / np.linalg.norm(one) for one in (across, np.cross(way, across))))
+    sides = (
+        np.zeros(3),
+        *(BESIDE * one / np.linalg.norm(one) for one in (across, np.cross(way, across))),
+    )
     found = []
     for side in (side * sign for side in sides for sign in (1.0, -1.0)):
         far = mujoco.mj_ray(model, data, eye + side, way / length, shapes, 1, head, geom)

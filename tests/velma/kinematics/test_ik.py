@@ -1,4 +1,6 @@
-"""Inverse kinematics: what comes back reaches its target, inside the limits, and failures are said as such."""
+"""Inverse kinematics: what comes back reaches its target, inside the limits, and failures are said
+as such.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -20,11 +22,15 @@ def _error(robot: Robot, q: np.ndarray, side: str, target: pin.SE3) -> float:
 
 @pytest.mark.parametrize("side", names.SIDES)
 def test_solve_reaches_what_it_claims(robot: Robot, side: str, rng: np.random.Generator) -> None:
-    """A solution is within tolerance and 0.03 rad inside the limits; most near targets are reached."""
+    """A solution is within tolerance and 0.03 rad inside the limits; most near targets are
+    reached.
+    """
     reached = 0
     for _ in range(60):
         start = _random_posture(robot, rng)
-        target = robot.grip(np.clip(start + rng.normal(0, 0.25, 15), robot.lower, robot.upper) * 0.95, side)
+        target = robot.grip(
+            np.clip(start + rng.normal(0, 0.25, 15), robot.lower, robot.upper) * 0.95, side
+        )
         q = ik.solve(robot, side, target, start)
         if q is None:
             continue
@@ -37,7 +43,9 @@ def test_solve_reaches_what_it_claims(robot: Robot, side: str, rng: np.random.Ge
 
 
 def test_solve_moves_only_the_columns_it_may(robot: Robot, rng: np.random.Generator) -> None:
-    """With the arm's 7 columns the torso and the other arm stay as they are, and q itself is not changed."""
+    """With the arm's 7 columns the torso and the other arm stay as they are, and q itself is not
+    changed.
+    """
     start = _random_posture(robot, rng)
     kept = start.copy()
     grip = robot.grip(start, "left")
@@ -54,12 +62,16 @@ def test_solve_refuses_what_is_out_of_reach(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("side", names.SIDES)
-def test_the_closed_form_reaches_the_pose_exactly(robot: Robot, side: str, rng: np.random.Generator) -> None:
+def test_the_closed_form_reaches_the_pose_exactly(
+    robot: Robot, side: str, rng: np.random.Generator
+) -> None:
     """Every posture of the closed form has its grip at the target to a nanometre."""
     seen = 0
     for _ in range(30):
         target = robot.grip(rng.uniform(robot.lower, robot.upper), side)
-        found = ik.geometry(robot, side).postures(target, rng.uniform(-1, 1, 4), rng.uniform(-3, 3, 4))
+        found = ik.geometry(robot, side).postures(
+            target, rng.uniform(-1, 1, 4), rng.uniform(-3, 3, 4)
+        )
         for angles in found:
             q = np.array(names.START)
             q[names.COLUMNS[side]] = angles
@@ -69,12 +81,17 @@ def test_the_closed_form_reaches_the_pose_exactly(robot: Robot, side: str, rng: 
 
 
 @pytest.mark.parametrize("side", names.SIDES)
-def test_the_closed_form_finds_the_posture_it_came_from(robot: Robot, side: str, rng: np.random.Generator) -> None:
-    """Among the postures over a fine fan of swivels is one close to any posture the target was made from."""
+def test_the_closed_form_finds_the_posture_it_came_from(
+    robot: Robot, side: str, rng: np.random.Generator
+) -> None:
+    """Among the postures over a fine fan of swivels is one close to any posture the target was made
+    from.
+    """
     columns = names.COLUMNS[side]
     for _ in range(10):
         q = rng.uniform(robot.lower, robot.upper)
-        bends = columns[[2, 4, 6]]  # at zero the joints beside them are one axis, and the posture is not unique
+        # at zero the joints beside them are one axis, and the posture is not unique
+        bends = columns[[2, 4, 6]]
         q[bends] = np.copysign(np.maximum(np.abs(q[bends]), 0.3), q[bends])
         swivels = np.linspace(-np.pi, np.pi, 721)
         found = ik.geometry(robot, side).postures(robot.grip(q, side), np.full(721, q[0]), swivels)
@@ -82,7 +99,9 @@ def test_the_closed_form_finds_the_posture_it_came_from(robot: Robot, side: str,
 
 
 @pytest.mark.parametrize("side", names.SIDES)
-def test_sampled_postures_are_comfortable(robot: Robot, side: str, rng: np.random.Generator) -> None:
+def test_sampled_postures_are_comfortable(
+    robot: Robot, side: str, rng: np.random.Generator
+) -> None:
     """Every posture meets the filters, keeps the other arm, and the torso when it is given."""
     target = robot.grip(np.array(names.START) * 0.8, side)
     found = ik.postures(robot, side, target, np.array(names.START), rng, starts=40, torso=0.2)
@@ -96,19 +115,28 @@ def test_sampled_postures_are_comfortable(robot: Robot, side: str, rng: np.rando
 
 
 def test_sampling_takes_only_what_is_accepted(robot: Robot) -> None:
-    """`first` has the last word, and with `best` the most comfortable of the accepted comes back."""
+    """`first` has the last word, and with `best` the most comfortable of the accepted comes
+    back.
+    """
     target = robot.grip(np.array(names.START) * 0.8, "left")
     start = np.array(names.START)
-    assert ik.sample(robot, "left", target, start, np.random.default_rng(1), first=lambda found: None) is None
+    assert (
+        ik.sample(robot, "left", target, start, np.random.default_rng(1), first=lambda found: None)
+        is None
+    )
     found = ik.postures(robot, "left", target, start, np.random.default_rng(1))
     turned = lambda found: int(np.flatnonzero(found[:, 0] > 0)[0])  # noqa: E731
     q = ik.sample(robot, "left", target, start, np.random.default_rng(1), first=turned, best=True)
     assert q is not None
     allowed = found[found[:, 0] > 0]
-    assert ik.comfort(robot, q[None], "left")[0] == pytest.approx(ik.comfort(robot, allowed, "left").max())
+    assert ik.comfort(robot, q[None], "left")[0] == pytest.approx(
+        ik.comfort(robot, allowed, "left").max()
+    )
 
 
-def test_the_wrist_polygon_of_the_left_mirrors_the_right(robot: Robot, rng: np.random.Generator) -> None:
+def test_the_wrist_polygon_of_the_left_mirrors_the_right(
+    robot: Robot, rng: np.random.Generator
+) -> None:
     """A posture is comfortable for the right arm exactly if its mirror image is for the left."""
     verdicts = set()
     for _ in range(200):
@@ -121,7 +149,9 @@ def test_the_wrist_polygon_of_the_left_mirrors_the_right(robot: Robot, rng: np.r
 
 
 def test_a_line_is_straight_and_dense(robot: Robot) -> None:
-    """Grips of a line lie on the line, neighbours at most a step apart, and it starts at q and ends at the target."""
+    """Grips of a line lie on the line, neighbours at most a step apart, and it starts at q and ends
+    at the target.
+    """
     start = np.array(names.START) * 0.8
     grip = robot.grip(start, "right")
     target = pin.SE3(grip.rotation, grip.translation + np.array([0.06, 0.0, 0.08]))

@@ -1,4 +1,6 @@
-"""Free motions: they end where asked, touch nothing in time, keep their condition, and are replayed from a seed."""
+"""Free motions: they end where asked, touch nothing in time, keep their condition, and are replayed
+from a seed.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -44,8 +46,12 @@ def walled(robot: Robot) -> World:
     return world
 
 
-def check(robot: Robot, world: World, path: list[np.ndarray], start: np.ndarray, goal: np.ndarray) -> None:
-    """Ends, density, joints that stay, and freedom in time, twice as finely as the planner looks."""
+def check(
+    robot: Robot, world: World, path: list[np.ndarray], start: np.ndarray, goal: np.ndarray
+) -> None:
+    """Ends, density, joints that stay, and freedom in time, twice as finely as the planner
+    looks.
+    """
     np.testing.assert_array_equal(path[0], start)
     np.testing.assert_allclose(path[-1], goal, atol=1e-12)
     assert np.abs(np.diff(path, axis=0)).max() <= 0.05 + 1e-9
@@ -60,12 +66,16 @@ def test_a_free_way_is_straight(robot: Robot) -> None:
     goal = reaching(robot)
     path = planned(robot, World(robot), "left", START, goal)
     assert path is not None
-    shares = np.array([(q - START) @ (goal - START) for q in path]) / ((goal - START) @ (goal - START))
+    shares = np.array([(q - START) @ (goal - START) for q in path]) / (
+        (goal - START) @ (goal - START)
+    )
     np.testing.assert_allclose(path, START + shares[:, None] * (goal - START), atol=1e-9)
 
 
 def test_a_blocked_way_goes_round(robot: Robot) -> None:
-    """With a board across the straight way, the motion goes round it and touches nothing at any time."""
+    """With a board across the straight way, the motion goes round it and touches nothing at any
+    time.
+    """
     world, goal = walled(robot), reaching(robot)
     straight = np.linspace(START, goal, 60)
     assert not all(world.free(q) for q in straight)
@@ -75,9 +85,13 @@ def test_a_blocked_way_goes_round(robot: Robot) -> None:
 
 
 def test_a_motion_is_replayed_in_one_process(robot: Robot) -> None:
-    """The same seed goes the same way whatever was planned in between; another seed may go another."""
+    """The same seed goes the same way whatever was planned in between; another seed may go
+    another.
+    """
     world, goal = walled(robot), reaching(robot)
-    first, other, again = (planned(robot, world, "left", START, goal, seed=seed) for seed in (3, 4, 3))
+    first, other, again = (
+        planned(robot, world, "left", START, goal, seed=seed) for seed in (3, 4, 3)
+    )
     assert first is not None
     assert other is not None
     np.testing.assert_array_equal(first, again)
@@ -93,7 +107,14 @@ def test_a_motion_out_of_the_cabinet(robot: Robot, furnished: Callable[[], World
     up = np.array([0.0, 0.0, 1.0])
     grip.rotation = np.column_stack((up, np.cross(-out, up), -out))
     inside = ik.sample(
-        robot, "left", grip, START, np.random.default_rng(1), first=world.first_free, best=True, starts=80
+        robot,
+        "left",
+        grip,
+        START,
+        np.random.default_rng(1),
+        first=world.first_free,
+        best=True,
+        starts=80,
     )
     assert inside is not None
     goal = inside.copy()
@@ -111,10 +132,16 @@ def test_a_condition_holds_all_the_way(robot: Robot) -> None:
     target.rotation = standing((0.0, 0.0, 0.0), 1.2).rotation @ grip.rotation
     goal = ik.sample(robot, "left", target, start, np.random.default_rng(2), best=True)
     assert goal is not None
-    world.put("post", [Box((0.06, 0.06, 0.06))], standing(robot.grip((start + goal) / 2, "left").translation))
+    world.put(
+        "post",
+        [Box((0.06, 0.06, 0.06))],
+        standing(robot.grip((start + goal) / 2, "left").translation),
+    )
 
     def level(postures: np.ndarray) -> np.ndarray:
-        return np.array([abs(robot.grip(q, "left").rotation[2, 2]) < np.sin(np.radians(40.0)) for q in postures])
+        return np.array(
+            [abs(robot.grip(q, "left").rotation[2, 2]) < np.sin(np.radians(40.0)) for q in postures]
+        )
 
     assert world.free(start)
     assert world.free(goal)
@@ -127,14 +154,18 @@ def test_a_condition_holds_all_the_way(robot: Robot) -> None:
 def test_what_cannot_be_is_refused(robot: Robot) -> None:
     """No way to a goal that touches something or breaks the condition, nor from such a start."""
     world, goal = World(robot), reaching(robot)
-    assert motion.plan(robot, world, "left", START, goal, keep=lambda some: some[:, 0] < 0.05) is None
+    assert (
+        motion.plan(robot, world, "left", START, goal, keep=lambda some: some[:, 0] < 0.05) is None
+    )
     world.put("ball", [Sphere(0.1)], standing(robot.grip(goal, "left").translation))
     assert motion.plan(robot, world, "left", START, goal) is None
     assert motion.plan(robot, world, "left", goal, START) is None
 
 
 def test_a_closed_box_is_given_up(robot: Robot) -> None:
-    """A hand behind a wall without a gap is not reached; the iterations end and the margin is as it was."""
+    """A hand behind a wall without a gap is not reached; the iterations end and the margin is as it
+    was.
+    """
     world, goal = World(robot), reaching(robot)
     world.put("wall", [Box((0.02, 8.0, 8.0))], standing((0.32, 0.0, 1.0)))
     world.allow(("wall", "robot"))
@@ -145,7 +176,9 @@ def test_a_closed_box_is_given_up(robot: Robot) -> None:
 
 
 def test_a_start_in_touch_is_left_first(robot: Robot) -> None:
-    """With a thing in the hand that still stands on its shelf, the way begins straight upwards and is free after it."""
+    """With a thing in the hand that still stands on its shelf, the way begins straight upwards and
+    is free after it.
+    """
     world, start = World(robot), reaching(robot)
     goal = start.copy()
     goal[names.TORSO] += 0.4
@@ -160,4 +193,6 @@ def test_a_start_in_touch_is_left_first(robot: Robot) -> None:
     free = [world.free(q) for q in path]
     first = free.index(True)
     assert all(free[first:])
-    assert all(robot.grip(q, "left").translation[2] > grip.translation[2] - 1e-4 for q in path[: first + 1])
+    assert all(
+        robot.grip(q, "left").translation[2] > grip.translation[2] - 1e-4 for q in path[: first + 1]
+    )

@@ -1,4 +1,6 @@
-"""Forward kinematics: grips, their Jacobians and the camera agree with finite differences and with MuJoCo."""
+"""Forward kinematics: grips, their Jacobians and the camera agree with finite differences and with
+MuJoCo.
+"""
 
 from itertools import pairwise
 
@@ -39,7 +41,9 @@ def test_the_camera_is_where_mujoco_has_it(robot: Robot, rng: np.random.Generato
         mujoco.mj_kinematics(model, data)
         camera = robot.camera(*angles)
         np.testing.assert_allclose(camera.translation, data.body(names.CAMERA_BODY).xpos, atol=1e-6)
-        np.testing.assert_allclose(camera.rotation, data.body(names.CAMERA_BODY).xmat.reshape(3, 3), atol=1e-6)
+        np.testing.assert_allclose(
+            camera.rotation, data.body(names.CAMERA_BODY).xmat.reshape(3, 3), atol=1e-6
+        )
 
 
 @pytest.mark.parametrize("side", names.SIDES)

@@ -1,4 +1,6 @@
-"""Timed paths: limits held, none faster, path followed, ends exact and at rest, nothing lost between the knots."""
+"""Timed paths: limits held, none faster, path followed, ends exact and at rest, nothing lost
+between the knots.
+"""
 
 import json
 from pathlib import Path
@@ -14,18 +16,24 @@ from velma.kinematics.robot import Robot
 from velma.kinematics.timing import Spline
 
 TOOL_SPEED = 0.35
-# Rows of seed of `_varied`, tool speed [m/s] and duration [s] that toppra 0.6.10 found, before the moving average.
+# Rows of seed of `_varied`, tool speed [m/s] and duration [s] that toppra 0.6.10 found, before the
+# moving average.
 TOPPRA = json.loads((Path(__file__).parent / "toppra_durations.json").read_text())
 
 
 def _path(seed: int, corners: int) -> list[np.ndarray]:
     rng = np.random.default_rng(seed)
     ways = np.cumsum(rng.normal(0.0, 0.3, (corners, 15)), axis=0)
-    return [np.array(names.START), *np.clip(names.START + ways, names.LOWER + 0.05, names.UPPER - 0.05)]
+    return [
+        np.array(names.START),
+        *np.clip(names.START + ways, names.LOWER + 0.05, names.UPPER - 0.05),
+    ]
 
 
 def _varied(seed: int) -> list[np.ndarray]:
-    """A path of one of three kinds: straight or with 3 to 5 corners for the left arm, with corners for all joints."""
+    """A path of one of three kinds: straight or with 3 to 5 corners for the left arm, with corners
+    for all joints.
+    """
     rng, kind = np.random.RandomState(seed), ("straight", "corners", "body")[seed % 3]
     ways = rng.normal(0.0, 0.5, (1 if kind == "straight" else int(rng.randint(3, 6)), 15))
     if kind != "body":
@@ -38,7 +46,9 @@ def _grip_speed(robot: Robot, trajectory: timing.Trajectory) -> float:
     fastest = 0.0
     for side in names.SIDES:
         places = np.array([robot.grip(q, side).translation for q in trajectory.q])
-        fastest = max(fastest, np.linalg.norm(np.diff(places, axis=0), axis=1).max() / trajectory.dt)
+        fastest = max(
+            fastest, np.linalg.norm(np.diff(places, axis=0), axis=1).max() / trajectory.dt
+        )
     return fastest
 
 
@@ -47,7 +57,9 @@ def _grip_speed(robot: Robot, trajectory: timing.Trajectory) -> float:
 def test_limits_hold_on_any_path(seed: int, corners: int, fraction: float) -> None:
     """Joints, accelerations and grips stay within limits, a little aside between grid points."""
     robot = Robot()
-    found = timing.timed(robot, _path(seed, corners), tool_speed=TOOL_SPEED, joint_fraction=fraction)
+    found = timing.timed(
+        robot, _path(seed, corners), tool_speed=TOOL_SPEED, joint_fraction=fraction
+    )
     assert np.all(np.abs(found.v) <= fraction * robot.speed * 1.05)
     assert np.all(np.abs(np.diff(found.v, axis=0)) / found.dt <= timing.ACCELERATION * 1.2)
     assert _grip_speed(robot, found) <= TOOL_SPEED * 1.05
@@ -79,9 +91,13 @@ def test_durations_are_those_of_toppra(plain: bool, monkeypatch: pytest.MonkeyPa
 
 
 @settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 10_000), corners=st.integers(1, 4), size=st.sampled_from([1e-3, 0.1, 1.0]))
+@given(
+    seed=st.integers(0, 10_000), corners=st.integers(1, 4), size=st.sampled_from([1e-3, 0.1, 1.0])
+)
 def test_no_motion_along_the_path_is_faster(seed: int, corners: int, size: float) -> None:
-    """At every grid point the squared speed is within all limits, and one of them forbids a larger one."""
+    """At every grid point the squared speed is within all limits, and one of them forbids a larger
+    one.
+    """
     rng = np.random.default_rng(seed)
     points = timing.dense(size * np.cumsum(rng.normal(0.0, 0.3, (corners + 1, 15)), axis=0))
     along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
@@ -118,7 +134,10 @@ def test_speeds_are_the_derivative_of_the_positions(robot: Robot) -> None:
 
 def test_a_slower_tool_takes_longer(robot: Robot) -> None:
     """The duration grows as the tool is allowed less."""
-    durations = [timing.timed(robot, _path(5, 2), tool_speed=speed).duration for speed in (0.5, 0.25, 0.1, 0.04)]
+    durations = [
+        timing.timed(robot, _path(5, 2), tool_speed=speed).duration
+        for speed in (0.5, 0.25, 0.1, 0.04)
+    ]
     assert durations == sorted(durations)
     assert durations[-1] > 5 * durations[0]
 
@@ -147,6 +166,8 @@ def test_between_knots_it_is_interpolated(robot: Robot) -> None:
     q, v = found.at(10 * found.dt)
     np.testing.assert_allclose(q, found.q[10], atol=1e-12)
     np.testing.assert_allclose(v, found.v[10], atol=1e-12)
-    np.testing.assert_allclose(found.at(10.5 * found.dt)[0], (found.q[10] + found.q[11]) / 2, atol=1e-12)
+    np.testing.assert_allclose(
+        found.at(10.5 * found.dt)[0], (found.q[10] + found.q[11]) / 2, atol=1e-12
+    )
     np.testing.assert_array_equal(found.at(-1.0)[0], found.q[0])
     np.testing.assert_array_equal(found.at(found.duration + 1.0)[0], found.q[-1])

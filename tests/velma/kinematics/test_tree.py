@@ -55,7 +55,9 @@ def test_iterations_are_counted() -> None:
 
 
 def test_shortcuts_only_shorten() -> None:
-    """A shortened path keeps its ends, stays allowed, is finely divided, and half of the detour is gone."""
+    """A shortened path keeps its ends, stays allowed, is finely divided, and half of the detour is
+    gone.
+    """
     for seed in range(5):
         way = dense(tree(seed), STEP)
         short = shortened(way, all_beside, length, np.random.default_rng(seed))
@@ -66,8 +68,12 @@ def test_shortcuts_only_shorten() -> None:
 
 
 def test_rounding_keeps_the_ends_and_ends_with_the_path() -> None:
-    """Every rounded path has the same ends; corners are missed by less and less, the last is the path itself."""
-    path = dense([np.zeros(8), np.array([1.0, *np.zeros(7)]), np.array([1.0, 1.0, *np.zeros(6)])], STEP)
+    """Every rounded path has the same ends; corners are missed by less and less, the last is the
+    path itself.
+    """
+    path = dense(
+        [np.zeros(8), np.array([1.0, *np.zeros(7)]), np.array([1.0, 1.0, *np.zeros(6)])], STEP
+    )
     rounded = list(rounder(path))
     for each in rounded:
         np.testing.assert_allclose(each[[0, -1]], path[[0, -1]])

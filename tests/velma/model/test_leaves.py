@@ -1,4 +1,6 @@
-"""Leaves of cabinets: they hang at their hinges however far they are open, and go where their cabinet goes."""
+"""Leaves of cabinets: they hang at their hinges however far they are open, and go where their
+cabinet goes.
+"""
 
 import math
 
@@ -25,7 +27,11 @@ models = st.sampled_from(DOORS)
 def hung(model: Model, angle: float, yaw: float = 0.0) -> Scene:
     """A cabinet with one leaf."""
     cabinet = SceneObject("cabinet_1", Model.CABINET_DOOR, (1.0, 0.3, 1.1), yaw=yaw)
-    return scene.checked(scene.hung(Scene("one", (cabinet, SceneObject("door_1", model, of="cabinet_1", open=angle)))))
+    return scene.checked(
+        scene.hung(
+            Scene("one", (cabinet, SceneObject("door_1", model, of="cabinet_1", open=angle)))
+        )
+    )
 
 
 def in_cabinet(whole: Scene, name: str = "door_1") -> pin.SE3:
@@ -45,8 +51,12 @@ def handle(model: Model, pose: pin.SE3) -> np.ndarray:
 
 @settings(max_examples=60, deadline=None)
 @given(model=models, angle=angles, yaw=st.floats(-3.0, 3.0))
-def test_a_leaf_turns_about_its_hinge_out_of_the_cabinet(model: Model, angle: float, yaw: float) -> None:
-    """Its origin stays; its handle is as far from it as closed, and the farther outwards the farther it is open."""
+def test_a_leaf_turns_about_its_hinge_out_of_the_cabinet(
+    model: Model, angle: float, yaw: float
+) -> None:
+    """Its origin stays; its handle is as far from it as closed, and the farther outwards the
+    farther it is open.
+    """
     pose, closed = in_cabinet(hung(model, angle, yaw)), in_cabinet(hung(model, 0.0, yaw))
     assert pose.translation == pytest.approx(closed.translation)
     at, before = handle(model, pose), handle(model, closed)
@@ -56,14 +66,23 @@ def test_a_leaf_turns_about_its_hinge_out_of_the_cabinet(model: Model, angle: fl
 
 
 def test_closed_leaves_cover_what_is_behind_them() -> None:
-    """From the bottom shelf to the roof and from side to side; they do not meet, nor reach beyond the front edges."""
+    """From the bottom shelf to the roof and from side to side; they do not meet, nor reach beyond
+    the front edges.
+    """
     boards = objects()["cabinet"]["parts"]
     edges = []
     for name, model in (("door_1", Model.DOOR_LEFT), ("door_2", Model.DOOR_RIGHT)):
         panel = objects()[model]["parts"]["panel"]
-        middle, half = in_cabinet(CLOSED, name).act(np.array(panel["xyz"])), np.array(panel["box"]) / 2
-        assert middle[2] + half[2] == pytest.approx(boards["top"]["xyz"][2] - boards["top"]["box"][2] / 2)
-        assert middle[2] - half[2] == pytest.approx(boards["bottom"]["xyz"][2] - boards["bottom"]["box"][2] / 2)
+        middle, half = (
+            in_cabinet(CLOSED, name).act(np.array(panel["xyz"])),
+            np.array(panel["box"]) / 2,
+        )
+        assert middle[2] + half[2] == pytest.approx(
+            boards["top"]["xyz"][2] - boards["top"]["box"][2] / 2
+        )
+        assert middle[2] - half[2] == pytest.approx(
+            boards["bottom"]["xyz"][2] - boards["bottom"]["box"][2] / 2
+        )
         assert middle[0] + half[0] < boards["top"]["box"][0] / 2
         edges += [middle[1] - half[1], middle[1] + half[1]]
     inner = boards["right_side"]["xyz"][1] - boards["right_side"]["box"][1] / 2
@@ -79,7 +98,9 @@ def test_leaves_go_with_their_cabinet(seed: int) -> None:
     varied = scene.vary(CLOSED, seed)
     assert varied.find("cabinet_2") != CLOSED.find("cabinet_2")
     for name in ("door_1", "door_2"):
-        assert in_cabinet(varied, name).homogeneous == pytest.approx(in_cabinet(CLOSED, name).homogeneous)
+        assert in_cabinet(varied, name).homogeneous == pytest.approx(
+            in_cabinet(CLOSED, name).homogeneous
+        )
     assert scene.checked(varied) is varied
 
 
@@ -87,7 +108,9 @@ def test_leaves_go_with_their_cabinet(seed: int) -> None:
 def test_km_knows_the_leaf_that_is_simulated(model: Model) -> None:
     """The same boards at the same places, and the mass."""
     known, parts = MODELS[model], objects()[model]["parts"].values()
-    assert [(s.size, s.at.xyz) for s in known.shapes] == [(tuple(p["box"]), tuple(p["xyz"])) for p in parts]  # type: ignore[union-attr]
+    assert [(s.size, s.at.xyz) for s in known.shapes] == [
+        (tuple(p["box"]), tuple(p["xyz"])) for p in parts
+    ]  # type: ignore[union-attr]
     assert known.mass == objects()[model]["mass"]
     assert not known.moveable
 
@@ -117,5 +140,7 @@ def test_a_leaf_that_cannot_hang_is_refused(tmp_path) -> None:
 def test_a_leaf_is_hung_once() -> None:
     """What hangs already stays, bit by bit."""
     assert scene.hung(CLOSED) == CLOSED
-    loose = replace(CLOSED, things=tuple(replace(t, xyz=NOWHERE, yaw=0.0) if t.of else t for t in CLOSED.things))
+    loose = replace(
+        CLOSED, things=tuple(replace(t, xyz=NOWHERE, yaw=0.0) if t.of else t for t in CLOSED.things)
+    )
     assert scene.hung(loose) == CLOSED

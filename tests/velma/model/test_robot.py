@@ -65,7 +65,9 @@ def test_both_libraries_agree_on_frames(both):
 
 
 def test_both_libraries_agree_on_bias_torque_and_mass_matrix(both):
-    """Gravity, Coriolis and inertia with armature: the controller's model is the simulated robot."""
+    """Gravity, Coriolis and inertia with armature: the controller's model is the simulated
+    robot.
+    """
     model, data, other = both
     scratch = other.createData()
     dense = np.zeros((model.nv, model.nv))
@@ -75,7 +77,9 @@ def test_both_libraries_agree_on_bias_torque_and_mass_matrix(both):
         mujoco.mj_fullM(model, data, dense)
         mass = np.triu(pin.crba(other, scratch, q))
         np.testing.assert_allclose(mass + np.triu(mass, 1).T, dense, atol=1e-9)
-        np.testing.assert_allclose(pin.nonLinearEffects(other, scratch, q, v), data.qfrc_bias, atol=1e-8)
+        np.testing.assert_allclose(
+            pin.nonLinearEffects(other, scratch, q, v), data.qfrc_bias, atol=1e-8
+        )
 
 
 def test_grips_stand_where_the_recorded_robot_has_them(both):
@@ -84,8 +88,12 @@ def test_grips_stand_where_the_recorded_robot_has_them(both):
     for name, angle in zip(names.BODY, names.START, strict=True):
         data.joint(name).qpos[0] = angle
     mujoco.mj_kinematics(model, data)
-    np.testing.assert_allclose(data.body("right_HandGripLink").xpos, (-0.0341, -0.4704, 0.4578), atol=1e-4)
-    np.testing.assert_allclose(data.body("left_HandGripLink").xpos, (-0.0348, 0.4682, 0.4578), atol=1e-4)
+    np.testing.assert_allclose(
+        data.body("right_HandGripLink").xpos, (-0.0341, -0.4704, 0.4578), atol=1e-4
+    )
+    np.testing.assert_allclose(
+        data.body("left_HandGripLink").xpos, (-0.0348, 0.4682, 0.4578), atol=1e-4
+    )
 
 
 def test_start_posture_touches_nothing(both):
@@ -99,7 +107,9 @@ def test_start_posture_touches_nothing(both):
 
 
 def test_the_wrist_can_turn_the_hand_into_the_forearm(both):
-    """The exclusions do not hide a hand that touches its own forearm: the wrist polygon is there for a reason."""
+    """The exclusions do not hide a hand that touches its own forearm: the wrist polygon is there
+    for a reason.
+    """
     model, data, _ = both
     rng = np.random.default_rng(3)
     touching = 0
@@ -107,7 +117,11 @@ def test_the_wrist_can_turn_the_hand_into_the_forearm(both):
         data.joint("right_arm_5_joint").qpos[0] = rng.uniform(-2, 2)
         data.joint("right_arm_6_joint").qpos[0] = rng.uniform(-2.9, 2.9)
         mujoco.mj_forward(model, data)
-        links = {model.body(model.geom_bodyid[g]).name for pair in data.contact.geom[: data.ncon] for g in pair}
+        links = {
+            model.body(model.geom_bodyid[g]).name
+            for pair in data.contact.geom[: data.ncon]
+            for g in pair
+        }
         touching += any("arm_5" in link or "arm_4" in link for link in links)
     assert touching > 0
 
@@ -135,14 +149,21 @@ def test_names_repeat_the_numbers(numbers, both):
     np.testing.assert_array_equal(ranges[:, 0], names.LOWER)
     np.testing.assert_array_equal(ranges[:, 1], names.UPPER)
     np.testing.assert_array_equal(
-        [model.joint(name).range for name in names.HEAD], np.stack([names.HEAD_LOWER, names.HEAD_UPPER], 1)
+        [model.joint(name).range for name in names.HEAD],
+        np.stack([names.HEAD_LOWER, names.HEAD_UPPER], 1),
     )
-    speeds = {body["joint"]["name"]: body["joint"]["speed"] for body in build.bodies(numbers) if "joint" in body}
+    speeds = {
+        body["joint"]["name"]: body["joint"]["speed"]
+        for body in build.bodies(numbers)
+        if "joint" in body
+    }
     np.testing.assert_array_equal([speeds[name] for name in names.BODY], names.SPEED)
     torque = numbers["limits"]["accepted_torque"]
     np.testing.assert_array_equal([torque["torso"], *torque["arm"], *torque["arm"]], names.TORQUE)
     np.testing.assert_array_equal(numbers["postures"]["start"], names.START)
-    np.testing.assert_array_equal(numbers["limits"]["wrist_polygon_right"], names.WRIST_POLYGON["right"])
+    np.testing.assert_array_equal(
+        numbers["limits"]["wrist_polygon_right"], names.WRIST_POLYGON["right"]
+    )
     assert numbers["limits"]["head_speed"] == names.HEAD_SPEED
     for side in names.SIDES:
         for joints, upper in (

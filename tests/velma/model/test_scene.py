@@ -35,14 +35,22 @@ def without(whole, name):
 
 def test_the_canonical_scene_has_the_things_the_task_names():
     """Ids are the agents' words."""
-    assert {thing.id for thing in CANONICAL.things} == {"jar_1", "bowl_1", "cabinet_2", "table_1", "table_2"}
+    assert {thing.id for thing in CANONICAL.things} == {
+        "jar_1",
+        "bowl_1",
+        "cabinet_2",
+        "table_1",
+        "table_2",
+    }
     assert CANONICAL.content.grains == 30
 
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 2**31))
 def test_variation_stays_in_its_spread(seed):
-    """Cabinet within 4 cm and 6 degrees, jar and bowl within their ranges in the cabinet; heights stay."""
+    """Cabinet within 4 cm and 6 degrees, jar and bowl within their ranges in the cabinet; heights
+    stay.
+    """
     varied, spread = scene.vary(CANONICAL, seed), Spread()
     before, after = CANONICAL.find("cabinet_2"), varied.find("cabinet_2")
     assert np.abs(np.subtract(after.xyz, before.xyz)[:2]).max() <= spread.cabinet
@@ -67,13 +75,18 @@ def test_every_scene_of_ours_loads_compiles_and_varies(path):
 
 
 def test_the_jar_out_of_reach_stands_on_its_table_and_is_out_of_reach():
-    """0.2 m further than upper arm, forearm, wrist and hand reach from the nearest place of a shoulder."""
+    """0.2 m further than upper arm, forearm, wrist and hand reach from the nearest place of a
+    shoulder.
+    """
     whole = scene.load(scene.CANONICAL.parent / "jar_out_of_reach.toml")
     jar, table = whole.find("jar_1"), whole.find("table_1")
     c, s = math.cos(-table.yaw), math.sin(-table.yaw)
     local = np.array([[c, -s], [s, c]]) @ np.subtract(jar.xyz, table.xyz)[:2]
     assert np.abs(local).max() < 0.913 / 2 - 0.04
-    assert math.hypot(math.hypot(*jar.xyz[:2]) - 0.27, 1.36 - jar.xyz[2]) > 0.40 + 0.39 + 0.078 + 0.24 + 0.2
+    assert (
+        math.hypot(math.hypot(*jar.xyz[:2]) - 0.27, 1.36 - jar.xyz[2])
+        > 0.40 + 0.39 + 0.078 + 0.24 + 0.2
+    )
 
 
 def test_a_seed_is_a_scene():
@@ -113,7 +126,9 @@ def test_a_thing_in_a_cabinet_moves_with_it():
 def test_a_thing_may_lie_or_lean(angles):
     """Its axes are those of Rz(yaw) Ry(pitch) Rx(roll)."""
     yaw, pitch, roll = angles
-    whole = Scene("jar", (SceneObject("jar_1", Model.JAR, (0, 0, 1), yaw=yaw, pitch=pitch, roll=roll),))
+    whole = Scene(
+        "jar", (SceneObject("jar_1", Model.JAR, (0, 0, 1), yaw=yaw, pitch=pitch, roll=roll),)
+    )
     model = mujoco.MjModel.from_xml_string(scene_xml(whole))
     turned = np.zeros(9)
     mujoco.mju_quat2Mat(turned, model.body("jar_1").quat)
@@ -183,7 +198,10 @@ IMPOSSIBLE = (
     ({"content": scene.Content(grains=500)}, "from 0 to 60"),
     ({"content": scene.Content(friction=30.0)}, "from 0 to 3"),
     ({"noise": scene.Noise(position=3.0)}, "from 0 to 0.1"),
-    ({"things": BOXES}, "thing box_21 .* at most 250 markers in all: they suffice for the 25 things before it"),
+    (
+        {"things": BOXES},
+        "thing box_21 .* at most 250 markers in all: they suffice for the 25 things before it",
+    ),
 )
 
 
@@ -199,7 +217,12 @@ def test_a_scene_that_cannot_be_is_refused_with_what_would_be_right():
 def test_a_file_that_is_no_scene_is_refused(tmp_path):
     """The error is ours and names the file, whatever stands in it."""
     path = tmp_path / "scene.toml"
-    for text in ("name = 3", "nome = 'x'", "= [", "name='x'\n[[thing]]\nid='a'\nmodel='cup'\nxyz=[0,0,0]"):
+    for text in (
+        "name = 3",
+        "nome = 'x'",
+        "= [",
+        "name='x'\n[[thing]]\nid='a'\nmodel='cup'\nxyz=[0,0,0]",
+    ):
         path.write_text(text)
         with pytest.raises(SceneError, match=r"scene\.toml"):
             scene.load(path)
@@ -241,7 +264,9 @@ def test_nothing_touches_in_the_scene_as_it_is_drawn():
 def test_grains_lie_in_the_jar():
     """All of them, and the most that a scene may ask for too."""
     for grains in (1, 30, scene.MOST_GRAINS):
-        whole = Scene("jar", (SceneObject("jar_1", Model.JAR, (0, 0, 1)),), scene.Content(grains=grains))
+        whole = Scene(
+            "jar", (SceneObject("jar_1", Model.JAR, (0, 0, 1)),), scene.Content(grains=grains)
+        )
         model = mujoco.MjModel.from_xml_string(scene_xml(whole))
         at = np.array([model.body(f"grain_{k}").pos for k in range(grains)]) - (0, 0, 1)
         jar, grain = objects()["jar"], objects()["grain"]["radius"]
@@ -252,13 +277,18 @@ def test_grains_lie_in_the_jar():
 def test_looks_of_vessels_follow_their_numbers():
     """The surface one sees is where the hand meets the wall."""
     model = mujoco.MjModel.from_xml_string(scene_xml(CANONICAL))
-    for body, key, height in (("jar_1_jar_glass", "radius", "height"), ("bowl_1_bowl_glaze", "rim_radius", "height")):
+    for body, key, height in (
+        ("jar_1_jar_glass", "radius", "height"),
+        ("bowl_1_bowl_glaze", "rim_radius", "height"),
+    ):
         mesh = model.mesh(model.geom(body).dataid[0])
         start, count = mesh.vertadr[0], mesh.vertnum[0]
         # The compiler turns a mesh into its own principal axes and places it back by the geom.
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, model.geom(body).quat)
-        points = model.mesh_vert[start : start + count] @ turn.reshape(3, 3).T + model.geom(body).pos
+        points = (
+            model.mesh_vert[start : start + count] @ turn.reshape(3, 3).T + model.geom(body).pos
+        )
         numbers = objects()[body.split("_")[0]]
         assert np.hypot(points[:, 0], points[:, 1]).max() == pytest.approx(numbers[key], abs=1e-3)
         assert np.ptp(points[:, 2]) == pytest.approx(numbers[height], abs=1e-3)
@@ -270,6 +300,8 @@ def test_grains_rub_on_the_inside_of_the_jar_as_the_scene_says(friction: float |
     """Its outside, which hands hold, is as it was; without a word both are as measured."""
     whole = msgspec.structs.replace(CANONICAL, content=scene.Content(friction=friction))
     model = mujoco.MjModel.from_xml_string(scene_xml(whole))
-    inside = {float(model.geom(f"jar_1_{name}").friction[0]) for name in ("bottom", "inner_0", "inner_11")}
+    inside = {
+        float(model.geom(f"jar_1_{name}").friction[0]) for name in ("bottom", "inner_0", "inner_11")
+    }
     assert inside == {0.3 if friction is None else friction}
     assert float(model.geom("jar_1_side").friction[0]) == 0.6

@@ -1,4 +1,6 @@
-"""The simulated and the pretended robot: the same face, and what only the simulated one can show."""
+"""The simulated and the pretended robot: the same face, and what only the simulated one can
+show.
+"""
 
 import msgspec
 import mujoco
@@ -134,7 +136,9 @@ def test_a_burst_simulation_stays_burst():
 
 
 def test_truth_tells_where_everything_is():
-    """Each thing's pose is that of its body in the simulation; each grain that is counted has a place."""
+    """Each thing's pose is that of its body in the simulation; each grain that is counted has a
+    place.
+    """
     robot = MujocoBackend(scene.load())
     run(robot, no_command(), 0.4)
     told = TruthReader(robot).read()
@@ -174,7 +178,9 @@ def test_mock_fingers_stop_at_what_they_meet():
 
 
 def test_a_wrist_carries_its_hand_upwards():
-    """At rest it reads the weight of all that hangs below the sensor, against gravity, in the sensor's axes."""
+    """At rest it reads the weight of all that hangs below the sensor, against gravity, in the
+    sensor's axes.
+    """
     robot = MujocoBackend(msgspec.structs.replace(EMPTY, noise=EXACT))
     state = run(robot, no_command(), 1.0)
     for row, name in enumerate(FT_BODY.values()):
@@ -184,7 +190,9 @@ def test_a_wrist_carries_its_hand_upwards():
 
 
 def test_wrist_sensors_err_as_the_scene_says():
-    """A constant error within its range and white noise of its size; the same ones for the same seed."""
+    """A constant error within its range and white noise of its size; the same ones for the same
+    seed.
+    """
     noise = scene.Noise(seed=3, force=0.2, force_bias=1.0, torque=0.01, torque_bias=0.05)
     true = run(MujocoBackend(msgspec.structs.replace(EMPTY, noise=EXACT)), no_command(), 1.0).wrist
     robots = [MujocoBackend(msgspec.structs.replace(EMPTY, noise=noise)) for _ in range(2)]
@@ -218,7 +226,9 @@ def test_joints_are_measured_as_the_scene_says():
     """With white noise, a cycle late; speeds are of two such positions."""
     exact = MujocoBackend(EMPTY)
     robot = MujocoBackend(
-        msgspec.structs.replace(EMPTY, noise=msgspec.structs.replace(EMPTY.noise, joint=1e-4, delay=1))
+        msgspec.structs.replace(
+            EMPTY, noise=msgspec.structs.replace(EMPTY.noise, joint=1e-4, delay=1)
+        )
     )
     push = no_command()
     push.tau[0] = 5.0
@@ -248,14 +258,23 @@ def test_things_are_heavier_than_their_models_say():
     """Within the share, each by its own; what a robot knows of them does not change."""
     canonical = scene.load()
     light, heavy = (
-        MujocoBackend(msgspec.structs.replace(canonical, noise=msgspec.structs.replace(canonical.noise, mass=share)))
+        MujocoBackend(
+            msgspec.structs.replace(
+                canonical, noise=msgspec.structs.replace(canonical.noise, mass=share)
+            )
+        )
         for share in (0.0, 0.1)
     )
-    factors = [heavy.model.body(name).mass[0] / light.model.body(name).mass[0] for name in ("jar_1", "bowl_1")]
+    factors = [
+        heavy.model.body(name).mass[0] / light.model.body(name).mass[0]
+        for name in ("jar_1", "bowl_1")
+    ]
     assert all(0.9 <= factor <= 1.1 for factor in factors)
     assert abs(factors[0] - factors[1]) > 1e-3
     jar = heavy.model.body("jar_1").id
-    assert heavy.model.body_inertia[jar] == pytest.approx(factors[0] * light.model.body_inertia[jar])
+    assert heavy.model.body_inertia[jar] == pytest.approx(
+        factors[0] * light.model.body_inertia[jar]
+    )
 
 
 def test_a_restored_robot_measures_on_as_it_would_have():

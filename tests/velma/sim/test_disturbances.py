@@ -1,4 +1,6 @@
-"""Faults of simulated senses and things: what was asked for is disturbed, nothing else, and it ends."""
+"""Faults of simulated senses and things: what was asked for is disturbed, nothing else, and it
+ends.
+"""
 
 import time
 from pathlib import Path
@@ -75,7 +77,9 @@ def test_only_the_asked_reading_is_spoiled_and_heals(robot):
     for fault, ill in SPOILED.items():
         assert not robot.disturb((fault,)), "nothing in the world changed"
         spoiled = readings(robot.observe())
-        assert {name for name in before if not np.array_equal(before[name], spoiled[name])} == ill, fault
+        assert {
+            name for name in before if not np.array_equal(before[name], spoiled[name])
+        } == ill, fault
         assert np.array_equal(robot.data.qpos, world), fault
         robot.disturb(())
         healed = readings(robot.observe())
@@ -114,7 +118,7 @@ def test_a_stuck_reading_stays_as_it_was_first_read(of, on):
     assert not np.array_equal(first["proximal right"], now["proximal right"])
 
 
-# --- things -----------------------------------------------------------------------------------------------------------
+# --- things ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["jar_1", "bowl_1"])
@@ -126,7 +130,9 @@ def test_what_is_pushed_slides_and_stands(name):
     assert robot.disturb((one(Of.THING, Kind.PUSHED, name, -0.03, 0.02, 0.0),))
     hold(robot, LONG)
     after = truth.read()
-    assert np.subtract(after.at[name], before.at[name]) == pytest.approx([-0.03, 0.02, 0.0], abs=0.01)
+    assert np.subtract(after.at[name], before.at[name]) == pytest.approx(
+        [-0.03, 0.02, 0.0], abs=0.01
+    )
     assert after.tilt_deg[name] < 2.0
     assert after.grains_in["jar_1"] == after.grains
     assert not robot.data.xfrc_applied.any()
@@ -134,14 +140,19 @@ def test_what_is_pushed_slides_and_stands(name):
 
 
 def test_a_push_is_stopped_by_what_stands_in_the_way():
-    """The bowl is pushed by half a metre into the side of its cabinet: no harder than a hand does, and not through."""
+    """The bowl is pushed by half a metre into the side of its cabinet: no harder than a hand does,
+    and not through.
+    """
     robot = resting()
     truth = TruthReader(robot)
     robot.disturb((one(Of.THING, Kind.PUSHED, "bowl_1", 0.0, 0.5, 0.0),))
     rotation, cabinet = truth.pose("cabinet_2")
     for _ in range(LONG):
         hold(robot, 1)
-        assert np.linalg.norm(robot.data.xfrc_applied[robot.model.body("bowl_1").id, :3]) <= PUSH_N + 1e-9
+        assert (
+            np.linalg.norm(robot.data.xfrc_applied[robot.model.body("bowl_1").id, :3])
+            <= PUSH_N + 1e-9
+        )
         local = rotation.T @ (truth.pose("bowl_1")[1] - cabinet)
         assert abs(local[1]) < 0.2925 - 0.055
 
@@ -191,7 +202,9 @@ def test_what_is_removed_stands_out_of_sight_with_its_content_and_comes_back():
 
 
 def test_what_a_person_pulls_at_and_nobody_holds_is_carried_off():
-    """It does not fall: it is at the person's hand, then out of sight, upright, with its content."""
+    """It does not fall: it is at the person's hand, then out of sight, upright, with its
+    content.
+    """
     robot = resting()
     truth = TruthReader(robot)
     before = truth.read()
@@ -242,7 +255,9 @@ def test_what_is_added_stands_where_it_was_put():
 
 
 def test_furniture_is_moved_with_what_stands_in_it_and_for_what_touches_it():
-    """The cabinet takes jar and bowl along, and stands elsewhere for contacts, too: nothing falls or jumps."""
+    """The cabinet takes jar and bowl along, and stands elsewhere for contacts, too: nothing falls
+    or jumps.
+    """
     robot = resting()
     truth = TruthReader(robot)
     before = truth.read()
@@ -250,11 +265,13 @@ def test_furniture_is_moved_with_what_stands_in_it_and_for_what_touches_it():
     hold(robot, 2 * LONG)
     after = truth.read()
     for name in ("cabinet_2", "jar_1", "bowl_1"):
-        assert np.subtract(after.poses[name][0], before.poses[name][0]) == pytest.approx([0, 0.05, 0], abs=0.003)
+        assert np.subtract(after.poses[name][0], before.poses[name][0]) == pytest.approx(
+            [0, 0.05, 0], abs=0.003
+        )
     board = robot.model.geom("cabinet_2_middle_shelf").id
-    assert robot.data.geom_xpos[board] - robot.data.xpos[robot.model.body("cabinet_2").id] == pytest.approx(
-        truth.pose("cabinet_2")[0] @ robot.model.geom_pos[board], abs=1e-6
-    )
+    assert robot.data.geom_xpos[board] - robot.data.xpos[
+        robot.model.body("cabinet_2").id
+    ] == pytest.approx(truth.pose("cabinet_2")[0] @ robot.model.geom_pos[board], abs=1e-6)
     assert after.grains_in["jar_1"] == after.grains
 
 
@@ -271,7 +288,9 @@ def test_a_joint_that_sticks_does_not_follow_its_drive():
 
 
 def test_a_sense_and_a_thing_of_another_name_are_left_alone():
-    """A fault of a thing that the scene does not have, or of furniture that is fast, changes nothing."""
+    """A fault of a thing that the scene does not have, or of furniture that is fast, changes
+    nothing.
+    """
     robot = resting()
     before = robot.data.qpos.copy()
     robot.disturb((one(Of.THING, Kind.PUSHED, "cup_1"), one(Of.THING, Kind.TIPPED, "table_1")))
@@ -279,7 +298,7 @@ def test_a_sense_and_a_thing_of_another_name_are_left_alone():
     assert np.abs(robot.data.qpos - before).max() < 1e-4
 
 
-# --- pictures ---------------------------------------------------------------------------------------------------------
+# --- pictures -------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -325,7 +344,7 @@ def test_the_camera_sees_furniture_where_it_was_moved_to(camera, tmp_path):
     assert np.array_equal(camera.both(qpos, 1)[0], before)
 
 
-# --- orders -----------------------------------------------------------------------------------------------------------
+# --- orders ---------------------------------------------------------------------------------------
 
 ZERO = one(Of.WRIST, Kind.ZERO)
 
@@ -348,7 +367,9 @@ def test_orders_begin_and_end_with_the_file(tmp_path: Path) -> None:
 
 def test_an_order_ends_at_its_time_though_nobody_takes_it_back(tmp_path: Path) -> None:
     file, now = tmp_path / "disturbances.json", time.time()
-    disturbances.write(file, (disturbances.Disturbance("a", Of.WRIST, Kind.ZERO, until=now - 1.0), ZERO))
+    disturbances.write(
+        file, (disturbances.Disturbance("a", Of.WRIST, Kind.ZERO, until=now - 1.0), ZERO)
+    )
     orders = Orders(file)
     assert (orders.look(), orders.going_on) == (True, (ZERO,))
 

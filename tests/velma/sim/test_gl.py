@@ -1,4 +1,6 @@
-"""Whether something can be drawn here: by drawing, in another process. What is in the way is told."""
+"""Whether something can be drawn here: by drawing, in another process. What is in the way is
+told.
+"""
 
 import os
 import re
@@ -13,7 +15,14 @@ from velma.sim import gl
 pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).resolve().parents[3]
-NAMING = ("README.md", "docs/eyes.md", "docs/deploy.md", "scripts/errors.toml", "deploy/Dockerfile", "deploy/make-base")
+NAMING = (
+    "README.md",
+    "docs/eyes.md",
+    "docs/deploy.md",
+    "scripts/errors.toml",
+    "deploy/Dockerfile",
+    "deploy/make-base",
+)
 
 
 @pytest.fixture
@@ -25,7 +34,9 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_where_all_libraries_are_here_one_draws() -> None:
-    """Which one is told. A check that always says no would have all tests that draw skipped: this one is not."""
+    """Which one is told. A check that always says no would have all tests that draw skipped: this
+    one is not.
+    """
     try:
         name = gl._chosen()
     except GlError:
@@ -37,7 +48,9 @@ def test_where_all_libraries_are_here_one_draws() -> None:
 @pytest.mark.usefixtures("no_opengl")
 def test_libraries_that_cannot_be_loaded_are_named() -> None:
     """Both of them, and all packages of Debian."""
-    with pytest.raises(GlError, match=r"libEGL\.so\.1: file too .* \S*libOSMesa\.so\.8: file too") as told:
+    with pytest.raises(
+        GlError, match=r"libEGL\.so\.1: file too .* \S*libOSMesa\.so\.8: file too"
+    ) as told:
         gl.required()
     assert GlError.PACKAGES in gl.lost()
     assert str(told.value) == gl.lost()
@@ -59,7 +72,9 @@ def test_egl_without_the_functions_of_opengl_does_not_draw(broken: Path) -> None
         ("MUJOCO_GL", "off", "MUJOCO_GL=off in the environment forbids it"),
     ],
 )
-def test_what_only_drawing_shows_is_told(monkeypatch: pytest.MonkeyPatch, variable: str, value: str, why: str) -> None:
+def test_what_only_drawing_shows_is_told(
+    monkeypatch: pytest.MonkeyPatch, variable: str, value: str, why: str
+) -> None:
     """All libraries are there, and still nothing can be drawn."""
     monkeypatch.setenv(variable, value)
     assert why in gl.lost()
@@ -67,7 +82,10 @@ def test_what_only_drawing_shows_is_told(monkeypatch: pytest.MonkeyPatch, variab
 
 @pytest.mark.parametrize(
     ("script", "why"),
-    [("kill -SEGV $$", "SIGSEGV killed the process"), ("exec sleep 60", "nothing was drawn within 0.3 s")],
+    [
+        ("kill -SEGV $$", "SIGSEGV killed the process"),
+        ("exec sleep 60", "nothing was drawn within 0.3 s"),
+    ],
 )
 def test_a_driver_that_kills_or_hangs_is_survived(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, why: str
@@ -82,7 +100,9 @@ def test_a_driver_that_kills_or_hangs_is_survived(
 
 
 def test_an_answer_does_not_outlive_the_library(broken: Path) -> None:
-    """It is asked each time: a library that breaks is noticed at once, and one that comes back, too."""
+    """It is asked each time: a library that breaks is noticed at once, and one that comes back,
+    too.
+    """
     before = gl.lost()
     for library in gl.LIBRARIES.values():
         (broken / library).touch()

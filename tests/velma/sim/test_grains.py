@@ -1,4 +1,6 @@
-"""Grains that spin and grains that only slide: how they move, what is counted, what is kept of them."""
+"""Grains that spin and grains that only slide: how they move, what is counted, what is kept of
+them.
+"""
 
 import math
 from functools import cache
@@ -29,19 +31,29 @@ FRICTION = objects()["contact"]["furniture"]["friction"][0]
 def alone(spin: bool) -> mujoco.MjModel:
     """A scene with one grain, whose jar stands far from AWAY."""
     return mujoco.MjModel.from_xml_string(
-        scene_xml(Scene("one", (SceneObject(JAR, Model.JAR, (3, -3, 0.101)),), Content(grains=1, spin=spin)))
+        scene_xml(
+            Scene(
+                "one", (SceneObject(JAR, Model.JAR, (3, -3, 0.101)),), Content(grains=1, spin=spin)
+            )
+        )
     )
 
 
 def put(model: mujoco.MjModel, data: mujoco.MjData, name: str, at: np.ndarray) -> None:
     """Put a grain somewhere: sliding ones count from where they begin."""
     body = model.body(name)
-    first, free = model.jnt_qposadr[body.jntadr[0]], model.jnt_type[body.jntadr[0]] == mujoco.mjtJoint.mjJNT_FREE
+    first, free = (
+        model.jnt_qposadr[body.jntadr[0]],
+        model.jnt_type[body.jntadr[0]] == mujoco.mjtJoint.mjJNT_FREE,
+    )
     data.qpos[first : first + 3] = at if free else at - body.pos
 
 
-def rolled(spin: bool, slope: float, speed: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return speed (3,), turning (3,) and rotation (3, 3) of a grain that was on a slope down x for ROLLS_S.
+def rolled(
+    spin: bool, slope: float, speed: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return speed (3,), turning (3,) and rotation (3, 3) of a grain that was on a slope down x for
+    ROLLS_S.
 
     `speed`: at first, along x, rolling.
     """
@@ -67,10 +79,14 @@ def slows(slope: float) -> float:
 @settings(max_examples=15, deadline=None)
 @given(slope=st.floats(0.08, 0.4))
 def test_a_grain_that_spins_rolls_down_a_slope(slope: float) -> None:
-    """As a ball without slip does, which keeps 5/7 of the pull for its way; one that does not spin stays."""
+    """As a ball without slip does, which keeps 5/7 of the pull for its way; one that does not spin
+    stays.
+    """
     speed, turning, _ = rolled(True, slope)
     assert turning * RADIUS == pytest.approx([0.0, speed[0], 0.0], abs=0.06 * speed[0])
-    assert speed[0] == pytest.approx((5 / 7 * G * math.sin(slope) - slows(slope)) * ROLLS_S, rel=0.05)
+    assert speed[0] == pytest.approx(
+        (5 / 7 * G * math.sin(slope) - slows(slope)) * ROLLS_S, rel=0.05
+    )
     speed, turning, rotation = rolled(False, slope)
     assert np.abs(speed).max() < 1e-3, "the slope is less than its friction"
     assert not turning.any()
@@ -89,7 +105,9 @@ def test_a_rolling_grain_is_slowed_by_the_friction_of_rolling(speed: float) -> N
 def test_a_grain_that_slides_does_not_turn_on_a_steep_slope() -> None:
     """Where it is steeper than its friction."""
     speed, turning, rotation = rolled(False, 0.9)
-    assert speed[0] == pytest.approx(G * (math.sin(0.9) - FRICTION * math.cos(0.9)) * ROLLS_S, rel=0.05)
+    assert speed[0] == pytest.approx(
+        G * (math.sin(0.9) - FRICTION * math.cos(0.9)) * ROLLS_S, rel=0.05
+    )
     assert not turning.any()
     assert (rotation == np.eye(3)).all()
 
@@ -104,7 +122,9 @@ def test_grains_that_spin_have_the_inertia_of_a_ball() -> None:
 def test_grains_that_spin_rub_in_all_ways_on_grains_jar_and_bowl(friction: float | None) -> None:
     """They slide as those that do not; about the normal and in rolling they rub too."""
     whole = load()
-    model = mujoco.MjModel.from_xml_string(scene_xml(replace(whole, content=Content(friction=friction, spin=True))))
+    model = mujoco.MjModel.from_xml_string(
+        scene_xml(replace(whole, content=Content(friction=friction, spin=True)))
+    )
     turns = [objects()["spin"]["about_normal"], objects()["spin"]["rolling"]]
     inner = objects()["contact"]["inner"]["friction"][0] if friction is None else friction
     grain = model.body(grain_name(0)).geomadr[0]
@@ -141,7 +161,9 @@ def _run(robot: MujocoBackend, steps: int) -> None:
 
 
 def test_truth_counts_the_grains_where_they_are(robot: MujocoBackend) -> None:
-    """All in the jar at first; a grain put into the bowl is counted there; one on the floor nowhere."""
+    """All in the jar at first; a grain put into the bowl is counted there; one on the floor
+    nowhere.
+    """
     truth = TruthReader(robot)
     first = truth.read()
     assert first.grains_in == {JAR: 30, BOWL: 0}

@@ -1,4 +1,6 @@
-"""The head camera's picture: what is where in it is what is where in the world, in the scene's colours."""
+"""The head camera's picture: what is where in it is what is where in the world, in the scene's
+colours.
+"""
 
 import math
 import subprocess
@@ -87,13 +89,17 @@ def hue(pixel: np.ndarray) -> np.ndarray:
 
 
 def test_things_have_their_colours_where_they_are(show: Show) -> None:
-    """Looking into the cabinet: the blue bowl, the wood of the shelf beside the jar, grains in the jar's foot."""
+    """Looking into the cabinet: the blue bowl, the wood of the shelf beside the jar, grains in the
+    jar's foot.
+    """
     scene = load()
     bowl, jar = scene.find("bowl_1"), scene.find("jar_1")
     assert bowl is not None
     assert jar is not None
     view = show().to(bowl.xyz)
-    assert hue(view.pixel(bowl.xyz)) == pytest.approx(hue(np.array(MATERIALS["glaze"][0][:3])), abs=0.1)
+    assert hue(view.pixel(bowl.xyz)) == pytest.approx(
+        hue(np.array(MATERIALS["glaze"][0][:3])), abs=0.1
+    )
     view.to(jar.xyz)
     row, column = view.at(jar.xyz)
     red, green, blue = np.moveaxis(view.camera.picture(view.qpos).astype(int), 2, 0)
@@ -102,9 +108,13 @@ def test_things_have_their_colours_where_they_are(show: Show) -> None:
     assert yellow[row - 75 : row, column - 35 : column + 45].sum() == 0
 
 
-@pytest.mark.parametrize("away", [(0.0, 0.0, 0.0), (0.0, 0.25, 0.0), (0.0, -0.25, 0.1), (0.2, 0.1, -0.2)])
+@pytest.mark.parametrize(
+    "away", [(0.0, 0.0, 0.0), (0.0, 0.25, 0.0), (0.0, -0.25, 0.1), (0.2, 0.1, -0.2)]
+)
 def test_a_thing_is_drawn_where_mujoco_projects_it(show: Show, away: Point) -> None:
-    """A bowl in the air, looked past by some degrees: all that is blue lies about the pixel of its middle."""
+    """A bowl in the air, looked past by some degrees: all that is blue lies about the pixel of its
+    middle.
+    """
     bowl = SceneObject("bowl_1", Model.BOWL, OPEN)
     aimed = tuple(a + b for a, b in zip(OPEN, away, strict=True))
     view = show(bowl).to((aimed[0], aimed[1], aimed[2]))
@@ -126,7 +136,9 @@ def test_nothing_of_the_head_is_in_the_picture(show: Show) -> None:
 
 
 def test_its_arms_are_in_the_picture(show: Show) -> None:
-    """Only what turns with the camera is left out: looking at its hand, the robot sees the orange of its joints."""
+    """Only what turns with the camera is left out: looking at its hand, the robot sees the orange
+    of its joints.
+    """
     view = show(SceneObject("bowl_1", Model.BOWL, (-2.0, 0.0, 1.0)))
     data = mujoco.MjData(view.model)
     data.qpos[:] = view.qpos
@@ -144,9 +156,13 @@ def bluish(view: View) -> int:
 
 
 def test_what_stands_in_front_hides_and_what_is_clear_does_not(show: Show) -> None:
-    """A table hides the bowl under it, the thin back of a cabinet lets the bowl behind it be seen."""
+    """A table hides the bowl under it, the thin back of a cabinet lets the bowl behind it be
+    seen.
+    """
     table = SceneObject("table_9", Model.TABLE, (0.783, -0.84, 0.0))
-    under, behind = (SceneObject("bowl_1", Model.BOWL, at) for at in ((0.95, -0.95, 0.4), (1.6, 0.0, 1.3)))
+    under, behind = (
+        SceneObject("bowl_1", Model.BOWL, at) for at in ((0.95, -0.95, 0.4), (1.6, 0.0, 1.3))
+    )
     assert bluish(show(under).to(under.xyz)) > 2000
     assert bluish(show(under, table).to(under.xyz)) == 0
     back = SceneObject("cabinet_9", Model.CABINET, (1.0, 0.0, 1.15))
@@ -170,7 +186,9 @@ def test_a_picture_leaves_the_state_alone_and_is_the_same_again(show: Show) -> N
 
 
 def test_from_the_room_the_whole_robot_is_seen(show: Show) -> None:
-    """With the head, which its own camera does not see. That one's picture is the same afterwards, but for rounding."""
+    """With the head, which its own camera does not see. That one's picture is the same afterwards,
+    but for rounding.
+    """
     view = show()
     start = view.qpos.copy()
     before = view.camera.picture(start)
@@ -184,7 +202,9 @@ def test_from_the_room_the_whole_robot_is_seen(show: Show) -> None:
 
 
 def test_the_lens_is_that_of_the_robot(show: Show) -> None:
-    """Size and field of view are those of robot.yaml, and the pose that of MuJoCo's body of the optical frame."""
+    """Size and field of view are those of robot.yaml, and the pose that of MuJoCo's body of the
+    optical frame.
+    """
     (camera,) = [body["camera"] for body in robot()["head"] if "camera" in body]
     assert tuple(camera["size"]) == (WIDTH, HEIGHT)
     assert pytest.approx(math.tan(camera["hfov"] / 2)) == HALF_WIDTH
@@ -210,7 +230,8 @@ def test_both_libraries_draw_the_same(show: Show, monkeypatch: pytest.MonkeyPatc
         "from velma.sim.head_camera import HeadCamera\n"
         "from velma.sim.mujoco_backend import compiled\n"
         f"thing = SceneObject('bowl_1', Model.BOWL, {OPEN})\n"
-        f"camera = HeadCamera(compiled(Scene('test', (thing,), None, Noise(0.0))), {WIDTH}, {HEIGHT})\n"
+        f"camera = HeadCamera(compiled(Scene('test', (thing,), None, Noise(0.0))), {WIDTH},"
+        f" {HEIGHT})\n"
         "picture = camera.picture(np.frombuffer(sys.stdin.buffer.read()))\n"
         "sys.stdout.buffer.write(picture.tobytes())\n"
         "camera.close()\n"
@@ -219,7 +240,9 @@ def test_both_libraries_draw_the_same(show: Show, monkeypatch: pytest.MonkeyPatc
     monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
     if gl.lost():
         pytest.skip("needs OSMesa (Debian: apt install libosmesa6)")
-    run = subprocess.run([sys.executable, "-c", code], input=view.qpos.tobytes(), capture_output=True, timeout=50)
+    run = subprocess.run(
+        [sys.executable, "-c", code], input=view.qpos.tobytes(), capture_output=True, timeout=50
+    )
     assert run.returncode == 0, run.stderr.decode()
     other = np.frombuffer(run.stdout, np.uint8).reshape(picture.shape)
     assert np.abs(picture.astype(int) - other).mean() < 0.5

@@ -1,4 +1,6 @@
-"""Markers in the simulated world: the physics does not feel them, and each is read where it is, upright."""
+"""Markers in the simulated world: the physics does not feel them, and each is read where it is,
+upright.
+"""
 
 from collections.abc import Iterator
 
@@ -24,7 +26,9 @@ AWAY_M, NEAR_M = 0.5, 0.25  # of the camera, from furniture and from things
 
 
 def test_the_physics_is_the_same_bit_by_bit() -> None:
-    """A second of the canonical scene with grains, robot moving: every coordinate, and masses and inertias."""
+    """A second of the canonical scene with grains, robot moving: every coordinate, and masses and
+    inertias.
+    """
     scene = load()
     worlds = []
     for model in (compiled(scene), marked(scene)):
@@ -47,7 +51,9 @@ def alone(model: Model) -> tuple[SceneObject, ...]:
     """Return a thing of this model in the air; a leaf hangs wide open at its cabinet."""
     if model not in DOORS:
         return (SceneObject("thing_1", model, AT),)
-    return SceneObject("cabinet_1", Model.CABINET_DOOR, AT), SceneObject("thing_1", model, of="cabinet_1", open=1.5)
+    return SceneObject("cabinet_1", Model.CABINET_DOOR, AT), SceneObject(
+        "thing_1", model, of="cabinet_1", open=1.5
+    )
 
 
 class Stand:
@@ -95,10 +101,13 @@ def stand(request: pytest.FixtureRequest) -> Iterator[Stand]:
 
 @pytest.mark.needs_opengl
 def test_each_marker_is_read_where_it_is_and_upright(stand: Stand) -> None:
-    """Number and order of corners: no plate is mirrored, turned, or below the surface it lies on."""
+    """Number and order of corners: no plate is mirrored, turned, or below the surface it lies
+    on.
+    """
     away = AWAY_M if (stand.markers[0].corners - AT).max() > 0.15 else NEAR_M
     for marker in stand.markers:
-        inside = marker.number >= 38 and len(stand.markers) == 18  # of the bowl: its other side is in the way
+        # of the bowl: its other side is in the way
+        inside = marker.number >= 38 and len(stand.markers) == 18
         grey, view = stand.before(marker, 0.12 if inside else away)
         found = stand.detector.find(grey)
         assert marker.number in found
@@ -107,7 +116,9 @@ def test_each_marker_is_read_where_it_is_and_upright(stand: Stand) -> None:
 
 
 def test_a_pattern_is_that_of_the_dictionary() -> None:
-    """White rim, black rim, bits; the same in a larger dictionary; and more than there are is an error."""
+    """White rim, black rim, bits; the same in a larger dictionary; and more than there are is an
+    error.
+    """
     picture = detect.plate(7, 4)
     assert picture.shape == (32, 32)
     assert (picture[:4] == 255).all()

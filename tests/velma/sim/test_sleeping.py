@@ -1,4 +1,6 @@
-"""What is at rest sleeps, wakes when something touches it, and moves as it would have moved awake."""
+"""What is at rest sleeps, wakes when something touches it, and moves as it would have moved
+awake.
+"""
 
 from collections.abc import Callable
 
@@ -49,9 +51,13 @@ def test_only_the_robot_is_awake_at_rest(resting):
 
 
 WAKERS: dict[str, Callable[[MujocoBackend], None]] = {
-    "moved": lambda b: b.data.qpos.__setitem__(place(b, "jar_1") + 2, b.data.qpos[place(b, "jar_1") + 2] + 0.02),
+    "moved": lambda b: b.data.qpos.__setitem__(
+        place(b, "jar_1") + 2, b.data.qpos[place(b, "jar_1") + 2] + 0.02
+    ),
     "pushed": lambda b: b.data.xfrc_applied.__setitem__((b.model.body("jar_1").id, 0), 3.0),
-    "thrown": lambda b: b.data.qvel.__setitem__(int(np.ravel(b.model.joint("jar_1").dofadr)[0]) + 2, 0.5),
+    "thrown": lambda b: b.data.qvel.__setitem__(
+        int(np.ravel(b.model.joint("jar_1").dofadr)[0]) + 2, 0.5
+    ),
 }
 
 
@@ -71,7 +77,9 @@ def test_what_is_disturbed_wakes_with_what_lies_in_it(resting, how):
 def test_a_thing_that_falls_onto_another_one_wakes_it(resting):
     """By contact alone."""
     jar, bowl = place(resting, "jar_1"), place(resting, "bowl_1")
-    resting.data.qpos[jar : jar + 3] = resting.data.qpos[bowl : bowl + 3] + np.array([0.0, 0.0, 0.25])
+    resting.data.qpos[jar : jar + 3] = resting.data.qpos[bowl : bowl + 3] + np.array(
+        [0.0, 0.0, 0.25]
+    )
     met = []
     for _ in range(150):
         hold(resting, 1)
@@ -81,7 +89,9 @@ def test_a_thing_that_falls_onto_another_one_wakes_it(resting):
 
 
 def test_sleep_changes_nothing_that_moves(monkeypatch):
-    """Until something sleeps both worlds are equal bit for bit; then things agree to 0.1 mm, creeping grains to 1."""
+    """Until something sleeps both worlds are equal bit for bit; then things agree to 0.1 mm,
+    creeping grains to 1.
+    """
     asleep = MujocoBackend(scene.load())
     monkeypatch.setattr(mujoco_backend, "allow_sleep", lambda model: None)
     never = MujocoBackend(scene.load())

@@ -1,4 +1,6 @@
-"""Temporary changes of the collision world while something is tried: an object in the hand or at rest, other room."""
+"""Temporary changes of the collision world while something is tried: an object in the hand or at
+rest, other room.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,8 +23,8 @@ def held(world: World, name: str, side: str, T_grip_object: pin.SE3) -> Iterator
 
 @contextmanager
 def stood(world: World, name: str, pose: pin.SE3, side: str) -> Iterator[None]:
-    """Put an object at rest at `pose` inside the block; afterwards it is in the hand of `side` again, or where it stood
-    if it was in none.
+    """Put an object at rest at `pose` inside the block; afterwards it is in the hand of `side`
+    again, or where it stood if it was in none.
     """
     held, before = world.held(name), world.pose(name)
     world.detach(name, pose)

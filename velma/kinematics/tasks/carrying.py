@@ -1,4 +1,6 @@
-"""Postures in which an arm holds an object upright and leaves room for the other arm and the torso."""
+"""Postures in which an arm holds an object upright and leaves room for the other arm and the
+torso.
+"""
 
 import math
 from collections.abc import Iterator
@@ -13,13 +15,14 @@ from velma.kinematics.frames import heading, standing
 from velma.kinematics.motion import Keep
 from velma.kinematics.robot import Robot
 
-# Where the grip goes, in the torso frame [m], for the left hand (mirrored for the right); task runs with the true
-# robot model carried near (0.38, 0.63, 1.0). The hand points forwards and outwards.
+# Where the grip goes, in the torso frame [m], for the left hand (mirrored for the right); task runs
+# with the true robot model carried near (0.38, 0.63, 1.0). The hand points forwards and outwards.
 REGION_LOW = np.array([0.20, 0.35, 0.95])
 REGION_HIGH = np.array([0.45, 0.70, 1.35])
 HEADING = (-0.6, 1.2)  # [rad], same runs
 CARRY_TILT = math.radians(35.0)  # largest of a filled jar on its way; same runs
-TORSO_SWEEP = (-1.0, -0.5, 0.3, 0.6)  # [rad], angles to which the torso must be able to turn with the object held
+# [rad], angles to which the torso must be able to turn with the object held
+TORSO_SWEEP = (-1.0, -0.5, 0.3, 0.6)
 
 
 def carries(
@@ -41,13 +44,17 @@ def carries(
         turn = mirror * rng.uniform(*HEADING)
         grip = standing(np.zeros(3), turn - object_yaw) * T_grip_object.inverse()
         target = pin.SE3(grip.rotation, at)
-        posture = ik.sample(robot, side, target, q, rng, torso=torso, first=world.first_free, best=True)
+        posture = ik.sample(
+            robot, side, target, q, rng, torso=torso, first=world.first_free, best=True
+        )
         if posture is not None and all(world.free(_turned(posture, t)) for t in TORSO_SWEEP):
             yield posture
 
 
 def upright(robot: Robot, side: str, T_grip_object: pin.SE3, largest_tilt: float) -> Keep:
-    """Return the condition that the axis of the object stays within `largest_tilt` [rad] of the vertical."""
+    """Return the condition that the axis of the object stays within `largest_tilt` [rad] of the
+    vertical.
+    """
     least = math.cos(largest_tilt)
     parts = robot.upward(side, np.ascontiguousarray(T_grip_object.rotation[:, 2]))
     return lambda postures: np.asarray(parts(postures) > least)
@@ -59,10 +66,12 @@ def _turned(q: np.ndarray, torso: float) -> np.ndarray:
     return turned
 
 
-# --- Where an empty arm goes when it is not needed: its start posture, with the torso turned where it has room -------
+# --- Where an empty arm goes when it is not needed: its start posture, with the torso turned where
+# it has room
 
 
-TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)  # [rad], tried in this order; task runs with the true robot model
+# [rad], tried in this order; task runs with the true robot model
+TORSO = (0.0, -0.3, 0.3, -0.6, 0.6, -0.9, 0.9)
 FINGERS = 1.0  # [rad], same runs
 
 

@@ -1,7 +1,7 @@
 """Places for a held object: a posture above, straight down, and the retreat of the open hand.
 
-The whole retreat is checked when the place is chosen: runs that found no path home had a hand that could not retreat,
-or that ended against its own forearm.
+The whole retreat is checked when the place is chosen: runs that found no path home had a hand that
+could not retreat, or that ended against its own forearm.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -22,8 +22,10 @@ BACK_M = 0.05  # same runs: the last part of the retreat, against the approach a
 UP_M = 0.06  # ... and up
 
 
-TURNED = (-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9)  # [rad] angles of the torso for which reach is computed (estimate)
-FREE_FROM_M = 0.01  # height above the surface where the volume starts that has to be free (estimate)
+# [rad] angles of the torso for which reach is computed (estimate)
+TURNED = (-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9)
+# height above the surface where the volume starts that has to be free (estimate)
+FREE_FROM_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -39,13 +41,15 @@ class Volume:
         return x, y, z + FREE_FROM_M + self.height / 2
 
 
-# estimate: the bowl (0.10) and a finger beside it; a jar (0.20) that comes down from 0.10 above, so no shelf
+# estimate: the bowl (0.10) and a finger beside it; a jar (0.20) that comes down from 0.10 above, so
+# no shelf
 FROM_ABOVE = Volume(0.14, 0.35)
 
 
 @dataclass(frozen=True)
 class Placing:
-    """A solved place: object pose in the world, what it stands on, q above it, ways down and back (lists of (15,)).
+    """A solved place: object pose in the world, what it stands on, q above it, ways down and back
+    (lists of (15,)).
 
     `retreat`: of the hand, T_release_grip and finger angle [rad], nearest first.
     """
@@ -72,9 +76,11 @@ def placings(
     torso: tuple[float, float] = (-1.2, 1.2),
     tries: int = 500,
 ) -> Iterator[Placing]:
-    """Yield solved places of the object attached to the hand, its origin on one of `spots` (support, point (3,) [m]).
+    """Yield solved places of the object attached to the hand, its origin on one of `spots`
+    (support, point (3,) [m]).
 
-    `retreat`: T_release_grip and finger angle, nearest first. The object is attached again after each.
+    `retreat`: T_release_grip and finger angle, nearest first. The object is attached again after
+    each.
     """
     for _ in range(tries):
         support, spot = spots[int(rng.integers(len(spots)))]
@@ -105,7 +111,9 @@ def placings(
 
 def turned(shoulders: Iterable[Sequence[float]]) -> list[np.ndarray]:
     """Return where shoulders (3,) are with the torso straight and turned to either side [m]."""
-    return [standing((0.0, 0.0, 0.0), torso).act(np.array(one)) for one in shoulders for torso in TURNED]
+    return [
+        standing((0.0, 0.0, 0.0), torso).act(np.array(one)) for one in shoulders for torso in TURNED
+    ]
 
 
 def within(at: np.ndarray, shoulders: Iterable[np.ndarray], near: float, far: float) -> bool:
@@ -116,9 +124,11 @@ def within(at: np.ndarray, shoulders: Iterable[np.ndarray], near: float, far: fl
 def points_on(
     frame: pin.SE3, size: Sequence[float], foot: float, *, margin: float, spacing: float
 ) -> Iterator[np.ndarray]:
-    """Yield points (3,) on a horizontal rectangle for a thing that stands on a disc of radius `foot`, all in [m].
+    """Yield points (3,) on a horizontal rectangle for a thing that stands on a disc of radius
+    `foot`, all in [m].
 
-    `frame` is in its middle, `size` its edges along x and y. The disc stays `margin` away from each edge.
+    `frame` is in its middle, `size` its edges along x and y. The disc stays `margin` away from each
+    edge.
     """
     half = [s / 2 - foot - margin for s in size]
     for x in np.arange(-half[0], half[0] + 1e-9, spacing):
@@ -127,10 +137,11 @@ def points_on(
 
 
 def backwards(approach: Sequence[tuple[pin.SE3, float]]) -> list[tuple[pin.SE3, float]]:
-    """Return the retreat that reverses an approach (T_object_grip and finger angle, the grasp last).
+    """Return the retreat that reverses an approach (T_object_grip and finger angle, the grasp
+    last).
 
-    As T_release_grip, nearest first: relative to the releasing grip, so the pose of the object in the hand does not
-    matter.
+    As T_release_grip, nearest first: relative to the releasing grip, so the pose of the object in
+    the hand does not matter.
     """
     grasp = approach[-1][0].inverse()
     return [(grasp * pose, fingers) for pose, fingers in approach[-2::-1]]
@@ -154,7 +165,10 @@ def _retreat(
 ) -> list[np.ndarray] | None:
     path = [q]
     poses = retreat_poses(robot.grip(q, side), retreat)
-    with attaching.stood(world, name, place, side), attaching.allowed(world, (name, f"{side}_hand")):
+    with (
+        attaching.stood(world, name, place, side),
+        attaching.allowed(world, (name, f"{side}_hand")),
+    ):
         world.fingers(side, retreat[0][1])
         for pose in poses:
             try:

@@ -1,4 +1,5 @@
-"""The behaviours of a robot that carries: it offers, drives three trips (fetch, deliver, home), and asks for the aisle.
+"""The behaviours of a robot that carries: it offers, drives three trips (fetch, deliver, home), and
+asks for the aisle.
 
 Must not know: clocks, the wire, which of the two robots it is.
 """
@@ -44,7 +45,9 @@ def await_award(memory: Memory, turn: Turn) -> Memory:
 
 
 def drive(memory: Memory, turn: Turn) -> Memory:
-    """Behaviour of `fetching`, `delivering` and `returning`: one trip, through the aisle only when it is let in."""
+    """Behaviour of `fetching`, `delivering` and `returning`: one trip, through the aisle only when
+    it is let in.
+    """
     match turn.event:
         case None:
             return _set_out(replace(memory, at_goal=False), turn)

@@ -1,4 +1,6 @@
-"""Memory of a robot that carries, and the conditions of its states and arcs. Must not know: messages."""
+"""Memory of a robot that carries, and the conditions of its states and arcs. Must not know:
+messages.
+"""
 
 import msgspec
 
@@ -15,7 +17,8 @@ class Job(msgspec.Struct, frozen=True):
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
-    """`trips`: stations still to go to, the present one first; `way`: the conversation about the aisle, "" for none.
+    """`trips`: stations still to go to, the present one first; `way`: the conversation about the
+    aisle, "" for none.
 
     `speed` in m/s; `here`: where it was last [m]; `driving`: the wheels were told to.
     """

@@ -1,4 +1,6 @@
-"""A robot's wheels and odometry, as a device of its agent: told where to drive, they tell where it is."""
+"""A robot's wheels and odometry, as a device of its agent: told where to drive, they tell where it
+is.
+"""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,6 @@
-"""a_desk. Takes orders of people, one after the other, and tells what became of them. Must not know: the wire."""
+"""a_desk. Takes orders of people, one after the other, and tells what became of them. Must not
+know: the wire.
+"""
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.binding import Transition, bind
@@ -40,7 +42,9 @@ def await_end(memory: Memory, turn: Turn) -> Memory:
 
 
 def _hear(memory: Memory, turn: Turn) -> Memory:
-    """In both states: new wishes, the figures, and a dispatcher that is there (again) to be watched."""
+    """In both states: new wishes, the figures, and a dispatcher that is there (again) to be
+    watched.
+    """
     match turn.event:
         case Local(content=Wish() as wish) if wish.number > memory.heard:
             return replace(memory, wishes=(*memory.wishes, wish), heard=wish.number)

@@ -6,10 +6,11 @@ from depot.desk.people import Wish
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
-    """`wishes`: not ordered yet; `heard`: number of the last one taken; `order`: the conversation of the present one.
+    """`wishes`: not ordered yet; `heard`: number of the last one taken; `order`: the conversation
+    of the present one.
 
-    `watch`: the subscription, which a death takes too; `watched`: the life of the dispatcher that knows of it; `ended`:
-    how many orders have ended, and `delivered` of them.
+    `watch`: the subscription, which a death takes too; `watched`: the life of the dispatcher that
+    knows of it; `ended`: how many orders have ended, and `delivered` of them.
     """
 
     wishes: tuple[Wish, ...] = ()

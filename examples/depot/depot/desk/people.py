@@ -1,6 +1,7 @@
 """The people at the desk, pretended: they want what an orders file says, one wish after the other.
 
-After a death of the desk they say everything again; the number of a wish tells which were heard before.
+After a death of the desk they say everything again; the number of a wish tells which were heard
+before.
 """
 
 import tomllib
@@ -24,7 +25,9 @@ class Wish(msgspec.Struct, frozen=True):
 
 
 def read(path: Path | None) -> tuple[Wish, ...]:
-    """The wishes in an orders file, numbered from 1. Raises msgspec.ValidationError, which says what does not fit."""
+    """The wishes in an orders file, numbered from 1. Raises msgspec.ValidationError, which says
+    what does not fit.
+    """
     orders = tomllib.loads((path or ORDERS).read_text(encoding="utf-8")).get("order", [])
     wishes = msgspec.convert(orders, tuple[Wish, ...])
     return tuple(msgspec.structs.replace(wish, number=number) for number, wish in enumerate(wishes, start=1))

@@ -1,1 +1,3 @@
-"""a_dispatcher. Puts each order out to tender among the robots, and awards it to the one that is soonest there."""
+"""a_dispatcher. Puts each order out to tender among the robots, and awards it to the one that is
+soonest there.
+"""

@@ -9,7 +9,9 @@ from depot.dispatcher.behaviours import agent
 
 
 def serve(options: Options) -> int:
-    """Run until a signal; a device of the agent (agent_runtime.io.devices) would be the last argument of `run`."""
+    """Run until a signal; a device of the agent (agent_runtime.io.devices) would be the last
+    argument of `run`.
+    """
     wired = wiring("dispatcher", options.system, design=DESIGN, languages=LANGUAGES)
     return shell.run(agent(), wired, options)
 

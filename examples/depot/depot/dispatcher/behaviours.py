@@ -1,8 +1,10 @@
-"""a_dispatcher. Puts each order out to tender among the robots, awards it to the one that has delivered soonest.
+"""a_dispatcher. Puts each order out to tender among the robots, awards it to the one that has
+delivered soonest.
 
-A call has a reply-by: a robot that does not answer in time is passed over, and what it offers later is rejected. Until
-its tender has ended it is not called again, so there is one open tender for each robot at most. A robot that has the
-job and is not heard of any more fails the order, and its last word is noted when it comes. Must not know: clocks.
+A call has a reply-by: a robot that does not answer in time is passed over, and what it offers later
+is rejected. Until its tender has ended it is not called again, so there is one open tender for each
+robot at most. A robot that has the job and is not heard of any more fails the order, and its last
+word is noted when it comes. Must not know: clocks.
 """
 
 from agent_runtime.core.agent import Agent
@@ -41,7 +43,9 @@ def await_order(memory: Memory, turn: Turn) -> Memory:
 
 
 def call_robots(memory: Memory, turn: Turn) -> Memory:
-    """Behaviour of `calling`: calls whoever owes no answer to an older call, and waits until all have spoken."""
+    """Behaviour of `calling`: calls whoever owes no answer to an older call, and waits until all
+    have spoken.
+    """
     if turn.event is not None or memory.order is None:
         return _hear(memory, turn)
     order, calls = memory.order, dict(memory.calls)
@@ -69,7 +73,9 @@ def award(memory: Memory, turn: Turn) -> Memory:
 
 
 def await_delivery(memory: Memory, turn: Turn) -> Memory:
-    """Behaviour of `carrying`: passes the robot's last word on, or says that it is not heard of any more."""
+    """Behaviour of `carrying`: passes the robot's last word on, or says that it is not heard of any
+    more.
+    """
     order, robot = memory.order, memory.robot
     match turn.event:
         case Received(content=Carried(item=item), communicate=said) if said.sender == robot and order is not None:
@@ -85,7 +91,9 @@ def await_delivery(memory: Memory, turn: Turn) -> Memory:
 
 
 def pause(memory: Memory, turn: Turn) -> Memory:
-    """Behaviour of `pausing`: waits, then lets the robots be called again, or gives the order up."""
+    """Behaviour of `pausing`: waits, then lets the robots be called again, or gives the order
+    up.
+    """
     match turn.event:
         case None:
             turn.wake(PAUSE, turn.now + PAUSE_S)
@@ -98,7 +106,7 @@ def pause(memory: Memory, turn: Turn) -> Memory:
     return _hear(memory, turn)
 
 
-# --- what is heard in any state ---------------------------------------------------------------------------------------
+# --- what is heard in any state -------------------------------------------------------------------
 
 
 def _hear(memory: Memory, turn: Turn) -> Memory:

@@ -13,7 +13,8 @@ class Order(msgspec.Struct, frozen=True):
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
-    """`calls`: robot -> its open tender; `pending`: robots whose proposal is still waited for; `offers`: robot -> s.
+    """`calls`: robot -> its open tender; `pending`: robots whose proposal is still waited for;
+    `offers`: robot -> s.
 
     `rounds`: how often this order was put out; `robot`: who carries it, "" for nobody yet.
     """

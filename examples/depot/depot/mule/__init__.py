@@ -1,1 +1,3 @@
-"""a_mule. The robot mule: offers to carry, drives and carries; a group that stays one: agent, wheels, odometry."""
+"""a_mule. The robot mule: offers to carry, drives and carries; a group that stays one: agent,
+wheels, odometry.
+"""

@@ -4,7 +4,9 @@ import msgspec
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Conversations about the aisle: of the robot that is inside, and of those that wait, the first to ask first."""
+    """Conversations about the aisle: of the robot that is inside, and of those that wait, the first
+    to ask first.
+    """
 
     inside: str = ""
     waiting: tuple[str, ...] = ()

@@ -1,4 +1,6 @@
-"""Planning to bring a thing: it is taken by a grasp from which it can be held out, over a place on a table."""
+"""Planning to bring a thing: it is taken by a grasp from which it can be held out, over a place on
+a table.
+"""
 
 from companion.languages import hfsm
 from companion.languages.facts import Kind, fact
@@ -12,7 +14,9 @@ from velma.kinematics.tasks.speeds import LOADED_SPEED
 
 
 def bring_with(known: Known, km: str, hand: Side, name: str, side: str) -> Subtasks | None:
-    """Take it with this hand, if it is wanted and no other one holds it, and hold it over a place on a table."""
+    """Take it with this hand, if it is wanted and no other one holds it, and hold it over a place
+    on a table.
+    """
     if side not in ("", hand):
         return known.unfit(fact(Kind.OTHER_HAND_WANTED, side))
     holder = known.facts.holder(km, name)
@@ -25,7 +29,9 @@ def bring_with(known: Known, km: str, hand: Side, name: str, side: str) -> Subta
 
 
 def hold_out_at_try(known: Known, km: str, number: str, name: str, hand: Side) -> Subtasks | None:
-    """Take it by some grasp, from which it can be held over a place: not every one leaves a way there."""
+    """Take it by some grasp, from which it can be held over a place: not every one leaves a way
+    there.
+    """
     return [("a_take", name, hand, number), ("a_offer", hand)]
 
 
@@ -33,12 +39,16 @@ def offer(geometry: Geometry, state: str, side: Side) -> Step | None:
     """The step that holds the object over a place where it can be put down."""
     here = geometry.at(state)
     held = here.held[side]
-    found = above(geometry, here, side, retreating(geometry, state, held.object, held.grasp), Surfaces())
+    found = above(
+        geometry, here, side, retreating(geometry, state, held.object, held.grasp), Surfaces()
+    )
     if found is None:
         return None
     way = found[1]
     command = move(side, way, LOADED_SPEED)
-    return Step(hfsm.Step("offer", (held.object,)), (command,), configured(side, way.path[-1]), way.duration)
+    return Step(
+        hfsm.Step("offer", (held.object,)), (command,), configured(side, way.path[-1]), way.duration
+    )
 
 
 PLAN = Plan(

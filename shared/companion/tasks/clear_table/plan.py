@@ -1,4 +1,6 @@
-"""Planning to clear the table: one thing after the other is put into the cabinet, as far as that is possible."""
+"""Planning to clear the table: one thing after the other is put into the cabinet, as far as that is
+possible.
+"""
 
 from companion.languages.facts import Kind, fact
 from companion.planning.methods import Known, Subtasks

@@ -9,9 +9,11 @@ from companion.rows import THERE, ActRow
 
 
 class HandOver(Command, frozen=True):
-    """Hold a thing out where the hand is, level; open when a person pulls at it steadily; watch it leave.
+    """Hold a thing out where the hand is, level; open when a person pulls at it steadily; watch it
+    leave.
 
-    `fingers`: angle to which they open [rad]. `mass`: of the empty thing [kg]. `wait`: for a pull [s].
+    `fingers`: angle to which they open [rad]. `mass`: of the empty thing [kg]. `wait`: for a pull
+    [s].
     """
 
     side: Side
@@ -42,9 +44,17 @@ class HandOverKind(AnyKind):
 def outcome_facts(command: HandOver, done: Done) -> Facts:
     """Facts that it was handed over, and whether it was felt and seen to leave."""
     by = next((one.by for one in done.evidence if one.claim is HandOverClaim.GIVEN), ())
-    felt = (fact(HandOverKind.FELT_LEAVING, command.side, command.object),) if Sense.WRIST in by else ()
+    felt = (
+        (fact(HandOverKind.FELT_LEAVING, command.side, command.object),)
+        if Sense.WRIST in by
+        else ()
+    )
     seen = HandOverKind.SEEN_LEAVING if Sense.EYES in by else HandOverKind.NOT_SEEN_LEAVING
-    return (fact(HandOverKind.HANDED_OVER, command.side, command.object), *felt, fact(seen, command.object))
+    return (
+        fact(HandOverKind.HANDED_OVER, command.side, command.object),
+        *felt,
+        fact(seen, command.object),
+    )
 
 
 def sights(command: HandOver, done: Done) -> tuple[AnySight, ...]:

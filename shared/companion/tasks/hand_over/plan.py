@@ -1,4 +1,5 @@
-"""Planning to hand a thing over: it is taken, and held out level over the edge of a table on the person's side.
+"""Planning to hand a thing over: it is taken, and held out level over the edge of a table on the
+person's side.
 
 Where nobody takes it, the same step puts it down where there is room.
 """
@@ -31,17 +32,24 @@ TABLE = "table"
 WAIT_S = 30.0  # issue
 OVER_M = 0.15  # of the thing's foot above the table: a person's hand has room below it (estimate)
 EDGE_STEP_M = 0.05  # between two points of an edge (estimate)
-OUTWARDS = 0.3  # least cosine between an edge's outward direction and that away from the robot (estimate)
+# least cosine between an edge's outward direction and that away from the robot (estimate)
+OUTWARDS = 0.3
 BEST_M = 0.78  # from the robot, where it puts down and pours well (companion.planning.placing)
-ASKEW = (0.0, 0.4, -0.4, 0.8, -0.8)  # rad: of the hand from the way away from the robot, best first (estimates)
+# rad: of the hand from the way away from the robot, best first (estimates)
+ASKEW = (0.0, 0.4, -0.4, 0.8, -0.8)
 GOALS, MOST_POINTS = 6, 30  # postures to choose from, points tried (estimates)
-TORSO = (-1.2, 1.2)  # rad, of the torso, as where things are put down (velma.kinematics.tasks.placing)
+# rad, of the torso, as where things are put down (velma.kinematics.tasks.placing)
+TORSO = (-1.2, 1.2)
 
 
 def hand_over_held(known: Known, km: str, name: str) -> Subtasks | None:
     """Hand over what a hand holds, and draw that one back."""
     side = known.facts.holder(km, name)
-    return [("a_hand_over", side), ("a_draw_back", side)] if side else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+    return (
+        [("a_hand_over", side), ("a_draw_back", side)]
+        if side
+        else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+    )
 
 
 def hand_over_with(known: Known, km: str, hand: Side, name: str) -> Subtasks | None:
@@ -59,7 +67,9 @@ def hand_over_taken(known: Known, km: str, number: str, name: str, hand: Side) -
 
 
 def hand_over(geometry: Geometry, state: str, side: Side) -> Step | None:
-    """The step that holds the thing out and gives it to whom pulls; else it is put down, and the plan fails."""
+    """The step that holds the thing out and gives it to whom pulls; else it is put down, and the
+    plan fails.
+    """
     here = geometry.at(state)
     held = here.held[side]
     goals = list(islice(_held_out(geometry, here, side), GOALS))
@@ -93,12 +103,18 @@ def draw_back(geometry: Geometry, state: str, side: Side) -> Step | None:
     found = home(geometry, state, side)
     if found is None:
         return None
-    slow = [msgspec.structs.replace(one, speed=LOADED_SPEED) for one in found.commands if isinstance(one, rc.MoveJoint)]
+    slow = [
+        msgspec.structs.replace(one, speed=LOADED_SPEED)
+        for one in found.commands
+        if isinstance(one, rc.MoveJoint)
+    ]
     return replace(found, commands=tuple(slow))
 
 
 def _held_out(geometry: Geometry, here: Situation, side: Side) -> Iterator[np.ndarray]:
-    """Yield free postures (15,) with the thing upright over an edge, the hand pointing away from the robot."""
+    """Yield free postures (15,) with the thing upright over an edge, the hand pointing away from
+    the robot.
+    """
     held, rng = here.held[side], geometry.rng("hand over", here.held[side].object, side)
     base_z = geometry.model(here.state, held.object).base_z
     points_to = held.T_grip_object.inverse().rotation[:, 2]
@@ -107,14 +123,18 @@ def _held_out(geometry: Geometry, here: Situation, side: Side) -> Iterator[np.nd
             yaw = heading(edge) + askew - heading(points_to)
             at = standing(edge + np.array([0.0, 0.0, OVER_M - base_z]), yaw)
             target: pin.SE3 = at * held.T_grip_object.inverse()
-            found = ik.sample(geometry.robot, side, target, here.q, rng, torso=TORSO, first=here.world.first_free)
+            found = ik.sample(
+                geometry.robot, side, target, here.q, rng, torso=TORSO, first=here.world.first_free
+            )
             if found is not None:
                 yield found
                 break
 
 
 def _edges(geometry: Geometry, here: Situation, side: Side) -> list[np.ndarray]:
-    """Points (3,) of the tables' edges that look away from the robot and are in reach, best first."""
+    """Points (3,) of the tables' edges that look away from the robot and are in reach, best
+    first.
+    """
     reach = geometry.ask(wm.RobotReach(state=here.state, side=side), wm.Reach)
     shoulders = turned(reach.shoulders)
     tables = geometry.facts.places(here.state, TABLE)
@@ -125,10 +145,14 @@ def _edges(geometry: Geometry, here: Situation, side: Side) -> list[np.ndarray]:
 
 
 def _outer(surface: wm.Surface) -> Iterator[np.ndarray]:
-    """Yield points (3,) of the edges of a surface whose outward direction is away from the robot."""
+    """Yield points (3,) of the edges of a surface whose outward direction is away from the
+    robot.
+    """
     frame, (x, y) = transform(surface.at), surface.size
-    for outwards, along, half, far in (((1, 0), (0, 1), y / 2, x / 2), ((-1, 0), (0, 1), y / 2, x / 2),
-                                       ((0, 1), (1, 0), x / 2, y / 2), ((0, -1), (1, 0), x / 2, y / 2)):  # fmt: skip
+    for outwards, along, half, far in (((1, 0), (0, 1), y / 2, x / 2),
+                                       ((-1, 0), (0, 1), y / 2, x / 2),
+                                       ((0, 1), (1, 0), x / 2, y / 2),
+                                       ((0, -1), (1, 0), x / 2, y / 2)):  # fmt: skip
         out, way = frame.rotation @ (*outwards, 0.0), frame.rotation @ (*along, 0.0)
         for step in np.arange(-half, half + 1e-9, EDGE_STEP_M):
             point = frame.translation + far * out + step * way
@@ -139,7 +163,13 @@ def _outer(surface: wm.Surface) -> Iterator[np.ndarray]:
 PLAN = Plan(
     tasks={"hand_over": (Argument.THING,)},
     methods={
-        "hand_over": ("after_opening", hand_over_held, each_hand(hand_over_with), "after_clearing", "after_arms_home"),
+        "hand_over": (
+            "after_opening",
+            hand_over_held,
+            each_hand(hand_over_with),
+            "after_clearing",
+            "after_arms_home",
+        ),
         "hand_over_taken": (each_try(hand_over_taken),),
     },
     actions={"a_hand_over": hand_over, "a_draw_back": draw_back},

@@ -3,4 +3,6 @@
 from companion.rows import ShownRow
 from companion.tasks.hand_over.done import HandOver
 
-ACTS = (ShownRow(HandOver, "hand over", "#0f766e", "hands something over", "handed-over", ("object",)),)
+ACTS = (
+    ShownRow(HandOver, "hand over", "#0f766e", "hands something over", "handed-over", ("object",)),
+)

@@ -1,7 +1,8 @@
 """The skill that looks: turn the head to each point, rest a moment, take what the receptor sees.
 
-Where a thing should be that is not seen, an arm may be before it: the torso is turned, and the head looks there again.
-Where it is still not seen, and the robot's own model says that nothing hides the place, the thing is missing.
+Where a thing should be that is not seen, an arm may be before it: the torso is turned, and the head
+looks there again. Where it is still not seen, and the robot's own model says that nothing hides the
+place, the thing is missing.
 """
 
 from collections.abc import Iterator
@@ -18,13 +19,20 @@ from velma import names
 from velma.kinematics.tasks.speeds import LOADED_SPEED
 
 THERE_M = 0.1  # a thing this near to the point is what the look is for (estimate)
-TURNS = (0.4, -0.4)  # [rad] of the torso from where it was; estimate: an arm passes 0.3 m before the camera
+# [rad] of the torso from where it was; estimate: an arm passes 0.3 m before the camera
+TURNS = (0.4, -0.4)
 
 
 def look(here: Situation, command: rc.Look) -> Skill:
-    """Look at each point; what is seen there comes back in Sensed. Raises failed if nothing true is seen at the end."""
+    """Look at each point; what is seen there comes back in Sensed. Raises failed if nothing true is
+    seen at the end.
+    """
     for point in command.at:
-        near = (name for name, pose in here.seen.items() if np.linalg.norm(pose.translation - point) < THERE_M)
+        near = (
+            name
+            for name, pose in here.seen.items()
+            if np.linalg.norm(pose.translation - point) < THERE_M
+        )
         sought = {name for name in near if here.holder(name) is None}  # what should stand there
         sensed = yield motions.still(here, command.key, watch=point, settle_s=REST_S)
         for turned in _turned(here) if _unseen(here, sought, sensed) else ():
@@ -32,7 +40,9 @@ def look(here: Situation, command: rc.Look) -> Skill:
                 path = joining(here, turned)
             except NotPossible:  # it is not free
                 continue
-            sensed = yield motions.along(here, command.key, path, LOADED_SPEED, watch=point, settle_s=REST_S)
+            sensed = yield motions.along(
+                here, command.key, path, LOADED_SPEED, watch=point, settle_s=REST_S
+            )
             if not _unseen(here, sought, sensed):
                 break
     require_sight(here)
@@ -46,7 +56,9 @@ def _unseen(here: Situation, sought: set[str], sensed: Sensed) -> bool:
 
 
 def _turned(here: Situation) -> Iterator[np.ndarray]:
-    """Yield postures (15,) with the torso turned from where it was at the first one, within its limits."""
+    """Yield postures (15,) with the torso turned from where it was at the first one, within its
+    limits.
+    """
     first = here.q.copy()
     for turn in TURNS:
         q = here.q.copy()

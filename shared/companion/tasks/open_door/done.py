@@ -8,12 +8,14 @@ from companion.rows import THERE, ActRow
 
 
 class OpenDoor(Command, frozen=True):
-    """Take a leaf by its handle, turn it about its hinge, let go, draw the hand back, and look at the leaf.
+    """Take a leaf by its handle, turn it about its hinge, let go, draw the hand back, and look at
+    the leaf.
 
-    `approach`: in the leaf's frame, outermost first, the handle last. Fingers: `closed`, where one stops that meets
-    nothing [rad], `squeeze` and `speed` as of Grasp. `turn`: of the leaf about its z from where it is seen before
-    [rad]. `least`: size of the turn that is enough. `end`: of the hand in the leaf's frame after the turn, in which the
-    fingers slide about the bar; None: as at its begin.
+    `approach`: in the leaf's frame, outermost first, the handle last. Fingers: `closed`, where one
+    stops that meets nothing [rad], `squeeze` and `speed` as of Grasp. `turn`: of the leaf about its
+    z from where it is seen before [rad]. `least`: size of the turn that is enough. `end`: of the
+    hand in the leaf's frame after the turn, in which the fingers slide about the bar; None: as at
+    its begin.
     """
 
     side: Side

@@ -1,4 +1,6 @@
-"""The skill that opens a leaf: take the bar of its handle, turn it, let go, look how far it is open."""
+"""The skill that opens a leaf: take the bar of its handle, turn it, let go, look how far it is
+open.
+"""
 
 import math
 from itertools import chain
@@ -37,7 +39,8 @@ OPEN_BY, OPEN_SPEED = 0.5, 0.8  # [rad], [rad/s]: the bar is free before the han
 
 
 def open_door(here: Situation, command: OpenDoor) -> Skill:
-    """Open a leaf. Raises replan if it is unknown, out of reach, or is not seen open enough at the end.
+    """Open a leaf. Raises replan if it is unknown, out of reach, or is not seen open enough at the
+    end.
 
     Raises missing if it is not where it was, empty if the hand closes on nothing.
     """
@@ -73,7 +76,9 @@ def _to_handle(here: Situation, side: str, command: OpenDoor) -> Skill:
 
 
 def _middle(leaf: pin.SE3) -> np.ndarray:
-    """The place of a leaf's hinge, at half its height: the head sees all of it and the cabinet from there."""
+    """The place of a leaf's hinge, at half its height: the head sees all of it and the cabinet from
+    there.
+    """
     return np.asarray(leaf.translation)
 
 
@@ -89,7 +94,9 @@ def _solved(here: Situation, side: str, command: OpenDoor) -> list[np.ndarray]:
 
 
 def _take(here: Situation, side: str, command: OpenDoor) -> Skill:
-    """Close the fingers on the bar. They are not locked: whatever ends the act, the hand can open."""
+    """Close the fingers on the bar. They are not locked: whatever ends the act, the hand can
+    open.
+    """
     close = Close(command.squeeze, command.closed, command.speed, settle_s=SETTLE_S, lock=False)
     sensed = yield motions.still(here, command.key, until=Until.TOUCH, **motions.hand(side, close))
     touched = sum(sensed.touched[side])
@@ -106,34 +113,50 @@ def _turn(here: Situation, side: str, command: OpenDoor) -> Skill:
     for room in (MARGIN_M, 0.0):  # with some room where that is possible
         try:
             with attaching.room(here.world, room):
-                path = opening.arc(here.robot, here.world, side, here.q, command.door, leaf, command.turn, end)
+                path = opening.arc(
+                    here.robot, here.world, side, here.q, command.door, leaf, command.turn, end
+                )
             break
         except ik.PathBlocked as blocked:
             why = line_ends(blocked)
     else:
         raise replan(fact(DoorKind.NOT_TURNED, side, command.door, why))
     try:
-        yield motions.along(here, command.key, path, PULL_SPEED, settle_s=SETTLE_S, tolerance_m=BESIDE_M)
+        yield motions.along(
+            here, command.key, path, PULL_SPEED, settle_s=SETTLE_S, tolerance_m=BESIDE_M
+        )
     finally:
-        here.place(command.door, opening.led(leaf, command.turn, begin, end, here.robot.grip(here.q, side)))
+        here.place(
+            command.door, opening.led(leaf, command.turn, begin, end, here.robot.grip(here.q, side))
+        )
 
 
 def _let_go(here: Situation, side: str, command: OpenDoor) -> Skill:
-    """Open the fingers and draw the hand back, as far as there is room. A cancel changes nothing."""
+    """Open the fingers and draw the hand back, as far as there is room. A cancel changes
+    nothing.
+    """
     wide = command.approach[-1].fingers
     loose = (Open(OPEN_BY, OPEN_SPEED), motions.fingers(wide))
-    yield from despite_cancel(lambda: motions.still(here, command.key, **motions.hand(side, loose[0])))
-    yield from despite_cancel(lambda: motions.still(here, command.key, **motions.hand(side, loose[1])))
+    yield from despite_cancel(
+        lambda: motions.still(here, command.key, **motions.hand(side, loose[0]))
+    )
+    yield from despite_cancel(
+        lambda: motions.still(here, command.key, **motions.hand(side, loose[1]))
+    )
     here.set_fingers(side, wide)
     first, last = (transform(point.at) for point in (command.approach[0], command.approach[-1]))
     out = here.robot.grip(here.q, side) * last.inverse() * first
     path = backing.way_out(here.robot, here.world, side, here.q, [out])
-    yield from despite_cancel(lambda: motions.along(here, command.key, moving.rest(here, path), RETREAT_SPEED))
+    yield from despite_cancel(
+        lambda: motions.along(here, command.key, moving.rest(here, path), RETREAT_SPEED)
+    )
 
 
 def _judge(here: Situation, command: OpenDoor, before: pin.SE3) -> Skill:
     """Look at the leaf. Raises replan if it is not seen, or is not open enough."""
-    sensed = yield motions.still(here, command.key, watch=_middle(here.seen[command.door]), settle_s=SETTLE_S)
+    sensed = yield motions.still(
+        here, command.key, watch=_middle(here.seen[command.door]), settle_s=SETTLE_S
+    )
     if command.door not in {sight.name for sight in sensed.sights}:
         raise replan(fact(DoorKind.NOT_SEEN_TURNED, command.door))
     now, then = (heading(leaf.rotation[:, 0]) for leaf in (here.seen[command.door], before))

@@ -1,4 +1,6 @@
-"""Planning to open a leaf of a cabinet by its handle, before what stands behind it is taken, or is looked for."""
+"""Planning to open a leaf of a cabinet by its handle, before what stands behind it is taken, or is
+looked for.
+"""
 
 import math
 from collections.abc import Iterator
@@ -36,20 +38,25 @@ from velma.kinematics.tasks.speeds import PULL_SPEED
 DOORS = (1, 2)
 """Ranks of the closed doors before a thing, one of which is opened first: a cabinet has two."""
 WIDE, ENOUGH = (1.54, 1.47), 1.35
-"""Angles [rad] to which a leaf is turned, the first that the arm can follow, and which are enough. The hinge ends at
-1.58. With both leaves at 1.4 jar and bowl could be taken in 4 of 4 seeds, at 1.0 in none; the hand leaves a leaf up to
-0.1 short (trials)."""
+"""Angles [rad] to which a leaf is turned, the first that the arm can follow, and which are enough.
+The hinge ends at 1.58. With both leaves at 1.4 jar and bowl could be taken in 4 of 4 seeds, at 1.0
+in none; the hand leaves a leaf up to 0.1 short (trials).
+"""
 ROOM_M = 0.012  # of the arm during the turn: ex takes the handle where it is seen then (estimate)
-POSTURES = 30  # random torsos and elbows for each way to hold the bar (estimate: half of them follow the turn)
+# random torsos and elbows for each way to hold the bar (estimate: half of them follow the turn)
+POSTURES = 30
 UPRIGHT = 1e-6  # [rad]: rounding of a rotation about an upright axis
 TRIED = 4  # of those that follow: to each a free way is looked for (estimate)
 
 
-# --- when a leaf is opened --------------------------------------------------------------------------------------------
+# --- when a leaf is opened ------------------------------------------------------------------------
 
 
-def after_opening(known: Known, km: str, number: int, task: str, *arguments: str) -> Subtasks | None:
-    """Open the n-th closed door of the furniture in which its things stand, look at the first thing, plan again.
+def after_opening(
+    known: Known, km: str, number: int, task: str, *arguments: str
+) -> Subtasks | None:
+    """Open the n-th closed door of the furniture in which its things stand, look at the first
+    thing, plan again.
 
     The leaf then is where it is seen, not where the plan turns it.
     """
@@ -65,7 +72,9 @@ def after_opening(known: Known, km: str, number: int, task: str, *arguments: str
 
 
 def behind_doors(known: Known, km: str) -> Iterator[Subtasks]:
-    """Yield for each closed door: open it and look around. A thing that was never seen may be behind it."""
+    """Yield for each closed door: open it and look around. A thing that was never seen may be
+    behind it.
+    """
     for door, around in closed(known.ask, km):
         yield [("open_door", door, around), ("look_around",)]
 
@@ -75,7 +84,7 @@ def open_door_with(known: Known, km: str, hand: Side, door: str, around: str) ->
     return [("a_open", door, around, hand), ("a_home", hand)]
 
 
-# --- leaves as km knows them ------------------------------------------------------------------------------------------
+# --- leaves as km knows them ----------------------------------------------------------------------
 
 
 def closed(ask: Asking, state: str) -> tuple[tuple[str, str], ...]:
@@ -87,14 +96,19 @@ def closed(ask: Asking, state: str) -> tuple[tuple[str, str], ...]:
         (door, one)
         for door in doors
         for one in around
-        if ask(wm.Holds(state=state, relation=wm.Relation.IS_IN, subject=door, value=one), wm.Truth).value
+        if ask(
+            wm.Holds(state=state, relation=wm.Relation.IS_IN, subject=door, value=one), wm.Truth
+        ).value
         and opened(ask, state, door, one) < ENOUGH
     )
 
 
 def opened(ask: Asking, state: str, door: str, around: str) -> float:
     """How far a leaf is open [rad] at the furniture at which it hangs."""
-    poses = (transform(ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose) for one in (door, around))
+    poses = (
+        transform(ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose)
+        for one in (door, around)
+    )
     leaf, body = (heading(pose.rotation[:, 0]) for pose in poses)
     return opens(grasps(ask, state, door)[0]) * math.remainder(leaf - body, math.tau)
 
@@ -105,11 +119,13 @@ def grasps(ask: Asking, state: str, door: str) -> tuple[wm.GraspDef, ...]:
 
 
 def opens(grasp: wm.GraspDef) -> float:
-    """The sense of rotation about z in which a leaf opens: its handle, in front of it, comes forwards."""
+    """The sense of rotation about z in which a leaf opens: its handle, in front of it, comes
+    forwards.
+    """
     return -math.copysign(1.0, transform(grasp.steps[-1].pose).inverse().translation[1])
 
 
-# --- the step that opens one ------------------------------------------------------------------------------------------
+# --- the step that opens one ----------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -128,7 +144,9 @@ class _Leaf:
 
 @dataclass(frozen=True)
 class _Way:
-    """Postures to the handle and along the turn, the one with the hand drawn back, and the hand at the turn's end."""
+    """Postures to the handle and along the turn, the one with the hand drawn back, and the hand at
+    the turn's end.
+    """
 
     path: Path
     last: np.ndarray
@@ -145,7 +163,8 @@ def open_door(geometry: Geometry, state: str, door: str, around: str, side: Side
         geometry.failed(fact(Kind.HOLDS, side, here.held[side].object))
         return None
     now, pose = opened(geometry.ask, state, door, around), geometry.pose(state, door)
-    here.world.put(door, geometry.model(state, door).shapes, pose)  # as thick as it is: things stand close behind it
+    # as thick as it is: things stand close behind it
+    here.world.put(door, geometry.model(state, door).shapes, pose)
     for wide, grasp in product(WIDE, known):
         turn = opens(grasp) * (wide - now)
         leaf = _Leaf(door, pose, turn, ENOUGH - now, _ends(grasp, known, turn))
@@ -165,7 +184,8 @@ def open_door(geometry: Geometry, state: str, door: str, around: str, side: Side
 def _ends(grasp: wm.GraspDef, known: tuple[wm.GraspDef, ...], turn: float) -> list[pin.SE3]:
     """How the hand may hold the bar after the leaf's turn (T_leaf_grip), best first.
 
-    By the same grasp, or by another one if the hand then turns less than the leaf: the fingers slide about the bar.
+    By the same grasp, or by another one if the hand then turns less than the leaf: the fingers
+    slide about the bar.
     """
     begin, *hands = (hand_steps(one)[-1][0] for one in (grasp, *known))
     slides = [(slide, hand) for hand in hands if (slide := _about_bar(begin, hand)) * turn < 0.0]
@@ -173,18 +193,24 @@ def _ends(grasp: wm.GraspDef, known: tuple[wm.GraspDef, ...], turn: float) -> li
 
 
 def _about_bar(begin: pin.SE3, end: pin.SE3) -> float:
-    """The rotation [rad] about the upright bar between two ways to hold it; 0 if it is about another axis."""
+    """The rotation [rad] about the upright bar between two ways to hold it; 0 if it is about
+    another axis.
+    """
     x, y, z = pin.log3(end.rotation @ begin.rotation.T)
     return float(z) if np.hypot(x, y) < UPRIGHT else 0.0
 
 
-def _ways(geometry: Geometry, here: Situation, side: Side, leaf: _Leaf, grasp: wm.GraspDef) -> Iterator[_Way]:
+def _ways(
+    geometry: Geometry, here: Situation, side: Side, leaf: _Leaf, grasp: wm.GraspDef
+) -> Iterator[_Way]:
     """Yield ways to open a leaf by this grasp; the fingers are wide afterwards."""
     robot, world, (outer, inner) = geometry.robot, here.world, hand_steps(grasp)
     rng = geometry.rng("open", leaf.name, side, grasp.id)
     # A turn to an end at which the arm cannot hold the turned leaf's bar would be in vain.
     after, random = opening.turned(leaf.pose, leaf.turn), geometry.rng("reach", leaf.name, side)
-    leaf = replace(leaf, ends=[end for end in leaf.ends if ik.reachable(robot, side, after * end, random)])
+    leaf = replace(
+        leaf, ends=[end for end in leaf.ends if ik.reachable(robot, side, after * end, random)]
+    )
     if not leaf.ends:
         return
     for q in ik.postures(robot, side, leaf.pose * inner[0], here.q, rng, starts=POSTURES):
@@ -216,15 +242,24 @@ def _way(
         finally:
             world.fingers(side, inner[1])
         after, out = opening.turned(leaf.pose, leaf.turn), end * inner[0].inverse() * outer[0]
-        with attaching.stood(world, leaf.name, after, side):  # the hand is drawn back from the turned leaf
-            last = [turning[-1], *backing.way_out(robot, world, side, turning[-1], [after * out])][-1]
+        # the hand is drawn back from the turned leaf
+        with attaching.stood(world, leaf.name, after, side):
+            last = [turning[-1], *backing.way_out(robot, world, side, turning[-1], [after * out])][
+                -1
+            ]
             if world.free(last):
                 return _Way([*back[::-1], *turning], last, end)
     return None
 
 
 def _opening(
-    geometry: Geometry, side: Side, leaf: _Leaf, grasp: wm.GraspDef, way: _Way, lead: rc.MoveJoint, leading: float
+    geometry: Geometry,
+    side: Side,
+    leaf: _Leaf,
+    grasp: wm.GraspDef,
+    way: _Way,
+    lead: rc.MoveJoint,
+    leading: float,
 ) -> Step:
     """The step of a solved way; `lead` brings the hand to its start in `leading` seconds."""
     steps = hand_steps(grasp)

@@ -1,6 +1,8 @@
-"""The act that pours, what must be true after it, and what is said of it: how much left, and what arrived.
+"""The act that pours, what must be true after it, and what is said of it: how much left, and what
+arrived.
 
-The source is weighed before and after the tilt, in the same posture; then the eyes look into the destination.
+The source is weighed before and after the tilt, in the same posture; then the eyes look into the
+destination.
 """
 
 from companion.languages.evidence import AnyClaim, Check, Otherwise, Sense
@@ -11,15 +13,17 @@ from companion.languages.wm import AnySight, FeltContent
 from companion.rows import THERE, ActRow, held
 
 LEAST_WEIGHED_KG = 0.015
-"""Difference of two weights of a pour that counts: two deviations of a sensor that drifts by 0.05 N meanwhile (7.5 g,
-measured)."""
+"""Difference of two weights of a pour that counts: two deviations of a sensor that drifts by 0.05 N
+meanwhile (7.5 g, measured).
+"""
 
 
 class Pour(Command, frozen=True):
     """Tilt a held object over another one, hold, and turn it back.
 
-    `azimuth`: world direction [rad] in which the opening moves down; `spin`: turn of the source about its axis [rad].
-    `tilts`: first and last tilt from the vertical [rad]. `hold`: time at the last tilt [s].
+    `azimuth`: world direction [rad] in which the opening moves down; `spin`: turn of the source
+    about its axis [rad]. `tilts`: first and last tilt from the vertical [rad]. `hold`: time at the
+    last tilt [s].
     """
 
     side: Side
@@ -70,7 +74,9 @@ def outcome_facts(pour: Pour, done: Done) -> Facts:
 def _felt(pour: Pour, before: float, after: float) -> Facts:
     """How much [kg] was felt to leave a source, and how much to stay in it, to a gram."""
     rest = after - pour.empty_mass
-    still = (fact(PourKind.STILL_IN, pour.source, round(rest, 3)),) if rest > LEAST_WEIGHED_KG else ()
+    still = (
+        (fact(PourKind.STILL_IN, pour.source, round(rest, 3)),) if rest > LEAST_WEIGHED_KG else ()
+    )
     return (fact(PourKind.LEFT, pour.source, round(before - after, 3)), *still)
 
 
@@ -82,7 +88,11 @@ def _looked_into(pour: Pour, done: Done) -> Facts:
     if done.arrived is None:
         return (fact(PourKind.NOT_SEEN_IN, name),)
     seen = next((one.content for one in done.seen if one.object == name), None)
-    there = fact(PourKind.ARRIVED_SOME, name) if seen is None else fact(PourKind.ARRIVED, name, round(seen, 2))
+    there = (
+        fact(PourKind.ARRIVED_SOME, name)
+        if seen is None
+        else fact(PourKind.ARRIVED, name, round(seen, 2))
+    )
     return (there,) if done.arrived else (there, fact(PourKind.REST_NOT_THERE, name))
 
 
@@ -101,5 +111,13 @@ _CHECKS = (
     Check(PourClaim.ARRIVED, "destination", (Sense.EYES,), Otherwise.FAILED),
 )
 ACTS = (
-    ActRow(Pour, _CHECKS, rest_s=30.0, handles=True, fulfilled=arrived, outcome_facts=outcome_facts, sights=sights),
+    ActRow(
+        Pour,
+        _CHECKS,
+        rest_s=30.0,
+        handles=True,
+        fulfilled=arrived,
+        outcome_facts=outcome_facts,
+        sights=sights,
+    ),
 )

@@ -1,6 +1,8 @@
-"""Planning to pour: the source is taken first, as in the paper's plan #1, and tilted over what stands free.
+"""Planning to pour: the source is taken first, as in the paper's plan #1, and tilted over what
+stands free.
 
-Methods follow the published domain of the same group (proghtn-backstream@019fd34: pour, pourAt, takeSd, place, lookAt).
+Methods follow the published domain of the same group (proghtn-backstream@019fd34: pour, pourAt,
+takeSd, place, lookAt).
 """
 
 import math
@@ -23,13 +25,17 @@ from velma.kinematics.tasks.speeds import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 
 HELD_TILT = math.radians(40.0)  # task runs with the true robot model
 HELD_TRIES = 4 * TRIES
-"""Samples of a tilt. There is only one grasp of a source that is held already, so more are tried: in env2 seed 113,
-beside the box before the bowl, none of 1500 samples was a tilt, and some of 6000 were."""
+"""Samples of a tilt. There is only one grasp of a source that is held already, so more are tried:
+in env2 seed 113, beside the box before the bowl, none of 1500 samples was a tilt, and some of 6000
+were.
+"""
 TILTINGS = 8  # estimate: the quickest of this number of tilts is chosen
 HOLD_S = 2.0  # same runs
 SAMPLES, AT_ONCE, ENOUGH = 1500, 30, 2
-"""Grasps and tilts that are tried for each hand, in turn so many, until one hand has so many tilts. In 30 of 30 runs on
-15 seeds of env2 this found the hand that can pour, in 0.05 to 0.55 s (measured on a busy machine)."""
+"""Grasps and tilts that are tried for each hand, in turn so many, until one hand has so many tilts.
+In 30 of 30 runs on 15 seeds of env2 this found the hand that can pour, in 0.05 to 0.55 s (measured
+on a busy machine).
+"""
 
 
 def into_itself(source: str, destination: str) -> Fact | None:
@@ -37,7 +43,7 @@ def into_itself(source: str, destination: str) -> Fact | None:
     return fact(PourKind.INTO_ITSELF, source) if source == destination else None
 
 
-# --- in which order ---------------------------------------------------------------------------------------------------
+# --- in which order -------------------------------------------------------------------------------
 
 
 def pour_held(known: Known, km: str, source: str, destination: str) -> Subtasks | None:
@@ -73,8 +79,12 @@ def pour_into_unseen(known: Known, km: str, source: str, destination: str) -> Su
     return [("localize", destination)]
 
 
-def pour_taking_both(known: Known, km: str, first: Side, source: str, destination: str) -> Subtasks | None:
-    """Take the source with one hand and the destination with the other, then put the destination down."""
+def pour_taking_both(
+    known: Known, km: str, first: Side, source: str, destination: str
+) -> Subtasks | None:
+    """Take the source with one hand and the destination with the other, then put the destination
+    down.
+    """
     if holder := known.facts.holder(km, destination):
         return known.unfit(fact(Kind.HOLDS, holder, destination))
     if not known.facts.inside(km, destination):
@@ -91,7 +101,9 @@ def pour_taking_both(known: Known, km: str, first: Side, source: str, destinatio
 
 
 def pour_taken_again(known: Known, km: str, source: str, destination: str) -> Subtasks | None:
-    """Put the source down, and take it by another grasp: as it is held it cannot be tilted there."""
+    """Put the source down, and take it by another grasp: as it is held it cannot be tilted
+    there.
+    """
     if known.facts.holder(km, source) is None:
         return known.unfit(fact(Kind.NO_HAND_HOLDS, source))
     if not _open(known, km, destination):
@@ -99,21 +111,31 @@ def pour_taken_again(known: Known, km: str, source: str, destination: str) -> Su
     return [("set_down", source), ("a_confirm", source), ("take_and_pour", source, destination)]
 
 
-def pour_with_likely(known: Known, km: str, hand: Side, source: str, destination: str) -> Subtasks | None:
+def pour_with_likely(
+    known: Known, km: str, hand: Side, source: str, destination: str
+) -> Subtasks | None:
     """Take the source and tilt it with the hand that is likely to have a way."""
     return _pour_with(known, km, hand, source, destination, "a_likely")
 
 
-def pour_with_other(known: Known, km: str, hand: Side, source: str, destination: str) -> Subtasks | None:
+def pour_with_other(
+    known: Known, km: str, hand: Side, source: str, destination: str
+) -> Subtasks | None:
     """Take the source and tilt it with the other hand."""
     return _pour_with(known, km, hand, source, destination, "a_not_likely")
 
 
-def _pour_with(known: Known, km: str, hand: Side, source: str, destination: str, which: str) -> Subtasks | None:
+def _pour_with(
+    known: Known, km: str, hand: Side, source: str, destination: str, which: str
+) -> Subtasks | None:
     if held := known.facts.in_hand(km, hand):
         known.failed(fact(Kind.HOLDS, hand, held))
         return None
-    return [(which, source, destination, hand), ("take", source, hand), ("a_pour", source, destination, hand)]
+    return [
+        (which, source, destination, hand),
+        ("take", source, hand),
+        ("a_pour", source, destination, hand),
+    ]
 
 
 def _open(known: Known, km: str, name: str) -> bool:
@@ -129,14 +151,14 @@ def _open(known: Known, km: str, name: str) -> bool:
     return False
 
 
-# --- by which hand ----------------------------------------------------------------------------------------------------
+# --- by which hand --------------------------------------------------------------------------------
 
 
 def likely(geometry: Geometry, state: str, source: str, destination: str, hand: Side) -> bool:
     """Whether samples of grasps and tilts find a way for this hand sooner than for the other one.
 
-    They are tried once for each place of the destination, with nothing but that and the furniture in the way: other
-    things may be put aside.
+    They are tried once for each place of the destination, with nothing but that and the furniture
+    in the way: other things may be put aside.
     """
     at = geometry.ask(wm.ObjectPose(state=state, object=destination), wm.PoseOf).pose
     key = (source, destination, at)
@@ -167,10 +189,18 @@ def _likely(geometry: Geometry, state: str, source: str, destination: str) -> Si
     return max(HANDS, key=found.__getitem__)
 
 
-def _samples(geometry: Geometry, here: Situation, source: str, destination: str, hand: Side) -> Iterator[bool]:
+def _samples(
+    geometry: Geometry, here: Situation, source: str, destination: str, hand: Side
+) -> Iterator[bool]:
     """Yield, for some grasp and tilt after the other, whether the hand can pour so."""
-    known, flow = preferred(geometry, here.state, source), _stream(geometry, here.state, source, destination)
-    poses, rng = [transform(grasp.steps[-1].pose) for grasp in known], geometry.rng("hands", source, destination, hand)
+    known, flow = (
+        preferred(geometry, here.state, source),
+        _stream(geometry, here.state, source, destination),
+    )
+    poses, rng = (
+        [transform(grasp.steps[-1].pose) for grasp in known],
+        geometry.rng("hands", source, destination, hand),
+    )
     while True:
         k = int(rng.integers(len(known)))
         here.world.attach(source, hand, poses[k])
@@ -178,11 +208,15 @@ def _samples(geometry: Geometry, here: Situation, source: str, destination: str,
         yield any(tiltings(geometry.robot, here.world, hand, here.q, poses[k], flow, rng, tries=1))
 
 
-# --- the step that tilts ----------------------------------------------------------------------------------------------
+# --- the step that tilts --------------------------------------------------------------------------
 
 
-def pour(geometry: Geometry, state: str, source: str, destination: str, side: Side, tries: int = TRIES) -> Step | None:
-    """The step that moves the held source beside the destination, tilts it, holds, and turns it back."""
+def pour(
+    geometry: Geometry, state: str, source: str, destination: str, side: Side, tries: int = TRIES
+) -> Step | None:
+    """The step that moves the held source beside the destination, tilts it, holds, and turns it
+    back.
+    """
     here = geometry.at(state)
     found = tiltings(
         geometry.robot,
@@ -195,7 +229,9 @@ def pour(geometry: Geometry, state: str, source: str, destination: str, side: Si
         tries=tries,
     )
     while some := list(islice(found, TILTINGS)):
-        reached = geometry.free_motion(here, side, [t.path[0] for t in some], largest_tilt=HELD_TILT)
+        reached = geometry.free_motion(
+            here, side, [t.path[0] for t in some], largest_tilt=HELD_TILT
+        )
         if reached is not None:
             tilting, way = some[reached[0]], reached[1]
             command = Pour(
@@ -209,7 +245,10 @@ def pour(geometry: Geometry, state: str, source: str, destination: str, side: Si
                 hold=HOLD_S,
                 empty_mass=geometry.model(state, source).mass,
             )
-            changes = (wm.Poured(source=source, destination=destination), *configured(side, tilting.path[0]))
+            changes = (
+                wm.Poured(source=source, destination=destination),
+                *configured(side, tilting.path[0]),
+            )
             duration = (
                 way.duration
                 + geometry.duration(tilting.path, TILT_SPEED)

@@ -1,4 +1,5 @@
-"""Whether it was poured, by the truth of the simulation: content in the bowl, jar in a hand, bowl level on the table.
+"""Whether it was poured, by the truth of the simulation: content in the bowl, jar in a hand, bowl
+level on the table.
 
 A part for the tools alone (companion.tools.report).
 """
@@ -23,7 +24,9 @@ from operate.recording.records import Spoken
 
 LEAST_POURED = 0.9
 ON_TABLE_M = 0.02
-"""Between a vessel's base and the table's top; estimate: contacts are soft, table poses may be observed ones (4 mm)."""
+"""Between a vessel's base and the table's top; estimate: contacts are soft, table poses may be
+observed ones (4 mm).
+"""
 TABLES = {name for name, model in MODELS.items() if model.kind == "Table"}
 
 
@@ -58,7 +61,10 @@ def against(history: History, command: Spoken) -> Iterator[str]:
     if state.fraction is None:
         yield "it was not recorded how much is in the bowl"
     elif state.fraction < LEAST_POURED:
-        yield f"{state.fraction:.0%} of the content is in the bowl, at least {LEAST_POURED:.0%} are wanted"
+        yield (
+            f"{state.fraction:.0%} of the content is in the bowl, at least {LEAST_POURED:.0%} are"
+            " wanted"
+        )
     if state.jar_links is None:
         yield "it was not recorded whether a hand holds the jar"
     elif state.jar_links < LEAST_LINKS:
@@ -66,11 +72,18 @@ def against(history: History, command: Spoken) -> Iterator[str]:
     if state.bowl_tilt_deg is None:
         yield "the bowl's tilt was not recorded"
     elif state.bowl_tilt_deg >= MOST_TILT_DEG:
-        yield f"the bowl is tilted by {state.bowl_tilt_deg:.0f} degrees, less than {MOST_TILT_DEG:.0f} are wanted"
+        yield (
+            f"the bowl is tilted by {state.bowl_tilt_deg:.0f} degrees, less than"
+            f" {MOST_TILT_DEG:.0f} are wanted"
+        )
     if state.bowl_links:
         yield "a hand still touches the bowl"
     if not state.bowl_on_table:
-        yield "the bowl is not on a table" if state.bowl_on_table is False else "where the bowl stands was not recorded"
+        yield (
+            "the bowl is not on a table"
+            if state.bowl_on_table is False
+            else "where the bowl stands was not recorded"
+        )
 
 
 def true(one: Evidence, truth: TrueState) -> bool | None:
@@ -91,14 +104,18 @@ def share(history: History) -> Share:
         for act in plans.acts(history)
         if act.done and isinstance(act.command, Pour)
         for one in history.said
-        if isinstance(one.content, Done) and one.content.key == act.command.key and one.content.weighed
+        if isinstance(one.content, Done)
+        and one.content.key == act.command.key
+        and one.content.weighed
     ]
     if not done:
         return Share(None, None, None, true)
     (before, after), pour, seen = done[-1]
     content = before - pour.empty_mass
     inside = next((one.content for one in seen if one.object == pour.destination), None)
-    return Share((before - after) / content if content > 0.0 else None, before - after, content, true, inside)
+    return Share(
+        (before - after) / content if content > 0.0 else None, before - after, content, true, inside
+    )
 
 
 def figures(history: History) -> Figures:
@@ -109,11 +126,16 @@ def figures(history: History) -> Figures:
 
 def _vessel(truth: TrueState, kind: str) -> str:
     """The id of the first vessel of this kind, "" for none."""
-    return next((name for name in sorted(truth.tilt_deg) if truth.models.get(name, name).startswith(kind)), "")
+    return next(
+        (name for name in sorted(truth.tilt_deg) if truth.models.get(name, name).startswith(kind)),
+        "",
+    )
 
 
 def _on_table(history: History, truth: TrueState, vessel: str) -> bool | None:
-    """Whether a vessel's base stands over, and within a contact of, the top of a table; None: no table is known."""
+    """Whether a vessel's base stands over, and within a contact of, the top of a table; None: no
+    table is known.
+    """
     at = truth.at.get(vessel) or (truth.poses[vessel].xyz if vessel in truth.poses else None)
     tables = _tables(history, truth)
     if at is None or not tables:
@@ -127,7 +149,9 @@ def _on_table(history: History, truth: TrueState, vessel: str) -> bool | None:
 def _tables(history: History, truth: TrueState) -> list[tuple[str, Pose]]:
     """Models and poses of all tables: true ones, else the ones km was told of."""
     true = [
-        (model, truth.poses[name]) for name, model in truth.models.items() if model in TABLES and name in truth.poses
+        (model, truth.poses[name])
+        for name, model in truth.models.items()
+        if model in TABLES and name in truth.poses
     ]
     if true:
         return true

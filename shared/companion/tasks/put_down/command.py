@@ -7,8 +7,8 @@ from companion.languages.rc import Release
 
 
 class PutDown(Command, frozen=True):
-    """Put a held object down wherever there is room. With a place ("table", "cabinet", BACK) put it there; it is taken
-    first if no hand holds it.
+    """Put a held object down wherever there is room. With a place ("table", "cabinet", BACK) put it
+    there; it is taken first if no hand holds it.
     """
 
     object: str
@@ -16,14 +16,20 @@ class PutDown(Command, frozen=True):
 
     @property
     def task(self) -> hfsm.Task:
-        return hfsm.Task("put_at", (self.object, self.place)) if self.place else hfsm.Task("put_down", (self.object,))
+        return (
+            hfsm.Task("put_at", (self.object, self.place))
+            if self.place
+            else hfsm.Task("put_down", (self.object,))
+        )
 
     @property
     def says(self) -> str:
         return {"": "put", BACK: "back"}.get(self.place, "place")
 
     def settled(self, plan: hfsm.HierarchicalPlan) -> hfsm.Task | None:
-        """A hand held it when this plan was made: a later plan may find that it stands where that hand left it."""
+        """A hand held it when this plan was made: a later plan may find that it stands where that
+        hand left it.
+        """
         put = [act.object for act in hfsm.acts(plan.root) if isinstance(act, Release)]
         return hfsm.Task("stand", (put[-1],)) if put and not self.place else None
 

@@ -1,7 +1,8 @@
-"""The skill that puts down: move above the place, level the object, go down to contact, open, retreat.
+"""The skill that puts down: move above the place, level the object, go down to contact, open,
+retreat.
 
-Where the object meets something above the place, what stands there is not known: the arm and the object hide it. It is
-put down beside then.
+Where the object meets something above the place, what stands there is not known: the arm and the
+object hide it. It is put down beside then.
 """
 
 import math
@@ -18,7 +19,15 @@ from companion.skills import emergency_place, motions, moving
 from companion.skills.loop_messages import Open, Until
 from companion.skills.moving import between, straight
 from companion.skills.situation import Situation
-from companion.skills.skill import NotPossible, Skill, SkillRow, despite_cancel, despite_slips, failed, replan
+from companion.skills.skill import (
+    NotPossible,
+    Skill,
+    SkillRow,
+    despite_cancel,
+    despite_slips,
+    failed,
+    replan,
+)
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, transform
@@ -28,18 +37,25 @@ from velma.kinematics.tasks.carrying import CARRY_TILT
 from velma.kinematics.tasks.placing import ABOVE_M, retreat_poses
 from velma.kinematics.tasks.speeds import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
 
-BELOW_M = 0.02  # the descent aims this far below the place; contact ends it; task runs with the true robot model
-CONTACT_M = 0.003  # set-point below the hand that counts as contact (about 4.5 N at 1500 N/m), same runs
-MET, MET_M = "met", 0.2  # name and edge [m] of the box that stands for what was met: as wide as a bowl (estimate)
-HIGH_M = 0.04  # above its place a thing is not let go, whatever the hand met: it would fall (estimate)
+# the descent aims this far below the place; contact ends it; task runs with the true robot model
+BELOW_M = 0.02
+# set-point below the hand that counts as contact (about 4.5 N at 1500 N/m), same runs
+CONTACT_M = 0.003
+# name and edge [m] of the box that stands for what was met: as wide as a bowl (estimate)
+MET, MET_M = "met", 0.2
+# above its place a thing is not let go, whatever the hand met: it would fall (estimate)
+HIGH_M = 0.04
 SETTLE_S = 0.3
-OPEN_BY, OPEN_SPEED, OPEN_WAIT_S = math.radians(6.0), 0.15, 0.5  # same runs (they waited 0.9 s in all)
+# same runs (they waited 0.9 s in all)
+OPEN_BY, OPEN_SPEED, OPEN_WAIT_S = math.radians(6.0), 0.15, 0.5
 SPREAD_SPEED = 0.5  # [rad/s], same runs
-JOIN_LIMIT = 1.2  # [rad] a joint may move on the way to above the place before a path is planned (estimate)
+# [rad] a joint may move on the way to above the place before a path is planned (estimate)
+JOIN_LIMIT = 1.2
 
 
 def release(here: Situation, command: rc.Release) -> Skill:
-    """Put the object down; nothing if the hand does not hold it. Raises replan if the place cannot be reached.
+    """Put the object down; nothing if the hand does not hold it. Raises replan if the place cannot
+    be reached.
 
     What slips on the way is all the more put down.
     """
@@ -47,7 +63,9 @@ def release(here: Situation, command: rc.Release) -> Skill:
     if held is None or held.object != command.object:
         return
     try:
-        yield from despite_slips(lambda: _lower(here, command, *_place(here, command.side, command)))
+        yield from despite_slips(
+            lambda: _lower(here, command, *_place(here, command.side, command))
+        )
     except _Met as met:
         yield from _beside(here, command, met)
     yield from _let_go(here, command.side, command)
@@ -62,7 +80,9 @@ class _Met(NotPossible):
 
 
 def _beside(here: Situation, command: rc.Release, met: _Met) -> Skill:
-    """Go up again and put the object down on a free spot beside what it met. Raises `met` where none is found."""
+    """Go up again and put the object down on a free spot beside what it met. Raises `met` where
+    none is found.
+    """
     side, grip = command.side, here.robot.grip(here.q, command.side)
     up = straight(here, side, here.q, shifted(grip, np.array([0.0, 0.0, ABOVE_M])))
     yield motions.along(here, command.key, up, LOADED_SPEED)
@@ -71,7 +91,9 @@ def _beside(here: Situation, command: rc.Release, met: _Met) -> Skill:
     here.world.put(MET, [Box((MET_M, MET_M, MET_M))], middle)
     try:
         height = float(met.place.translation[2])
-        found = emergency_place.free_spot(here, side, _retreat(command), largest=CARRY_TILT, height=height)
+        found = emergency_place.free_spot(
+            here, side, _retreat(command), largest=CARRY_TILT, height=height
+        )
         if found is None:
             raise met
         yield from _lower(here, command, *found)
@@ -85,18 +107,27 @@ def _retreat(command: rc.Release) -> list[tuple[pin.SE3, float]]:
 
 
 def _lower(here: Situation, command: rc.Release, place: pin.SE3, path: list[np.ndarray]) -> Skill:
-    """Carry the object to above the place and go down to contact. Raises _Met if something stands there."""
+    """Carry the object to above the place and go down to contact. Raises _Met if something stands
+    there.
+    """
     side = command.side
     if path:
-        yield motions.along(here, command.key, path, LOADED_SPEED, watch=place.translation, settle_s=0.2)
+        yield motions.along(
+            here, command.key, path, LOADED_SPEED, watch=place.translation, settle_s=0.2
+        )
     # The object was seen in the hand again: go down so that it arrives level.
-    target = shifted(place * here.held[side].T_grip_object.inverse(), np.array([0.0, 0.0, -BELOW_M]))
+    target = shifted(
+        place * here.held[side].T_grip_object.inverse(), np.array([0.0, 0.0, -BELOW_M])
+    )
     down = straight(here, side, here.q, target)
     yield motions.along(
-        here, command.key, down, DOWN_SPEED, until=Until.CONTACT, contact_side=str(side), contact_m=CONTACT_M,
+        here, command.key, down, DOWN_SPEED, until=Until.CONTACT, contact_side=str(side),
+        contact_m=CONTACT_M,
         settle_s=SETTLE_S,
     )  # fmt: skip
-    above = (here.robot.grip(here.q, side) * here.held[side].T_grip_object).translation[2] - place.translation[2]
+    above = (here.robot.grip(here.q, side) * here.held[side].T_grip_object).translation[
+        2
+    ] - place.translation[2]
     if above > HIGH_M:
         raise _Met(fact(Kind.MET_SOMETHING, side, command.object, above), place, above)
 
@@ -109,7 +140,9 @@ def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, li
     held = here.held[side]
     if command.place is not None:
         place = transform(command.place)
-        return place, _through(here, side, place * held.T_grip_object.inverse(), command.way or ((0.0, 0.0, ABOVE_M),))
+        return place, _through(
+            here, side, place * held.T_grip_object.inverse(), command.way or ((0.0, 0.0, ABOVE_M),)
+        )
     standing = emergency_place.standing_here(here, side)
     if standing is not None:
         return standing, []
@@ -123,12 +156,18 @@ def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, li
 
 
 def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
-    """Open the hand and retreat, the head on the thing. A cancel changes nothing: a hand is not left half open."""
+    """Open the hand and retreat, the head on the thing. A cancel changes nothing: a hand is not
+    left half open.
+    """
     grip, object_name = here.robot.grip(here.q, side), command.object
     unload = motions.payload(side)
     yield from despite_cancel(
         lambda: motions.still(
-            here, command.key, settle_s=OPEN_WAIT_S, **unload, **motions.hand(side, Open(OPEN_BY, OPEN_SPEED))
+            here,
+            command.key,
+            settle_s=OPEN_WAIT_S,
+            **unload,
+            **motions.hand(side, Open(OPEN_BY, OPEN_SPEED)),
         )
     )
     here.let_go(side)
@@ -137,14 +176,20 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
     yield from despite_cancel(lambda: motions.still(here, command.key, **spread))
     here.set_fingers(side, wide)
     with attaching.allowed(here.world, (object_name, f"{side}_hand")):
-        path = backing.way_out(here.robot, here.world, side, here.q, retreat_poses(grip, _retreat(command)))
+        path = backing.way_out(
+            here.robot, here.world, side, here.q, retreat_poses(grip, _retreat(command))
+        )
     way, watch = moving.rest(here, path), here.put[object_name].translation
     here.leave(object_name)
-    yield from despite_cancel(lambda: motions.along(here, command.key, way, RETREAT_SPEED, watch=watch))
+    yield from despite_cancel(
+        lambda: motions.along(here, command.key, way, RETREAT_SPEED, watch=watch)
+    )
 
 
 def _through(here: Situation, side: str, grip: pin.SE3, way: Sequence[Vector]) -> list[np.ndarray]:
-    """The checked path to the first of the offsets from `grip`, then straight on. Raises replan for none."""
+    """The checked path to the first of the offsets from `grip`, then straight on. Raises replan for
+    none.
+    """
     first, *others = (shifted(grip, np.array(offset)) for offset in way)
     q = ik.solve(here.robot, side, first, here.q, columns=names.ARM[side])
     if q is None or np.abs(q - here.q).max() > JOIN_LIMIT:

@@ -1,7 +1,8 @@
-"""Planning to put a thing down: on any free place, at a place that is named, or back where it stood.
+"""Planning to put a thing down: on any free place, at a place that is named, or back where it
+stood.
 
-On top of furniture it comes down from above. Into furniture that opens to the side it goes through the opening, which
-not every grasp allows: so the grasp is chosen with the place.
+On top of furniture it comes down from above. Into furniture that opens to the side it goes through
+the opening, which not every grasp allows: so the grasp is chosen with the place.
 """
 
 from companion.languages.facts import Kind, fact
@@ -12,11 +13,13 @@ from companion.planning.placing import BEST, Inside, Surfaces, inserted, place, 
 from companion.planning.registry import Argument, Plan, each_hand, each_try
 from companion.planning.steps import Geometry, Step
 
-# --- anywhere ---------------------------------------------------------------------------------------------------------
+# --- anywhere -------------------------------------------------------------------------------------
 
 
 def put_down(known: Known, km: str, name: str) -> Subtasks | None:
-    """Put it down and look at it; where it stands already, as after a way that was blocked, bring the hand home."""
+    """Put it down and look at it; where it stands already, as after a way that was blocked, bring
+    the hand home.
+    """
     if known.facts.holder(km, name):
         return [("set_down", name), ("a_confirm", name)]
     if known.facts.support(km, name) and away(known, km) and not known.facts.fallen(km, name):
@@ -47,18 +50,24 @@ def stands(known: Known, km: str, name: str) -> Subtasks | None:
 def set_down(known: Known, km: str, name: str) -> Subtasks | None:
     """Put it down, and bring the hand home; whoever needs it there looks at it."""
     side = known.facts.holder(km, name)
-    return [("a_place", side), ("a_home", side)] if side else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+    return (
+        [("a_place", side), ("a_home", side)]
+        if side
+        else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+    )
 
 
 def _home_and_look(known: Known, km: str, name: str) -> Subtasks:
     return [*(("a_home", side) for side in away(known, km)), ("a_confirm", name)]
 
 
-# --- at a place -------------------------------------------------------------------------------------------------------
+# --- at a place -----------------------------------------------------------------------------------
 
 
 def put_at_nothing(known: Known, km: str, name: str, where: str) -> Subtasks | None:
-    """Only look at it where it stands there already, with empty hands at home: one may have left it leaning."""
+    """Only look at it where it stands there already, with empty hands at home: one may have left it
+    leaning.
+    """
     if holder := known.facts.holder(km, name):
         return known.unfit(fact(Kind.HOLDS, holder, name))
     if known.facts.at(km, name, where):
@@ -71,7 +80,9 @@ def put_at_held(known: Known, km: str, name: str, where: str) -> Subtasks | None
     """Put it there with the hand that holds it, bring that one home, and look at it."""
     side = known.facts.holder(km, name)
     after = (("a_home", side), ("a_confirm", name))
-    return [("a_place", side, where), *after] if side else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+    return (
+        [("a_place", side, where), *after] if side else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+    )
 
 
 def put_at_with(known: Known, km: str, hand: Side, name: str, where: str) -> Subtasks | None:
@@ -84,21 +95,34 @@ def put_at_with(known: Known, km: str, hand: Side, name: str, where: str) -> Sub
     return [("set_at", name, hand, where)]
 
 
-def set_at_try(known: Known, km: str, number: str, name: str, hand: Side, where: str) -> Subtasks | None:
+def set_at_try(
+    known: Known, km: str, number: str, name: str, hand: Side, where: str
+) -> Subtasks | None:
     """Take it by some grasp, from which it can be put there: not every one leaves a way."""
-    return [("a_take_to", name, hand, number, where), ("a_place", hand, where), ("a_home", hand), ("a_confirm", name)]
+    return [
+        ("a_take_to", name, hand, number, where),
+        ("a_place", hand, where),
+        ("a_home", hand),
+        ("a_confirm", name),
+    ]
 
 
-# --- the step that takes it for a place -------------------------------------------------------------------------------
+# --- the step that takes it for a place -----------------------------------------------------------
 
 
-def take_to(geometry: Geometry, state: str, name: str, side: Side, number: str, where: str) -> Step | None:
-    """The step that takes an object by a grasp by which it can be put there (see take and places)."""
+def take_to(
+    geometry: Geometry, state: str, name: str, side: Side, number: str, where: str
+) -> Step | None:
+    """The step that takes an object by a grasp by which it can be put there (see take and
+    places).
+    """
     if not reachable(geometry, state, name, side):
         return None
     for target in places(geometry, state, name, where):
         only = _grasps(geometry, state, name, side, number, target)
-        step = take(geometry, state, name, side, number, only=only) if only is None or only else None
+        step = (
+            take(geometry, state, name, side, number, only=only) if only is None or only else None
+        )
         if step is not None:
             return step
     return None
@@ -107,7 +131,9 @@ def take_to(geometry: Geometry, state: str, name: str, side: Side, number: str, 
 def _grasps(
     geometry: Geometry, state: str, name: str, side: Side, number: str, target: Inside | Surfaces
 ) -> frozenset[str] | None:
-    """The grasps with which a thing can be put behind an opening; None for any, where it comes from above."""
+    """The grasps with which a thing can be put behind an opening; None for any, where it comes from
+    above.
+    """
     if isinstance(target, Surfaces):
         return None
     known = ways(preferred(geometry, state, name))
@@ -118,7 +144,11 @@ def _grasps(
 
 
 PLAN = Plan(
-    tasks={"put_down": (Argument.THING,), "stand": (Argument.THING,), "put_at": (Argument.THING, Argument.PLACE)},
+    tasks={
+        "put_down": (Argument.THING,),
+        "stand": (Argument.THING,),
+        "put_at": (Argument.THING, Argument.PLACE),
+    },
     methods={
         "put_down": (put_down, each_hand(put_down_lying_with), "after_arms_home"),
         "stand": (put_down, stands, each_hand(put_down_lying_with), "after_arms_home"),

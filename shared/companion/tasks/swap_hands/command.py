@@ -19,7 +19,9 @@ class SwapHands(Command, frozen=True):
         return "swap_thing" if self.object else "swap"
 
     def settled(self, plan: hfsm.HierarchicalPlan) -> hfsm.Task | None:
-        """Hands can be swapped only while one of them is full: at its end the plan has the thing in the hand meant."""
+        """Hands can be swapped only while one of them is full: at its end the plan has the thing in
+        the hand meant.
+        """
         match tuple(plan.holds.items()):
             case ((side, thing),):
                 return hfsm.Task("bring", (thing, side))

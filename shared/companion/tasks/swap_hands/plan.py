@@ -6,8 +6,14 @@ from companion.planning.registry import Argument, Plan
 
 
 def swap_hands(known: Known, km: str, name: str) -> Subtasks | None:
-    """Put down what is held, look at it, take it with the other hand to where that one could put it down."""
-    held = {side: thing for side in OTHER if (thing := known.facts.in_hand(km, side)) and name in ("", thing)}
+    """Put down what is held, look at it, take it with the other hand to where that one could put it
+    down.
+    """
+    held = {
+        side: thing
+        for side in OTHER
+        if (thing := known.facts.in_hand(km, side)) and name in ("", thing)
+    }
     if len(held) != 1:
         none = fact(Kind.NO_HAND_HOLDS, name) if name else fact(Kind.HANDS_EMPTY)
         known.failed(fact(Kind.HANDS_FULL) if held else none)

@@ -1,4 +1,6 @@
-"""The skill that grasps: approach by the newest observation, close until touch, squeeze, lock, feed weight forward."""
+"""The skill that grasps: approach by the newest observation, close until touch, squeeze, lock, feed
+weight forward.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -17,14 +19,17 @@ from velma.kinematics.frames import transform
 from velma.kinematics.tasks import attaching
 from velma.kinematics.tasks.speeds import APPROACH_SPEED
 
-UPTO = 1.9  # [rad] where a finger stops that touches nothing; one that holds: jar 1.47, bowl 1.66 (measured)
+# [rad] where a finger stops that touches nothing; one that holds: jar 1.47, bowl 1.66 (measured)
+UPTO = 1.9
 SETTLE_S = 0.3  # same runs
-TARE_S = 0.3  # [s] at rest, until the filters of the wrist have forgotten the motion (velma.control.grip)
+# [s] at rest, until the filters of the wrist have forgotten the motion (velma.control.grip)
+TARE_S = 0.3
 FINGERS_NEEDED = 3
 
 
 def grasp(here: Situation, command: rc.Grasp) -> Skill:
-    """Grasp. Raises replan if the object is unknown or the path not free, missing if it is not where it was.
+    """Grasp. Raises replan if the object is unknown or the path not free, missing if it is not
+    where it was.
 
     Raises empty if the hand closes on nothing, failed if no sense can check it.
     """
@@ -49,21 +54,30 @@ def grasp(here: Situation, command: rc.Grasp) -> Skill:
             here.set_fingers(side, point.fingers)
             yield motions.along(here, command.key, leg, APPROACH_SPEED, **options)
         close = Close(squeeze=command.squeeze, upto=UPTO, speed=command.speed, settle_s=SETTLE_S)
-        sensed = yield motions.still(here, command.key, until=Until.TOUCH, **motions.hand(side, close))
+        sensed = yield motions.still(
+            here, command.key, until=Until.TOUCH, **motions.hand(side, close)
+        )
         if sum(sensed.touched[side]) < FINGERS_NEEDED:
             touched = sum(sensed.touched[side])
             if not touched:
                 here.give_up(command.object)  # the hand closed where it should be
             raise empty(fact(Kind.TOUCHED, side, command.object, touched))
     except (Cancelled, NotPossible):
-        # Open the hand and go back along the path of the approach, so that the arm is free to move again.
+        # Open the hand and go back along the path of the approach, so that the arm is free to move
+        # again.
         way = [first[-1] if first else here.q, *(q for leg in rest for q in leg)]
         yield motions.still(here, command.key, **motions.hand(side, Open()))
-        yield motions.still(here, command.key, **motions.hand(side, motions.fingers(command.approach[-1].fingers)))
+        yield motions.still(
+            here, command.key, **motions.hand(side, motions.fingers(command.approach[-1].fingers))
+        )
         yield motions.along(here, command.key, moving.back(here, way), APPROACH_SPEED)
         raise
     # Until the object is seen in the hand, the planned grasp tells its pose there.
-    T_grip_object = here.robot.grip(here.q, side).inverse() * poses[-1] * transform(command.approach[-1].at).inverse()
+    T_grip_object = (
+        here.robot.grip(here.q, side).inverse()
+        * poses[-1]
+        * transform(command.approach[-1].at).inverse()
+    )
     here.take(side, Held(command.object, command.grasp, T_grip_object, command.mass))
     carried = motions.payload(side, command.mass, T_grip_object)
     yield motions.still(here, command.key, watch=watch, settle_s=0.1, **carried)

@@ -1,4 +1,6 @@
-"""Planning to take a thing: with which hand, after what stands in the way was put aside; and to carry it."""
+"""Planning to take a thing: with which hand, after what stands in the way was put aside; and to
+carry it.
+"""
 
 from itertools import islice
 
@@ -14,11 +16,13 @@ from velma.kinematics.tasks.carrying import CARRY_TILT, carries
 from velma.kinematics.tasks.speeds import LOADED_SPEED
 
 CLEARED = (1, 2)
-"""Ranks of the things beside a wanted one that are put aside, 1 the nearest. Estimate: a try takes seconds."""
+"""Ranks of the things beside a wanted one that are put aside, 1 the nearest. Estimate: a try takes
+seconds.
+"""
 CARRIES = 16  # estimate: found in 0.1 s
 
 
-# --- with a hand that is free -----------------------------------------------------------------------------------------
+# --- with a hand that is free ---------------------------------------------------------------------
 
 
 def take_nothing(known: Known, km: str, name: str, side: str) -> Subtasks | None:
@@ -53,10 +57,12 @@ def take_with(known: Known, km: str, hand: Side, name: str, side: str) -> Subtas
     return [("a_take", name, hand)]
 
 
-# --- after something else was put aside -------------------------------------------------------------------------------
+# --- after something else was put aside -----------------------------------------------------------
 
 
-def after_clearing(known: Known, km: str, number: int, task: str, name: str, *others: str) -> Subtasks | None:
+def after_clearing(
+    known: Known, km: str, number: int, task: str, name: str, *others: str
+) -> Subtasks | None:
     """Put the n-th nearest thing beside the wanted one aside, then do the task."""
     if holder := known.facts.holder(km, name):
         return known.unfit(fact(Kind.HOLDS, holder, name))
@@ -68,7 +74,9 @@ def after_clearing(known: Known, km: str, number: int, task: str, name: str, *ot
 
 
 def in_the_way(geometry: Geometry, state: str, name: str, *others: str) -> bool:
-    """Whether an empty hand can grasp a thing only when others are gone; the reason is noted if not."""
+    """Whether an empty hand can grasp a thing only when others are gone; the reason is noted if
+    not.
+    """
     for side in Side:
         here, known = geometry.at(state), preferred(geometry, state, name)
         if side in here.held or reachable(geometry, state, name, side):
@@ -82,33 +90,48 @@ def in_the_way(geometry: Geometry, state: str, name: str, *others: str) -> bool:
 
 
 def put_aside_with(known: Known, km: str, hand: Side, name: str) -> Subtasks | None:
-    """Take it with this hand, if it is empty, put it down where there is room, and bring the hand home."""
+    """Take it with this hand, if it is empty, put it down where there is room, and bring the hand
+    home.
+    """
     if held := known.facts.in_hand(km, hand):
         return known.unfit(fact(Kind.HOLDS, hand, held))
     return [("a_take", name, hand), ("a_place", hand), ("a_home", hand)]
 
 
-# --- carried ----------------------------------------------------------------------------------------------------------
+# --- carried --------------------------------------------------------------------------------------
 
 
 def carry(geometry: Geometry, state: str, side: Side) -> Step | None:
     """The step that carries the held object, upright, where other arm and torso have room."""
     here = geometry.at(state)
     held = here.held[side]
-    postures = carries(geometry.robot, here.world, side, here.q, held.T_grip_object, geometry.rng("carry", side))
-    reached = geometry.free_motion(here, side, list(islice(postures, CARRIES)), largest_tilt=CARRY_TILT, tried=CARRIES)
+    postures = carries(
+        geometry.robot, here.world, side, here.q, held.T_grip_object, geometry.rng("carry", side)
+    )
+    reached = geometry.free_motion(
+        here, side, list(islice(postures, CARRIES)), largest_tilt=CARRY_TILT, tried=CARRIES
+    )
     if reached is None:
         geometry.failed(fact(Kind.NO_WAY_CARRYING, side, held.object))
         return None
     _, way = reached
     command = move(side, way, LOADED_SPEED)
-    return Step(hfsm.Step("carry", (held.object,)), (command,), configured(side, way.path[-1]), way.duration)
+    return Step(
+        hfsm.Step("carry", (held.object,)), (command,), configured(side, way.path[-1]), way.duration
+    )
 
 
 PLAN = Plan(
     tasks={"take": (Argument.THING, Argument.SIDE)},
     methods={
-        "take": ("after_opening", take_nothing, take_over, each_hand(take_with), "after_clearing", "after_arms_home"),
+        "take": (
+            "after_opening",
+            take_nothing,
+            take_over,
+            each_hand(take_with),
+            "after_clearing",
+            "after_arms_home",
+        ),
         "put_aside": (each_hand(put_aside_with), "after_clearing"),
     },
     around={"after_clearing": Each(after_clearing, CLEARED)},

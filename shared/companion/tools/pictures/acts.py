@@ -1,7 +1,9 @@
-"""The act under way in 3D: the path that is planned for the hand, the frames of a grasp; and the path each hand took.
+"""The act under way in 3D: the path that is planned for the hand, the frames of a grasp; and the
+path each hand took.
 
-Free motions come with their path. Straight ones are drawn from where the hand is; a grasp's points stand in the frame
-of the thing. What ex solves again by itself (approach, levelling, pouring) is not known beforehand, and not drawn.
+Free motions come with their path. Straight ones are drawn from where the hand is; a grasp's points
+stand in the frame of the thing. What ex solves again by itself (approach, levelling, pouring) is
+not known beforehand, and not drawn.
 """
 
 from collections import deque
@@ -29,7 +31,9 @@ MOST_POINTS = 24
 TRAIL_POINTS, TRAIL_STEP_M = 120, 0.012
 """Of the path a hand took: its last 1.4 m. Estimate."""
 TRAIL_S = 0.2
-"""Between two looks at where the hands are: kinematics in Python cost 1 ms. Estimate: 7 cm of the fastest hand."""
+"""Between two looks at where the hands are: kinematics in Python cost 1 ms. Estimate: 7 cm of the
+fastest hand.
+"""
 FRAME_M = 0.05
 
 
@@ -42,11 +46,15 @@ class Acts:
         self._chains = {side: robot.chain(self._links, name) for side, name in GRIP_BODY.items()}
         self._q: dict[str, float] = {}
         self._followed = 0.0
-        self._trails: dict[str, deque[Array]] = {side: deque(maxlen=TRAIL_POINTS) for side in GRIP_BODY}
+        self._trails: dict[str, deque[Array]] = {
+            side: deque(maxlen=TRAIL_POINTS) for side in GRIP_BODY
+        }
         sheet.static(PLANNED, rr.LineStrips3D.from_fields(colors=[ORANGE], radii=[0.004]))
         sheet.static(FRAMES, rr.Arrows3D.from_fields(radii=[0.0025], colors=list(AXES) * 8))
         for side, colour in SIDES.items():
-            sheet.static(f"{DONE}/{side}", rr.LineStrips3D.from_fields(colors=[colour], radii=[0.003]))
+            sheet.static(
+                f"{DONE}/{side}", rr.LineStrips3D.from_fields(colors=[colour], radii=[0.003])
+            )
 
     def take(self, happening: Happening) -> None:
         """Draw a command's path, take it away with its answer, lengthen the trails."""
@@ -72,9 +80,14 @@ class Acts:
         """Paths (n, 3) of the grip frame in the world, and frames (4, 4) worth seeing."""
         match command:
             case rc.MoveJoint(side=side, path=path):
-                chosen = np.unique(np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS)).astype(int))
+                chosen = np.unique(
+                    np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS)).astype(int)
+                )
                 frames = [
-                    self._grip(side, dict(zip((BODY[column] for column in COLUMNS[side]), path[k], strict=True)))
+                    self._grip(
+                        side,
+                        dict(zip((BODY[column] for column in COLUMNS[side]), path[k], strict=True)),
+                    )
                     for k in chosen
                 ]
                 return [np.array([frame[:3, 3] for frame in frames])], frames[-1:]

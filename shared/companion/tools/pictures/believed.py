@@ -1,6 +1,8 @@
-"""Beliefs of km in 3D: a label on each thing, and a ghost where km believes a thing that is elsewhere in truth.
+"""Beliefs of km in 3D: a label on each thing, and a ghost where km believes a thing that is
+elsewhere in truth.
 
-Where nobody knows the truth (no simulation), things are drawn where they were seen, so there are no ghosts.
+Where nobody knows the truth (no simulation), things are drawn where they were seen, so there are no
+ghosts.
 """
 
 import math
@@ -25,13 +27,19 @@ from velma.names import GRIP_BODY
 BELIEVED, LABELS, APART = "world/believed", "world/believed/labels", "world/believed/apart"
 GHOSTLY = (*(part / 255 for part in GHOST), 0.45)
 ABOVE_M = 0.3
-"""Of a label over the origin of its thing; estimate: the jar, the tallest one that is taken, is still seen below it."""
+"""Of a label over the origin of its thing; estimate: the jar, the tallest one that is taken, is
+still seen below it.
+"""
 KEPT = 4
-"""Number of states of the robot kept. Estimate: the truth is at most three periods of telemetry old."""
+"""Number of states of the robot kept. Estimate: the truth is at most three periods of telemetry
+old.
+"""
 SAME_S = 0.01
 """Between a state and the truth of the same moment; estimate: a hand moves by 4 mm."""
 OFTEN_S, SELDOM_S = 0.2, 1.0
-"""Between two drawings: when something has changed, and else, since labels count seconds. Estimates for an eye."""
+"""Between two drawings: when something has changed, and else, since labels count seconds. Estimates
+for an eye.
+"""
 
 
 class Believed:
@@ -71,7 +79,9 @@ class Believed:
             self._draw(happening.at)
 
     def _stand(self, q: dict[str, float]) -> None:
-        """Note how the robot stands, at the time of the truth where there is one: what it holds moves along."""
+        """Note how the robot stands, at the time of the truth where there is one: what it holds
+        moves along.
+        """
         holds = any(self._beliefs.about(name).side for name in self._beliefs.objects)
         self._changed |= holds and q != self._q
         self._q = q
@@ -117,7 +127,8 @@ class Believed:
 
 
 def joints_at(states: Sequence[RobotState], time_s: float) -> dict[str, float]:
-    """The joints [rad] at a simulated time, between two of these states or in the last one; {}: not known.
+    """The joints [rad] at a simulated time, between two of these states or in the last one; {}: not
+    known.
 
     The newest truth is up to 0.1 s older than the newest state: a hand moves by 4 cm meanwhile.
     """
@@ -125,12 +136,15 @@ def joints_at(states: Sequence[RobotState], time_s: float) -> dict[str, float]:
         if one.sim_time_s <= time_s < other.sim_time_s:
             share = (time_s - one.sim_time_s) / (other.sim_time_s - one.sim_time_s)
             before, after = robot.joints(one), robot.joints(other)
-            return {name: q + share * (after[name] - q) for name, q in before.items() if name in after}
+            return {
+                name: q + share * (after[name] - q) for name, q in before.items() if name in after
+            }
     return robot.joints(states[-1]) if abs(states[-1].sim_time_s - time_s) < SAME_S else {}
 
 
 def label_text(belief: Belief, now: float, off_mm: float = 0.0) -> str:
-    """The text of a label, a line for each part: how the thing is known, by whom and since when [unix s].
+    """The text of a label, a line for each part: how the thing is known, by whom and since when
+    [unix s].
 
     `off_mm`: distance from the truth [mm]; the label has it above MOST_APART_MM.
     """

@@ -1,5 +1,5 @@
-"""Pictures of the head camera and the markers found in them, which ex publishes beside its telemetry. Older recordings
-have none.
+"""Pictures of the head camera and the markers found in them, which ex publishes beside its
+telemetry. Older recordings have none.
 
 The camera is a part of the robot, so the 3D view has its field of view, with the picture across it.
 """
@@ -20,10 +20,14 @@ from velma.names import CAMERA_BODY
 CAMERA = f"{entity(next(link for link in robot.links() if link.name == CAMERA_BODY))}/camera"
 MARKERS = f"{CAMERA}/markers"
 SIZE = (400, 300)
-"""Pixels of a picture for people: half of velma.eyes.lens.WIDTH and HEIGHT (services.executor.telemetry.SHRINK)."""
+"""Pixels of a picture for people: half of velma.eyes.lens.WIDTH and HEIGHT
+(services.executor.telemetry.SHRINK).
+"""
 FOCAL = SIZE[0] / 2 / math.tan(1.047 / 2)  # velma.eyes.lens.HALF_WIDTH
 BEFORE_M = 0.22
-"""Distance of the picture from the camera in the 3D view; estimate: readable, and before the head, not the hands."""
+"""Distance of the picture from the camera in the 3D view; estimate: readable, and before the head,
+not the hands.
+"""
 MARKED = (64, 220, 120)  # a green that neither wood, glass nor the bowl has
 
 
@@ -42,10 +46,15 @@ class Camera:
         if not self._any:  # enlarged smoothly: its pixels are larger than the screen's
             self._any = True
             self._sheet.static(
-                CAMERA, rr.EncodedImage.from_fields(magnification_filter=rr.components.MagnificationFilter.Linear)
+                CAMERA,
+                rr.EncodedImage.from_fields(
+                    magnification_filter=rr.components.MagnificationFilter.Linear
+                ),
             )
             # A negative radius is in points of the screen.
-            lens = rr.Pinhole(resolution=SIZE, focal_length=FOCAL, image_plane_distance=BEFORE_M, color=GREY)
+            lens = rr.Pinhole(
+                resolution=SIZE, focal_length=FOCAL, image_plane_distance=BEFORE_M, color=GREY
+            )
             self._sheet.static(CAMERA, lens)
             look = rr.LineStrips2D.from_fields(colors=[MARKED], radii=[-1.0], show_labels=False)
             self._sheet.static(MARKERS, look)

@@ -1,4 +1,6 @@
-"""Pictures of this robot beside those of any system: robot, things, beliefs, acts, camera, plan, numbers, lanes."""
+"""Pictures of this robot beside those of any system: robot, things, beliefs, acts, camera, plan,
+numbers, lanes.
+"""
 
 from collections.abc import Sequence
 
@@ -24,7 +26,7 @@ from operate.pictures.stage import REST, Drawer, Lane
 from operate.recording.records import Spoken
 from velma.names import ARM, BODY, TORSO
 
-# --- The robot in numbers: joint positions, torques, wrenches at the wrists, how late the loop is --------------------
+# --- The robot in numbers: joint positions, torques, wrenches at the wrists, how late the loop is -
 
 
 ARMS = ("right", "left")
@@ -44,10 +46,34 @@ class Signals:
         match happening.what:
             case RobotState() as state:
                 self._joints(happening.at, "position", state.body, state.sim_time_s)
-                self._draw(happening.at, "signals/position/head", ("pan", "tilt"), state.head, state.sim_time_s)
-                self._draw(happening.at, "loop/late", QUANTILES, _numbers(state.lateness_us), state.sim_time_s)
-                self._draw(happening.at, "loop/computes", QUANTILES, _numbers(state.compute_us), state.sim_time_s)
-                self._draw(happening.at, "loop/missed", ("missed cycles",), (state.missed,), state.sim_time_s)
+                self._draw(
+                    happening.at,
+                    "signals/position/head",
+                    ("pan", "tilt"),
+                    state.head,
+                    state.sim_time_s,
+                )
+                self._draw(
+                    happening.at,
+                    "loop/late",
+                    QUANTILES,
+                    _numbers(state.lateness_us),
+                    state.sim_time_s,
+                )
+                self._draw(
+                    happening.at,
+                    "loop/computes",
+                    QUANTILES,
+                    _numbers(state.compute_us),
+                    state.sim_time_s,
+                )
+                self._draw(
+                    happening.at,
+                    "loop/missed",
+                    ("missed cycles",),
+                    (state.missed,),
+                    state.sim_time_s,
+                )
             case TrueState() as truth:
                 if len(truth.torque_Nm) == len(BODY):
                     self._joints(happening.at, "torque", truth.torque_Nm, truth.time_s)
@@ -59,9 +85,17 @@ class Signals:
         self._draw(at, f"signals/{kind}/torso", ("torso",), (body[TORSO],), sim)
         for side in ARMS:
             values = [body[column] for column in ARM[side]]
-            self._draw(at, f"signals/{kind}/{side}", tuple(f"{side} {k}" for k in range(len(values))), values, sim)
+            self._draw(
+                at,
+                f"signals/{kind}/{side}",
+                tuple(f"{side} {k}" for k in range(len(values))),
+                values,
+                sim,
+            )
 
-    def _draw(self, at: float, entity: str, names: Sequence[str], values: Sequence[float], sim: float) -> None:
+    def _draw(
+        self, at: float, entity: str, names: Sequence[str], values: Sequence[float], sim: float
+    ) -> None:
         if entity not in self._named:
             self._named.add(entity)
             self._sheet.static(entity, rr.SeriesLines(names=list(names), widths=[1.2] * len(names)))
@@ -72,7 +106,8 @@ def _numbers(one: Lateness) -> tuple[float, ...]:
     return one.p50, one.p99, one.p999, one.max
 
 
-# --- Lanes of states of this robot beside those of any system: the plan's step, ex's act, the loop's mode ------------
+# --- Lanes of states of this robot beside those of any system: the plan's step, ex's act, the
+# loop's mode
 
 
 PLAN, ACT, LOOP = "agents/ta/plan", "agents/ex/act", "agents/ex/loop"
@@ -92,7 +127,11 @@ class ActLanes:
             case RobotState() as robot:
                 self._loop.enter(at, robot.mode or REST)
             case Spoken(content=sw.Report() as report):
-                step = worded(report.at.step, Reader.OPERATOR) if report.at and report.at.step else self._plan.now
+                step = (
+                    worded(report.at.step, Reader.OPERATOR)
+                    if report.at and report.at.step
+                    else self._plan.now
+                )
                 self._plan.enter(at, REST if report.state in sw.FINAL else step or REST)
             case Spoken(channel="C5") as one:
                 self._acting(at, one)
@@ -107,7 +146,7 @@ class ActLanes:
             self._acts.enter(at, REST)
 
 
-# --- Pictures of this robot beside those of any system ----------------------------------------------------------------
+# --- Pictures of this robot beside those of any system --------------------------------------------
 
 
 def drawers(sheet: Sheet) -> tuple[Drawer, ...]:
@@ -127,7 +166,7 @@ def drawers(sheet: Sheet) -> tuple[Drawer, ...]:
     )
 
 
-# --- Layout of a run of the Robot Companion in the viewer: tabs for the run, conversations, numbers -------------------
+# --- Layout of a run of the Robot Companion in the viewer: tabs for the run, conversations, numbers
 
 
 PAPER = (238, 242, 246)
@@ -144,7 +183,9 @@ PLOTS = (
 
 
 def blueprint(end_s: float | None) -> rrb.Blueprint:
-    """Of a run that lasted `end_s`; None: it goes on, plots show its last seconds; 0: it has just begun."""
+    """Of a run that lasted `end_s`; None: it goes on, plots show its last seconds; 0: it has just
+    begun.
+    """
     axis = views.axis(end_s)
     space = rrb.Spatial3DView(
         origin="world",
@@ -157,12 +198,16 @@ def blueprint(end_s: float | None) -> rrb.Blueprint:
     )
     seen = rrb.Vertical(
         space,
-        rrb.Horizontal(views.graph(), rrb.TextDocumentView(origin="plan", name="plan"), column_shares=(5, 3)),
+        rrb.Horizontal(
+            views.graph(), rrb.TextDocumentView(origin="plan", name="plan"), column_shares=(5, 3)
+        ),
         row_shares=(5, 3),
     )
     told = rrb.Vertical(
         views.states("agents, plan, act", axis),
-        rrb.Horizontal(views.log(), rrb.Spatial2DView(origin=CAMERA, name="head camera"), column_shares=(3, 2)),
+        rrb.Horizontal(
+            views.log(), rrb.Spatial2DView(origin=CAMERA, name="head camera"), column_shares=(3, 2)
+        ),
         views.sizes(axis),
         views.bandwidth(axis),
         row_shares=(19, 11, 6, 5),
@@ -171,10 +216,14 @@ def blueprint(end_s: float | None) -> rrb.Blueprint:
     left, right = (
         rrb.Vertical(
             *(
-                rrb.TimeSeriesView(origin=origin, name=name, axis_x=axis, plot_legend=rrb.Corner2D.RightTop)
+                rrb.TimeSeriesView(
+                    origin=origin, name=name, axis_x=axis, plot_legend=rrb.Corner2D.RightTop
+                )
                 for origin, name in column
             )
         )
         for column in PLOTS
     )
-    return views.whole(end_s, run, views.conversations(), rrb.Horizontal(left, right, name="numbers"))
+    return views.whole(
+        end_s, run, views.conversations(), rrb.Horizontal(left, right, name="numbers")
+    )

@@ -1,7 +1,8 @@
-"""The end that a plan imagines, as a ghost while it is carried out: arms, what is put down, what is held.
+"""The end that a plan imagines, as a ghost while it is carried out: arms, what is put down, what is
+held.
 
-It is known as far as the plan says it: arms after their last free motion. What ex solves itself (approach, pouring) is
-not drawn.
+It is known as far as the plan says it: arms after their last free motion. What ex solves itself
+(approach, pouring) is not drawn.
 """
 
 import numpy as np
@@ -28,7 +29,9 @@ STILL_RAD = 0.02
 
 
 class End:
-    """Joints [rad] by name, places of things that were put down, and T_grip_thing of what hands hold, by a plan."""
+    """Joints [rad] by name, places of things that were put down, and T_grip_thing of what hands
+    hold, by a plan.
+    """
 
     def __init__(self, plan: hfsm.HierarchicalPlan, q: dict[str, float]) -> None:
         self.q = dict(q)
@@ -49,7 +52,9 @@ class End:
                         self.places[name] = place
         frames = robot.world_frames(robot.links(), self.q)
         for side, (name, grip) in held.items():
-            self.places[name] = robot.pose(frames[GRIP_BODY[side]] @ np.linalg.inv(robot.frame(grip)))
+            self.places[name] = robot.pose(
+                frames[GRIP_BODY[side]] @ np.linalg.inv(robot.frame(grip))
+            )
 
 
 class Imagined:
@@ -74,7 +79,9 @@ class Imagined:
                 self._show(happening.at, {})
 
     def _arms(self, end: End) -> dict[str, Place]:
-        """The place of each link that moves; the trunk has no shape here, it stands where the robot's does."""
+        """The place of each link that moves; the trunk has no shape here, it stands where the
+        robot's does.
+        """
         turns = {name for name, q in end.q.items() if abs(q - self._q.get(name, 0.0)) > STILL_RAD}
         moved = {side for side in ARM if turns & {BODY[k] for k in COLUMNS[side]}}
         places: dict[str, Place] = {}

@@ -35,7 +35,9 @@ class Plan:
         if (plan := self._plan) is None:
             return
         head = f"**Plan {self._number}: {plain(plan.task)}** – {self._outcome or 'under way'}"
-        self._sheet.add(PLAN, documents, happening.at, "\n".join((head, "", *self._lines(plan.root, ()))))
+        self._sheet.add(
+            PLAN, documents, happening.at, "\n".join((head, "", *self._lines(plan.root, ())))
+        )
 
     def _report(self, report: sw.Report) -> None:
         if report.at is not None and report.at.path != self._at:

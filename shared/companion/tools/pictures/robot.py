@@ -1,7 +1,8 @@
-"""Velma for the eye: links with their looks, and how each stands to its parent, read from velma/model/robot.xml.
+"""Velma for the eye: links with their looks, and how each stands to its parent, read from
+velma/model/robot.xml.
 
-Numpy alone, no simulator: the monitor draws, it does not compute dynamics. Quaternions have w first; all turning joints
-of the model are hinges through their body's origin.
+Numpy alone, no simulator: the monitor draws, it does not compute dynamics. Quaternions have w
+first; all turning joints of the model are hinges through their body's origin.
 """
 
 import math
@@ -26,7 +27,9 @@ GREY: Four = (0.7, 0.7, 0.7, 1.0)
 
 
 class Shape(msgspec.Struct, frozen=True):
-    """Visible shape of a link: box and ellipsoid with half axes, capsule and cylinder with radius and z length."""
+    """Visible shape of a link: box and ellipsoid with half axes, capsule and cylinder with radius
+    and z length.
+    """
 
     kind: str
     size: tuple[float, ...]
@@ -36,7 +39,9 @@ class Shape(msgspec.Struct, frozen=True):
 
 
 class Link(msgspec.Struct, frozen=True):
-    """A body. `path`: names from the root to it; `joint`: "" where it is fixed to its parent; `axis` in its frame."""
+    """A body. `path`: names from the root to it; `joint`: "" where it is fixed to its parent;
+    `axis` in its frame.
+    """
 
     name: str
     path: tuple[str, ...]
@@ -98,7 +103,9 @@ def frame(pose: Pose) -> Array:
 
 
 def pose(frame: Array) -> Pose:
-    """A matrix (4, 4) as a pose; the turn is the eigenvector of Bar-Itzhack's symmetric matrix (2000)."""
+    """A matrix (4, 4) as a pose; the turn is the eigenvector of Bar-Itzhack's symmetric matrix
+    (2000).
+    """
     (a, b, c), (d, e, f), (g, h, i) = frame[:3, :3]
     symmetric = (
         (a + e + i, h - f, c - g, d - b),
@@ -166,7 +173,9 @@ def _numbers(text: str | None) -> tuple[float, ...]:
     return tuple(float(word) for word in text.split()) if text else ()
 
 
-def _three(text: str | None, default: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[float, float, float]:
+def _three(
+    text: str | None, default: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> tuple[float, float, float]:
     numbers = _numbers(text)
     return (numbers[0], numbers[1], numbers[2]) if numbers else default
 

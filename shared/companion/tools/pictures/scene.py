@@ -1,6 +1,8 @@
-"""The things in 3D: where the simulation truly has them, else where they were seen; grains; forces of contact.
+"""The things in 3D: where the simulation truly has them, else where they were seen; grains; forces
+of contact.
 
-A truth without orientations (vessels' origins only, older recordings) gets the turn that was observed last.
+A truth without orientations (vessels' origins only, older recordings) gets the turn that was
+observed last.
 """
 
 import numpy as np
@@ -17,19 +19,22 @@ from operate.pictures.sheet import Sheet, arrows, points, transforms
 from operate.recording.records import Spoken
 from velma.model.surfaces import MATERIALS, VESSELS, Part, turned
 
-# --- Shapes of things in Rerun: smooth vessels of velma/model/surfaces.py, else the shapes that km knows them by -----
+# --- Shapes of things in Rerun: smooth vessels of velma/model/surfaces.py, else the shapes that km
+# knows them by
 
 
 # Names of companion.models -> those of the drawn surfaces, where they differ.
 SURFACES = {"bowl_high": "bowl"}
-# How a model's shapes are drawn that has no surface of its own: a colour, and a thinner one for what hides the story.
+# How a model's shapes are drawn that has no surface of its own: a colour, and a thinner one for
+# what hides the story.
 COLOURS = {"table": MATERIALS["wood_light"][0], "cabinet": MATERIALS["wood_thin"][0]}
 OTHER = (0.62, 0.64, 0.66, 1.0)
 Drawn = tuple[str, rr.AsComponents]
 
 
 def looks(model: str, colour: tuple[float, ...] | None = None) -> list[Drawn]:
-    """Named parts of a thing of this model, in its own frame; nothing for a model that nobody knows.
+    """Named parts of a thing of this model, in its own frame; nothing for a model that nobody
+    knows.
 
     `colour`: red, green, blue and opacity, 0 to 1, of all parts; None: its own.
     """
@@ -38,7 +43,9 @@ def looks(model: str, colour: tuple[float, ...] | None = None) -> list[Drawn]:
         return [(part.mesh, _mesh(part, colour or MATERIALS[part.material][0])) for part in vessel]
     if model not in MODELS:
         return []
-    colour = colour or next((rgba for kind, rgba in COLOURS.items() if model.startswith(kind)), OTHER)
+    colour = colour or next(
+        (rgba for kind, rgba in COLOURS.items() if model.startswith(kind)), OTHER
+    )
     shapes = MODELS[model].shapes
     boxes = [shape for shape in shapes if isinstance(shape, Box)]
     round_ones = [shape for shape in shapes if isinstance(shape, Cylinder)]
@@ -48,7 +55,9 @@ def looks(model: str, colour: tuple[float, ...] | None = None) -> list[Drawn]:
         at = [box.at.xyz for box in boxes]
         turns = [xyzw(box.at.quat_wxyz) for box in boxes]
         sizes = [box.size for box in boxes]
-        boards = rr.Boxes3D(sizes=sizes, centers=at, quaternions=turns, colors=[colour], fill_mode="solid")
+        boards = rr.Boxes3D(
+            sizes=sizes, centers=at, quaternions=turns, colors=[colour], fill_mode="solid"
+        )
         parts.append(("boards", boards))
     if round_ones:
         rounds = rr.Cylinders3D(
@@ -62,12 +71,16 @@ def looks(model: str, colour: tuple[float, ...] | None = None) -> list[Drawn]:
         parts.append(("rounds", rounds))
     if balls:
         at, radii = [ball.at.xyz for ball in balls], [ball.radius for ball in balls]
-        parts.append(("balls", rr.Ellipsoids3D(radii=radii, centers=at, colors=[colour], fill_mode="solid")))
+        parts.append(
+            ("balls", rr.Ellipsoids3D(radii=radii, centers=at, colors=[colour], fill_mode="solid"))
+        )
     return parts
 
 
 def _mesh(part: Part, colour: tuple[float, ...]) -> rr.Mesh3D:
-    """A surface of revolution, with a normal for each corner of each face: edges of the outline stay sharp enough."""
+    """A surface of revolution, with a normal for each corner of each face: edges of the outline
+    stay sharp enough.
+    """
     words = turned(part.outline)
     points = np.array(words["vertex"].split(), dtype=np.float64).reshape(-1, 3)
     faces = np.array(words["face"].split(), dtype=np.int64).reshape(-1, 3)
@@ -78,10 +91,12 @@ def _mesh(part: Part, colour: tuple[float, ...]) -> rr.Mesh3D:
         np.add.at(smooth, faces[:, corner], normals)
     length = np.linalg.norm(smooth, axis=1, keepdims=True)
     smooth /= np.where(length > 0, length, 1.0)
-    return rr.Mesh3D(vertex_positions=points, triangle_indices=faces, vertex_normals=smooth, albedo_factor=colour)
+    return rr.Mesh3D(
+        vertex_positions=points, triangle_indices=faces, vertex_normals=smooth, albedo_factor=colour
+    )
 
 
-# --- The things in 3D -------------------------------------------------------------------------------------------------
+# --- The things in 3D -----------------------------------------------------------------------------
 
 
 THINGS, GRAINS = "world/things", "world/grains"
@@ -112,18 +127,24 @@ class Scene:
 
     def _truth(self, at: float, truth: TrueState) -> None:
         upright = (1.0, 0.0, 0.0, 0.0)
-        poses = {name: Pose(xyz, self._turns.get(name, upright)) for name, xyz in truth.at.items()} | truth.poses
+        poses = {
+            name: Pose(xyz, self._turns.get(name, upright)) for name, xyz in truth.at.items()
+        } | truth.poses
         self._true.update(poses)
         for name, pose in poses.items():
             kind = truth.models.get(name, self.models.get(name, ""))
             self._place(at, name, KNOWN_AS.get(kind, kind), pose, truth.time_s)
         if truth.grains_at != self._grains:
             if not self._grains:
-                self._sheet.static(GRAINS, rr.Points3D.from_fields(radii=[GRAIN_RADIUS], colors=[GRAIN_COLOUR]))
+                self._sheet.static(
+                    GRAINS, rr.Points3D.from_fields(radii=[GRAIN_RADIUS], colors=[GRAIN_COLOUR])
+                )
             self._grains = truth.grains_at
             self._sheet.add(GRAINS, points, at, truth.grains_at, truth.time_s)
 
-    def _place(self, at: float, name: str, model: str, pose: Pose, sim: float | None = None) -> None:
+    def _place(
+        self, at: float, name: str, model: str, pose: Pose, sim: float | None = None
+    ) -> None:
         entity = f"{THINGS}/{name}"
         if model and self.models.get(name) != model:
             self.models[name] = model

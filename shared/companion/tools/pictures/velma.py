@@ -34,7 +34,8 @@ class Velma:
         for link in robot.links():
             _look(sheet, link)
         start = dict(zip(BODY, START.tolist(), strict=True))
-        for link in self._moving:  # until the first telemetry, which may be late: the arms hang down
+        # until the first telemetry, which may be late: the arms hang down
+        for link in self._moving:
             turned = (link.at, robot.turned(link, start.get(link.joint, 0.0)))
             sheet.add(self._entities[link.name], transforms, sheet.begin, turned)
 
@@ -49,7 +50,9 @@ class Velma:
             if link.joint not in self._last or abs(now - self._last[link.joint]) > STILL_RAD:
                 self._last[link.joint] = now
                 turned = (link.at, robot.turned(link, now))
-                self._sheet.add(self._entities[link.name], transforms, happening.at, turned, state.sim_time_s)
+                self._sheet.add(
+                    self._entities[link.name], transforms, happening.at, turned, state.sim_time_s
+                )
 
 
 def axes(length: float = AXIS_M) -> rr.Arrows3D:
@@ -76,7 +79,9 @@ def placed(sheet: Sheet, link: robot.Link, root: str = VELMA) -> None:
         sheet.static(entity(link, root), rr.Transform3D(translation=link.at, quaternion=turn))
 
 
-def shaped(sheet: Sheet, link: robot.Link, root: str = VELMA, rgba: robot.Four | None = None) -> None:
+def shaped(
+    sheet: Sheet, link: robot.Link, root: str = VELMA, rgba: robot.Four | None = None
+) -> None:
     """Draw the shapes of a link. `rgba`: of all of them, 0 to 1; None: each has its own."""
     for kind, some in groupby(sorted(link.shapes, key=lambda s: s.kind), key=lambda s: s.kind):
         shapes = [msgspec.structs.replace(shape, rgba=rgba or shape.rgba) for shape in some]
@@ -86,7 +91,11 @@ def shaped(sheet: Sheet, link: robot.Link, root: str = VELMA, rgba: robot.Four |
 def _drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:
     """The shapes of one kind on a link, in one batch."""
     at, turn = [s.at for s in shapes], [xyzw(s.quat_wxyz) for s in shapes]
-    look: dict[str, Any] = {"colors": [s.rgba for s in shapes], "quaternions": turn, "fill_mode": "solid"}
+    look: dict[str, Any] = {
+        "colors": [s.rgba for s in shapes],
+        "quaternions": turn,
+        "fill_mode": "solid",
+    }
     if kind == "box":
         return rr.Boxes3D(half_sizes=[s.size for s in shapes], centers=at, **look)
     if kind == "ellipsoid":
@@ -101,7 +110,10 @@ def _drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:
 
 def _floor() -> rr.AsComponents:
     return rr.Boxes3D(
-        centers=[(0.5, 0.0, -0.01)], half_sizes=[(2.2, 2.2, 0.01)], colors=[(222, 226, 230)], fill_mode="solid"
+        centers=[(0.5, 0.0, -0.01)],
+        half_sizes=[(2.2, 2.2, 0.01)],
+        colors=[(222, 226, 230)],
+        fill_mode="solid",
     )
 
 

@@ -1,4 +1,5 @@
-"""The robot's belief beside the truth at the end of a run: where each thing is, and what it said to be true.
+"""The robot's belief beside the truth at the end of a run: where each thing is, and what it said to
+be true.
 
 Must not know: success.
 """
@@ -23,9 +24,10 @@ from velma.names import BODY, GRIP_BODY
 
 
 class Believed(msgspec.Struct, frozen=True):
-    """Belief about a thing: `how` it is known, `t` [s after the first communicate] since when, `id` of the observation,
-    `after`: the act that ended last before it. `at`, `true_at`: its origin [m, world], `apart_mm` between them; null
-    where one is not known. `held`: in which hand it is believed to be, "" for none.
+    """Belief about a thing: `how` it is known, `t` [s after the first communicate] since when, `id`
+    of the observation, `after`: the act that ended last before it. `at`, `true_at`: its origin [m,
+    world], `apart_mm` between them; null where one is not known. `held`: in which hand it is
+    believed to be, "" for none.
     """
 
     object: str
@@ -40,8 +42,9 @@ class Believed(msgspec.Struct, frozen=True):
 
 
 class Claimed(msgspec.Struct, frozen=True):
-    """A claim about a thing at the end of a task: `by` which senses, none: not checked; `at` [s, simulated], `within`
-    [m] as the robot said; `true`: by the simulation, null where that does not tell. `words`: all of it but the truth.
+    """A claim about a thing at the end of a task: `by` which senses, none: not checked; `at` [s,
+    simulated], `within` [m] as the robot said; `true`: by the simulation, null where that does not
+    tell. `words`: all of it but the truth.
     """
 
     claim: ClaimOfAct
@@ -56,9 +59,14 @@ class Claimed(msgspec.Struct, frozen=True):
 def claims(history: History, command: Spoken) -> tuple[Claimed, ...]:
     """Return what the robot said to be true at the end of a task, beside the truth."""
     end, truth = plans.task_end(history, command), verdict.truth_at_end(history, command)
-    said = end.content.evidence if end is not None and isinstance(end.content, cmd.TaskReport) else ()
+    said = (
+        end.content.evidence if end is not None and isinstance(end.content, cmd.TaskReport) else ()
+    )
     return tuple(
-        Claimed(one.claim, one.of, one.by, one.at, one.within, _true(one, truth), plain(evidence(one))) for one in said
+        Claimed(
+            one.claim, one.of, one.by, one.at, one.within, _true(one, truth), plain(evidence(one))
+        )
+        for one in said
     )
 
 
@@ -81,7 +89,10 @@ def beliefs(history: History) -> tuple[Believed, ...]:
     for one in history.said:
         beliefs.hear(one)
     true = _places(verdict.last_truth(history))
-    return tuple(_believed(history, beliefs, name, true.get(name)) for name in sorted(beliefs.objects | set(true)))
+    return tuple(
+        _believed(history, beliefs, name, true.get(name))
+        for name in sorted(beliefs.objects | set(true))
+    )
 
 
 def _believed(history: History, beliefs: Beliefs, name: str, true_at: Vector | None) -> Believed:
@@ -91,7 +102,9 @@ def _believed(history: History, beliefs: Beliefs, name: str, true_at: Vector | N
     if one.told is None:
         return Believed(name, one.how, None, "", "", at, true_at, apart)
     since, held = one.told.received - history.begin, str(one.side or "")
-    return Believed(name, one.how, since, one.told.id, _after(history, one.told), at, true_at, apart, held)
+    return Believed(
+        name, one.how, since, one.told.id, _after(history, one.told), at, true_at, apart, held
+    )
 
 
 def _in_hand(body: BodyPosture | None, one: Belief) -> Vector | None:
@@ -99,7 +112,9 @@ def _in_hand(body: BodyPosture | None, one: Belief) -> Vector | None:
     if body is None or one.side is None or one.in_grip is None:
         return None
     frames = robot.world_frames(robot.links(), _joints(body))
-    x, y, z, _ = (float(part) for part in frames[GRIP_BODY[one.side]] @ np.array([*one.in_grip.xyz, 1.0]))
+    x, y, z, _ = (
+        float(part) for part in frames[GRIP_BODY[one.side]] @ np.array([*one.in_grip.xyz, 1.0])
+    )
     return x, y, z
 
 

@@ -1,4 +1,5 @@
-"""Events of a run, derived from what the agents said: the rows of the paper's Table 7 (section 5.7).
+"""Events of a run, derived from what the agents said: the rows of the paper's Table 7 (section
+5.7).
 
 Must not know: the truth of the simulation. "jar grasped" means that ex said so.
 """
@@ -29,7 +30,9 @@ from operate.recording.history import History
 
 
 class Kind(StrEnum):
-    """Names of events; a task has its own for what its act has done (companion.tasks, part `shown`)."""
+    """Names of events; a task has its own for what its act has done (companion.tasks, part
+    `shown`).
+    """
 
     FIRST_THING = "km-hears-of-the-first-thing"
     SURROUNDINGS = "km-knows-the-surroundings"
@@ -53,8 +56,8 @@ ENDS: dict[str, Kind] = {cmd.TaskState.DONE: Kind.FINISHED, REFUSED: Kind.REFUSE
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Something that happened: unix time, kind, of which things, numbers or outcomes, the channels it was said on, and
-    why, where somebody said so.
+    """Something that happened: unix time, kind, of which things, numbers or outcomes, the channels
+    it was said on, and why, where somebody said so.
     """
 
     at: float
@@ -65,7 +68,9 @@ class Event(msgspec.Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """Its kind with what it is of, by which a design or an operator names it: `grasped jar_1`."""
+        """Its kind with what it is of, by which a design or an operator names it: `grasped
+        jar_1`.
+        """
         return " ".join((self.kind, *self.of))
 
 
@@ -82,16 +87,24 @@ def events(history: History) -> tuple[Event, ...]:
 
 
 def _knowledge(history: History) -> Iterator[Event]:
-    """km's first survey: the observations it gets before the first act of a plan (or all, where there is none)."""
+    """km's first survey: the observations it gets before the first act of a plan (or all, where
+    there is none).
+    """
     first = min((plan.start for plan in ran(history)), default=float("inf"))
-    seen = [o.received for o in history.said if isinstance(o.content, wm.SeenObject) and o.received < first]
+    seen = [
+        o.received
+        for o in history.said
+        if isinstance(o.content, wm.SeenObject) and o.received < first
+    ]
     if seen:
         yield Event(seen[0], Kind.FIRST_THING, (), ("C5", "C6"))
         yield Event(seen[-1], Kind.SURROUNDINGS, (), ("C5", "C6"))
 
 
 def _commands(history: History) -> Iterator[Event]:
-    """Yield the commands of people: the report's task as in the paper's table, all others with what was asked."""
+    """Yield the commands of people: the report's task as in the paper's table, all others with what
+    was asked.
+    """
     main = task_command(history)
     for command in commands(history):
         of = () if command is main else asked_of(command)
@@ -140,14 +153,24 @@ def _handling(history: History) -> Iterator[Event]:
                 yield Event(act.end, row.event, of, ("C5",))
 
 
-def _localized(history: History, all_acts: tuple[Act, ...], release: Act, object: str) -> Iterator[Event]:
+def _localized(
+    history: History, all_acts: tuple[Act, ...], release: Act, object: str
+) -> Iterator[Event]:
     """The first observation of what was put down, after the first look that followed."""
     assert release.end is not None
-    looks = (act.end for act in all_acts if isinstance(act.command, rc.Look) and act.done and act.start > release.end)
+    looks = (
+        act.end
+        for act in all_acts
+        if isinstance(act.command, rc.Look) and act.done and act.start > release.end
+    )
     looked = next((end for end in looks if end is not None), None)
     if looked is None:
         return
     for one in history.said:
-        if isinstance(one.content, wm.SeenObject) and one.content.object == object and one.received >= looked:
+        if (
+            isinstance(one.content, wm.SeenObject)
+            and one.content.object == object
+            and one.received >= looked
+        ):
             yield Event(one.received, Kind.LOCALIZED, (object,), ("C5", "C6"))
             return

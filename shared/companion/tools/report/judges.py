@@ -1,4 +1,6 @@
-"""Verdicts that tasks have of their own (companion.tasks, part `verdict`): by the truth, not by what co said."""
+"""Verdicts that tasks have of their own (companion.tasks, part `verdict`): by the truth, not by
+what co said.
+"""
 
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -14,9 +16,9 @@ from operate.recording.records import Spoken
 
 
 class Share(msgspec.Struct, frozen=True):
-    """The part of the content that the robot believes to have poured, from the weight [kg] that left the source in its
-    last pour that was done and what it took the content to weigh; `seen_kg`: in the bowl then, null where it was not
-    looked into; `true`: grains in the bowl of all grains.
+    """The part of the content that the robot believes to have poured, from the weight [kg] that
+    left the source in its last pour that was done and what it took the content to weigh; `seen_kg`:
+    in the bowl then, null where it was not looked into; `true`: grains in the bowl of all grains.
     """
 
     believed: float | None
@@ -35,9 +37,9 @@ class Figures(msgspec.Struct, frozen=True):
 
 
 class Judge(msgspec.Struct, frozen=True):
-    """The verdict of a task. `asked`: its command, `verb` what it asks to do. `against`: why it was not done, by the
-    truth at its end. `true`: whether a claim is true, None where the truth does not tell. `figures`: those of the main
-    job for report.json; None for another task.
+    """The verdict of a task. `asked`: its command, `verb` what it asks to do. `against`: why it was
+    not done, by the truth at its end. `true`: whether a claim is true, None where the truth does
+    not tell. `figures`: those of the main job for report.json; None for another task.
     """
 
     asked: type[cmd.Command]

@@ -27,7 +27,7 @@ from operate.experiments.run_figures import Figures, SentMessage
 from operate.experiments.summary import row_of
 from operate.reports.figures import ACCENT, FAINT, INK, drawing
 
-# --- Figures of a pour that its report.json has beyond the traffic, and how plans were made. Pure --------------------
+# --- Figures of a pour that its report.json has beyond the traffic, and how plans were made. Pure -
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -61,14 +61,27 @@ def quantities(number: int) -> tuple[Quantity, ...]:
     name = f"plan {number}"
     return (
         Quantity(f"{name}: time", "latency", "s", _plan(number, lambda p: p.wall_s)),
-        Quantity(f"{name}: waiting for km", "latency", "s", _plan(number, lambda p: p.km_s), judged=False, digits=2),
-        Quantity(f"{name}: communicates of C4", "traffic", "", _plan(number, lambda p: p.communicates)),
-        Quantity(f"{name}: mean bandwidth of C4", "traffic", "kbit/s", _plan(number, _rate), judged=False),
+        Quantity(
+            f"{name}: waiting for km",
+            "latency",
+            "s",
+            _plan(number, lambda p: p.km_s),
+            judged=False,
+            digits=2,
+        ),
+        Quantity(
+            f"{name}: communicates of C4", "traffic", "", _plan(number, lambda p: p.communicates)
+        ),
+        Quantity(
+            f"{name}: mean bandwidth of C4", "traffic", "kbit/s", _plan(number, _rate), judged=False
+        ),
     )
 
 
 def peak_kbit_s(said: Sequence[SentMessage], plan: Plan, step_s: float) -> float | None:
-    """Return the peak bandwidth of C4 while a plan is made, in steps of `step_s`; None where it was not made."""
+    """Return the peak bandwidth of C4 while a plan is made, in steps of `step_s`; None where it was
+    not made.
+    """
     if plan.wall_s is None:
         return None
     bits = kbit_s(plan, said, step_s, int(np.ceil(plan.wall_s / step_s)) or 1)
@@ -77,7 +90,11 @@ def peak_kbit_s(said: Sequence[SentMessage], plan: Plan, step_s: float) -> float
 
 def kbit_s(plan: Plan, said: Sequence[SentMessage], step: float, bins: int) -> np.ndarray:
     """Return the bandwidth of C4 in each step [kbit/s], (bins,); 0 after the plan is there."""
-    some = [one for one in said if one.channel == "C4" and plan.t <= one.t <= plan.t + (plan.wall_s or 0.0)]
+    some = [
+        one
+        for one in said
+        if one.channel == "C4" and plan.t <= one.t <= plan.t + (plan.wall_s or 0.0)
+    ]
     at, weights = [one.t - plan.t for one in some], [8.0 * one.size / 1000 for one in some]
     counted, _ = np.histogram(at, bins=bins, range=(0.0, bins * step), weights=weights)
     return np.asarray(counted / step)
@@ -96,11 +113,14 @@ def _rate(plan: Plan) -> Value:
     return 8 * plan.bytes / plan.wall_s / 1000 if plan.bytes is not None and plan.wall_s else None
 
 
-# --- Figure 13 of the paper over many runs: bandwidth of C4 while a plan is made, means with 95 % intervals. SVG -----
+# --- Figure 13 of the paper over many runs: bandwidth of C4 while a plan is made, means with 95 %
+# intervals. SVG
 
 
 def planning(runs: Runs, number: int) -> str:
-    """Return Figure 13: bandwidth of C4 while plan `number` is made, from the request on; "" where no run made it."""
+    """Return Figure 13: bandwidth of C4 while plan `number` is made, from the request on; "" where
+    no run made it.
+    """
     some = _made(runs, number)
     longest = max((plan.wall_s or 0.0 for plan, _ in some), default=0.0)
     if not longest:
@@ -109,9 +129,13 @@ def planning(runs: Runs, number: int) -> str:
     bits = np.array([kbit_s(plan, said, step, BINS) for plan, said in some])
     middle, half = intervals.band(bits)
     edges = np.arange(BINS + 1) * step
-    with drawing(f"all-plan{number}", 2.7, f"Bandwidth of C4 while plan {number} is made, all runs") as (axes, svg):
+    with drawing(
+        f"all-plan{number}", 2.7, f"Bandwidth of C4 while plan {number} is made, all runs"
+    ) as (axes, svg):
         low, high = np.maximum(middle - half, 0.0), middle + half
-        axes.fill_between(edges, _stair(low), _stair(high), step="post", color=ACCENT, alpha=SHADE, linewidth=0)
+        axes.fill_between(
+            edges, _stair(low), _stair(high), step="post", color=ACCENT, alpha=SHADE, linewidth=0
+        )
         axes.stairs(middle, edges, color=ACCENT, linewidth=1.5)
         times = [plan.wall_s or 0.0 for plan, _ in some]
         axes.plot(times, [0.0] * len(times), "|", color=INK, markersize=9, clip_on=False, zorder=5)
@@ -145,14 +169,18 @@ def _caption(number: int, step: float, runs: int) -> str:
     return f"{text}   (paper, one run of {theirs.wall_s:.0f} s: {paper})"
 
 
-# --- Measures of pours, with the paper's figures beside (operate.experiments.measures) --------------------------------
+# --- Measures of pours, with the paper's figures beside (operate.experiments.measures) ------------
 
 
 PLANS, IN_BOWL = (1, 2), "in the bowl"
 PEAK_STEP_S = 1.0
-"""The paper does not say the step of its peak; a second is what its drawing could show (estimate)."""
+"""The paper does not say the step of its peak; a second is what its drawing could show
+(estimate).
+"""
 POUR = (
-    Quantity(IN_BOWL, "success", "%", lambda f: _percent(f.poured_fraction), judged=False, digits=0),
+    Quantity(
+        IN_BOWL, "success", "%", lambda f: _percent(f.poured_fraction), judged=False, digits=0
+    ),
     Quantity("command to end", "latency", "s", lambda f: f.wall_time_s),
     Quantity("simulated acts", "latency", "s", lambda f: f.sim_time_s),
     Quantity("energy of the body's joints", "energy", "J", lambda f: f.energy_J, digits=0),
@@ -213,18 +241,25 @@ MEASURES = Measures(
     told=tuple(one.name for one in POUR),
     published=_paper(),
     notes={
-        "run": "Energy: work of the 15 body joints, the integral of |torque × speed| that the control loop keeps.",
-        "events": "Table 7 of the paper, which counts from the start of its run, in which a person gave the command "
-        "83 s later.",
-        "counts": "Table 8 of the paper, one run with a longer search of its planner; what it has between ex and km "
-        "goes through ta here, as its own design says.",
+        "run": (
+            "Energy: work of the 15 body joints, the integral of |torque × speed| that the control"
+            " loop keeps."
+        ),
+        "events": (
+            "Table 7 of the paper, which counts from the start of its run, in which a person gave"
+            " the command 83 s later."
+        ),
+        "counts": (
+            "Table 8 of the paper, one run with a longer search of its planner; what it has between"
+            " ex and km goes through ta here, as its own design says."
+        ),
         "sizes": "Figure 12 of the paper.",
     },
     drawings=(
         Drawing(
             "How much while planning",
-            "Figure 13 of the paper: bandwidth of C4 from the request for a plan on, mean over runs with 95 % "
-            "interval; a run whose plan is there counts as zero from then on.",
+            "Figure 13 of the paper: bandwidth of C4 from the request for a plan on, mean over runs"
+            " with 95 % interval; a run whose plan is there counts as zero from then on.",
             lambda runs: [planning(runs, number) for number in PLANS],
         ),
     ),

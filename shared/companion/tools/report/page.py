@@ -1,4 +1,6 @@
-"""report.html: one file that needs nothing else - verdict, the paper's tables beside ours, figures, what is missing."""
+"""report.html: one file that needs nothing else - verdict, the paper's tables beside ours, figures,
+what is missing.
+"""
 
 import base64
 from datetime import datetime
@@ -20,7 +22,7 @@ from operate.reports.counts import bandwidth
 from operate.reports.figures import ACCENT, BAND, FAINT, INK, drawing
 from operate.reports.page import ABSENT, STYLE, faults, heat, judged, latencies, template
 
-# --- The figure of a plan that is made: bandwidth of C4 meanwhile (the paper's Figure 13) ----------------------------
+# --- The figure of a plan that is made: bandwidth of C4 meanwhile (the paper's Figure 13) ---------
 
 
 BINS = 48
@@ -30,18 +32,25 @@ LONG_WAIT = 0.15
 
 
 def planning(history: History, plan: Plan, made: Made) -> str:
-    """Bandwidth of C4 while a plan is made; "" where nothing was said on it or the plan never came."""
+    """Bandwidth of C4 while a plan is made; "" where nothing was said on it or the plan never
+    came.
+    """
     said = [one for one in history.said if one.channel == "C4"]
     if plan.wall_s is None or not plan.communicates:
         return ""
     start, step = history.begin + plan.t, _step(plan.wall_s)
     edges, bits = bandwidth(said, start, start + plan.wall_s, step)
     kilobits, mean = bits / 1000, 8 * plan.bytes / plan.wall_s / 1000
-    with drawing(f"plan{plan.number}", 2.5, f"Bandwidth of C4 while plan {plan.number} is made") as (axes, svg):
+    with drawing(
+        f"plan{plan.number}", 2.5, f"Bandwidth of C4 while plan {plan.number} is made"
+    ) as (axes, svg):
         axes.stairs(kilobits, edges, fill=True, color=ACCENT, alpha=0.85, zorder=3)
         axes.axhline(mean, color=INK, linewidth=1, linestyle=(0, (4, 3)), zorder=4)
         _waits(axes, made, start, plan.wall_s)
-        label = f"plan {plan.number}, in steps of {step:g} s: mean {_kilobits(mean)}, peak {_kilobits(kilobits.max())}"
+        label = (
+            f"plan {plan.number}, in steps of {step:g} s: mean {_kilobits(mean)}, peak"
+            f" {_kilobits(kilobits.max())}"
+        )
         axes.set_title(f"{label}{_theirs(plan.number)}", loc="left", fontsize=9, color=FAINT)
         axes.set_xlabel(f"time after the request for plan {plan.number} [s]")
         axes.set_ylabel("kbit/s")
@@ -52,7 +61,10 @@ def planning(history: History, plan: Plan, made: Made) -> str:
 
 def _step(wall_s: float) -> float:
     """A round width of bars, so that there are not more than BINS."""
-    return next((step for step in (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0) if wall_s / step <= BINS), wall_s / BINS)
+    return next(
+        (step for step in (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0) if wall_s / step <= BINS),
+        wall_s / BINS,
+    )
 
 
 def _waits(axes: Axes, made: Made, start: float, wall_s: float) -> None:
@@ -63,7 +75,14 @@ def _waits(axes: Axes, made: Made, start: float, wall_s: float) -> None:
             text = f"one answer of km takes {answered - asked:.1f} s"
             middle = (asked + answered) / 2 - start
             axes.text(
-                middle, 0.9, text, transform=axes.get_xaxis_transform(), ha="center", va="top", color=ACCENT, fontsize=8
+                middle,
+                0.9,
+                text,
+                transform=axes.get_xaxis_transform(),
+                ha="center",
+                va="top",
+                color=ACCENT,
+                fontsize=8,
             )
 
 
@@ -78,7 +97,7 @@ def _kilobits(value: float) -> str:
     return f"{value:,.0f} kbit/s".replace(",", " ")
 
 
-# --- report.html ------------------------------------------------------------------------------------------------------
+# --- report.html ----------------------------------------------------------------------------------
 
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
@@ -88,7 +107,11 @@ def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -
     """The page of a run."""
     return template(TEMPLATE).render(
         run=run,
-        began=datetime.fromtimestamp(report.began).strftime("%Y-%m-%d %H:%M:%S") if report.began else ABSENT,
+        began=(
+            datetime.fromtimestamp(report.began).strftime("%Y-%m-%d %H:%M:%S")
+            if report.began
+            else ABSENT
+        ),
         report=report,
         paper=paper,
         times=_times(report, paper),
@@ -123,9 +146,18 @@ Row = tuple[float | None, float | None, str, str, str, float | None]
 
 
 def _times(report: Report, paper: Paper) -> list[Row]:
-    """Rows of Table 7: ours, simulated, event, why, channels, the paper's; its rows that we lack stay, empty."""
+    """Rows of Table 7: ours, simulated, event, why, channels, the paper's; its rows that we lack
+    stay, empty.
+    """
     rows: list[Row] = [
-        (event.t, event.sim_s, event.words, event.text, ", ".join(event.channels), paper.times.get(event.id))
+        (
+            event.t,
+            event.sim_s,
+            event.words,
+            event.text,
+            ", ".join(event.channels),
+            paper.times.get(event.id),
+        )
         for event in report.events
     ]
     ours = {event.id for event in report.events}

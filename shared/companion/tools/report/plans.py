@@ -1,4 +1,6 @@
-"""Plans of a run, read off the traffic: how each was made (C3, C4), and how each was carried out (C1, C5)."""
+"""Plans of a run, read off the traffic: how each was made (C3, C4), and how each was carried out
+(C1, C5).
+"""
 
 from collections.abc import Iterator
 
@@ -17,11 +19,12 @@ REFUSED = "refused"
 
 
 class Made(msgspec.Struct, frozen=True):
-    """A plan asked for: `number` counts from 1, `network` names the request, `plan` is the plan's id ("": none came).
+    """A plan asked for: `number` counts from 1, `network` names the request, `plan` is the plan's
+    id ("": none came).
 
-    `wall_s`, `outcome` and `end` None: no answer came.
-    `queries`: what pl asked km meanwhile; `waits`: from each of them to its answer, [(start, end)] in unix seconds;
-    `communicates`: all of C4 meanwhile; `outcome`: found, none, cancelled.
+    `wall_s`, `outcome` and `end` None: no answer came. `queries`: what pl asked km meanwhile;
+    `waits`: from each of them to its answer, [(start, end)] in unix seconds; `communicates`: all of
+    C4 meanwhile; `outcome`: found, none, cancelled.
     """
 
     number: int
@@ -42,7 +45,9 @@ class Made(msgspec.Struct, frozen=True):
 
 
 class Ran(msgspec.Struct, frozen=True):
-    """A plan carried out. `outcome`: ta's last report, None where there is none; `states`: how many it reported."""
+    """A plan carried out. `outcome`: ta's last report, None where there is none; `states`: how many
+    it reported.
+    """
 
     number: int
     plan: str
@@ -55,7 +60,8 @@ class Ran(msgspec.Struct, frozen=True):
 
 
 class Act(msgspec.Struct, frozen=True):
-    """An act asked of ex: the command, when it was asked, agreed to (the robot moves from then on) and answered.
+    """An act asked of ex: the command, when it was asked, agreed to (the robot moves from then on)
+    and answered.
 
     `done`: whether it was; else `reason`.
     """
@@ -69,16 +75,26 @@ class Act(msgspec.Struct, frozen=True):
 
 
 def made(history: History) -> tuple[Made, ...]:
-    """All requests for a plan, in the order of time; one that pl put off is asked again, and counts then."""
+    """All requests for a plan, in the order of time; one that pl put off is asked again, and counts
+    then.
+    """
     asked = [one for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork)]
-    put_off = {one.conversation for one in history.said if isinstance(one.content, hfsm.NoPlan) and one.content.later}
+    put_off = {
+        one.conversation
+        for one in history.said
+        if isinstance(one.content, hfsm.NoPlan) and one.content.later
+    }
     asked = [one for one in asked if one.conversation not in put_off]
     return tuple(_made(history, number, one) for number, one in enumerate(asked, start=1))
 
 
 def ran(history: History) -> tuple[Ran, ...]:
     """All plans given to ta, in the order of time."""
-    asked = [one for one in history.said if one.channel == "C1" and isinstance(one.content, hfsm.HierarchicalPlan)]
+    asked = [
+        one
+        for one in history.said
+        if one.channel == "C1" and isinstance(one.content, hfsm.HierarchicalPlan)
+    ]
     return tuple(_ran(history, number, one) for number, one in enumerate(asked, start=1))
 
 
@@ -102,13 +118,18 @@ def asked(command: Spoken) -> str:
 def asked_of(command: Spoken) -> tuple[str, ...]:
     """The class of a command, and what is to be done with what."""
     what = command.content
-    fields = [getattr(what, name) for name in what.__struct_fields__ if name not in cmd.Command.__struct_fields__]
+    fields = [
+        getattr(what, name)
+        for name in what.__struct_fields__
+        if name not in cmd.Command.__struct_fields__
+    ]
     return (type(what).__name__, *(one for one in fields if one and isinstance(one, str)))
 
 
 def task_command(history: History) -> Spoken | None:
-    """The first command of a person for a task with a verdict of its own (the main job) that was not refused; without
-    one the first for such a task, else the first of any kind; None where there is none.
+    """The first command of a person for a task with a verdict of its own (the main job) that was
+    not refused; without one the first for such a task, else the first of any kind; None where there
+    is none.
     """
     all_commands = commands(history)
     judged = [one for one in all_commands if judge_of(one.content)]
@@ -117,16 +138,30 @@ def task_command(history: History) -> Spoken | None:
 
 
 def outcome(end: Spoken | None) -> str:
-    """Return the end of a command: a state of its task, or that it was refused; "" if it did not end."""
+    """Return the end of a command: a state of its task, or that it was refused; "" if it did not
+    end.
+    """
     if end is None:
         return ""
-    return REFUSED if end.performative in REFUSALS else str(getattr(end.content, "state", end.performative))
+    return (
+        REFUSED
+        if end.performative in REFUSALS
+        else str(getattr(end.content, "state", end.performative))
+    )
 
 
 def others_plans(history: History, command: Spoken) -> frozenset[str]:
-    """The ids of plans that were asked for, or carried out, for other commands than this one: co names them by it."""
-    marks = tuple(f"{one.conversation}-plan" for one in commands(history) if one.conversation != command.conversation)
-    named = (one.content.id for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork))
+    """The ids of plans that were asked for, or carried out, for other commands than this one: co
+    names them by it.
+    """
+    marks = tuple(
+        f"{one.conversation}-plan"
+        for one in commands(history)
+        if one.conversation != command.conversation
+    )
+    named = (
+        one.content.id for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork)
+    )
     return frozenset(name for name in named if name.startswith(marks))
 
 
@@ -136,7 +171,10 @@ def task_end(history: History, command: Spoken) -> Spoken | None:
     for one in _answers(history, command):
         if one.performative in ends:
             return one
-        if one.performative == Performative.INFORM and getattr(one.content, "state", None) in TASK_ENDS:
+        if (
+            one.performative == Performative.INFORM
+            and getattr(one.content, "state", None) in TASK_ENDS
+        ):
             return one
     return None
 
@@ -153,7 +191,9 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
     took = None if end is None else history.answered(asked, end)
     until = end.received if end is not None else float("inf")
     talk = [o for o in history.said if o.channel == "C4" and asked.received <= o.received <= until]
-    plan = end.content if end is not None and isinstance(end.content, hfsm.HierarchicalPlan) else None
+    plan = (
+        end.content if end is not None and isinstance(end.content, hfsm.HierarchicalPlan) else None
+    )
     return Made(
         number=number,
         network=asked.content.id,
@@ -198,7 +238,11 @@ def _outcome(end: Spoken) -> str:
 
 def _ran(history: History, number: int, asked: Spoken) -> Ran:
     reports = [one for one in _answers(history, asked) if isinstance(one.content, sw.Report)]
-    ended = (one for one in reports if one.content.state in sw.FINAL or one.performative == Performative.REFUSE)
+    ended = (
+        one
+        for one in reports
+        if one.content.state in sw.FINAL or one.performative == Performative.REFUSE
+    )
     end = next(ended, None)
     return Ran(
         number=number,
@@ -217,7 +261,14 @@ def _act(history: History, asked: Spoken) -> Act:
     agreed = next((one.received for one in answers if one.performative == Performative.AGREE), None)
     end = next((one for one in answers if one.performative != Performative.AGREE), None)
     done = end is not None and isinstance(end.content, rc.Done)
-    return Act(asked.content, asked.received, agreed, None if end is None else end.received, done, reason(end))
+    return Act(
+        asked.content,
+        asked.received,
+        agreed,
+        None if end is None else end.received,
+        done,
+        reason(end),
+    )
 
 
 def reason(end: Spoken | None) -> str:

@@ -1,7 +1,8 @@
-"""The figures of a pour, for report.json. Built from a History alone, so it can be made again at any time.
+"""The figures of a pour, for report.json. Built from a History alone, so it can be made again at
+any time.
 
-A figure that was not recorded is null, and `missing` says why; nothing is guessed. Times `t` count from the first
-communicate [s of wall time].
+A figure that was not recorded is null, and `missing` says why; nothing is guessed. Times `t` count
+from the first communicate [s of wall time].
 """
 
 from math import fsum
@@ -24,8 +25,8 @@ from operate.run_folder import alike
 
 
 class Happened(msgspec.Struct, frozen=True):
-    """An event, `of` these things, numbers or outcomes, `t` s after the first communicate. `sim_s`: the simulation's
-    clock then, null where nobody said; `words`: for people; `text`: why.
+    """An event, `of` these things, numbers or outcomes, `t` s after the first communicate. `sim_s`:
+    the simulation's clock then, null where nobody said; `words`: for people; `text`: why.
     """
 
     t: float
@@ -43,10 +44,11 @@ class Happened(msgspec.Struct, frozen=True):
 
 
 class Task(msgspec.Struct, frozen=True):
-    """A command of a person, from `t` to `end` [s]; null: it did not end. `asked`: what for; `outcome`: co's last word.
+    """A command of a person, from `t` to `end` [s]; null: it did not end. `asked`: what for;
+    `outcome`: co's last word.
 
-    `success`: by what was true at its end where the task has a verdict of its own, else by co's word; `failure`: why
-    not, else null. `claims`: what the robot said that is true at the end.
+    `success`: by what was true at its end where the task has a verdict of its own, else by co's
+    word; `failure`: why not, else null. `claims`: what the robot said that is true at the end.
     """
 
     t: float
@@ -61,7 +63,8 @@ class Task(msgspec.Struct, frozen=True):
 class Plan(msgspec.Struct, frozen=True):
     """The making of a plan, and its end when it was carried out (null: it was not, or did not end).
 
-    `wall_s`: from co's request to pl's answer; `km_s`: in which pl waited for km, `km_longest_s` for one answer alone.
+    `wall_s`: from co's request to pl's answer; `km_s`: in which pl waited for km, `km_longest_s`
+    for one answer alone.
     """
 
     number: int
@@ -91,9 +94,10 @@ class Us(msgspec.Struct, frozen=True):
 class Loop(msgspec.Struct, frozen=True):
     """The control loop's figures, as it told them last.
 
-    `paced`: it kept a clock (speed 1); else no cycle has a deadline, and what counts against one is null. `realtime`:
-    with the kernel's real-time priority. `compute_us`: how long a cycle takes. `saturated`: cycles whose torque was cut
-    to what the robot accepts. `page_faults`: during motions.
+    `paced`: it kept a clock (speed 1); else no cycle has a deadline, and what counts against one is
+    null. `realtime`: with the kernel's real-time priority. `compute_us`: how long a cycle takes.
+    `saturated`: cycles whose torque was cut to what the robot accepts. `page_faults`: during
+    motions.
     """
 
     paced: bool
@@ -109,9 +113,9 @@ class Loop(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """report.json. `wall_time_s`: from the person's command to its end; `sim_time_s`: of all acts; `energy_J`: work of
-    the body's joints. `beliefs`: where the robot believes each thing to be, beside the truth; `poured`: how much it
-    believes to have poured, beside the truth.
+    """report.json. `wall_time_s`: from the person's command to its end; `sim_time_s`: of all acts;
+    `energy_J`: work of the body's joints. `beliefs`: where the robot believes each thing to be,
+    beside the truth; `poured`: how much it believes to have poured, beside the truth.
     """
 
     success: bool
@@ -185,11 +189,15 @@ def _task(history: History, command: Spoken) -> Task:
 
 
 def _sim_time(history: History, clock: Clock) -> float | None:
-    """Simulated time in which an act was under way: at speed 1 from ex's agreement on, for time also passes while ex
-    prepares; without a clock it stands still then, and the request is the surer beginning.
+    """Simulated time in which an act was under way: at speed 1 from ex's agreement on, for time
+    also passes while ex prepares; without a clock it stands still then, and the request is the
+    surer beginning.
     """
     asked = [act for act in plans.acts(history) if act.end is not None and act.agreed is not None]
-    spans = [((act.agreed if paced(history) else act.start) or act.start, act.end or act.start) for act in asked]
+    spans = [
+        ((act.agreed if paced(history) else act.start) or act.start, act.end or act.start)
+        for act in asked
+    ]
     return clock.spent(spans) if spans else None
 
 
@@ -200,7 +208,9 @@ def _wall_time(history: History) -> float | None:
 
 
 def _energy(history: History) -> float | None:
-    work = [state.work_J for _, state in robot(history)[-1:]] or [truth.work_J for _, truth in truth(history)[-1:]]
+    work = [state.work_J for _, state in robot(history)[-1:]] or [
+        truth.work_J for _, truth in truth(history)[-1:]
+    ]
     return work[0] if work else None
 
 
@@ -247,7 +257,11 @@ def _loop(history: History) -> Loop | None:
 
 def _missing(report: Report, history: History) -> tuple[str, ...]:
     """A sentence for each figure that is null."""
-    no_telemetry = "the robot's telemetry was not recorded" if not robot(history) else "the task did not come so far"
+    no_telemetry = (
+        "the robot's telemetry was not recorded"
+        if not robot(history)
+        else "the task did not come so far"
+    )
     no_truth = (
         "the truth was not recorded at the end of the task"
         if verdict.truth_at_end(history, plans.task_command(history)) is None

@@ -1,4 +1,5 @@
-"""The report's first figure: who was busy when - the task, the plans, km's answers, ta's steps, each hand and the head.
+"""The report's first figure: who was busy when - the task, the plans, km's answers, ta's steps,
+each hand and the head.
 
 Wall time, as everything that is compared with the paper's Table 7.
 """
@@ -10,7 +11,17 @@ from matplotlib.axes import Axes
 
 from companion.languages import cmd, hfsm, rc, sw
 from companion.sentences import Reader, spaced, step
-from companion.tools.report.plans import REFUSED, Act, acts, asked, commands, made, outcome, ran, task_end
+from companion.tools.report.plans import (
+    REFUSED,
+    Act,
+    acts,
+    asked,
+    commands,
+    made,
+    outcome,
+    ran,
+    task_end,
+)
 from companion.tools.shown import SHOWN
 from operate.recording.history import History
 from operate.reports.figures import ACCENT, FAINT, INK, WIDTH_IN, drawing
@@ -48,7 +59,9 @@ def story(history: History) -> str:
     if not history.said:
         return ""
     found = list(bars(history))
-    until = max((bar.end for bar in found), default=history.said[-1].received) - history.begin or 1.0
+    until = (
+        max((bar.end for bar in found), default=history.said[-1].received) - history.begin or 1.0
+    )
     with drawing("story", 2.9, "Who was busy when") as (axes, svg):
         for bar in found:
             _draw(axes, bar, history.begin, until)
@@ -73,7 +86,13 @@ def bars(history: History) -> Iterator[Bar]:
         until = end.received if end is not None else history.said[-1].received
         state = outcome(end) or "not ended"
         colour = ACCENT if state == cmd.TaskState.DONE else FAILED
-        yield Bar(LANES[0], max(free, command.received), until, colour, (f"{asked(command)}: {state}", state))
+        yield Bar(
+            LANES[0],
+            max(free, command.received),
+            until,
+            colour,
+            (f"{asked(command)}: {state}", state),
+        )
         free = max(free, until)
     for plan in made(history):
         until = plan.end if plan.end is not None else history.said[-1].received
@@ -90,9 +109,15 @@ def steps(history: History) -> Iterator[Bar]:
         reports = [
             (one.received, one.content.at)
             for one in history.said
-            if one.conversation == plan.conversation and isinstance(one.content, sw.Report) and one.content.at
+            if one.conversation == plan.conversation
+            and isinstance(one.content, sw.Report)
+            and one.content.at
         ]
-        starts = [one for n, one in enumerate(reports) if n == 0 or reports[n - 1][1].path[0] != one[1].path[0]]
+        starts = [
+            one
+            for n, one in enumerate(reports)
+            if n == 0 or reports[n - 1][1].path[0] != one[1].path[0]
+        ]
         ends = [*(at for at, _ in starts[1:]), until]
         for (at, place), end in zip(starts, ends, strict=True):
             yield Bar("ta", at, end, STEP, _texts(place), INK)
@@ -100,7 +125,11 @@ def steps(history: History) -> Iterator[Bar]:
 
 def _texts(place: hfsm.Place) -> tuple[str, ...]:
     """Return what ta does in words, and shorter; the end of a plan is no step."""
-    return () if place.step is None else (step(place.step, Reader.OPERATOR), place.step.does.replace("-", " "))
+    return (
+        ()
+        if place.step is None
+        else (step(place.step, Reader.OPERATOR), place.step.does.replace("-", " "))
+    )
 
 
 def _acts(history: History) -> Iterator[Bar]:
@@ -124,15 +153,33 @@ def word_of(act: Act) -> str:
 def _draw(axes: Axes, bar: Bar, begin: float, until: float) -> None:
     lane, long = LANES.index(bar.lane), bar.end - bar.start
     axes.barh(
-        lane, long, left=bar.start - begin, height=0.66, color=bar.colour, edgecolor="white", linewidth=0.8, zorder=3
+        lane,
+        long,
+        left=bar.start - begin,
+        height=0.66,
+        color=bar.colour,
+        edgecolor="white",
+        linewidth=0.8,
+        zorder=3,
     )
     room = long / until * PLOT_IN
     text = next((text for text in bar.texts if len(text) * LETTER_IN < room), "")
-    axes.text(bar.start - begin + long / 2, lane, text, ha="center", va="center", color=bar.ink, fontsize=7.5, zorder=4)
+    axes.text(
+        bar.start - begin + long / 2,
+        lane,
+        text,
+        ha="center",
+        va="center",
+        color=bar.ink,
+        fontsize=7.5,
+        zorder=4,
+    )
 
 
 def _ticks(axes: Axes, history: History) -> None:
     """Draw the messages to and from km, a line each."""
-    told = [one.received - history.begin for one in history.said if "km" in (one.sender, one.receiver)]
+    told = [
+        one.received - history.begin for one in history.said if "km" in (one.sender, one.receiver)
+    ]
     lane = LANES.index("km")
     axes.vlines(told, lane - 0.33, lane + 0.33, color=ACCENT, linewidth=0.5, alpha=0.5, zorder=3)

@@ -1,4 +1,6 @@
-"""Tables of a run that only this robot has: its events on both clocks, and the loop's telemetry (20 Hz)."""
+"""Tables of a run that only this robot has: its events on both clocks, and the loop's telemetry (20
+Hz).
+"""
 
 from typing import Any
 
@@ -18,7 +20,9 @@ def of_history(history: History) -> dict[str, pyarrow.Table]:
 
 
 def happened(history: History) -> pyarrow.Table:
-    """The events of a run: t [s after the first communicate], sim_s, name with what it is of, channels, text."""
+    """The events of a run: t [s after the first communicate], sim_s, name with what it is of,
+    channels, text.
+    """
     clock, found = Clock(history), events(history)
     columns: dict[str, list[Any]] = {
         "t": [one.at - history.begin for one in found],
@@ -27,12 +31,16 @@ def happened(history: History) -> pyarrow.Table:
         "channels": [" ".join(one.channels) for one in found],
         "text": [one.text for one in found],
     }
-    types = {name: pyarrow.float64() if name in ("t", "sim_s") else pyarrow.string() for name in columns}
+    types = {
+        name: pyarrow.float64() if name in ("t", "sim_s") else pyarrow.string() for name in columns
+    }
     return table(types, columns)
 
 
 def telemetry(history: History) -> pyarrow.Table:
-    """Telemetry of the loop: times, joints [rad], work [J], mode, act, cycles and how late they were [us]."""
+    """Telemetry of the loop: times, joints [rad], work [J], mode, act, cycles and how late they
+    were [us].
+    """
     states = robot(history)
     columns: dict[str, list[Any]] = {
         "t": [at - history.begin for at, _ in states],
@@ -51,7 +59,10 @@ def telemetry(history: History) -> pyarrow.Table:
         "compute_p50_us": [state.compute_us.p50 for _, state in states],
         "compute_p99_us": [state.compute_us.p99 for _, state in states],
     }
-    types = {name: pyarrow.string() if name in ("mode", "act", "skill") else pyarrow.float64() for name in columns}
+    types = {
+        name: pyarrow.string() if name in ("mode", "act", "skill") else pyarrow.float64()
+        for name in columns
+    }
     types |= dict.fromkeys(("cycles", "missed", "skipped", "faults"), pyarrow.int64())
     for n, joint in enumerate(BODY):
         columns[joint] = [state.body[n] if n < len(state.body) else None for _, state in states]

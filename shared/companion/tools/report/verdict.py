@@ -1,8 +1,8 @@
 """Whether a run did the main job, and if not, why.
 
-From the truth of the simulation at the end of the task, whatever was asked for later, as the task itself judges it
-(companion.tools.report.judges), and from what the agents said about plans; nothing is assumed. A missing record is a
-failure that says so, and so is one from before the end.
+From the truth of the simulation at the end of the task, whatever was asked for later, as the task
+itself judges it (companion.tools.report.judges), and from what the agents said about plans; nothing
+is assumed. A missing record is a failure that says so, and so is one from before the end.
 """
 
 from collections.abc import Iterator
@@ -10,7 +10,17 @@ from collections.abc import Iterator
 from companion.languages import cmd, sw
 from companion.telemetry import TrueState
 from companion.tools.report.judges import Judge, judge_of, judges
-from companion.tools.report.plans import acts, asked, made, others_plans, outcome, ran, reason, task_command, task_end
+from companion.tools.report.plans import (
+    acts,
+    asked,
+    made,
+    others_plans,
+    outcome,
+    ran,
+    reason,
+    task_command,
+    task_end,
+)
 from companion.tools.telemetry import truth
 from operate.recording.history import History
 from operate.recording.records import Spoken
@@ -19,26 +29,34 @@ MOST_TILT_DEG = 10.0
 LEAST_LINKS = 2
 """Finger or palm links of a hand that touch what it holds; one alone only leans on it."""
 STALE_S = 1.0
-"""A true state from longer before the end of the task shows another world; they come 20 times a second."""
+"""A true state from longer before the end of the task shows another world; they come 20 times a
+second.
+"""
 OWN_OUTCOMES = (sw.WorkerState.SUCCEEDED, sw.WorkerState.REPLAN)
 
 
 def truth_at_end(history: History, command: Spoken | None) -> TrueState | None:
-    """Return the true state at the end of a task: the newest before it, else the next one before the robot acts again.
+    """Return the true state at the end of a task: the newest before it, else the next one before
+    the robot acts again.
 
-    Of a task that did not end, or without one, it is the newest of the recording. None where none was recorded then.
+    Of a task that did not end, or without one, it is the newest of the recording. None where none
+    was recorded then.
     """
     recorded, end = truth(history), task_end(history, command) if command is not None else None
     if end is None:
         return recorded[-1][1] if recorded else None
-    moved = min((act.start for act in acts(history) if act.start > end.received), default=float("inf"))
+    moved = min(
+        (act.start for act in acts(history) if act.start > end.received), default=float("inf")
+    )
     before = [one for at, one in recorded if end.received - STALE_S <= at <= end.received]
     after = [one for at, one in recorded if end.received < at < moved]
     return next(iter((*before[-1:], *after)), None)
 
 
 def last_truth(history: History) -> TrueState | None:
-    """Return the newest true state; None where none was recorded, or none after the end of the task."""
+    """Return the newest true state; None where none was recorded, or none after the end of the
+    task.
+    """
     recorded, command = truth(history), task_command(history)
     end = task_end(history, command) if command is not None else None
     if not recorded or (end is not None and recorded[-1][0] < end.received - STALE_S):
@@ -50,7 +68,9 @@ def failure(history: History) -> str | None:
     """Return why the run did not do the main job, in words; None: it did."""
     command = task_command(history)
     if command is not None and judge_of(command.content) is None:
-        return f"nobody asked to {' or '.join(one.verb for one in judges())}, but to {asked(command)}"
+        return (
+            f"nobody asked to {' or '.join(one.verb for one in judges())}, but to {asked(command)}"
+        )
     if command is None:
         return "; ".join(_not_whole(history)) or "no command of a person was heard"
     reasons = list(_against(history, command))
@@ -58,12 +78,16 @@ def failure(history: History) -> str | None:
 
 
 def failure_of(history: History, command: Spoken) -> str | None:
-    """Return why a task failed, in words; None: it did not. A task without a verdict of its own is as co said."""
+    """Return why a task failed, in words; None: it did not. A task without a verdict of its own is
+    as co said.
+    """
     return "; ".join(_against(history, command)) or None
 
 
 def _against(history: History, command: Spoken) -> Iterator[str]:
-    """Yield the reasons from plans, else those from the truth: where a plan failed, they need no words."""
+    """Yield the reasons from plans, else those from the truth: where a plan failed, they need no
+    words.
+    """
     judge = judge_of(command.content)
     if judge is None:
         yield from _of_end(history, command)
@@ -73,9 +97,14 @@ def _against(history: History, command: Spoken) -> Iterator[str]:
 
 
 def _not_whole(history: History) -> Iterator[str]:
-    """Processes of the fleet that did not run in the end, though nobody had ended them: the cause of all else."""
+    """Processes of the fleet that did not run in the end, though nobody had ended them: the cause
+    of all else.
+    """
     for process in history.down:
-        yield f"{process.name} did not run ({process.state}{': ' + process.note if process.note else ''})"
+        yield (
+            f"{process.name} did not run"
+            f" ({process.state}{': ' + process.note if process.note else ''})"
+        )
 
 
 def _of_plans(history: History, command: Spoken) -> Iterator[str]:

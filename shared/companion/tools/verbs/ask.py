@@ -24,23 +24,31 @@ class As(StrEnum):
 
 
 def ask(
-    question: Annotated[str, typer.Argument(help="SELECT or ASK, in quotes; - reads it from standard input.")],
+    question: Annotated[
+        str, typer.Argument(help="SELECT or ASK, in quotes; - reads it from standard input.")
+    ],
     run: Recorded = None,
     at: Annotated[
-        float | None, typer.Option("--at", min=0.0, help="As km knew it then [s after the first communicate].")
+        float | None,
+        typer.Option("--at", min=0.0, help="As km knew it then [s after the first communicate]."),
     ] = None,
     rows: Annotated[int, typer.Option("--rows", min=1, help="Rows shown at most.")] = 1000,
-    seconds: Annotated[float, typer.Option("--seconds", min=0.001, max=600.0, help="The query is ended then.")] = 5.0,
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=0.001, max=600.0, help="The query is ended then.")
+    ] = 5.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
-    form: Annotated[As, typer.Option("--format", help="text for people, json or csv for programs.")] = As.TEXT,
+    form: Annotated[
+        As, typer.Option("--format", help="text for people, json or csv for programs.")
+    ] = As.TEXT,
 ) -> None:
     """Ask what the robot knows, in SPARQL.
 
     It is asked of the running fleet, or of a recording at any time.
 
-    Prefixes are filled in: roco (terms of the ontology), thing, content, model, grasp, agent, said, state; rdf, rdfs,
-    owl, xsd, dul, soma, cora, pos. Nothing can be changed. Exits with 1 where ASK is answered with no.
+    Prefixes are filled in: roco (terms of the ontology), thing, content, model, grasp, agent, said,
+    state; rdf, rdfs, owl, xsd, dul, soma, cora, pos. Nothing can be changed. Exits with 1 where ASK
+    is answered with no.
 
     Examples:
       roco ask 'SELECT ?thing ?where WHERE { ?thing roco:isIn ?where }'
@@ -77,8 +85,13 @@ def _show(told: Rows | Verdict, form: As, known: asking.Known) -> None:
 
 
 def as_json(told: Rows) -> str:
-    """As "SPARQL 1.2 Query Results JSON Format" has it; `cut` besides says that there are more rows."""
-    bindings = [{name: term for name, term in zip(told.columns, row, strict=True) if term} for row in told.rows]
+    """As "SPARQL 1.2 Query Results JSON Format" has it; `cut` besides says that there are more
+    rows.
+    """
+    bindings = [
+        {name: term for name, term in zip(told.columns, row, strict=True) if term}
+        for row in told.rows
+    ]
     whole = {"head": {"vars": told.columns}, "results": {"bindings": bindings}, "cut": told.cut}
     return msgspec.json.encode(whole).decode()
 
@@ -89,7 +102,9 @@ def _print_csv(told: Rows) -> None:
 
     writer = csv.writer(sys.stdout)
     writer.writerow(told.columns)
-    writer.writerows(["" if term is None else asking.written(term) for term in row] for row in told.rows)
+    writer.writerows(
+        ["" if term is None else asking.written(term) for term in row] for row in told.rows
+    )
 
 
 def _print_table(told: Rows, known: asking.Known) -> None:
@@ -105,5 +120,8 @@ def _print_table(told: Rows, known: asking.Known) -> None:
         table.add_row(*(Text("" if term is None else asking.short(term)) for term in row))
     console = Console()
     console.print(table)
-    count = f"{len(told.rows)} row{'s' * (len(told.rows) != 1)}{', and there are more (--rows)' * told.cut}"
+    count = (
+        f"{len(told.rows)}"
+        f" row{'s' * (len(told.rows) != 1)}{', and there are more (--rows)' * told.cut}"
+    )
     console.print(f"{count}; {known.words}", style="dim", highlight=False)

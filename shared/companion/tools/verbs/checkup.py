@@ -22,7 +22,7 @@ from velma import compiled
 from velma.errors import GlError
 from velma.sim import gl
 
-# --- Whether this machine holds the control loop's 500 Hz with what runs now -----------------------------------------
+# --- Whether this machine holds the control loop's 500 Hz with what runs now ----------------------
 # Measured in a process of its own: a second of the loop, or some seconds of one that runs.
 
 
@@ -31,7 +31,8 @@ WITHIN_S = 30.0  # estimate: it takes 3 s at a load of 5 on two cores
 
 
 class Pace(msgspec.Struct, frozen=True):
-    """Periods of the loop, those in which a cycle was late or left out, and whether that is real time.
+    """Periods of the loop, those in which a cycle was late or left out, and whether that is real
+    time.
 
     `realtime`: the loop has the kernel's real-time priority.
     """
@@ -44,23 +45,29 @@ class Pace(msgspec.Struct, frozen=True):
     @property
     def sentence(self) -> str:
         """For a person, without a full stop."""
-        return f"{100 * self.late / max(1, self.periods):.0f} % of the control loop's cycles are late here now"
+        return (
+            f"{100 * self.late / max(1, self.periods):.0f} % of the control loop's cycles are late"
+            " here now"
+        )
 
 
 def measure(slots: Path | None = None) -> Pace | None:
     """The pace now: of a loop that runs, by its slot file, or else of one that is tried out.
 
-    None where it cannot be measured: the executor's libraries are not installed, or the loop keeps no real time.
+    None where it cannot be measured: the executor's libraries are not installed, or the loop keeps
+    no real time.
     """
     command = [sys.executable, "-P", "-m", LOOP, *([str(slots)] if slots else [])]
     with contextlib.suppress(OSError, subprocess.SubprocessError, msgspec.DecodeError):
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=WITHIN_S, check=True)
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=WITHIN_S, check=True
+        )
         found = msgspec.json.decode(done.stdout, type=Pace)
         return found if found.periods else None
     return None
 
 
-# --- Whether a real robot stands behind the executor: then `roco fault` leaves the fleet alone -----------------------
+# --- Whether a real robot stands behind the executor: then `roco fault` leaves the fleet alone ----
 
 
 LOOP_PROCESS, BACKEND = "loop", "ROCO_BACKEND"
@@ -74,7 +81,7 @@ def untouchable(fleet: Target) -> str:
     return "" if backend in HARMLESS else f"the back-end {backend} may move a real robot"
 
 
-# --- Checks of `roco doctor` for this robot ---------------------------------------------------------------------------
+# --- Checks of `roco doctor` for this robot -------------------------------------------------------
 
 
 NEEDED = (*checkup.NEEDED, "knowledge", "planner", "executor")
@@ -99,30 +106,46 @@ def person(fleet: Target, now: Look) -> Iterator[Check]:
 def real_time() -> Iterator[Check]:
     """Whether the loop would hold 500 Hz with what runs now.
 
-    Tried out only where no fleet runs here: its own loop would be in the way, and is looked at instead.
+    Tried out only where no fleet runs here: its own loop would be in the way, and is looked at
+    instead.
     """
     if not running_fleets.here():
-        yield from _paced(measure(), "end other programs, or start with `--speed max`, which needs no real time")
+        yield from _paced(
+            measure(), "end other programs, or start with `--speed max`, which needs no real time"
+        )
 
 
 def loop(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether the loop of a fleet on this machine holds 500 Hz; nothing of one at `--speed max`."""
-    if isinstance(fleet, Local) and any(one.name == LOOP_PROCESS and one.status.pid for one in now.seen):
-        remedy = "end other programs, or `roco down` and `roco up --speed max`, which needs no real time"
+    if isinstance(fleet, Local) and any(
+        one.name == LOOP_PROCESS and one.status.pid for one in now.seen
+    ):
+        remedy = (
+            "end other programs, or `roco down` and `roco up --speed max`, which needs no real time"
+        )
         yield from _paced(measure(fleet.run / SLOTS_FILE), remedy)
 
 
 def _paced(measured: Pace | None, remedy: str) -> Iterator[Check]:
-    """Yield the checks of the measured pace and of the loop's real-time priority; nothing without a measurement."""
+    """Yield the checks of the measured pace and of the loop's real-time priority; nothing without a
+    measurement.
+    """
     if measured is None:
         return
     if measured.held:
         yield Check("real time", Level.FINE, f"{measured.sentence}: real time is held")
     else:
-        yield Check("real time", Level.WRONG, f"{measured.sentence}: real time cannot be held", remedy)
+        yield Check(
+            "real time", Level.WRONG, f"{measured.sentence}: real time cannot be held", remedy
+        )
     if not measured.realtime:
-        right = "for a real robot or a busy machine: rtprio, memlock in limits.conf(5), or deploy/compose.rt.yaml"
-        yield Check("priority", Level.NOTE, "the loop gets no real-time priority: it runs without", right)
+        right = (
+            "for a real robot or a busy machine: rtprio, memlock in limits.conf(5), or"
+            " deploy/compose.rt.yaml"
+        )
+        yield Check(
+            "priority", Level.NOTE, "the loop gets no real-time priority: it runs without", right
+        )
 
 
 def opengl() -> Iterator[Check]:
@@ -137,10 +160,22 @@ def opengl() -> Iterator[Check]:
 def library() -> Iterator[Check]:
     """Whether the hot loops of planner and control loop run compiled here."""
     if compiled.library() is not None:
-        yield Check("compiled", Level.FINE, "collision checks, inverse kinematics and the torque law run in C")
+        yield Check(
+            "compiled",
+            Level.FINE,
+            "collision checks, inverse kinematics and the torque law run in C",
+        )
     else:
-        remedy = "`python -m velma.compiled` builds it, with a C compiler (Debian: apt install gcc libc6-dev)"
-        yield Check("compiled", Level.NOTE, "no library of velma.compiled: planning takes twice as long", remedy)
+        remedy = (
+            "`python -m velma.compiled` builds it, with a C compiler (Debian: apt install gcc"
+            " libc6-dev)"
+        )
+        yield Check(
+            "compiled",
+            Level.NOTE,
+            "no library of velma.compiled: planning takes twice as long",
+            remedy,
+        )
 
 
 CHECKS = Checks(

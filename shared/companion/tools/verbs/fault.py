@@ -1,6 +1,8 @@
-"""`roco fault sensor`, `roco fault thing`: senses of the simulated robot that fail, things that somebody moves.
+"""`roco fault sensor`, `roco fault thing`: senses of the simulated robot that fail, things that
+somebody moves.
 
-The order stands in a file of the run folder that the simulator alone reads; the robot's agents are told nothing.
+The order stands in a file of the run folder that the simulator alone reads; the robot's agents are
+told nothing.
 """
 
 import time
@@ -84,15 +86,22 @@ For = Annotated[float, typer.Option("--for", min=0.1, help="Seconds until it is 
 def sensor(
     sense: Annotated[Of, typer.Argument(help="What fails.", **one_of(SENSES))],
     kind: Annotated[
-        disturbances.Kind, typer.Option(help="How it fails; each sense has some of them.", **one_of(FAILS))
+        disturbances.Kind,
+        typer.Option(help="How it fails; each sense has some of them.", **one_of(FAILS)),
     ],
     side: Annotated[values.Side | None, typer.Option(help="Of wrist and grip; else both.")] = None,
     joint: Annotated[
-        str, typer.Option(metavar="NAME", help="Of encoder, such as left_arm_3_joint.", autocompletion=joints)
+        str,
+        typer.Option(
+            metavar="NAME", help="Of encoder, such as left_arm_3_joint.", autocompletion=joints
+        ),
     ] = "",
     by: Annotated[
         float | None,
-        typer.Option(metavar="SIZE", help="Of a bias, in N or rad; of dimmed, the share of light that is left."),
+        typer.Option(
+            metavar="SIZE",
+            help="Of a bias, in N or rad; of dimmed, the share of light that is left.",
+        ),
     ] = None,
     at: At = "",
     for_: For = FOR_S,
@@ -103,8 +112,9 @@ def sensor(
 ) -> None:
     """Let a sense of the simulated robot fail.
 
-    wrist: zero, stuck, nan, bias. camera: black, frozen, dimmed, mirrored. encoder: bias, stuck. grip (what the
-    fingers feel): stuck, zero. The fleet is up with --faults; nothing tells the robot.
+    wrist: zero, stuck, nan, bias. camera: black, frozen, dimmed, mirrored. encoder: bias, stuck.
+    grip (what the fingers feel): stuck, zero. The fleet is up with --faults; nothing tells the
+    robot.
 
     Examples:
       roco fault sensor wrist --kind zero --side left
@@ -114,25 +124,41 @@ def sensor(
     with problems(form), interrupts.heard():
         one = Disturbance("", sense, kind, joint or side or "", () if by is None else (by,))
         if joint and side:
-            raise UsageError("--side and --joint name two parts; an encoder has a joint, wrist and grip have a side")
+            raise UsageError(
+                "--side and --joint name two parts; an encoder has a joint, wrist and grip have a"
+                " side"
+            )
         if sense is Of.ENCODER and not joint:
-            raise UsageError(f"which encoder? name its joint: --joint, one of {', '.join(disturbances.ON[Of.ENCODER])}")
+            raise UsageError(
+                "which encoder? name its joint: --joint, one of"
+                f" {', '.join(disturbances.ON[Of.ENCODER])}"
+            )
         ordered(one, at, for_, within, target, run_dir, form)
 
 
 def thing(
     name: Annotated[
         str,
-        typer.Argument(metavar="NAME", help="A thing of the scene that can be taken: jar_1.", autocompletion=moveable),
+        typer.Argument(
+            metavar="NAME",
+            help="A thing of the scene that can be taken: jar_1.",
+            autocompletion=moveable,
+        ),
     ],
-    kind: Annotated[disturbances.Kind, typer.Option(help="What somebody does with it.", **one_of(MOVES))],
+    kind: Annotated[
+        disturbances.Kind, typer.Option(help="What somebody does with it.", **one_of(MOVES))
+    ],
     by: Annotated[
         str,
         typer.Option(
             metavar="X,Y,Z",
-            help="In the robot's frame: how far it is pushed (m), in which direction it is tipped, at which place it is"
-            " added (m), with which force it is pulled or knocked (N); else 5 cm to its left, to its left, where the"
-            " scene has it, 10 or 20 N forwards.",
+            help=(
+                "In the robot's frame: how far it is pushed (m), in which direction it is tipped,"
+                " at which place it is"
+                " added (m), with which force it is pulled or knocked (N); else 5 cm to its left,"
+                " to its left, where the"
+                " scene has it, 10 or 20 N forwards."
+            ),
         ),
     ] = "",
     at: At = "",
@@ -144,9 +170,10 @@ def thing(
 ) -> None:
     """Push, tip, remove, add, pull or knock a thing of the simulated world.
 
-    What is removed stands on the floor behind the robot, and is put back after --for; added is a thing that stands
-    elsewhere. What was pushed, tipped or added stays so. A person pulls as long as --for, and carries off what the
-    robot lets go. The fleet is up with --faults; nothing tells the robot.
+    What is removed stands on the floor behind the robot, and is put back after --for; added is a
+    thing that stands elsewhere. What was pushed, tipped or added stays so. A person pulls as long
+    as --for, and carries off what the robot lets go. The fleet is up with --faults; nothing tells
+    the robot.
 
     Examples:
       roco fault thing bowl_1 --kind pushed --by 0,-0.05,0
@@ -159,7 +186,13 @@ def thing(
 
 
 def ordered(
-    one: Disturbance, at: str, for_s: float, within_s: float, target: str, run_dir: Path | None, form: Format
+    one: Disturbance,
+    at: str,
+    for_s: float,
+    within_s: float,
+    target: str,
+    run_dir: Path | None,
+    form: Format,
 ) -> None:
     """Do a disturbance from its order to its end, and tell what came of it."""
     fleet = targets.find(target, run_dir)
@@ -170,10 +203,14 @@ def ordered(
     process = EYE if one.of is Of.CAMERA else LOOP
     moment = moments.parse(at, fleet.system.design, process)
     heal_left(fleet, form)
-    fault = inflict.planned(fleet, KIND[one.of], process, moments.moment_text(moment), what=described(one))
+    fault = inflict.planned(
+        fleet, KIND[one.of], process, moments.moment_text(moment), what=described(one)
+    )
     wait = partial(moments.wait, moment, within_s, target, run_dir)
     begun = partial(_tell_begun, form)
-    ended = inflict.Inflicting(fleet, fault, _kind(replace(one, id=fault.id), for_s)).run(wait, for_s, begun)
+    ended = inflict.Inflicting(fleet, fault, _kind(replace(one, id=fault.id), for_s)).run(
+        wait, for_s, begun
+    )
     if form is Format.JSON:
         tell_json(ended)
     else:
@@ -183,15 +220,24 @@ def ordered(
 def possible(fleet: Target, one: Disturbance) -> None:
     """Raise FleetError or UsageError where this fleet has nothing that could be disturbed so."""
     if not fleet.read(LOOP, WIRES_FILE):
-        raise FleetError(f"{fleet.where} was started without --faults; start the fleet with `roco up --faults`")
+        raise FleetError(
+            f"{fleet.where} was started without --faults; start the fleet with `roco up --faults`"
+        )
     if fleet.variable(LOOP, BACKEND) == "mock":
-        raise UsageError("the back-end mock has neither senses nor things; the fleet needs the back-end mujoco")
+        raise UsageError(
+            "the back-end mock has neither senses nor things; the fleet needs the back-end mujoco"
+        )
     if one.of is Of.CAMERA and fleet.variable(EYE, EYES) == Eyes.RAYS:
-        raise UsageError("this robot sees by rays, it has no camera; start the fleet with `roco up --eyes pixels`")
+        raise UsageError(
+            "this robot sees by rays, it has no camera; start the fleet with `roco up --eyes"
+            " pixels`"
+        )
     if one.of is Of.THING:
         there = takeable_objects(fleet)
         if one.on not in there:
-            raise UsageError(f"no thing {one.on!r} can be moved; there are {', '.join(there) or 'none'}")
+            raise UsageError(
+                f"no thing {one.on!r} can be moved; there are {', '.join(there) or 'none'}"
+            )
 
 
 def takeable_objects(fleet: Target) -> list[str]:
@@ -228,13 +274,19 @@ def _kind(one: Disturbance, for_s: float) -> Kind:
 
 
 def _row(begin: Callable[[Target, Fault], None]) -> Kind:
-    return Kind(begin, lambda seen, fault: "", lambda fleet, fault: _write(fleet, fault.id, ()), FOR_S)
+    return Kind(
+        begin, lambda seen, fault: "", lambda fleet, fault: _write(fleet, fault.id, ()), FOR_S
+    )
 
 
 def _write(fleet: Target, name: str, instead: tuple[Disturbance, ...]) -> None:
-    """Put this in place of what stands under a name in the file, and leave out what has ended by itself."""
+    """Put this in place of what stands under a name in the file, and leave out what has ended by
+    itself.
+    """
     before, now = disturbances.decoded(fleet.read(LOOP, DISTURBANCES_FILE)), time.time()
-    others = tuple(one for one in before if one.id != name and (one.until is None or one.until > now))
+    others = tuple(
+        one for one in before if one.id != name and (one.until is None or one.until > now)
+    )
     if (after := (*others, *instead)) != before:
         fleet.put(DISTURBANCES_FILE, disturbances.encoded(after))
 

@@ -1,4 +1,6 @@
-"""hi as `roco` speaks to it: for a person at a terminal, with errors that the command line prints."""
+"""hi as `roco` speaks to it: for a person at a terminal, with errors that the command line
+prints.
+"""
 
 import contextlib
 import os
@@ -43,7 +45,9 @@ class Hi(loopback.Hi):
     def __init__(self, address: HiAddress) -> None:
         super().__init__(address)
 
-    def say(self, text: str, urgency: int = 0, within_s: float = 0.0, later_s: float = 0.0) -> TaskLine:
+    def say(
+        self, text: str, urgency: int = 0, within_s: float = 0.0, later_s: float = 0.0
+    ) -> TaskLine:
         """Say a sentence in this terminal; the task it became, or its refusal."""
         east_min = time.localtime().tm_gmtoff // 60
         return self.send(Say(text, urgency, within_s, later_s, asker=terminal(), east_min=east_min))
@@ -70,7 +74,7 @@ def tasks(fleet: Target) -> tuple[TaskLine, ...]:
     return Hi(address(fleet)).tasks()
 
 
-# --- Whether hi or the page, which does not listen, is on its way; waiting for it -------------------------------------
+# --- Whether hi or the page, which does not listen, is on its way; waiting for it -----------------
 
 
 STARTING_S = 90.0  # as long as `roco up` waits
@@ -89,8 +93,11 @@ HUMAN_INTERFACE = Listener("hi", "services.human_interface")
 PAGE = Listener("page", "services.page")
 
 
-def when_started(attempt: Callable[[], T | ConsoleError], coming: Callable[[ConsoleError], bool], form: Format) -> T:
-    """What an attempt gives, made again for 90 s while it gives an error of something that is `coming`.
+def when_started(
+    attempt: Callable[[], T | ConsoleError], coming: Callable[[ConsoleError], bool], form: Format
+) -> T:
+    """What an attempt gives, made again for 90 s while it gives an error of something that is
+    `coming`.
 
     Raise the error otherwise, NoRunError where the time is over.
     """
@@ -104,9 +111,14 @@ def when_started(attempt: Callable[[], T | ConsoleError], coming: Callable[[Cons
         if not until:
             until = time.monotonic() + STARTING_S
             if form is Format.TEXT:
-                print(f"roco: the fleet is starting; waiting for it, at most {STARTING_S:.0f} s", file=sys.stderr)
+                print(
+                    f"roco: the fleet is starting; waiting for it, at most {STARTING_S:.0f} s",
+                    file=sys.stderr,
+                )
         elif time.monotonic() > until:
-            words = f"the fleet is still starting after {STARTING_S:.0f} s; see `roco status` ({found})"
+            words = (
+                f"the fleet is still starting after {STARTING_S:.0f} s; see `roco status` ({found})"
+            )
             raise NoRunError("", words) from found
         time.sleep(PERIOD_S)
 
@@ -123,14 +135,18 @@ def starting(wanted: Listener, name: str = "", run_dir: Path | None = None) -> b
 
 
 def begins(wanted: Listener, run: Path) -> bool:
-    """Whether a supervisor lives that keeps this run, or the run that is to be the latest where this is the latest one.
+    """Whether a supervisor lives that keeps this run, or the run that is to be the latest where
+    this is the latest one.
 
-    It says so before anything of it is in a run folder. In a container the listener itself is looked for.
+    It says so before anything of it is in a run folder. In a container the listener itself is
+    looked for.
     """
     called = [words for _, words in proc.every_words()]
     if folders.around() is not None:
         return any(wanted.module in words for words in called)
     mine = {run.resolve(), run.parent.resolve()} if run.name == LATEST else {run.resolve()}
-    supervisors = (words for words in called if {*folders.SUPERVISORS} & {*words} and "--run-dir" in words)
+    supervisors = (
+        words for words in called if {*folders.SUPERVISORS} & {*words} and "--run-dir" in words
+    )
     kept = [Path(words[words.index("--run-dir") + 1]) for words in supervisors]
     return any(folder in mine or folder.parent in mine for folder in kept)

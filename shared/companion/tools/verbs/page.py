@@ -37,15 +37,18 @@ class Door(msgspec.Struct, frozen=True):
 
 
 def page(
-    opened: Annotated[bool, typer.Option("--open", help="Open it in this machine's browser.")] = False,
+    opened: Annotated[
+        bool, typer.Option("--open", help="Open it in this machine's browser.")
+    ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Pair a browser with the person's page: print an address that does it once. It can be used for five minutes.
+    """Pair a browser with the person's page: print an address that does it once. It can be used for
+    five minutes.
 
-    The browser stays paired as long as the run folder is there, over restarts of the page, too. A fleet that is
-    starting is waited for, at most 90 s.
+    The browser stays paired as long as the run folder is there, over restarts of the page, too. A
+    fleet that is starting is waited for, at most 90 s.
 
     Examples:
       roco page
@@ -53,7 +56,9 @@ def page(
       roco page --target compose
     """
     with problems(form):
-        found = when_started(lambda: _door_or_error(target, run_dir), lambda _: starting(PAGE, target, run_dir), form)
+        found = when_started(
+            lambda: _door_or_error(target, run_dir), lambda _: starting(PAGE, target, run_dir), form
+        )
         if form is Format.JSON:
             tell_json(found)
         else:
@@ -78,10 +83,15 @@ def door(fleet: Target) -> Door:
         address = msgspec.json.decode(told, type=PageAddress)
         status, data = answered(address, "POST", "/code", patience_s=ANSWER_S)
         if status != http.client.OK:
-            raise PageError(f"the page of {fleet.where} gave no code ({status}): {data[:200].decode(errors='replace')}")
+            raise PageError(
+                f"the page of {fleet.where} gave no code ({status}):"
+                f" {data[:200].decode(errors='replace')}"
+            )
         code = msgspec.json.decode(data, type=Pairing)
     except (OSError, http.client.HTTPException, msgspec.DecodeError) as error:
-        raise PageError(f"the page of {fleet.where} does not answer ({error}); see `roco status`") from error
+        raise PageError(
+            f"the page of {fleet.where} does not answer ({error}); see `roco status`"
+        ) from error
     except ConsoleError as error:
         if isinstance(error, PageError):
             raise
@@ -90,7 +100,9 @@ def door(fleet: Target) -> Door:
 
 
 def door_when_there(run: Path, within_s: float = STARTING_S) -> Door | None:
-    """A new pairing address of a run, as soon as its page listens; None where it has none, or not in time."""
+    """A new pairing address of a run, as soon as its page listens; None where it has none, or not
+    in time.
+    """
     fleet, told = Local(run), folders.fleet(run)
     until = time.monotonic() + within_s
     while told is not None and any(one.name == PAGE.name for one in told.processes):

@@ -47,11 +47,14 @@ SENTENCE = "pour the content of the jar into the bowl"
 PICTURES = "run.rrd"
 RERUN = Path(sys.executable).with_name("rerun")  # the viewer comes with the library
 PERIOD_S = 0.1  # estimate: smooth enough for eyes, little work for a loaded machine
-FIRST_LOOK_S = 120.0  # it takes 3 s and some of preparation; 30 s at a load of 36 on two cores (measured 2026-11-22)
+# it takes 3 s and some of preparation; 30 s at a load of 36 on two cores (measured 2026-11-22)
+FIRST_LOOK_S = 120.0
 AWAY_S = 60.0  # estimate: a killed hi is back in seconds, a hung one in ten
 LAST_LOOKS = 5  # estimate: five times what the recorder holds back
 REST_S = 90.0
-"""Estimate: ta waits 20 s for the end of an act that it stopped (services.task.acts), then makes safe what is held."""
+"""Estimate: ta waits 20 s for the end of an act that it stopped (services.task.acts), then makes
+safe what is held.
+"""
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -72,13 +75,16 @@ class Beat(msgspec.Struct, frozen=True):
 
 
 def play(
-    run: Path, supervisor_arguments: list[str], watch: Watch, when_up: Callable[[], None] = lambda: None
+    run: Path,
+    supervisor_arguments: list[str],
+    watch: Watch,
+    when_up: Callable[[], None] = lambda: None,
 ) -> Report:
-    """Bring the fleet up, say the sentence, follow it to its end, let the agents come to rest, bring the fleet down.
+    """Bring the fleet up, say the sentence, follow it to its end, let the agents come to rest,
+    bring the fleet down.
 
-    `when_up` is called before the sentence.
-    Return what the report says. The fleet is brought down whatever happens. ConsoleError: it did not come up, or there
-    is no report.
+    `when_up` is called before the sentence. Return what the report says. The fleet is brought down
+    whatever happens. ConsoleError: it did not come up, or there is no report.
     """
     with interrupts.held() as let_go:
         supervisor = starting.start(run, supervisor_arguments)
@@ -88,7 +94,12 @@ def play(
                 starting.wait_ready(run, supervisor, watch.look)
                 when_up()
                 first_look(watch, lambda: supervisor.poll() is None)
-                follow(lambda: Hi(address(Local(run))), SENTENCE, watch, lambda: supervisor.poll() is None)
+                follow(
+                    lambda: Hi(address(Local(run))),
+                    SENTENCE,
+                    watch,
+                    lambda: supervisor.poll() is None,
+                )
                 at_rest(run, JOB.rests, watch, lambda: supervisor.poll() is None)
         finally:
             try:
@@ -97,7 +108,10 @@ def play(
                 starting.bring_down(run, supervisor)
     report = folders.read(run / REPORT_FILE, Report)
     if report is None:
-        raise ConsoleError(f"the run ended without a report ({run / REPORT_FILE} is not there); see {run}/monitor.log")
+        raise ConsoleError(
+            f"the run ended without a report ({run / REPORT_FILE} is not there); see"
+            f" {run}/monitor.log"
+        )
     return report
 
 
@@ -117,17 +131,22 @@ def first_look(watch: Watch, alive: Callable[[], bool], within_s: float = FIRST_
         time.sleep(PERIOD_S)
 
 
-def follow(hi: Callable[[], Hi], sentence: str, watch: Watch, alive: Callable[[], bool]) -> TaskLine:
-    """Say a sentence and watch its task to the end; `hi` finds the human interface, which may die and come back.
+def follow(
+    hi: Callable[[], Hi], sentence: str, watch: Watch, alive: Callable[[], bool]
+) -> TaskLine:
+    """Say a sentence and watch its task to the end; `hi` finds the human interface, which may die
+    and come back.
 
-    A sentence whose answer was lost is looked for among hi's tasks before it is said again. Raise ConsoleError where
-    the fleet ends before, or hi stays away.
+    A sentence whose answer was lost is looked for among hi's tasks before it is said again. Raise
+    ConsoleError where the fleet ends before, or hi stays away.
     """
     task, heard = TaskLine("", "", ""), time.monotonic()
     while task.state not in ENDED:
         try:
             tasks = hi().tasks()
-            mine = (line for line in tasks if task.task in ("", line.task) and line.said == sentence)
+            mine = (
+                line for line in tasks if task.task in ("", line.task) and line.said == sentence
+            )
             task = next(mine, None) or hi().say(sentence)
             heard = time.monotonic()
             watch.look(tasks=tasks)
@@ -145,13 +164,18 @@ def follow(hi: Callable[[], Hi], sentence: str, watch: Watch, alive: Callable[[]
 
 
 def at_rest(
-    run: Path, rests: Mapping[str, str], watch: Watch, alive: Callable[[], bool], within_s: float = REST_S
+    run: Path,
+    rests: Mapping[str, str],
+    watch: Watch,
+    alive: Callable[[], bool],
+    within_s: float = REST_S,
 ) -> list[str]:
-    """Wait until each agent says that it is in its state of rest and every process gets on, but not for ever.
+    """Wait until each agent says that it is in its state of rest and every process gets on, but not
+    for ever.
 
-    Return who is not at rest, in words. A task that failed or was cancelled may have ended for its person while ta and
-    ex still stop. What an agent said before this wait counts for nothing. A monitor that hangs, or began again and has
-    not heard of the robot since, has not seen the end.
+    Return who is not at rest, in words. A task that failed or was cancelled may have ended for its
+    person while ta and ex still stop. What an agent said before this wait counts for nothing. A
+    monitor that hangs, or began again and has not heard of the robot since, has not seen the end.
     """
     began, end, fleet = time.time(), time.monotonic() + within_s, Local(run)
 
@@ -168,7 +192,9 @@ def at_rest(
 
 
 def _busy(run: Path, rests: Mapping[str, str], since: float) -> Iterator[str]:
-    """Yield who has not said since then [unix s] that it rests: what it does, "" where it has said nothing."""
+    """Yield who has not said since then [unix s] that it rests: what it does, "" where it has said
+    nothing.
+    """
     for agent, rest in rests.items():
         beat = folders.read(heartbeat_file(run, agent), Beat)
         if beat is None or beat.at < since:
@@ -178,7 +204,9 @@ def _busy(run: Path, rests: Mapping[str, str], since: float) -> Iterator[str]:
 
 
 def _not_up(look: Look) -> Iterator[str]:
-    """Yield the processes that hang, which a supervisor ends, and those on their way to be ready."""
+    """Yield the processes that hang, which a supervisor ends, and those on their way to be
+    ready.
+    """
     for one in look.seen:
         if one.status.state in ON_ITS_WAY:
             yield f"{one.name} is {one.status.state}"
@@ -187,16 +215,24 @@ def _not_up(look: Look) -> Iterator[str]:
 
 
 def _unheard(run: Path, view: View) -> Iterator[str]:
-    """Yield the monitor where it has recorded nothing of the robot since it began: twice a second it is told of it."""
+    """Yield the monitor where it has recorded nothing of the robot since it began: twice a second
+    it is told of it.
+    """
     began, loop = ready_file(run, RECORDER), view.agents.get(LOOP)
     if began.exists() and began.stat().st_mtime > (0.0 if loop is None else loop.t):
         yield f"{RECORDER} has not heard of the robot"
 
 
 def verdict(report: Report, run: Path, width: int | None = None) -> str:
-    """The end of it, in lines for a person; `width`: of a terminal, so that no word of a reason is broken there."""
+    """The end of it, in lines for a person; `width`: of a terminal, so that no word of a reason is
+    broken there.
+    """
     said = "success" if report.success else f"no success: {report.failure or 'see the report'}"
-    lines = [textwrap.fill(said, width, break_long_words=False, break_on_hyphens=False)] if width else [said]
+    lines = (
+        [textwrap.fill(said, width, break_long_words=False, break_on_hyphens=False)]
+        if width
+        else [said]
+    )
     if report.poured_fraction is not None:
         lines.append(f"{100 * report.poured_fraction:.0f} % of the content is in the bowl")
     if report.sim_time_s is not None and report.wall_time_s is not None:
@@ -209,30 +245,44 @@ def verdict(report: Report, run: Path, width: int | None = None) -> str:
 
 
 def show(run: Path) -> None:
-    """Open the pictures of a run in a window of their own, if there are any; it stays when this command has ended."""
+    """Open the pictures of a run in a window of their own, if there are any; it stays when this
+    command has ended.
+    """
     if RERUN.exists() and (run / PICTURES).exists():
         quiet = subprocess.DEVNULL
         command = [str(RERUN), str(run / PICTURES)]
         subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
 
 
-# --- `roco demo`: the main job from start to end ----------------------------------------------------------------------
+# --- `roco demo`: the main job from start to end --------------------------------------------------
 
 
 DemoRate = Annotated[
-    Speed | None, typer.Option(help="1: real time; max: as fast as it can; else real time where the machine holds it.")
+    Speed | None,
+    typer.Option(
+        help="1: real time; max: as fast as it can; else real time where the machine holds it."
+    ),
 ]
 Headless = Annotated[
     bool | None,
-    typer.Option("--headless/--window", help="At the end open run.rrd in Rerun, or not; not where no display is."),
+    typer.Option(
+        "--headless/--window",
+        help="At the end open run.rrd in Rerun, or not; not where no display is.",
+    ),
 ]
-Page = Annotated[bool, typer.Option("--page", help="Open the person's page in a browser as soon as the fleet is up.")]
+Page = Annotated[
+    bool,
+    typer.Option("--page", help="Open the person's page in a browser as soon as the fleet is up."),
+]
 
 Seeing = Annotated[
     Eyes | None,
     typer.Option(
         "--eyes",
-        help="pixels: by markers in the rendered picture; rays: true poses with noise; else pixels, with OpenGL.",
+        help=(
+            "pixels: by markers in the rendered picture; rays: true poses with noise; else pixels,"
+            " with OpenGL."
+        ),
     ),
 ]
 
@@ -250,7 +300,8 @@ def demo(
     faults: up.Faults = False,
     form: Form = Format.TEXT,
 ) -> None:
-    """Run the main job from start to end, watched: up, say, report, down. Exits with 1 on a failed pour.
+    """Run the main job from start to end, watched: up, say, report, down. Exits with 1 on a failed
+    pour.
 
     It prints the address of the person's page; --page opens it in a browser.
 
@@ -281,7 +332,9 @@ def demo(
 
 
 def _see(asked: Eyes | None, form: Form) -> None:
-    """Let ex have these eyes, or those of the environment. Raises UsageError where nothing here can draw for them."""
+    """Let ex have these eyes, or those of the environment. Raises UsageError where nothing here can
+    draw for them.
+    """
     if asked is not None:
         os.environ[VARIABLE] = asked
     words = os.environ.get(VARIABLE, "")
@@ -298,7 +351,10 @@ def _page(run: Path, console: Console, form: Format, *, opened: bool) -> None:
     found = door_when_there(run)
     if found is None:
         return
-    console.out(msgspec.json.encode(found).decode() if form is Format.JSON else f"page: {found.url}", highlight=False)
+    console.out(
+        msgspec.json.encode(found).decode() if form is Format.JSON else f"page: {found.url}",
+        highlight=False,
+    )
     if opened:
         webbrowser.open(found.url)
 
@@ -310,11 +366,14 @@ def _held(console: Console, form: Format) -> Speed:
     if measured is None or measured.held:
         return Speed.REAL
     words = f"{measured.sentence}: --speed max is taken, --speed 1 insists on real time"
-    console.out(msgspec.json.encode(measured).decode() if form is Format.JSON else words, highlight=False)
+    console.out(
+        msgspec.json.encode(measured).decode() if form is Format.JSON else words, highlight=False
+    )
     return Speed.MAX
 
 
-# --- `roco experiment pour`: the main job repeated, each run with a fresh fleet; the figures beside the paper's -------
+# --- `roco experiment pour`: the main job repeated, each run with a fresh fleet; the figures beside
+# the paper's
 
 
 def pour(
@@ -328,9 +387,11 @@ def pour(
     most_load: MostLoad = 0.0,
     form: Form = Format.TEXT,
 ) -> None:
-    """Repeat the main job, a fresh fleet each time; report.html, .json and .md set it beside the paper.
+    """Repeat the main job, a fresh fleet each time; report.html, .json and .md set it beside the
+    paper.
 
-    Exits with 0 when all runs are done, whether they poured or not; interrupted, it goes on with --resume.
+    Exits with 0 when all runs are done, whether they poured or not; interrupted, it goes on with
+    --resume.
 
     Examples:
       roco experiment pour --runs 30 --seed 1

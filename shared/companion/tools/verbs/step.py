@@ -1,4 +1,6 @@
-"""`roco step`: let the act that waits for the operator begin, have another plan made, set the level of autonomy."""
+"""`roco step`: let the act that waits for the operator begin, have another plan made, set the level
+of autonomy.
+"""
 
 import time
 from typing import Annotated
@@ -34,10 +36,14 @@ class NothingWaitsError(ConsoleError):
 
 def step(
     autonomy: Annotated[
-        Level | None, typer.Option(help="From now on: no act waits, those that handle a thing do, or all.")
+        Level | None,
+        typer.Option(help="From now on: no act waits, those that handle a thing do, or all."),
     ] = None,
     replan: Annotated[
-        bool, typer.Option("--replan", help="End the act under way, or give up the one that waits; plan again.")
+        bool,
+        typer.Option(
+            "--replan", help="End the act under way, or give up the one that waits; plan again."
+        ),
     ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,
@@ -45,9 +51,10 @@ def step(
 ) -> None:
     """Let the act that waits for you begin, and no other one. Exits with 1 where none waits.
 
-    By default nothing waits. With --autonomy confirm the running plan waits before each act, and those after it, until
-    --autonomy auto; looking around at a start, and putting down what a cancelled plan holds, wait for nobody. A plan
-    for which nobody comes within ten minutes fails, and the robot stands still.
+    By default nothing waits. With --autonomy confirm the running plan waits before each act, and
+    those after it, until --autonomy auto; looking around at a start, and putting down what a
+    cancelled plan holds, wait for nobody. A plan for which nobody comes within ten minutes fails,
+    and the robot stands still.
 
     Examples:
       roco step --autonomy confirm
@@ -66,16 +73,26 @@ def step(
 
 
 def let(fleet: Target, verb: Verb) -> TaskLine:
-    """Give the word about what waits, or is under way; the task as it is a moment later. Raise NothingWaitsError."""
+    """Give the word about what waits, or is under way; the task as it is a moment later. Raise
+    NothingWaitsError.
+    """
     line = _running(fleet)
     at = line.asks or (line.at.id if verb is Verb.REPLAN and line.at is not None else "")
     if not at:
         beat = operator.heartbeat(fleet, AgentName.TA)
-        level = Level(str(beat.parameters.get(LEVEL, Level.AUTO.value)) if beat is not None else Level.AUTO)
-        raise NothingWaitsError(f"no act waits for you now; autonomy is {level.value}: {ASKS[level]}")
+        level = Level(
+            str(beat.parameters.get(LEVEL, Level.AUTO.value)) if beat is not None else Level.AUTO
+        )
+        raise NothingWaitsError(
+            f"no act waits for you now; autonomy is {level.value}: {ASKS[level]}"
+        )
     operator.order(fleet, AgentName.TA, SetParameter(STEP, str(Permission(verb, at))))
     until, now = time.monotonic() + TAKEN_S, line
-    while (now.at, now.asks) == (line.at, line.asks) and now.state == line.state and time.monotonic() < until:
+    while (
+        (now.at, now.asks) == (line.at, line.asks)
+        and now.state == line.state
+        and time.monotonic() < until
+    ):
         time.sleep(PERIOD_S)
         now = next((one for one in Hi(address(fleet)).tasks() if one.task == line.task), now)
     return now

@@ -15,9 +15,28 @@ from msgspec.structs import replace
 from agent_runtime.io import fleet_processes
 from agent_runtime.io.run_files import STOP_FILE, LinkedError
 from companion.languages.cmd import TaskState
-from companion.run_files import HELD, LET_GO, LONGEST_WITHIN_S, QUESTION, REFUSED, SLOTS_FILE, STOPPED, Say, TaskLine
+from companion.run_files import (
+    HELD,
+    LET_GO,
+    LONGEST_WITHIN_S,
+    QUESTION,
+    REFUSED,
+    SLOTS_FILE,
+    STOPPED,
+    Say,
+    TaskLine,
+)
 from companion.stop_words import calls_for_help, may_answer, stop_words
-from companion.tools.verbs.hi import HUMAN_INTERFACE, PERIOD_S, Hi, HiError, address, starting, terminal, when_started
+from companion.tools.verbs.hi import (
+    HUMAN_INTERFACE,
+    PERIOD_S,
+    Hi,
+    HiError,
+    address,
+    starting,
+    terminal,
+    when_started,
+)
 from operate.cli.errors import NO, ConsoleError, FleetError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
@@ -30,42 +49,55 @@ AWAY_S = 60.0  # estimate: a killed hi is back in seconds, a hung one in ten
 EXECUTOR = "ex"
 """In its run folder the control loop has the stop flag mapped."""
 NOT_HERE = (
-    "nothing was stopped: no control loop has run at {where}; one that starts there will rest. `roco stop` on the "
-    "robot's own machine; from here `roco say stop` has its tasks cancelled"
+    "nothing was stopped: no control loop has run at {where}; one that starts there will rest."
+    " `roco stop` on the robot's own machine; from here `roco say stop` has its tasks cancelled"
 )
 
 
 def say(
     text: Annotated[str, typer.Argument(help="The sentence, in quotes.")],
     wait: Annotated[
-        bool, typer.Option("--wait", help="Follow it to its end; exits with 1 where it is not done.")
+        bool,
+        typer.Option("--wait", help="Follow it to its end; exits with 1 where it is not done."),
     ] = False,
     first: Annotated[
-        bool, typer.Option("--first", help="Before all others; the task under way is left for it, and resumed.")
+        bool,
+        typer.Option(
+            "--first", help="Before all others; the task under way is left for it, and resumed."
+        ),
     ] = False,
     within: Annotated[
         float,
-        typer.Option(help="Seconds until it should be done: earlier ones come first.", min=0.0, max=LONGEST_WITHIN_S),
+        typer.Option(
+            help="Seconds until it should be done: earlier ones come first.",
+            min=0.0,
+            max=LONGEST_WITHIN_S,
+        ),
     ] = 0.0,
     later: Annotated[
-        float, typer.Option("--in", help="Seconds until it may begin.", min=0.0, max=LONGEST_WITHIN_S)
+        float,
+        typer.Option("--in", help="Seconds until it may begin.", min=0.0, max=LONGEST_WITHIN_S),
     ] = 0.0,
-    at: Annotated[str, typer.Option(help="Time of day when it may begin, such as 15:30: the next one.")] = "",
+    at: Annotated[
+        str, typer.Option(help="Time of day when it may begin, such as 15:30: the next one.")
+    ] = "",
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Say a sentence to the robot, such as "pour the jar into the bowl". Exits with 1 where it is refused.
+    """Say a sentence to the robot, such as "pour the jar into the bowl". Exits with 1 where it is
+    refused.
 
-    It waits until the coordinator has taken the task or refused it, with --wait until it has ended; progress goes to
-    standard error. A question back is an answer, too (exit code 1): say `yes`, or the name of the thing, within 30 s.
+    It waits until the coordinator has taken the task or refused it, with --wait until it has ended;
+    progress goes to standard error. A question back is an answer, too (exit code 1): say `yes`, or
+    the name of the thing, within 30 s.
 
-    A word such as stop, halt, freeze or careful stops the robot at once, as `roco stop` does. A fleet that is starting
-    is waited for, at most 90 s.
+    A word such as stop, halt, freeze or careful stops the robot at once, as `roco stop` does. A
+    fleet that is starting is waited for, at most 90 s.
 
-    What waits is done in the order it was said, unless --within says otherwise. With --first the robot leaves the task
-    under way: what it holds is put down, and the task is done again from there afterwards. What begins
-    later (--in, --at) keeps nothing waiting until then.
+    What waits is done in the order it was said, unless --within says otherwise. With --first the
+    robot leaves the task under way: what it holds is put down, and the task is done again from
+    there afterwards. What begins later (--in, --at) keeps nothing waiting until then.
 
     Examples:
       roco say "pour the content of the jar into the bowl"
@@ -78,16 +110,24 @@ def say(
     with problems(form):
         wish = Say(text, int(first), within, later or seconds_until(at, datetime.now()))
         stops = stop_words(text, _answers(text, target, run_dir))
-        task = _stopped(text, target, run_dir, form) if stops else _said_when_started(wish, target, run_dir, form)
+        task = (
+            _stopped(text, target, run_dir, form)
+            if stops
+            else _said_when_started(wish, target, run_dir, form)
+        )
         if task.task:
             task = followed(lambda: Hi(address(targets.find(target, run_dir))), task, wait, form)
         tell_task(task, form)
-        if task.state in (REFUSED, QUESTION, TaskState.FAILED) or (wait and task.state == TaskState.CANCELLED):
+        if task.state in (REFUSED, QUESTION, TaskState.FAILED) or (
+            wait and task.state == TaskState.CANCELLED
+        ):
             raise typer.Exit(NO)
 
 
 def seconds_until(clock: str, now: datetime) -> float:
-    """The seconds until the next such time of day, HH:MM; 0 for "". Raise UsageError for anything else."""
+    """The seconds until the next such time of day, HH:MM; 0 for "". Raise UsageError for anything
+    else.
+    """
     if not clock:
         return 0.0
     try:
@@ -98,16 +138,22 @@ def seconds_until(clock: str, now: datetime) -> float:
 
 
 def followed(hi: Callable[[], Hi], said: TaskLine, wait: bool, form: Format) -> TaskLine:
-    """The task of a sentence once co has taken or refused it; with `wait` once all of the sentence has ended.
+    """The task of a sentence once co has taken or refused it; with `wait` once all of the sentence
+    has ended.
 
-    Then it is the first one that was not done, or the last one. Raise HiError where co says nothing, or hi stays away.
+    Then it is the first one that was not done, or the last one. Raise HiError where co says
+    nothing, or hi stays away.
     """
     task = said
     for name in (said.task, *said.then):
         task = _until(hi, name, wait, form)
         if task.state in ENDED and task.state != TaskState.DONE:
             return task
-    return task if wait or task.state in ENDED else replace(said, state=said.state if said.then else task.state)
+    return (
+        task
+        if wait or task.state in ENDED
+        else replace(said, state=said.state if said.then else task.state)
+    )
 
 
 def _until(hi: Callable[[], Hi], name: str, wait: bool, form: Format) -> TaskLine:
@@ -134,14 +180,17 @@ def _until(hi: Callable[[], Hi], name: str, wait: bool, form: Format) -> TaskLin
             print(before := now, file=sys.stderr)
         if not taken and time.monotonic() - asked > TAKEN_S:
             words = (
-                f"the coordinator has not taken {name} within {TAKEN_S:g} s; it goes on when it does, or `roco cancel`"
+                f"the coordinator has not taken {name} within {TAKEN_S:g} s; it goes on when it"
+                " does, or `roco cancel`"
             )
             raise HiError(http.HTTPStatus.SERVICE_UNAVAILABLE, words)
         time.sleep(PERIOD_S)
 
 
 def _answers(text: str, target: str, run_dir: Path | None) -> tuple[str, ...]:
-    """The answers to what was asked in this terminal, if the text may be one, and hi says so at once."""
+    """The answers to what was asked in this terminal, if the text may be one, and hi says so at
+    once.
+    """
     if not may_answer(text):
         return ()
     try:
@@ -151,7 +200,8 @@ def _answers(text: str, target: str, run_dir: Path | None) -> tuple[str, ...]:
 
 
 def _stopped(text: str, target: str, run_dir: Path | None, form: Format) -> TaskLine:
-    """Stop the robot as `roco stop` does, with nobody's help; a robot elsewhere is left to its human interface.
+    """Stop the robot as `roco stop` does, with nobody's help; a robot elsewhere is left to its
+    human interface.
 
     Who calls for help is told what can be said, too, if the human interface answers.
     """
@@ -170,7 +220,9 @@ def _stopped(text: str, target: str, run_dir: Path | None, form: Format) -> Task
 
 
 def _loop_here(fleet: Target) -> bool:
-    """Whether a control loop has had the stop flag of this fleet mapped, on this machine or in its containers."""
+    """Whether a control loop has had the stop flag of this fleet mapped, on this machine or in its
+    containers.
+    """
     return (
         not isinstance(fleet, Local)
         or (fleet.run / SLOTS_FILE).exists()
@@ -210,7 +262,10 @@ def _without_coordinator(error: ConsoleError) -> bool:
 def cancel(
     task: Annotated[
         str,
-        typer.Argument(help="A task's name; else the oldest that has not ended.", autocompletion=targets.open_tasks),
+        typer.Argument(
+            help="A task's name; else the oldest that has not ended.",
+            autocompletion=targets.open_tasks,
+        ),
     ] = "",
     target: targets.Name = "",
     run_dir: RunDir = None,
@@ -227,10 +282,12 @@ def cancel(
 
 
 def stop(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
-    """Stop the robot at once. It reaches the control loop directly and needs no agent, router or supervisor.
+    """Stop the robot at once. It reaches the control loop directly and needs no agent, router or
+    supervisor.
 
-    Where no fleet is named and none lives here, all robots of all your fleets on this machine are stopped.
-    Exits with 1 where no control loop runs on this machine: a robot elsewhere is stopped there.
+    Where no fleet is named and none lives here, all robots of all your fleets on this machine are
+    stopped. Exits with 1 where no control loop runs on this machine: a robot elsewhere is stopped
+    there.
 
     Examples:
       roco stop
@@ -254,7 +311,9 @@ def release(target: targets.Name = "", run_dir: RunDir = None, form: Form = Form
 
 
 def held(target: str, run_dir: Path | None, form: Format) -> list[Target]:
-    """Hold the robots that a stop means; return their fleets. What failed is told; raise it where none was stopped."""
+    """Hold the robots that a stop means; return their fleets. What failed is told; raise it where
+    none was stopped.
+    """
     stopped: list[Target] = []
     failed: list[Exception] = []
     fleets = targets.to_hold(target, run_dir)
@@ -268,20 +327,27 @@ def held(target: str, run_dir: Path | None, form: Format) -> list[Target]:
         else:
             stopped += [fleet] if _loop_here(fleet) else []
     if not stopped:
-        raise failed[0] if failed else FleetError(NOT_HERE.format(where=" or ".join(one.where for one in fleets)))
+        raise (
+            failed[0]
+            if failed
+            else FleetError(NOT_HERE.format(where=" or ".join(one.where for one in fleets)))
+        )
     for one in failed:
         tell_problem(one, form)
     return stopped
 
 
 def _held_words(fleets: list[Target], target: str, run_dir: Path | None) -> dict[str, str]:
-    """Say of each fleet that its robot is held, and what releases it: one that was not meant by name or place must be
-    named.
+    """Say of each fleet that its robot is held, and what releases it: one that was not meant by
+    name or place must be named.
     """
     meant = ""
     with suppress(ConsoleError):
         meant = targets.find(target, run_dir).where
-    named = {one.where: HELD.replace("roco release", f"roco release --target {one.name}") for one in fleets}
+    named = {
+        one.where: HELD.replace("roco release", f"roco release --target {one.name}")
+        for one in fleets
+    }
     return {where: HELD if where == meant else words for where, words in named.items()}
 
 

@@ -1,7 +1,9 @@
-"""`roco design check`: every fault of a design by name, with its place; with a recording also what the run shows.
+"""`roco design check`: every fault of a design by name, with its place; with a recording also what
+the run shows.
 
-With `--estimate` also what each channel will carry before anything runs; beside a recording, how wrong that was.
-Exit codes: 0 no findings, 1 findings or a figure further off than is wanted, 2 a file cannot be read.
+With `--estimate` also what each channel will carry before anything runs; beside a recording, how
+wrong that was. Exit codes: 0 no findings, 1 findings or a figure further off than is wanted, 2 a
+file cannot be read.
 """
 
 import textwrap
@@ -37,16 +39,25 @@ class EstimateReport(msgspec.Struct, frozen=True):
 def check(
     file: files.File = None,
     run: files.Recording = None,
-    ruled: Annotated[bool, typer.Option("--rulings", help="Also what the design rules, entry by entry.")] = False,
+    ruled: Annotated[
+        bool, typer.Option("--rulings", help="Also what the design rules, entry by entry.")
+    ] = False,
     estimated: Annotated[
-        bool, typer.Option("--estimate", help="Also counts, sizes, bandwidth, latencies, bottlenecks to expect.")
+        bool,
+        typer.Option(
+            "--estimate", help="Also counts, sizes, bandwidth, latencies, bottlenecks to expect."
+        ),
     ] = False,
     within: Annotated[
-        float, typer.Option(help="Of the estimate beside a recording: the error that is wanted, as a share.")
+        float,
+        typer.Option(
+            help="Of the estimate beside a recording: the error that is wanted, as a share."
+        ),
     ] = WITHIN,
     form: Form = Format.TEXT,
 ) -> None:
-    """Check a design: steps, channels, messages both ways, interfaces, state machines. Exits with 1 on a finding.
+    """Check a design: steps, channels, messages both ways, interfaces, state machines. Exits with 1
+    on a finding.
 
     Examples:
       roco design check
@@ -62,15 +73,26 @@ def check(
             found += recorded.findings(design, heard)
         told = rulings(design) if ruled else ()
         expected = estimate(design) if estimated else None
-        compared = measure(design, expected, heard) if expected is not None and heard is not None else ()
+        compared = (
+            measure(design, expected, heard) if expected is not None and heard is not None else ()
+        )
     if form is Format.JSON:
         answer: dict[str, object] = {"file": str(place), "findings": found, "rulings": told}
         if expected is not None:
             errors = tuple((one, one.error) for one in compared)
-            answer["estimate"] = EstimateReport(expected, expected.narrowest, expected.slowest, errors)
+            answer["estimate"] = EstimateReport(
+                expected, expected.narrowest, expected.slowest, errors
+            )
         files.tell_json(answer)
     else:
-        print("".join(f"{line}\n" for one in told for line in _ruling(one, files.shown(place), files.width())), end="")
+        print(
+            "".join(
+                f"{line}\n"
+                for one in told
+                for line in _ruling(one, files.shown(place), files.width())
+            ),
+            end="",
+        )
         print(written(found, files.shown(place), design, files.width()))
         if expected is not None:
             print()
@@ -80,15 +102,23 @@ def check(
 
 
 def written(found: tuple[Finding, ...], file: str, design: Design, width: int) -> str:
-    """The findings as people read them, then how many there are of each kind; of a sound design what it has."""
+    """The findings as people read them, then how many there are of each kind; of a sound design
+    what it has.
+    """
     if not found:
         has = design.file
-        states, messages = sum(len(one.state) for one in has.agent), sum(len(use.message) for use in has.protocol)
-        inventory = (
-            f"{len(has.requirement)} requirements, {len(has.step)} steps, {len(design.channels)} channels, "
-            f"{len(has.protocol)} protocols, {messages} messages, {len(has.agent)} agents, {states} states"
+        states, messages = (
+            sum(len(one.state) for one in has.agent),
+            sum(len(use.message) for use in has.protocol),
         )
-        return "\n".join(textwrap.wrap(f"{file}: no findings in {inventory}", width, subsequent_indent="  "))
+        inventory = (
+            f"{len(has.requirement)} requirements, {len(has.step)} steps, {len(design.channels)}"
+            f" channels, {len(has.protocol)} protocols, {messages} messages, {len(has.agent)}"
+            f" agents, {states} states"
+        )
+        return "\n".join(
+            textwrap.wrap(f"{file}: no findings in {inventory}", width, subsequent_indent="  ")
+        )
     lines: list[str] = []
     for finding in found:
         lines.append(f"{_place(file, finding.line)}: {finding.kind}")
@@ -109,10 +139,12 @@ def _place(file: str, line: int | None) -> str:
 
 
 def _wrapped(text: str, width: int, first: str) -> list[str]:
-    return textwrap.wrap(text, width, initial_indent=first, subsequent_indent=" " * (len(first) + 2))
+    return textwrap.wrap(
+        text, width, initial_indent=first, subsequent_indent=" " * (len(first) + 2)
+    )
 
 
-# --- The estimate -----------------------------------------------------------------------------------------------------
+# --- The estimate ---------------------------------------------------------------------------------
 
 
 def off(one: Measured, within: float) -> bool:
@@ -138,7 +170,9 @@ def show(found: Estimate, compared: tuple[Measured, ...], within: float, console
         console.print(f"slowest: {found.slowest}, in which {share:.0%} of the time passes")
     if found.missing:
         names = ", ".join(found.missing)
-        console.print(f"without figures, so counted once, shortest, as large as the budgets allow: {names}")
+        console.print(
+            f"without figures, so counted once, shortest, as large as the budgets allow: {names}"
+        )
     if compared:
         console.print()
         console.print(_beside(compared, within))
@@ -151,16 +185,30 @@ def _channels(found: Estimate) -> Table:
     table = _table("channel", "communicates", "bytes", "at most", "mean", "busy")
     for name, carried in found.channels.items():
         sizes = (_scaled(carried.bytes, "B"), _scaled(carried.most_bytes, "B"))
-        table.add_row(name, f"{carried.communicates:.4g}", *sizes, _bits(carried.mean_bit_s), _bits(carried.busy_bit_s))
+        table.add_row(
+            name,
+            f"{carried.communicates:.4g}",
+            *sizes,
+            _bits(carried.mean_bit_s),
+            _bits(carried.busy_bit_s),
+        )
     return table
 
 
 def _uses(found: Estimate) -> Table:
-    table = _table("protocol", "channel", "conversations", "one takes", "answer", "budget", "of the time")
+    table = _table(
+        "protocol", "channel", "conversations", "one takes", "answer", "budget", "of the time"
+    )
     for one in found.uses:
         over = " !" if 0 < one.budget_s < one.latency_s else ""
         took = (_seconds(one.seconds), _seconds(one.latency_s), _seconds(one.budget_s) + over)
-        table.add_row(one.use, one.channel, f"{one.conversations:.4g}", *took, f"{one.share:.0%}" if one.share else "")
+        table.add_row(
+            one.use,
+            one.channel,
+            f"{one.conversations:.4g}",
+            *took,
+            f"{one.share:.0%}" if one.share else "",
+        )
     return table
 
 
@@ -171,7 +219,9 @@ def _beside(compared: tuple[Measured, ...], within: float) -> Table:
         if one.estimated or one.recorded:
             figures = (_figure(one.estimated, one.unit), _figure(one.recorded, one.unit))
             error = "" if one.error is None else f"{one.error:+.0%}"
-            table.add_row(one.where, one.what, *figures, error, style="yellow" if off(one, within) else "")
+            table.add_row(
+                one.where, one.what, *figures, error, style="yellow" if off(one, within) else ""
+            )
     return table
 
 

@@ -1,4 +1,5 @@
-"""`roco design diff A B`: what changed between two designs, entry by entry, with what follows from it.
+"""`roco design diff A B`: what changed between two designs, entry by entry, with what follows from
+it.
 
 Exit codes: 0 the designs are the same, 1 they differ, 2 a file cannot be read.
 """
@@ -22,7 +23,8 @@ def diff_(
     new: Annotated[Path, typer.Argument(help="The design file it became.")],
     form: Form = Format.TEXT,
 ) -> None:
-    """Tell what changed between two designs, whatever the order of their entries. Exits with 1 where they differ.
+    """Tell what changed between two designs, whatever the order of their entries. Exits with 1
+    where they differ.
 
     Examples:
       roco design diff old.toml new.toml
@@ -56,11 +58,15 @@ def _grouped(changes: list[Change], width: int) -> list[str]:
     for one in changes:
         entry = (one.kind, one.name)
         if one.way is not Way.CHANGED:
-            lines += _wrapped(f"  {MARKS[one.way]} {one.kind} {one.name}", one.old or one.new, width)
+            lines += _wrapped(
+                f"  {MARKS[one.way]} {one.kind} {one.name}", one.old or one.new, width
+            )
         else:
             if entry != last:
                 lines.append(f"  {MARKS[one.way]} {one.kind} {one.name}")
-            lines += _wrapped(f"      {one.field}", f"{one.old or 'nothing'} -> {one.new or 'nothing'}", width)
+            lines += _wrapped(
+                f"      {one.field}", f"{one.old or 'nothing'} -> {one.new or 'nothing'}", width
+            )
         last = entry
     return lines
 

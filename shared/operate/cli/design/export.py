@@ -19,25 +19,41 @@ from topdown.prove.pairs import net_of
 from topdown.prove.promela import promela
 
 Promela = Annotated[
-    Path | None, typer.Option("--promela", help="Write Promela for spin here: a file for one use, a folder for more.")
+    Path | None,
+    typer.Option(
+        "--promela", help="Write Promela for spin here: a file for one use, a folder for more."
+    ),
 ]
 Use = Annotated[
     list[str] | None,
-    typer.Option("--use", help="A use of a protocol by name; may be given again.", autocompletion=completion.uses),
+    typer.Option(
+        "--use",
+        help="A use of a protocol by name; may be given again.",
+        autocompletion=completion.uses,
+    ),
 ]
 Pair = Annotated[
     str | None,
-    typer.Option("--pair", help="Two agents with - between: all uses between them.", autocompletion=completion.pairs),
+    typer.Option(
+        "--pair",
+        help="Two agents with - between: all uses between them.",
+        autocompletion=completion.pairs,
+    ),
 ]
 Faults = Annotated[int, typer.Option(min=0, help="How many faults at most.")]
-Ideal = Annotated[bool, typer.Option("--ideal", help="Durable uses over ideal queues, without copies and receipts.")]
+Ideal = Annotated[
+    bool,
+    typer.Option("--ideal", help="Durable uses over ideal queues, without copies and receipts."),
+]
 
 
 LOOK_WITH = "spin -a -o1 -o2 FILE && gcc -O2 -DSAFETY -DNOREDUCE -o pan pan.c && ./pan -m1000000"
 
 
 class Written(msgspec.Struct, frozen=True):
-    """A file, and the size of what is in it; `look_with`: the command by which its tool takes it."""
+    """A file, and the size of what is in it; `look_with`: the command by which its tool takes
+    it.
+    """
 
     use: str
     file: str
@@ -77,12 +93,18 @@ def export(
             where.parent.mkdir(parents=True, exist_ok=True)
             where.write_text(promela(net), encoding="utf-8")
             sizes = len(net.variables), len(net.queues), len(net.commands)
-            written.append(Written(net.name, str(where), *sizes, LOOK_WITH.replace("FILE", str(where))))
+            written.append(
+                Written(net.name, str(where), *sizes, LOOK_WITH.replace("FILE", str(where)))
+            )
     if form is Format.JSON:
         files.tell_json(written)
         return
     for one in written:
-        things = f"{one.variables} variables, {one.queues} queues" if one.queues else f"{one.variables} variables"
+        things = (
+            f"{one.variables} variables, {one.queues} queues"
+            if one.queues
+            else f"{one.variables} variables"
+        )
         print(f"wrote {one.file}: {one.use}, {things}, {one.commands} commands")
     for command in dict.fromkeys(one.look_with for one in written):
         print(f"  {command}")
@@ -95,7 +117,9 @@ def _uses(design: Design, named: list[str], pair: str | None) -> list[str]:
         ends = set(pair.split("-"))
         if len(ends) != 2:
             raise ValueError(f"--pair {pair!r} is no pair; write two agents with - between")
-        found = [use.name for use in design.file.protocol if {use.initiator, use.participant} == ends]
+        found = [
+            use.name for use in design.file.protocol if {use.initiator, use.participant} == ends
+        ]
         if not found:
             pairs = (f"{use.initiator}-{use.participant}" for use in design.file.protocol)
             raise NoSuchEntry("pair with a protocol", pair, pairs)

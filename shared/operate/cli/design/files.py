@@ -1,4 +1,6 @@
-"""Parts shared by the verbs of `roco design`: file argument, output formats, error messages instead of tracebacks."""
+"""Parts shared by the verbs of `roco design`: file argument, output formats, error messages instead
+of tracebacks.
+"""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -24,8 +26,13 @@ WRONG_FILE = 2
 NARROW, WIDE = 60, 160
 
 
-File = Annotated[Path | None, typer.Argument(help="A design file; else that of the system here.", show_default=False)]
-Recording = Annotated[Path | None, typer.Option("--recording", help="A run's folder, or a .json of observations.")]
+File = Annotated[
+    Path | None,
+    typer.Argument(help="A design file; else that of the system here.", show_default=False),
+]
+Recording = Annotated[
+    Path | None, typer.Option("--recording", help="A run's folder, or a .json of observations.")
+]
 
 
 def meant(file: Path | None) -> Path:
@@ -41,7 +48,9 @@ def width() -> int:
 def shown(file: Path) -> str:
     """A path as short as it can be said from here."""
     here = Path.cwd()
-    return str(file.resolve().relative_to(here)) if file.resolve().is_relative_to(here) else str(file)
+    return (
+        str(file.resolve().relative_to(here)) if file.resolve().is_relative_to(here) else str(file)
+    )
 
 
 def observed(run: Path | None) -> Observed | None:
@@ -50,14 +59,20 @@ def observed(run: Path | None) -> Observed | None:
 
 
 def findings(design: Design, file: Path) -> tuple[Finding, ...]:
-    """Of the file itself; of that of the system here also what else its system looks at, as its code."""
+    """Of the file itself; of that of the system here also what else its system looks at, as its
+    code.
+    """
     found = check.check(design)
     try:
         system = here()
         own: Callable[[Design], tuple[Finding, ...]] | None = system.addition("findings")
     except (NoSystemError, TopdownError):
         return found
-    return (*found, *own(design)) if own is not None and system.design.place == file.resolve() else found
+    return (
+        (*found, *own(design))
+        if own is not None and system.design.place == file.resolve()
+        else found
+    )
 
 
 def tell_json(what: object) -> None:

@@ -1,4 +1,5 @@
-"""`roco design follow`: whether what the agents of a run did is a path of the model that was proven.
+"""`roco design follow`: whether what the agents of a run did is a path of the model that was
+proven.
 
 Exit codes: 0 it is, 1 a step of some agent is none of the model's, 2 a file cannot be read.
 """
@@ -16,12 +17,17 @@ from operate.system import of_run
 from topdown.model.design import load
 from topdown.prove.paths import Deviation, Follower
 
-Run = Annotated[Path, typer.Argument(help="A run's folder; its agents' steps are in RUN/steps.", exists=True)]
-Design = Annotated[Path | None, typer.Option("--design", help="A design file; else that of the run's system.")]
+Run = Annotated[
+    Path, typer.Argument(help="A run's folder; its agents' steps are in RUN/steps.", exists=True)
+]
+Design = Annotated[
+    Path | None, typer.Option("--design", help="A design file; else that of the run's system.")
+]
 
 
 def follow(run: Run, design: Design = None, form: Form = Format.TEXT) -> None:
-    """Follow a run through the composed model of its design: every step of every agent must be a move of it.
+    """Follow a run through the composed model of its design: every step of every agent must be a
+    move of it.
 
     Examples:
       roco design follow runs/latest
@@ -30,7 +36,8 @@ def follow(run: Run, design: Design = None, form: Form = Format.TEXT) -> None:
         done = deeds(run / STEPS)
         if not done:
             raise ValueError(
-                f"{run / STEPS} has no steps; name the folder of a run, as `roco up` or `roco demo` wrote it"
+                f"{run / STEPS} has no steps; name the folder of a run, as `roco up` or `roco demo`"
+                " wrote it"
             )
         follower = Follower(of_run(run).design if design is None else load(design))
         found = follower.follow(done)
@@ -44,6 +51,12 @@ def follow(run: Run, design: Design = None, form: Form = Format.TEXT) -> None:
 
 def _progress_text(follower: Follower, found: Deviation | None) -> str:
     if found is None:
-        return f"{follower.count} steps, each a move of the model (at most {follower.most} of its states at a time)"
-    lines = [f"step {found.number} is no move of the model: {found.agent} {found.what}", "the model would be at"]
+        return (
+            f"{follower.count} steps, each a move of the model (at most {follower.most} of its"
+            " states at a time)"
+        )
+    lines = [
+        f"step {found.number} is no move of the model: {found.agent} {found.what}",
+        "the model would be at",
+    ]
     return "\n".join(lines + [f"  {agent:<4} {words}" for agent, words in found.here.items()])

@@ -14,16 +14,25 @@ from topdown.scaffold import Outcome, scaffold, smallest
 
 def new(
     folder: Annotated[Path, typer.Argument(help="The project's folder; made where missing.")],
-    name: Annotated[str, typer.Option(help="Name of package and system; else the design's, or the folder's.")] = "",
+    name: Annotated[
+        str, typer.Option(help="Name of package and system; else the design's, or the folder's.")
+    ] = "",
     source: Annotated[
         Path | None,
-        typer.Option("--from", exists=True, dir_okay=False, help="A design file; else the smallest system begins."),
+        typer.Option(
+            "--from",
+            exists=True,
+            dir_okay=False,
+            help="A design file; else the smallest system begins.",
+        ),
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Make a project of a design: packages, typed interfaces, stubs, tests, processes, compose entries.
+    """Make a project of a design: packages, typed interfaces, stubs, tests, processes, compose
+    entries.
 
-    Run it again after a change of the design: a file that you changed is kept, and the names it lacks are told.
+    Run it again after a change of the design: a file that you changed is kept, and the names it
+    lacks are told.
 
     Examples:
       roco design new lamp
@@ -38,12 +47,18 @@ def new(
     except TopdownError as error:
         tell_problem(error, form)
         raise typer.Exit(1) from error
-    print(msgspec.json.encode(outcome).decode() if form is Format.JSON else "\n".join(_outcome_lines(outcome)))
+    print(
+        msgspec.json.encode(outcome).decode()
+        if form is Format.JSON
+        else "\n".join(_outcome_lines(outcome))
+    )
 
 
 def _outcome_lines(outcome: Outcome) -> list[str]:
     """The outcome in words for people."""
-    lines = [f"{outcome.folder}: {len(outcome.written)} files written, {len(outcome.same)} as they were"]
+    lines = [
+        f"{outcome.folder}: {len(outcome.written)} files written, {len(outcome.same)} as they were"
+    ]
     lines += [f"  {path}" for path in outcome.written]
     for kept in outcome.kept:
         lacks = f"; nothing of yours mentions {', '.join(kept.missing)} yet" if kept.missing else ""

@@ -1,4 +1,6 @@
-"""`roco protocol`: the interaction protocols that a design can follow, as the tables that decide what is allowed."""
+"""`roco protocol`: the interaction protocols that a design can follow, as the tables that decide
+what is allowed.
+"""
 
 import shutil
 from pathlib import Path
@@ -57,7 +59,9 @@ class Side(msgspec.Struct, frozen=True):
 
 
 class Listed(msgspec.Struct, frozen=True):
-    """A protocol: its names, the acts that open it, whose rules it has, and what a design says of its own."""
+    """A protocol: its names, the acts that open it, whose rules it has, and what a design says of
+    its own.
+    """
 
     name: str
     aliases: tuple[str, ...]
@@ -77,17 +81,25 @@ class Shown(msgspec.Struct, frozen=True):
 
 def protocol(
     name: Annotated[
-        str, typer.Argument(metavar="[NAME]", help="A protocol.", autocompletion=completion.every_protocol)
+        str,
+        typer.Argument(
+            metavar="[NAME]", help="A protocol.", autocompletion=completion.every_protocol
+        ),
     ] = "",
-    svg: Annotated[Path | None, typer.Option("--svg", help="Draw the exchange, and write it here.")] = None,
+    svg: Annotated[
+        Path | None, typer.Option("--svg", help="Draw the exchange, and write it here.")
+    ] = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """List the protocols that a design can follow; show the tables of one: who may say what in which state.
+    """List the protocols that a design can follow; show the tables of one: who may say what in
+    which state.
 
-    Listed are those of the specifications, of the paper, and those that the design here brings along.
+    Listed are those of the specifications, of the paper, and those that the design here brings
+    along.
 
-    The tables alone decide what is in sequence: agents, the judge and the proof read them. An act that has no row in a
-    state is an error there. The drawing shows the exchange as if nothing crossed on the way.
+    The tables alone decide what is in sequence: agents, the judge and the proof read them. An act
+    that has no row in a state is an error there. The drawing shows the exchange as if nothing
+    crossed on the way.
 
     Examples:
       roco protocol
@@ -97,13 +109,22 @@ def protocol(
     with files.problems(form):
         if not name:
             if svg is not None:
-                raise UsageError("--svg draws one protocol; name it: `roco protocol NAME --svg FILE`")
+                raise UsageError(
+                    "--svg draws one protocol; name it: `roco protocol NAME --svg FILE`"
+                )
             found = [about for about, _ in every()]
             if form is Format.JSON:
                 tell_json(found)
                 return
-            rows = tuple((one.name, _several(one.aliases), _several(one.openings), one.origin) for one in found)
-            print(document.table(Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()))
+            rows = tuple(
+                (one.name, _several(one.aliases), _several(one.openings), one.origin)
+                for one in found
+            )
+            print(
+                document.table(
+                    Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()
+                )
+            )
             return
         about, one = _meant(name)
         made = write(draw(one).svg(), svg)
@@ -137,7 +158,9 @@ def _own() -> dict[str, tuple[Listed, Protocol]]:
         return {}
     origin, tables = f"the design of {system.name}", system.design.own_tables
     entries = system.design.file.table
-    return {one.name: (_listed(tables[one.name], origin, one.text), tables[one.name]) for one in entries}
+    return {
+        one.name: (_listed(tables[one.name], origin, one.text), tables[one.name]) for one in entries
+    }
 
 
 def _meant(name: str) -> tuple[Listed, Protocol]:
@@ -150,7 +173,9 @@ def _meant(name: str) -> tuple[Listed, Protocol]:
 
 
 def _listed(one: Protocol, origin: str, words: str = "") -> Listed:
-    return Listed(one.name, one.aliases, tuple(sorted(one.openings)), origin, " ".join(words.split()))
+    return Listed(
+        one.name, one.aliases, tuple(sorted(one.openings)), origin, " ".join(words.split())
+    )
 
 
 def _origin(one: Protocol) -> str:
@@ -161,15 +186,22 @@ def _origin(one: Protocol) -> str:
 
 def _by_state(table: Table) -> list[Row]:
     """The rows, those of a state together, in the order in which states first appear."""
-    places = {state: number for number, state in enumerate(dict.fromkeys(row.state for row in table))}
+    places = {
+        state: number for number, state in enumerate(dict.fromkeys(row.state for row in table))
+    }
     return sorted(table, key=lambda row: places[row.state])
 
 
 def _written(about: Listed, protocol: Protocol, width: int) -> str:
     names = f", also called {_several(about.aliases)}" if about.aliases else ""
-    facts = [f"{about.name}{names}: opened by {_several(about.openings)}; rules of {about.origin}", about.text]
+    facts = [
+        f"{about.name}{names}: opened by {_several(about.openings)}; rules of {about.origin}",
+        about.text,
+    ]
     facts += [f"Each {act} is answered by a confirm." for act in sorted(protocol.confirmed)]
-    facts += [f"Each further {act} of the initiator opens a new round." for act in sorted(protocol.rounds)]
+    facts += [
+        f"Each further {act} of the initiator opens a new round." for act in sorted(protocol.rounds)
+    ]
     sides = [_side_written(role, table, width) for role, table in protocol.tables.items()]
     used = {row.kind for table in protocol.tables.values() for row in table}
     legend = [*(f"[{kind}]: {words}." for kind, words in KINDS.items() if kind in used), ALWAYS]
@@ -182,7 +214,11 @@ def _side_written(role: Role, table: Table, width: int) -> str:
         says = "says" if row.way is Way.SEND else "hears"
         rows.append((row.state if row.state != last else "", says, row.word, row.to))
         last = row.state
-    lines = [document.table(Grid(str(role), ("state", "says or hears", "act", "next state"), tuple(rows)), width)]
+    lines = [
+        document.table(
+            Grid(str(role), ("state", "says or hears", "act", "next state"), tuple(rows)), width
+        )
+    ]
     for mark, words in MEANING.items():
         if states := sorted(getattr(table, mark)):
             lines += document.hung(f"{mark:<9}", f"{', '.join(states)}: {words}", width, " " * 9)

@@ -1,4 +1,6 @@
-"""`roco design show`: what the method's paper has in tables and figures, of any design file, as text, SVG and HTML."""
+"""`roco design show`: what the method's paper has in tables and figures, of any design file, as
+text, SVG and HTML.
+"""
 
 import shutil
 from collections.abc import Iterator
@@ -21,25 +23,36 @@ from topdown.model.errors import TopdownError
 
 def show(
     file: files.File = None,
-    what: Annotated[list[book.What] | None, typer.Option(help="What to show; may be repeated.")] = None,
+    what: Annotated[
+        list[book.What] | None, typer.Option(help="What to show; may be repeated.")
+    ] = None,
     step: Annotated[
         int | None,
         typer.Option(
-            help="Of steps and tree: after which step; else all, and the last.", autocompletion=completion.steps
+            help="Of steps and tree: after which step; else all, and the last.",
+            autocompletion=completion.steps,
         ),
     ] = None,
     agent: Annotated[
-        str | None, typer.Option(help="Of interfaces and machines: whose; else all.", autocompletion=completion.agents)
+        str | None,
+        typer.Option(
+            help="Of interfaces and machines: whose; else all.", autocompletion=completion.agents
+        ),
     ] = None,
     protocol: Annotated[
         str | None,
         typer.Option(
-            help="Of protocols: which use, or the table they follow.", autocompletion=completion.protocols_and_uses
+            help="Of protocols: which use, or the table they follow.",
+            autocompletion=completion.protocols_and_uses,
         ),
     ] = None,
-    html: Annotated[Path | None, typer.Option(help="Write one self-contained page of it here.")] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="Write one self-contained page of it here.")
+    ] = None,
     svg: Annotated[Path | None, typer.Option(help="Write its figures into this folder.")] = None,
-    long: Annotated[bool, typer.Option("--long", help="Also the rows behind diagrams, which a page folds.")] = False,
+    long: Annotated[
+        bool, typer.Option("--long", help="Also the rows behind diagrams, which a page folds.")
+    ] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Show a design: requirements, steps, channels, protocols, the system, state machines.
@@ -67,7 +80,9 @@ def show(
 def chosen_of(
     what: list[book.What], step: int | None, agent: str | None, protocol: str | None
 ) -> tuple[book.What, ...]:
-    """The sections that are meant: those named; else those that a step, an agent or a protocol is of; else all."""
+    """The sections that are meant: those named; else those that a step, an agent or a protocol is
+    of; else all.
+    """
     if what:
         return tuple(what)
     meant = {
@@ -84,9 +99,18 @@ def plain(section: Section) -> dict[str, object]:
     parts: list[dict[str, object]] = []
     for part in section.parts:
         if isinstance(part, Figure):
-            parts.append({"figure": part.name, "caption": part.caption, "data": part.data, "notes": part.notes})
+            parts.append(
+                {
+                    "figure": part.name,
+                    "caption": part.caption,
+                    "data": part.data,
+                    "notes": part.notes,
+                }
+            )
         else:
-            parts.append({"table": part.title, "head": part.head, "rows": part.rows, "notes": part.notes})
+            parts.append(
+                {"table": part.title, "head": part.head, "rows": part.rows, "notes": part.notes}
+            )
     return {"what": section.what, "title": section.title, "parts": parts}
 
 
@@ -101,7 +125,11 @@ def write(words: str, path: Path | None) -> list[Path]:
 
 def write_all(files: dict[str, str], folder: Path | None) -> list[Path]:
     """Write files into a folder, if there is one."""
-    return [] if folder is None else [path for name, words in files.items() for path in write(words, folder / name)]
+    return (
+        []
+        if folder is None
+        else [path for name, words in files.items() for path in write(words, folder / name)]
+    )
 
 
 @contextmanager

@@ -1,4 +1,5 @@
-"""`roco design trace`: every leaf requirement -> groups -> agents -> channels -> what shows it, if anything.
+"""`roco design trace`: every leaf requirement -> groups -> agents -> channels -> what shows it, if
+anything.
 
 Exit codes: 0 every leaf has evidence, 1 one has none or misses some, 2 a file cannot be read.
 """
@@ -17,7 +18,8 @@ MARKS = {Shown.SEEN: "+", Shown.NAMED: " ", Shown.MISSING: "-"}
 
 
 def trace_(file: files.File = None, run: files.Recording = None, form: Form = Format.TEXT) -> None:
-    """Trace every leaf requirement to what shows that it is met. Exits with 1 where something is missing.
+    """Trace every leaf requirement to what shows that it is met. Exits with 1 where something is
+    missing.
 
     Examples:
       roco design trace
@@ -27,7 +29,9 @@ def trace_(file: files.File = None, run: files.Recording = None, form: Form = Fo
         place = files.meant(file)
         found = trace(load(place), files.observed(run), Tests(place))
     if form is Format.JSON:
-        files.tell_json({"file": str(place), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]})
+        files.tell_json(
+            {"file": str(place), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]}
+        )
     else:
         print(written(found, files.width(), looked=run is not None))
     if any(leaf.bare or missing(leaf) for leaf in found):
@@ -44,7 +48,9 @@ class Tests:
 
     def __call__(self, path: str, name: str) -> bool:
         found = next((folder / path for folder in self._folders if (folder / path).is_file()), None)
-        return found is not None and (not name or f"def {name}(" in found.read_text(encoding="utf-8"))
+        return found is not None and (
+            not name or f"def {name}(" in found.read_text(encoding="utf-8")
+        )
 
 
 def missing(leaf: Traced) -> list[Evidence]:
@@ -55,21 +61,33 @@ def missing(leaf: Traced) -> list[Evidence]:
 def written(found: tuple[Traced, ...], width: int, *, looked: bool) -> str:
     """The leaves as people read them, then those that nothing shows."""
     lines = [line for leaf in found for line in _leaf(leaf, width)]
-    lines.append("+ seen, - missing" + ("" if looked else "; events and messages are looked for with --recording RUN"))
+    lines.append(
+        "+ seen, - missing"
+        + ("" if looked else "; events and messages are looked for with --recording RUN")
+    )
     bare = [leaf.id for leaf in found if leaf.bare]
     lost = [leaf.id for leaf in found if missing(leaf) and not leaf.bare]
-    told = f"without evidence: {', '.join(bare)}" if bare else f"all {len(found)} leaves have evidence"
-    return "\n".join([*lines, told, *([f"some evidence is missing: {', '.join(lost)}"] if lost else [])])
+    told = (
+        f"without evidence: {', '.join(bare)}" if bare else f"all {len(found)} leaves have evidence"
+    )
+    return "\n".join(
+        [*lines, told, *([f"some evidence is missing: {', '.join(lost)}"] if lost else [])]
+    )
 
 
 def _leaf(leaf: Traced, width: int) -> list[str]:
     steps = ", ".join(map(str, leaf.steps)) or "none"
     way = (
-        f"step {steps} -> groups {', '.join(leaf.groups) or 'none'} -> agents {', '.join(leaf.agents) or 'none'}"
-        f" -> channels {', '.join(leaf.channels) or 'none'}"
+        f"step {steps} -> groups {', '.join(leaf.groups) or 'none'} -> agents"
+        f" {', '.join(leaf.agents) or 'none'} -> channels {', '.join(leaf.channels) or 'none'}"
     )
     head = textwrap.wrap(f"{leaf.id}  {leaf.text}", width, subsequent_indent="    ")
-    return [*head, *textwrap.wrap(way, width, initial_indent="    ", subsequent_indent="      "), *_shown(leaf), ""]
+    return [
+        *head,
+        *textwrap.wrap(way, width, initial_indent="    ", subsequent_indent="      "),
+        *_shown(leaf),
+        "",
+    ]
 
 
 def _shown(leaf: Traced) -> list[str]:
@@ -77,5 +95,6 @@ def _shown(leaf: Traced) -> list[str]:
         return ["  - nothing shows it"]
     times = (f" ({one.count} times)" if one.count > 1 else "" for one in leaf.evidence)
     return [
-        f"  {MARKS[one.shown]} {one.kind} {one.name}{count}" for one, count in zip(leaf.evidence, times, strict=True)
+        f"  {MARKS[one.shown]} {one.kind} {one.name}{count}"
+        for one, count in zip(leaf.evidence, times, strict=True)
     ]

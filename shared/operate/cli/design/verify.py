@@ -1,6 +1,7 @@
 """`roco design verify`: the proof of a design in three layers, before anything runs.
 
-Exit codes: 0 all holds, 1 something was found or is open, 2 a file cannot be read or an option makes no sense.
+Exit codes: 0 all holds, 1 something was found or is open, 2 a file cannot be read or an option
+makes no sense.
 """
 
 import textwrap
@@ -28,28 +29,39 @@ TITLES = {
 Faults = Annotated[
     str,
     typer.Option(
-        help="How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.", autocompletion=completion.faults
+        help="How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.",
+        autocompletion=completion.faults,
     ),
 ]
 Layers = Annotated[
     list[int] | None,
-    typer.Option("--layer", help="Only this layer; may be given again.", autocompletion=completion.layers),
+    typer.Option(
+        "--layer", help="Only this layer; may be given again.", autocompletion=completion.layers
+    ),
 ]
 Step = Annotated[
     int | None,
     typer.Option(
-        help="Only the channels that this step of the design created or changed.", autocompletion=completion.steps
+        help="Only the channels that this step of the design created or changed.",
+        autocompletion=completion.steps,
     ),
 ]
 Gone = Annotated[
     list[str] | None,
     typer.Option(
-        help="Besides: this agent may die for good, and wishes of persons still end.", autocompletion=completion.agents
+        help="Besides: this agent may die for good, and wishes of persons still end.",
+        autocompletion=completion.agents,
     ),
 ]
-Seconds = Annotated[float | None, typer.Option(help="CPU seconds for each verdict; what is open then is said.")]
-SkipStart = Annotated[bool, typer.Option("--skip-start", help="Leave out the start of all agents (layer 3).")]
-Long = Annotated[bool, typer.Option("--long", help="Also what the model leaves out, and why that is safe.")]
+Seconds = Annotated[
+    float | None, typer.Option(help="CPU seconds for each verdict; what is open then is said.")
+]
+SkipStart = Annotated[
+    bool, typer.Option("--skip-start", help="Leave out the start of all agents (layer 3).")
+]
+Long = Annotated[
+    bool, typer.Option("--long", help="Also what the model leaves out, and why that is safe.")
+]
 
 
 def verify(
@@ -63,7 +75,8 @@ def verify(
     long: Long = False,
     form: Form = Format.TEXT,
 ) -> None:
-    """Prove a design: no deadlock, nothing unforeseen, every conversation ends, no act twice, no stale plan.
+    """Prove a design: no deadlock, nothing unforeseen, every conversation ends, no act twice, no
+    stale plan.
 
     Examples:
       roco design verify
@@ -86,7 +99,9 @@ def verify(
         except IndexError as error:
             raise ValueError(str(error)) from error
         if not work:
-            raise ValueError("nothing to prove; layers are 1, 2, 3, and a step changes channels of layer 2 only")
+            raise ValueError(
+                "nothing to prove; layers are 1, 2, 3, and a step changes channels of layer 2 only"
+            )
         verdicts = _verdicts(work, form)
     if form is Format.JSON:
         files.tell_json([_plain(verdict) for verdict in verdicts])
@@ -126,7 +141,11 @@ def _verdicts(work: tuple[Task, ...], form: Format) -> list[Verdict]:
 
 def line(verdict: Verdict, width: int) -> str:
     """A verdict in a line, and what is wrong or open below it."""
-    faults = "any faults" if verdict.faults is None else f"{verdict.faults} fault{'s' if verdict.faults != 1 else ''}"
+    faults = (
+        "any faults"
+        if verdict.faults is None
+        else f"{verdict.faults} fault{'s' if verdict.faults != 1 else ''}"
+    )
     word = "holds" if verdict.holds else "FAILS" if verdict.findings else "open"
     count = f"{verdict.states:>9,} states  {verdict.seconds:6.1f} s"
     lines = [f"  {verdict.what:<28} {faults:<11}{count}  {word}"]
@@ -149,8 +168,13 @@ def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
         lines += ["", "Not needed by any path:", *(f"  {note}" for note in notes or ["nothing"])]
         lines += ["", "What the composed model leaves out, and why that is safe:"]
         for one in ABSTRACTIONS:
-            lines += textwrap.wrap(f"- {one.what}: {one.why}. Shown by: {one.shown}.", width, subsequent_indent="  ")
-        for title, table in (("durable", durable.ABSTRACTIONS), ("volatile", volatile.ABSTRACTIONS)):
+            lines += textwrap.wrap(
+                f"- {one.what}: {one.why}. Shown by: {one.shown}.", width, subsequent_indent="  "
+            )
+        for title, table in (
+            ("durable", durable.ABSTRACTIONS),
+            ("volatile", volatile.ABSTRACTIONS),
+        ):
             lines += ["", f"What the models of {title} uses leave out, and why that is safe:"]
             for what, why in table:
                 lines += textwrap.wrap(f"- {what}: {why}.", width, subsequent_indent="  ")
@@ -163,7 +187,11 @@ def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
 def _plain(verdict: Verdict) -> dict[str, object]:
     """A verdict for programs."""
     findings = [
-        {"kind": one.kind, "text": one.text, "trace": [{"who": step.who, "what": step.what} for step in one.trace]}
+        {
+            "kind": one.kind,
+            "text": one.text,
+            "trace": [{"who": step.who, "what": step.what} for step in one.trace],
+        }
         for one in verdict.findings
     ]
     fields = {name: getattr(verdict, name) for name in verdict._fields if name != "findings"}

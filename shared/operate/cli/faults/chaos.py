@@ -1,4 +1,6 @@
-"""`roco chaos`: the system's job again and again, each time with a fault that a seed chooses; what held, what not."""
+"""`roco chaos`: the system's job again and again, each time with a fault that a seed chooses; what
+held, what not.
+"""
 
 import contextlib
 import os
@@ -39,7 +41,8 @@ from operate.system import System, here
 if TYPE_CHECKING:
     from operate.judging.invariants import Checked
 
-# --- A cell of chaos: one fault of one process in one phase of the system's job; which one, a seed says. Pure --------
+# --- A cell of chaos: one fault of one process in one phase of the system's job; which one, a seed
+# says. Pure
 
 
 PAUSE_S = 3.0
@@ -63,39 +66,71 @@ class Cell(msgspec.Struct, frozen=True):
     def words(self) -> str:
         """The action in words: "pause mule by 3 at mule:fetching"."""
         by = f" by {self.amount:g}" if self.amount is not None else ""
-        return f"{self.kind} {self.target}{by} at {self.at if self.phase == MESSAGE else self.phase}"
+        return (
+            f"{self.kind} {self.target}{by} at {self.at if self.phase == MESSAGE else self.phase}"
+        )
 
     @property
     def command(self) -> list[str]:
         """The words of `roco fault`."""
         row = KINDS[self.kind].amount
-        amount = [] if self.amount is None or row is None else [*([row.option] if row.option else []), str(self.amount)]
-        return [self.kind, self.target, *amount, "--at", self.at, *(["--for", str(self.for_s)] if self.for_s else [])]
+        amount = (
+            []
+            if self.amount is None or row is None
+            else [*([row.option] if row.option else []), str(self.amount)]
+        )
+        return [
+            self.kind,
+            self.target,
+            *amount,
+            "--at",
+            self.at,
+            *(["--for", str(self.for_s)] if self.for_s else []),
+        ]
 
 
 def phases(system: System) -> dict[str, str]:
-    """Return the phases of a system's job: its own, else the states of its agents but the first ones."""
+    """Return the phases of a system's job: its own, else the states of its agents but the first
+    ones.
+    """
     agents = system.design.agents
-    states = (f"{name}:{one.name}" for name in agents for one in agents[name].state if one.name != agents[name].initial)
+    states = (
+        f"{name}:{one.name}"
+        for name in agents
+        for one in agents[name].state
+        if one.name != agents[name].initial
+    )
     return system.job.phases or {state: state for state in states}
 
 
 def choose(system: System, seed: int, kinds: tuple[str, ...], targets: tuple[str, ...]) -> Cell:
-    """Return the cell of a seed, among these kinds and targets; () all. Raise UsageError: none fits."""
+    """Return the cell of a seed, among these kinds and targets; () all. Raise UsageError: none
+    fits.
+    """
     chance = random.Random(seed)
     for _ in range(1000):
         kind = chance.choice(kinds or VERBS)
-        fitting = [name for name in targets_of(system, KINDS[kind]) if not targets or name in targets]
+        fitting = [
+            name for name in targets_of(system, KINDS[kind]) if not targets or name in targets
+        ]
         if fitting:
-            return cell(system, seed, kind, chance.choice(fitting), *_moment(system, chance), chance)
-    raise UsageError(f"{', '.join(kinds)} can be done to none of {', '.join(targets)}; leave --kind or --on out")
+            return cell(
+                system, seed, kind, chance.choice(fitting), *_moment(system, chance), chance
+            )
+    raise UsageError(
+        f"{', '.join(kinds)} can be done to none of {', '.join(targets)}; leave --kind or --on out"
+    )
 
 
-def cell(system: System, seed: int, kind: str, target: str, phase: str, at: str, chance: random.Random) -> Cell:
+def cell(
+    system: System, seed: int, kind: str, target: str, phase: str, at: str, chance: random.Random
+) -> Cell:
     """Return a cell whose amount is chosen."""
     row = KINDS[kind]
     amount = None if row.amount is None else round(chance.uniform(*row.amount.tried), 3)
-    return Cell(seed, kind, target, phase, at, PAUSE_S if kind == "pause" else row.for_s or None, amount)
+    return Cell(
+        seed, kind, target, phase, at, PAUSE_S if kind == "pause" else row.for_s or None, amount
+    )
 
 
 def targets_of(system: System, kind: Kind) -> tuple[str, ...]:
@@ -116,13 +151,15 @@ def check(kinds: tuple[str, ...], targets: tuple[str, ...], system: System) -> N
 
 
 def _moment(system: System, chance: random.Random) -> tuple[str, str]:
-    """Return a phase and its moment: one of the job's; where it names none, a state or, as often, a message."""
+    """Return a phase and its moment: one of the job's; where it names none, a state or, as often, a
+    message.
+    """
     if system.job.phases or chance.random() < 0.5:
         return chance.choice(list(phases(system).items()))
     return MESSAGE, f"{chance.randint(*MESSAGES)}-message"
 
 
-# --- One run of chaos -------------------------------------------------------------------------------------------------
+# --- One run of chaos -----------------------------------------------------------------------------
 
 
 FAULT_LOG = "fault.log"
@@ -130,14 +167,17 @@ GRACE_S = 5.0
 """Until the children of a killed process have seen the end of their pipe; estimate."""
 LOOK_S = 0.1
 HEAL_S = 100.0
-"""Time to wait for a fault that did not begin or has no process to come back to [s]; a process may take 90 s."""
+"""Time to wait for a fault that did not begin or has no process to come back to [s]; a process may
+take 90 s.
+"""
 
 
 class Result(msgspec.Struct, frozen=True):
-    """A run: `success` and `why` of its report; `broken`: invariants that do not hold. `text`: what came of the fault.
+    """A run: `success` and `why` of its report; `broken`: invariants that do not hold. `text`: what
+    came of the fault.
 
-    `began`: whether it was done at all; `stuck`: the run was ended from outside; `orphans`: processes left over;
-    `bytes`: of the run folder; `load`: of the machine.
+    `began`: whether it was done at all; `stuck`: the run was ended from outside; `orphans`:
+    processes left over; `bytes`: of the run folder; `load`: of the machine.
     """
 
     cell: Cell
@@ -160,7 +200,9 @@ class Result(msgspec.Struct, frozen=True):
 
 
 def done(out: Path, setting: trials.Setting, cell: Cell) -> Result:
-    """Return what became of a run; its folder stays for who wants to look. It is down afterwards, whatever happens."""
+    """Return what became of a run; its folder stays for who wants to look. It is down afterwards,
+    whatever happens.
+    """
     run = trials.folder(out, cell.seed)
     with contextlib.ExitStack() as fault:
         inflicting = _Inflicting(run, cell, fault)
@@ -251,12 +293,15 @@ def orphans(run: Path) -> Iterator[str]:
 
 def _living(run: Path) -> Iterator[str]:
     for pid, words in proc.every_words():
-        mine = variables(pid).get(RUN_FOLDER_VARIABLE) == str(run) or any(str(run) in word for word in words)
+        mine = variables(pid).get(RUN_FOLDER_VARIABLE) == str(run) or any(
+            str(run) in word for word in words
+        )
         if mine and words and pid != os.getpid():
             yield " ".join(words)
 
 
-# --- Findings of chaos as tables: one per kind of fault, a row per process, a column per phase, seeds in the cells
+# --- Findings of chaos as tables: one per kind of fault, a row per process, a column per phase,
+# seeds in the cells
 
 
 DONE, EXPLAINED, BROKEN, NOTHING = "green", "yellow", "bold red", "dim"
@@ -277,7 +322,9 @@ def colour(one: Result) -> str:
 
 def legend() -> Text:
     """Return what the colours of seeds mean."""
-    return Text("  ").join([Text("seed", style="dim"), *(Text(words, style=style) for style, words in LEGEND)])
+    return Text("  ").join(
+        [Text("seed", style="dim"), *(Text(words, style=style) for style, words in LEGEND)]
+    )
 
 
 def tables(results: Sequence[Result]) -> Iterator[Table]:
@@ -286,7 +333,9 @@ def tables(results: Sequence[Result]) -> Iterator[Table]:
         own = [one for one in results if one.cell.kind == kind]
         columns = list(dict.fromkeys(one.cell.phase for one in own))
         targets = dict.fromkeys(one.cell.target for one in own)
-        rows = ((Text(target), *(_seeds(own, target, phase) for phase in columns)) for target in targets)
+        rows = (
+            (Text(target), *(_seeds(own, target, phase) for phase in columns)) for target in targets
+        )
         yield table((kind, *columns), rows, fold=(kind, *columns))
 
 
@@ -298,7 +347,9 @@ def lines(results: Sequence[Result]) -> Iterator[str]:
         if one.stuck:
             yield f"seed {one.cell.seed}, {one.cell.words}: stuck, ended after {one.wall_s:.0f} s"
         elif not one.success:
-            yield f"seed {one.cell.seed}, {one.cell.words}: not done: {one.why or 'without a reason'}"
+            yield (
+                f"seed {one.cell.seed}, {one.cell.words}: not done: {one.why or 'without a reason'}"
+            )
 
 
 def summary(results: Sequence[Result]) -> str:
@@ -307,8 +358,8 @@ def summary(results: Sequence[Result]) -> str:
     done, held = sum(one.success for one in begun), sum(one.held for one in results)
     stuck, left = sum(one.stuck for one in results), sum(len(one.orphans) for one in results)
     return (
-        f"{len(results)} runs, {len(begun)} with a fault: {done} of {len(begun)} done, {held} of {len(results)} held;"
-        f" {stuck} stuck, {left} processes left over"
+        f"{len(results)} runs, {len(begun)} with a fault: {done} of {len(begun)} done, {held} of"
+        f" {len(results)} held; {stuck} stuck, {left} processes left over"
     )
 
 
@@ -317,7 +368,7 @@ def _seeds(results: Sequence[Result], target: str, phase: str) -> Text:
     return Text(" ").join(Text(str(one.cell.seed), style=colour(one)) for one in found)
 
 
-# --- `roco chaos` -----------------------------------------------------------------------------------------------------
+# --- `roco chaos` ---------------------------------------------------------------------------------
 
 
 RESULTS_FILE = "chaos.jsonl"
@@ -331,22 +382,34 @@ def _kinds(incomplete: str) -> list[str]:
 def chaos(
     runs: Annotated[int, typer.Option(min=1, help="How many runs.")] = 10,
     seed: FirstSeed = 1,
-    budget: Annotated[float, typer.Option(min=0.0, help="No run begins after so many minutes; 0: all do.")] = 0.0,
-    kind: Annotated[str, typer.Option(help="Kinds of faults, comma between; else all.", autocompletion=_kinds)] = "",
+    budget: Annotated[
+        float, typer.Option(min=0.0, help="No run begins after so many minutes; 0: all do.")
+    ] = 0.0,
+    kind: Annotated[
+        str, typer.Option(help="Kinds of faults, comma between; else all.", autocompletion=_kinds)
+    ] = "",
     on: Annotated[
-        str, typer.Option(help="Processes to hit, comma between; else all.", autocompletion=completion.started)
+        str,
+        typer.Option(
+            help="Processes to hit, comma between; else all.", autocompletion=completion.started
+        ),
     ] = "",
     speed: Rate = Speed.MAX,
-    out: Annotated[Path | None, typer.Option(help="Where it is written; else experiments/chaos-<time>.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Where it is written; else experiments/chaos-<time>.")
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with what is in --out.")] = False,
     keep: Annotated[
-        bool, typer.Option("--keep", help="Keep the folders of all runs, not only of those to look at.")
+        bool,
+        typer.Option("--keep", help="Keep the folders of all runs, not only of those to look at."),
     ] = False,
     form: Form = Format.TEXT,
 ) -> None:
-    """Do the system's job again and again, each time with a fault that a seed chooses, and judge each whole history.
+    """Do the system's job again and again, each time with a fault that a seed chooses, and judge
+    each whole history.
 
-    The seed of a run repeats it: `roco chaos --runs 1 --seed N`. Exits with 1 where an invariant did not hold.
+    The seed of a run repeats it: `roco chaos --runs 1 --seed N`. Exits with 1 where an invariant
+    did not hold.
 
     Examples:
       roco chaos --runs 20
@@ -360,14 +423,22 @@ def chaos(
         kinds, targets = _names(kind), _names(on)
         check(kinds, targets, system)
         running_fleets.refuse("chaos needs the machine for itself")
-        place = (out or running_fleets.EXPERIMENTS / f"chaos-{datetime.now():%Y-%m-%d_%H-%M-%S}").resolve()
-        chosen = [choose(system, one, kinds or _possible(), targets) for one in range(seed, seed + runs)]
+        place = (
+            out or running_fleets.EXPERIMENTS / f"chaos-{datetime.now():%Y-%m-%d_%H-%M-%S}"
+        ).resolve()
+        chosen = [
+            choose(system, one, kinds or _possible(), targets) for one in range(seed, seed + runs)
+        ]
         asked = trials.Asked(runs, seed, speed.value, None, system.job.timeout_s, 0.0)
-        setting, _ = trials.begun(place, trials.here("chaos", (*system.job.command, "--faults"), asked), resume)
+        setting, _ = trials.begun(
+            place, trials.here("chaos", (*system.job.command, "--faults"), asked), resume
+        )
         results = _all(place, setting, chosen, budget, form, keep=keep)
         _tell(place, results, form)
         if broken := sum(not one.held for one in results):
-            raise FleetError(f"{broken} of {len(results)} runs did not hold; their folders are in {place}/runs")
+            raise FleetError(
+                f"{broken} of {len(results)} runs did not hold; their folders are in {place}/runs"
+            )
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -382,16 +453,27 @@ def _possible() -> tuple[str, ...]:
 
 
 def _all(
-    place: Path, setting: trials.Setting, chosen: list[Cell], budget_min: float, form: Format, *, keep: bool
+    place: Path,
+    setting: trials.Setting,
+    chosen: list[Cell],
+    budget_min: float,
+    form: Format,
+    *,
+    keep: bool,
 ) -> list[Result]:
-    """Do the runs that are not done yet, a line for each; the results of all, in the order of their seeds."""
+    """Do the runs that are not done yet, a line for each; the results of all, in the order of their
+    seeds.
+    """
     known = {one.cell: one for one in results_in(place)}
     until = time.monotonic() + 60.0 * budget_min if budget_min else float("inf")
     for number, cell in enumerate(chosen, 1):
         if cell in known:
             continue
         if time.monotonic() > until:
-            tell_problem(f"{budget_min:g} minutes are over; to go on: the same with --out {place} --resume", form)
+            tell_problem(
+                f"{budget_min:g} minutes are over; to go on: the same with --out {place} --resume",
+                form,
+            )
             break
         result = known[cell] = done(place, setting, cell)
         _append(place, result)
@@ -431,7 +513,10 @@ def _line(number: int, of: int, result: Result, form: Format) -> None:
     begun = "" if result.began else f" (no fault: {result.text})"
     broken = f"; BROKEN: {'; '.join(result.broken)}" if result.broken else ""
     lost = f"; {len(result.orphans)} processes left over" if result.orphans else ""
-    words = f"run {number} of {of}, seed {result.cell.seed}: {result.cell.words}{begun}: {said}{broken}{lost}"
+    words = (
+        f"run {number} of {of}, seed {result.cell.seed}: {result.cell.words}{begun}:"
+        f" {said}{broken}{lost}"
+    )
     Console().print(f"{words}, {span(result.wall_s)}", style=colour(result), highlight=False)
 
 

@@ -1,6 +1,8 @@
-"""A fault from its order to its end: noted, done at its moment, watched, healed, whatever ends the command.
+"""A fault from its order to its end: noted, done at its moment, watched, healed, whatever ends the
+command.
 
-What goes on while its command is gone (kill -9) stands in faults.jsonl without an end: `left` finds it, `heal` ends it.
+What goes on while its command is gone (kill -9) stands in faults.jsonl without an end: `left` finds
+it, `heal` ends it.
 """
 
 import os
@@ -27,11 +29,19 @@ def refuse(fleet: Target) -> None:
     """Raise FleetError where a fault may do harm: the system says that a real robot moves."""
     untouchable = fleet.system.addition("untouchable")
     if untouchable is not None and (why := untouchable(fleet)):
-        raise FleetError(f"no fault is done to {fleet.where}: {why}; faults are for simulated robots")
+        raise FleetError(
+            f"no fault is done to {fleet.where}: {why}; faults are for simulated robots"
+        )
 
 
 def planned(
-    fleet: Target, kind: str, name: str, at: str, amount: float = 0.0, speaker: str = "", what: str = ""
+    fleet: Target,
+    kind: str,
+    name: str,
+    at: str,
+    amount: float = 0.0,
+    speaker: str = "",
+    what: str = "",
 ) -> Fault:
     """Return a fault of a process that runs, or of the link of two agents, such as co-pl.
 
@@ -41,7 +51,9 @@ def planned(
     name, neighbour = ends(fleet, name) if wired else (name, "")
     one = named(fleet, name)
     if not one.status.pid or one.used is None:
-        raise FleetError(f"{name} does not run in {fleet.where}; `roco agent start {name}` starts it")
+        raise FleetError(
+            f"{name} does not run in {fleet.where}; `roco agent start {name}` starts it"
+        )
     now, by = time.time(), os.getpid()
     return Fault(
         id=f"{kind}-{name}-{time.time_ns():x}",
@@ -68,15 +80,19 @@ def ends(fleet: Target, name: str) -> tuple[str, str]:
 
 
 class Inflicting:
-    """One fault of a fleet. `fault`: as it was noted last; `kind`: of a fault that only this system has."""
+    """One fault of a fleet. `fault`: as it was noted last; `kind`: of a fault that only this system
+    has.
+    """
 
     def __init__(self, fleet: Target, fault: Fault, kind: Kind | None = None) -> None:
         self._fleet, self.fault, self._kind = fleet, fault, kind or KINDS[fault.kind]
 
     def run(self, wait: Callable[[], None], for_s: float, told: Callable[[str], None]) -> Fault:
-        """Note it, `wait` for its moment, do it, and heal it after `for_s` at the latest; the fault as it ended.
+        """Note it, `wait` for its moment, do it, and heal it after `for_s` at the latest; the fault
+        as it ended.
 
-        Raise FleetError where the process is not back in time. An exception, Ctrl-C too, heals first.
+        Raise FleetError where the process is not back in time. An exception, Ctrl-C too, heals
+        first.
         """
         began, text = 0.0, NOT_BEGUN
         self._note()
@@ -98,13 +114,17 @@ class Inflicting:
         return self.fault
 
     def _aim(self) -> None:
-        """Aim at the process that is there now, where it was restarted while the moment was waited for."""
+        """Aim at the process that is there now, where it was restarted while the moment was waited
+        for.
+        """
         one = named(self._fleet, self.fault.target)
         if one.status.pid and one.used is not None and not kinds.same(one, self.fault):
             self._note(pid=one.status.pid, start=one.used.start)
 
     def _until_over(self, for_s: float) -> str:
-        """Wait until it is over by itself, which is told, or its time has passed, "". FleetError: it never is."""
+        """Wait until it is over by itself, which is told, or its time has passed, "". FleetError:
+        it never is.
+        """
         until = time.monotonic() + (for_s if self._kind.lasts else READY_S)
         while not (text := self._kind.over(self._now(), self.fault)):
             if time.monotonic() > until:
@@ -115,7 +135,9 @@ class Inflicting:
         return text
 
     def _until_ready(self, text: str) -> str:
-        """Wait for a process that another one replaces: only then the fault is over; `text`, and that it is back."""
+        """Wait for a process that another one replaces: only then the fault is over; `text`, and
+        that it is back.
+        """
         if kinds.same(self._now(), self.fault):
             return text
         until = time.monotonic() + READY_S
@@ -130,7 +152,9 @@ class Inflicting:
 
     def _not_back(self) -> FleetError:
         name = self.fault.target
-        return FleetError(f"{name} is not back after {READY_S:.0f} s", self._fleet.log(name, LOG_LINES))
+        return FleetError(
+            f"{name} is not back after {READY_S:.0f} s", self._fleet.log(name, LOG_LINES)
+        )
 
     def _note(self, **changes: object) -> None:
         self.fault = noted(self._fleet, msgspec.structs.replace(self.fault, **changes))
@@ -150,7 +174,9 @@ def open_faults(fleet: Target) -> list[Fault]:
 
 def left(fleet: Target) -> list[Fault]:
     """Return those of them whose command is gone."""
-    return [one for one in open_faults(fleet) if not (one.by and proc.started(one.by) == one.by_start)]
+    return [
+        one for one in open_faults(fleet) if not (one.by and proc.started(one.by) == one.by_start)
+    ]
 
 
 def heal(fleet: Target, faults: list[Fault]) -> list[Fault]:
@@ -159,8 +185,12 @@ def heal(fleet: Target, faults: list[Fault]) -> list[Fault]:
     for fault in reversed(faults):
         every = KINDS if fault.kind in KINDS else fleet.system.addition("faults") or {}
         if fault.kind not in every:
-            raise UsageError(f"a fault of kind {fault.kind!r} was done by a newer roco; heal it with that one")
+            raise UsageError(
+                f"a fault of kind {fault.kind!r} was done by a newer roco; heal it with that one"
+            )
         if any(one.name == fault.target for one in fleet.look().seen):
             every[fault.kind].heal(fleet, fault)
-        healed.append(noted(fleet, msgspec.structs.replace(fault, ended=time.time(), text="healed later")))
+        healed.append(
+            noted(fleet, msgspec.structs.replace(fault, ended=time.time(), text="healed later"))
+        )
     return healed

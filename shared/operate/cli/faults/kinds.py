@@ -1,5 +1,5 @@
-"""The kinds of faults, a row each: what is done to a process, how one sees that it is over, how it is healed, and
-what `roco fault KIND` may be told.
+"""The kinds of faults, a row each: what is done to a process, how one sees that it is over, how it
+is healed, and what `roco fault KIND` may be told.
 """
 
 import contextlib
@@ -22,9 +22,10 @@ from operate.cli.fleet.targets import Put, Target
 from operate.cli.traffic import listen
 from operate.run_folder import Fault, ProcessState
 
-# --- A flood: well-formed data of one identity of the fleet to one agent, at a fixed rate, while its command lives
-# The operator's is orders to set the log level that the agent has, each with an id of its own. An agent's is copies of
-# the next communicate that it says, as of a sender that takes no receipt: the receiver must tell them from new ones.
+# --- A flood: well-formed data of one identity of the fleet to one agent, at a fixed rate, while
+# its command lives The operator's is orders to set the log level that the agent has, each with an
+# id of its own. An agent's is copies of the next communicate that it says, as of a sender that
+# takes no receipt: the receiver must tell them from new ones.
 
 
 TICK_S = 0.01
@@ -36,13 +37,17 @@ Next = Callable[[], tuple[str, bytes]]
 
 @contextlib.contextmanager
 def going_on(fleet: Target, fault: Fault) -> Iterator[None]:
-    """Flood as long as this lasts. Raise UsageError: nobody may say that; FleetError: there is nothing to copy."""
+    """Flood as long as this lasts. Raise UsageError: nobody may say that; FleetError: there is
+    nothing to copy.
+    """
     speaker, over = fault.speaker or OPERATOR, threading.Event()
     for agent in {fault.target, speaker} - {OPERATOR}:
         operator.agent_of(fleet, agent)
     with fleet.speaking(speaker, fault.target) as put:
         following = _orders(fleet, fault) if speaker == OPERATOR else _copies(fleet, fault)
-        flooding = threading.Thread(target=_flood, args=(put, following, fault.amount, over), daemon=True)
+        flooding = threading.Thread(
+            target=_flood, args=(put, following, fault.amount, over), daemon=True
+        )
         flooding.start()
         try:
             yield
@@ -63,7 +68,9 @@ def _flood(put: Put, following: Next, per_second: float, over: threading.Event) 
 
 def _orders(fleet: Target, fault: Fault) -> Next:
     told, beat = fleet.look().fleet, operator.heartbeat(fleet, fault.target)
-    key = operator.key(fleet.system.design, told.system if told else fleet.system.name, fault.target)
+    key = operator.key(
+        fleet.system.design, told.system if told else fleet.system.name, fault.target
+    )
     order, numbers = SetLevel((beat and beat.level) or "info"), count(1)
     return lambda: (key, msgspec.msgpack.encode(Command(f"{fault.id}-{next(numbers)}", order)))
 
@@ -72,20 +79,28 @@ def _copies(fleet: Target, fault: Fault) -> Next:
     """Return what gives the next communicate of the speaker to the agent, again and again."""
     peers = fleet.system.design.peers(fault.speaker)
     if fault.target not in peers:
-        raise UsageError(f"{fault.speaker} says nothing to {fault.target}; it talks with {', '.join(peers)}")
+        raise UsageError(
+            f"{fault.speaker} says nothing to {fault.target}; it talks with {', '.join(peers)}"
+        )
     until = time.monotonic() + HEARD_S
     with listen.source(None, Path(fleet.where)) as heard:
         for sample in heard.samples():
             one = listen.heard_message(sample) if sample is not None else None
-            if sample is not None and one is not None and (one.sender, one.receiver) == (fault.speaker, fault.target):
+            if (
+                sample is not None
+                and one is not None
+                and (one.sender, one.receiver) == (fault.speaker, fault.target)
+            ):
                 copied = sample.key, sample.data
                 return lambda: copied
             if time.monotonic() > until:
                 break
-    raise FleetError(f"{fault.speaker} said nothing to {fault.target} within {HEARD_S:g} s; nothing was done")
+    raise FleetError(
+        f"{fault.speaker} said nothing to {fault.target} within {HEARD_S:g} s; nothing was done"
+    )
 
 
-# --- The kinds of faults, a row each ----------------------------------------------------------------------------------
+# --- The kinds of faults, a row each --------------------------------------------------------------
 
 
 BACK = "back"
@@ -94,7 +109,9 @@ KEPT_DOWN = "down"
 
 
 class Amount(msgspec.Struct, frozen=True):
-    """Size of a fault: an argument of the verb, or an option with a default. `tried`: values chaos chooses from."""
+    """Size of a fault: an argument of the verb, or an option with a default. `tried`: values chaos
+    chooses from.
+    """
 
     metavar: str
     text: str
@@ -106,19 +123,22 @@ class Amount(msgspec.Struct, frozen=True):
 
 
 class Kind(msgspec.Struct, frozen=True):
-    """`begin`: do it; `heal`: undo it, also where there is nothing to undo; `over`: why it has ended without that, ""
-    while it goes on; `meanwhile`: lasts as long as it does.
+    """`begin`: do it; `heal`: undo it, also where there is nothing to undo; `over`: why it has
+    ended without that, "" while it goes on; `meanwhile`: lasts as long as it does.
 
-    `for_s`: it is healed after that time; None: it has no --for and is over once the process is back. `timed`: the kind
-    that is done where --for is given. `amount`: None where it has none. `speaker`: whether somebody speaks (--as).
-    `agents`: only agents can be hit; `wire`: only those with a wire, or all to a router.
+    `for_s`: it is healed after that time; None: it has no --for and is over once the process is
+    back. `timed`: the kind that is done where --for is given. `amount`: None where it has none.
+    `speaker`: whether somebody speaks (--as). `agents`: only agents can be hit; `wire`: only those
+    with a wire, or all to a router.
     """
 
     begin: Callable[[Target, Fault], None]
     over: Callable[[Seen | None, Fault], str]
     heal: Callable[[Target, Fault], None]
     for_s: float | None
-    meanwhile: Callable[[Target, Fault], AbstractContextManager[None]] = lambda fleet, fault: nullcontext()
+    meanwhile: Callable[[Target, Fault], AbstractContextManager[None]] = lambda fleet, fault: (
+        nullcontext()
+    )
     timed: str = ""
     amount: Amount | None = None
     speaker: bool = False
@@ -133,7 +153,11 @@ class Kind(msgspec.Struct, frozen=True):
 
 def same(seen: Seen | None, fault: Fault) -> bool:
     """Whether this is the process that was hit, and it lives."""
-    return seen is not None and seen.used is not None and (seen.status.pid, seen.used.start) == (fault.pid, fault.start)
+    return (
+        seen is not None
+        and seen.used is not None
+        and (seen.status.pid, seen.used.start) == (fault.pid, fault.start)
+    )
 
 
 def back(seen: Seen | None, fault: Fault) -> bool:
@@ -152,10 +176,14 @@ def _sends(number: signal.Signals) -> Callable[[Target, Fault], None]:
 
 
 def _stopped(fleet: Target, fault: Fault) -> None:
-    """Stop it, and see it stopped: a busy machine does not do so at once, and one that runs counts as continued."""
+    """Stop it, and see it stopped: a busy machine does not do so at once, and one that runs counts
+    as continued.
+    """
     fleet.signal(fault.target, signal.SIGSTOP)
     until = time.monotonic() + STOPPED_S
-    while same(seen := now(fleet, fault), fault) and not _is_frozen(seen) and time.monotonic() < until:
+    while (
+        same(seen := now(fleet, fault), fault) and not _is_frozen(seen) and time.monotonic() < until
+    ):
         time.sleep(PERIOD_S)
 
 
@@ -221,15 +249,21 @@ def _wired(kind: str, amount: Amount | None = None) -> Kind:
 STOPPED_S, PERIOD_S = 10.0, 0.01
 """Time that a signal may need, and between two looks; estimates."""
 HANG_S, PAUSE_S = 60.0, 1.0
-"""Estimates: whoever looks after a hung process has ended it by then; a pause shorter than that is not seen."""
+"""Estimates: whoever looks after a hung process has ended it by then; a pause shorter than that is
+not seen.
+"""
 WIRE_S = 5.0
 """Estimate: longer than the lease of a session (2 s), so that the others notice a cut."""
 MORE_S = 5.0
-"""Of a full disk, a flood, a stepped clock; estimate: some heartbeats and rounds of sending again."""
+"""Of a full disk, a flood, a stepped clock; estimate: some heartbeats and rounds of sending
+again.
+"""
 SHARE = Amount("SHARE", "Of the pieces, up to 1.", (0.02, 0.2), 0.0001, 1.0)
 KINDS = {
     "kill": Kind(_sends(signal.SIGKILL), _back_over, _nothing, 0.0, timed=KEPT_DOWN),
-    KEPT_DOWN: Kind(_killed, _never_over, lambda fleet, fault: fleet.switch(fault.target, True), 0.0),
+    KEPT_DOWN: Kind(
+        _killed, _never_over, lambda fleet, fault: fleet.switch(fault.target, True), 0.0
+    ),
     "restart": Kind(_sends(signal.SIGTERM), _back_over, _nothing, None),
     "hang": _frozen(HANG_S),
     "pause": _frozen(PAUSE_S),
@@ -238,14 +272,18 @@ KINDS = {
     "loss": _wired("loss", SHARE),
     "rate": _wired("rate", Amount("BYTES", "Bytes per second, each way.", (5e3, 5e4), 100.0)),
     "corrupt": _wired("corrupt", SHARE),
-    "disk-full": Kind(lambda fleet, fault: fleet.writing(fault.target, False), _ended_over, _writes_again, MORE_S),
+    "disk-full": Kind(
+        lambda fleet, fault: fleet.writing(fault.target, False), _ended_over, _writes_again, MORE_S
+    ),
     "flood": Kind(
         _nothing,
         _never_over,
         _nothing,
         MORE_S,
         going_on,
-        amount=Amount("N", "So many a second.", (100.0, 2000.0), 1.0, option="--per-second", default=500.0),
+        amount=Amount(
+            "N", "So many a second.", (100.0, 2000.0), 1.0, option="--per-second", default=500.0
+        ),
         speaker=True,
         agents=True,
     ),
@@ -261,7 +299,9 @@ KINDS = {
 """By the name that faults.jsonl has."""
 VERBS = tuple(kind for kind in KINDS if kind != KEPT_DOWN)
 """Verbs of `roco fault` that do one."""
-AMOUNTS = tuple(name for name, kind in KINDS.items() if kind.amount is not None and not kind.amount.option)
+AMOUNTS = tuple(
+    name for name, kind in KINDS.items() if kind.amount is not None and not kind.amount.option
+)
 """Those that need an amount."""
 UNTIMED = tuple(name for name, kind in KINDS.items() if kind.for_s is None)
 """Those without --for."""

@@ -1,6 +1,8 @@
-"""The moment at which a fault begins: after some seconds, in a state of an agent, at the Nth message, at a line told.
+"""The moment at which a fault begins: after some seconds, in a state of an agent, at the Nth
+message, at a line told.
 
-Pure but for `wait`, which hears the fleet through a tap. States are those that agents tell in their heartbeats.
+Pure but for `wait`, which hears the fleet through a tap. States are those that agents tell in their
+heartbeats.
 """
 
 import re
@@ -26,8 +28,8 @@ TIME = re.compile(r"@(\d+(?:\.\d+)?)")
 MESSAGE = re.compile(r"(\d+)(?:st|nd|rd|th)?-message")
 EVENT, PLAN = "event:", "plan:"
 FORMS = (
-    "seconds (2.5), a time (@UNIX), a state (STATE or AGENT:STATE), the Nth message (3rd-message), an event of the"
-    f" run ({EVENT}NAME), or a step of the plan ({PLAN}STEP or {PLAN}STEP/ACT)"
+    "seconds (2.5), a time (@UNIX), a state (STATE or AGENT:STATE), the Nth message (3rd-message),"
+    f" an event of the run ({EVENT}NAME), or a step of the plan ({PLAN}STEP or {PLAN}STEP/ACT)"
 )
 LOOK_S = 0.02
 
@@ -59,7 +61,8 @@ class Message(msgspec.Struct, frozen=True):
 
 
 class Event(msgspec.Struct, frozen=True):
-    """As soon as the run tells an event of this name, `of` these things or numbers (`events` of report.json).
+    """As soon as the run tells an event of this name, `of` these things or numbers (`events` of
+    report.json).
 
     The first of them are enough. Only what is told from now on counts.
     """
@@ -69,11 +72,17 @@ class Event(msgspec.Struct, frozen=True):
 
     def there(self, line: LiveLine) -> bool:
         """Whether a line of live.jsonl tells it."""
-        return isinstance(line, Happened) and line.name == self.name and line.of[: len(self.of)] == self.of
+        return (
+            isinstance(line, Happened)
+            and line.name == self.name
+            and line.of[: len(self.of)] == self.of
+        )
 
 
 class InPlan(msgspec.Struct, frozen=True):
-    """As soon as the plan is in a step that does this, with these things, and in this act of it ("": any)."""
+    """As soon as the plan is in a step that does this, with these things, and in this act of it
+    ("": any).
+    """
 
     does: str
     things: tuple[str, ...] = ()
@@ -84,7 +93,11 @@ class InPlan(msgspec.Struct, frozen=True):
         if not isinstance(line, PlanAt) or line.at is None or line.outcome:
             return False
         at = line.at
-        return at.does == self.does and at.things[: len(self.things)] == self.things and self.act in ("", at.act)
+        return (
+            at.does == self.does
+            and at.things[: len(self.things)] == self.things
+            and self.act in ("", at.act)
+        )
 
 
 Moment = After | Until | InState | Message | Event | InPlan
@@ -99,7 +112,9 @@ _beat = msgspec.json.Decoder(_Beat)
 
 
 def parse(text: str, design: Design, target: str) -> Moment:
-    """Read a moment, for a fault of this process. Raise UsageError with the forms, or the states that there are."""
+    """Read a moment, for a fault of this process. Raise UsageError with the forms, or the states
+    that there are.
+    """
     if found := SECONDS.fullmatch(text or "0"):
         return After(float(found[1]))
     if found := TIME.fullmatch(text):
@@ -131,18 +146,27 @@ def _in_plan(text: str, whole: str) -> InPlan:
 
 
 def _whose(agent: str, state: str, text: str, design: Design, target: str) -> str:
-    """Return the agent whose state is meant: the one named, else the fault's own, else the only one that has it."""
+    """Return the agent whose state is meant: the one named, else the fault's own, else the only one
+    that has it.
+    """
     states = {name: [one.name for one in entry.state] for name, entry in design.agents.items()}
     if agent and agent not in states:
         raise UsageError(f"{text!r}: the design has no agent {agent!r}; it has {', '.join(states)}")
     if agent and state not in states[agent]:
-        raise UsageError(f"{text!r}: {agent} has no state {state!r}; it has {', '.join(states[agent])}")
+        raise UsageError(
+            f"{text!r}: {agent} has no state {state!r}; it has {', '.join(states[agent])}"
+        )
     having = [name for name, own in states.items() if state in own and agent in ("", name)]
     if not having:
-        raise UsageError(f"{text!r} is no moment, and no agent has a state of that name; give {FORMS}")
+        raise UsageError(
+            f"{text!r} is no moment, and no agent has a state of that name; give {FORMS}"
+        )
     if target in having or len(having) == 1:
         return target if target in having else having[0]
-    raise UsageError(f"{text!r} is a state of several; name one: {', '.join(f'{name}:{state}' for name in having)}")
+    raise UsageError(
+        f"{text!r} is a state of several; name one:"
+        f" {', '.join(f'{name}:{state}' for name in having)}"
+    )
 
 
 def counter(moment: InState | Message) -> Callable[[Sample], bool]:
@@ -202,7 +226,9 @@ def _wait_in_run(moment: Event | InPlan, within_s: float, fleet: Target) -> None
 
 
 def _never_there(moment: Moment, within_s: float) -> FleetError:
-    return FleetError(f"{moment_text(moment)} was not there within {within_s:g} s; nothing was done (--within)")
+    return FleetError(
+        f"{moment_text(moment)} was not there within {within_s:g} s; nothing was done (--within)"
+    )
 
 
 def moment_text(moment: Moment) -> str:

@@ -1,4 +1,6 @@
-"""`roco fault run FILE --seed N`: a scenario, each fault of it a `roco fault` of its own, so that each heals itself."""
+"""`roco fault run FILE --seed N`: a scenario, each fault of it a `roco fault` of its own, so that
+each heals itself.
+"""
 
 import contextlib
 import math
@@ -23,7 +25,8 @@ from operate.cli.fleet import targets
 from operate.cli.fleet.targets import named
 from operate.cli.output import Form, Format, RunDir, problems
 
-# --- A scenario: faults in a TOML file, of which a seed chooses what the file leaves open. Pure but for `load` -------
+# --- A scenario: faults in a TOML file, of which a seed chooses what the file leaves open. Pure but
+# for `load`
 # [[fault]]
 # kind = "delay"            # a verb of `roco fault`
 # target = ["mule", "ox"]   # one of them
@@ -32,7 +35,9 @@ from operate.cli.output import Form, Format, RunDir, problems
 # amount = [0.05, 0.2]
 
 
-SIGNED = tuple(name for name, kind in KINDS.items() if kind.amount is not None and kind.amount.tried[0] < 0)
+SIGNED = tuple(
+    name for name, kind in KINDS.items() if kind.amount is not None and kind.amount.tried[0] < 0
+)
 """Kinds whose amount may be below 0."""
 Span = float | tuple[float, float]
 
@@ -56,7 +61,9 @@ class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Chosen(msgspec.Struct, frozen=True):
-    """A fault with nothing left open. `at`: as --at has it, or seconds after the scenario's begin; None: not given."""
+    """A fault with nothing left open. `at`: as --at has it, or seconds after the scenario's begin;
+    None: not given.
+    """
 
     kind: str
     target: str
@@ -70,7 +77,8 @@ def load(file: Path) -> Scenario:
     """Read a scenario. Raise UsageError with the file and the field that is wrong."""
     try:
         scenario = msgspec.convert(tomllib.loads(file.read_text(encoding="utf-8-sig")), Scenario)
-    except (OSError, ValueError, RecursionError) as error:  # the last two from tomllib; msgspec's is a ValueError
+    # the last two from tomllib; msgspec's is a ValueError
+    except (OSError, ValueError, RecursionError) as error:
         raise UsageError(f"{file}: {error}; docs/faults.md shows a scenario") from error
     if not scenario.fault:
         raise UsageError(f"{file}: it has no [[fault]]; docs/faults.md shows one")
@@ -96,7 +104,10 @@ def _wrong(entry: Entry) -> str:
     for name, span in spans.items():
         least = -math.inf if entry.kind in SIGNED and name == "amount" else 0.0
         if isinstance(span, tuple) and not least <= span[0] <= span[1] < math.inf:
-            return f"{name} = [{span[0]:g}, {span[1]:g}] is no span: give [least, most], neither below {least:g}"
+            return (
+                f"{name} = [{span[0]:g}, {span[1]:g}] is no span: give [least, most], neither below"
+                f" {least:g}"
+            )
         if isinstance(span, float) and not least <= span < math.inf:
             return f"{name} = {span:g} is below 0 or no number"
     return ""
@@ -128,12 +139,22 @@ def fault_arguments(one: Chosen, began: float) -> list[str]:
     how_much = KINDS[one.kind].amount
     option = how_much.option if how_much is not None else ""
     amount = [] if one.amount is None or option else [f"{one.amount:g}"]
-    options = {option: one.amount if option else None, "--at": at, "--for": one.for_, "--within": one.within}
-    given = [word for name, value in options.items() if value not in ("", None) for word in (name, str(value))]
+    options = {
+        option: one.amount if option else None,
+        "--at": at,
+        "--for": one.for_,
+        "--within": one.within,
+    }
+    given = [
+        word
+        for name, value in options.items()
+        if value not in ("", None)
+        for word in (name, str(value))
+    ]
     return [one.kind, one.target, *amount, *given]
 
 
-# --- `roco fault run FILE --seed N` -----------------------------------------------------------------------------------
+# --- `roco fault run FILE --seed N` ---------------------------------------------------------------
 
 
 HEAL_S = 100.0
@@ -159,23 +180,37 @@ def run(
         fleet = targets.find(target, run_dir)
         inflict.refuse(fleet)
         chosen = choose(load(file), seed)
-        for one in chosen:  # UsageError before anything is done: a process or a moment that is not there
+        # UsageError before anything is done: a process or a moment that is not there
+        for one in chosen:
             named(fleet, inflict.ends(fleet, one.target)[0])
             if isinstance(one.at, str):
                 moments.parse(one.at, fleet.system.design, one.target)
-        place = [*(["--target", target] if target else []), *(["--run-dir", str(run_dir)] if run_dir else [])]
+        place = [
+            *(["--target", target] if target else []),
+            *(["--run-dir", str(run_dir)] if run_dir else []),
+        ]
         heal_left(fleet, form)
         began = time.time()
-        codes = _done([[*fault_arguments(one, began), *place, "--format", form.value] for one in chosen])
+        codes = _done(
+            [[*fault_arguments(one, began), *place, "--format", form.value] for one in chosen]
+        )
         if failed := sum(code != 0 for code in codes):
-            raise FleetError(f"{failed} of {len(codes)} faults did not go as they should; `roco fault list` has them")
+            raise FleetError(
+                f"{failed} of {len(codes)} faults did not go as they should; `roco fault list` has"
+                " them"
+            )
 
 
 def _done(calls: list[list[str]]) -> list[int]:
-    """Call `roco fault` with each of these, side by side; their exit codes. Ctrl-C ends them, each heals."""
+    """Call `roco fault` with each of these, side by side; their exit codes. Ctrl-C ends them, each
+    heals.
+    """
     with contextlib.ExitStack() as all_of_them:
         roco, quiet = [sys.executable, "-P", "-m", "operate.cli", "fault"], subprocess.DEVNULL
-        children = [all_of_them.enter_context(subprocess.Popen([*roco, *words], stdin=quiet)) for words in calls]
+        children = [
+            all_of_them.enter_context(subprocess.Popen([*roco, *words], stdin=quiet))
+            for words in calls
+        ]
         try:
             return [child.wait() for child in children]
         except KeyboardInterrupt:

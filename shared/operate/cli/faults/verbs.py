@@ -1,4 +1,6 @@
-"""`roco fault KIND PROCESS`, `list`, `heal`: faults done on purpose, recorded, healed at the end."""
+"""`roco fault KIND PROCESS`, `list`, `heal`: faults done on purpose, recorded, healed at the
+end.
+"""
 
 from datetime import datetime
 from functools import partial
@@ -18,14 +20,19 @@ from operate.cli.terminal.table import table
 from operate.fault_lines import latest, read
 from operate.run_folder import Fault
 
-Process = Annotated[str, typer.Argument(metavar="PROCESS", help="A process.", autocompletion=targets.processes)]
+Process = Annotated[
+    str, typer.Argument(metavar="PROCESS", help="A process.", autocompletion=targets.processes)
+]
 At = Annotated[
     str,
     typer.Option(
         "--at",
         metavar="MOMENT",
-        help="When it begins: seconds from now, a state (STATE or AGENT:STATE), the Nth message of the process "
-        "(3rd-message), an event of the run (event:NAME) or a step of the plan (plan:STEP); else at once.",
+        help=(
+            "When it begins: seconds from now, a state (STATE or AGENT:STATE), the Nth message of"
+            " the process (3rd-message), an event of the run (event:NAME) or a step of the plan"
+            " (plan:STEP); else at once."
+        ),
         autocompletion=completion.moments,
     ),
 ]
@@ -55,17 +62,26 @@ def kinds(incomplete: str) -> list[str]:
 
 
 def fault(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="What is done to it.", autocompletion=kinds)],
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="What is done to it.", autocompletion=kinds)
+    ],
     process: Process,
     amount: Annotated[
         float | None,
-        typer.Argument(metavar="[AMOUNT]", help="delay, clock: seconds; loss, corrupt: a share; rate: bytes."),
+        typer.Argument(
+            metavar="[AMOUNT]", help="delay, clock: seconds; loss, corrupt: a share; rate: bytes."
+        ),
     ] = None,
-    per_second: Annotated[float | None, typer.Option(min=1.0, help="flood: so many a second; else 500.")] = None,
+    per_second: Annotated[
+        float | None, typer.Option(min=1.0, help="flood: so many a second; else 500.")
+    ] = None,
     speaker: Annotated[
         str,
         typer.Option(
-            "--as", metavar="NAME", help="flood: who floods, the operator or a peer.", autocompletion=completion.agents
+            "--as",
+            metavar="NAME",
+            help="flood: who floods, the operator or a peer.",
+            autocompletion=completion.agents,
         ),
     ] = "",
     at: At = "",
@@ -82,13 +98,15 @@ def fault(
 
     kill: kill a process (SIGKILL), and wait until it is back; with --for it is kept down so long.
 
-    hang: let it hang (SIGSTOP) until somebody ends it: who supervises it, `roco fault heal`, or the time --for.
+    hang: let it hang (SIGSTOP) until somebody ends it: who supervises it, `roco fault heal`, or the
+    time --for.
 
     pause: give it no processor for a time (SIGSTOP, then SIGCONT).
 
     restart: end it in order (SIGTERM) in the middle of its work, and wait until it is back.
 
-    cut: cut the wires of an agent, as if its plug were pulled; a router: all to it; AGENT-PEER: the link of the two.
+    cut: cut the wires of an agent, as if its plug were pulled; a router: all to it; AGENT-PEER: the
+    link of the two.
 
     delay: delay what passes the wires of an agent, each way, by AMOUNT seconds.
 
@@ -98,11 +116,14 @@ def fault(
 
     corrupt: turn over a bit in a share of what passes the wires of an agent.
 
-    disk-full: let what it writes to files fail, as if its disk were full (EFBIG), until it ends or the time is over.
+    disk-full: let what it writes to files fail, as if its disk were full (EFBIG), until it ends or
+    the time is over.
 
-    flood: flood an agent with orders of the operator, or with copies of what another agent says to it (--as).
+    flood: flood an agent with orders of the operator, or with copies of what another agent says to
+    it (--as).
 
-    clock: step the wall clock of an agent, forward or below 0 back; its monotonic clock goes on as it was.
+    clock: step the wall clock of an agent, forward or below 0 back; its monotonic clock goes on as
+    it was.
 
     Examples:
       roco fault kill AGENT
@@ -147,7 +168,9 @@ def fault(
 
 
 def amount_of(kind: str, row: Kind, amount: float | None, per_second: float | None) -> float:
-    """The amount of a fault, 0 for a kind without. Raise UsageError where it is missing, wrong, or of another kind."""
+    """The amount of a fault, 0 for a kind without. Raise UsageError where it is missing, wrong, or
+    of another kind.
+    """
     optional = row.amount is not None and row.amount.option != ""
     if per_second is not None and not optional:
         raise UsageError(f"{kind} has no --per-second; a flood has")
@@ -162,7 +185,9 @@ def amount_of(kind: str, row: Kind, amount: float | None, per_second: float | No
     least, most = row.amount.least, row.amount.most
     if (least is not None and given < least) or (most is not None and given > most):
         upper = f", {most:g} at most" if most is not None else ""
-        raise UsageError(f"{kind}: {row.amount.metavar} is {given:g}; it must be {least:g} at least{upper}")
+        raise UsageError(
+            f"{kind}: {row.amount.metavar} is {given:g}; it must be {least:g} at least{upper}"
+        )
     return given
 
 

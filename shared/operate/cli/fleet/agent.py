@@ -18,8 +18,12 @@ from operate.cli.output import Form, Format, RunDir, problems, tell_json, waitin
 from operate.cli.runs import folders
 from operate.run_folder import ProcessState
 
-Process = Annotated[str, typer.Argument(metavar="NAME", help="A process.", autocompletion=targets.processes)]
-Agent = Annotated[str, typer.Argument(metavar="AGENT", help="An agent.", autocompletion=targets.processes)]
+Process = Annotated[
+    str, typer.Argument(metavar="NAME", help="A process.", autocompletion=targets.processes)
+]
+Agent = Annotated[
+    str, typer.Argument(metavar="AGENT", help="An agent.", autocompletion=targets.processes)
+]
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
 STOP_S = 130.0  # the monitor may take two minutes for its reports
 READY_S = 90.0  # as for the whole fleet
@@ -44,7 +48,9 @@ class Done(msgspec.Struct, frozen=True):
     text: str
 
 
-def stop(name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+def stop(
+    name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT
+) -> None:
     """Stop a process in order; it stays down until `roco agent start`, and `roco status` says so.
 
     Examples:
@@ -57,8 +63,11 @@ def stop(name: Process, target: targets.Name = "", run_dir: RunDir = None, form:
         turn(fleet, name, (False,), f"stopped; `roco agent start {name}` starts it", form)
 
 
-def start(name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
-    """Start a process that was stopped or given up, and wait until it is ready; let a paused agent go on.
+def start(
+    name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT
+) -> None:
+    """Start a process that was stopped or given up, and wait until it is ready; let a paused agent
+    go on.
 
     Examples:
       roco agent start AGENT
@@ -73,7 +82,9 @@ def start(name: Process, target: targets.Name = "", run_dir: RunDir = None, form
         turn(fleet, name, (False, True) if given_up else (True,), "ready", form)
 
 
-def restart(name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+def restart(
+    name: Process, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT
+) -> None:
     """Restart a process, and wait until it is ready. An agent goes on from its journal.
 
     Examples:
@@ -86,10 +97,14 @@ def restart(name: Process, target: targets.Name = "", run_dir: RunDir = None, fo
         turn(fleet, name, (False, True), "ready", form)
 
 
-def pause(agent: Agent, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
-    """Let an agent take no step until `roco agent start`. It stays alive, and what is said to it waits.
+def pause(
+    agent: Agent, target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT
+) -> None:
+    """Let an agent take no step until `roco agent start`. It stays alive, and what is said to it
+    waits.
 
-    A physical act that has begun goes on to its end: pausing is not an emergency stop. A restart does not end a pause.
+    A physical act that has begun goes on to its end: pausing is not an emergency stop. A restart
+    does not end a pause.
 
     Examples:
       roco agent pause AGENT
@@ -109,7 +124,9 @@ def ordered(fleet: Target, agent: str, order: Order, text: str, form: Format) ->
 
 
 def turn(fleet: Target, name: str, ways: tuple[bool, ...], text: str, form: Format) -> None:
-    """Switch a process off (False) or on (True), one after the other, each waited for; tell what became of it."""
+    """Switch a process off (False) or on (True), one after the other, each waited for; tell what
+    became of it.
+    """
     began = time.monotonic()
     with waiting(f"{name} {'starts' if ways[0] else 'stops'}", form) as say:
         for on in ways:
@@ -119,7 +136,9 @@ def turn(fleet: Target, name: str, ways: tuple[bool, ...], text: str, form: Form
 
 
 def switched(fleet: Target, name: str, *, on: bool) -> Seen:
-    """Start it and wait until it is ready, or end it and wait until it is gone. FleetError: not in time, given up."""
+    """Start it and wait until it is ready, or end it and wait until it is gone. FleetError: not in
+    time, given up.
+    """
     fleet.switch(name, on)
     wanted, patience_s = (ProcessState.READY, READY_S) if on else (ProcessState.STOPPED, STOP_S)
     until = time.monotonic() + patience_s
@@ -140,17 +159,22 @@ def tell(done: Done, form: Format) -> None:
     if form is Format.JSON:
         tell_json(done)
     else:
-        print(f"{done.name}: {done.text}{f', pid {done.pid}' if done.pid else ''}, after {done.took_s:.1f} s")
+        print(
+            f"{done.name}: {done.text}{f', pid {done.pid}' if done.pid else ''}, after"
+            f" {done.took_s:.1f} s"
+        )
 
 
-# --- `roco agent repair NAME`: make the damaged journal of an agent usable again, while it does not run --------------
+# --- `roco agent repair NAME`: make the damaged journal of an agent usable again, while it does not
+# run
 
 
 def repair(agent: Agent, run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
     """Repair the damaged journal of an agent that does not run.
 
-    The newest record that is whole is kept, and the damaged file beside it. Where something came after that record,
-    peers may know of it: they begin again with this agent, and open conversations end.
+    The newest record that is whole is kept, and the damaged file beside it. Where something came
+    after that record, peers may know of it: they begin again with this agent, and open
+    conversations end.
 
     Examples:
       roco agent repair AGENT
@@ -163,7 +187,9 @@ def repair(agent: Agent, run_dir: RunDir = None, form: Form = Format.TEXT) -> No
         except JournalError as error:
             raise FleetError(str(error)) from error
         except OSError as error:
-            raise FleetError(f"journal {file} cannot be repaired: {error.strerror}; nothing was changed") from error
+            raise FleetError(
+                f"journal {file} cannot be repaired: {error.strerror}; nothing was changed"
+            ) from error
         if form is Format.JSON:
             tell_json(done)
         else:
@@ -174,4 +200,6 @@ def _repair_text(agent: str, done: Repaired) -> str:
     if not done.kept:
         return f"{agent}: the journal is whole; nothing to repair"
     where = f" at byte {', '.join(map(str, done.damaged))}" if done.damaged else " at its end"
-    return f"{agent}: {done.path} was damaged{where}\nlost: {done.lost}\nkept as it was: {done.kept}"
+    return (
+        f"{agent}: {done.path} was damaged{where}\nlost: {done.lost}\nkept as it was: {done.kept}"
+    )

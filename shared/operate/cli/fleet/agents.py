@@ -1,4 +1,6 @@
-"""`roco agents`: every process of the fleet in a line, all that is known of one, or what the agents offer."""
+"""`roco agents`: every process of the fleet in a line, all that is known of one, or what the agents
+offer.
+"""
 
 import time
 from typing import Annotated
@@ -14,7 +16,9 @@ from operate.cli.fleet.targets import LOG_LINES, Target, named
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 
 BETWEEN_S = 0.5
-"""Between the two looks whose difference is the share of a processor: 50 ticks of the kernel's clock."""
+"""Between the two looks whose difference is the share of a processor: 50 ticks of the kernel's
+clock.
+"""
 
 
 class Agents(msgspec.Struct, frozen=True):
@@ -27,31 +31,50 @@ class Agents(msgspec.Struct, frozen=True):
 def agents(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="All that is known of these.", autocompletion=targets.processes),
+        typer.Argument(
+            metavar="[NAME]...",
+            help="All that is known of these.",
+            autocompletion=targets.processes,
+        ),
     ] = None,
-    offers: Annotated[bool, typer.Option("--offers", help="What they offer and ask, as the design says.")] = False,
+    offers: Annotated[
+        bool, typer.Option("--offers", help="What they offer and ask, as the design says.")
+    ] = False,
     protocol: Annotated[
-        str, typer.Option(help="Who offers this protocol, or use of one.", autocompletion=completion.protocols_and_uses)
+        str,
+        typer.Option(
+            help="Who offers this protocol, or use of one.",
+            autocompletion=completion.protocols_and_uses,
+        ),
     ] = "",
-    ontology: Annotated[str, typer.Option(help="Offers of this ontology.", autocompletion=completion.ontologies)] = "",
-    language: Annotated[str, typer.Option(help="Offers in this language.", autocompletion=completion.languages)] = "",
+    ontology: Annotated[
+        str, typer.Option(help="Offers of this ontology.", autocompletion=completion.ontologies)
+    ] = "",
+    language: Annotated[
+        str, typer.Option(help="Offers in this language.", autocompletion=completion.languages)
+    ] = "",
     up: Annotated[bool, typer.Option("--up", help="Offers of agents that are up.")] = False,
-    long: Annotated[bool, typer.Option("--long", help="Offers with arguments and answers of each act.")] = False,
+    long: Annotated[
+        bool, typer.Option("--long", help="Offers with arguments and answers of each act.")
+    ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Show every process: state, heartbeat's age, processor, memory, pid, life, restarts, communicates that wait.
+    """Show every process: state, heartbeat's age, processor, memory, pid, life, restarts,
+    communicates that wait.
 
-    Exits with 1 where something is wrong with one, with 3 where nothing runs. `life` is the agent's incarnation,
-    `again` how often it was restarted, `waits` how many communicates are not receipted or not said yet.
+    Exits with 1 where something is wrong with one, with 3 where nothing runs. `life` is the agent's
+    incarnation, `again` how often it was restarted, `waits` how many communicates are not receipted
+    or not said yet.
 
-    With NAME: all that is known of a process: its row, its peers, what waits, what it counts, its last lines; of an
-    agent also its parameters, its inbox, its open conversations and its last steps.
+    With NAME: all that is known of a process: its row, its peers, what waits, what it counts, its
+    last lines; of an agent also its parameters, its inbox, its open conversations and its last
+    steps.
 
-    With --offers: who offers which protocol, ontology, language and query kinds, and who is up. What is offered stands
-    in the design, as the participant of a protocol; without a fleet that is all there is to tell. Exits with 1 where
-    nobody fits.
+    With --offers: who offers which protocol, ontology, language and query kinds, and who is up.
+    What is offered stands in the design, as the participant of a protocol; without a fleet that is
+    all there is to tell. Exits with 1 where nobody fits.
 
     Examples:
       roco agents
@@ -66,7 +89,14 @@ def agents(
         if offers or protocol or ontology or language or up or long:
             from operate.cli.fleet.offers import Search, offered  # most calls ask for processes
 
-            offered(Search(tuple(names or ()), protocol, ontology, language), target, run_dir, form, up=up, long=long)
+            offered(
+                Search(tuple(names or ()), protocol, ontology, language),
+                target,
+                run_dir,
+                form,
+                up=up,
+                long=long,
+            )
             return
         fleet = targets.find(target, run_dir)
         if names:
@@ -86,7 +116,9 @@ def agents(
 
             show_agents(found)
         if not any(row.pid for row in found):
-            raise NoRunError(fleet.where, f"nothing of {fleet.where} runs; `roco up` starts a fleet")
+            raise NoRunError(
+                fleet.where, f"nothing of {fleet.where} runs; `roco up` starts a fleet"
+            )
         if any(row.trouble for row in found):
             raise typer.Exit(NO)
 

@@ -1,4 +1,6 @@
-"""`roco doctor`: what is wrong and what to do, check by check; a system adds checks of its own (Checks)."""
+"""`roco doctor`: what is wrong and what to do, check by check; a system adds checks of its own
+(Checks).
+"""
 
 import datetime as dt
 import importlib.metadata
@@ -37,7 +39,9 @@ from operate.system import NoSystemError, UntrustedError, here
 
 
 class Level(StrEnum):
-    """fine; note: worth knowing, nothing fails by it; wrong: something does not work, or soon will not."""
+    """fine; note: worth knowing, nothing fails by it; wrong: something does not work, or soon will
+    not.
+    """
 
     FINE = "fine"
     NOTE = "note"
@@ -54,13 +58,16 @@ class Check(msgspec.Struct, frozen=True):
 
 
 class Checks(msgspec.Struct, frozen=True):
-    """Checks a system adds, or puts in place of those of the same name: of the machine, and of its fleet."""
+    """Checks a system adds, or puts in place of those of the same name: of the machine, and of its
+    fleet.
+    """
 
     machine: dict[str, Callable[[], Iterator[Check]]] = {}
     fleet: dict[str, Callable[[Target, Look], Iterator[Check]]] = {}
 
 
-# --- Checks of `roco doctor` without a fleet: Python and its libraries, processor, disk space, clock, docker ---------
+# --- Checks of `roco doctor` without a fleet: Python and its libraries, processor, disk space,
+# clock, docker
 
 
 PROJECT = "robot-companion"
@@ -68,7 +75,9 @@ PYTHON = (3, 11)
 LEAST_DISK, SMALL_DISK = 1 << 30, 5 << 30
 """Bytes; estimates: a run of an hour with pictures takes some hundred MB."""
 FLEET_MEMORY = 1 << 29
-"""Bytes that a small fleet uses: 493 MiB resident of router, monitor and five agents (depot, measured 2026-11-23)."""
+"""Bytes that a small fleet uses: 493 MiB resident of router, monitor and five agents (depot,
+measured 2026-11-23).
+"""
 BUSY = 1.5
 """Runnable processes for each processor; above it a start takes several times longer (estimate)."""
 IMPORTS = ("zenoh",)
@@ -83,9 +92,19 @@ def python() -> Iterator[Check]:
     """Version, and whether it is an environment of its own."""
     version = ".".join(map(str, sys.version_info[:3]))
     if sys.version_info < PYTHON:
-        yield Check("python", Level.WRONG, f"Python {version}; 3.11 or newer is needed", "make .venv with a newer one")
+        yield Check(
+            "python",
+            Level.WRONG,
+            f"Python {version}; 3.11 or newer is needed",
+            "make .venv with a newer one",
+        )
     elif sys.prefix == sys.base_prefix:
-        yield Check("python", Level.NOTE, f"Python {version}, in no environment of its own", "scripts/demo makes .venv")
+        yield Check(
+            "python",
+            Level.NOTE,
+            f"Python {version}, in no environment of its own",
+            "scripts/demo makes .venv",
+        )
     else:
         yield Check("python", Level.FINE, f"Python {version} in {sys.prefix}")
 
@@ -97,7 +116,12 @@ def libraries(needed: Collection[str] = NEEDED) -> Iterator[Check]:
         extras = ",".join(sorted({extra for extra, _ in missing if extra}))
         named = ", ".join(sorted(name for _, name in missing))
         install = f"pip install -e '.[{extras}]'" if extras else "pip install -e ."
-        yield Check("libraries", Level.WRONG, f"not installed: {named}", f"{install}, or scripts/demo, which does it")
+        yield Check(
+            "libraries",
+            Level.WRONG,
+            f"not installed: {named}",
+            f"{install}, or scripts/demo, which does it",
+        )
     else:
         yield Check("libraries", Level.FINE, "all that the fleet needs are installed")
 
@@ -119,7 +143,9 @@ def missing_libraries(needed: Collection[str]) -> list[tuple[str, str]]:
 
 def imports(wanted: Collection[str] = IMPORTS) -> Iterator[Check]:
     """Whether libraries with machine code load: they need others of the system."""
-    code = "import importlib, sys\nfor name in sys.argv[1:]:\n  try: importlib.import_module(name)\n"
+    code = (
+        "import importlib, sys\nfor name in sys.argv[1:]:\n  try: importlib.import_module(name)\n"
+    )
     code += "  except Exception as error: print(name, '-', error)"
     try:
         command = [sys.executable, "-P", "-c", code, *wanted]
@@ -138,9 +164,11 @@ def imports(wanted: Collection[str] = IMPORTS) -> Iterator[Check]:
 
 
 def loopback(variables: Collection[str] = (GRPC, WEB)) -> Iterator[Check]:
-    """Whether processes can meet on the loopback interface, over which everything goes, and whether set ports are free.
+    """Whether processes can meet on the loopback interface, over which everything goes, and whether
+    set ports are free.
 
-    `variables`: each with a port, or host:port. A fleet that was started with it says who has the port.
+    `variables`: each with a port, or host:port. A fleet that was started with it says who has the
+    port.
     """
     for name in variables:
         value = os.environ.get(name, "")
@@ -149,10 +177,17 @@ def loopback(variables: Collection[str] = (GRPC, WEB)) -> Iterator[Check]:
             continue
         if fleet := started_with(name, value):
             remedy = f"for another fleet set {name} to another port"
-            yield Check("ports", Level.NOTE, f"{name}: the fleet of {fleet} was started with port {port}", remedy)
+            yield Check(
+                "ports",
+                Level.NOTE,
+                f"{name}: the fleet of {fleet} was started with port {port}",
+                remedy,
+            )
         else:
             remedy = f"end that program, or set {name} to another port"
-            yield Check("ports", Level.WRONG, f"{name}: another program listens at port {port}", remedy)
+            yield Check(
+                "ports", Level.WRONG, f"{name}: another program listens at port {port}", remedy
+            )
     if why := no_loopback():
         yield Check("ports", Level.WRONG, why, LOOPBACK_REMEDY)
     else:
@@ -164,10 +199,17 @@ def disk() -> Iterator[Check]:
     free = shutil.disk_usage(Path.cwd()).free
     words = f"{free / 2**30:.1f} GiB free for runs in {Path.cwd()}"
     if free < LEAST_DISK:
-        yield Check("disk", Level.WRONG, words, "remove old folders of runs/, or take another place with --out")
+        yield Check(
+            "disk",
+            Level.WRONG,
+            words,
+            "remove old folders of runs/, or take another place with --out",
+        )
     else:
         level = Level.NOTE if free < SMALL_DISK else Level.FINE
-        yield Check("disk", level, words, "remove old folders of runs/" if level is Level.NOTE else "")
+        yield Check(
+            "disk", level, words, "remove old folders of runs/" if level is Level.NOTE else ""
+        )
 
 
 def memory(needed: int = FLEET_MEMORY) -> Iterator[Check]:
@@ -191,16 +233,22 @@ def processors() -> Iterator[Check]:
     count, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
     words = f"{count} processors, load {load:.1f}"
     if load > BUSY * count:
-        yield Check("processor", Level.NOTE, words, "end other programs: starts, plans and acts take longer")
+        yield Check(
+            "processor", Level.NOTE, words, "end other programs: starts, plans and acts take longer"
+        )
     else:
         yield Check("processor", Level.FINE, words)
     governors = {
-        path.read_text().strip() for path in Path("/sys/devices/system/cpu").glob("cpu*/cpufreq/scaling_governor")
+        path.read_text().strip()
+        for path in Path("/sys/devices/system/cpu").glob("cpu*/cpufreq/scaling_governor")
     }
     if governors - {"performance"}:
         what = f"governor {', '.join(sorted(governors))}: the clock rises only under load"
         yield Check(
-            "governor", Level.NOTE, what, "where the loop must be on time: cpupower frequency-set -g performance"
+            "governor",
+            Level.NOTE,
+            what,
+            "where the loop must be on time: cpupower frequency-set -g performance",
         )
 
 
@@ -222,7 +270,9 @@ def clock() -> Iterator[Check]:
 
 
 def containers() -> Iterator[Check]:
-    """Whether docker answers, and whether Compose is there, as its plugin or as a program of its own."""
+    """Whether docker answers, and whether Compose is there, as its plugin or as a program of its
+    own.
+    """
     try:
         version = docker("version", "--format", "{{.Server.Version}}").decode().strip()
     except DockerError as error:
@@ -236,7 +286,9 @@ def containers() -> Iterator[Check]:
     if compose:
         yield Check("docker", Level.FINE, f"engine {version}, {compose}")
     else:
-        remedy = "only needed for containers: install its plugin (Debian: apt install docker-compose)"
+        remedy = (
+            "only needed for containers: install its plugin (Debian: apt install docker-compose)"
+        )
         yield Check("docker", Level.NOTE, f"engine {version}, but no Compose", remedy)
 
 
@@ -253,11 +305,14 @@ MACHINE: dict[str, Callable[[], Iterator[Check]]] = {
 }
 
 
-# --- Checks of `roco doctor` between a fleet's processes and its router: processes that are refused, and the reason
+# --- Checks of `roco doctor` between a fleet's processes and its router: processes that are
+# refused, and the reason
 
 
 LINES = 1000
-"""Lines of the router's log that are looked at, the last ones: one of Zenoh's for each refusal (estimate)."""
+"""Lines of the router's log that are looked at, the last ones: one of Zenoh's for each refusal
+(estimate).
+"""
 _REFUSED = re.compile(r"(?P<at>[\d-]+T[\d:]+)\S* +WARN .*zenoh_link_tls\S* (?P<why>.*?)\. Hint: ")
 _COLOUR = re.compile(r"\x1b\[\d+m")
 REASONS = {
@@ -276,19 +331,33 @@ REASONS = {
 
 
 def router(fleet: Target, now: Look) -> Iterator[Check]:
-    """Whether the router lets this command line in, and each process that has no router; else why."""
+    """Whether the router lets this command line in, and each process that has no router; else
+    why.
+    """
     told = now.fleet
-    if not isinstance(fleet, Local) or told is None or not any(status.pid for status in told.processes):
+    if (
+        not isinstance(fleet, Local)
+        or told is None
+        or not any(status.pid for status in told.processes)
+    ):
         return
     if why := _why(fleet, told, identity.CONSOLE, told.connect):
-        yield Check(ROUTER, Level.WRONG, why, f"`roco agent restart {ROUTER}`; new keys: `roco down`, then `roco up`")
+        yield Check(
+            ROUTER,
+            Level.WRONG,
+            why,
+            f"`roco agent restart {ROUTER}`; new keys: `roco down`, then `roco up`",
+        )
     else:
         yield Check(ROUTER, Level.FINE, f"listens at {told.connect}")
     for one in now.seen:
         keys = key_file(fleet.run / KEYS_FOLDER, one.name).is_file()
-        lacks = one.status.pid and one.name != ROUTER and (one.beat is None or not one.beat.up)  # or had none yet
+        # or had none yet
+        lacks = one.status.pid and one.name != ROUTER and (one.beat is None or not one.beat.up)
         if keys and lacks and (own := _why(fleet, told, one.name, told.connect)):
-            yield Check(one.name, Level.WRONG, f"no router: {own}", f"see {one.name}.log of the run")
+            yield Check(
+                one.name, Level.WRONG, f"no router: {own}", f"see {one.name}.log of the run"
+            )
 
 
 def _why(fleet: Local, told: Fleet, name: str, address: str) -> str:
@@ -309,15 +378,22 @@ def refusals(fleet: Target, now: Look) -> Iterator[Check]:
         words = "; ".join(f"{count} × {why}" for why, count in counted.most_common())
         last = max(match["at"] for match in found).replace("T", " ")
         what = f"{len(found)} sessions were refused, the last at {last} UTC: {words}"
-        yield Check("refusals", Level.NOTE, what, "router.log has a line for each; who is refused: docs/security.md")
+        yield Check(
+            "refusals",
+            Level.NOTE,
+            what,
+            "router.log has a line for each; who is refused: docs/security.md",
+        )
 
 
 def reason(logged: str) -> str:
-    """The router's word for a refusal in the words of who reads it; as it is, where it is none of those known."""
+    """The router's word for a refusal in the words of who reads it; as it is, where it is none of
+    those known.
+    """
     return next((words for word, words in REASONS.items() if word in logged), logged)
 
 
-# --- Checks of `roco doctor` on a fleet: its processes, keys, and leftovers of earlier runs --------------------------
+# --- Checks of `roco doctor` on a fleet: its processes, keys, and leftovers of earlier runs -------
 
 
 SOON = dt.timedelta(hours=12)
@@ -331,7 +407,9 @@ def processes(fleet: Target, now: Look) -> Iterator[Check]:
     seen = now.seen
     running = [one for one in seen if one.status.pid]
     if not running:
-        yield Check("fleet", Level.NOTE, f"nothing of {fleet.where} runs", "`roco up` starts a fleet")
+        yield Check(
+            "fleet", Level.NOTE, f"nothing of {fleet.where} runs", "`roco up` starts a fleet"
+        )
         return
     wrong = [check for one in seen if (check := _process(one))]
     yield from wrong
@@ -352,7 +430,9 @@ def _process(one: Seen) -> Check | None:
     }
     words = stuck(one)
     if words and one.used is not None and one.used.frozen:
-        return Check(name, Level.WRONG, words, f"kill -CONT {status.pid}, or `roco agent restart {name}`")
+        return Check(
+            name, Level.WRONG, words, f"kill -CONT {status.pid}, or `roco agent restart {name}`"
+        )
     if words:
         return Check(name, Level.WRONG, words, f"`roco agent restart {name}`; {log}")
     if status.state in remedies:
@@ -361,7 +441,12 @@ def _process(one: Seen) -> Check | None:
         return Check(name, level, words, remedies[status.state])
     words = trouble(one)
     if words and one.beat is not None and words == one.beat.trouble:
-        return Check(name, Level.WRONG, words, "make room (`df -h`, `roco runs --remove`); it goes on by itself")
+        return Check(
+            name,
+            Level.WRONG,
+            words,
+            "make room (`df -h`, `roco runs --remove`); it goes on by itself",
+        )
     return Check(name, Level.WRONG, words, f"`roco agent restart {name}`; {log}") if words else None
 
 
@@ -371,7 +456,12 @@ def supervisor(fleet: Target, now: Look) -> Iterator[Check]:
     if not isinstance(fleet, Local) or told is None:
         return
     if now.unkept:
-        yield Check("supervisor", Level.WRONG, now.unkept, f"`roco down --run-dir {fleet.run}`, then `roco up`")
+        yield Check(
+            "supervisor",
+            Level.WRONG,
+            now.unkept,
+            f"`roco down --run-dir {fleet.run}`, then `roco up`",
+        )
     elif any(status.pid for status in told.processes):
         yield Check("supervisor", Level.FINE, f"lives, pid {told.supervisor}")
 
@@ -396,14 +486,22 @@ def certificates(fleet: Target, now: Look) -> Iterator[Check]:
     else:
         soon = times.end - at < SOON
         words = f"hold until {times.end:%Y-%m-%d %H:%M} UTC"
-        yield Check("keys", Level.NOTE if soon else Level.FINE, words, "restart the fleet before then" if soon else "")
+        yield Check(
+            "keys",
+            Level.NOTE if soon else Level.FINE,
+            words,
+            "restart the fleet before then" if soon else "",
+        )
 
 
 def clock_jump(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether a heartbeat comes from the future."""
     if not isinstance(fleet, Local):
         return
-    ahead = max((file.stat().st_mtime for file in fleet.run.glob("*.heartbeat.json")), default=0.0) - time.time()
+    ahead = (
+        max((file.stat().st_mtime for file in fleet.run.glob("*.heartbeat.json")), default=0.0)
+        - time.time()
+    )
     if ahead > AHEAD_S:
         what = f"heartbeats are {ahead:.0f} s ahead of the clock: it was set back"
         yield Check("clock", Level.WRONG, what, "`roco down`, then `roco up`")
@@ -440,7 +538,7 @@ FLEET: dict[str, Callable[[Target, Look], Iterator[Check]]] = {
 }
 
 
-# --- `roco doctor` ----------------------------------------------------------------------------------------------------
+# --- `roco doctor` --------------------------------------------------------------------------------
 
 
 MARKS = {Level.FINE: ("✓", "green"), Level.NOTE: ("i", "yellow"), Level.WRONG: ("✗", "bold red")}
@@ -455,7 +553,8 @@ class Diagnosis(msgspec.Struct, frozen=True):
 
 
 def doctor(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
-    """Check machine, installation and fleet: what is wrong, why, and what to do. Exits with 1 where something is.
+    """Check machine, installation and fleet: what is wrong, why, and what to do. Exits with 1 where
+    something is.
 
     Examples:
       roco doctor
@@ -476,7 +575,9 @@ def doctor(target: targets.Name = "", run_dir: RunDir = None, form: Form = Forma
 
 
 def found(target: str, run_dir: Path | None) -> tuple[Target | None, str]:
-    """The fleet that is meant; without one only machine and installation are checked, unless it was named."""
+    """The fleet that is meant; without one only machine and installation are checked, unless it was
+    named.
+    """
     try:
         return targets.find(target, run_dir), ""
     except ConsoleError as error:
@@ -501,8 +602,8 @@ def examined(fleet: Target | None, reason: str, say: Callable[[str], None]) -> I
 
 
 def _own(fleet: Target | None) -> Checks:
-    """Return the checks added by the system of a fleet, or else of this folder; none if there is no system. Raise
-    UntrustedError where the system is there, and others can change its code.
+    """Return the checks added by the system of a fleet, or else of this folder; none if there is no
+    system. Raise UntrustedError where the system is there, and others can change its code.
     """
     try:
         found: Checks | None = (fleet.system if fleet is not None else here()).addition("checks")
@@ -524,4 +625,6 @@ def show(checks: tuple[Check, ...], console: Console) -> None:
         rows.append((Text(mark, style), Text(check.name, "bold"), what))
     console.print(table(("mark", "name", "what"), rows, fold=("what",), show_header=False))
     wrong = sum(check.level is Level.WRONG for check in checks)
-    console.print(f"{wrong} of {len(checks)} checks found something wrong" if wrong else "nothing is wrong")
+    console.print(
+        f"{wrong} of {len(checks)} checks found something wrong" if wrong else "nothing is wrong"
+    )

@@ -1,7 +1,8 @@
-"""A fleet in containers (deploy/compose.yaml): seen through docker, with one shell in each container for a look.
+"""A fleet in containers (deploy/compose.yaml): seen through docker, with one shell in each
+container for a look.
 
-Each service has its own run folder, in its own volume. A container with several processes has a supervisor in it and
-its fleet.json; of the others docker knows whether they run.
+Each service has its own run folder, in its own volume. A container with several processes has a
+supervisor in it and its fleet.json; of the others docker knows whether they run.
 """
 
 import shutil
@@ -40,7 +41,9 @@ from operate.wires import files
 ANSWER_S = 20.0
 """An answer takes 0.1 s; a loaded machine some seconds (estimate)."""
 IMAGES, SYSTEM = "robot-companion/", "robot-companion.system"
-"""Beginning of the names of our images; label of a container with any image: the system of its fleet."""
+"""Beginning of the names of our images; label of a container with any image: the system of its
+fleet.
+"""
 PROJECT, SERVICE = "com.docker.compose.project", "com.docker.compose.service"
 
 
@@ -104,7 +107,14 @@ class Container(msgspec.Struct, rename="pascal"):
 
     def variable(self, name: str) -> str:
         """The value of a variable of its environment, "" where it is not set."""
-        return next((value for key, _, value in (one.partition("=") for one in self.config.env) if key == name), "")
+        return next(
+            (
+                value
+                for key, _, value in (one.partition("=") for one in self.config.env)
+                if key == name
+            ),
+            "",
+        )
 
 
 def command(*words: str) -> list[str]:
@@ -116,20 +126,32 @@ def command(*words: str) -> list[str]:
 
 
 def docker(*words: str, timeout_s: float = ANSWER_S, data: bytes = b"") -> bytes:
-    """Return docker's output. Raises DockerError if docker is missing, refuses, or does not answer."""
+    """Return docker's output. Raises DockerError if docker is missing, refuses, or does not
+    answer.
+    """
     try:
-        done = subprocess.run(command(*words), input=data, capture_output=True, timeout=timeout_s, check=False)
+        done = subprocess.run(
+            command(*words), input=data, capture_output=True, timeout=timeout_s, check=False
+        )
     except subprocess.TimeoutExpired:
-        raise DockerError(f"docker did not answer within {timeout_s:.0f} s (docker {words[0]})") from None
+        raise DockerError(
+            f"docker did not answer within {timeout_s:.0f} s (docker {words[0]})"
+        ) from None
     if done.returncode:
-        said = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
+        said = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [
+            f"exit code {done.returncode}"
+        ]
         raise DockerError(f"docker {words[0]}: {said[0]}")
     return done.stdout
 
 
 def ours() -> list[Container]:
     """Return the containers of compose projects that are fleets, also those that have ended."""
-    listed = docker("ps", "--all", "--quiet", "--no-trunc", "--filter", f"label={PROJECT}").decode().split()
+    listed = (
+        docker("ps", "--all", "--quiet", "--no-trunc", "--filter", f"label={PROJECT}")
+        .decode()
+        .split()
+    )
     return [one for one in inspected(listed) if one.ours]
 
 
@@ -139,7 +161,9 @@ def inspected(ids: list[str]) -> list[Container]:
 
 
 def executed(ids: list[str], script: str) -> list[bytes]:
-    """Return the output of a shell script in each container, run in parallel; b"" where it cannot run."""
+    """Return the output of a shell script in each container, run in parallel; b"" where it cannot
+    run.
+    """
 
     def one(id: str) -> bytes:
         try:
@@ -153,7 +177,8 @@ def executed(ids: list[str], script: str) -> list[bytes]:
         return list(together.map(one, ids))
 
 
-# --- Contents of one look into a container: its run folder and /proc on one sheet, written by a few lines of shell
+# --- Contents of one look into a container: its run folder and /proc on one sheet, written by a few
+# lines of shell
 # A Python started in each container would cost more than all that it looks at.
 
 
@@ -170,7 +195,9 @@ true"""
 
 
 class Sheet(msgspec.Struct, frozen=True):
-    """`files`: by name, with the time of their last change; `now`, `began`: the container's clock, and its start."""
+    """`files`: by name, with the time of their last change; `now`, `began`: the container's clock,
+    and its start.
+    """
 
     now: float = 0.0
     began: float = 0.0
@@ -199,7 +226,9 @@ class Sheet(msgspec.Struct, frozen=True):
         return (process_status.beat(data), max(0.0, self.now - changed)) if data else (None, None)
 
     def pid(self, name: str) -> int:
-        """The process of a container that has one: as its heartbeat says, else the child of the first process."""
+        """The process of a container that has one: as its heartbeat says, else the child of the
+        first process.
+        """
         beat, _ = self.beat(name)
         if beat is not None and beat.pid in self.stats:
             return beat.pid
@@ -224,17 +253,26 @@ def sheet(data: bytes) -> Sheet:
     return Sheet(now, began, files, stats)
 
 
-# --- A fleet in containers (deploy/compose.yaml) ----------------------------------------------------------------------
+# --- A fleet in containers (deploy/compose.yaml) --------------------------------------------------
 
 
 MONITOR, WIRES = "monitor", "wires"
 WITH_WIRES = "start it with its compose.faults.yaml as a second file (docs/faults.md)"
 END_S = 90.0
-"""Docker waits up to a minute for the monitor's report (compose.yaml: stop_grace_period), and for the rest seconds."""
+"""Docker waits up to a minute for the monitor's report (compose.yaml: stop_grace_period), and for
+the rest seconds.
+"""
 MONITOR_S, PERIOD_S = 60.0, 0.2
-"""Longest wait for a monitor that is started again, and time between two tries; Docker waits for up to a minute when a
-container ends again and again."""
-GUARDED = ("--read-only", "--tmpfs=/tmp", "--cap-drop=ALL", "--security-opt=no-new-privileges:true", "--pids-limit=64")
+"""Longest wait for a monitor that is started again, and time between two tries; Docker waits for up
+to a minute when a container ends again and again.
+"""
+GUARDED = (
+    "--read-only",
+    "--tmpfs=/tmp",
+    "--cap-drop=ALL",
+    "--security-opt=no-new-privileges:true",
+    "--pids-limit=64",
+)
 """As the services themselves are (compose.yaml)."""
 ORDER = (ROUTER, "monitor", "wires")
 """Started first and ended last."""
@@ -243,7 +281,9 @@ CONTAINER = {"created": ProcessState.WAITING, "restarting": ProcessState.BACKING
 
 
 def projects(*, ended: bool = False) -> tuple[str, ...]:
-    """The compose projects of ours of which something runs, or is there at all; none where docker is not there."""
+    """The compose projects of ours of which something runs, or is there at all; none where docker
+    is not there.
+    """
     try:
         return tuple(sorted({one.project for one in ours() if one.runs or ended}))
     except DockerError:
@@ -251,7 +291,8 @@ def projects(*, ended: bool = False) -> tuple[str, ...]:
 
 
 class Compose(Target):
-    """The fleet of a compose project; of several robots in it, with `robot`, that one alone and what all share.
+    """The fleet of a compose project; of several robots in it, with `robot`, that one alone and
+    what all share.
 
     Every call raises DockerError where docker does not do it.
     """
@@ -270,7 +311,13 @@ class Compose(Target):
         containers = self._containers()
         running = [one for one in containers if one.runs]
         at = time.monotonic()
-        sheets = dict(zip((one.id for one in running), executed([one.id for one in running], SHEET), strict=True))
+        sheets = dict(
+            zip(
+                (one.id for one in running),
+                executed([one.id for one in running], SHEET),
+                strict=True,
+            )
+        )
         found: list[Seen] = []
         held = False
         for container in containers:
@@ -278,24 +325,50 @@ class Compose(Target):
             held = held or read.stop_held
             found += _of(container, read)
         router = next((one for one in containers if one.service == "router"), containers[0])
-        told = Fleet(router.variable("ROCO_SYSTEM"), self.where, 0, 0.0, tuple(one.status for one in found))
+        told = Fleet(
+            router.variable("ROCO_SYSTEM"), self.where, 0, 0.0, tuple(one.status for one in found)
+        )
         return Look(told, tuple(found), held, at)
 
     def verdicts(self) -> list[Judged]:
         return verdicts.read(self.recorded(VERDICTS_FILE).splitlines())
 
     def hearing(self) -> list[str]:
-        """The command that prints what goes by as samples, a JSON object a line, until its standard input ends."""
+        """The command that prints what goes by as samples, a JSON object a line, until its standard
+        input ends.
+        """
         monitor, name = self._running(MONITOR).id, self._name()
-        module = next(process.module for process in self.system.processes if process.name == MONITOR)
-        return command("exec", "--interactive", monitor, "python", "-P", "-m", module, "hear", "--systems", name)
+        module = next(
+            process.module for process in self.system.processes if process.name == MONITOR
+        )
+        return command(
+            "exec",
+            "--interactive",
+            monitor,
+            "python",
+            "-P",
+            "-m",
+            module,
+            "hear",
+            "--systems",
+            name,
+        )
 
     def beside(self, service: str, words: list[str]) -> list[str]:
-        """The command that runs a module of ours beside a service: with its volumes, keys and network, as guarded."""
+        """The command that runs a module of ours beside a service: with its volumes, keys and
+        network, as guarded.
+        """
         found = self._find(service)
         if found is None:
             raise DockerError(f"{self.where} has no service {service}")
-        return command("run", "--rm", *_options(found), f"--volumes-from={found.id}", found.config.image, *words)
+        return command(
+            "run",
+            "--rm",
+            *_options(found),
+            f"--volumes-from={found.id}",
+            found.config.image,
+            *words,
+        )
 
     def read(self, name: str, file: str, offset: int = 0) -> bytes:
         return self._shell(name, _reading((f"${RUN_FOLDER_VARIABLE}/{file}",), offset))
@@ -308,18 +381,29 @@ class Compose(Target):
     def recorded(self, file: str, offset: int = 0) -> bytes:
         """With several robots each has a folder of the monitor's."""
         run = f"${RUN_FOLDER_VARIABLE}"
-        return self._shell(MONITOR, _reading((f"{run}/{self._name()}/{file}", f"{run}/{file}"), offset))
+        return self._shell(
+            MONITOR, _reading((f"{run}/{self._name()}/{file}", f"{run}/{file}"), offset)
+        )
 
     def put(self, file: str, data: bytes) -> None:
-        raise FleetError(f"the processes of {self.where} share no run folder for {file}; a local fleet does: `roco up`")
+        raise FleetError(
+            f"the processes of {self.where} share no run folder for {file}; a local fleet does:"
+            " `roco up`"
+        )
 
     def hold(self, name: str, held: bool) -> None:
-        """Set the stop flag of a process, or clear it: one byte, written in place, since the file may be mapped.
+        """Set the stop flag of a process, or clear it: one byte, written in place, since the file
+        may be mapped.
 
-        Where none of several robots is named all are held. UsageError: one must be named to be released.
+        Where none of several robots is named all are held. UsageError: one must be named to be
+        released.
         """
         script = f"printf '\\{int(held):03o}' 1<> \"${RUN_FOLDER_VARIABLE}/{STOP_FILE}\""
-        robots = [one for one in self._containers() if one.service.rstrip(string.digits) == name and one.runs]
+        robots = [
+            one
+            for one in self._containers()
+            if one.service.rstrip(string.digits) == name and one.runs
+        ]
         if len(robots) < 2:
             self._shell(name, script)
         elif held:
@@ -327,12 +411,17 @@ class Compose(Target):
                 docker("exec", robot.id, "sh", "-c", script)
         else:
             names = " or ".join(f"{self.project}/{one.variable('ROCO_SYSTEM')}" for one in robots)
-            raise UsageError(f"{self.where} has several robots; name the one to release: --target {names}")
+            raise UsageError(
+                f"{self.where} has several robots; name the one to release: --target {names}"
+            )
 
     def switch(self, name: str, on: bool) -> None:
-        """Start a process, or end it and keep it down; where it shares its container, its supervisor does it."""
+        """Start a process, or end it and keep it down; where it shares its container, its
+        supervisor does it.
+        """
         container = self._home(name)
-        kept = sheet(executed([container.id], SHEET)[0]).fleet if container.runs else None  # by a supervisor in it
+        # by a supervisor in it
+        kept = sheet(executed([container.id], SHEET)[0]).fleet if container.runs else None
         shared = kept is not None and name in (status.name for status in kept.processes)
         if container.service != name or shared:
             file = f'"${RUN_FOLDER_VARIABLE}/{name}{OFF_SUFFIX}"'
@@ -344,15 +433,21 @@ class Compose(Target):
     def signal(self, name: str, number: int) -> None:
         one = self._living(name)
         pid = one.status.pid
-        self._shell(one.home, f"kill -{number} {pid} || [ ! -e /proc/{pid} ]")  # or it ended since the look
+        # or it ended since the look
+        self._shell(one.home, f"kill -{number} {pid} || [ ! -e /proc/{pid} ]")
 
     def writing(self, name: str, possible: bool) -> None:
         one = self._living(name)
-        self._shell(one.home, f"prlimit --pid {one.status.pid} --fsize={'unlimited' if possible else 0}:")
+        self._shell(
+            one.home, f"prlimit --pid {one.status.pid} --fsize={'unlimited' if possible else 0}:"
+        )
 
     def clock(self, name: str, seconds: float) -> None:
         if seconds:
-            raise FleetError(f"{name} of {self.where} has no clock of its own; a local fleet has: `roco up --faults`")
+            raise FleetError(
+                f"{name} of {self.where} has no clock of its own; a local fleet has: `roco up"
+                " --faults`"
+            )
 
     def variable(self, name: str, variable: str) -> str:
         return self._home(name).variable(variable)
@@ -371,13 +466,26 @@ class Compose(Target):
         self._shell(WIRES, f"rm -f {file}" if amount is None else put)
 
     def add_fault(self, line: bytes) -> None:
-        """Append a line to faults.jsonl, beside the monitor's recording; waits while the monitor is started again."""
+        """Append a line to faults.jsonl, beside the monitor's recording; waits while the monitor is
+        started again.
+        """
         until = time.monotonic() + MONITOR_S
         while True:
             try:
                 own = f"${RUN_FOLDER_VARIABLE}/{self._name()}"
-                script = f'd="{own}"; [ -d "$d" ] || d="${RUN_FOLDER_VARIABLE}"; cat >> "$d/{FAULTS_FILE}"'
-                docker("exec", "--interactive", self._running(MONITOR).id, "sh", "-c", script, data=line)
+                script = (
+                    f'd="{own}"; [ -d "$d" ] || d="${RUN_FOLDER_VARIABLE}"; cat >>'
+                    f' "$d/{FAULTS_FILE}"'
+                )
+                docker(
+                    "exec",
+                    "--interactive",
+                    self._running(MONITOR).id,
+                    "sh",
+                    "-c",
+                    script,
+                    data=line,
+                )
                 return
             except DockerError:
                 if time.monotonic() > until:
@@ -399,32 +507,49 @@ class Compose(Target):
 
     @contextmanager
     def operating(self) -> Iterator[Put]:
-        """A session of the operator: each put is a container of its own, with the operator's keys and no others."""
+        """A session of the operator: each put is a container of its own, with the operator's keys
+        and no others.
+        """
         yield self._put
 
     def speaking(self, identity: str, to: str) -> AbstractContextManager[Put]:
-        raise FleetError(f"the keys of {self.where} stay in its containers; flood a local fleet: `roco up`")
+        raise FleetError(
+            f"the keys of {self.where} stay in its containers; flood a local fleet: `roco up`"
+        )
 
     def _living(self, name: str) -> Seen:
         one = next((one for one in self.look().seen if one.name == name and one.status.pid), None)
         if one is None:
-            raise FleetError(f"{name} of {self.where} does not run; `roco agent start {name}` starts it")
+            raise FleetError(
+                f"{name} of {self.where} does not run; `roco agent start {name}` starts it"
+            )
         return one
 
     def _put(self, key: str, data: bytes) -> None:
-        agent = next((one for one in map(self._find, self.system.design.agents) if one is not None and one.runs), None)
+        agent = next(
+            (
+                one
+                for one in map(self._find, self.system.design.agents)
+                if one is not None and one.runs
+            ),
+            None,
+        )
         if agent is None:
             raise DockerError(f"no agent of {self.where} runs; `roco agent start` starts one")
         options = _options(agent)
         if agent.variable(KEYS_VARIABLE):
-            options.append(f"--volume={self.project}_keys-{OPERATOR}:{agent.variable(KEYS_VARIABLE)}:ro")
+            options.append(
+                f"--volume={self.project}_keys-{OPERATOR}:{agent.variable(KEYS_VARIABLE)}:ro"
+            )
         options.append("--entrypoint=python")
         words = (agent.config.image, "-m", "operate.cli.fleet.operating", key, data.hex())
         docker("run", "--rm", *options, *words, timeout_s=END_S)
 
     def logging(self) -> tuple[str, ...]:
         names = (*self.system.design.agents, MONITOR)
-        return tuple(name for name in names if (found := self._find(name)) is not None and found.runs)
+        return tuple(
+            name for name in names if (found := self._find(name)) is not None and found.runs
+        )
 
     def _containers(self) -> list[Container]:
         """The services, in the order of a start."""
@@ -436,7 +561,10 @@ class Compose(Target):
         self._ids = [one.id for one in found]
         if not found:
             raise NoRunError(self.project, f"no container of {self.where} is there any more")
-        return sorted(found, key=lambda one: (ORDER.index(one.service) if one.service in ORDER else 9, one.service))
+        return sorted(
+            found,
+            key=lambda one: (ORDER.index(one.service) if one.service in ORDER else 9, one.service),
+        )
 
     def _meant(self, container: Container) -> bool:
         """Whether it is this robot's, or all robots'."""
@@ -444,39 +572,67 @@ class Compose(Target):
         return not self._robot or self._robot in systems.split(",")
 
     def _find(self, service: str) -> Container | None:
-        """The container of a service; of one of several robots its own, whose name may end with a number."""
+        """The container of a service; of one of several robots its own, whose name may end with a
+        number.
+        """
         digits = string.digits if self._robot else ""
-        return next((one for one in self._containers() if one.service.rstrip(digits) == service), None)
+        return next(
+            (one for one in self._containers() if one.service.rstrip(digits) == service), None
+        )
 
     def _home(self, name: str) -> Container:
         """The container in which a process runs. UsageError where there is none of that name."""
         for one in self.look().seen:
             if one.name == name:
                 service = one.home
-                return next(container for container in self._containers() if container.service == service)
-        raise UsageError(f"no process is called {name!r}; there are {', '.join(one.name for one in self.look().seen)}")
+                return next(
+                    container for container in self._containers() if container.service == service
+                )
+        raise UsageError(
+            f"no process is called {name!r}; there are"
+            f" {', '.join(one.name for one in self.look().seen)}"
+        )
 
     def _shell(self, service: str, script: str) -> bytes:
-        """Return the output of a script run in a service's container. Raises DockerError if it does not run."""
+        """Return the output of a script run in a service's container. Raises DockerError if it does
+        not run.
+        """
         return docker("exec", self._running(service).id, "sh", "-c", script)
 
     def _name(self) -> str:
         """The system's name in all keys: that of its agents. DockerError: none of them runs."""
-        agents = (one for one in map(self._find, self.system.design.agents) if one is not None and one.runs)
-        return self._robot or next((one.variable("ROCO_SYSTEM") for one in agents), "") or self.system.name
+        agents = (
+            one
+            for one in map(self._find, self.system.design.agents)
+            if one is not None and one.runs
+        )
+        return (
+            self._robot
+            or next((one.variable("ROCO_SYSTEM") for one in agents), "")
+            or self.system.name
+        )
 
     def _running(self, service: str) -> Container:
         """The running container of a service. DockerError: none runs."""
         found = self._find(service)
         if found is None or not found.runs:
-            raise DockerError(f"service {service} of {self.where} does not run; `roco agent start {service}` starts it")
+            raise DockerError(
+                f"service {service} of {self.where} does not run; `roco agent start {service}`"
+                " starts it"
+            )
         return found
 
 
 def _options(container: Container) -> list[str]:
-    """Options of a container that runs beside this one for a moment: with its variables and network, as guarded."""
+    """Options of a container that runs beside this one for a moment: with its variables and
+    network, as guarded.
+    """
     variables = [f"--env={one}" for one in container.config.env if one.startswith("ROCO_")]
-    return [*variables, *(f"--network={name}" for name in list(container.network_settings.networks)[:1]), *GUARDED]
+    return [
+        *variables,
+        *(f"--network={name}" for name in list(container.network_settings.networks)[:1]),
+        *GUARDED,
+    ]
 
 
 def _reading(files: tuple[str, ...], offset: int) -> str:
@@ -494,7 +650,13 @@ def _of(container: Container, read: Sheet) -> list[Seen]:
     note = "paused" if container.state.status == "paused" else ""
     if container.state.status == "exited":
         note = f"stopped; exit code {container.state.exit_code}"
-    return [_process(ProcessStatus(container.service, state, pid, container.restart_count, note), container, read)]
+    return [
+        _process(
+            ProcessStatus(container.service, state, pid, container.restart_count, note),
+            container,
+            read,
+        )
+    ]
 
 
 def _state(container: Container, read: Sheet) -> ProcessState:

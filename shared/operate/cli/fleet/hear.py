@@ -1,5 +1,5 @@
-"""The process that prints what goes by in a fleet (operate.recording.hear), here or in the monitor's container. It ends
-with its standard input, so it never outlives who asked.
+"""The process that prints what goes by in a fleet (operate.recording.hear), here or in the
+monitor's container. It ends with its standard input, so it never outlives who asked.
 """
 
 import subprocess
@@ -22,7 +22,11 @@ class LostError(ConsoleError):
     """The process ended, and nobody had asked it to; its last words say why."""
 
     def __init__(self, process: "subprocess.Popen[bytes]") -> None:
-        words = process.stderr.read().decode(errors="replace").strip().splitlines() if process.stderr else []
+        words = (
+            process.stderr.read().decode(errors="replace").strip().splitlines()
+            if process.stderr
+            else []
+        )
         why = words[-1] if words else "its monitor was stopped"
         unheard = process.returncode == NO_ROUTER
         self.code = NOTHING_RUNS if unheard else NO
@@ -30,7 +34,9 @@ class LostError(ConsoleError):
 
 
 @contextmanager
-def hearing(command: list[str], environment: Mapping[str, str]) -> Iterator["subprocess.Popen[bytes]"]:
+def hearing(
+    command: list[str], environment: Mapping[str, str]
+) -> Iterator["subprocess.Popen[bytes]"]:
     """The process, until the end of the block; Ctrl-C in the terminal does not reach it."""
     pipe = subprocess.PIPE
     with subprocess.Popen(
@@ -48,7 +54,9 @@ def hearing(command: list[str], environment: Mapping[str, str]) -> Iterator["sub
 
 
 def samples(process: "subprocess.Popen[bytes]", waiting: Waiting) -> Iterator[Sample | None]:
-    """Yield the samples it prints, and None after a pause without any. Raises LostError when it ends."""
+    """Yield the samples it prints, and None after a pause without any. Raises LostError when it
+    ends.
+    """
     assert process.stdout is not None
     threading.Thread(target=waiting.fill, args=(process.stdout,), daemon=True).start()
     while not waiting.stopped:

@@ -17,8 +17,8 @@ OPERATOR = "operator"
 
 
 def tls(run: Path, fleet: Fleet, identity: str) -> dict[str, Any] | None:
-    """Return the TLS options by which a session identifies itself; None if the fleet has no keys. Raises ConsoleError
-    if key files are missing.
+    """Return the TLS options by which a session identifies itself; None if the fleet has no keys.
+    Raises ConsoleError if key files are missing.
     """
     keys = folder(run, fleet)
     try:

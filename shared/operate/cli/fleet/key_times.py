@@ -15,7 +15,8 @@ from operate.cli.fleet.targets import Target
 class KeyTimes(msgspec.Struct, frozen=True):
     """The time (UTC) in which all certificates of a folder hold.
 
-    `late`: the file of the one that begins last, at `begin`; `early`: of the one that ends first, at `end`.
+    `late`: the file of the one that begins last, at `begin`; `early`: of the one that ends first,
+    at `end`.
     """
 
     folder: Path
@@ -27,14 +28,21 @@ class KeyTimes(msgspec.Struct, frozen=True):
     def trouble(self, now: dt.datetime) -> str:
         """Return why a certificate does not hold now, "" if all do."""
         if now >= self.end:
-            return f"the certificate {self.folder / self.early} ended at {self.end:%Y-%m-%d %H:%M} UTC"
+            return (
+                f"the certificate {self.folder / self.early} ended at {self.end:%Y-%m-%d %H:%M} UTC"
+            )
         if now < self.begin:
-            return f"the certificate {self.folder / self.late} holds only from {self.begin:%Y-%m-%d %H:%M} UTC"
+            return (
+                f"the certificate {self.folder / self.late} holds only from"
+                f" {self.begin:%Y-%m-%d %H:%M} UTC"
+            )
         return ""
 
 
 def key_folder(fleet: Target, now: Look) -> Path | None:
-    """Return the folder of keys that a fleet on this machine uses, by a look at it; None without one."""
+    """Return the folder of keys that a fleet on this machine uses, by a look at it; None without
+    one.
+    """
     if not isinstance(fleet, Local):
         return None
     pid = next((one.status.pid for one in now.seen if one.status.pid), 0)
@@ -43,7 +51,9 @@ def key_folder(fleet: Target, now: Look) -> Path | None:
 
 
 def key_times(folder: Path) -> KeyTimes | None:
-    """Return when the certificates of a folder hold; None where it has none. Raise OSError, ValueError."""
+    """Return when the certificates of a folder hold; None where it has none. Raise OSError,
+    ValueError.
+    """
     from agent_runtime.io import issuing  # most verbs look at no certificate
 
     found = [(issuing.lifetime(file), file.name) for file in folder.glob("*.pem")]

@@ -1,7 +1,8 @@
-"""`roco keys make`: certificates for every identity of a design, and the rules of router and agents; all expires in a
-week.
+"""`roco keys make`: certificates for every identity of a design, and the rules of router and
+agents; all expires in a week.
 
-`roco keys revoke`: the router denies all to the name of a stolen key, until there are new keys for all.
+`roco keys revoke`: the router denies all to the name of a stolen key, until there are new keys for
+all.
 """
 
 from pathlib import Path
@@ -21,7 +22,9 @@ from operate.system import here, of_design
 
 
 def make(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where to; what is there is replaced.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Where to; what is there is replaced.")
+    ],
     days: Annotated[float, typer.Option(min=0.01, help="How long they hold.")] = issuing.DAYS,
     system: Annotated[
         list[str] | None,
@@ -33,20 +36,28 @@ def make(
     ] = None,
     host: Annotated[
         list[str] | None,
-        typer.Option(envvar="ROCO_HOSTS", help="One more name or address of a host of the router, or of agents."),
+        typer.Option(
+            envvar="ROCO_HOSTS",
+            help="One more name or address of a host of the router, or of agents.",
+        ),
     ] = None,
-    design: Annotated[Path | None, typer.Option(help="A design file; else that of the system here.")] = None,
-    apart: Annotated[bool, typer.Option(help="A folder for each identity: each process sees its own alone.")] = False,
+    design: Annotated[
+        Path | None, typer.Option(help="A design file; else that of the system here.")
+    ] = None,
+    apart: Annotated[
+        bool, typer.Option(help="A folder for each identity: each process sees its own alone.")
+    ] = False,
     keep: Annotated[
-        float | None, typer.Option(metavar="DAYS", help="Leave all as it is where it holds so many days more.")
+        float | None,
+        typer.Option(metavar="DAYS", help="Leave all as it is where it holds so many days more."),
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:
     """Make an authority, a certificate per identity and the rules of router and agents, all anew.
 
-    A process needs authority.pem and its own two files, the router rights.json too, an agent its <name>.links.json too.
-    The authority's private key is forgotten. Exits with 1 where they cannot be written, with 2 where there is no such
-    design.
+    A process needs authority.pem and its own two files, the router rights.json too, an agent its
+    <name>.links.json too. The authority's private key is forgotten. Exits with 1 where they cannot
+    be written, with 2 where there is no such design.
 
     Examples:
       roco keys make keys
@@ -56,7 +67,12 @@ def make(
     with problems(form):
         found = here() if design is None else of_design(design)
         hosts = (*issuing.HOSTS, *found.design.agents, *(host or ()))
-        names = [name.strip() for given in system or [found.name] for name in given.split(",") if name.strip()]
+        names = [
+            name.strip()
+            for given in system or [found.name]
+            for name in given.split(",")
+            if name.strip()
+        ]
         try:
             made = issuing.issue(
                 folder,
@@ -104,7 +120,10 @@ def revoke(
         ),
     ],
     folder: Annotated[
-        Path | None, typer.Option("--keys", metavar="DIR", help="What `roco keys make` wrote; else the run's keys.")
+        Path | None,
+        typer.Option(
+            "--keys", metavar="DIR", help="What `roco keys make` wrote; else the run's keys."
+        ),
     ] = None,
     undo: Annotated[bool, typer.Option("--undo", help="Grant its rights again.")] = False,
     run_dir: RunDir = None,
@@ -112,8 +131,9 @@ def revoke(
 ) -> None:
     """Deny everything to whoever has the key of a name: the router listens again within a second.
 
-    Who is so named rightfully is denied, too, until there are new keys for all: `roco down` and `roco up`, or `roco
-    keys make`. All others come back by themselves. Exits with 2 where there is no such name.
+    Who is so named rightfully is denied, too, until there are new keys for all: `roco down` and
+    `roco up`, or `roco keys make`. All others come back by themselves. Exits with 2 where there is
+    no such name.
 
     Examples:
       roco keys revoke AGENT
@@ -129,4 +149,7 @@ def revoke(
         if form is Format.JSON:
             tell_json(Revoked(str(where), denied))
         else:
-            print(f"{where}: revoked are {', '.join(denied) or 'none'}; the router listens again within a second")
+            print(
+                f"{where}: revoked are {', '.join(denied) or 'none'}; the router listens again"
+                " within a second"
+            )

@@ -1,4 +1,6 @@
-"""A fleet of processes on this machine, kept by a supervisor: seen through its run folder and operate.proc."""
+"""A fleet of processes on this machine, kept by a supervisor: seen through its run folder and
+operate.proc.
+"""
 
 import os
 import resource
@@ -61,13 +63,17 @@ class Local(Target):
         set_stop(self.run, held)
 
     def switch(self, name: str, on: bool) -> None:
-        """Have the supervisor start a process, or end it and keep it down. FleetError: there is none to do so."""
+        """Have the supervisor start a process, or end it and keep it down. FleetError: there is
+        none to do so.
+        """
         told = folders.living(self.run)
         names = [status.name for status in told.processes] if told else []
         if told is not None and name not in names:
             raise UsageError(f"no process is called {name!r}; there are {', '.join(names)}")
         if told is None or not told.supervisor:
-            raise FleetError(f"no supervisor runs in {self.run}, which could do it: `roco down`, then `roco up`")
+            raise FleetError(
+                f"no supervisor runs in {self.run}, which could do it: `roco down`, then `roco up`"
+            )
         off = self.run / f"{name}{OFF_SUFFIX}"
         if on:
             off.unlink(missing_ok=True)
@@ -81,25 +87,34 @@ class Local(Target):
     def writing(self, name: str, possible: bool) -> None:
         pid = self._pid(name)
         with suppress(ProcessLookupError):
-            _, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)  # a longer file cannot be written (EFBIG)
+            # a longer file cannot be written (EFBIG)
+            _, hard = resource.prlimit(pid, resource.RLIMIT_FSIZE)
             resource.prlimit(pid, resource.RLIMIT_FSIZE, (hard if possible else 0, hard))
 
     def clock(self, name: str, seconds: float) -> None:
         if seconds and not clocks.file(self.run, name).exists():
-            with_clocks = "`roco up --faults` gives each agent one, where a C compiler (cc) is installed"
+            with_clocks = (
+                "`roco up --faults` gives each agent one, where a C compiler (cc) is installed"
+            )
             raise FleetError(f"{name} of {self.where} has no clock of its own; {with_clocks}")
         clocks.step(self.run, name, seconds)
 
     def variable(self, name: str, variable: str) -> str:
         told = folders.living(self.run)
-        pids = [one.pid for one in told.processes if one.name == name] + [told.supervisor] if told else []
+        pids = (
+            [one.pid for one in told.processes if one.name == name] + [told.supervisor]
+            if told
+            else []
+        )
         had = next(filter(None, map(variables, filter(None, pids))), {})
         return had.get(variable, "")
 
     def wire(self, name: str, kind: str, amount: float | None) -> None:
         wires = files.wires_of(self.run)
         if amount is not None and wires is None:
-            raise FleetError(f"the agents of {self.where} have no wires; start the fleet with `roco up --faults`")
+            raise FleetError(
+                f"the agents of {self.where} have no wires; start the fleet with `roco up --faults`"
+            )
         if amount is not None and wires is not None and (missing := wires.missing(name)):
             raise FleetError(missing)
         files.put(self.run, name, kind, amount)
@@ -131,13 +146,18 @@ class Local(Target):
         told = folders.living(self.run)
         found = next((one for one in told.processes if one.name == name), None) if told else None
         if found is None or not folders.is_service(found.pid, found.module):
-            raise FleetError(f"{name} does not run in {self.where}; `roco agent start {name}` starts it")
+            raise FleetError(
+                f"{name} does not run in {self.where}; `roco agent start {name}` starts it"
+            )
         return found.pid
 
     def _seen(self, status: ProcessStatus, stats: dict[int, proc.Stat]) -> Seen:
         file = heartbeat_file(self.run, status.name)
         try:
-            beat, age = process_status.beat(file.read_bytes()), max(0.0, time.time() - file.stat().st_mtime)
+            beat, age = (
+                process_status.beat(file.read_bytes()),
+                max(0.0, time.time() - file.stat().st_mtime),
+            )
         except OSError:
             beat, age = None, None
         return Seen(status, beat, age, proc.used(status.pid, stats) if status.pid else None)

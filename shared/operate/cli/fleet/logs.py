@@ -1,4 +1,6 @@
-"""`roco logs`: the logs of all agents as one stream, in the order of time, as they were or while they grow."""
+"""`roco logs`: the logs of all agents as one stream, in the order of time, as they were or while
+they grow.
+"""
 
 import re
 import time
@@ -22,14 +24,26 @@ LAST = 40
 """Lines shown where nothing says how many: a screen."""
 LOOK_S = 0.2
 """Between two looks of --follow; agents write in their pauses, some ms after a step."""
-COLOURS = ("cyan", "green", "magenta", "yellow", "blue", "bright_cyan", "bright_green", "bright_magenta")
+COLOURS = (
+    "cyan",
+    "green",
+    "magenta",
+    "yellow",
+    "blue",
+    "bright_cyan",
+    "bright_green",
+    "bright_magenta",
+)
 MARKS = {Level.WARNING: "yellow", Level.ERROR: "bold red"}
 LEVELS = tuple(Level)
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 _AGO = re.compile(r"(\d+(?:\.\d+)?)([smhd])")
 _CLOCKS = ("%H:%M:%S", "%H:%M")
 
-Name = Annotated[str, typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=targets.processes)]
+Name = Annotated[
+    str,
+    typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=targets.processes),
+]
 
 
 class Line(msgspec.Struct, frozen=True):
@@ -44,23 +58,28 @@ class Line(msgspec.Struct, frozen=True):
 
 def logs(
     name: Name = "",
-    follow: Annotated[bool, typer.Option("-f", "--follow", help="Go on with what is written, until Ctrl-C.")] = False,
+    follow: Annotated[
+        bool, typer.Option("-f", "--follow", help="Go on with what is written, until Ctrl-C.")
+    ] = False,
     level: Annotated[Level, typer.Option(help="Least level shown.")] = Level.INFO,
     since: Annotated[
         str,
         typer.Option(
-            help="From then on: 30s, 5m, 2h ago, or a time: 14:05, 2026-11-23T14:05.", autocompletion=completion.times
+            help="From then on: 30s, 5m, 2h ago, or a time: 14:05, 2026-11-23T14:05.",
+            autocompletion=completion.times,
         ),
     ] = "",
-    lines: Annotated[int, typer.Option("-n", "--lines", min=0, help="So many of the last lines; 0: all.")] = LAST,
+    lines: Annotated[
+        int, typer.Option("-n", "--lines", min=0, help="So many of the last lines; 0: all.")
+    ] = LAST,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
     """Show the logs of all agents as one stream, in the order of time.
 
-    Files have everything from debug on, whatever the level of the agent's own output is. With --since all lines from
-    then on, else the last ones.
+    Files have everything from debug on, whatever the level of the agent's own output is. With
+    --since all lines from then on, else the last ones.
 
     Examples:
       roco logs
@@ -82,19 +101,25 @@ def logs(
 
 
 class Written:
-    """Log lines of a fleet's agents. Raises UsageError if there is no such agent, or it has no log."""
+    """Log lines of a fleet's agents. Raises UsageError if there is no such agent, or it has no
+    log.
+    """
 
     def __init__(self, fleet: Target, name: str = "") -> None:
         self._fleet = fleet
         there = _names(fleet)
         if name and name not in there:
-            raise UsageError(f"no log of {name!r} in {fleet.where}; there are: {', '.join(there) or 'none'}")
+            raise UsageError(
+                f"no log of {name!r} in {fleet.where}; there are: {', '.join(there) or 'none'}"
+            )
         self.names = there
         self._followed = dict.fromkeys((name,) if name else there, 0)
 
     def new(self) -> list[Line]:
         """The lines written since the last look, in the order of time; one not whole yet waits."""
-        return sorted((line for name in self._followed for line in self._of(name)), key=lambda line: line.t)
+        return sorted(
+            (line for name in self._followed for line in self._of(name)), key=lambda line: line.t
+        )
 
     def _of(self, name: str) -> Iterator[Line]:
         data = self._unread(name)
@@ -103,7 +128,9 @@ class Written:
         yield from parsed(whole.splitlines())
 
     def _unread(self, name: str) -> bytes:
-        """Return the log after the part already read; all of it if the log was restarted and is shorter now."""
+        """Return the log after the part already read; all of it if the log was restarted and is
+        shorter now.
+        """
         if read := self._followed[name]:
             if data := self._fleet.logged(name, read - 1):
                 return data[1:]
@@ -116,13 +143,21 @@ def parsed(raw: Iterable[bytes]) -> Iterator[Line]:
     for one in raw:
         try:
             told = msgspec.json.decode(one, type=dict[str, Any])
-            yield Line(float(told.pop("t")), told.pop("agent"), Level(told.pop("level")), told.pop("event"), told)
+            yield Line(
+                float(told.pop("t")),
+                told.pop("agent"),
+                Level(told.pop("level")),
+                told.pop("event"),
+                told,
+            )
         except (msgspec.DecodeError, KeyError, ValueError):
             continue
 
 
 def moment(text: str, now: float) -> float:
-    """The unix time [s] that --since names: so long ago, a time of this day, or a date. Raises UsageError."""
+    """The unix time [s] that --since names: so long ago, a time of this day, or a date. Raises
+    UsageError.
+    """
     if found := _AGO.fullmatch(text):
         return now - float(found[1]) * _UNITS[found[2]]
     for form in _CLOCKS:
@@ -134,12 +169,16 @@ def moment(text: str, now: float) -> float:
     try:
         return datetime.fromisoformat(text).timestamp()
     except ValueError as error:
-        raise UsageError(f"--since {text} is not a time; write 30s, 5m, 2h, 14:05 or 2026-11-23T14:05") from error
+        raise UsageError(
+            f"--since {text} is not a time; write 30s, 5m, 2h, 14:05 or 2026-11-23T14:05"
+        ) from error
 
 
 def worded(line: Line) -> str:
     """The fields of a line in words."""
-    return " ".join(f"{name}={value}" for name, value in line.fields.items() if value not in ("", None))
+    return " ".join(
+        f"{name}={value}" for name, value in line.fields.items() if value not in ("", None)
+    )
 
 
 def _names(fleet: Target) -> list[str]:

@@ -1,7 +1,7 @@
 """`roco agents --offers`: who offers which protocol, ontology, language and acts, and who is up.
 
-What FIPA's directory facilitator answers to a search (SC00023, 4.1): descriptions of agents with their services. Here
-nobody registers: the design says what each agent offers, the fleet who is up.
+What FIPA's directory facilitator answers to a search (SC00023, 4.1): descriptions of agents with
+their services. Here nobody registers: the design says what each agent offers, the fleet who is up.
 """
 
 from pathlib import Path
@@ -27,7 +27,9 @@ COLOURS = {UP: "green", DOWN: "red"}
 
 
 class Act(msgspec.Struct, frozen=True):
-    """An act that agents may be asked for: act, name of the kind, classes of its arguments and of its answers."""
+    """An act that agents may be asked for: act, name of the kind, classes of its arguments and of
+    its answers.
+    """
 
     performative: Performative
     name: str
@@ -41,7 +43,8 @@ class Act(msgspec.Struct, frozen=True):
 
 
 class Service(msgspec.Struct, frozen=True):
-    """A service of an agent (service-description, SC00023 6.1.2): a use of a protocol in which it is the participant.
+    """A service of an agent (service-description, SC00023 6.1.2): a use of a protocol in which it
+    is the participant.
 
     `name`: the use in the design; `to`: who may ask for it; `languages`: of all that is said in it.
     """
@@ -56,7 +59,9 @@ class Service(msgspec.Struct, frozen=True):
 
 
 class Description(msgspec.Struct, frozen=True):
-    """An agent (df-agent-description, SC00023 6.1.1): `up`, `down` or `no fleet`; what it offers, whom it asks."""
+    """An agent (df-agent-description, SC00023 6.1.1): `up`, `down` or `no fleet`; what it offers,
+    whom it asks.
+    """
 
     agent: str
     up: str
@@ -66,7 +71,9 @@ class Description(msgspec.Struct, frozen=True):
 
 
 class Search(msgspec.Struct, frozen=True):
-    """Search criteria: all that are given must match (SC00023 4.1.4.4); "" and () match anything."""
+    """Search criteria: all that are given must match (SC00023 4.1.4.4); "" and () match
+    anything.
+    """
 
     agents: tuple[str, ...] = ()
     protocol: str = ""
@@ -87,8 +94,12 @@ class Search(msgspec.Struct, frozen=True):
         return bool(self.protocol or self.ontology or self.language)
 
 
-def offered(search: Search, target: str, run_dir: Path | None, form: Format, *, up: bool, long: bool) -> None:
-    """Tell who offers what a search looks for; with `up` only those that are up. Raise typer.Exit where nobody does."""
+def offered(
+    search: Search, target: str, run_dir: Path | None, form: Format, *, up: bool, long: bool
+) -> None:
+    """Tell who offers what a search looks for; with `up` only those that are up. Raise typer.Exit
+    where nobody does.
+    """
     design = targets.about(target, run_dir).design
     check(search, design)
     found = describe(design, search, states(running(target, run_dir), design))
@@ -119,7 +130,10 @@ def states(fleet: Target | None, design: Design) -> dict[str, tuple[str, str]]:
         one = seen.get(name)
         lives = one is not None and one.status.state is ProcessState.READY
         state = one.beat.state if one is not None and one.beat is not None and lives else ""
-        found[name] = (UP if lives else DOWN if any(s.status.pid for s in seen.values()) else UNKNOWN, state)
+        found[name] = (
+            UP if lives else DOWN if any(s.status.pid for s in seen.values()) else UNKNOWN,
+            state,
+        )
     return found
 
 
@@ -143,7 +157,11 @@ def describe(design: Design, search: Search, up: dict[str, tuple[str, str]]) -> 
     found = []
     for agent in search.agents or design.agents:
         offered = [service(design, use) for use in design.file.protocol if use.participant == agent]
-        asks = tuple(f"{use.participant}: {use.name}" for use in design.file.protocol if use.initiator == agent)
+        asks = tuple(
+            f"{use.participant}: {use.name}"
+            for use in design.file.protocol
+            if use.initiator == agent
+        )
         services = tuple(filter(search.fits, offered))
         if services or not search.of_services:
             found.append(Description(agent, *up[agent], services, asks))
@@ -153,28 +171,49 @@ def describe(design: Design, search: Search, up: dict[str, tuple[str, str]]) -> 
 def service(design: Design, use: elements.Protocol) -> Service:
     """Return a use of a protocol as what its participant offers."""
     said = {message.language: None for message in use.message if message.language}
-    return Service(use.name, use.follows, use.ontology, tuple(said), use.channel, use.initiator, acts(design, use))
+    return Service(
+        use.name,
+        use.follows,
+        use.ontology,
+        tuple(said),
+        use.channel,
+        use.initiator,
+        acts(design, use),
+    )
 
 
 def acts(design: Design, use: elements.Protocol) -> tuple[Act, ...]:
-    """Return what may be asked: the entries of its interface, else what the initiator says with a content."""
+    """Return what may be asked: the entries of its interface, else what the initiator says with a
+    content.
+    """
     if use.interface:
-        return tuple(Act(one.performative, one.name, one.arguments, one.answers) for one in design.entries(use.name))
+        return tuple(
+            Act(one.performative, one.name, one.arguments, one.answers)
+            for one in design.entries(use.name)
+        )
     asked = [message for message in use.message if message.sender == use.initiator]
-    return tuple(Act(one.performative, "", design.contents(use, one), ()) for one in asked if one.content)
+    return tuple(
+        Act(one.performative, "", design.contents(use, one), ()) for one in asked if one.content
+    )
 
 
 def show(found: list[Description], console: Console, *, long: bool) -> None:
     """Print each agent, its services below it, acts below those."""
     for one in found:
         state = f" ({one.state})" if one.state else ""
-        console.print(Text.assemble((one.agent, "bold"), "  ", (one.up, COLOURS.get(one.up, "dim")), (state, "dim")))
+        console.print(
+            Text.assemble(
+                (one.agent, "bold"), "  ", (one.up, COLOURS.get(one.up, "dim")), (state, "dim")
+            )
+        )
         for offered in one.services:
             console.print(Padding(heading(offered), (0, 0, 0, 2), expand=False))
             for line in lines(offered, long=long):
                 console.print(Padding(Text(line, "dim"), (0, 0, 0, 4), expand=False))
         if one.asks:
-            console.print(Padding(Text(f"asks {', '.join(one.asks)}", "dim"), (0, 0, 0, 2), expand=False))
+            console.print(
+                Padding(Text(f"asks {', '.join(one.asks)}", "dim"), (0, 0, 0, 2), expand=False)
+            )
     if not found:
         console.print("nobody fits", style="dim")
 
@@ -183,11 +222,15 @@ def heading(one: Service) -> Text:
     """Return a service in a line."""
     text = Text.assemble((one.protocol, "cyan"), f" {one.name} on {one.channel} to {one.to}")
     text.append(f", ontology {one.ontology}" if one.ontology else "")
-    return text.append(f", {'language' + 's' * (len(one.languages) > 1)} {', '.join(one.languages)}")
+    return text.append(
+        f", {'language' + 's' * (len(one.languages) > 1)} {', '.join(one.languages)}"
+    )
 
 
 def lines(one: Service, *, long: bool) -> list[str]:
-    """Return its acts: a line for each performative with the names of its kinds, or `long` one for each kind."""
+    """Return its acts: a line for each performative with the names of its kinds, or `long` one for
+    each kind.
+    """
     if long:
         return [act.words() for act in one.acts]
     kinds: dict[str, list[str]] = {}

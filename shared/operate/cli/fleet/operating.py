@@ -1,4 +1,5 @@
-"""A session of the operator, or of another identity, to a fleet: to its router, by which orders are put, or an agent.
+"""A session of the operator, or of another identity, to a fleet: to its router, by which orders are
+put, or an agent.
 
 `python -m operate.cli.fleet.operating KEY HEX` puts one, in a container beside the agents.
 """
@@ -28,7 +29,8 @@ ANSWER_S = 5.0
 
 @contextmanager
 def session(run: Path, who: str = OPERATOR, to: str = "") -> Iterator[Callable[[str, bytes], None]]:
-    """Return what puts data on a key. `to`: an agent that is to hear it; one that it is linked with is dialled.
+    """Return what puts data on a key. `to`: an agent that is to hear it; one that it is linked with
+    is dialled.
 
     Raises FleetError: nobody answers; ConsoleError: keys are missing.
     """
@@ -56,7 +58,9 @@ def _session(connect: str, tls: dict[str, Any] | None) -> Iterator[Callable[[str
 def main(key: str, data: str) -> None:
     """Put one order as the environment of this container says. Raises FleetError, KeysError."""
     keys = os.environ.get(KEYS_VARIABLE)
-    with _session(os.environ[CONNECT_VARIABLE], client_tls(Path(keys), OPERATOR) if keys else None) as put:
+    with _session(
+        os.environ[CONNECT_VARIABLE], client_tls(Path(keys), OPERATOR) if keys else None
+    ) as put:
         put(key, bytes.fromhex(data))
 
 

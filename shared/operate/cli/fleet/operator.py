@@ -1,4 +1,5 @@
-"""The operator's orders to one agent: put on the signal `control`, and answered by the agent's next heartbeat.
+"""The operator's orders to one agent: put on the signal `control`, and answered by the agent's next
+heartbeat.
 
 An order is put again until it is answered; the agent obeys a copy once more, which changes nothing.
 """
@@ -36,7 +37,10 @@ def agent_of(fleet: Target, name: str) -> str:
     """The name, where it is an agent that can be given orders. Raises UsageError."""
     design = fleet.system.design
     if name not in design.agents:
-        raise UsageError(f"{name!r} is not an agent of {fleet.system.name}; its agents: {', '.join(design.agents)}")
+        raise UsageError(
+            f"{name!r} is not an agent of {fleet.system.name}; its agents:"
+            f" {', '.join(design.agents)}"
+        )
     return name
 
 
@@ -45,7 +49,8 @@ def key(design: Design, system: str, agent: str) -> str:
     signal = design.signals.get(KIND)
     if signal is None or OPERATOR not in signal.writers or agent not in signal.readers:
         raise UsageError(
-            f"the design gives nobody the right to order {agent}: it needs a [[signal]] of kind {KIND!r} with writers ="
+            f"the design gives nobody the right to order {agent}: it needs a [[signal]] of kind"
+            f" {KIND!r} with writers ="
             f' ["{OPERATOR}"] and {agent} among its readers; docs/parameters.md shows it'
         )
     return design.signal_key(KIND, system=system, owner=OPERATOR, peer=agent)
@@ -54,20 +59,28 @@ def key(design: Design, system: str, agent: str) -> str:
 def order(fleet: Target, name: str, what: Order) -> Beat:
     """Give an order and wait until it is obeyed; the heartbeat that says so.
 
-    Raises UsageError, RefusedError with the agent's reason, FleetError where it does not run or does not answer.
+    Raises UsageError, RefusedError with the agent's reason, FleetError where it does not run or
+    does not answer.
     """
     agent_of(fleet, name)
     now = fleet.look()
     if not any(one.name == name and one.status.pid for one in now.seen):
-        raise FleetError(f"{name} does not run in {fleet.where}; `roco agent start {name}` starts it")
+        raise FleetError(
+            f"{name} does not run in {fleet.where}; `roco agent start {name}` starts it"
+        )
     command = Command(f"{OPERATOR}-{time.time_ns():x}", what)
     system = now.fleet.system if now.fleet else fleet.system.name
     with fleet.operating() as put:
         beat = _answered(
-            fleet, name, command, lambda: put(key(fleet.system.design, system, name), msgspec.msgpack.encode(command))
+            fleet,
+            name,
+            command,
+            lambda: put(key(fleet.system.design, system, name), msgspec.msgpack.encode(command)),
         )
     if beat is None:
-        raise FleetError(f"{name} does not answer {worded(what)} within {ANSWER_S:.0f} s; `roco agents {name}`")
+        raise FleetError(
+            f"{name} does not answer {worded(what)} within {ANSWER_S:.0f} s; `roco agents {name}`"
+        )
     if beat.answer.why:
         raise RefusedError(name, worded(what), beat.answer.why)
     return beat

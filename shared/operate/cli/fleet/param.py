@@ -22,7 +22,9 @@ HEADS = ("agent", "parameter", "value", "default", "allowed", "says")
 
 
 class Shown(msgspec.Struct, frozen=True):
-    """A parameter. `value`: now, the default where the agent never ran; `allowed`: what it can be, in words."""
+    """A parameter. `value`: now, the default where the agent never ran; `allowed`: what it can be,
+    in words.
+    """
 
     agent: str
     name: str
@@ -41,24 +43,36 @@ class Listed(msgspec.Struct, frozen=True):
 
 def param(
     agent: Annotated[
-        str, typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=completion.agents)
+        str,
+        typer.Argument(
+            metavar="[AGENT]", help="Only this one's.", autocompletion=completion.agents
+        ),
     ] = "",
     name: Annotated[
-        str, typer.Argument(metavar="[NAME]", help="Only this one.", autocompletion=completion.parameters)
+        str,
+        typer.Argument(
+            metavar="[NAME]", help="Only this one.", autocompletion=completion.parameters
+        ),
     ] = "",
     value: Annotated[
         str | None,
-        typer.Argument(metavar="[VALUE]", help="Its value from now on.", autocompletion=completion.parameter_values),
+        typer.Argument(
+            metavar="[VALUE]",
+            help="Its value from now on.",
+            autocompletion=completion.parameter_values,
+        ),
     ] = None,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Show the parameters of all agents, of one, or a single one; with VALUE set it while the agent runs.
+    """Show the parameters of all agents, of one, or a single one; with VALUE set it while the agent
+    runs.
 
-    A list has value now, default, what it can be, what it does; of a single one the value is printed. The agent's next
-    step reads a new value, and a restart keeps it. Every agent has log-level, too: the least level that its output
-    shows; its log file has everything. Exits with 2 where the value does not fit the design.
+    A list has value now, default, what it can be, what it does; of a single one the value is
+    printed. The agent's next step reads a new value, and a restart keeps it. Every agent has
+    log-level, too: the least level that its output shows; its log file has everything. Exits with 2
+    where the value does not fit the design.
 
     Examples:
       roco param
@@ -84,11 +98,16 @@ def param(
         elif told.parameters:
             Console().print(table(HEADS, map(_row, told.parameters), fold=HEADS))
         else:
-            print(f"{agent or fleet.system.name} has no parameters; docs/parameters.md says how to give it some")
+            print(
+                f"{agent or fleet.system.name} has no parameters; docs/parameters.md says how to"
+                " give it some"
+            )
 
 
 def setting(fleet: Target, agent: str, name: str, text: str) -> Order:
-    """The order that sets a parameter. Raise UsageError for another log level, else as Parameters.read does."""
+    """The order that sets a parameter. Raise UsageError for another log level, else as
+    Parameters.read does.
+    """
     if name != LEVEL:
         return SetParameter(name, of(fleet, agent).read(name, text))
     if text not in LEVELS:
@@ -100,7 +119,9 @@ def log_level(fleet: Target, agent: str) -> Shown:
     """The least level of what an agent's output shows, as its last heartbeat says."""
     beat = operator.heartbeat(fleet, operator.agent_of(fleet, agent))
     level = beat.level if beat is not None else ""
-    return Shown(agent, LEVEL, level, "info", ", ".join(LEVELS), "the least level that its output shows")
+    return Shown(
+        agent, LEVEL, level, "info", ", ".join(LEVELS), "the least level that its output shows"
+    )
 
 
 def of(fleet: Target, agent: str) -> Parameters:

@@ -1,4 +1,6 @@
-"""Ports of a fleet's pictures: their variables, and which of those that are set another program has."""
+"""Ports of a fleet's pictures: their variables, and which of those that are set another program
+has.
+"""
 
 import socket
 from collections.abc import Iterator
@@ -27,12 +29,17 @@ class Taken(NamedTuple):
 
     @property
     def remedy(self) -> str:
-        return f"end that program, and the pictures come; or `roco down`, and `roco up` with another {self.variable}"
+        return (
+            "end that program, and the pictures come; or `roco down`, and `roco up` with another"
+            f" {self.variable}"
+        )
 
 
 def taken(fleet: Target, now: Look) -> Iterator[Taken]:
     """Yield what keeps the monitor of a fleet on this machine from serving pictures."""
-    if not isinstance(fleet, Local) or not any(one.name == MONITOR and one.status.pid for one in now.seen):
+    if not isinstance(fleet, Local) or not any(
+        one.name == MONITOR and one.status.pid for one in now.seen
+    ):
         return
     if fleet.variable(MONITOR, SWITCH) == "off":
         return

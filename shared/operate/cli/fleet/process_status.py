@@ -1,6 +1,8 @@
-"""A fleet, wherever it runs: the state of each process at one look, and its processor share from two looks.
+"""A fleet, wherever it runs: the state of each process at one look, and its processor share from
+two looks.
 
-Pure: texts of files in, Structs out. Whoever looks is in operate.cli.fleet.local or operate.cli.fleet.compose.
+Pure: texts of files in, Structs out. Whoever looks is in operate.cli.fleet.local or
+operate.cli.fleet.compose.
 """
 
 from abc import ABC, abstractmethod
@@ -16,7 +18,9 @@ from operate.run_folder import FAULTS_FILE, LIVE_FILE, Fleet, Judged, ProcessSta
 from operate.system import System
 
 LATE_S = 3.0
-"""An older heartbeat is one of a process that hangs: they come each second, at a load of 20 within 3 s."""
+"""An older heartbeat is one of a process that hangs: they come each second, at a load of 20 within
+3 s.
+"""
 UNSUPERVISED = "no supervisor: who dies now stays dead"
 PAUSED = "paused"
 """State of an agent that takes no step until it is resumed."""
@@ -32,11 +36,12 @@ class Unheard(msgspec.Struct, frozen=True):
 
 
 class Beat(msgspec.Struct, frozen=True):
-    """The fields used of a heartbeat file; a process that is not an agent writes its name and pid only.
+    """The fields used of a heartbeat file; a process that is not an agent writes its name and pid
+    only.
 
-    `peers`: their incarnations, 0 of who is not there; `unreceipted`, `due`: communicates that wait, by peer: for a
-    receipt, and for being said. `level`: least of its log lines shown; `answer`: to the operator's last order.
-    `trouble`: why it waits, in words.
+    `peers`: their incarnations, 0 of who is not there; `unreceipted`, `due`: communicates that
+    wait, by peer: for a receipt, and for being said. `level`: least of its log lines shown;
+    `answer`: to the operator's last order. `trouble`: why it waits, in words.
     """
 
     pid: int = 0
@@ -58,7 +63,9 @@ class Beat(msgspec.Struct, frozen=True):
 
 
 class Seen(msgspec.Struct, frozen=True):
-    """A process at one look; `age_s`: of its heartbeat. None: it has none, or does not run. `home`: its service."""
+    """A process at one look; `age_s`: of its heartbeat. None: it has none, or does not run. `home`:
+    its service.
+    """
 
     status: ProcessStatus
     beat: Beat | None = None
@@ -72,7 +79,9 @@ class Seen(msgspec.Struct, frozen=True):
 
 
 class Look(msgspec.Struct, frozen=True):
-    """A fleet at one look. `at`: a clock that only goes forward [s]; `unkept`: why nobody looks after it, "" if so."""
+    """A fleet at one look. `at`: a clock that only goes forward [s]; `unkept`: why nobody looks
+    after it, "" if so.
+    """
 
     fleet: Fleet | None
     seen: tuple[Seen, ...]
@@ -102,8 +111,8 @@ class Target(ABC):
 
     @abstractmethod
     def read(self, name: str, file: str, offset: int = 0) -> bytes:
-        """A file in the run folder of a process, from byte `offset` on; b"" if it does not exist. Raises DockerError if
-        that process has no running container.
+        """A file in the run folder of a process, from byte `offset` on; b"" if it does not exist.
+        Raises DockerError if that process has no running container.
         """
 
     @abstractmethod
@@ -119,16 +128,22 @@ class Target(ABC):
         return self.recorded(FAULTS_FILE)
 
     def logged(self, name: str, offset: int) -> bytes:
-        """The log of a process from byte `offset` on, as JSON lines; b"" while its container does not run."""
+        """The log of a process from byte `offset` on, as JSON lines; b"" while its container does
+        not run.
+        """
         return self.read(name, f"logs/{name}.jsonl", offset)
 
     @abstractmethod
     def verdicts(self) -> list[Judged]:
-        """The monitor's verdicts so far, in order of time; without a monitor, those of its recording now."""
+        """The monitor's verdicts so far, in order of time; without a monitor, those of its
+        recording now.
+        """
 
     @abstractmethod
     def put(self, file: str, data: bytes) -> None:
-        """Replace a file in the run folder at once. FleetError: this fleet has no folder that all processes share."""
+        """Replace a file in the run folder at once. FleetError: this fleet has no folder that all
+        processes share.
+        """
 
     @abstractmethod
     def hold(self, name: str, held: bool) -> None:
@@ -136,7 +151,9 @@ class Target(ABC):
 
     @abstractmethod
     def switch(self, name: str, on: bool) -> None:
-        """Start a process, or end it and keep it down; it is asked for, not waited for. UsageError: no such name."""
+        """Start a process, or end it and keep it down; it is asked for, not waited for. UsageError:
+        no such name.
+        """
 
     @abstractmethod
     def signal(self, name: str, number: int) -> None:
@@ -144,11 +161,15 @@ class Target(ABC):
 
     @abstractmethod
     def variable(self, name: str, variable: str) -> str:
-        """A variable of the environment that a process has, or would be started with; "" where it is not set."""
+        """A variable of the environment that a process has, or would be started with; "" where it
+        is not set.
+        """
 
     @abstractmethod
     def wire(self, name: str, kind: str, amount: float | None) -> None:
-        """Set a condition of the wires of an agent, or of all to a router, or end it (None). FleetError: none."""
+        """Set a condition of the wires of an agent, or of all to a router, or end it (None).
+        FleetError: none.
+        """
 
     @abstractmethod
     def writing(self, name: str, possible: bool) -> None:
@@ -156,7 +177,9 @@ class Target(ABC):
 
     @abstractmethod
     def clock(self, name: str, seconds: float) -> None:
-        """Set the wall clock of a process so far forward [s]; 0: as it is. FleetError: it has none of its own."""
+        """Set the wall clock of a process so far forward [s]; 0: as it is. FleetError: it has none
+        of its own.
+        """
 
     @abstractmethod
     def add_fault(self, line: bytes) -> None:
@@ -172,11 +195,15 @@ class Target(ABC):
 
     @abstractmethod
     def operating(self) -> AbstractContextManager[Put]:
-        """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be had."""
+        """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be
+        had.
+        """
 
     @abstractmethod
     def speaking(self, identity: str, to: str) -> AbstractContextManager[Put]:
-        """A session with the keys of an identity, in which an agent hears. ConsoleError: it cannot be had."""
+        """A session with the keys of an identity, in which an agent hears. ConsoleError: it cannot
+        be had.
+        """
 
     @abstractmethod
     def logging(self) -> tuple[str, ...]:
@@ -184,10 +211,11 @@ class Target(ABC):
 
 
 class Row(msgspec.Struct, frozen=True):
-    """A process as `roco agents` tells of it. `state`: of its FSM where it is an agent that runs, else of the process.
+    """A process as `roco agents` tells of it. `state`: of its FSM where it is an agent that runs,
+    else of the process.
 
-    `cpu`: percent of one processor; `memory`: bytes; `waiting`: communicates said but not receipted, and due to be
-    said; `trouble`: what is wrong with it, in words.
+    `cpu`: percent of one processor; `memory`: bytes; `waiting`: communicates said but not
+    receipted, and due to be said; `trouble`: what is wrong with it, in words.
     """
 
     name: str
@@ -204,7 +232,9 @@ class Row(msgspec.Struct, frozen=True):
 
 
 class Info(msgspec.Struct, frozen=True):
-    """`roco agents NAME --format json`: the row, what its heartbeat says, its channels by peer, its last lines."""
+    """`roco agents NAME --format json`: the row, what its heartbeat says, its channels by peer, its
+    last lines.
+    """
 
     where: str
     row: Row
@@ -236,14 +266,22 @@ def _row(one: Seen, before: Seen | None, span_s: float) -> Row:
         memory=one.used.memory if one.used else None,
         pid=status.pid,
         incarnation=beat.incarnation if beat is not None and agent and status.pid else None,
-        waiting=sum(beat.unreceipted.values()) + sum(beat.due.values()) if beat is not None and agent else None,
+        waiting=sum(beat.unreceipted.values()) + sum(beat.due.values())
+        if beat is not None and agent
+        else None,
         trouble=trouble(one),
     )
 
 
 def cpu(before: Seen | None, now: Seen, span_s: float) -> float | None:
     """Percent of one processor between two looks; None where it was not the same process."""
-    if before is None or before.used is None or now.used is None or before.status.pid != now.status.pid or span_s <= 0:
+    if (
+        before is None
+        or before.used is None
+        or now.used is None
+        or before.status.pid != now.status.pid
+        or span_s <= 0
+    ):
         return None
     return max(0.0, 100.0 * (now.used.cpu_s - before.used.cpu_s) / span_s)
 
@@ -252,14 +290,17 @@ def stuck(one: Seen) -> str:
     """Whether a process runs and does not get on, in words; "" where it does."""
     if one.used is not None and one.used.frozen:
         return "frozen by a signal"
-    own = one.beat is None or one.beat.pid == one.status.pid  # not that of an earlier process, left in a volume
+    # not that of an earlier process, left in a volume
+    own = one.beat is None or one.beat.pid == one.status.pid
     if own and one.status.pid and one.age_s is not None and one.age_s > LATE_S:
         return f"hangs: last heartbeat {one.age_s:.0f} s ago"
     return ""
 
 
 def unkept(told: Fleet, supervisor: Seen) -> str:
-    """Return why nobody looks after the processes of a fleet: its supervisor is dead or stuck. "" where one does."""
+    """Return why nobody looks after the processes of a fleet: its supervisor is dead or stuck. ""
+    where one does.
+    """
     if not any(status.pid for status in told.processes):
         return ""
     if not told.supervisor:

@@ -1,4 +1,5 @@
-"""The processes of a fleet for people: tables of `roco status`, `agents` and `top`, and all that is known of one.
+"""The processes of a fleet for people: tables of `roco status`, `agents` and `top`, and all that is
+known of one.
 
 Apart from the verbs: a program that reads JSON need not wait for rich.
 """
@@ -38,24 +39,40 @@ def show_status(now: "Status") -> None:
         )
         console.print(table(("process", "state", "pid", "restarts", ""), rows, fold=("",)))
     if now.unkept:
-        console.print(f"{now.unkept}: `roco down`, then `roco up`", style="bold red", highlight=False, soft_wrap=True)
+        console.print(
+            f"{now.unkept}: `roco down`, then `roco up`",
+            style="bold red",
+            highlight=False,
+            soft_wrap=True,
+        )
     if now.keys:
-        console.print(f"{now.keys}: see `roco doctor`", style="bold red", highlight=False, soft_wrap=True)
+        console.print(
+            f"{now.keys}: see `roco doctor`", style="bold red", highlight=False, soft_wrap=True
+        )
     if now.pictures:
         console.print(
-            f"no pictures: {now.pictures}; see `roco doctor`", style="yellow", highlight=False, soft_wrap=True
+            f"no pictures: {now.pictures}; see `roco doctor`",
+            style="yellow",
+            highlight=False,
+            soft_wrap=True,
         )
     for line in now.unheard:
         console.print(line, style="yellow")
     for task in now.tasks:
-        console.print(f"{task.task}  {task.state}  {task.said}  {task.text}", highlight=False, soft_wrap=True)
+        console.print(
+            f"{task.task}  {task.state}  {task.said}  {task.text}", highlight=False, soft_wrap=True
+        )
     if now.problem:
         console.print(now.problem, style="yellow")
 
 
 def note(status: ProcessStatus, now: "Status") -> str:
     """Return the problem of a process, and the remedy if its state does not name it."""
-    if status.state is ProcessState.STOPPED and now.fleet is not None and any(one.pid for one in now.fleet.processes):
+    if (
+        status.state is ProcessState.STOPPED
+        and now.fleet is not None
+        and any(one.pid for one in now.fleet.processes)
+    ):
         return f"{status.note or 'stopped'}: `roco agent start {status.name}`"
     paused = f"paused: `roco agent start {status.name}`" if status.name in now.paused else ""
     return now.troubles.get(status.name, status.note) or paused
@@ -78,7 +95,9 @@ def cells(row: Row) -> tuple[Text, ...]:
     late = "red" if row.heartbeat_s is not None and row.heartbeat_s > LATE_S else ""
     return (
         Text(row.name, "bold"),
-        Text(row.state, COLOURS.get(row.process, "") if row.process is not ProcessState.READY else ""),
+        Text(
+            row.state, COLOURS.get(row.process, "") if row.process is not ProcessState.READY else ""
+        ),
         Text("" if row.heartbeat_s is None else f"{row.heartbeat_s:.1f} s", late),
         Text("" if row.cpu is None else f"{row.cpu:.0f} %"),
         Text("" if row.memory is None else f"{row.memory / 2**20:.0f} MiB"),
@@ -96,7 +115,9 @@ def show_info(told: Info) -> None:
     console.print(Text.assemble((row.name, "bold"), f"  {row.state}  ", (told.where, "dim")))
     if row.trouble:
         console.print(row.trouble, style="red")
-    console.print(pairs((name, value) for name, value in facts(row, beat, told.channels).items() if value))
+    console.print(
+        pairs((name, value) for name, value in facts(row, beat, told.channels).items() if value)
+    )
     if beat.inside is not None:
         show_inside(beat.inside, console)
     if told.log:
@@ -108,7 +129,8 @@ def show_info(told: Info) -> None:
 def facts(row: Row, beat: Beat, channels: dict[str, str]) -> dict[str, str]:
     """Return the known facts by name; "" for unknown ones."""
     peers = (
-        f"{peer}{' on ' + channels[peer] if peer in channels else ''}{f', life {life}' if life else ' (gone)'}"
+        f"{peer}{' on ' + channels[peer] if peer in channels else ''}"
+        f"{f', life {life}' if life else ' (gone)'}"
         for peer, life in beat.peers.items()
     )
     return {
@@ -121,7 +143,9 @@ def facts(row: Row, beat: Beat, channels: dict[str, str]) -> dict[str, str]:
         "peers": "; ".join(peers),
         "not receipted": _by_peer(beat.unreceipted),
         "not said yet": _by_peer(beat.due),
-        "parameters": ", ".join(f"{name} = {worded(value)}" for name, value in beat.parameters.items()),
+        "parameters": ", ".join(
+            f"{name} = {worded(value)}" for name, value in beat.parameters.items()
+        ),
         "log level": beat.level,
         "counts": ", ".join(f"{count} {name}" for name, count in sorted(beat.counts.items())),
     }
@@ -143,7 +167,9 @@ def _table(console: Console, title: str, rows: list[tuple[str, ...]]) -> None:
         return
     console.print(title, style="dim", highlight=False)
     heads = ("",) * (1 + len(rows[0]))
-    console.print(table(heads, (("", *row) for row in rows), fold=("",), pad_edge=False), highlight=False)
+    console.print(
+        table(heads, (("", *row) for row in rows), fold=("",), pad_edge=False), highlight=False
+    )
 
 
 def _waiting(one: Waits) -> tuple[str, ...]:

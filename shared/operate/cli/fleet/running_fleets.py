@@ -1,4 +1,5 @@
-"""Fleets that run here already, found by their run folders: a second one is started only where it is named.
+"""Fleets that run here already, found by their run folders: a second one is started only where it
+is named.
 
 Two fleets share the processors, and a verb without a name means one of them.
 """
@@ -17,7 +18,9 @@ EXPERIMENTS = Path("experiments")
 
 
 class Living(NamedTuple):
-    """A run folder of which something runs. `names`: its processes; `fleet.supervisor` 0: nobody keeps them."""
+    """A run folder of which something runs. `names`: its processes; `fleet.supervisor` 0: nobody
+    keeps them.
+    """
 
     run: Path
     fleet: Fleet
@@ -32,8 +35,8 @@ class Place(NamedTuple):
 
 
 def living(*runs: Path) -> Iterator[Living]:
-    """Yield the fleets of these run folders of which something still runs; links are skipped, being other names of the
-    same folders.
+    """Yield the fleets of these run folders of which something still runs; links are skipped, being
+    other names of the same folders.
     """
     for folder in sorted(runs):
         told = folders.living(folder) if folder.is_dir() and not folder.is_symlink() else None
@@ -48,7 +51,8 @@ def here() -> list[Living]:
 
 
 def place(out: Path | None, another: str, now: datetime) -> Place:
-    """The folder of a fleet that starts now. FleetError: one runs already, and none beside it was asked for.
+    """The folder of a fleet that starts now. FleetError: one runs already, and none beside it was
+    asked for.
 
     A second fleet never takes runs/latest from one that runs.
     """
@@ -56,12 +60,17 @@ def place(out: Path | None, another: str, now: datetime) -> Place:
         return Place(_named(another, out), latest=False)
     if out is not None:
         return Place(out.resolve(), latest=not list(living(*out.resolve().parent.glob("*"))))
-    refuse("`--another NAME` starts a second one on purpose, in runs/NAME; both then share the processors")
+    refuse(
+        "`--another NAME` starts a second one on purpose, in runs/NAME; both then share the"
+        " processors"
+    )
     return Place(folders.new_run(now).resolve(), latest=True)
 
 
 def refuse(way_out: str) -> None:
-    """Raise FleetError where a fleet or an experiment runs here; `way_out`: what may be done besides ending it."""
+    """Raise FleetError where a fleet or an experiment runs here; `way_out`: what may be done
+    besides ending it.
+    """
     found = [*here(), *living(*EXPERIMENTS.glob("*/runs/*"))]
     if found:
         raise FleetError("a fleet runs here already:", (*map(_fleet_line, found), way_out))
@@ -70,9 +79,17 @@ def refuse(way_out: str) -> None:
 def _fleet_line(one: Living) -> str:
     """Return a line with the fleet, its living processes, and the command that ends it."""
     latest = one.run.parent / LATEST
-    meant = "" if latest.is_symlink() and latest.resolve() == one.run.resolve() else f" --run-dir {one.run}"
+    meant = (
+        ""
+        if latest.is_symlink() and latest.resolve() == one.run.resolve()
+        else f" --run-dir {one.run}"
+    )
     many = f"{len(one.names)} process{'es' * (len(one.names) != 1)}"
-    kept = f"{many} since {datetime.fromtimestamp(one.fleet.started):%H:%M}" if one.fleet.supervisor else f"{many} left"
+    kept = (
+        f"{many} since {datetime.fromtimestamp(one.fleet.started):%H:%M}"
+        if one.fleet.supervisor
+        else f"{many} left"
+    )
     return f"{one.run}, {kept}; `roco down{meant}` ends it"
 
 
@@ -81,7 +98,9 @@ def _named(another: str, out: Path | None) -> Path:
     if out is not None:
         raise UsageError("--another names a folder in runs/, --out any folder; give one of the two")
     if another in (LATEST, ".", "..") or "/" in another:
-        raise UsageError(f"{another!r} is no name of a folder in runs/; give one such as `--another second`")
+        raise UsageError(
+            f"{another!r} is no name of a folder in runs/; give one such as `--another second`"
+        )
     run = folders.RUNS / another
     if run.exists():
         raise UsageError(f"{run} is there already; give another name, or remove it")

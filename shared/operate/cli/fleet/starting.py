@@ -1,4 +1,6 @@
-"""Bringing the fleet up and down: starts the supervisor as a process of its own, waits for it, ends it by signal."""
+"""Bringing the fleet up and down: starts the supervisor as a process of its own, waits for it, ends
+it by signal.
+"""
 
 import contextlib
 import os
@@ -23,18 +25,22 @@ from operate.system import here
 
 SUPERVISOR = "operate.supervisor"
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
-READY_S = 90.0  # estimate: the slowest start seen on a loaded 2-core machine, doubled; to be measured
+# estimate: the slowest start seen on a loaded 2-core machine, doubled; to be measured
+READY_S = 90.0
 CHECK_S = 60.0  # estimate: it takes half a second
 LEAST_ROOM = 32 << 20  # bytes for a start; estimate: a fleet that is ready has written 12 MB
 STOP_S = 150.0  # the monitor may take two minutes for its reports, the others seconds
-LEFT_S = 10.0  # until a process without a supervisor, and not the monitor, is killed (estimate: twice an orderly end)
+# until a process without a supervisor, and not the monitor, is killed (estimate: twice an orderly
+# end)
+LEFT_S = 10.0
 MONITOR = "monitor"
 LAST = (MONITOR, "wires", FORKS, ROUTER)
 """Ended after all others, the monitor first: it records their end, and writes its report."""
 
 
 def check(arguments: list[str]) -> None:
-    """Have a supervisor look at its options before it starts anything. UsageError says what is wrong with them.
+    """Have a supervisor look at its options before it starts anything. UsageError says what is
+    wrong with them.
 
     Only where they name a scene or processes: all others were checked when they were read.
     """
@@ -42,20 +48,32 @@ def check(arguments: list[str]) -> None:
         return
     command = [sys.executable, "-P", "-m", SUPERVISOR, "--run-dir", ".", *arguments, "--check"]
     shared, quiet = os.environ | here().environment(Path()), subprocess.DEVNULL
-    done = subprocess.run(command, env=shared, stdin=quiet, capture_output=True, timeout=CHECK_S, check=False)
+    done = subprocess.run(
+        command, env=shared, stdin=quiet, capture_output=True, timeout=CHECK_S, check=False
+    )
     if done.returncode == WRONG_USE:
         raise UsageError(done.stderr.decode(errors="replace").strip().removeprefix("supervisor: "))
 
 
 def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
-    """Start the supervisor of a run of the system here in the background; its words go to <run>/supervisor.log."""
+    """Start the supervisor of a run of the system here in the background; its words go to
+    <run>/supervisor.log.
+    """
     _refuse_second(run, 0)
-    shared = os.environ | here().environment(run) | {RUN_FOLDER_VARIABLE: str(run), FLEET_VARIABLE: uuid.uuid4().hex}
+    shared = (
+        os.environ
+        | here().environment(run)
+        | {RUN_FOLDER_VARIABLE: str(run), FLEET_VARIABLE: uuid.uuid4().hex}
+    )
     make_run(run)
     free = shutil.disk_usage(run).free
     if free < LEAST_ROOM:
-        least = f"has {free / 1e6:.1f} MB free, and a fleet needs {LEAST_ROOM / 1e6:.0f} MB to start"
-        raise FleetError(f"the disk of {run} {least}: make room, or name a folder on another disk with --out")
+        least = (
+            f"has {free / 1e6:.1f} MB free, and a fleet needs {LEAST_ROOM / 1e6:.0f} MB to start"
+        )
+        raise FleetError(
+            f"the disk of {run} {least}: make room, or name a folder on another disk with --out"
+        )
     with (run / "supervisor.log").open("ab") as log:
         return subprocess.Popen(
             [sys.executable, "-P", "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
@@ -71,18 +89,26 @@ def _refuse_second(run: Path, own: int) -> None:
     """Raise FleetError where a supervisor other than this one keeps the folder."""
     other = folders.keeper(run)
     if other not in (0, own):
-        raise FleetError(f"the fleet of {run} runs already (supervisor {other}); `roco down` ends it")
+        raise FleetError(
+            f"the fleet of {run} runs already (supervisor {other}); `roco down` ends it"
+        )
 
 
 def wait_kept(run: Path, supervisor: subprocess.Popen[bytes], patience_s: float = READY_S) -> None:
-    """Wait until the supervisor keeps its folder. Raise FleetError where another does, or it ended."""
+    """Wait until the supervisor keeps its folder. Raise FleetError where another does, or it
+    ended.
+    """
     deadline = time.monotonic() + patience_s
     while folders.keeper(run) != supervisor.pid:
         _refuse_second(run, supervisor.pid)
         if supervisor.poll() is not None:
-            raise FleetError(f"the supervisor ended with code {supervisor.returncode}", _last_words(run))
+            raise FleetError(
+                f"the supervisor ended with code {supervisor.returncode}", _last_words(run)
+            )
         if time.monotonic() > deadline:
-            raise FleetError(f"the supervisor did not begin within {patience_s:.0f} s (logs in {run})")
+            raise FleetError(
+                f"the supervisor did not begin within {patience_s:.0f} s (logs in {run})"
+            )
         time.sleep(PERIOD_S)
 
 
@@ -100,12 +126,17 @@ def wait_ready(
     deadline = time.monotonic() + patience_s
     while True:
         told = folders.fleet(run)
-        fleet = told if told is not None and told.supervisor == supervisor.pid else None  # not that of an earlier one
+        # not that of an earlier one
+        fleet = told if told is not None and told.supervisor == supervisor.pid else None
         tick(fleet)
         if supervisor.poll() is not None:
-            raise FleetError(f"the supervisor ended with code {supervisor.returncode}", _last_words(run))
+            raise FleetError(
+                f"the supervisor ended with code {supervisor.returncode}", _last_words(run)
+            )
         needed = [status for status in fleet.processes if not status.optional] if fleet else []
-        hopeless = tuple(describe(status) for status in needed if status.state is ProcessState.GIVEN_UP)
+        hopeless = tuple(
+            describe(status) for status in needed if status.state is ProcessState.GIVEN_UP
+        )
         if hopeless:
             raise FleetError("the fleet cannot come up:", hopeless)
         missing = [status for status in needed if status.state is not ProcessState.READY]
@@ -118,10 +149,16 @@ def wait_ready(
 
 
 def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
-    """End the fleet of a run in order; the names of what was ended. Works with the supervisor dead, too."""
+    """End the fleet of a run in order; the names of what was ended. Works with the supervisor dead,
+    too.
+    """
     fleet = folders.fleet(run)
     modules = {status.name: status.module for status in fleet.processes} if fleet else {}
-    living = [status for status in fleet.processes if folders.is_service(status.pid, status.module)] if fleet else []
+    living = (
+        [status for status in fleet.processes if folders.is_service(status.pid, status.module)]
+        if fleet
+        else []
+    )
     supervisor = folders.keeper(run)
     if supervisor:
         for number in (signal.SIGTERM, signal.SIGCONT):  # one that was frozen goes on, and ends
@@ -129,12 +166,16 @@ def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
         _wait_gone([supervisor], patience_s)
     _end([pid for name, pid in _named(run, modules).items() if name not in LAST], LEFT_S)
     _end([pid for name, pid in _named(run, modules).items() if name == MONITOR], patience_s)
-    _end([*_named(run, modules).values(), *(pid for pid in started_in(run) if pid != os.getpid())], LEFT_S)
+    _end(
+        [*_named(run, modules).values(), *(pid for pid in started_in(run) if pid != os.getpid())],
+        LEFT_S,
+    )
     return tuple(status.name for status in living)
 
 
 def bring_down(run: Path, supervisor: subprocess.Popen[bytes]) -> None:
-    """End the fleet that this command started, whatever it has told of itself. NotWaitedError: Ctrl-C meanwhile.
+    """End the fleet that this command started, whatever it has told of itself. NotWaitedError:
+    Ctrl-C meanwhile.
 
     That of another supervisor, which was there first, goes on.
     """
@@ -146,7 +187,9 @@ def bring_down(run: Path, supervisor: subprocess.Popen[bytes]) -> None:
 
 @contextlib.contextmanager
 def patient(run: Path) -> Iterator[None]:
-    """The end of a fleet is waited for. NotWaitedError says what goes on where Ctrl-C ends the waiting."""
+    """The end of a fleet is waited for. NotWaitedError says what goes on where Ctrl-C ends the
+    waiting.
+    """
     try:
         yield
     except KeyboardInterrupt as error:
@@ -173,7 +216,9 @@ def describe(status: ProcessStatus) -> str:
 
 
 def _named(run: Path, modules: dict[str, str]) -> dict[str, int]:
-    """The pids of what lives of a run by its pid files: a supervisor, or the process of `modules` of that name."""
+    """The pids of what lives of a run by its pid files: a supervisor, or the process of `modules`
+    of that name.
+    """
     texts = {path.stem: path.read_text().strip() for path in run.glob("*.pid")}
     pids = {name: int(text) for name, text in texts.items() if text.isdigit()}
     own = {name: (modules[name],) if name in modules else folders.SUPERVISORS for name in pids}

@@ -1,4 +1,6 @@
-"""State of each process in words for people: as the design or the system names it, or the progress of its start."""
+"""State of each process in words for people: as the design or the system names it, or the progress
+of its start.
+"""
 
 from operate.cli.terminal.run_state import View
 from operate.run_folder import ProcessState, ProcessStatus
@@ -40,7 +42,16 @@ def doing(status: ProcessStatus, view: View, system: System) -> tuple[str, str]:
         return "not reachable", "bold red"
     state = seen.state if seen is not None else ""
     words = state_text(system, status.name, state) or state or "ready"
-    return words, "dim" if words.split()[0] in AT_REST and state not in ("hold", "stopped") else "cyan"
+    return words, (
+        "dim"
+        if words.split()[0] in AT_REST
+        and state
+        not in (
+            "hold",
+            "stopped",
+        )
+        else "cyan"
+    )
 
 
 def waited_for(processes: tuple[ProcessStatus, ...]) -> str:
@@ -49,4 +60,7 @@ def waited_for(processes: tuple[ProcessStatus, ...]) -> str:
     starting = [status.name for status in needed if status.state is not ProcessState.READY]
     if not starting:
         return ""
-    return f"starting: {len(needed) - len(starting)} of {len(needed)} ready, waiting for {', '.join(starting)}"
+    return (
+        f"starting: {len(needed) - len(starting)} of {len(needed)} ready, waiting for"
+        f" {', '.join(starting)}"
+    )

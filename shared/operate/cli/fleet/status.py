@@ -20,11 +20,13 @@ from operate.run_folder import Fleet, ProcessState
 
 
 class Status(msgspec.Struct, frozen=True):
-    """The fleet, the tasks, whether the robot is held; `problem`: why no task is known; `troubles`: by process.
+    """The fleet, the tasks, whether the robot is held; `problem`: why no task is known; `troubles`:
+    by process.
 
-    `unheard`: who is not heard by whom, a sentence each; `paused`: agents that take no step. `stuck`: processes that
-    are frozen or hang; `unkept`: why nobody looks after the fleet. `keys`: the certificate that does not hold.
-    `pictures`: why there are none, where another program has their port.
+    `unheard`: who is not heard by whom, a sentence each; `paused`: agents that take no step.
+    `stuck`: processes that are frozen or hang; `unkept`: why nobody looks after the fleet. `keys`:
+    the certificate that does not hold. `pictures`: why there are none, where another program has
+    their port.
     """
 
     run: str
@@ -46,19 +48,36 @@ def state_of(fleet: Target) -> Status:
     told, problem = tasks.of(fleet)
     now = fleet.look()
     troubles = {one.name: words for one in now.seen if one.status.pid and (words := trouble(one))}
-    paused = tuple(one.name for one in now.seen if one.status.pid and one.beat is not None and one.beat.paused)
+    paused = tuple(
+        one.name for one in now.seen if one.status.pid and one.beat is not None and one.beat.paused
+    )
     late = tuple(one.name for one in now.seen if one.status.pid and stuck(one))
     who = tuple(unheard(now))
-    starting = any(one.status.pid and one.status.state is not ProcessState.READY for one in now.seen)
+    starting = any(
+        one.status.pid and one.status.state is not ProcessState.READY for one in now.seen
+    )
     keys = _keys(fleet, now) if troubles or who or starting else ""
     pictures = "; ".join(port.words for port in taken(fleet, now))
-    state = (fleet.where, now.fleet, told, now.stop_held, problem, troubles, who, paused, late, now.unkept, keys)
+    state = (
+        fleet.where,
+        now.fleet,
+        told,
+        now.stop_held,
+        problem,
+        troubles,
+        who,
+        paused,
+        late,
+        now.unkept,
+        keys,
+    )
     return Status(*state, pictures)
 
 
 def _keys(fleet: Target, now: Look) -> str:
     """Return which certificate of a fleet in trouble does not hold."""
-    with suppress(OSError, ValueError):  # doctor tells what is wrong with a file that is no certificate
+    # doctor tells what is wrong with a file that is no certificate
+    with suppress(OSError, ValueError):
         if (folder := key_folder(fleet, now)) and (times := key_times(folder)):
             return times.trouble(dt.datetime.now(dt.UTC))
     return ""
@@ -66,7 +85,12 @@ def _keys(fleet: Target, now: Look) -> str:
 
 def unheard(now: Look) -> Iterator[str]:
     """Yield a sentence for each agent that another does not hear, though both run."""
-    found = [(one.name, line) for one in now.seen if one.beat and one.status.pid for line in one.beat.unheard]
+    found = [
+        (one.name, line)
+        for one in now.seen
+        if one.beat and one.status.pid
+        for line in one.beat.unheard
+    ]
     if found:
         from agent_runtime.core import peers as of_agents
 
@@ -76,8 +100,9 @@ def unheard(now: Look) -> Iterator[str]:
 
 
 def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
-    """Show the fleet's processes and the tasks. Exits with 1 where not all that must be ready are, where a process is
-    frozen or hangs, no supervisor looks after them, or a certificate does not hold, with 3 where nothing runs.
+    """Show the fleet's processes and the tasks. Exits with 1 where not all that must be ready are,
+    where a process is frozen or hangs, no supervisor looks after them, or a certificate does not
+    hold, with 3 where nothing runs.
 
     Examples:
       roco status
@@ -97,7 +122,9 @@ def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Forma
 
 
 def verdict(now: Status) -> int:
-    """The exit code: whether all that must be ready are, nothing hangs, and whether anything runs at all."""
+    """The exit code: whether all that must be ready are, nothing hangs, and whether anything runs
+    at all.
+    """
     processes = now.fleet.processes if now.fleet else ()
     if not any(process.pid for process in processes):
         return NOTHING_RUNS

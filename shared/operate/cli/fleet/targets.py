@@ -1,8 +1,8 @@
 """Choice of a fleet: one on this machine, or one in containers.
 
-Without a word from the user it is what runs: the run of --run-dir or ROCO_RUN_DIR, else runs/latest where something of
-it lives, else the only other one of runs/ that lives, else the containers of a compose project, else runs/latest as it
-was left.
+Without a word from the user it is what runs: the run of --run-dir or ROCO_RUN_DIR, else runs/latest
+where something of it lives, else the only other one of runs/ that lives, else the containers of a
+compose project, else runs/latest as it was left.
 """
 
 import os
@@ -31,8 +31,10 @@ Name = Annotated[
     str,
     typer.Option(
         "--target",
-        help="local, compose, a run's folder or its name in runs/, a compose project, or PROJECT/ROBOT of several "
-        "robots; else what runs.",
+        help=(
+            "local, compose, a run's folder or its name in runs/, a compose project, or"
+            " PROJECT/ROBOT of several robots; else what runs."
+        ),
         autocompletion=completion.targets,
     ),
 ]
@@ -50,11 +52,17 @@ def find(name: str = "", run_dir: Path | None = None) -> Target:
 
 
 def to_hold(name: str = "", run_dir: Path | None = None) -> list[Target]:
-    """The fleets that a stop means: the one that is named or lives here, else all of this user's that live anywhere.
+    """The fleets that a stop means: the one that is named or lives here, else all of this user's
+    that live anywhere.
 
     Raises as `find` does.
     """
-    if name or run_dir is not None or os.environ.get(RUN_FOLDER_VARIABLE) or _lives(folders.RUNS / LATEST):
+    if (
+        name
+        or run_dir is not None
+        or os.environ.get(RUN_FOLDER_VARIABLE)
+        or _lives(folders.RUNS / LATEST)
+    ):
         return [find(name, run_dir)]
     from operate.cli.fleet.compose import Compose, projects
 
@@ -72,7 +80,9 @@ def named(fleet: Target, name: str) -> Seen:
 
 
 def about(name: str = "", run_dir: Path | None = None) -> System:
-    """The system of the fleet that is meant; where none is named and none is there, that of this folder."""
+    """The system of the fleet that is meant; where none is named and none is there, that of this
+    folder.
+    """
     if name or run_dir is not None:
         return find(name, run_dir).system
     try:
@@ -87,10 +97,15 @@ def _named(name: str) -> Target:
         if name != COMPOSE and folder.is_dir() and folders.fleet(folder) is not None:
             return Local(folder.resolve())
     found = _compose(name)
-    if found is None and name != COMPOSE and Path(name).is_dir():  # a run whose fleet.json is gone, or not there yet
+    # a run whose fleet.json is gone, or not there yet
+    if found is None and name != COMPOSE and Path(name).is_dir():
         return Local(Path(name).resolve())
     if found is None:
-        what = "no compose project of ours runs" if name == COMPOSE else f"{name!r} is no folder and no compose project"
+        what = (
+            "no compose project of ours runs"
+            if name == COMPOSE
+            else f"{name!r} is no folder and no compose project"
+        )
         begin = "`docker compose -f deploy/compose.yaml up -d` starts one, `roco up` a local one"
         raise NoRunError(name, f"{what}; {begin}")
     return found
@@ -102,10 +117,14 @@ def _lives(run: Path) -> bool:
 
 
 def _other() -> Target | None:
-    """The fleet that runs here while runs/latest, of another one, does not. UsageError where there are several."""
+    """The fleet that runs here while runs/latest, of another one, does not. UsageError where there
+    are several.
+    """
     found = running_fleets.here()
     if len(found) > 1:
-        raise UsageError(f"several fleets run; name one: --target {' or '.join(one.run.name for one in found)}")
+        raise UsageError(
+            f"several fleets run; name one: --target {' or '.join(one.run.name for one in found)}"
+        )
     return Local(found[0].run.resolve()) if found else None
 
 
@@ -122,11 +141,13 @@ def _compose(project: str) -> Target | None:
     return Compose(running[0], robot) if running else None
 
 
-# --- Names for the shell to complete that only a fleet knows ---------------------------------------------------------
+# --- Names for the shell to complete that only a fleet knows --------------------------------------
 
 
 def processes(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the processes of the fleet that is meant; where none runs, the agents of the design."""
+    """Return the processes of the fleet that is meant; where none runs, the agents of the
+    design.
+    """
     fleet = meant(ctx)
     if fleet is None:
         return completion.agents(ctx, incomplete)
@@ -141,7 +162,9 @@ def open_tasks(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def meant(ctx: typer.Context) -> Target | None:
-    """Return the fleet that the options before the word name, else the one that is meant without; None: none is."""
+    """Return the fleet that the options before the word name, else the one that is meant without;
+    None: none is.
+    """
     try:
         return find(ctx.params.get("target") or "", completion.path_given(ctx, "run_dir"))
     except ConsoleError:

@@ -13,7 +13,9 @@ ENDED = ("done", "failed", "cancelled", "refused")
 
 
 class Task(Protocol):
-    """A task: its id, its state ("running", ..., or one of ENDED), what is to be said of it, what a person said."""
+    """A task: its id, its state ("running", ..., or one of ENDED), what is to be said of it, what a
+    person said.
+    """
 
     @property
     def task(self) -> str: ...
@@ -26,8 +28,8 @@ class Task(Protocol):
 
 
 def of(fleet: "Target") -> tuple[tuple[Task, ...], str]:
-    """Return the tasks of a fleet, oldest first, and why they are not known, "" where they are; none of a system
-    without.
+    """Return the tasks of a fleet, oldest first, and why they are not known, "" where they are;
+    none of a system without.
     """
     try:
         told: Callable[[Target], Sequence[Task]] | None = fleet.system.addition("tasks")

@@ -13,7 +13,17 @@ from agent_runtime.io.options import HOW_LINKED, Linking
 from operate.cli import completion, interrupts
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import running_fleets, starting, targets
-from operate.cli.output import Form, Format, Reply, RunDir, Seed, problems, tell, tell_problem, waiting
+from operate.cli.output import (
+    Form,
+    Format,
+    Reply,
+    RunDir,
+    Seed,
+    problems,
+    tell,
+    tell_problem,
+    waiting,
+)
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
@@ -29,19 +39,36 @@ class Speed(StrEnum):
 
 Rate = Annotated[Speed, typer.Option(help="1: real time; max: as fast as the machine can.")]
 SceneFile = Annotated[
-    Path | None, typer.Option(exists=True, dir_okay=False, help="A scene's TOML file; else the system's own scene.")
+    Path | None,
+    typer.Option(
+        exists=True, dir_okay=False, help="A scene's TOML file; else the system's own scene."
+    ),
 ]
 Insecure = Annotated[
-    bool, typer.Option("--insecure", help="No TLS and no rights: whoever is on this host may say anything.")
+    bool,
+    typer.Option(
+        "--insecure", help="No TLS and no rights: whoever is on this host may say anything."
+    ),
 ]
 Faults = Annotated[
     bool,
-    typer.Option("--faults", help="Agents have wires and clocks of their own, which `roco fault` can disturb."),
+    typer.Option(
+        "--faults",
+        help="Agents have wires and clocks of their own, which `roco fault` can disturb.",
+    ),
 ]
-Out = Annotated[Path | None, typer.Option("--out", "--run-dir", help="Where everything is written; else runs/<time>.")]
-For = Annotated[float | None, typer.Option("--for", min=1.0, help="Bring it down after this many seconds.")]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", "--run-dir", help="Where everything is written; else runs/<time>."),
+]
+For = Annotated[
+    float | None, typer.Option("--for", min=1.0, help="Bring it down after this many seconds.")
+]
 Another = Annotated[
-    str, typer.Option("--another", metavar="NAME", help="Beside a fleet that runs: a second one, in runs/NAME.")
+    str,
+    typer.Option(
+        "--another", metavar="NAME", help="Beside a fleet that runs: a second one, in runs/NAME."
+    ),
 ]
 
 
@@ -52,7 +79,10 @@ def up(
     speed: Rate = Speed.REAL,
     scene: SceneFile = None,
     only: Annotated[
-        str, typer.Option(help="Names of processes, comma between; else all.", autocompletion=completion.started)
+        str,
+        typer.Option(
+            help="Names of processes, comma between; else all.", autocompletion=completion.started
+        ),
     ] = "",
     insecure: Insecure = False,
     faults: Faults = False,
@@ -60,7 +90,8 @@ def up(
     agents: Annotated[
         str,
         typer.Option(
-            metavar="NAME=ENDPOINT,...", help="Where agents on other hosts, and those that they talk to, listen."
+            metavar="NAME=ENDPOINT,...",
+            help="Where agents on other hosts, and those that they talk to, listen.",
         ),
     ] = "",
     wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
@@ -69,7 +100,8 @@ def up(
 ) -> None:
     """Bring the fleet up in the background. Interrupted, it brings down what it began.
 
-    Where one runs already it starts none, unless --another names it: that one is meant by `--target NAME`.
+    Where one runs already it starts none, unless --another names it: that one is meant by `--target
+    NAME`.
 
     Examples:
       roco up
@@ -82,7 +114,10 @@ def up(
     """
     with problems(form), interrupts.heard():
         where = running_fleets.place(out, another, datetime.now())
-        words = [*options(seed, speed, scene, insecure, faults=faults), *(["--only", only] if only else [])]
+        words = [
+            *options(seed, speed, scene, insecure, faults=faults),
+            *(["--only", only] if only else []),
+        ]
         words += ["--links", links.value] if links is not Linking.DIRECT else []
         words += ["--agents", agents] if agents else []
         if seconds is not None and not wait:
@@ -90,18 +125,29 @@ def up(
         starting.check(words)
         _begun(where, words, wait, seconds, form)
         if seconds is not None:
-            tell(Reply(f"ran for {seconds:g} s; everything is written to {where.run}", str(where.run)), form)
+            tell(
+                Reply(
+                    f"ran for {seconds:g} s; everything is written to {where.run}", str(where.run)
+                ),
+                form,
+            )
             return
-        named = "" if where.latest else f"; `--target {another or folders.near(where.run)}` means it"
+        named = (
+            "" if where.latest else f"; `--target {another or folders.near(where.run)}` means it"
+        )
         what = f"ready; everything is written to {where.run}"
         text = what if wait else f"starting in {where.run}; `roco status` shows how far it is"
         tell(Reply(text + named, str(where.run)), form)
 
 
-def _begun(where: running_fleets.Place, words: list[str], wait: bool, seconds: float | None, form: Format) -> None:
-    """Start the fleet and wait until it is ready; let it run for some seconds then, and bring it down.
+def _begun(
+    where: running_fleets.Place, words: list[str], wait: bool, seconds: float | None, form: Format
+) -> None:
+    """Start the fleet and wait until it is ready; let it run for some seconds then, and bring it
+    down.
 
-    What was started is brought down where that fails. FleetError: it does not come up, or its supervisor ends before.
+    What was started is brought down where that fails. FleetError: it does not come up, or its
+    supervisor ends before.
     """
     with interrupts.held() as let_go:
         supervisor = starting.start(where.run, [*words, *([] if where.latest else ["--no-latest"])])
@@ -110,19 +156,32 @@ def _begun(where: running_fleets.Place, words: list[str], wait: bool, seconds: f
             if not wait:
                 starting.wait_kept(where.run, supervisor)
                 return
-            watch = Watch(here(), where.run, "bringing the fleet up", Console(stderr=True), form is Format.JSON)
+            watch = Watch(
+                here(),
+                where.run,
+                "bringing the fleet up",
+                Console(stderr=True),
+                form is Format.JSON,
+            )
             with watch.showing():
                 look = watch.look if form is Format.TEXT else lambda _: None
                 starting.wait_ready(where.run, supervisor, look)
             if seconds is None:
                 return
-            with waiting(f"the fleet runs for {seconds:g} s", form), contextlib.suppress(subprocess.TimeoutExpired):
+            with (
+                waiting(f"the fleet runs for {seconds:g} s", form),
+                contextlib.suppress(subprocess.TimeoutExpired),
+            ):
                 code = supervisor.wait(seconds)
-                raise FleetError(f"the supervisor ended with code {code}; see {where.run}/supervisor.log")
+                raise FleetError(
+                    f"the supervisor ended with code {code}; see {where.run}/supervisor.log"
+                )
         except BaseException as error:
             try:
                 if isinstance(error, KeyboardInterrupt) and form is Format.TEXT and seconds is None:
-                    tell_problem("interrupted; what was started is brought down, Ctrl-C does not wait", form)
+                    tell_problem(
+                        "interrupted; what was started is brought down, Ctrl-C does not wait", form
+                    )
             finally:  # a closed terminal takes no words
                 starting.bring_down(where.run, supervisor)
             raise
@@ -145,7 +204,13 @@ def down(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.
         tell(Reply(words, found.where), form)
 
 
-def options(seed: int, speed: Speed, scene: Path | None, insecure: bool, *, faults: bool = False) -> list[str]:
+def options(
+    seed: int, speed: Speed, scene: Path | None, insecure: bool, *, faults: bool = False
+) -> list[str]:
     """The supervisor's options of a run."""
-    others = [*(["--scene", str(scene)] if scene else []), *["--insecure"] * insecure, *["--faults"] * faults]
+    others = [
+        *(["--scene", str(scene)] if scene else []),
+        *["--insecure"] * insecure,
+        *["--faults"] * faults,
+    ]
     return ["--seed", str(seed), "--speed", speed.value, *others]

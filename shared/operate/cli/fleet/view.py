@@ -1,6 +1,8 @@
-"""`roco view`: Rerun's pictures of a fleet while it runs, or of a recorded run, in a window or in a browser.
+"""`roco view`: Rerun's pictures of a fleet while it runs, or of a recorded run, in a window or in a
+browser.
 
-The monitor of a running fleet serves them (view.json says where); of a recorded run there is run.rrd.
+The monitor of a running fleet serves them (view.json says where); of a recorded run there is
+run.rrd.
 """
 
 import contextlib
@@ -39,8 +41,8 @@ PERIOD_S = 0.02
 
 
 class Seen(msgspec.Struct, frozen=True):
-    """A picture to look at. `url`: the page in a browser ("" if none is served yet); `command`: the command that shows
-    it.
+    """A picture to look at. `url`: the page in a browser ("" if none is served yet); `command`: the
+    command that shows it.
     """
 
     what: str
@@ -57,9 +59,15 @@ def pictures(incomplete: str) -> list[str]:
 def view(
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="FILE.rrd", help="Pictures in a file; else those of a run.", autocompletion=pictures),
+        typer.Argument(
+            metavar="FILE.rrd",
+            help="Pictures in a file; else those of a run.",
+            autocompletion=pictures,
+        ),
     ] = None,
-    web: Annotated[bool, typer.Option("--web", help="In a browser; needs no display on this machine.")] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="In a browser; needs no display on this machine.")
+    ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -84,16 +92,22 @@ def view(
 
 
 def found(file: Path | None, target: str, run_dir: Path | None, web: bool) -> Seen:
-    """Return the picture that is meant. NoRunError, UsageError, ConsoleError say what is missing and what to do."""
+    """Return the picture that is meant. NoRunError, UsageError, ConsoleError say what is missing
+    and what to do.
+    """
     if file is not None:
         if not file.is_file():
-            raise UsageError(f"{file} is no file of pictures; a run is named by --run-dir, and `roco runs` lists them")
+            raise UsageError(
+                f"{file} is no file of pictures; a run is named by --run-dir, and `roco runs` lists"
+                " them"
+            )
         return recorded(file, web)
     meant = targets.find(target, run_dir)
     if not isinstance(meant, Local):
         return live(containers(os.environ), meant.where)
     address = folders.read(meant.run / VIEW_FILE, ViewAddress)
-    if address is not None and fleet_processes.listens(meant.run, address.grpc):  # another program may have it by now
+    # another program may have it by now
+    if address is not None and fleet_processes.listens(meant.run, address.grpc):
         return live(address, meant.where)
     if (meant.run / RRD_FILE).exists():
         return recorded(meant.run / RRD_FILE, web)
@@ -101,8 +115,9 @@ def found(file: Path | None, target: str, run_dir: Path | None, web: bool) -> Se
         raise NoRunError(str(meant.run), f"{meant.run} shows nothing: {port.words}; {port.remedy}")
     raise NoRunError(
         str(meant.run),
-        f"{meant.run} shows nothing: no pictures are served (its fleet has ended, or ROCO_VIEW is off; see rerun.log) "
-        f"and it has no {RRD_FILE}; `roco report {meant.run}` makes it from the recording",
+        f"{meant.run} shows nothing: no pictures are served (its fleet has ended, or ROCO_VIEW is"
+        f" off; see rerun.log) and it has no {RRD_FILE}; `roco report {meant.run}` makes it from"
+        " the recording",
     )
 
 
@@ -111,15 +126,22 @@ def live(address: ViewAddress, where: str) -> Seen:
     if not listens(address.grpc):
         raise NoRunError(
             where,
-            f"nobody serves pictures of {where} at {HOST}:{address.grpc}; is its port published ({GRPC}, {WEB}), "
-            "is ROCO_VIEW on? See docs/rerun.md",
+            f"nobody serves pictures of {where} at {HOST}:{address.grpc}; is its port published"
+            f" ({GRPC}, {WEB}), is ROCO_VIEW on? See docs/rerun.md",
         )
     url = f"rerun+http://{HOST}:{address.grpc}/proxy"
-    return Seen(where, True, f"http://{HOST}:{address.web}/?url={quote(url, safe='')}", (program(), "--connect", url))
+    return Seen(
+        where,
+        True,
+        f"http://{HOST}:{address.web}/?url={quote(url, safe='')}",
+        (program(), "--connect", url),
+    )
 
 
 def recorded(file: Path, web: bool) -> Seen:
-    """A recorded run's pictures; in a browser they come from a server at a free port, which ends with the command."""
+    """A recorded run's pictures; in a browser they come from a server at a free port, which ends
+    with the command.
+    """
     if not web:
         return Seen(str(file), False, "", (program(), str(file)))
     grpc, page_port = free_port(), free_port()
@@ -130,7 +152,9 @@ def recorded(file: Path, web: bool) -> Seen:
 
 
 def containers(environment: "os._Environ[str] | dict[str, str]") -> ViewAddress:
-    """Return the address at which containers serve pictures. Raises UsageError if a variable is not a port."""
+    """Return the address at which containers serve pictures. Raises UsageError if a variable is not
+    a port.
+    """
     ports = []
     for name, usual in ((GRPC, CONTAINERS.grpc), (WEB, CONTAINERS.web)):
         text = environment.get(name) or str(usual)
@@ -154,11 +178,14 @@ def window(seen: Seen, web: bool) -> int:
         print("Ctrl-C ends it")
     elif not has_display():
         raise ConsoleError(
-            "there is no display here (DISPLAY, WAYLAND_DISPLAY): `roco view --web` shows the same in a browser; "
-            "from another machine first `ssh -L` to both of its ports"
+            "there is no display here (DISPLAY, WAYLAND_DISPLAY): `roco view --web` shows the same"
+            " in a browser; from another machine first `ssh -L` to both of its ports"
         )
     else:
-        print(f"Rerun shows {seen.what}{' while it runs' if seen.live else ''}; closing its window ends nothing else")
+        print(
+            f"Rerun shows {seen.what}{' while it runs' if seen.live else ''}; closing its window"
+            " ends nothing else"
+        )
     with tempfile.TemporaryFile() as words:
         code = shown(seen.command, words)
         if code > 0:
@@ -169,14 +196,18 @@ def window(seen: Seen, web: bool) -> int:
 
 
 def shown(command: tuple[str, ...], words: IO[bytes]) -> int:
-    """Run a viewer or a server to its end, its words into a file; its exit code. Interrupted, it ends it.
+    """Run a viewer or a server to its end, its words into a file; its exit code. Interrupted, it
+    ends it.
 
-    Rerun's command is a Python program that runs another one: both are in a group of their own, and end together.
+    Rerun's command is a Python program that runs another one: both are in a group of their own, and
+    end together.
     """
     quiet = subprocess.DEVNULL
     with (
         interrupts.held() as let_go,
-        subprocess.Popen(command, stdin=quiet, stdout=words, stderr=words, start_new_session=True) as process,
+        subprocess.Popen(
+            command, stdin=quiet, stdout=words, stderr=words, start_new_session=True
+        ) as process,
     ):
         try:
             let_go()
@@ -198,7 +229,9 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 
 
 def program() -> str:
-    """Rerun's program: beside this Python, or on the path. ConsoleError where it is not installed."""
+    """Rerun's program: beside this Python, or on the path. ConsoleError where it is not
+    installed.
+    """
     beside = Path(sys.executable).with_name("rerun")
     place = str(beside) if beside.exists() else shutil.which("rerun")
     if place is None:

@@ -1,7 +1,8 @@
-"""`roco runs`: the runs that were kept in a folder, with begin, duration, size on disk, system and result.
+"""`roco runs`: the runs that were kept in a folder, with begin, duration, size on disk, system and
+result.
 
-A run is a folder with one of the files that only a fleet or its recorder writes; other folders are nobody's business
-here, so that `roco runs --remove` cannot take them.
+A run is a folder with one of the files that only a fleet or its recorder writes; other folders are
+nobody's business here, so that `roco runs --remove` cannot take them.
 """
 
 import os
@@ -26,7 +27,15 @@ from operate.cli.fleet import running_fleets
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
-from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, STEPS, TRAFFIC_FILE, Fleet, ProcessState
+from operate.run_folder import (
+    FLEET_FILE,
+    LATEST,
+    REPORT_FILE,
+    STEPS,
+    TRAFFIC_FILE,
+    Fleet,
+    ProcessState,
+)
 from operate.wording import bytes_in_words
 
 MARKS = (FLEET_FILE, TRAFFIC_FILE, REPORT_FILE, STEPS)
@@ -40,7 +49,9 @@ In = Annotated[Path, typer.Option("--in", help="The folder that the runs are in.
 
 
 class Task(msgspec.Struct, frozen=True):
-    """A task of a run, as its report has it: what was `asked` for, and whether it was done; `failure`: why not."""
+    """A task of a run, as its report has it: what was `asked` for, and whether it was done;
+    `failure`: why not.
+    """
 
     asked: str
     success: bool
@@ -48,7 +59,8 @@ class Task(msgspec.Struct, frozen=True):
 
 
 class Run(msgspec.Struct, frozen=True):
-    """A run. `begin` [unix s]; `duration_s` None: no fleet tells; `bytes` on disk; `why` it failed, or what is up.
+    """A run. `begin` [unix s]; `duration_s` None: no fleet tells; `bytes` on disk; `why` it failed,
+    or what is up.
 
     `tasks`: those that its report has; a report is made when the fleet ends.
     """
@@ -83,32 +95,40 @@ class _Report(msgspec.Struct, frozen=True):
 
     @property
     def done(self) -> bool:
-        """Whether the run did what was asked of it: the system's own job, or each task where that job was not asked."""
+        """Whether the run did what was asked of it: the system's own job, or each task where that
+        job was not asked.
+        """
         return bool(self.success or (self.tasks and all(one.success for one in self.tasks)))
 
 
 def runs(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Runs.", autocompletion=completion.run_names)
+        list[str] | None,
+        typer.Argument(metavar="[NAME]...", help="Runs.", autocompletion=completion.run_names),
     ] = None,
     older_than: Annotated[
-        str, typer.Option(help="Those that began longer ago: 12h, 7d, 2w.", autocompletion=completion.ages)
+        str,
+        typer.Option(
+            help="Those that began longer ago: 12h, 7d, 2w.", autocompletion=completion.ages
+        ),
     ] = "",
     keep: Annotated[int | None, typer.Option(min=0, help="All but the newest N.")] = None,
     failed: Annotated[bool, typer.Option("--failed", help="Those that failed.")] = False,
-    remove: Annotated[bool, typer.Option("--remove", help="Remove them, never one that is up.")] = False,
+    remove: Annotated[
+        bool, typer.Option("--remove", help="Remove them, never one that is up.")
+    ] = False,
     within: In = folders.RUNS,
     form: Form = Format.TEXT,
 ) -> None:
     """List the runs that were kept: begin, duration, size on disk, system, result.
 
-    A run `failed` if its report says so, if a process of it was given up, or if its processes died without an end in
-    order; `ended` has a system without a verdict of its own. Below the result are the tasks, each judged at its own
-    end. Exits with 3 where there is no run.
+    A run `failed` if its report says so, if a process of it was given up, or if its processes died
+    without an end in order; `ended` has a system without a verdict of its own. Below the result are
+    the tasks, each judged at its own end. Exits with 3 where there is no run.
 
-    Names and rules given together narrow each other: a run is listed if all of them fit. --keep counts all runs, those
-    that are up, too. With --remove what would be listed is removed instead, but never a run that is up. Where
-    runs/latest pointed to a run that went, the link goes with it.
+    Names and rules given together narrow each other: a run is listed if all of them fit. --keep
+    counts all runs, those that are up, too. With --remove what would be listed is removed instead,
+    but never a run that is up. Where runs/latest pointed to a run that went, the link goes with it.
 
     Examples:
       roco runs
@@ -119,7 +139,12 @@ def runs(
     """
     with problems(form):
         found = catalogue(within)
-        rule = Rule(_named(names or [], found, within, remove), age(older_than) if older_than else None, keep, failed)
+        rule = Rule(
+            _named(names or [], found, within, remove),
+            age(older_than) if older_than else None,
+            keep,
+            failed,
+        )
         if remove:
             _remove(rule, found, within, form)
             return
@@ -129,16 +154,25 @@ def runs(
         elif chosen:
             console = Console()
             console.print(table(chosen))
-            console.print(f"{len(chosen)} run{'s' * (len(chosen) != 1)}, {words_of(chosen)}", style="dim")
+            console.print(
+                f"{len(chosen)} run{'s' * (len(chosen) != 1)}, {words_of(chosen)}", style="dim"
+            )
         elif found:
             print("no run fits")
         if not found:
-            raise NoRunError(str(within), f"no run is in {within}; `roco up` starts one, --in names another folder")
+            raise NoRunError(
+                str(within),
+                f"no run is in {within}; `roco up` starts one, --in names another folder",
+            )
 
 
 def catalogue(within: Path) -> list[Run]:
     """Return the runs of a folder, newest first."""
-    places = [path for path in within.glob("*") if path.is_dir() and not path.is_symlink() and is_run(path)]
+    places = [
+        path
+        for path in within.glob("*")
+        if path.is_dir() and not path.is_symlink() and is_run(path)
+    ]
     return sorted(map(described, places), key=lambda one: (one.begin, one.name), reverse=True)
 
 
@@ -176,7 +210,9 @@ def outcome(folder: Path, told: Fleet | None, report: _Report) -> tuple[str, str
     if told is None:
         return UNKNOWN, ""
     broken = [one for one in told.processes if one.state is ProcessState.GIVEN_UP]
-    left = [one for one in told.processes if one.state is not ProcessState.STOPPED and one not in broken]
+    left = [
+        one for one in told.processes if one.state is not ProcessState.STOPPED and one not in broken
+    ]
     if broken:
         return FAILED, f"given up: {', '.join(one.name for one in broken)}"
     return (FAILED, "its processes died without an end in order") if left else (ENDED, "")
@@ -202,7 +238,9 @@ def answers(endpoint: str) -> bool:
 
 
 def size(folder: Path) -> int:
-    """Return the bytes that a folder takes on disk; links are not followed, what vanishes meanwhile counts nothing."""
+    """Return the bytes that a folder takes on disk; links are not followed, what vanishes meanwhile
+    counts nothing.
+    """
     taken = 0
     for path, _, files in os.walk(folder):
         for name in (*files, "."):
@@ -215,15 +253,23 @@ def table(found: list[Run]) -> Table:
     """Return the runs, a line for each."""
     drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for name in ("run", "begin", "took", "on disk", "system"):
-        drawn.add_column(name, no_wrap=True, justify="right" if name in ("took", "on disk") else "left")
+        drawn.add_column(
+            name, no_wrap=True, justify="right" if name in ("took", "on disk") else "left"
+        )
     drawn.add_column("result")
     for one in found:
         named = Text.assemble((one.name, "bold"), (" (latest)" if one.latest else "", "dim"))
-        result = Text(f"{one.result}: {one.why}" if one.why else one.result, COLOURS.get(one.result, ""))
+        result = Text(
+            f"{one.result}: {one.why}" if one.why else one.result, COLOURS.get(one.result, "")
+        )
         for task in one.tasks:
-            result.append(f"\n  {task_text(task)}", "not bold default" if task.success else COLOURS[FAILED])
+            result.append(
+                f"\n  {task_text(task)}", "not bold default" if task.success else COLOURS[FAILED]
+            )
         begin = datetime.fromtimestamp(one.begin).strftime("%Y-%m-%d %H:%M:%S")
-        drawn.add_row(named, begin, span(one.duration_s), bytes_in_words(one.bytes), one.system, result)
+        drawn.add_row(
+            named, begin, span(one.duration_s), bytes_in_words(one.bytes), one.system, result
+        )
     return drawn
 
 
@@ -249,22 +295,24 @@ def span(seconds: float | None) -> str:
 
 
 def _named_time(folder: Path) -> float:
-    """Return when a run began that no fleet tells of: by its name, else when its folder was written last [unix s]."""
+    """Return when a run began that no fleet tells of: by its name, else when its folder was written
+    last [unix s].
+    """
     try:
         return datetime.strptime(folder.name, folders.NAME).timestamp()
     except ValueError:
         return folder.stat().st_mtime
 
 
-# --- Runs chosen by name or by rule, and removed, with what that frees. Never one that is up -------------------------
+# --- Runs chosen by name or by rule, and removed, with what that frees. Never one that is up ------
 
 
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 7 * 86400.0}
 
 
 class Rule(msgspec.Struct, frozen=True):
-    """Rule that chooses runs. All conditions given must hold; `keep`: the newest of those stay. `age_s`:
-    since their begin.
+    """Rule that chooses runs. All conditions given must hold; `keep`: the newest of those stay.
+    `age_s`: since their begin.
     """
 
     names: frozenset[str] = frozenset()
@@ -297,7 +345,9 @@ class Removed(msgspec.Struct, frozen=True):
 
 
 def _remove(rule: Rule, found: list[Run], within: Path, form: Format) -> None:
-    """Remove what a rule means, and tell it. Raise UsageError where nothing is meant, rather than all."""
+    """Remove what a rule means, and tell it. Raise UsageError where nothing is meant, rather than
+    all.
+    """
     if not rule:
         raise UsageError("name runs, or give a rule: --older-than 7d, --keep N, --failed")
     gone = tuple(one for one in rule.chosen(found, time.time()) if _removed(within / one.name))
@@ -309,10 +359,15 @@ def _remove(rule: Rule, found: list[Run], within: Path, form: Format) -> None:
 
 
 def age(text: str) -> float:
-    """Return a duration such as 90s, 30min, 12h, 7d, 2w in seconds. Raise UsageError for another text."""
+    """Return a duration such as 90s, 30min, 12h, 7d, 2w in seconds. Raise UsageError for another
+    text.
+    """
     found = re.fullmatch(r"(\d+(?:\.\d+)?)([a-z]+)", text)
     if found is None or found[2] not in UNITS:
-        raise UsageError(f"--older-than {text} is not a duration; write a number and one of {', '.join(UNITS)}: 7d")
+        raise UsageError(
+            f"--older-than {text} is not a duration; write a number and one of"
+            f" {', '.join(UNITS)}: 7d"
+        )
     return float(found[1]) * UNITS[found[2]]
 
 
@@ -326,7 +381,9 @@ def sentence(done: Removed) -> str:
 
 
 def _named(names: list[str], found: list[Run], within: Path, remove: bool) -> frozenset[str]:
-    """Names of runs, `latest` and paths resolved. Raise UsageError for one that is not there, or is up and shall go."""
+    """Names of runs, `latest` and paths resolved. Raise UsageError for one that is not there, or is
+    up and shall go.
+    """
     known, meant = {one.name: one for one in found}, set()
     for text in names:
         name = (within / LATEST).resolve().name if text == LATEST else Path(text).name
@@ -334,13 +391,18 @@ def _named(names: list[str], found: list[Run], within: Path, remove: bool) -> fr
             there = f"; there are {', '.join(known)}" if known else ""
             raise UsageError(f"{within} has no run {text!r}{there}")
         if remove and known[name].up:
-            raise UsageError(f"{name} is up ({known[name].why}); `roco down --run-dir {within / name}` ends it first")
+            raise UsageError(
+                f"{name} is up ({known[name].why}); `roco down --run-dir {within / name}` ends it"
+                " first"
+            )
         meant.add(name)
     return frozenset(meant)
 
 
 def _removed(folder: Path) -> bool:
-    """Remove a run; whether it went: one that came up meanwhile stays. Raise ConsoleError where it cannot be."""
+    """Remove a run; whether it went: one that came up meanwhile stays. Raise ConsoleError where it
+    cannot be.
+    """
     if living(folder, folders.fleet(folder)):
         return False
     link = folder.parent / LATEST

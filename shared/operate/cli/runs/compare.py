@@ -1,4 +1,6 @@
-"""`roco compare`: two sets of runs side by side, for people and for a pipeline that must stop at a regression."""
+"""`roco compare`: two sets of runs side by side, for people and for a pipeline that must stop at a
+regression.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -27,22 +29,31 @@ def compare(
     a: Annotated[
         Path,
         typer.Argument(
-            help="What was: an experiment's folder, a run's, a recording.", exists=True, autocompletion=completion.runs
+            help="What was: an experiment's folder, a run's, a recording.",
+            exists=True,
+            autocompletion=completion.runs,
         ),
     ],
-    b: Annotated[Path, typer.Argument(help="What is now, likewise.", exists=True, autocompletion=completion.runs)],
+    b: Annotated[
+        Path,
+        typer.Argument(help="What is now, likewise.", exists=True, autocompletion=completion.runs),
+    ],
     threshold: Annotated[
         list[str] | None,
         typer.Option(
-            help="PERCENT for all, or success=, latency=, energy=, traffic=PERCENT; may be repeated.",
+            help=(
+                "PERCENT for all, or success=, latency=, energy=, traffic=PERCENT; may be repeated."
+            ),
             autocompletion=completion.thresholds,
         ),
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Compare two sets of runs: success, latency, energy, traffic. Exits with 1 where B is worse beyond a threshold.
+    """Compare two sets of runs: success, latency, energy, traffic. Exits with 1 where B is worse
+    beyond a threshold.
 
-    Worse: the 95 % interval of the difference lies beyond the threshold as a whole (success 5 points, else 10 %).
+    Worse: the 95 % interval of the difference lies beyond the threshold as a whole (success 5
+    points, else 10 %).
 
     Examples:
       roco compare experiments/before experiments/after
@@ -67,7 +78,9 @@ def compare(
 
 def show(told: "Comparison", console: Console) -> None:
     """For people: quantity by quantity, lost seeds, where they diverge, and the conclusion."""
-    console.print(f"A: {told.a}, {_runs(told.runs[0])}   B: {told.b}, {_runs(told.runs[1])}", highlight=False)
+    console.print(
+        f"A: {told.a}, {_runs(told.runs[0])}   B: {told.b}, {_runs(told.runs[1])}", highlight=False
+    )
     console.print()
     console.print(quantities(told.rows))
     console.print()
@@ -79,7 +92,9 @@ def show(told: "Comparison", console: Console) -> None:
 
 
 def quantities(rows: "tuple[Compared, ...]") -> Table:
-    """A row for each quantity: both sides, how much B is above A with its interval, what that means."""
+    """A row for each quantity: both sides, how much B is above A with its interval, what that
+    means.
+    """
     numbers = ("A", "B", "B to A [%]", "95 %")
     drawn = table(("", *numbers, " "), right=numbers, fold=("", " "), header_style="bold")
     for row in rows:
@@ -96,7 +111,9 @@ def quantities(rows: "tuple[Compared, ...]") -> Table:
 
 
 def divergences(pairs: "tuple[Diverged, ...]") -> list[str]:
-    """Return lines on where the exchanges of two experiments begin to differ, and in how many seeds."""
+    """Return lines on where the exchanges of two experiments begin to differ, and in how many
+    seeds.
+    """
     apart = [(one.seed, one.first) for one in pairs if one.first is not None]
     if not pairs:
         return ["nothing to align: no seed whose communicates both sides have"]
@@ -104,19 +121,30 @@ def divergences(pairs: "tuple[Diverged, ...]") -> list[str]:
         return [f"the same was said in {_runs(len(pairs))} of each side"]
     lines = [f"what was said differs in {len(apart)} of {len(pairs)} seeds; where it begins:"]
     for seed, first in apart[:MOST_SEEDS]:
-        place = f"{first.of}, conversation {first.conversation}, communicate {first.position} of its sender"
-        lines += [f"  seed {seed}: {place}", f"    A: {_message_line(first.a)}", f"    B: {_message_line(first.b)}"]
+        place = (
+            f"{first.of}, conversation {first.conversation}, communicate {first.position} of its"
+            " sender"
+        )
+        lines += [
+            f"  seed {seed}: {place}",
+            f"    A: {_message_line(first.a)}",
+            f"    B: {_message_line(first.b)}",
+        ]
     return lines
 
 
 def sentence(told: "Comparison") -> str:
     """Return the conclusion in one sentence."""
-    worse = [f"{row.name} (threshold {row.threshold:g})" for row in told.rows if row.verdict == "worse"]
+    worse = [
+        f"{row.name} (threshold {row.threshold:g})" for row in told.rows if row.verdict == "worse"
+    ]
     if worse:
         return f"regression: {', '.join(worse)}"
     still = sum(row.verdict == "open" for row in told.rows)
     more = " (a single run has no interval)" if min(told.runs) < 2 else ""
-    return "no regression beyond the thresholds" + (f"; {still} open: more runs would tell{more}" if still else "")
+    return "no regression beyond the thresholds" + (
+        f"; {still} open: more runs would tell{more}" if still else ""
+    )
 
 
 def _side(interval: "Interval | None", share: bool) -> str:
@@ -134,7 +162,9 @@ def _percent(value: float | None) -> str:
 def _message_line(one: "SentMessage | None") -> str:
     if one is None:
         return "nothing more"
-    return f"{one.t:.2f} s  {one.sender} > {one.receiver}  {one.performative}  {one.text or one.kind}"
+    return (
+        f"{one.t:.2f} s  {one.sender} > {one.receiver}  {one.performative}  {one.text or one.kind}"
+    )
 
 
 def _runs(count: int) -> str:

@@ -1,11 +1,14 @@
-"""`roco experiment run`: a fresh fleet for some seconds, repeated. By `repeated` a system repeats its own job.
+"""`roco experiment run`: a fresh fleet for some seconds, repeated. By `repeated` a system repeats
+its own job.
 
-Interrupted, it says how to go on. Must not know: which statistics are made of the results (operate.experiments).
+Interrupted, it says how to go on. Must not know: which statistics are made of the results
+(operate.experiments).
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Annotated
@@ -22,9 +25,11 @@ from operate.cli.output import FirstSeed, Form, Format, problems, tell_problem
 from operate.cli.runs import machine, trials
 from operate.cli.terminal.console import Console
 
-FIRST_S = 75.0  # a run before any was timed: a pour on two idle cores at --speed max (measured 2026-11-21)
+# a run before any was timed: a pour on two idle cores at --speed max (measured 2026-11-21)
+FIRST_S = 75.0
 DONE, GOOD = "done", "succeeded"
-PATIENCE_S = 3600.0  # for a quiet machine, before each run; estimate: longer than other work on it lasts
+# for a quiet machine, before each run; estimate: longer than other work on it lasts
+PATIENCE_S = 3600.0
 
 
 class Progressing(msgspec.Struct, frozen=True, tag_field="kind", tag="run"):
@@ -40,12 +45,25 @@ class Progressing(msgspec.Struct, frozen=True, tag_field="kind", tag="run"):
 
 
 class Watch:
-    """Says how far the experiment is: a bar in a terminal, a line for each run elsewhere, JSON lines for programs."""
+    """Says how far the experiment is: a bar in a terminal, a line for each run elsewhere, JSON
+    lines for programs.
+    """
 
     def __init__(
-        self, setting: trials.Setting, done: list[trials.Line], form: Form, console: Console, good: str = GOOD
+        self,
+        setting: trials.Setting,
+        done: list[trials.Line],
+        form: Form,
+        console: Console,
+        good: str = GOOD,
     ) -> None:
-        self.setting, self.done, self.form, self.console, self.good = setting, done, form, console, good
+        self.setting, self.done, self.form, self.console, self.good = (
+            setting,
+            done,
+            form,
+            console,
+            good,
+        )
         columns = (
             TextColumn("{task.description}"),
             BarColumn(20),
@@ -53,7 +71,9 @@ class Watch:
             TextColumn("{task.fields[say]}"),
         )
         self._bar = Progress(*columns, console=console, transient=True, disable=not self._picture)
-        self._task = self._bar.add_task(setting.task, total=setting.runs, completed=len(done), say="")
+        self._task = self._bar.add_task(
+            setting.task, total=setting.runs, completed=len(done), say=""
+        )
 
     @property
     def _picture(self) -> bool:
@@ -72,7 +92,9 @@ class Watch:
 
     def waiting(self, load: float, since_s: float) -> None:
         """The machine has too much to do."""
-        self._bar.update(self._task, say=f"load {load:.1f}: waiting for a quiet machine, {span(since_s)} so far")
+        self._bar.update(
+            self._task, say=f"load {load:.1f}: waiting for a quiet machine, {span(since_s)} so far"
+        )
 
     def left_s(self) -> float:
         """Remaining time [s], estimated from the duration of the finished runs."""
@@ -85,25 +107,39 @@ class Watch:
         count, of = len(self.done), self.setting.runs
         self._bar.update(self._task, completed=count)
         if self.form is Format.JSON:
-            told = Progressing(line.seed, count, of, line.failure is None, line.failure, line.took_s, self.left_s())
+            told = Progressing(
+                line.seed, count, of, line.failure is None, line.failure, line.took_s, self.left_s()
+            )
             self.console.out(msgspec.json.encode(told).decode(), highlight=False)
             return
         words = self.good if line.failure is None else f"FAILED: {line.failure}"
         left = f"; about {span(self.left_s())} left" if count < of else ""
-        self.console.out(f"run {count} of {of}, seed {line.seed}: {words}, {line.took_s:.0f} s{left}", highlight=False)
+        self.console.out(
+            f"run {count} of {of}, seed {line.seed}: {words}, {line.took_s:.0f} s{left}",
+            highlight=False,
+        )
 
 
 Count = Annotated[int, typer.Option(min=1, help="How many runs.")]
-Place = Annotated[Path | None, typer.Option(help="The experiment's folder; else experiments/<time>.")]
+Place = Annotated[
+    Path | None, typer.Option(help="The experiment's folder; else experiments/<time>.")
+]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the experiment in --out.")]
-Timeout = Annotated[float, typer.Option(min=1.0, help="A run that takes more seconds is ended: a failure.")]
+Timeout = Annotated[
+    float, typer.Option(min=1.0, help="A run that takes more seconds is ended: a failure.")
+]
 MostLoad = Annotated[
-    float, typer.Option(min=0.0, help="A run waits, at most an hour, until the load is not above this; 0: no.")
+    float,
+    typer.Option(
+        min=0.0, help="A run waits, at most an hour, until the load is not above this; 0: no."
+    ),
 ]
 
 
 def run(
-    seconds: Annotated[float, typer.Option("--for", min=1.0, help="Seconds that each fleet runs once it is ready.")],
+    seconds: Annotated[
+        float, typer.Option("--for", min=1.0, help="Seconds that each fleet runs once it is ready.")
+    ],
     runs: Count = 10,
     seed: FirstSeed = 1,
     speed: Rate = Speed.REAL,
@@ -114,10 +150,11 @@ def run(
     most_load: MostLoad = 0.0,
     form: Form = Format.TEXT,
 ) -> None:
-    """Bring a fresh fleet up for some seconds, again and again; report.html, .json and .md say how runs differ.
+    """Bring a fresh fleet up for some seconds, again and again; report.html, .json and .md say how
+    runs differ.
 
-    A run succeeds when all that was said is as designed, and nobody is down at its end. Exits with 0 when all runs are
-    done, whether they succeeded or not; interrupted, it goes on with --resume.
+    A run succeeds when all that was said is as designed, and nobody is down at its end. Exits with
+    0 when all runs are done, whether they succeeded or not; interrupted, it goes on with --resume.
 
     Examples:
       roco experiment run --for 20 --runs 10
@@ -139,21 +176,29 @@ def repeated(
 ) -> None:
     """Repeat a verb of `roco` that starts a fleet and ends it.
 
-    `words`: what was said behind `roco experiment`, by which it goes on; `command`: the verb; `good`: what a successful
-    run did, one word.
+    `words`: what was said behind `roco experiment`, by which it goes on; `command`: the verb;
+    `good`: what a successful run did, one word.
     """
     with problems(form), interrupts.heard():
         if resume and out is None:
-            raise UsageError("--resume needs the experiment to go on with; name its folder with --out")
-        starting.check(["--seed", str(asked.seed), *(["--scene", str(asked.scene)] if asked.scene else [])])
+            raise UsageError(
+                "--resume needs the experiment to go on with; name its folder with --out"
+            )
+        starting.check(
+            ["--seed", str(asked.seed), *(["--scene", str(asked.scene)] if asked.scene else [])]
+        )
         running_fleets.refuse("beside it the figures would not be those of the robot alone")
-        place = (out or running_fleets.EXPERIMENTS / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")).resolve()
+        place = (
+            out or running_fleets.EXPERIMENTS / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+        ).resolve()
         setting, done = trials.begun(place, trials.here(words[0], command, asked), resume)
         console = Console()
         try:
             _all(place, setting, Watch(setting, done, form, console, good))
         except KeyboardInterrupt:
-            tell_problem(f"what is done stays in {place}; to go on: {_again(words, setting, place)}", form)
+            tell_problem(
+                f"what is done stays in {place}; to go on: {_again(words, setting, place)}", form
+            )
             raise
         _finish(place, form, console)
 
@@ -173,14 +218,15 @@ def _all(place: Path, setting: trials.Setting, watch: Watch) -> None:
             if seed in known:
                 continue
             machine.quiet(setting.most_load or float("inf"), PATIENCE_S, watch.waiting)
-            line = trials.run(place, setting, seed, lambda since, seed=seed: watch.tick(seed, since))  # type: ignore[misc]
+            line = trials.run(place, setting, seed, partial(watch.tick, seed))
             trials.keep(place, line)
             watch.ended(line)
             without = without + 1 if bytes(line.figures) == b"null" else 0
             if without >= trials.HOPELESS:
                 log = trials.folder(place, seed) / trials.LOG_FILE
                 raise ConsoleError(
-                    f"{without} runs in a row left no report, the last one: {line.failure}; see {log}, then --resume"
+                    f"{without} runs in a row left no report, the last one: {line.failure}; see"
+                    f" {log}, then --resume"
                 )
 
 

@@ -19,7 +19,9 @@ RUNS = Path("runs")
 NAME = "%Y-%m-%d_%H-%M-%S"
 """Name of a run's folder: when it began, in local time."""
 SUPERVISORS = ("operate.supervisor", "services.supervisor")
-"""Modules that keep a fleet: that of any system, and the one that containers of the Robot Companion run."""
+"""Modules that keep a fleet: that of any system, and the one that containers of the Robot Companion
+run.
+"""
 T = TypeVar("T")
 
 
@@ -34,8 +36,12 @@ def near(path: Path) -> Path:
 
 
 def find(run: Path | None) -> Path:
-    """The folder named, else the one of the environment, else the latest. NoRunError where it is not there."""
-    named = run or (Path(os.environ[RUN_FOLDER_VARIABLE]) if os.environ.get(RUN_FOLDER_VARIABLE) else None)
+    """The folder named, else the one of the environment, else the latest. NoRunError where it is
+    not there.
+    """
+    named = run or (
+        Path(os.environ[RUN_FOLDER_VARIABLE]) if os.environ.get(RUN_FOLDER_VARIABLE) else None
+    )
     folder = named or RUNS / LATEST
     if not folder.is_dir() and not started_in(folder.resolve()):
         raise NoRunError(str(folder))
@@ -43,7 +49,9 @@ def find(run: Path | None) -> Path:
 
 
 def read(path: Path, kind: type[T]) -> T | None:
-    """The content of a file of the run, or None where it is not there yet or from another version."""
+    """The content of a file of the run, or None where it is not there yet or from another
+    version.
+    """
     try:
         return msgspec.json.decode(path.read_bytes(), type=kind)
     except (OSError, msgspec.DecodeError):
@@ -70,27 +78,37 @@ def keeper(run: Path) -> int:
         return told.supervisor
     if (run / LOCK_FILE).exists():
         return 0
-    return next((pid for pid in started_in(run) if is_service(pid, *SUPERVISORS)), 0)  # its folder was deleted
+    # its folder was deleted
+    return next((pid for pid in started_in(run) if is_service(pid, *SUPERVISORS)), 0)
 
 
 def living(run: Path) -> Fleet | None:
-    """The fleet as the supervisor told it; where the supervisor is gone, each process is looked for by its pid."""
+    """The fleet as the supervisor told it; where the supervisor is gone, each process is looked for
+    by its pid.
+    """
     told = fleet(run)
     if told is None or told.supervisor == keeper(run) != 0:
         return told
-    processes = tuple(status if is_service(status.pid, status.module) else _ended(status) for status in told.processes)
+    processes = tuple(
+        status if is_service(status.pid, status.module) else _ended(status)
+        for status in told.processes
+    )
     return msgspec.structs.replace(told, supervisor=0, processes=processes)
 
 
 def around() -> Fleet | None:
-    """The fleet that the environment tells of: in a container no supervisor does. None: nor does the environment."""
+    """The fleet that the environment tells of: in a container no supervisor does. None: nor does
+    the environment.
+    """
     connect = os.environ.get("ROCO_CONNECT")
     if not connect:
         return None
     from agent_runtime.io.cli import endpoints  # most verbs need it not
 
     agents = endpoints(os.environ.get(AGENTS_VARIABLE, ""))
-    return Fleet(os.environ.get("ROCO_SYSTEM", Options().system), connect, 0, 0.0, (), agents=agents)
+    return Fleet(
+        os.environ.get("ROCO_SYSTEM", Options().system), connect, 0, 0.0, (), agents=agents
+    )
 
 
 def _ended(status: ProcessStatus) -> ProcessStatus:
@@ -101,8 +119,8 @@ def _ended(status: ProcessStatus) -> ProcessStatus:
 
 
 def is_service(pid: int, *modules: str) -> bool:
-    """Tell whether this pid is a living process that runs one of these modules; a number used again by somebody else is
-    not.
+    """Tell whether this pid is a living process that runs one of these modules; a number used again
+    by somebody else is not.
     """
     words = proc.command_line(pid)
     return any(module in words for module in modules if module)

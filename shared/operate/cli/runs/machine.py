@@ -1,4 +1,6 @@
-"""The machine on which something is measured, and the sources it is measured with: what a result must name."""
+"""The machine on which something is measured, and the sources it is measured with: what a result
+must name.
+"""
 
 import contextlib
 import os
@@ -20,7 +22,8 @@ def load() -> float:
 
 
 def quiet(most: float, patience_s: float, tick: Callable[[float, float], None]) -> bool:
-    """Wait until the load is at most this, but not for ever; `tick` gets the load and the seconds waited so far.
+    """Wait until the load is at most this, but not for ever; `tick` gets the load and the seconds
+    waited so far.
 
     False: it never was.
     """
@@ -43,12 +46,24 @@ def installed() -> str:
 
 
 def commit() -> str:
-    """The commit of the sources, with "+" where they were changed since; "" outside of a checkout."""
+    """The commit of the sources, with "+" where they were changed since; "" outside of a
+    checkout.
+    """
     root = Path(__file__).parents[4]
-    if not (root / ".git").exists():  # installed; git would find a repository around the environment
+    # installed; git would find a repository around the environment
+    if not (root / ".git").exists():
         return ""
     try:
-        asked = ["git", "-C", str(root), "describe", "--always", "--dirty=+", "--abbrev=12", "--exclude=*"]
+        asked = [
+            "git",
+            "-C",
+            str(root),
+            "describe",
+            "--always",
+            "--dirty=+",
+            "--abbrev=12",
+            "--exclude=*",
+        ]
         done = subprocess.run(asked, capture_output=True, text=True, timeout=10.0, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return ""

@@ -1,4 +1,6 @@
-"""What a recording gives: `roco report` makes the report of its run again and shows it, `roco export` makes tables."""
+"""What a recording gives: `roco report` makes the report of its run again and shows it, `roco
+export` makes tables.
+"""
 
 import shutil
 from enum import StrEnum
@@ -24,16 +26,24 @@ ABSENT = "-"
 
 def report(
     recording: Annotated[
-        Path, typer.Argument(help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True)
+        Path,
+        typer.Argument(
+            help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True
+        ),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", help="Where its files go; else a run's own folder, of a recording nowhere.")
+        Path | None,
+        typer.Option(
+            "--out", help="Where its files go; else a run's own folder, of a recording nowhere."
+        ),
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Make the report of a run again from its recording, and show it. Exits with 1 where the run was no success.
+    """Make the report of a run again from its recording, and show it. Exits with 1 where the run
+    was no success.
 
-    Of a run's folder report.json, report.html and run.rrd are made anew; of a single recording only with --out.
+    Of a run's folder report.json, report.html and run.rrd are made anew; of a single recording only
+    with --out.
 
     Examples:
       roco report runs/latest
@@ -61,13 +71,20 @@ def report(
         if form is Format.JSON:
             tell_json(told)
         else:
-            show(msgspec.to_builtins(told), measures.shown(told, measures.of(run.system)), folder, Console())
+            show(
+                msgspec.to_builtins(told),
+                measures.shown(told, measures.of(run.system)),
+                folder,
+                Console(),
+            )
         if getattr(told, "success", None) is False:
             raise typer.Exit(1)
 
 
 def _target(place: Path, out: Path | None) -> Path | None:
-    """Return the folder for the files: a run's own, or one that gets the recording, too; None: nowhere."""
+    """Return the folder for the files: a run's own, or one that gets the recording, too; None:
+    nowhere.
+    """
     if out is None:
         return place if place.is_dir() else None
     source = place / TRAFFIC_FILE if place.is_dir() else place
@@ -80,7 +97,9 @@ def _target(place: Path, out: Path | None) -> Path | None:
     return out
 
 
-def show(told: dict[str, Any], shown: "tuple[Shown, ...]", folder: Path | None, console: Console) -> None:
+def show(
+    told: dict[str, Any], shown: "tuple[Shown, ...]", folder: Path | None, console: Console
+) -> None:
     """Print for people: the verdict, the figures, what happened when, who told whom.
 
     `shown`: the figures that the system has beyond the traffic.
@@ -94,7 +113,11 @@ def show(told: dict[str, Any], shown: "tuple[Shown, ...]", folder: Path | None, 
     for name in told.get("missing", ()):
         console.print(f"no {name}", style="dim", highlight=False)
     if folder is not None:
-        console.print(f"\nwritten: {folder}/report.json, report.html, run.rrd", highlight=False, soft_wrap=True)
+        console.print(
+            f"\nwritten: {folder}/report.json, report.html, run.rrd",
+            highlight=False,
+            soft_wrap=True,
+        )
 
 
 def headline(told: dict[str, Any]) -> str:
@@ -114,13 +137,26 @@ def figures(told: dict[str, Any], shown: "tuple[Shown, ...]") -> RenderableType:
     said = told["communicates"]
     rows = [(one.name, _number(one.value, one.unit)) for one in shown]
     rows += [
-        ("communicates", f"{said['total']}, {sum(said['bytes'].values()) / 1000:.1f} kB, {said['copies']} sent again"),
+        (
+            "communicates",
+            (
+                f"{said['total']}, {sum(said['bytes'].values()) / 1000:.1f} kB, {said['copies']}"
+                " sent again"
+            ),
+        ),
     ]
     for plan in told.get("plans", ()):
-        words = f"{plan['outcome'] or 'no answer'} in {_number(plan['wall_s'], 's')}, {plan['queries']} queries"
-        rows.append((f"plan {plan['number']}", f"{words}; {plan['ended'] or 'not carried out to its end'}"))
+        words = (
+            f"{plan['outcome'] or 'no answer'} in {_number(plan['wall_s'], 's')}, {plan['queries']}"
+            " queries"
+        )
+        rows.append(
+            (f"plan {plan['number']}", f"{words}; {plan['ended'] or 'not carried out to its end'}")
+        )
     for number, task in enumerate(told.get("tasks", ()), start=1):
-        rows.append((f"task {number}", f"{task['asked']}: {'done' if task['success'] else task['failure']}"))
+        rows.append(
+            (f"task {number}", f"{task['asked']}: {'done' if task['success'] else task['failure']}")
+        )
         rows += [("", f"{one['words']}{_TRUTH[one['true']]}") for one in task.get("claims", ())]
     return table(("", ""), rows, fold=("",))
 
@@ -172,10 +208,15 @@ class Written(msgspec.Struct, frozen=True):
 
 def export(
     recording: Annotated[
-        Path, typer.Argument(help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True)
+        Path,
+        typer.Argument(
+            help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder of the tables; made where missing.")],
-    to: Annotated[To, typer.Option("--to", help="parquet for tools, csv for all else.")] = To.PARQUET,
+    to: Annotated[
+        To, typer.Option("--to", help="parquet for tools, csv for all else.")
+    ] = To.PARQUET,
     form: Form = Format.TEXT,
 ) -> None:
     """Write what a recording holds as tables: communicates, events, telemetry.

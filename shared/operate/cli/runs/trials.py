@@ -1,7 +1,8 @@
-"""One verb of `roco` repeated, each time with a fresh fleet: one line of results.jsonl for each run.
+"""One verb of `roco` repeated, each time with a fresh fleet: one line of results.jsonl for each
+run.
 
-The file is what an interrupted experiment goes on from: a run counts once its line is there; one without is repeated.
-Must not know: which statistics are made of the results (operate.experiments).
+The file is what an interrupted experiment goes on from: a run counts once its line is there; one
+without is repeated. Must not know: which statistics are made of the results (operate.experiments).
 """
 
 import contextlib
@@ -26,13 +27,17 @@ from operate.run_folder import REPORT_FILE, ExperimentSetting
 SETTING_FILE = "experiment.json"
 RESULTS_FILE = "results.jsonl"
 LOG_FILE = "run.log"
-END_S = starting.STOP_S + 30.0  # an interrupted run brings its fleet down first; estimate for what it needs besides
+# an interrupted run brings its fleet down first; estimate for what it needs besides
+END_S = starting.STOP_S + 30.0
 LOOK_S = 0.5  # estimate: how often a waiting person's picture is renewed
-HOPELESS = 3  # runs in a row without a report: something is wrong with the machine, not with the robot (estimate)
+# runs in a row without a report: something is wrong with the machine, not with the robot (estimate)
+HOPELESS = 3
 
 
 class Setting(ExperimentSetting, frozen=True):
-    """experiment.json with its `command`: words of `roco`, to which seed, speed, scene and run folder are added."""
+    """experiment.json with its `command`: words of `roco`, to which seed, speed, scene and run
+    folder are added.
+    """
 
     command: tuple[str, ...] = ()
 
@@ -43,9 +48,11 @@ class Setting(ExperimentSetting, frozen=True):
 
 
 class Line(msgspec.Struct, frozen=True):
-    """One run: `took_s` with start and end of the fleet, `load` of the machine before and after (one minute's mean).
+    """One run: `took_s` with start and end of the fleet, `load` of the machine before and after
+    (one minute's mean).
 
-    `figures`: its report.json, null where there is none; `failure`: why it does not count as a success, else null.
+    `figures`: its report.json, null where there is none; `failure`: why it does not count as a
+    success, else null.
     """
 
     seed: int
@@ -97,19 +104,25 @@ def here(task: str, command: tuple[str, ...], asked: Asked) -> Setting:
 
 
 def begun(out: Path, wanted: Setting, resume: bool) -> tuple[Setting, list[Line]]:
-    """Make the folder of an experiment, or go on with it; what is done already. UsageError: it is another one's."""
+    """Make the folder of an experiment, or go on with it; what is done already. UsageError: it is
+    another one's.
+    """
     file = out / SETTING_FILE
     if not file.exists():
         out.mkdir(parents=True, exist_ok=True)
         file.write_bytes(msgspec.json.format(msgspec.json.encode(wanted)) + b"\n")
         return wanted, []
     if not resume:
-        raise UsageError(f"{out} holds an experiment already; go on with it by --resume, or give another --out")
+        raise UsageError(
+            f"{out} holds an experiment already; go on with it by --resume, or give another --out"
+        )
     old, done = setting(out), lines(out)
     asked = ("task", "seed", "speed", "scene")
     other = [name for name in asked if getattr(old, name) != getattr(wanted, name)]
     if other:
-        said = ", ".join(f"{name} {getattr(old, name)!r} (now {getattr(wanted, name)!r})" for name in other)
+        said = ", ".join(
+            f"{name} {getattr(old, name)!r} (now {getattr(wanted, name)!r})" for name in other
+        )
         raise UsageError(f"the experiment in {out} has {said}; give the same, or another --out")
     new = msgspec.structs.replace(
         old,
@@ -163,8 +176,8 @@ def folder(out: Path, seed: int) -> Path:
 def run(out: Path, setting: Setting, seed: int, tick: Callable[[float], None]) -> Line:
     """One run from start to end, in a fresh folder; `tick` gets the seconds it takes so far.
 
-    A run that takes longer than the setting allows is ended and counts as a failure. Its fleet is down afterwards,
-    whatever happens.
+    A run that takes longer than the setting allows is ended and counts as a failure. Its fleet is
+    down afterwards, whatever happens.
     """
     place = folder(out, seed)
     _clear(place)
@@ -210,7 +223,9 @@ def _start(place: Path, setting: Setting, seed: int) -> subprocess.Popen[bytes]:
         )
 
 
-def _waited(process: subprocess.Popen[bytes], timeout_s: float, tick: Callable[[float], None]) -> int | None:
+def _waited(
+    process: subprocess.Popen[bytes], timeout_s: float, tick: Callable[[float], None]
+) -> int | None:
     """Its exit code; None: it takes too long."""
     began = time.monotonic()
     while (since := time.monotonic() - began) < timeout_s:
@@ -221,7 +236,9 @@ def _waited(process: subprocess.Popen[bytes], timeout_s: float, tick: Callable[[
 
 
 def _end(process: subprocess.Popen[bytes], place: Path) -> None:
-    """End a run in order, as Ctrl-C does, and its fleet if it does not; nothing where it has ended by itself."""
+    """End a run in order, as Ctrl-C does, and its fleet if it does not; nothing where it has ended
+    by itself.
+    """
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -232,16 +249,25 @@ def _end(process: subprocess.Popen[bytes], place: Path) -> None:
     starting.down(place)
 
 
-def _outcome(place: Path, late_s: float | None, code: int, command: str) -> tuple[str | None, msgspec.Raw]:
+def _outcome(
+    place: Path, late_s: float | None, code: int, command: str
+) -> tuple[str | None, msgspec.Raw]:
     """Return the reason a run failed, None if it succeeded; and its report, null if it has none."""
     try:
         raw = (place / REPORT_FILE).read_bytes()
         verdict = msgspec.json.decode(raw, type=_Verdict)
         figures = msgspec.Raw(msgspec.json.format(raw, indent=-1))
     except (OSError, msgspec.DecodeError):
-        log = (place / LOG_FILE).read_text(errors="replace").strip().splitlines()[-1:] or ["it said nothing"]
+        log = (place / LOG_FILE).read_text(errors="replace").strip().splitlines()[-1:] or [
+            "it said nothing"
+        ]
         reason = f"no report; `roco {command}` ended with {code}: {log[0][-300:]}"
         return (f"not ended after {late_s:.0f} s" if late_s else reason), msgspec.Raw(b"null")
     if late_s:
         return f"not ended after {late_s:.0f} s", figures
-    return None if verdict.success and not code else verdict.failure or f"`roco {command}` ended with {code}", figures
+    return (
+        None
+        if verdict.success and not code
+        else verdict.failure or f"`roco {command}` ended with {code}",
+        figures,
+    )

@@ -1,4 +1,6 @@
-"""Rich's console for what a verb prints: colours are ours, and text that others wrote stays text (operate.wording)."""
+"""Rich's console for what a verb prints: colours are ours, and text that others wrote stays text
+(operate.wording).
+"""
 
 import sys
 from collections.abc import Iterator

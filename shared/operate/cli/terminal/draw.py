@@ -1,4 +1,6 @@
-"""The picture of a run in the terminal: who does what, the plan with its present state, what went over the channels."""
+"""The picture of a run in the terminal: who does what, the plan with its present state, what went
+over the channels.
+"""
 
 import time
 
@@ -23,7 +25,9 @@ ENDED = {"replan": "a new plan is wanted"}
 
 
 class Scene(msgspec.Struct, frozen=True):
-    """All that is drawn: title, the fleet of a system, the tasks, the view; `began`: unix time [s]."""
+    """All that is drawn: title, the fleet of a system, the tasks, the view; `began`: unix time
+    [s].
+    """
 
     title: str
     began: float
@@ -34,25 +38,38 @@ class Scene(msgspec.Struct, frozen=True):
     stop_held: bool = False
 
 
-def picture(scene: Scene, now: float | None = None, lines: int = 40, width: int = 80) -> RenderableType:
-    """Draw it all, as many events as fit into `lines` of a terminal so wide; `now`: unix time [s]."""
+def picture(
+    scene: Scene, now: float | None = None, lines: int = 40, width: int = 80
+) -> RenderableType:
+    """Draw it all, as many events as fit into `lines` of a terminal so wide; `now`: unix time
+    [s].
+    """
     system, design = scene.system, scene.system.design
     upper = Table.grid(expand=True, padding=(0, 1))
     upper.add_column(ratio=6)
     left = Group(
         Panel(agents(scene), title="who does what", title_align="left", border_style="dim"),
-        Panel(channels(scene.view, design), title="communicates", title_align="left", border_style="dim"),
+        Panel(
+            channels(scene.view, design),
+            title="communicates",
+            title_align="left",
+            border_style="dim",
+        ),
     )
     if scene.system.additions.live:  # who adds lines tells of plans
         upper.add_column(ratio=5)
         plan = plan_tree(scene.view, system)
-        upper.add_row(left, Panel(plan, title=plan_title(scene.view), title_align="left", border_style="dim"))
+        upper.add_row(
+            left, Panel(plan, title=plan_title(scene.view), title_align="left", border_style="dim")
+        )
     else:
         upper.add_row(left)
     top = header(scene, time.time() if now is None else now)
     processes = len(scene.fleet.processes) if scene.fleet else 1
     height = len(wrapped(top, width)) + processes + len(design.channels) + 4  # four lines of frames
-    return Group(top, upper, events(scene.view, scene.began, max(1, lines - height - 1), width, system))
+    return Group(
+        top, upper, events(scene.view, scene.began, max(1, lines - height - 1), width, system)
+    )
 
 
 def header(scene: Scene, now: float) -> Text:
@@ -99,8 +116,17 @@ def channels(view: View, design: Design) -> Table:
     table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
     for name, channel in design.channels.items():
         counted = view.channels.get(name)
-        row = (str(counted.count), f"{counted.bytes / 1000:.1f} kB", counted.last) if counted else ("-", "", "")
-        table.add_row(Text(name, "bold"), f"{channel.ends[0]}-{channel.ends[1]}", *row[:2], Text(row[2], "dim"))
+        row = (
+            (str(counted.count), f"{counted.bytes / 1000:.1f} kB", counted.last)
+            if counted
+            else ("-", "", "")
+        )
+        table.add_row(
+            Text(name, "bold"),
+            f"{channel.ends[0]}-{channel.ends[1]}",
+            *row[:2],
+            Text(row[2], "dim"),
+        )
     return table
 
 
@@ -116,7 +142,9 @@ def plan_title(view: View) -> str:
 
 
 def plan_tree(view: View, system: System) -> Text:
-    """The plan as an indented tree; machines without the present state are folded when it is long."""
+    """The plan as an indented tree; machines without the present state are folded when it is
+    long.
+    """
     plan = view.plan
     if plan is None:
         return Text("none yet", "dim")
@@ -127,7 +155,9 @@ def plan_tree(view: View, system: System) -> Text:
     here = plan.at.path if plan.at is not None else ()
     for one in shown(plan, PLAN_LINES - 1):
         indent = "  " * (len(one.path) - 1)
-        name = system.step(msgspec.structs.replace(one, does="", things=(), side="") if one.act else one)
+        name = system.step(
+            msgspec.structs.replace(one, does="", things=(), side="") if one.act else one
+        )
         name = name or " ".join(one.path[-1:])
         if one.path == here:
             text.append(f"\n{indent}▶ {name}", "bold green")
@@ -141,7 +171,9 @@ def plan_tree(view: View, system: System) -> Text:
 
 
 def shown(plan: Plan, lines: int) -> tuple[Step, ...]:
-    """The states drawn: all, if there is room; else those beside and above the present one, at most `lines`."""
+    """The states drawn: all, if there is room; else those beside and above the present one, at most
+    `lines`.
+    """
     if len(plan.states) <= lines:
         return plan.states
     at = plan.at.path if plan.at is not None else ()
@@ -153,7 +185,9 @@ def shown(plan: Plan, lines: int) -> tuple[Step, ...]:
 
 
 def events(view: View, began: float, lines: int, width: int, system: System) -> Text:
-    """The latest events that fit, each whole, in seconds after `began` [unix s]; of the last one what fits."""
+    """The latest events that fit, each whole, in seconds after `began` [unix s]; of the last one
+    what fits.
+    """
     shown: list[Text] = []
     for event in reversed(view.events):
         told = _event(event, began, width, system)
@@ -169,7 +203,10 @@ def _event(event: Event, began: float, width: int, system: System) -> list[Text]
     why = f": {system.plain(event.text)}" if event.text else ""
     words = Text.assemble(system.happened(event.name, event.of), (why, "dim"))
     column = max(LEAST_COLUMN, width - len(at))
-    return [(at if not number else Text(" " * len(at))) + line for number, line in enumerate(wrapped(words, column))]
+    return [
+        (at if not number else Text(" " * len(at))) + line
+        for number, line in enumerate(wrapped(words, column))
+    ]
 
 
 def wrapped(text: Text, width: int) -> list[Text]:

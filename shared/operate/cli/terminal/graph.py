@@ -1,4 +1,6 @@
-"""`roco top --graph`: agents and channels with what goes over them now: in the terminal, as JSON, or for Graphviz."""
+"""`roco top --graph`: agents and channels with what goes over them now: in the terminal, as JSON,
+or for Graphviz.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import permutations
@@ -14,8 +16,10 @@ from operate.system import System
 from topdown.draw.canvas import tracks
 from topdown.model.design import Design
 
-# --- A graph as an arc diagram of characters: nodes one below the other, each edge an arc to their right -------------
-# Pure. Each row ends or begins one edge at most, so that a row has room for what is said of the edge that ends in it.
+# --- A graph as an arc diagram of characters: nodes one below the other, each edge an arc to their
+# right
+# Pure. Each row ends or begins one edge at most, so that a row has room for what is said of the
+# edge that ends in it.
 
 
 STEP = 3
@@ -26,8 +30,8 @@ Edges = Mapping[str, tuple[str, str]]
 
 
 class Row(NamedTuple):
-    """`node`: whose first row this is, or ""; `marks`: characters with the edge they belong to; `ends`: the edge that
-    ends here, or "".
+    """`node`: whose first row this is, or ""; `marks`: characters with the edge they belong to;
+    `ends`: the edge that ends here, or "".
     """
 
     node: str
@@ -48,19 +52,26 @@ def ordered(nodes: Sequence[str], edges: Edges) -> list[str]:
 
 
 def rows(nodes: Sequence[str], edges: Edges) -> list[Row]:
-    """The rows from the first node to the last. ValueError: an edge ends at no node, or at one node twice."""
+    """The rows from the first node to the last. ValueError: an edge ends at no node, or at one node
+    twice.
+    """
     place = {node: number for number, node in enumerate(nodes)}
     for name, ends in edges.items():
         if not set(ends) <= place.keys() or ends[0] == ends[1]:
-            raise ValueError(f"edge {name} joins {ends[0]} and {ends[1]}; there are {', '.join(nodes)}")
-    spans = {name: (min(place[a], place[b]), max(place[a], place[b])) for name, (a, b) in edges.items()}
+            raise ValueError(
+                f"edge {name} joins {ends[0]} and {ends[1]}; there are {', '.join(nodes)}"
+            )
+    spans = {
+        name: (min(place[a], place[b]), max(place[a], place[b])) for name, (a, b) in edges.items()
+    }
     in_order = sorted(spans, key=lambda name: spans[name])
     lanes = dict(zip(in_order, tracks([spans[name] for name in in_order], gap=0), strict=True))
     width = 1 + STEP * (max(lanes.values(), default=-1) + 1)
     found: list[Row] = []
     going: set[str] = set()
     for number, node in enumerate(nodes):
-        # the edges that turn at a node: those that end, inner first, then those that begin, outer ones first
+        # the edges that turn at a node: those that end, inner first, then those that begin, outer
+        # ones first
         inner = sorted(spans, key=lambda name: lanes[name])
         turns = [(name, True) for name in inner if spans[name][1] == number]
         turns += [(name, False) for name in reversed(inner) if spans[name][0] == number]
@@ -73,12 +84,28 @@ def rows(nodes: Sequence[str], edges: Edges) -> list[Row]:
 
 
 def _marks(
-    index: int, count: int, name: str, ends: bool, going: set[str], lanes: Mapping[str, int], width: int
+    index: int,
+    count: int,
+    name: str,
+    ends: bool,
+    going: set[str],
+    lanes: Mapping[str, int],
+    width: int,
 ) -> tuple[tuple[str, str], ...]:
     """A row's characters from the node to the last arc."""
     at = {1 + STEP * lanes[other] + STEP - 1: other for other in going}
     turn = 1 + STEP * lanes[name] + STEP - 1 if name else 0
-    first = " " if not count else "─" if count == 1 else "┬" if index == 0 else "╰" if index == count - 1 else "├"
+    first = (
+        " "
+        if not count
+        else "─"
+        if count == 1
+        else "┬"
+        if index == 0
+        else "╰"
+        if index == count - 1
+        else "├"
+    )
     marks = [(first, name)]
     for column in range(1, width):
         if column < turn:
@@ -90,7 +117,7 @@ def _marks(
     return tuple(marks)
 
 
-# --- `roco top --graph` -----------------------------------------------------------------------------------------------
+# --- `roco top --graph` ---------------------------------------------------------------------------
 
 
 WINDOW_S = 10.0
@@ -113,7 +140,9 @@ class Node(msgspec.Struct, frozen=True):
 
 
 class Edge(msgspec.Struct, frozen=True):
-    """A channel: communicates and bytes a second over `WINDOW_S`, how many in all, and when the last was [unix s]."""
+    """A channel: communicates and bytes a second over `WINDOW_S`, how many in all, and when the
+    last was [unix s].
+    """
 
     name: str
     ends: tuple[str, str]
@@ -124,7 +153,9 @@ class Edge(msgspec.Struct, frozen=True):
 
 
 class Graph(msgspec.Struct, frozen=True):
-    """Agents and channels at one moment. `at`: unix time [s]; `window_s`: what rates are taken over."""
+    """Agents and channels at one moment. `at`: unix time [s]; `window_s`: what rates are taken
+    over.
+    """
 
     where: str
     at: float
@@ -134,7 +165,12 @@ class Graph(msgspec.Struct, frozen=True):
 
 
 def graph_at(
-    design: Design, where: str, seen: Iterable[Seen], lines: Iterable[LiveLine], at: float, window_s: float
+    design: Design,
+    where: str,
+    seen: Iterable[Seen],
+    lines: Iterable[LiveLine],
+    at: float,
+    window_s: float,
 ) -> Graph:
     """The graph of a design with what is known of it at a time [unix s]."""
     by_name = {one.name: one for one in seen}
@@ -147,19 +183,31 @@ def graph_at(
     )
 
 
-def edges(design: Design, lines: Iterable[LiveLine], at: float, window_s: float) -> tuple[Edge, ...]:
+def edges(
+    design: Design, lines: Iterable[LiveLine], at: float, window_s: float
+) -> tuple[Edge, ...]:
     """The channels of a design with what the monitor heard on each."""
     heard: dict[str, list[Sent]] = {name: [] for name in design.channels}
     for line in lines:
         if isinstance(line, Sent) and line.channel in heard:
             heard[line.channel].append(line)
-    return tuple(_edge(name, channel.ends, heard[name], at, window_s) for name, channel in design.channels.items())
+    return tuple(
+        _edge(name, channel.ends, heard[name], at, window_s)
+        for name, channel in design.channels.items()
+    )
 
 
 def _edge(name: str, ends: tuple[str, str], heard: list[Sent], at: float, window_s: float) -> Edge:
     late = [line for line in heard if line.t > at - window_s]
     last = max((line.t for line in heard), default=None)
-    return Edge(name, ends, len(late) / window_s, sum(line.bytes for line in late) / window_s, len(heard), last)
+    return Edge(
+        name,
+        ends,
+        len(late) / window_s,
+        sum(line.bytes for line in late) / window_s,
+        len(heard),
+        last,
+    )
 
 
 def _node(name: str, one: Seen | None) -> Node:
@@ -175,7 +223,10 @@ def drawn(found: Graph, system: System) -> Text:
     names = max(len(node.name) for node in found.agents) + 2
     ends = {edge.name: edge.ends for edge in found.channels}
     listed = rows(ordered(sorted((node.name for node in found.agents), reverse=True), ends), ends)
-    nodes, channels = {node.name: node for node in found.agents}, {edge.name: edge for edge in found.channels}
+    nodes, channels = (
+        {node.name: node for node in found.agents},
+        {edge.name: edge for edge in found.channels},
+    )
     text = Text(no_wrap=True, overflow="ellipsis")
     for row in listed:
         node = nodes[row.node] if row.node else None
@@ -196,7 +247,13 @@ def _label(node: Node | None, names: int, system: System) -> Text:
     if node is None:
         return Text(" " * (names + WORDS))
     words = node.trouble or state_text(system, node.name, node.state) or node.state
-    style = "red" if node.trouble else COLOURS.get(node.process or "", "") if node.process != "ready" else ""
+    style = (
+        "red"
+        if node.trouble
+        else COLOURS.get(node.process or "", "")
+        if node.process != "ready"
+        else ""
+    )
     label = Text.assemble((f"{node.name:{names}}", "bold"), (words, style))
     label.truncate(names + WORDS, overflow="ellipsis", pad=True)
     return label

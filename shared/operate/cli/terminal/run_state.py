@@ -1,6 +1,7 @@
 """Picture of a running run: lines of live.jsonl folded into one state.
 
-Pure but for `of_file`, which reads one. Lines of kinds or with fields of a later version are left out.
+Pure but for `of_file`, which reads one. Lines of kinds or with fields of a later version are left
+out.
 """
 
 from collections.abc import Callable
@@ -9,7 +10,17 @@ from pathlib import Path
 import msgspec
 
 from operate import wording
-from operate.run_folder import Against, AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent, Step, Task
+from operate.run_folder import (
+    Against,
+    AgentIn,
+    Happened,
+    LiveLine,
+    PlanAt,
+    PlanSeen,
+    Sent,
+    Step,
+    Task,
+)
 from operate.system import System
 
 Names = tuple[str, ...]
@@ -34,7 +45,9 @@ class Counted(msgspec.Struct, frozen=True):
 
 
 class Plan(msgspec.Struct, frozen=True):
-    """A plan: its states in the tree's order, the present one, the paths of those passed, how it ended."""
+    """A plan: its states in the tree's order, the present one, the paths of those passed, how it
+    ended.
+    """
 
     id: str
     tasks: tuple[Task, ...]
@@ -76,11 +89,17 @@ def fold(view: View, line: LiveLine) -> View:
             words = f"{sender} > {receiver}  {line.text or performative}"
             counted = Counted(before.count + 1, before.bytes + line.bytes, words)
             sent = {**view.sent, sender: view.sent.get(sender, 0) + 1}
-            return msgspec.structs.replace(view, sent=sent, channels={**view.channels, channel: counted})
+            return msgspec.structs.replace(
+                view, sent=sent, channels={**view.channels, channel: counted}
+            )
         case AgentIn(agent=agent, state=state, alive=alive, t=t):
-            return msgspec.structs.replace(view, agents={**view.agents, agent: Seen(state, alive, t)})
+            return msgspec.structs.replace(
+                view, agents={**view.agents, agent: Seen(state, alive, t)}
+            )
         case PlanSeen(plan=plan, tasks=tasks, states=states):
-            return msgspec.structs.replace(view, plan=Plan(plan, tasks, states), plans=view.plans + 1)
+            return msgspec.structs.replace(
+                view, plan=Plan(plan, tasks, states), plans=view.plans + 1
+            )
         case PlanAt(at=at, outcome=outcome) if view.plan is not None:
             return msgspec.structs.replace(view, plan=_moved(view.plan, at, outcome))
         case Happened(t=t, name=name, of=of, text=text):
@@ -107,7 +126,9 @@ def tasks(some: tuple[Task, ...], system: System) -> str:
 
 
 def in_words(line: LiveLine, system: System) -> str:
-    """The line for a log without pictures, in the system's words; "" for what is only counted or told elsewhere."""
+    """The line for a log without pictures, in the system's words; "" for what is only counted or
+    told elsewhere.
+    """
     match line:
         case PlanSeen(tasks=some, states=states):
             return f"plan received: {tasks(some, system)}, in {len(leaves(states))} steps"
@@ -152,7 +173,9 @@ def of_file(path: Path) -> Callable[[int], bytes]:
 
 
 class Follow:
-    """Takes what is new of a live file, wherever `read` reads it; a line not whole yet waits for the next look."""
+    """Takes what is new of a live file, wherever `read` reads it; a line not whole yet waits for
+    the next look.
+    """
 
     def __init__(self, read: Callable[[int], bytes]) -> None:
         self._read = read

@@ -1,6 +1,8 @@
-"""Sequence diagrams in the terminal: one conversation with its states, or the traffic among many agents as it goes by.
+"""Sequence diagrams in the terminal: one conversation with its states, or the traffic among many
+agents as it goes by.
 
-Pure: lines in, text out, as wide as it is told. The arrows are those of topdown.draw.sequence; here come the colours.
+Pure: lines in, text out, as wide as it is told. The arrows are those of topdown.draw.sequence; here
+come the colours.
 """
 
 import textwrap
@@ -36,14 +38,20 @@ def _style(one: Judged) -> str:
 
 
 def _fit(words: str, room: int) -> str:
-    return words if cell_len(words) <= room else set_cell_size(words, max(0, room - 1)) + "…" * (room > 0)
+    return (
+        words
+        if cell_len(words) <= room
+        else set_cell_size(words, max(0, room - 1)) + "…" * (room > 0)
+    )
 
 
-# --- A conversation ---------------------------------------------------------------------------------------------------
+# --- A conversation -------------------------------------------------------------------------------
 
 
 NEAREST, FARTHEST = 24, 64
-"""Columns between the lifelines: fewer would not hold a performative with its size, more is hard to follow by eye."""
+"""Columns between the lifelines: fewer would not hold a performative with its size, more is hard to
+follow by eye.
+"""
 STATES = 20
 """Columns of each side's state, where there is room."""
 
@@ -55,34 +63,52 @@ def heading(channel: str, protocol: str, conversation: str, ended: bool) -> Text
 
 
 def drawn(said: Sequence[Judged], initiator: str, participant: str, width: int) -> Text:
-    """The diagram. On an arrow the act and its size, below it what it says; why, where it is not as designed.
+    """The diagram. On an arrow the act and its size, below it what it says; why, where it is not as
+    designed.
 
     Beside an arrow stand the states after it.
     """
-    side = max([4, *map(cell_len, (initiator, participant)), *(cell_len(one.initiator) for one in said)])
+    side = max(
+        [4, *map(cell_len, (initiator, participant)), *(cell_len(one.initiator) for one in said)]
+    )
     side = min(STATES, side)
     gap = max(NEAREST, min(FARTHEST, width - TIME - 2 * side - 6))
     columns, indent = Columns((initiator, participant), gap + 1), TIME + side + 2
-    text = Text(f"{'':{TIME}} {initiator:>{side}} {'':{gap + 2}} {participant}\n", "bold", no_wrap=True)
+    text = Text(
+        f"{'':{TIME}} {initiator:>{side}} {'':{gap + 2}} {participant}\n", "bold", no_wrap=True
+    )
     for one in said:
-        style, size = _style(one), f"{one.bytes} B" if one.bytes < 1000 else f"{one.bytes / 1000:.3g} kB"
+        style, size = (
+            _style(one),
+            f"{one.bytes} B" if one.bytes < 1000 else f"{one.bytes / 1000:.3g} kB",
+        )
         left, right = (one.initiator, one.participant) if one.initiator else ("", "")
-        text.append(f"{'+' + seconds(one.t - said[0].t):>{TIME}} {_fit(left, side):>{side}} ", "dim")
-        text.append(columns.arrow(one.sender, one.receiver, _fit(f"{one.performative}  {size}", gap)), style)
+        text.append(
+            f"{'+' + seconds(one.t - said[0].t):>{TIME}} {_fit(left, side):>{side}} ", "dim"
+        )
+        text.append(
+            columns.arrow(one.sender, one.receiver, _fit(f"{one.performative}  {size}", gap)), style
+        )
         text.append(f" {_fit(right, max(0, width - indent - gap - 3))}\n", "dim")
         for words in filter(None, (one.text, mark(one))):
             text.append(f"{'':{indent}}{columns.between(_fit(words, gap))}\n", style or "italic")
         if one.violation and one.why:
             room = max(20, width - indent - 1)
-            text.append("\n".join(f"{'':{indent + 1}}{line}" for line in textwrap.wrap(one.why, room)) + "\n", "red")
+            text.append(
+                "\n".join(f"{'':{indent + 1}}{line}" for line in textwrap.wrap(one.why, room))
+                + "\n",
+                "red",
+            )
     return text
 
 
-# --- The traffic among many agents: line by line, so that it can be drawn as it goes by -------------------------------
+# --- The traffic among many agents: line by line, so that it can be drawn as it goes by -----------
 
 
 LEAST, MOST = 12, 24
-"""Columns from lifeline to lifeline: fewer would cut most performatives, more is hard to follow by eye (estimates)."""
+"""Columns from lifeline to lifeline: fewer would cut most performatives, more is hard to follow by
+eye (estimates).
+"""
 WORDS = 24
 """Columns left for what is said beside the lifelines, where the terminal is wide enough."""
 
@@ -100,12 +126,14 @@ class Lifelines:
 
     def heading(self) -> Text:
         """The names of the agents above their lifelines."""
-        line = " " * (TIME + 1) + "".join(f"{_fit(name, self.gap - 1):^{self.gap}}" for name in self.columns.at)
+        line = " " * (TIME + 1) + "".join(
+            f"{_fit(name, self.gap - 1):^{self.gap}}" for name in self.columns.at
+        )
         return Text(line.rstrip(), "bold", no_wrap=True)
 
     def row(self, one: Judged, begin: float, room: int) -> Text:
-        """A communicate: time since `begin`, an arrow from lifeline to lifeline, and as much of what it says as `room`
-        columns hold; of a violation the reason below.
+        """A communicate: time since `begin`, an arrow from lifeline to lifeline, and as much of
+        what it says as `room` columns hold; of a violation the reason below.
         """
         style = _style(one)
         since = one.t - begin  # below 0 where a verdict came later than that of what followed
@@ -116,9 +144,16 @@ class Lifelines:
             text.append(f"{'':{self.first - TIME}}{arrow}", style)
         else:
             who = f"{one.sender} > {one.receiver} {one.performative}"
-            words = _fit(f" {who if one.sender else f'{one.bytes} bytes on {one.key}'} ", self.end - TIME - 2)
-            text.append(f" {words:─^{max(0, self.end - TIME - 1 - cell_len(words) + len(words))}}", style)
-        text.append(_fit(f" {' '.join(filter(None, (one.channel, one.text, mark(one))))}", room), style or "italic")
+            words = _fit(
+                f" {who if one.sender else f'{one.bytes} bytes on {one.key}'} ", self.end - TIME - 2
+            )
+            text.append(
+                f" {words:─^{max(0, self.end - TIME - 1 - cell_len(words) + len(words))}}", style
+            )
+        text.append(
+            _fit(f" {' '.join(filter(None, (one.channel, one.text, mark(one))))}", room),
+            style or "italic",
+        )
         if one.violation and one.why:
             text.append(f"\n{'':{TIME + 1}}{one.why}", "red")
         return text

@@ -1,4 +1,6 @@
-"""A trace as a tree of lines with times and bars. Pure: a trace in, text out, as wide as it is told."""
+"""A trace as a tree of lines with times and bars. Pure: a trace in, text out, as wide as it is
+told.
+"""
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby
@@ -14,7 +16,9 @@ from operate.tracing.trace import Known, Message, Span, Trace
 MOST_BAR, LEAST_BAR = 24, 12
 """Columns of the bars: a fifth of the width, within these bounds (estimates)."""
 ALIKE = 4
-"""So many conversations of the same kind in a row become one line (estimate: fewer are read one by one)."""
+"""So many conversations of the same kind in a row become one line (estimate: fewer are read one by
+one).
+"""
 RESTING = "subscribe"
 """A protocol that is told of by its contents alone."""
 CALM, WRONG, OPEN = "green", "red", "cyan"
@@ -22,7 +26,9 @@ NOTE = "~ by time: no step log says what caused it"
 
 
 class Line(msgspec.Struct, frozen=True):
-    """A line of the tree: `branch` draws its place, `what` says what it is; times in unix seconds (None: no bar)."""
+    """A line of the tree: `branch` draws its place, `what` says what it is; times in unix seconds
+    (None: no bar).
+    """
 
     branch: str
     what: str
@@ -53,7 +59,12 @@ def drawn(trace: Trace, root: Span, width: int, *, every: bool = False) -> Table
         took = "" if line.end is None else seconds(line.end - line.start)
         ended = [Text(line.result, line.style)] if any(one.result for one in lines) else []
         table.add_row(
-            what, Text(line.who, "dim"), *ended, at, took, Text(_bar(line, root.start, until, bar), line.style)
+            what,
+            Text(line.who, "dim"),
+            *ended,
+            at,
+            took,
+            Text(_bar(line, root.start, until, bar), line.style),
         )
     if any(line.guessed for line in lines):
         table.caption, table.caption_justify = NOTE, "left"
@@ -63,15 +74,30 @@ def drawn(trace: Trace, root: Span, width: int, *, every: bool = False) -> Table
 def listed(trace: Trace, width: int) -> Table:
     """All that can be traced, oldest first."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim", width=width)
-    for name, justify in (("task", "left"), ("between", "left"), ("at", "right"), ("took", "right"), ("said", "right")):
+    for name, justify in (
+        ("task", "left"),
+        ("between", "left"),
+        ("at", "right"),
+        ("took", "right"),
+        ("said", "right"),
+    ):
         table.add_column(name, no_wrap=True, justify=justify)  # type: ignore[arg-type]
     table.add_column("what", no_wrap=True, overflow="ellipsis", ratio=1)
     for root in trace.roots:
         below = [span for _, span in trace.below(root)]
         took = seconds(max(span.end for span in below) - root.start)
-        row = (root.id, f"{root.initiator} > {root.participant}", f"{root.start - trace.begin:.3f}", took)
+        row = (
+            root.id,
+            f"{root.initiator} > {root.participant}",
+            f"{root.start - trace.begin:.3f}",
+            took,
+        )
         said = str(sum(len(span.messages) for span in below))
-        table.add_row(*row, said, Text.assemble(root.text or root.protocol, (f"  {result(root)}", style_of(root))))
+        table.add_row(
+            *row,
+            said,
+            Text.assemble(root.text or root.protocol, (f"  {result(root)}", style_of(root))),
+        )
     return table
 
 
@@ -85,8 +111,12 @@ def style_of(span: Span) -> str:
     return WRONG if span.bad else CALM if span.ended else OPEN
 
 
-def _lines(trace: Trace, span: Span, branch: str = "", below: str = "", *, every: bool) -> Iterator[Line]:
-    """Yield the lines of a span and of all below it; `branch` leads to it, `below` to what is under it."""
+def _lines(
+    trace: Trace, span: Span, branch: str = "", below: str = "", *, every: bool
+) -> Iterator[Line]:
+    """Yield the lines of a span and of all below it; `branch` leads to it, `below` to what is under
+    it.
+    """
     yield _line(span, branch)
     rows: list[tuple[Span, ...] | tuple[Message, ...]] = []
     for _, beside in groupby(span.beside, key=lambda one: (one.sender, one.receiver, one.protocol)):
@@ -105,8 +135,12 @@ def _lines(trace: Trace, span: Span, branch: str = "", below: str = "", *, every
 
 
 def _grouped(trace: Trace, children: Sequence[Span], *, every: bool) -> Iterator[tuple[Span, ...]]:
-    """Yield children one by one; those alike that follow each other, with nothing below them, together."""
-    for _, alike in groupby(children, key=lambda one: (one.protocol, one.initiator, one.participant, one.bad)):
+    """Yield children one by one; those alike that follow each other, with nothing below them,
+    together.
+    """
+    for _, alike in groupby(
+        children, key=lambda one: (one.protocol, one.initiator, one.participant, one.bad)
+    ):
         row = tuple(alike)
         leaves = not any(trace.children(one) or one.beside for one in row)
         if every or not leaves or len(row) < ALIKE:
@@ -125,8 +159,20 @@ def _many(alike: tuple[Span, ...], branch: str) -> Line:
     first, last = alike[0], alike[-1]
     busy = fsum(one.end - one.start for one in alike)
     what = f"{len(alike)} x {first.protocol}, {seconds(busy)} in all"
-    who, guessed = f"{first.initiator} > {first.participant}", any(one.known == Known.TIME for one in alike)
-    return Line(branch, what, who, first.start, last.end, style_of(first), guessed, result(first) if first.bad else "")
+    who, guessed = (
+        f"{first.initiator} > {first.participant}",
+        any(one.known == Known.TIME for one in alike),
+    )
+    return Line(
+        branch,
+        what,
+        who,
+        first.start,
+        last.end,
+        style_of(first),
+        guessed,
+        result(first) if first.bad else "",
+    )
 
 
 def _beside(said: tuple[Message, ...], branch: str) -> Line:
@@ -134,7 +180,9 @@ def _beside(said: tuple[Message, ...], branch: str) -> Line:
     where = f"{said[0].conversation}: " if said[0].protocol != RESTING else ""
     what = f"+ {where}{said[0].text or said[0].performative}{more}"
     guessed = any(one.known == Known.TIME for one in said)
-    return Line(branch, what, f"{said[0].sender} > {said[0].receiver}", said[0].sent, None, "dim", guessed)
+    return Line(
+        branch, what, f"{said[0].sender} > {said[0].receiver}", said[0].sent, None, "dim", guessed
+    )
 
 
 def _bar(line: Line, begin: float, until: float, columns: int) -> str:

@@ -22,12 +22,19 @@ def table(
 ) -> Table:
     """A row of heads, which is left out where all are empty, and a row for each of `rows`.
 
-    By the head of their column cells are set to the `right`, are broken into several lines where they are too long
-    (`fold`), or take what room is left and are `cut` there. All others stay in one line. `least`: columns that a
-    column has at least, so that a picture that is renewed stands still. `settings`: of rich's Table.
+    By the head of their column cells are set to the `right`, are broken into several lines where
+    they are too long (`fold`), or take what room is left and are `cut` there. All others stay in
+    one line. `least`: columns that a column has at least, so that a picture that is renewed stands
+    still. `settings`: of rich's Table.
     """
     drawn = Table(
-        **{"box": None, "padding": (0, 2, 0, 0), "show_header": any(heads), "header_style": header_style} | settings
+        **{
+            "box": None,
+            "padding": (0, 2, 0, 0),
+            "show_header": any(heads),
+            "header_style": header_style,
+        }
+        | settings
     )
     for head in heads:
         drawn.add_column(
@@ -44,7 +51,9 @@ def table(
 
 
 def pairs(rows: Iterable[tuple[Cell, Cell]], name_style: str = "dim") -> Table:
-    """Names in a style, each with its value, which is broken into several lines where it is too long."""
+    """Names in a style, each with its value, which is broken into several lines where it is too
+    long.
+    """
     drawn = Table.grid(padding=(0, 2))
     drawn.add_column(style=name_style)
     drawn.add_column(overflow="fold")

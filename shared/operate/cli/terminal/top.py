@@ -1,4 +1,6 @@
-"""`roco top`: agents and channels, and task and plan where there are such, on one live screen, until q or Ctrl-C."""
+"""`roco top`: agents and channels, and task and plan where there are such, on one live screen,
+until q or Ctrl-C.
+"""
 
 import select
 import sys
@@ -33,7 +35,7 @@ from operate.cli.terminal.table import table
 from operate.run_folder import LiveLine, Sent
 from operate.system import System
 
-# --- Single keys of a terminal, without Enter; a pipe has none -------------------------------------------------------
+# --- Single keys of a terminal, without Enter; a pipe has none ------------------------------------
 
 
 class Keyboard:
@@ -61,7 +63,7 @@ class Keyboard:
         return sys.stdin.read(1) if ready else ""
 
 
-# --- `roco top` -------------------------------------------------------------------------------------------------------
+# --- `roco top` -----------------------------------------------------------------------------------
 
 
 PERIOD_S = 1.0
@@ -70,7 +72,9 @@ QUIT = "q"
 
 
 class Drawing(StrEnum):
-    """The forms of a picture: text for people, json for programs, dot for Graphviz, which draws agents and channels."""
+    """The forms of a picture: text for people, json for programs, dot for Graphviz, which draws
+    agents and channels.
+    """
 
     TEXT = "text"
     JSON = "json"
@@ -96,17 +100,28 @@ class Screen(msgspec.Struct, frozen=True):
 def top(
     target: targets.Name = "",
     run_dir: RunDir = None,
-    period: Annotated[float, typer.Option(min=0.2, help="Seconds between two pictures.")] = PERIOD_S,
-    count: Annotated[int, typer.Option("-n", "--count", min=0, help="End after so many pictures; 0: at q.")] = 0,
+    period: Annotated[
+        float, typer.Option(min=0.2, help="Seconds between two pictures.")
+    ] = PERIOD_S,
+    count: Annotated[
+        int, typer.Option("-n", "--count", min=0, help="End after so many pictures; 0: at q.")
+    ] = 0,
     once: Annotated[bool, typer.Option("--once", help="Print one picture, and end.")] = False,
-    graph: Annotated[bool, typer.Option("--graph", help="Draw the channels as arcs between the agents.")] = False,
-    window: Annotated[float, typer.Option(min=0.1, help="Seconds that rates are taken over.")] = WINDOW_S,
-    form: Annotated[Drawing, typer.Option("--format", help="text, json, or dot for Graphviz.")] = Drawing.TEXT,
+    graph: Annotated[
+        bool, typer.Option("--graph", help="Draw the channels as arcs between the agents.")
+    ] = False,
+    window: Annotated[
+        float, typer.Option(min=0.1, help="Seconds that rates are taken over.")
+    ] = WINDOW_S,
+    form: Annotated[
+        Drawing, typer.Option("--format", help="text, json, or dot for Graphviz.")
+    ] = Drawing.TEXT,
 ) -> None:
-    """Show agents and channels, and the task and the plan's present state, on a live screen; q or Ctrl-C ends it.
+    """Show agents and channels, and the task and the plan's present state, on a live screen; q or
+    Ctrl-C ends it.
 
-    With --graph it draws agents and channels with their states and what goes over each channel now. Where no terminal
-    is, pictures follow one another; as JSON it is an object a line.
+    With --graph it draws agents and channels with their states and what goes over each channel now.
+    Where no terminal is, pictures follow one another; as JSON it is an object a line.
 
     Examples:
       roco top
@@ -121,11 +136,21 @@ def top(
         console, count = Console(), 1 if once else count
         try:
             if form is Drawing.JSON:
-                _each(watched, period, count, lambda: tell_json(watched.graph() if graph else watched.screen))
+                _each(
+                    watched,
+                    period,
+                    count,
+                    lambda: tell_json(watched.graph() if graph else watched.screen),
+                )
             elif form is Drawing.DOT:
                 _each(watched, period, count, lambda: print(dot(watched.graph())))
             elif once or not console.is_terminal:
-                _each(watched, period, count, lambda: console.print(watched.picture(console.width, 40)))
+                _each(
+                    watched,
+                    period,
+                    count,
+                    lambda: console.print(watched.picture(console.width, 40)),
+                )
             else:
                 _live(watched, period, count, console)
         except KeyboardInterrupt:
@@ -163,7 +188,9 @@ class Watched:
                 self._last[line.channel] = max(line.t, self._last.get(line.channel, line.t))
         self._heard = [line for line in self._heard if line.t > at - self._window_s]
         channels = tuple(
-            msgspec.structs.replace(one, count=self._counts.get(one.name, 0), last=self._last.get(one.name))
+            msgspec.structs.replace(
+                one, count=self._counts.get(one.name, 0), last=self._last.get(one.name)
+            )
             for one in edges(self.system.design, self._heard, at, self._window_s)
         )
         plan = self.view.plan
@@ -181,7 +208,9 @@ class Watched:
 
     def graph(self) -> Graph:
         """Agents and channels as they were at the last look."""
-        found = graph_at(self.system.design, self.fleet.where, self._now.seen, (), self.screen.at, self._window_s)
+        found = graph_at(
+            self.system.design, self.fleet.where, self._now.seen, (), self.screen.at, self._window_s
+        )
         return msgspec.structs.replace(found, channels=self.screen.channels)
 
     def picture(self, width: int, height: int) -> RenderableType:
@@ -212,8 +241,8 @@ class Watched:
 
 
 def header(screen: Screen, system: System) -> Text:
-    """Return the header: the place, and for a system with tasks the task and the plan with its present state; three
-    lines.
+    """Return the header: the place, and for a system with tasks the task and the plan with its
+    present state; three lines.
     """
     text = Text(no_wrap=True, overflow="ellipsis")
     text.append("roco top", "bold").append(f"  {screen.where}  ").append("q: quit", "dim")
@@ -226,7 +255,9 @@ def header(screen: Screen, system: System) -> Text:
     if task is None:
         text.append("none", "dim")
     else:
-        text.append(f"“{task.said or task.task}” ", "italic").append(task.state, COLOURS.get(task.state, ""))
+        text.append(f"“{task.said or task.task}” ", "italic").append(
+            task.state, COLOURS.get(task.state, "")
+        )
     text.append("\nplan  ", "dim")
     text.append(screen.plan or "none", "" if screen.plan else "dim")
     return text.append(f"  ▶ {screen.step}" if screen.step else "", "bold green")
@@ -235,7 +266,9 @@ def header(screen: Screen, system: System) -> Text:
 def agents(screen: Screen, now: Look, view: View, system: System) -> Table:
     """Return the table of agents: what each does in words, heartbeat, processor and memory."""
     numbers = (*SHOWN, "sent")
-    drawn = table(("agent", "does", *numbers), right=numbers, cut=("does",), padding=(0, 1, 0, 0), expand=True)
+    drawn = table(
+        ("agent", "does", *numbers), right=numbers, cut=("does",), padding=(0, 1, 0, 0), expand=True
+    )
     for row, one in zip(screen.agents, now.seen, strict=True):
         words, style = (row.trouble, "red") if row.trouble else doing(one.status, view, system)
         cell = dict(zip(COLUMNS, cells(row), strict=True))
@@ -249,7 +282,9 @@ def channels(screen: Screen, view: View) -> Table:
     numbers = ("rate", "bandwidth", "said")
     heads = ("on", "between", *numbers, "last")
     wide = dict.fromkeys(numbers, 6)
-    drawn = table(heads, right=numbers, cut=("last",), least=wide, padding=(0, 1, 0, 0), expand=True)
+    drawn = table(
+        heads, right=numbers, cut=("last",), least=wide, padding=(0, 1, 0, 0), expand=True
+    )
     for edge in screen.channels:
         heard = view.channels.get(edge.name)
         light = "green" if edge.per_s else "dim"
@@ -282,7 +317,10 @@ def _live(watched: Watched, period_s: float, count: int, console: Console) -> No
     def picture() -> RenderableType:
         return watched.picture(console.width, console.height)
 
-    with Keyboard() as keys, Live(console=console, screen=True, auto_refresh=False, get_renderable=picture) as shown:
+    with (
+        Keyboard() as keys,
+        Live(console=console, screen=True, auto_refresh=False, get_renderable=picture) as shown,
+    ):
         number = 0
         while True:
             shown.refresh()

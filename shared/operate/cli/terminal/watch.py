@@ -1,4 +1,6 @@
-"""A run while it goes on, for who waits: a picture that is drawn again and again, or a line for each happening."""
+"""A run while it goes on, for who waits: a picture that is drawn again and again, or a line for
+each happening.
+"""
 
 import time
 from collections.abc import Iterator
@@ -21,9 +23,13 @@ QUIET = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.STOPPING, Pro
 
 
 class Watch:
-    """Shows a system's run while it goes: a picture in a terminal, lines elsewhere; with `json_lines` JSON objects."""
+    """Shows a system's run while it goes: a picture in a terminal, lines elsewhere; with
+    `json_lines` JSON objects.
+    """
 
-    def __init__(self, system: System, run: Path, title: str, console: Console, json_lines: bool = False) -> None:
+    def __init__(
+        self, system: System, run: Path, title: str, console: Console, json_lines: bool = False
+    ) -> None:
         self.scene = draw.Scene(title, time.time(), system)
         self.run = run
         self.console = console
@@ -41,13 +47,17 @@ class Watch:
         if not self.pictures:
             yield self
             return
-        with Live(console=self.console, refresh_per_second=8, get_renderable=self._picture) as self._live:
+        with Live(
+            console=self.console, refresh_per_second=8, get_renderable=self._picture
+        ) as self._live:
             yield self
 
     def ending(self) -> None:
         """Say that the rest takes some seconds more."""
         if not self.json_lines:
-            self.console.print("stopping the fleet, writing the report …", style="dim" if self.pictures else "")
+            self.console.print(
+                "stopping the fleet, writing the report …", style="dim" if self.pictures else ""
+            )
 
     def waits(self, words: str) -> None:
         """Say what is waited for, where it is new."""
@@ -70,13 +80,20 @@ class Watch:
             stop_held=folders.stop_held(self.run),
         )
         for status in self.scene.fleet.processes if self.scene.fleet else ():
-            self._tell_once(status.name, starting.describe(status), status, status.state not in QUIET)
+            self._tell_once(
+                status.name, starting.describe(status), status, status.state not in QUIET
+            )
         for task in self.scene.tasks:
-            words = f"{task.said or task.task}: {task.state}{', ' + system.plain(task.text) if task.text else ''}"
+            words = (
+                f"{task.said or task.task}:"
+                f" {task.state}{', ' + system.plain(task.text) if task.text else ''}"
+            )
             self._tell_once(f"task {task.task}", words, task, task.state in ENDED)
 
     def _tell_once(self, key: str, words: str, what: object, aloud: bool) -> None:
-        """Say something that lasts, when it is new or changed; to people only what other lines do not say."""
+        """Say something that lasts, when it is new or changed; to people only what other lines do
+        not say.
+        """
         if self._told.get(key) != words:
             self._told[key] = words
             self._say(time.time(), words if aloud else "", what)

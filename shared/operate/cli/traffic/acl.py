@@ -20,7 +20,10 @@ from operate.cli.terminal.console import Console
 
 
 def show(
-    source: Annotated[str, typer.Argument(metavar="TEXT|FILE|-", help="A message, a file with one, or - for stdin.")],
+    source: Annotated[
+        str,
+        typer.Argument(metavar="TEXT|FILE|-", help="A message, a file with one, or - for stdin."),
+    ],
     form: Form = Format.TEXT,
 ) -> None:
     """Show what a message says. Exits with 1 where it is malformed, with a caret under the place.
@@ -33,7 +36,10 @@ def show(
         message = parse(read(source))
     except AclSyntaxError as error:
         if form is Format.JSON:
-            parts = {name: getattr(error, name) for name in ("field", "offset", "line", "column", "found", "expected")}
+            parts = {
+                name: getattr(error, name)
+                for name in ("field", "offset", "line", "column", "found", "expected")
+            }
             print(msgspec.json.encode({"error": str(error), **parts}).decode(), file=sys.stderr)
         else:
             print(f"roco: {visible(str(error))}\n{pointed(error)}", file=sys.stderr)
@@ -45,7 +51,9 @@ def show(
 
 
 def read(source: str) -> bytes | str:
-    """The text that is meant: a message begins with a parenthesis, no name of a file is taken for one."""
+    """The text that is meant: a message begins with a parenthesis, no name of a file is taken for
+    one.
+    """
     if source == "-":
         return sys.stdin.buffer.read(MAX_ACL_BYTES + 1)
     if source.lstrip().startswith("("):
@@ -54,7 +62,9 @@ def read(source: str) -> bytes | str:
         with Path(source).open("rb") as file:
             return file.read(MAX_ACL_BYTES + 1)
     except (OSError, ValueError) as error:
-        raise typer.BadParameter(f"{source!r} is no message, which begins with (, and no file: {error}") from error
+        raise typer.BadParameter(
+            f"{source!r} is no message, which begins with (, and no file: {error}"
+        ) from error
 
 
 def pointed(error: AclSyntaxError) -> str:
@@ -110,10 +120,16 @@ def content(value: str | bytes, encoding: str | None) -> str:
 def time(when: At | After) -> str:
     """A time in words."""
     if isinstance(when, At):
-        return f"{EPOCH + timedelta(milliseconds=when.unix_ms):%Y-%m-%d %H:%M:%S}.{when.unix_ms % 1000:03} UTC"
+        then = EPOCH + timedelta(milliseconds=when.unix_ms)
+        return f"{then:%Y-%m-%d %H:%M:%S}.{when.unix_ms % 1000:03} UTC"
     return f"{abs(when.ms) / 1000:g} s {'before' if when.ms < 0 else 'after'} the receipt"
 
 
 def visible(text: str, instead: str = "") -> str:
-    """The text without what a terminal would obey: control characters escaped, or `instead` of each."""
-    return "".join(c if c.isprintable() or (c == "\n" and not instead) else instead or repr(c)[1:-1] for c in text)
+    """The text without what a terminal would obey: control characters escaped, or `instead` of
+    each.
+    """
+    return "".join(
+        c if c.isprintable() or (c == "\n" and not instead) else instead or repr(c)[1:-1]
+        for c in text
+    )

@@ -1,4 +1,6 @@
-"""`roco conversation`: list the conversations of a run, and show one as a sequence diagram in the terminal."""
+"""`roco conversation`: list the conversations of a run, and show one as a sequence diagram in the
+terminal.
+"""
 
 from typing import Annotated
 
@@ -31,7 +33,9 @@ from topdown.model.design import Design
 
 
 class Conversation(msgspec.Struct, frozen=True):
-    """A conversation: who opened it with whom, where it stands, all that was said in it; times in unix seconds."""
+    """A conversation: who opened it with whom, where it stands, all that was said in it; times in
+    unix seconds.
+    """
 
     id: str
     channel: str
@@ -52,8 +56,12 @@ def conversation(
     agent: Agents = None,
     protocol: Protocols = None,
     performative: Performatives = None,
-    open_: Annotated[bool | None, typer.Option("--open/--ended", help="Only those that go on, or that ended.")] = None,
-    wrong: Annotated[bool, typer.Option("--wrong", help="Only those with something against the design.")] = False,
+    open_: Annotated[
+        bool | None, typer.Option("--open/--ended", help="Only those that go on, or that ended.")
+    ] = None,
+    wrong: Annotated[
+        bool, typer.Option("--wrong", help="Only those with something against the design.")
+    ] = False,
     run: Recorded = None,
     target: targets.Name = "",
     run_dir: RunDir = None,
@@ -61,9 +69,9 @@ def conversation(
 ) -> None:
     """List the conversations of a run, oldest first; show one as a sequence diagram.
 
-    Of a running fleet so far, as its monitor judged them; of a recording as they are judged now. A conversation is
-    listed if any of its messages matches. The diagram of one has what was said when, the states after it, and what the
-    judge says.
+    Of a running fleet so far, as its monitor judged them; of a recording as they are judged now. A
+    conversation is listed if any of its messages matches. The diagram of one has what was said
+    when, the states after it, and what the judge says.
 
     Examples:
       roco conversation --open
@@ -84,7 +92,9 @@ def conversation(
             and (not subject or is_meant(subject, one.id, one.participant))
         ]
         if subject and not kept:
-            raise ConsoleError(f"no conversation {subject!r} in this run; `roco conversation` lists them")
+            raise ConsoleError(
+                f"no conversation {subject!r} in this run; `roco conversation` lists them"
+            )
         if form is Format.JSON:
             tell_json(kept if subject else [msgspec.structs.replace(one, said=()) for one in kept])
             return
@@ -92,7 +102,9 @@ def conversation(
         if subject:
             for one in kept:
                 console.print(sequence.heading(one.channel, one.protocol, one.id, one.ended))
-                console.print(sequence.drawn(one.said, one.initiator, one.participant, console.width))
+                console.print(
+                    sequence.drawn(one.said, one.initiator, one.participant, console.width)
+                )
         else:
             console.print(table(kept))
             console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
@@ -103,7 +115,9 @@ def conversations(lines: list[Judged], design: Design) -> list[Conversation]:
     grouped: dict[tuple[str, str, frozenset[str]], list[Judged]] = {}
     for one in lines:
         if one.sender and one.verdict != Verdict.NOT_ENTITLED:
-            grouped.setdefault((one.conversation, one.protocol, frozenset((one.sender, one.receiver))), []).append(one)
+            grouped.setdefault(
+                (one.conversation, one.protocol, frozenset((one.sender, one.receiver))), []
+            ).append(one)
     return sorted((_made(said, design) for said in grouped.values()), key=lambda one: one.since)
 
 
@@ -119,9 +133,18 @@ def table(found: list[Conversation]) -> Table:
     if any(one.violations for one in found):
         drawn.add_column("wrong", justify="right", no_wrap=True)
     for one in found:
-        state = Text(" / ".join(dict.fromkeys(filter(None, one.states))), "dim" if one.ended else "cyan")
+        state = Text(
+            " / ".join(dict.fromkeys(filter(None, one.states))), "dim" if one.ended else "cyan"
+        )
         between = f"{one.initiator} > {one.participant}"
-        row = (one.id, one.channel, one.protocol, between, str(len(one.said)), sequence.seconds(one.until - one.since))
+        row = (
+            one.id,
+            one.channel,
+            one.protocol,
+            between,
+            str(len(one.said)),
+            sequence.seconds(one.until - one.since),
+        )
         wrong = Text(str(one.violations or ""), "red")
         drawn.add_row(*row, state, *([wrong] if len(drawn.columns) > len(row) + 1 else []))
     return drawn
@@ -130,7 +153,9 @@ def table(found: list[Conversation]) -> Table:
 def _made(said: list[Judged], design: Design) -> Conversation:
     first = said[0]
     initiator, participant = sides(design, first.protocol, first.sender, first.receiver)
-    states = next(((one.initiator, one.participant) for one in reversed(said) if one.initiator), ("", ""))
+    states = next(
+        ((one.initiator, one.participant) for one in reversed(said) if one.initiator), ("", "")
+    )
     return Conversation(
         id=first.conversation,
         channel=first.channel,

@@ -26,8 +26,9 @@ def dead(
 ) -> None:
     """List the communicates that nobody took, and why.
 
-    Of a running fleet so far, also from before restarts; what is on its way for less than 5 s is left out. Of a run
-    that has ended by its folder: recording, step logs, agents' logs and journals.
+    Of a running fleet so far, also from before restarts; what is on its way for less than 5 s is
+    left out. Of a run that has ended by its folder: recording, step logs, agents' logs and
+    journals.
 
     Examples:
       roco traffic dead
@@ -55,16 +56,32 @@ def _folder(run: Path | None, run_dir: Path | None, target: str) -> Path:
     """The run folder that is meant. Raises UsageError where there is none here."""
     if run is not None:
         if not run.is_dir():
-            raise UsageError(f"{run} is no run folder; a recording alone does not tell what was taken")
+            raise UsageError(
+                f"{run} is no run folder; a recording alone does not tell what was taken"
+            )
         return run
     fleet = targets.find(target, run_dir)
     if not isinstance(fleet, Local):
-        raise UsageError("the folder of a fleet in containers is in its volumes; copy it, and name it with --run")
+        raise UsageError(
+            "the folder of a fleet in containers is in its volumes; copy it, and name it with --run"
+        )
     return fleet.run
 
 
 def _rows(letters: list[DeadLetter]) -> Iterator[tuple[Cell, ...]]:
     for one in letters:
         at = datetime.fromtimestamp(one.t).strftime("%H:%M:%S.%f")[:-3]
-        who = f"{one.sender or '?'} > {one.receiver or '?'}" if one.sender or one.receiver else one.key
-        yield at, Text(one.reason, "red"), who, one.performative, one.protocol, one.id, Text(one.why)
+        who = (
+            f"{one.sender or '?'} > {one.receiver or '?'}"
+            if one.sender or one.receiver
+            else one.key
+        )
+        yield (
+            at,
+            Text(one.reason, "red"),
+            who,
+            one.performative,
+            one.protocol,
+            one.id,
+            Text(one.why),
+        )

@@ -48,7 +48,9 @@ def echo(
     agent: Agents = None,
     protocol: Protocols = None,
     performative: Performatives = None,
-    wrong: Annotated[bool, typer.Option("--wrong", help="Only what is against the design.")] = False,
+    wrong: Annotated[
+        bool, typer.Option("--wrong", help="Only what is against the design.")
+    ] = False,
     run: Recorded = None,
     count: Count = 0,
     for_: Seconds = 0.0,
@@ -56,11 +58,12 @@ def echo(
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Print a line for each communicate: time, channel, who to whom, act, protocol, size, content, verdict.
+    """Print a line for each communicate: time, channel, who to whom, act, protocol, size, content,
+    verdict.
 
-    Of a running fleet until Ctrl-C. A verdict that has to wait for what explains it comes up to three seconds later; of
-    a conversation that had begun before nothing can be judged. JSON has all fields and the whole content, an object a
-    line.
+    Of a running fleet until Ctrl-C. A verdict that has to wait for what explains it comes up to
+    three seconds later; of a conversation that had begun before nothing can be judged. JSON has all
+    fields and the whole content, an object a line.
 
     Examples:
       roco traffic echo
@@ -74,7 +77,9 @@ def echo(
             _print(heard, which, form, count=count, seconds=for_, wrong=wrong)
 
 
-def _print(heard: Source, which: Filter, form: Form, *, count: int, seconds: float, wrong: bool) -> None:
+def _print(
+    heard: Source, which: Filter, form: Form, *, count: int, seconds: float, wrong: bool
+) -> None:
     console = Console(highlight=False)
     width = console.width if console.is_terminal else ENDLESS
     names = _widest(heard.system)
@@ -87,8 +92,12 @@ def _print(heard: Source, which: Filter, form: Form, *, count: int, seconds: flo
     tell_lost(heard)
 
 
-def chosen(heard: Source, which: Filter, *, count: int, seconds: float, wrong: bool) -> Iterator[Echoed]:
-    """Yield what is meant of what is said, as it is judged: `count` of it at most, 0: all; `wrong`: violations only."""
+def chosen(
+    heard: Source, which: Filter, *, count: int, seconds: float, wrong: bool
+) -> Iterator[Echoed]:
+    """Yield what is meant of what is said, as it is judged: `count` of it at most, 0: all; `wrong`:
+    violations only.
+    """
     found = 0
     for one, communicate in echoed(heard, seconds):
         if which.keeps(one) and (one.violation or not wrong):
@@ -110,7 +119,9 @@ def tell_lost(heard: Source) -> None:
 
 
 def echoed(heard: Source, seconds: float = 0.0) -> Iterator[Echoed]:
-    """Yield each communicate with the judge's verdict; those that wait for their verdict come later."""
+    """Yield each communicate with the judge's verdict; those that wait for their verdict come
+    later.
+    """
     system, last = heard.system, 0.0
     judge = Judge(system.design, system.languages)
     for sample in heard.samples(seconds):
@@ -141,11 +152,15 @@ def _line(judgement: Judgement, system: System) -> Echoed:
 
 def _widest(system: System) -> int:
     """Columns of the longest "sender>receiver" of a design."""
-    return max((len(">".join(channel.ends)) for channel in system.design.channels.values()), default=0)
+    return max(
+        (len(">".join(channel.ends)) for channel in system.design.channels.values()), default=0
+    )
 
 
 def fields(one: Judged, communicate: Communicate | None) -> dict[str, Any]:
-    """The line for programs: the verdict's and the communicate's fields, absent where they are empty."""
+    """The line for programs: the verdict's and the communicate's fields, absent where they are
+    empty.
+    """
     told = msgspec.to_builtins(one)
     if communicate is not None:
         for name in ("ontology", "reply_by", "reply_with", "in_reply_to", "sent"):
@@ -156,7 +171,8 @@ def fields(one: Judged, communicate: Communicate | None) -> dict[str, Any]:
 
 
 def drawn(one: Judged, width: int, names: int) -> Text:
-    """The line for people, no wider than `width` but for the reason of a violation, which stands below.
+    """The line for people, no wider than `width` but for the reason of a violation, which stands
+    below.
 
     `names`: columns of who speaks to whom.
     """
@@ -172,7 +188,9 @@ def drawn(one: Judged, width: int, names: int) -> Text:
     if width == ENDLESS:
         words = f"{words:34}"
     else:
-        words = set_cell_size(words if cell_len(words) <= room else words[: max(0, room - 1)] + "…", max(0, room))
+        words = set_cell_size(
+            words if cell_len(words) <= room else words[: max(0, room - 1)] + "…", max(0, room)
+        )
     text.append(words, "italic").append(f" {one.verdict}", style)
     if one.violation and one.why:
         text.append(f"\n{'':13}{one.why}", "red")

@@ -25,7 +25,8 @@ MOST = 40
 
 
 class Judgements(msgspec.Struct, frozen=True):
-    """`roco traffic judge --format json`: how often each verdict by channel, and all that is against the design.
+    """`roco traffic judge --format json`: how often each verdict by channel, and all that is
+    against the design.
 
     `since`: when the first was said [unix s].
     """
@@ -38,18 +39,27 @@ class Judgements(msgspec.Struct, frozen=True):
 
 def judge(
     file: Annotated[
-        Path, typer.Argument(help="A run folder, a traffic.mcap or a live.jsonl.", autocompletion=completion.runs)
+        Path,
+        typer.Argument(
+            help="A run folder, a traffic.mcap or a live.jsonl.", autocompletion=completion.runs
+        ),
     ],
-    design: Annotated[Path | None, typer.Option(help="Another system's design file; else this system's.")] = None,
+    design: Annotated[
+        Path | None, typer.Option(help="Another system's design file; else this system's.")
+    ] = None,
     languages: Annotated[
-        str, typer.Option(help="That system's Languages, as package.module:NAME; else its contents are not read.")
+        str,
+        typer.Option(
+            help="That system's Languages, as package.module:NAME; else its contents are not read."
+        ),
     ] = "",
     form: Form = Format.TEXT,
 ) -> None:
-    """Judge every communicate of a recording by the design. Exits with 1 where something is against it, with 2 where
-    there is nothing to judge.
+    """Judge every communicate of a recording by the design. Exits with 1 where something is against
+    it, with 2 where there is nothing to judge.
 
-    A run folder is judged by the step logs of its agents: also what was said while no recorder lived.
+    A run folder is judged by the step logs of its agents: also what was said while no recorder
+    lived.
 
     Examples:
       roco traffic judge runs/latest
@@ -61,7 +71,9 @@ def judge(
             system = msgspec.structs.replace(system, languages=languages_at(languages))
         lines = judged(file, system)
         if not lines:
-            raise UsageError(f"{file} has no communicates to judge; give a recording in which agents spoke")
+            raise UsageError(
+                f"{file} has no communicates to judge; give a recording in which agents spoke"
+            )
     found = summary(lines)
     if form is Format.JSON:
         print(msgspec.json.encode(found).decode())
@@ -76,7 +88,9 @@ def summary(lines: list[Judged]) -> Judgements:
     for one in lines:
         counted.setdefault(one.channel or "none", Counter())[one.verdict] += 1
     heard = {(one.t, one.sender, one.receiver, one.id) for one in lines}
-    channels = {name: {str(v): row[v] for v in Verdict if row[v]} for name, row in sorted(counted.items())}
+    channels = {
+        name: {str(v): row[v] for v in Verdict if row[v]} for name, row in sorted(counted.items())
+    }
     since = min((one.t for one in lines), default=0.0)
     return Judgements(len(heard), since, channels, tuple(one for one in lines if one.violation))
 
@@ -87,12 +101,16 @@ def show(found: Judgements, console: Console) -> None:
     for one in found.violations[:MOST]:
         console.print(violation(one, found.since))
     if len(found.violations) > MOST:
-        console.print(f"and {len(found.violations) - MOST} more: --format json has them all", style="dim")
+        console.print(
+            f"and {len(found.violations) - MOST} more: --format json has them all", style="dim"
+        )
     console.print(sentence(found))
 
 
 def counts(found: Judgements) -> Table:
-    """Return the number of each verdict on each channel; verdicts that never occurred are left out."""
+    """Return the number of each verdict on each channel; verdicts that never occurred are left
+    out.
+    """
     channels = (*found.channels, "in all")
     drawn = table(("", *channels), right=channels, fold=("",), header_style="bold")
     for verdict in Verdict:
@@ -105,9 +123,15 @@ def counts(found: Judgements) -> Table:
 
 def violation(one: Judged, begin: float) -> Text:
     """Return a violation for people: the communicate, its time, the fault and the reason."""
-    what = f"{one.sender} > {one.receiver} {one.performative}" if one.sender else f"{one.bytes} bytes on {one.key}"
+    what = (
+        f"{one.sender} > {one.receiver} {one.performative}"
+        if one.sender
+        else f"{one.bytes} bytes on {one.key}"
+    )
     text = Text.assemble((f"\n{one.verdict}", "bold red"), f"  {one.channel}  {what}  ")
-    where = f"id {one.id or 'none'}, conversation {one.conversation or 'none'}, " if one.sender else ""
+    where = (
+        f"id {one.id or 'none'}, conversation {one.conversation or 'none'}, " if one.sender else ""
+    )
     text.append(f"{where}+{one.t - begin:.2f}\u00a0s", "dim")
     return text.append(f"\n  {one.why}")
 
@@ -116,7 +140,10 @@ def sentence(found: Judgements) -> Text:
     """Return whether all is as designed."""
     if found.violations:
         count = len(found.violations)
-        wrong = f"{count} violation{'s' * (count != 1)} of the design among {found.communicates} communicates"
+        wrong = (
+            f"{count} violation{'s' * (count != 1)} of the design among {found.communicates}"
+            " communicates"
+        )
         return Text(f"\n{wrong}; + counts from the first communicate", "bold red")
     verdicts: Counter[str] = Counter()
     for row in found.channels.values():

@@ -1,7 +1,8 @@
-"""The traffic that the verbs of `roco traffic` look at: what goes by in a running fleet, or what a recording holds.
+"""The traffic that the verbs of `roco traffic` look at: what goes by in a running fleet, or what a
+recording holds.
 
-Both are samples, so that whatever looks at the one looks at the other. What goes by is told by a process of the
-recorder: here, or in the container of a fleet's monitor.
+Both are samples, so that whatever looks at the one looks at the other. What goes by is told by a
+process of the recorder: here, or in the container of a fleet's monitor.
 """
 
 import os
@@ -41,7 +42,9 @@ Samples = Iterator[Sample | None]
 
 
 class HeardMessage(msgspec.Struct, frozen=True):
-    """A communicate as it was taken at `at` [unix s]: what its key says of it, its size [bytes], and itself."""
+    """A communicate as it was taken at `at` [unix s]: what its key says of it, its size [bytes],
+    and itself.
+    """
 
     at: float
     key: str
@@ -62,7 +65,9 @@ class HeardMessage(msgspec.Struct, frozen=True):
 
 
 def fields_of(one: Communicate) -> dict[str, Any]:
-    """A communicate by the names of its fields, its content as what it is; without `content` where it has none."""
+    """A communicate by the names of its fields, its content as what it is; without `content` where
+    it has none.
+    """
     told = msgspec.structs.asdict(one)
     content = told.pop("content")
     return told if content is msgspec.UNSET else told | {"content": msgspec.msgpack.decode(content)}
@@ -73,11 +78,14 @@ def heard_message(sample: Sample) -> HeardMessage | None:
     chunks = sample.key.split("/")
     if sample.token or len(chunks) != KEY_CHUNKS or chunks[2] == HOUSE:
         return None
-    return HeardMessage(sample.at, sample.key, sample.data, sample.size or len(sample.data), *chunks[2:])
+    return HeardMessage(
+        sample.at, sample.key, sample.data, sample.size or len(sample.data), *chunks[2:]
+    )
 
 
 def at_run(run_dir: Path | None) -> Options:
-    """Return the options that reach a running fleet: from its folder, else (in a container) from the environment.
+    """Return the options that reach a running fleet: from its folder, else (in a container) from
+    the environment.
 
     Raises ConsoleError where no fleet was started.
     """
@@ -91,7 +99,12 @@ def at_run(run_dir: Path | None) -> Options:
         run, fleet = Path(), None
     if fleet is None and around is not None and run_dir is None:
         keys = os.environ.get(KEYS_VARIABLE)
-        return Options(connect=around.connect, system=around.system, run_dir=run, keys=Path(keys) if keys else None)
+        return Options(
+            connect=around.connect,
+            system=around.system,
+            run_dir=run,
+            keys=Path(keys) if keys else None,
+        )
     if fleet is None:
         raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
     tls = identity.tls(run, fleet, identity.CONSOLE)
@@ -123,7 +136,9 @@ class Source:
 
 
 def meant(target: str, run_dir: Path | None) -> "Options | Compose":
-    """Return the access to the running fleet that is meant: options that reach it, or its containers."""
+    """Return the access to the running fleet that is meant: options that reach it, or its
+    containers.
+    """
     if not target and run_dir is None and folders.around():
         return at_run(None)
     fleet = targets.find(target, run_dir)
@@ -137,7 +152,9 @@ def about(file: Path | None, run_dir: Path | None, target: str = "") -> System:
 
 @contextmanager
 def source(file: Path | None, run_dir: Path | None, target: str = "") -> Iterator[Source]:
-    """A recording where one is named, else the running fleet. Raises ConsoleError where there is none."""
+    """A recording where one is named, else the running fleet. Raises ConsoleError where there is
+    none.
+    """
     if file is not None:
         yield Source(of_run(file), recorded(file), None)
         return
@@ -147,12 +164,23 @@ def source(file: Path | None, run_dir: Path | None, target: str = "") -> Iterato
 
 
 @contextmanager
-def hearing(run_dir: Path | None, target: str = "") -> Iterator[tuple[System, "subprocess.Popen[bytes]"]]:
-    """The process that prints what goes by in the running fleet. Raises ConsoleError where there is none."""
+def hearing(
+    run_dir: Path | None, target: str = ""
+) -> Iterator[tuple[System, "subprocess.Popen[bytes]"]]:
+    """The process that prints what goes by in the running fleet. Raises ConsoleError where there is
+    none.
+    """
     fleet = meant(target, run_dir)
     if isinstance(fleet, Options):
         system, words = of_run(fleet.run_dir), [sys.executable, "-P", "-m", RECORDING, "hear"]
-        words += ["--connect", fleet.connect, "--system", fleet.system, "--run-dir", str(fleet.run_dir)]
+        words += [
+            "--connect",
+            fleet.connect,
+            "--system",
+            fleet.system,
+            "--run-dir",
+            str(fleet.run_dir),
+        ]
         words += ["--keys", str(fleet.keys) if fleet.keys else ""]
     else:
         system, words = fleet.system, fleet.hearing()
@@ -161,7 +189,8 @@ def hearing(run_dir: Path | None, target: str = "") -> Iterator[tuple[System, "s
 
 
 def recorded(file: Path, *, everything: bool = False) -> Samples:
-    """Yield the contents of a run folder or a recording, in order. `everything`: not only communicates and tokens.
+    """Yield the contents of a run folder or a recording, in order. `everything`: not only
+    communicates and tokens.
 
     Raises NothingToRead if no recording is found.
     """

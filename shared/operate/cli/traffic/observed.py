@@ -10,8 +10,8 @@ from topdown.check.recorded import Observed
 
 
 def recording(run: Path) -> Observed:
-    """The communicates and events of a run folder, of the folder a traffic.mcap stands in, or of a .json file of
-    observations, from whatever recorder. ConsoleError where nothing can be read.
+    """The communicates and events of a run folder, of the folder a traffic.mcap stands in, or of a
+    .json file of observations, from whatever recorder. ConsoleError where nothing can be read.
     """
     if run.suffix == ".json":
         return msgspec.json.decode(run.read_bytes(), type=Observed)
@@ -27,5 +27,7 @@ def recording(run: Path) -> Observed:
             f"the recording in {folder} cannot be read ({error}); install the extra `monitor`"
         ) from error
     if not found.communicates:
-        raise ConsoleError(f"{folder} holds no recorded communicates; give a run's folder, with its traffic.mcap")
+        raise ConsoleError(
+            f"{folder} holds no recorded communicates; give a run's folder, with its traffic.mcap"
+        )
     return found

@@ -1,4 +1,6 @@
-"""Saying samples again, on time: the clock, the times inside communicates, how it went, and what differs then."""
+"""Saying samples again, on time: the clock, the times inside communicates, how it went, and what
+differs then.
+"""
 
 import os
 import time
@@ -18,7 +20,8 @@ LOOK_S = 0.1
 
 
 class Replayed(msgspec.Struct, frozen=True):
-    """Result of a replay: communicates and other samples sent, duration [s], recorded duration [s], greatest delay [s].
+    """Result of a replay: communicates and other samples sent, duration [s], recorded duration [s],
+    greatest delay [s].
 
     `late_s` None: as fast as possible, so nothing could be late.
     """
@@ -34,7 +37,8 @@ class Replayed(msgspec.Struct, frozen=True):
 
 
 def moved(one: Communicate, recorded_at: float, now: float, fast: float | None) -> Communicate:
-    """A communicate that was heard then, as if it were said now: as old as it was, with as much time for an answer.
+    """A communicate that was heard then, as if it were said now: as old as it was, with as much
+    time for an answer.
 
     Slower than recorded, there is so much more time.
     """
@@ -57,7 +61,11 @@ class Player:
     """Says samples again, on time."""
 
     def __init__(
-        self, stage: Stage, samples: list[Sample], fast: float | None, seen: Callable[[Sample], None] = lambda _: None
+        self,
+        stage: Stage,
+        samples: list[Sample],
+        fast: float | None,
+        seen: Callable[[Sample], None] = lambda _: None,
     ) -> None:
         """`seen`: is told each sample as it was put."""
         self._seen = seen
@@ -77,7 +85,10 @@ class Player:
                 self.wait(due)
                 self._late = max(self._late, time.monotonic() - due)
             self._say(sample)
-            look(f"{sample.at - first:.1f} s of {self._span:.1f} s, {self._communicates} communicates")
+            look(
+                f"{sample.at - first:.1f} s of {self._span:.1f} s, {self._communicates}"
+                " communicates"
+            )
 
     def wait(self, due: float) -> None:
         """Until then [monotonic s]."""
@@ -88,7 +99,11 @@ class Player:
         key, one = sample.key.split("/", 2)[2], heard_message(sample)
         communicate = one.communicate() if one is not None else None
         now = time.time()
-        data = sample.data if communicate is None else encode(moved(communicate, sample.at, now, self._fast))
+        data = (
+            sample.data
+            if communicate is None
+            else encode(moved(communicate, sample.at, now, self._fast))
+        )
         self._stage.put(key, data)
         self._seen(Sample(f"roco/{self._stage.system}/{key}", data, now))
         self._communicates += one is not None
@@ -99,19 +114,22 @@ class Player:
         seconds, late = time.monotonic() - self._began, self._late if self._fast else None
         stage = self._stage
         return Replayed(
-            self._communicates, self._others, self._loops, round(seconds, 3), round(self._span, 3), late,
+            self._communicates, self._others, self._loops, round(seconds, 3), round(self._span, 3),
+            late,
             stage.system, stage.endpoint,
         )  # fmt: skip
 
 
-# --- Where what is said, or put out, differs from what is recorded ----------------------------------------------------
+# --- Where what is said, or put out, differs from what is recorded --------------------------------
 
 
 MOST_WORDS = 160
 
 
 def difference(was: Any, now: Any, place: str = "") -> tuple[str, Any, Any] | None:
-    """The first place where two values differ, and what stands there in both; None where they are the same."""
+    """The first place where two values differ, and what stands there in both; None where they are
+    the same.
+    """
     if type(was) is not type(now):
         return place, was, now
     if isinstance(was, dict):
@@ -139,9 +157,15 @@ def short(value: Any) -> str:
 
 
 def as_agent(system: System, run: Path, settings: dict[str, str]) -> dict[str, str]:
-    """The environment of an agent of this system that is run again; `settings`: its options, as in ROCO_NAME."""
+    """The environment of an agent of this system that is run again; `settings`: its options, as in
+    ROCO_NAME.
+    """
     told = {"TLS_DIR": "", "LOG_LEVEL": "error"} | settings
-    return os.environ | system.environment(run) | {f"ROCO_{name}": value for name, value in told.items()}
+    return (
+        os.environ
+        | system.environment(run)
+        | {f"ROCO_{name}": value for name, value in told.items()}
+    )
 
 
 def compared(recorded: Any, now: Any) -> str:

@@ -35,12 +35,14 @@ from operate.filters import Filter
 from operate.quantiles import quantile, tail
 from operate.wording import bytes_in_words
 
-# --- Counts, sizes and rates of the traffic, by channel and performative ---------------------------------------------
+# --- Counts, sizes and rates of the traffic, by channel and performative --------------------------
 # Pure: communicates in, figures out; times are those at which things were heard.
 
 
 WINDOW = 10_000
-"""Number of the newest messages of a row that its figures are made from, as with `ros2 topic hz`."""
+"""Number of the newest messages of a row that its figures are made from, as with `ros2 topic
+hz`.
+"""
 OPEN_QUESTIONS = 10_000
 """Questions whose answers are waited for; estimate: a fleet has some dozen open."""
 NEWS = ("subscribe", "inform")
@@ -50,7 +52,9 @@ V = TypeVar("V")
 
 
 class Flow:
-    """One row: `count` and `bytes` of all, the rest of the newest WINDOW. Times in unix seconds, spans in seconds."""
+    """One row: `count` and `bytes` of all, the rest of the newest WINDOW. Times in unix seconds,
+    spans in seconds.
+    """
 
     def __init__(self, channel: str, performative: str) -> None:
         self.channel, self.performative = channel, performative
@@ -74,7 +78,9 @@ class Flow:
 
 
 class Tally:
-    """Takes what was said; `rows` are the flows of what the filter keeps. `began`, `last`: [unix s], 0 before any."""
+    """Takes what was said; `rows` are the flows of what the filter keeps. `began`, `last`: [unix
+    s], 0 before any.
+    """
 
     def __init__(self, wanted: Filter) -> None:
         self._wanted = wanted
@@ -85,11 +91,15 @@ class Tally:
         self.count = self.bytes = 0
 
     def take(self, one: HeardMessage) -> bool:
-        """Count it; whether the filter keeps it. Questions count for the latency of answers though it does not."""
+        """Count it; whether the filter keeps it. Questions count for the latency of answers though
+        it does not.
+        """
         span = self._latency(one)
         if not self._wanted.keeps(one):
             return False
-        flow = self._flows.setdefault((one.channel, one.performative), Flow(one.channel, one.performative))
+        flow = self._flows.setdefault(
+            (one.channel, one.performative), Flow(one.channel, one.performative)
+        )
         flow.add(one.at, one.size)
         if span is not None:
             flow.answers.append(span)
@@ -126,14 +136,16 @@ def _keep(those: dict[K, V], key: K, value: V) -> None:
         del those[next(iter(those))]
 
 
-# --- The four tables of `roco traffic` --------------------------------------------------------------------------------
+# --- The four tables of `roco traffic` ------------------------------------------------------------
 
 
 Value = float | int | None
 
 
 class Column(NamedTuple):
-    """`name`: in JSON, with its unit; `head`: for people. `value`: of a flow, in a given time [s]."""
+    """`name`: in JSON, with its unit; `head`: for people. `value`: of a flow, in a given time
+    [s].
+    """
 
     name: str
     head: str
@@ -149,7 +161,13 @@ def rate(value: float) -> str:
 def span(value: float) -> str:
     """Seconds, or less."""
     amount, unit = (1000 * value, "ms") if value < 1 else (value, "s")
-    return f"{amount:.2f} {unit}" if amount < 10 else f"{amount:.1f} {unit}" if amount < 100 else f"{amount:.0f} {unit}"
+    return (
+        f"{amount:.2f} {unit}"
+        if amount < 10
+        else f"{amount:.1f} {unit}"
+        if amount < 100
+        else f"{amount:.0f} {unit}"
+    )
 
 
 def speed(value: float) -> str:
@@ -174,7 +192,9 @@ P95 = Column("p95_bytes", "p95", lambda flow, _: tail(flow.sizes, 0.95), bytes_i
 LEAST = Column("min_bytes", "least", lambda flow, _: min(flow.sizes), bytes_in_words)
 MOST = Column("max_bytes", "most", lambda flow, _: max(flow.sizes), bytes_in_words)
 RATE = Column("rate_hz", "Hz", lambda flow, seconds: _per_second(flow.count, seconds), rate)
-BANDWIDTH = Column("bytes_per_s", "mean/s", lambda flow, seconds: _per_second(flow.bytes, seconds), speed)
+BANDWIDTH = Column(
+    "bytes_per_s", "mean/s", lambda flow, seconds: _per_second(flow.bytes, seconds), speed
+)
 
 TABLES: dict[str, tuple[Column, ...]] = {
     "hz": (
@@ -183,7 +203,9 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("min_gap_s", "least gap", lambda flow, _: min(flow.gaps, default=None), span),
         Column("mean_gap_s", "mean", lambda flow, _: fmean(flow.gaps) if flow.gaps else None, span),
         Column("max_gap_s", "most", lambda flow, _: max(flow.gaps, default=None), span),
-        Column("std_gap_s", "std dev", lambda flow, _: pstdev(flow.gaps) if flow.gaps else None, span),
+        Column(
+            "std_gap_s", "std dev", lambda flow, _: pstdev(flow.gaps) if flow.gaps else None, span
+        ),
     ),
     "bw": (COUNT, BANDWIDTH, TOTAL, MEAN, LEAST, MOST),
     "size": (COUNT, LEAST, P50, P95, MOST, MEAN, TOTAL),
@@ -198,7 +220,9 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("answer_p95_s", "p95", lambda flow, _: tail(flow.answers, 0.95), span),
     ),
 }
-"""`rate_hz` of hz is that of the row, from its first to its last; of stats, and bytes_per_s, of the whole time."""
+"""`rate_hz` of hz is that of the row, from its first to its last; of stats, and bytes_per_s, of the
+whole time.
+"""
 
 
 def rows(kind: str, tally: Tally, seconds: float) -> list[dict[str, Any]]:
@@ -221,7 +245,8 @@ def table(kind: str, tally: Tally, seconds: float) -> Table:
     for flow in tally.rows:
         values = [column.value(flow, seconds) for column in TABLES[kind]]
         cells = [
-            "·" if value is None else column.words(value) for column, value in zip(TABLES[kind], values, strict=True)
+            "·" if value is None else column.words(value)
+            for column, value in zip(TABLES[kind], values, strict=True)
         ]
         drawn.add_row("" if flow.channel == before else flow.channel, flow.performative, *cells)
         before = flow.channel
@@ -233,10 +258,12 @@ def sentence(tally: Tally, seconds: float) -> str:
     if not tally.count:
         return "nothing that is meant went by"
     whole = f"{tally.count} communicate{'s' * (tally.count != 1)}, {bytes_in_words(tally.bytes)}"
-    return f"{whole} in {seconds:.1f} s" + (f": {speed(tally.bytes / seconds)}" if seconds > 0 else "")
+    return f"{whole} in {seconds:.1f} s" + (
+        f": {speed(tally.bytes / seconds)}" if seconds > 0 else ""
+    )
 
 
-# --- The verb ---------------------------------------------------------------------------------------------------------
+# --- The verb -------------------------------------------------------------------------------------
 
 
 PERIOD_S = 1.0
@@ -263,7 +290,9 @@ class Kind(StrEnum):
 
 
 def stats(
-    kind: Annotated[Kind, typer.Argument(help="hz: how often; bw: bytes per second; size: how large.")] = Kind.ALL,
+    kind: Annotated[
+        Kind, typer.Argument(help="hz: how often; bw: bytes per second; size: how large.")
+    ] = Kind.ALL,
     channel: Channels = None,
     agent: Agents = None,
     protocol: Protocols = None,
@@ -277,11 +306,12 @@ def stats(
 ) -> None:
     """Show counts, sizes, rates, and how long answers took; or more of one of them.
 
-    Renewed every second until Ctrl-C; of a recording once. An answer took from what it replies to (m_w = its m_t) until
-    itself, as both were heard; a copy answers nothing again. Rates are over the whole time.
+    Renewed every second until Ctrl-C; of a recording once. An answer took from what it replies to
+    (m_w = its m_t) until itself, as both were heard; a copy answers nothing again. Rates are over
+    the whole time.
 
-    hz: how often each act is said on each channel. A row's rate is that of its newest 10 000, from the first to the
-    last of them; gaps are from one to the next.
+    hz: how often each act is said on each channel. A row's rate is that of its newest 10 000, from
+    the first to the last of them; gaps are from one to the next.
 
     bw: how many bytes per second each channel carries; means are over the whole time.
 
@@ -310,7 +340,9 @@ def watch(asked: _Asked, run: Path | None, run_dir: Path | None, target: str = "
             console = Console()
             with Live(console=console, auto_refresh=False, transient=True) as screen:
                 shown = screen.update if console.is_terminal else lambda *_, **__: None
-                _count(asked, heard, tally, lambda: shown(_drawn(asked, heard, tally), refresh=True))
+                _count(
+                    asked, heard, tally, lambda: shown(_drawn(asked, heard, tally), refresh=True)
+                )
             console.print(_drawn(asked, heard, tally))
         if asked.form is Format.JSON and not heard.live:
             _tell(asked, heard, tally)
@@ -340,7 +372,13 @@ def _seconds(heard: Source, tally: Tally) -> float:
 
 def _tell(asked: _Asked, heard: Source, tally: Tally) -> None:
     seconds = _seconds(heard, tally)
-    tell_json({"seconds": round(seconds, 3), "count": tally.count, "rows": rows(asked.kind, tally, seconds)})
+    tell_json(
+        {
+            "seconds": round(seconds, 3),
+            "count": tally.count,
+            "rows": rows(asked.kind, tally, seconds),
+        }
+    )
 
 
 def _drawn(asked: _Asked, heard: Source, tally: Tally) -> Group:

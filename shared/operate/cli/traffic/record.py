@@ -1,5 +1,6 @@
-"""`roco record`: the traffic of a running fleet from now on, as an MCAP file that opens in Foxglove; what is in such a
-file (`info`), and the index of one whose recorder was killed (`repair`).
+"""`roco record`: the traffic of a running fleet from now on, as an MCAP file that opens in
+Foxglove; what is in such a file (`info`), and the index of one whose recorder was killed
+(`repair`).
 """
 
 import contextlib
@@ -25,7 +26,15 @@ from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.cli.traffic.listen import RECORDING, about, hearing
-from operate.cli.traffic.selection import Agents, Channels, Count, Performatives, Protocols, Seconds, wanted
+from operate.cli.traffic.selection import (
+    Agents,
+    Channels,
+    Count,
+    Performatives,
+    Protocols,
+    Seconds,
+    wanted,
+)
 from operate.run_folder import TRAFFIC_FILE
 from operate.wording import bytes_in_words
 
@@ -38,11 +47,15 @@ FLUSH_S = 0.1
 TOLD_S = 0.5
 """Seconds between two reports of progress; estimate: what a person watches."""
 END_S = 5.0
-"""Until the process that hears has ended, once its output has [s] (estimate: it takes milliseconds)."""
+"""Until the process that hears has ended, once its output has [s] (estimate: it takes
+milliseconds).
+"""
 
 
 def record(
-    out: Annotated[Path | None, typer.Option("--out", help="The file; else recording-<time>.mcap here.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="The file; else recording-<time>.mcap here.")
+    ] = None,
     channel: Channels = None,
     agent: Agents = None,
     protocol: Protocols = None,
@@ -55,8 +68,9 @@ def record(
 ) -> None:
     """Record the traffic of a running fleet from now until Ctrl-C, as an MCAP file.
 
-    A kill loses no more than the last tenth of a second. With a filter only the communicates that are meant are kept;
-    without one also receipts, heartbeats and telemetry. Every verb that takes --run reads the file; Foxglove opens it.
+    A kill loses no more than the last tenth of a second. With a filter only the communicates that
+    are meant are kept; without one also receipts, heartbeats and telemetry. Every verb that takes
+    --run reads the file; Foxglove opens it.
 
     Examples:
       roco record
@@ -74,7 +88,8 @@ def record(
             raise UsageError(f"{file.parent} is no folder; make it, or name another --out")
         with hearing(run_dir, target) as (_, heard):
             keeper = Keeper(Asked(file, which, count, for_), system)
-            words = [sys.executable, "-P", "-m", RECORDING, "closed", str(file)]  # should this process be killed
+            # should this process be killed
+            words = [sys.executable, "-P", "-m", RECORDING, "closed", str(file)]
             with subprocess.Popen(words, stdin=subprocess.PIPE, start_new_session=True) as closes:
                 done = _recorded(keeper, heard, form)
                 closes.kill()
@@ -87,16 +102,26 @@ def record(
 def sentence(done: "Kept") -> str:
     """Return the progress in one line."""
     size = bytes_in_words(done.bytes)
-    what = f"{done.communicates} communicates, {done.records} records, {size} in {done.seconds:.1f} s"
-    return what + (f"; {done.dropped} more came faster than they could be kept" if done.dropped else "")
+    what = (
+        f"{done.communicates} communicates, {done.records} records, {size} in {done.seconds:.1f} s"
+    )
+    return what + (
+        f"; {done.dropped} more came faster than they could be kept" if done.dropped else ""
+    )
 
 
 def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) -> "Kept":
-    """Keep what is heard until there is enough or a signal comes, telling how far it is; what was kept in the end."""
+    """Keep what is heard until there is enough or a signal comes, telling how far it is; what was
+    kept in the end.
+    """
     waiting, console = Waiting(), Console(stderr=True)
     reader = threading.Thread(target=waiting.fill, args=(heard.stdout,), daemon=True)
     reader.start()
-    shown = console.status("recording; Ctrl-C ends it") if form is Format.TEXT else contextlib.nullcontext()
+    shown = (
+        console.status("recording; Ctrl-C ends it")
+        if form is Format.TEXT
+        else contextlib.nullcontext()
+    )
     with interrupts.signalled(waiting.stop), shown as line:
         told = flushed = time.monotonic()
         while not waiting.stopped and not keeper.over:
@@ -122,7 +147,7 @@ def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) 
     return done
 
 
-# --- `roco record info`: what is in a recording, before anything is made of it ---------------------------------------
+# --- `roco record info`: what is in a recording, before anything is made of it --------------------
 
 
 NUMBERS = ("count", "size", "first", "last", "Hz")
@@ -133,15 +158,20 @@ LEAST_S = 1.0
 def info(
     recording: Annotated[
         Path | None,
-        typer.Argument(metavar="[RUN]", help="A run's folder, or a recording.", autocompletion=completion.runs),
+        typer.Argument(
+            metavar="[RUN]", help="A run's folder, or a recording.", autocompletion=completion.runs
+        ),
     ] = None,
-    keys: Annotated[bool, typer.Option("--keys", help="A line for each key of a topic, too.")] = False,
+    keys: Annotated[
+        bool, typer.Option("--keys", help="A line for each key of a topic, too.")
+    ] = False,
     form: Form = Format.TEXT,
 ) -> None:
-    """Show what is in a recording: topics with counts and times, who wrote it. Without RUN that of runs/latest.
+    """Show what is in a recording: topics with counts and times, who wrote it. Without RUN that of
+    runs/latest.
 
-    A topic is a channel, or a kind of what goes beside communicates; its keys are those on the router, without the
-    system's name.
+    A topic is a channel, or a kind of what goes beside communicates; its keys are those on the
+    router, without the system's name.
 
     Examples:
       roco record info
@@ -164,8 +194,14 @@ def info(
 def heading(told: "Contents") -> list[str]:
     """Return file, size, times and versions, a line for each."""
     first, last = told.span
-    torn = "" if told.whole else ", not closed in order: it is being written, or its recorder was killed"
-    begin, end = (datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] for at in (first, last))
+    torn = (
+        ""
+        if told.whole
+        else ", not closed in order: it is being written, or its recorder was killed"
+    )
+    begin, end = (
+        datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] for at in (first, last)
+    )
     count = sum(one.count for one in told.topics)
     lines = [
         f"{folders.near(Path(told.file))}, {bytes_in_words(told.bytes)}{torn}",
@@ -176,7 +212,9 @@ def heading(told: "Contents") -> list[str]:
 
 
 def topics(told: "Contents", *, keys: bool) -> Table:
-    """Return the topics, a line for each and with `keys` for each of their keys; times since the first message."""
+    """Return the topics, a line for each and with `keys` for each of their keys; times since the
+    first message.
+    """
     drawn, begin = table(("topic", *NUMBERS), right=NUMBERS), told.span[0]
     for topic in told.topics:
         drawn.add_row(*_cells(topic, topic.name, begin))
@@ -186,7 +224,9 @@ def topics(told: "Contents", *, keys: bool) -> Table:
 
 
 def _cells(one: "Counted", name: str, begin: float) -> tuple[str, ...]:
-    hertz = f"{(one.count - 1) / (one.last - one.first):.2f}" if one.last - one.first > LEAST_S else "-"
+    hertz = (
+        f"{(one.count - 1) / (one.last - one.first):.2f}" if one.last - one.first > LEAST_S else "-"
+    )
     times = (f"{one.first - begin:.1f} s", f"{one.last - begin:.1f} s") if one.count else ("-", "-")
     return name, str(one.count), bytes_in_words(one.bytes), *times, hertz
 
@@ -195,20 +235,22 @@ def _facts(facts: dict[str, str]) -> str:
     return ", ".join(f"{name} {value}" for name, value in facts.items() if value)
 
 
-# --- `roco record repair`: the index of a recording whose recorder was killed ----------------------------------------
+# --- `roco record repair`: the index of a recording whose recorder was killed ---------------------
 
 
 def repair(
     recording: Annotated[
         Path | None,
-        typer.Argument(metavar="[RUN]", help="A run's folder, or a recording.", autocompletion=completion.runs),
+        typer.Argument(
+            metavar="[RUN]", help="A run's folder, or a recording.", autocompletion=completion.runs
+        ),
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:
     """Write a recording again in chunks with an index. Without RUN that of runs/latest.
 
-    A recorder does so when it ends in order. Without an index, as after a kill, Rerun reads nothing from the file. If
-    its end cannot be read, the file is also kept as it was.
+    A recorder does so when it ends in order. Without an index, as after a kill, Rerun reads nothing
+    from the file. If its end cannot be read, the file is also kept as it was.
 
     Examples:
       roco record repair
@@ -234,5 +276,9 @@ def repair_sentence(done: "Written") -> str:
     name = folders.near(Path(done.file))
     if not done.messages:
         return f"{name}: it was closed in order and has its index; nothing to repair"
-    lost = f"\n{done.lost} bytes at its end could not be read; kept as it was: {done.kept}" if done.lost else ""
+    lost = (
+        f"\n{done.lost} bytes at its end could not be read; kept as it was: {done.kept}"
+        if done.lost
+        else ""
+    )
     return f"{name}: {done.messages} messages, now with an index{lost}"

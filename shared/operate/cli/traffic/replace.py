@@ -1,8 +1,9 @@
-"""`roco replay FILE --replace AGENT`: a real agent, as in the fleet, against the others as recorded.
+"""`roco replay FILE --replace AGENT`: a real agent, as in the fleet, against the others as
+recorded.
 
-The others are played by agent_runtime.impersonation: each says what was recorded, once the agent has said all
-that it had said before. Compared is what the agent says: performative, receiver, protocol, language, content, what it
-answers.
+The others are played by agent_runtime.impersonation: each says what was recorded, once the agent
+has said all that it had said before. Compared is what the agent says: performative, receiver,
+protocol, language, content, what it answers.
 """
 
 import subprocess
@@ -27,17 +28,19 @@ from operate.cli.terminal.console import Console
 from operate.cli.traffic.play import as_agent, compared, difference, moved
 from operate.system import System, of_run
 
-# --- One agent's part of a recording, and whether a real agent speaks it: its lines and its cues, in the order recorded
-# A cue is what another agent says to it; it is given once all lines before it are spoken. A line is what the agent
-# says. Ids and conversations that the real agent names otherwise are told apart by their place. Pure: no clock, no
-# wire.
+# --- One agent's part of a recording, and whether a real agent speaks it: its lines and its cues,
+# in the order recorded A cue is what another agent says to it; it is given once all lines before it
+# are spoken. A line is what the agent says. Ids and conversations that the real agent names
+# otherwise are told apart by their place. Pure: no clock, no wire.
 
 
 COMPARED = ("performative", "receiver", "protocol", "language", "ontology", "in_reply_to")
 
 
 class Part(msgspec.Struct, frozen=True):
-    """One entry, recorded at `at` [unix s]; `n` counts from 1. `mine`: a line of the agent; else a cue."""
+    """One entry, recorded at `at` [unix s]; `n` counts from 1. `mine`: a line of the agent; else a
+    cue.
+    """
 
     n: int
     at: float
@@ -46,7 +49,8 @@ class Part(msgspec.Struct, frozen=True):
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """First difference of the words: the field, its recorded value, its present value; None: nothing.
+    """First difference of the words: the field, its recorded value, its present value; None:
+    nothing.
 
     `line`: which entry of the part, 0 where the recording has none.
     """
@@ -70,7 +74,8 @@ def parts(agent: str, heard: Iterable[tuple[float, Communicate]]) -> tuple[Part,
 
 
 def before(part: tuple[Part, ...]) -> Part | None:
-    """The first entry that shows that the agent had lived before the recording began; None where nothing does.
+    """The first entry that shows that the agent had lived before the recording began; None where
+    nothing does.
 
     It answers what is not in the recording, or a stream begins with another number than 1.
     """
@@ -88,7 +93,9 @@ def before(part: tuple[Part, ...]) -> Part | None:
 
 
 class Script:
-    """Progress of the script: `spoken` lines of the part, in any order; names that the real agent chose differently."""
+    """Progress of the script: `spoken` lines of the part, in any order; names that the real agent
+    chose differently.
+    """
 
     def __init__(self, part: tuple[Part, ...]) -> None:
         self._part, self._at = part, 0
@@ -114,7 +121,9 @@ class Script:
         """The first line before the next cue (or the end) that is not spoken yet."""
         cue = self.cue()
         end = len(self._part) if cue is None else cue.n - 1
-        return next((one for one in self._part[:end] if one.mine and one.n not in self.spoken), None)
+        return next(
+            (one for one in self._part[:end] if one.mine and one.n not in self.spoken), None
+        )
 
     def adapted(self, cue: Part) -> Communicate:
         """A cue with the names the real agent gave: its conversation, and what it answers."""
@@ -136,7 +145,10 @@ class Script:
             return Difference(0, "words", None, plain(one))
         self.spoken.add(line.n)
         was = line.communicate
-        self._recorded[one.conversation], self._real[was.conversation] = was.conversation, one.conversation
+        self._recorded[one.conversation], self._real[was.conversation] = (
+            was.conversation,
+            one.conversation,
+        )
         if one.reply_with:
             self._labels[was.conversation, was.reply_with] = one.reply_with
         answers = self._given.get((one.receiver, one.in_reply_to), one.in_reply_to)
@@ -145,31 +157,45 @@ class Script:
         return None if found is None else Difference(line.n, *found)
 
     def _line(self, one: Communicate) -> Part | None:
-        """The line it must be: the next of its conversation, else the next that opens one with that agent."""
-        talk, mine = one.conversation, [part for part in self._part if part.mine and part.n not in self.spoken]
+        """The line it must be: the next of its conversation, else the next that opens one with that
+        agent.
+        """
+        talk, mine = (
+            one.conversation,
+            [part for part in self._part if part.mine and part.n not in self.spoken],
+        )
         known = self._recorded.get(talk)
         first = self._first.get(talk)
         if known is None and first is not None and not first.mine:
             known = talk
         if known is not None:
             return next(
-                (p for p in mine if (p.communicate.conversation, p.communicate.receiver) == (known, one.receiver)), None
+                (
+                    p
+                    for p in mine
+                    if (p.communicate.conversation, p.communicate.receiver) == (known, one.receiver)
+                ),
+                None,
             )
         wanted = (one.receiver, one.protocol)
         opening = [part for part in mine if self._first[part.communicate.conversation] is part]
-        return next((p for p in opening if (p.communicate.receiver, p.communicate.protocol) == wanted), None)
+        return next(
+            (p for p in opening if (p.communicate.receiver, p.communicate.protocol) == wanted), None
+        )
 
 
 def plain(one: Communicate) -> dict[str, Any]:
     """Return the compared part of a communicate: all but its names and times."""
-    told: dict[str, Any] = {name: str(getattr(one, name)) for name in COMPARED if getattr(one, name)}
+    told: dict[str, Any] = {
+        name: str(getattr(one, name)) for name in COMPARED if getattr(one, name)
+    }
     told["reply_by"] = one.reply_by is not None
     if one.content is not msgspec.UNSET:
         told["content"] = msgspec.msgpack.decode(one.content)
     return told
 
 
-# --- `roco replay FILE --replace AGENT` -------------------------------------------------------------------------------
+# --- `roco replay FILE --replace AGENT` -----------------------------------------------------------
 
 
 SYSTEM = "replay"
@@ -183,7 +209,9 @@ END_S = 0.5
 
 
 class Compared(msgspec.Struct, frozen=True):
-    """Result for the real agent: lines of the recording, lines it spoke, first difference (None: none)."""
+    """Result for the real agent: lines of the recording, lines it spoke, first difference (None:
+    none).
+    """
 
     agent: str
     lines: int
@@ -205,7 +233,13 @@ def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form:
     console = Console(stderr=True, quiet=form is Format.JSON)
     with console.status(f"starting {agent}") as line, _running(system, agent, module, seed) as cast:
         script, begun = Script(part), time.monotonic()
-        found = _play(script, cast, part, fast, lambda n: line.update(f"{agent} speaks: {n} of {len(part)} entries"))
+        found = _play(
+            script,
+            cast,
+            part,
+            fast,
+            lambda n: line.update(f"{agent} speaks: {n} of {len(part)} entries"),
+        )
     difference, words = found or (None, None)
     done = Compared(
         agent=agent,
@@ -228,7 +262,11 @@ def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form:
 
 def _module(system: System, agent: str) -> str:
     """The module of an agent that can be run alone. Raises UsageError."""
-    there = [one for one in system.processes if one.name in system.design.agents and one.name not in system.unreplaced]
+    there = [
+        one
+        for one in system.processes
+        if one.name in system.design.agents and one.name not in system.unreplaced
+    ]
     can = ", ".join(sorted(one.name for one in there))
     if agent in system.unreplaced:
         raise UsageError(f"{agent} cannot be replaced: {system.unreplaced[agent]}; {can} can")
@@ -240,15 +278,23 @@ def _module(system: System, agent: str) -> str:
 
 def sentence(done: Compared, part: tuple[Part, ...]) -> str:
     """Return the result in words for people."""
-    spoken = f"{done.agent} spoke {done.spoken} of {done.lines} recorded lines, after {done.cues} cues"
+    spoken = (
+        f"{done.agent} spoke {done.spoken} of {done.lines} recorded lines, after {done.cues} cues"
+    )
     if done.difference is None:
         return f"{spoken}, all of them as recorded, in {done.seconds:.1f} s"
     one = done.difference
-    when = f"entry {one.line}, {part[one.line - 1].at - part[0].at:+.2f} s" if one.line else "beyond the recording"
-    what = f"{done.agent} > {done.receiver} {done.performative}" if done.performative else done.agent
+    when = (
+        f"entry {one.line}, {part[one.line - 1].at - part[0].at:+.2f} s"
+        if one.line
+        else "beyond the recording"
+    )
+    what = (
+        f"{done.agent} > {done.receiver} {done.performative}" if done.performative else done.agent
+    )
     return (
-        f"{spoken}; then its words differ\n  {when}  {what}  {done.conversation}\n  in {one.field}\n"
-        f"{compared(one.recorded, one.now)}"
+        f"{spoken}; then its words differ\n  {when}  {what}  {done.conversation}\n  in"
+        f" {one.field}\n{compared(one.recorded, one.now)}"
     )
 
 
@@ -274,14 +320,19 @@ def _part(file: Path, agent: str) -> tuple[tuple[Part, ...], int]:
     if earlier is not None:
         words = earlier.communicate
         raise UsageError(
-            f"{file} begins in the middle of {agent}'s life ({words.sender} > {words.receiver} {words.performative} of"
-            f" {words.conversation} goes on with what is not in it); give one from the start of the fleet"
+            f"{file} begins in the middle of {agent}'s life ({words.sender} > {words.receiver}"
+            f" {words.performative} of {words.conversation} goes on with what is not in it); give"
+            " one from the start of the fleet"
         )
     return part, seed
 
 
 def _play(
-    script: Script, cast: Cast, part: tuple[Part, ...], fast: float | None, look: Callable[[int], None]
+    script: Script,
+    cast: Cast,
+    part: tuple[Part, ...],
+    fast: float | None,
+    look: Callable[[int], None],
 ) -> tuple[Difference, Communicate] | None:
     """Until all is spoken (None), or something differs: in what, of which words."""
     begun = moved_on = time.monotonic()
@@ -309,11 +360,15 @@ def _play(
 
 @contextmanager
 def _running(system: System, agent: str, module: str, seed: int) -> Iterator[Cast]:
-    """The agent as a process with a router of its own, ready, and its peers. Raises ConsoleError."""
+    """The agent as a process with a router of its own, ready, and its peers. Raises
+    ConsoleError.
+    """
     stage = Stage(SYSTEM)
     with tempfile.TemporaryDirectory(prefix="roco-replay-") as folder:
         run = Path(folder)
-        links = wiring(agent, SYSTEM, design=system.design, languages=system.languages or Languages())
+        links = wiring(
+            agent, SYSTEM, design=system.design, languages=system.languages or Languages()
+        )
         process, cast = None, Cast(links, stage.endpoint)
         try:
             process = _started(system, agent, module, run, stage.endpoint, cast.agents, seed)
@@ -327,7 +382,13 @@ def _running(system: System, agent: str, module: str, seed: int) -> Iterator[Cas
 
 
 def _started(
-    system: System, agent: str, module: str, run: Path, router: str, agents: dict[str, str], seed: int
+    system: System,
+    agent: str,
+    module: str,
+    run: Path,
+    router: str,
+    agents: dict[str, str],
+    seed: int,
 ) -> "subprocess.Popen[bytes]":
     told = {
         "CONNECT": router,
@@ -339,13 +400,17 @@ def _started(
     }
     environment = as_agent(system, run, told)
     with (run / f"{agent}.log").open("wb") as log:
-        process = subprocess.Popen([sys.executable, "-P", "-m", module], env=environment, stdout=log, stderr=log)
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", module], env=environment, stdout=log, stderr=log
+        )
     until = time.monotonic() + READY_S
     while not (run / f"{agent}.ready").exists():
         if process.poll() is not None or time.monotonic() > until:
             process.kill()
             process.wait()
-            words = (run / f"{agent}.log").read_text(errors="replace").strip().splitlines()[-1:] or ["it says nothing"]
+            words = (run / f"{agent}.log").read_text(errors="replace").strip().splitlines()[
+                -1:
+            ] or ["it says nothing"]
             raise ConsoleError(f"{agent} did not become ready in {READY_S:.0f} s: {words[0]}")
         time.sleep(SLICE_S)
     return process

@@ -1,6 +1,7 @@
 """`roco replay`: what a recording holds is said again, with its timing, where no robot hears it.
 
-By default on a router and under a system name of its own; never where an agent of that system lives.
+By default on a router and under a system name of its own; never where an agent of that system
+lives.
 """
 
 import contextlib
@@ -38,38 +39,58 @@ PUBLISHED = ("telemetry", "truth", "state")
 KIND = 3
 """Index of the chunk of a key that names its kind, unless it is a communicate's."""
 READ_S = 0.5
-"""Until listeners have read the last message: they look every 0.05 s at what is 0.1 s old (estimate)."""
+"""Until listeners have read the last message: they look every 0.05 s at what is 0.1 s old
+(estimate).
+"""
 FOREVER = 1 << 62
 
 
 def replay(
     file: Annotated[
-        Path, typer.Argument(help="A recording, or the folder of a run that has one.", autocompletion=completion.runs)
+        Path,
+        typer.Argument(
+            help="A recording, or the folder of a run that has one.", autocompletion=completion.runs
+        ),
     ],
     speed: Annotated[
-        str, typer.Option(help="So many times as fast as it was recorded, or max.", autocompletion=completion.speeds)
+        str,
+        typer.Option(
+            help="So many times as fast as it was recorded, or max.",
+            autocompletion=completion.speeds,
+        ),
     ] = "1",
     loop: Annotated[bool, typer.Option("--loop", help="Again and again until Ctrl-C.")] = False,
     only: Annotated[
         list[str] | None,
         typer.Option(
-            help="Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...", autocompletion=completion.choices
+            help="Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...",
+            autocompletion=completion.choices,
         ),
     ] = None,
     channel: Channels = None,
     agent: Agents = None,
     protocol: Protocols = None,
     performative: Performatives = None,
-    telemetry: Annotated[bool, typer.Option("--telemetry", help="Also what robot and agents publish.")] = False,
+    telemetry: Annotated[
+        bool, typer.Option("--telemetry", help="Also what robot and agents publish.")
+    ] = False,
     replace_: Annotated[
         str,
-        typer.Option("--replace", help="Run this agent; the others are as recorded.", autocompletion=completion.agents),
+        typer.Option(
+            "--replace",
+            help="Run this agent; the others are as recorded.",
+            autocompletion=completion.agents,
+        ),
     ] = "",
     verify_: Annotated[
-        bool, typer.Option("--verify", help="Run all agents again offline: do they put out the same bytes?")
+        bool,
+        typer.Option(
+            "--verify", help="Run all agents again offline: do they put out the same bytes?"
+        ),
     ] = False,
     seed: Annotated[
-        int | None, typer.Option(help="With --replace or --verify: the agent's seed; else the recorded one.")
+        int | None,
+        typer.Option(help="With --replace or --verify: the agent's seed; else the recorded one."),
     ] = None,
     system: Annotated[str, typer.Option(help="The system's name in all keys.")] = SYSTEM,
     connect: Annotated[str, typer.Option(help="A router to say it on; else one of its own.")] = "",
@@ -78,15 +99,15 @@ def replay(
 ) -> None:
     """Say again what a recording holds, with its timing, where no robot hears it.
 
-    It happens on a router of its own; times inside communicates (sent, reply-by) are moved to now. With --replace one
-    agent is real, the others are stood in from the recording, and where its words first differ from the recorded ones
-    is said. With --verify every agent (or --agent's) runs its steps again from its log, offline, and must put out what
-    it put out then, to the byte. Exits with 1 where something differs, or where agents live in the system.
+    It happens on a router of its own; times inside communicates (sent, reply-by) are moved to now.
+    With --replace one agent is real, the others are stood in from the recording, and where its
+    words first differ from the recorded ones is said. With --verify every agent (or --agent's) runs
+    its steps again from its log, offline, and must put out what it put out then, to the byte. Exits
+    with 1 where something differs, or where agents live in the system.
 
     Examples:
-      roco replay runs/latest --speed 4
-      roco replay recording.mcap --loop --only channel=CHANNEL --only performative=query-ref,inform-ref
-      roco replay runs/latest --replace AGENT --speed max
+      roco replay runs/latest --speed 4 roco replay recording.mcap --loop --only channel=CHANNEL
+      --only performative=query-ref,inform-ref roco replay runs/latest --replace AGENT --speed max
       roco replay runs/latest --verify
     """
     with problems(form):
@@ -99,9 +120,20 @@ def replay(
         if replace_:
             replace.replaced(file, replace_, fast, seed, form)
             return
-        which = wanted(of_run(file).design, *narrowed(only or [], channel, agent, protocol, performative))
+        which = wanted(
+            of_run(file).design, *narrowed(only or [], channel, agent, protocol, performative)
+        )
         try:
-            done = _played(file, which, fast, after, form, loop=loop, telemetry=telemetry, where=(system, connect))
+            done = _played(
+                file,
+                which,
+                fast,
+                after,
+                form,
+                loop=loop,
+                telemetry=telemetry,
+                where=(system, connect),
+            )
         except RuntimeFault as error:
             raise ConsoleError(str(error)) from error
         if form is Format.JSON:
@@ -130,13 +162,17 @@ def narrowed(only: list[str], *chosen: list[str] | None) -> list[list[str]]:
     for text in only:
         kind, _, names = text.partition("=")
         if kind not in found or not names:
-            raise UsageError(f"--only {text} is no filter; write KIND=NAME[,NAME] with a KIND of {', '.join(kinds)}")
+            raise UsageError(
+                f"--only {text} is no filter; write KIND=NAME[,NAME] with a KIND of"
+                f" {', '.join(kinds)}"
+            )
         found[kind] += names.split(",")
     return [found[kind] for kind in kinds]
 
 
 def _played(
-    file: Path, which: Filter, fast: float | None, after: float, form: Form, *, loop: bool, telemetry: bool,
+    file: Path, which: Filter, fast: float | None, after: float, form: Form, *, loop: bool,
+    telemetry: bool,
     where: tuple[str, str],
 ) -> Replayed:  # fmt: skip
     samples = list(_meant(file, which, telemetry=telemetry))
@@ -149,7 +185,11 @@ def _played(
     try:
         with _announced(stage, of_run(file)), console.status("replaying") as line:
             where_to = f"to listen: roco traffic echo --run-dir {_folder(stage)}"
-            console.print(f"system {stage.system} at {stage.endpoint}; {where_to}", highlight=False, soft_wrap=True)
+            console.print(
+                f"system {stage.system} at {stage.endpoint}; {where_to}",
+                highlight=False,
+                soft_wrap=True,
+            )
             player.wait(time.monotonic() + after)
             for _ in range(FOREVER if loop else 1):
                 shown.begin()
@@ -164,7 +204,9 @@ def _played(
 
 
 class Shown:
-    """The replayed run as live.jsonl and step logs, from which `roco top` and the verbs about traffic are drawn."""
+    """The replayed run as live.jsonl and step logs, from which `roco top` and the verbs about
+    traffic are drawn.
+    """
 
     def __init__(self, folder: Path, system: System) -> None:
         make_run(folder)
@@ -219,11 +261,15 @@ def _folder(stage: Stage) -> Path:
 
 @contextlib.contextmanager
 def _announced(stage: Stage, system: System) -> Iterator[None]:
-    """While it goes on, a folder says where, and of which system it is, so that `--run-dir` finds it."""
+    """While it goes on, a folder says where, and of which system it is, so that `--run-dir` finds
+    it.
+    """
     folder = _folder(stage)
     make_run(folder)
     now = datetime.now().timestamp()
-    fleet = Fleet(stage.system, stage.endpoint, 0, now, (), entry=system.entry, project=system.project)
+    fleet = Fleet(
+        stage.system, stage.endpoint, 0, now, (), entry=system.entry, project=system.project
+    )
     write_whole(folder / FLEET_FILE, msgspec.json.encode(fleet))
     try:
         yield

@@ -1,7 +1,9 @@
-"""`roco send`: a person is an agent. Says one communicate to a running fleet and prints what comes back.
+"""`roco send`: a person is an agent. Says one communicate to a running fleet and prints what comes
+back.
 
-In the place of an agent that does not run it is a life of that agent, with its journal and its numbers. Beside one that
-lives it refuses, and with --force is a voice in its name: whoever hears cannot tell, and streams may break.
+In the place of an agent that does not run it is a life of that agent, with its journal and its
+numbers. Beside one that lives it refuses, and with --force is a voice in its name: whoever hears
+cannot tell, and streams may break.
 """
 
 import os
@@ -45,12 +47,15 @@ from topdown.model.design import Design, Rule
 if TYPE_CHECKING:
     from operate.cli.fleet.compose import Compose
 
-# --- Saying one communicate to a running fleet, as an agent that does not run or in the name of one that does --------
+# --- Saying one communicate to a running fleet, as an agent that does not run or in the name of one
+# that does
 # Whoever calls gives what is to be said and is told what was said and heard, as it comes.
 
 
 RECEIPT_S = 2.0
-"""Time to wait for a receipt [s]: one takes milliseconds, a peer restarted just now a second (estimate)."""
+"""Time to wait for a receipt [s]: one takes milliseconds, a peer restarted just now a second
+(estimate).
+"""
 NO_CHANNEL = "none"
 """Stands in the key of what is forced between agents that no channel joins."""
 Tell = Callable[[str, Communicate, int], None]
@@ -69,7 +74,9 @@ class Sending(msgspec.Struct, frozen=True):
     heard: tuple[dict[str, Any], ...]
 
 
-def say(system: System, run: Path, draft: Communicate, wait_s: float, tell: Tell, *, force: bool) -> Sending:
+def say(
+    system: System, run: Path, draft: Communicate, wait_s: float, tell: Tell, *, force: bool
+) -> Sending:
     """Say it, and listen until its conversation has ended or `wait_s` is over.
 
     Raises ConsoleError where no fleet runs, or the agent does and nothing is forced.
@@ -77,7 +84,12 @@ def say(system: System, run: Path, draft: Communicate, wait_s: float, tell: Tell
     fleet = folders.living(run) or folders.around()
     if fleet is None:
         raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
-    if (draft.sender, draft.receiver, draft.protocol, draft.performative) not in system.design.rules:
+    if (
+        draft.sender,
+        draft.receiver,
+        draft.protocol,
+        draft.performative,
+    ) not in system.design.rules:
         return _voiced(system, run, fleet, draft, wait_s, tell)
     try:
         first = system.design.agent(draft.sender).initial
@@ -85,7 +97,9 @@ def say(system: System, run: Path, draft: Communicate, wait_s: float, tell: Tell
         wires = wiring(draft.sender, fleet.system, design=system.design, languages=languages)
         tls = identity.tls(run, fleet, draft.sender)
         here = os.environ.get(LISTEN_VARIABLE, "")  # in a container
-        links = Links(Options(keys=identity.folder(run, fleet), agents=fleet.agents, listen=here), wires)
+        links = Links(
+            Options(keys=identity.folder(run, fleet), agents=fleet.agents, listen=here), wires
+        )
         life = StandIn(wires, first, run, links, router=fleet.connect, tls=tls)
     except NoEndpointError as error:
         raise ConsoleError(str(error)) from error
@@ -103,7 +117,10 @@ def outcome(done: Sending) -> str:
     """Return the outcome in a sentence."""
     to, me = done.sent["receiver"], done.sent["sender"]
     if done.receipted is False:
-        return f"not receipted by {to}: it is kept in the journal, and the next life of {me} sends it again"
+        return (
+            f"not receipted by {to}: it is kept in the journal, and the next life of {me} sends it"
+            " again"
+        )
     receipted = f"receipted by {to}; " if done.receipted else ""
     if done.ended:
         return f"{receipted}the conversation has ended"
@@ -114,8 +131,9 @@ def _refusal(agent: str, error: RuntimeFault) -> str:
     if isinstance(error, StandInError) and not error.lives:
         return f"{error}; is the fleet up? (`roco status`)"
     return (
-        f"{agent} runs ({error}), and its streams are numbered: a message in its place would take a number that it will"
-        " use. Leave it out (`roco up --only ...`), or say it with --force, which may confuse its peers"
+        f"{agent} runs ({error}), and its streams are numbered: a message in its place would take a"
+        " number that it will use. Leave it out (`roco up --only ...`), or say it with --force,"
+        " which may confuse its peers"
     )
 
 
@@ -140,20 +158,30 @@ def _lived(system: System, life: StandIn, draft: Communicate, wait_s: float, tel
     return _sending(one, receipted, talk.ended, heard)
 
 
-def _voiced(system: System, run: Path, fleet: Fleet, draft: Communicate, wait_s: float, tell: Tell) -> Sending:
-    """In the name of an agent that lives, or as no agent could: on its key, without number, token or receipt.
+def _voiced(
+    system: System, run: Path, fleet: Fleet, draft: Communicate, wait_s: float, tell: Tell
+) -> Sending:
+    """In the name of an agent that lives, or as no agent could: on its key, without number, token
+    or receipt.
 
     Where there are keys, router or receiver takes only what the design lets the sender say.
     """
     design = system.design
     template = design.file.system.key
     ears = template.format(
-        system=fleet.system, channel="*", sender="*", receiver=draft.sender, protocol="*", performative="*"
+        system=fleet.system,
+        channel="*",
+        sender="*",
+        receiver=draft.sender,
+        protocol="*",
+        performative="*",
     )
     stamp = f"forced-{time.time_ns() // 1_000_000:x}"
     id = draft.id or stamp
     label, named = draft.reply_with or id, draft.conversation or stamp
-    one = msgspec.structs.replace(draft, id=id, conversation=named, reply_with=label, sent=time.time())
+    one = msgspec.structs.replace(
+        draft, id=id, conversation=named, reply_with=label, sent=time.time()
+    )
     channels = design.peers(draft.sender) if draft.sender in design.agents else {}
     key = template.format(
         system=fleet.system,
@@ -184,7 +212,9 @@ class Watched:
         self.ended = False
         self._languages = system.languages or Languages()
         self._opening = opening
-        self._followed = Followed(system.design.tables[opening.protocol], durable=True) if new else None
+        self._followed = (
+            Followed(system.design.tables[opening.protocol], durable=True) if new else None
+        )
         self._take(Role.INITIATOR, opening)
 
     def ended_by(self, one: Communicate) -> bool:
@@ -206,8 +236,12 @@ class Watched:
         self.ended = self._followed.sides[Role.INITIATOR].ended
 
 
-def _sending(one: Communicate, receipted: bool | None, ended: bool, heard: list[Communicate]) -> Sending:
-    return Sending(_fields(one), len(encode(one)), receipted, ended, tuple(_fields(answer) for answer in heard))
+def _sending(
+    one: Communicate, receipted: bool | None, ended: bool, heard: list[Communicate]
+) -> Sending:
+    return Sending(
+        _fields(one), len(encode(one)), receipted, ended, tuple(_fields(answer) for answer in heard)
+    )
 
 
 def _fields(one: Communicate) -> dict[str, Any]:
@@ -215,7 +249,7 @@ def _fields(one: Communicate) -> dict[str, Any]:
     return {name: told[name] for name in one.__struct_fields__ if told.get(name) not in ("", None)}
 
 
-# --- `roco send` ------------------------------------------------------------------------------------------------------
+# --- `roco send` ----------------------------------------------------------------------------------
 
 
 CHOICES = ("as", "to", "protocol", "performative")
@@ -226,42 +260,69 @@ class Usage(Exception):
 
 
 def send(
-    sender: Annotated[str, typer.Option("--as", help="The agent you are.", autocompletion=completion.agents)] = "",
+    sender: Annotated[
+        str, typer.Option("--as", help="The agent you are.", autocompletion=completion.agents)
+    ] = "",
     receiver: Annotated[
         str, typer.Option("--to", help="The agent you talk to.", autocompletion=completion.agents)
     ] = "",
     protocol: Annotated[
         str,
-        typer.Option(help="The protocol, as the design names what it follows.", autocompletion=completion.protocols),
+        typer.Option(
+            help="The protocol, as the design names what it follows.",
+            autocompletion=completion.protocols,
+        ),
     ] = "",
-    performative: Annotated[str, typer.Option(help="The act.", autocompletion=completion.performatives)] = "",
+    performative: Annotated[
+        str, typer.Option(help="The act.", autocompletion=completion.performatives)
+    ] = "",
     language: Annotated[
-        str, typer.Option(help="The content's language; else the design's.", autocompletion=completion.languages)
+        str,
+        typer.Option(
+            help="The content's language; else the design's.", autocompletion=completion.languages
+        ),
     ] = "",
     ontology: Annotated[
-        str | None, typer.Option(help="The ontology; else the design's.", autocompletion=completion.ontologies)
+        str | None,
+        typer.Option(help="The ontology; else the design's.", autocompletion=completion.ontologies),
     ] = None,
-    content: Annotated[str, typer.Option(help="""The content as JSON, such as '{"type":"Done"}'.""")] = "",
+    content: Annotated[
+        str, typer.Option(help="""The content as JSON, such as '{"type":"Done"}'.""")
+    ] = "",
     conversation: Annotated[
-        str, typer.Option(help="The conversation to go on with; else a new one.", autocompletion=conversation_names)
+        str,
+        typer.Option(
+            help="The conversation to go on with; else a new one.",
+            autocompletion=conversation_names,
+        ),
     ] = "",
     in_reply_to: Annotated[str, typer.Option(help="The m_w of what this answers.")] = "",
-    reply_with: Annotated[str, typer.Option(help="The m_w of this one; else the id, where an answer names it.")] = "",
-    reply_by: Annotated[float | None, typer.Option(help="Seconds from now until which an answer is wanted.")] = None,
+    reply_with: Annotated[
+        str, typer.Option(help="The m_w of this one; else the id, where an answer names it.")
+    ] = "",
+    reply_by: Annotated[
+        float | None, typer.Option(help="Seconds from now until which an answer is wanted.")
+    ] = None,
     wait: Annotated[float, typer.Option(help="Seconds to listen for what comes back.")] = 5.0,
-    id: Annotated[str, typer.Option(help="With --force beside a living agent: the message's id.")] = "",
+    id: Annotated[
+        str, typer.Option(help="With --force beside a living agent: the message's id.")
+    ] = "",
     force: Annotated[
-        bool, typer.Option("--force", help="Say it though the design forbids it, or the agent lives.")
+        bool,
+        typer.Option("--force", help="Say it though the design forbids it, or the agent lives."),
     ] = False,
-    choices: Annotated[bool, typer.Option("--list", help="List what may be said, as far as it is chosen.")] = False,
+    choices: Annotated[
+        bool, typer.Option("--list", help="List what may be said, as far as it is chosen.")
+    ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
     """Be an agent: say one communicate to the running fleet, and print what comes back.
 
-    Of a fleet in containers it is said in a container of its own beside the agent's. Exits with 1 where it could not be
-    said, with 2 where the design has no such message (--force says it all the same).
+    Of a fleet in containers it is said in a container of its own beside the agent's. Exits with 1
+    where it could not be said, with 2 where the design has no such message (--force says it all the
+    same).
 
     Examples:
       roco send --list
@@ -280,8 +341,17 @@ def send(
         if not isinstance(fleet, Local):
             told: dict[str, object] = dict(zip(CHOICES, chosen, strict=True))
             told |= {"language": language, "content": content, "id": id}
-            told |= {"conversation": conversation, "in-reply-to": in_reply_to, "reply-with": reply_with}
-            told |= {"ontology": ontology or "", "reply-by": reply_by or "", "wait": wait, "format": form.value}
+            told |= {
+                "conversation": conversation,
+                "in-reply-to": in_reply_to,
+                "reply-with": reply_with,
+            }
+            told |= {
+                "ontology": ontology or "",
+                "reply-by": reply_by or "",
+                "wait": wait,
+                "format": form.value,
+            }
             raise typer.Exit(_beside(cast("Compose", fleet), sender, told, force=force))
         draft = msgspec.structs.replace(
             draft,
@@ -291,7 +361,9 @@ def send(
             reply_by=None if reply_by is None else time.time() + reply_by,
             id=id,
         )
-        done = say(system, fleet.run, draft, wait, _print if form is Format.TEXT else _hush, force=force)
+        done = say(
+            system, fleet.run, draft, wait, _print if form is Format.TEXT else _hush, force=force
+        )
     except Usage as error:
         _stop(str(error), form, 2)
     except (ConsoleError, RuntimeFault, FipaError) as error:
@@ -302,11 +374,15 @@ def send(
 
 def _beside(fleet: "Compose", sender: str, told: dict[str, object], *, force: bool) -> int:
     """The same verb where the agent's journal and keys are; its exit code."""
-    words = [f"--{name}={value}" for name, value in told.items() if value != ""] + ["--force"] * force
-    return subprocess.run(fleet.beside(sender, ["operate.cli", "send", *words]), check=False).returncode
+    words = [f"--{name}={value}" for name, value in told.items() if value != ""] + [
+        "--force"
+    ] * force
+    return subprocess.run(
+        fleet.beside(sender, ["operate.cli", "send", *words]), check=False
+    ).returncode
 
 
-# --- what may be said -------------------------------------------------------------------------------------------------
+# --- what may be said -----------------------------------------------------------------------------
 
 
 def rules(design: Design, chosen: tuple[str, ...]) -> list[Rule]:
@@ -316,14 +392,18 @@ def rules(design: Design, chosen: tuple[str, ...]) -> list[Rule]:
         for rule in design.rules.values()
         if all(
             want in ("", have)
-            for want, have in zip(chosen, (rule.sender, rule.receiver, rule.protocol, rule.performative), strict=True)
+            for want, have in zip(
+                chosen, (rule.sender, rule.receiver, rule.protocol, rule.performative), strict=True
+            )
         )
     ]
 
 
 def allowed(found: list[Rule]) -> Table:
     """Return the permitted communicates as a table for people."""
-    found = sorted(found, key=lambda one: (one.sender, one.receiver, one.protocol, one.performative))
+    found = sorted(
+        found, key=lambda one: (one.sender, one.receiver, one.protocol, one.performative)
+    )
     rows = (
         (
             *(one.sender, one.receiver, one.protocol, one.performative, one.channel),
@@ -354,13 +434,24 @@ def _unknown(design: Design, chosen: tuple[str, ...]) -> str:
     for count in range(1, len(chosen) + 1):
         if not rules(design, (*chosen[:count], *("",) * (len(chosen) - count))):
             before = rules(design, (*chosen[: count - 1], *("",) * (len(chosen) - count + 1)))
-            have = sorted({(r.sender, r.receiver, r.protocol, str(r.performative))[count - 1] for r in before})
-            return f"the design has no --{CHOICES[count - 1]} {chosen[count - 1]!r} here; it has {', '.join(have)}"
+            have = sorted(
+                {(r.sender, r.receiver, r.protocol, str(r.performative))[count - 1] for r in before}
+            )
+            return (
+                f"the design has no --{CHOICES[count - 1]} {chosen[count - 1]!r} here; it has"
+                f" {', '.join(have)}"
+            )
     return "the design has no such message"
 
 
 def _draft(
-    system: System, chosen: tuple[str, ...], language: str, ontology: str | None, content: str, *, force: bool
+    system: System,
+    chosen: tuple[str, ...],
+    language: str,
+    ontology: str | None,
+    content: str,
+    *,
+    force: bool,
 ) -> Communicate:
     """The communicate as far as it is known before it is numbered. Raises Usage."""
     sender, receiver, protocol, act = chosen
@@ -375,7 +466,11 @@ def _draft(
     try:
         draft = Communicate(
             performative=Performative(act),
-            content=msgspec.UNSET if not content else msgspec.Raw(msgspec.msgpack.encode(msgspec.json.decode(content))),
+            content=(
+                msgspec.UNSET
+                if not content
+                else msgspec.Raw(msgspec.msgpack.encode(msgspec.json.decode(content)))
+            ),
             language=written,
             ontology=about,
             protocol=protocol,
@@ -386,7 +481,9 @@ def _draft(
         raise Usage(f"--content is no JSON: {error}") from error
     if rule is not None and not force:
         size = len(encode_strictly(draft))
-        faults = Admission(design, system.languages).check(design.key("any", draft), draft, size).faults
+        faults = (
+            Admission(design, system.languages).check(design.key("any", draft), draft, size).faults
+        )
         if faults:
             raise Usage("; ".join(fault.why for fault in faults) + "; --force says it all the same")
     return draft
@@ -401,7 +498,11 @@ def _print(what: str, one: Communicate, size: int) -> None:
     way = f"  {one.sender} > {one.receiver}  {one.performative}  "
     console.print(Text.assemble((what, "bold"), way, (f"{size} B", "dim")))
     line = f"  conversation {one.conversation}  id {one.id}"
-    console.print(line + (f"  in reply to {one.in_reply_to}" if one.in_reply_to else ""), style="dim", highlight=False)
+    console.print(
+        line + (f"  in reply to {one.in_reply_to}" if one.in_reply_to else ""),
+        style="dim",
+        highlight=False,
+    )
     if one.content is not msgspec.UNSET:
         text = msgspec.json.encode(msgspec.msgpack.decode(one.content)).decode()
         console.print(f"  {one.language} {text}", highlight=False, soft_wrap=True)

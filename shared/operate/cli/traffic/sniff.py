@@ -1,6 +1,8 @@
-"""`roco sniff`: a sequence diagram of what is said, with a lifeline for every agent, as it goes by or of a recording.
+"""`roco sniff`: a sequence diagram of what is said, with a lifeline for every agent, as it goes by
+or of a recording.
 
-JADE's sniffer, in the terminal; what it shows are the lines of `roco traffic echo`, chosen by the same filters.
+JADE's sniffer, in the terminal; what it shows are the lines of `roco traffic echo`, chosen by the
+same filters.
 """
 
 from collections import deque
@@ -48,7 +50,8 @@ class Sniffed:
     def __init__(self, agents: list[str], console: Console) -> None:
         self.agents, self.console = agents, console
         self.lives = Lifelines(agents, console.width)
-        self._kept: deque[tuple[int, Judged]] = deque(maxlen=MOST)  # numbered: one step, whenever Ctrl-C comes
+        # numbered: one step, whenever Ctrl-C comes
+        self._kept: deque[tuple[int, Judged]] = deque(maxlen=MOST)
         self._begin = 0.0
         if console.is_terminal:
             console.print(self.lives.heading(), soft_wrap=True)
@@ -83,8 +86,12 @@ def sniff(
     agent: Agents = None,
     protocol: Protocols = None,
     performative: Performatives = None,
-    wrong: Annotated[bool, typer.Option("--wrong", help="Only what is against the design.")] = False,
-    svg: Annotated[Path | None, typer.Option("--svg", help="Write the diagram here at the end.")] = None,
+    wrong: Annotated[
+        bool, typer.Option("--wrong", help="Only what is against the design.")
+    ] = False,
+    svg: Annotated[
+        Path | None, typer.Option("--svg", help="Write the diagram here at the end.")
+    ] = None,
     run: Recorded = None,
     count: Count = 0,
     for_: Seconds = 0.0,
@@ -94,10 +101,10 @@ def sniff(
 ) -> None:
     """Draw a sequence diagram of what is said as it goes by, with a lifeline for every agent.
 
-    Of a running fleet until Ctrl-C; of a recording with --run. With a filter the lifelines are those of agents that may
-    say or hear what is meant. Beside an arrow stand channel, content and, if it is not legal, the verdict; the drawing
-    of --svg has the newest 1000 arrows. JSON is that of `roco traffic echo`. Of one conversation, with the states of
-    its roles: `roco conversation`.
+    Of a running fleet until Ctrl-C; of a recording with --run. With a filter the lifelines are
+    those of agents that may say or hear what is meant. Beside an arrow stand channel, content and,
+    if it is not legal, the verdict; the drawing of --svg has the newest 1000 arrows. JSON is that
+    of `roco traffic echo`. Of one conversation, with the states of its roles: `roco conversation`.
 
     Examples:
       roco sniff
@@ -114,12 +121,18 @@ def sniff(
         with source(run, run_dir, target) as heard, suppress(KeyboardInterrupt):
             _follow(heard, which, seen, form, limits=(count, for_), wrong=wrong)
         if svg is not None:
-            svg.write_text(seen.svg(f"what was said in {design.file.system.name}"), encoding="utf-8")
-            console.print(f"wrote {svg}: {min(MOST, seen.count)} of {seen.count} arrows", soft_wrap=True)
+            svg.write_text(
+                seen.svg(f"what was said in {design.file.system.name}"), encoding="utf-8"
+            )
+            console.print(
+                f"wrote {svg}: {min(MOST, seen.count)} of {seen.count} arrows", soft_wrap=True
+            )
 
 
 def speakers(design: Design, which: Filter) -> list[str]:
-    """Return the agents that may say or hear what is meant, in the order of the design; without a filter all."""
+    """Return the agents that may say or hear what is meant, in the order of the design; without a
+    filter all.
+    """
     rules = [rule for rule in design.rules.values() if which.keeps(rule)]
     named = {name for rule in rules for name in (rule.sender, rule.receiver)}
     return [name for name in design.agents if name in named or not which]
@@ -141,9 +154,19 @@ def arrows(kept: Sequence[Judged]) -> list[Arrow]:
     ]
 
 
-def _follow(heard: Source, which: Filter, seen: Sniffed, form: Form, *, limits: tuple[int, float], wrong: bool) -> None:
+def _follow(
+    heard: Source,
+    which: Filter,
+    seen: Sniffed,
+    form: Form,
+    *,
+    limits: tuple[int, float],
+    wrong: bool,
+) -> None:
     try:
-        for one, communicate in chosen(heard, which, count=limits[0], seconds=limits[1], wrong=wrong):
+        for one, communicate in chosen(
+            heard, which, count=limits[0], seconds=limits[1], wrong=wrong
+        ):
             seen.add(one, draw=form is Format.TEXT)
             if form is Format.JSON:
                 tell_line(one, communicate)

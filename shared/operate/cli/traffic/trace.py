@@ -1,4 +1,6 @@
-"""`roco trace`: one task across all agents, as a tree of conversations with times, or as spans of OpenTelemetry."""
+"""`roco trace`: one task across all agents, as a tree of conversations with times, or as spans of
+OpenTelemetry.
+"""
 
 from enum import StrEnum
 from typing import Annotated
@@ -42,25 +44,32 @@ class Task(msgspec.Struct, frozen=True):
 def trace(
     subject: Subject = "",
     every: Annotated[
-        bool, typer.Option("--all", help="A line for each conversation, also where many alike follow each other.")
+        bool,
+        typer.Option(
+            "--all", help="A line for each conversation, also where many alike follow each other."
+        ),
     ] = False,
     run: Recorded = None,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Annotated[
-        As, typer.Option("--format", help="text for people, json for programs, otlp for tools of OpenTelemetry.")
+        As,
+        typer.Option(
+            "--format", help="text for people, json for programs, otlp for tools of OpenTelemetry."
+        ),
     ] = As.TEXT,
 ) -> None:
     """Show which communicate of a task caused which, across all agents, as a tree with times.
 
     Without a subject all that can be traced is listed.
 
-    A line is a conversation, below the one for whose sake it was opened; the bar says when it was open. What an answer
-    caused elsewhere is a line with `+`. Links are those of the agents' step logs; where a log does not have one, the
-    line is marked with ~ and stands where the order in time puts it. A recording without step logs has only such lines.
+    A line is a conversation, below the one for whose sake it was opened; the bar says when it was
+    open. What an answer caused elsewhere is a line with `+`. Links are those of the agents' step
+    logs; where a log does not have one, the line is marked with ~ and stands where the order in
+    time puts it. A recording without step logs has only such lines.
 
-    `--format otlp` prints an OTLP file in JSON, as Jaeger and the OpenTelemetry collector read it: agents are
-    services, each conversation is a client and a server span.
+    `--format otlp` prints an OTLP file in JSON, as Jaeger and the OpenTelemetry collector read it:
+    agents are services, each conversation is a client and a server span.
 
     Examples:
       roco trace
@@ -82,7 +91,9 @@ def trace(
         if form is As.OTLP:
             tell_json(otlp.exported(found, roots))
         elif form is As.JSON:
-            tell_json(msgspec.structs.replace(found, spans=tuple(one for _, one in found.below(roots[0]))))
+            tell_json(
+                msgspec.structs.replace(found, spans=tuple(one for _, one in found.below(roots[0])))
+            )
         else:
             console = Console()
             console.print(span_tree.drawn(found, roots[0], console.width, every=every))
@@ -94,7 +105,8 @@ def span_of(found: Trace, subject: str) -> Span:
         return span
     near = ", ".join(span.id for span in found.roots[-8:]) or "none"
     raise ConsoleError(
-        f"no conversation {subject!r} in this run; `roco trace` lists what can be traced, such as {near}"
+        f"no conversation {subject!r} in this run; `roco trace` lists what can be traced, such as"
+        f" {near}"
     )
 
 

@@ -1,4 +1,6 @@
-"""The verdicts about a run for `roco traffic` and `roco conversation`: as its monitor wrote them, or made now."""
+"""The verdicts about a run for `roco traffic` and `roco conversation`: as its monitor wrote them,
+or made now.
+"""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,20 +14,26 @@ _decoder = msgspec.json.Decoder(Judged)
 
 
 def judged(file: Path, system: System | None = None) -> list[Judged]:
-    """The verdicts about a recording, made now, by the design of its own system or of another one."""
+    """The verdicts about a recording, made now, by the design of its own system or of another
+    one.
+    """
     from operate.recording.run import verdicts
 
     return list(verdicts(file, of_run(file) if system is None else system))
 
 
 def verdicts_of(run: Path) -> list[Judged]:
-    """The verdicts the monitor wrote while it listened; of a run without them the recording is judged now."""
+    """The verdicts the monitor wrote while it listened; of a run without them the recording is
+    judged now.
+    """
     file = run / VERDICTS_FILE
     return read(file.read_bytes().splitlines()) if file.exists() else judged(run)
 
 
 def read(lines: Iterable[bytes]) -> list[Judged]:
-    """Lines as verdicts, in the order of time; one that is not whole yet, or of another version, is left out."""
+    """Lines as verdicts, in the order of time; one that is not whole yet, or of another version, is
+    left out.
+    """
     found: list[Judged] = []
     for line in lines:
         try:

@@ -1,8 +1,9 @@
-"""`roco replay RUN --verify`: each agent of a run is run again from its step log, and must put out the same bytes.
+"""`roco replay RUN --verify`: each agent of a run is run again from its step log, and must put out
+the same bytes.
 
-Each runs in a process of its own module (agent_runtime.io.steplog), so any system's agents can. Where a step
-differs, the recorded value is looked up: in the log what was done, in the journal the record, in the recording what
-went by.
+Each runs in a process of its own module (agent_runtime.io.steplog), so any system's agents can.
+Where a step differs, the recorded value is looked up: in the log what was done, in the journal the
+record, in the recording what went by.
 """
 
 import subprocess
@@ -35,15 +36,18 @@ if TYPE_CHECKING:
     from operate.recording.records import Garbage
     from operate.recording.run import Run
 
-# --- First difference in the output of an agent's step that is run again: the field, its old value, its new value
-# The log keeps a hash of a step's output. The journal has the records of the last life, the recording what was sent
-# and receipted: what of it gives that hash again is what the step put out. Pure.
+# --- First difference in the output of an agent's step that is run again: the field, its old value,
+# its new value The log keeps a hash of a step's output. The journal has the records of the last
+# life, the recording what was sent and receipted: what of it gives that hash again is what the step
+# put out. Pure.
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """The first step of an agent whose output differs, and in what: a field, its recorded value, its value now.
+    """The first step of an agent whose output differs, and in what: a field, its recorded value,
+    its value now.
 
-    `life`, `step`: which, by the agent's own count; `at`: when it was made [unix s]; `kind`: the event's class.
+    `life`, `step`: which, by the agent's own count; `at`: when it was made [unix s]; `kind`: the
+    event's class.
     """
 
     life: int
@@ -56,8 +60,8 @@ class Difference(msgspec.Struct, frozen=True):
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """Stored evidence of an agent: its journal's records, and its communicates and receipts in the recording near the
-    step.
+    """Stored evidence of an agent: its journal's records, and its communicates and receipts in the
+    recording near the step.
     """
 
     journal: Sequence[bytes] = ()
@@ -66,7 +70,9 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 def first(parted: Parted, kept: Kept) -> Difference:
-    """Name it. Where what was put out is kept nowhere (`tells`: to devices), `recorded` is the hash of the output."""
+    """Name it. Where what was put out is kept nowhere (`tells`: to devices), `recorded` is the hash
+    of the output.
+    """
     field, recorded, now = _named(parted, kept)
     return Difference(parted.incarnation, parted.step, parted.at, parted.kind, field, recorded, now)
 
@@ -81,9 +87,12 @@ def _named(parted: Parted, kept: Kept) -> tuple[str, Any, Any]:
     tells = cast(tuple[Any, ...], msgspec.Raw(put.tells))
     now = Effects(put.record, put.receipts, tuple(map(decode, put.sends)), tells)  # as it is hashed
     for then in _possible(parted, now, kept):
-        if fingerprint(then) == parted.output:  # the same values in other bytes are in another order
+        # the same values in other bytes are in another order
+        if fingerprint(then) == parted.output:
             return difference(_plain(then), _plain(now)) or ("record", then.record, now.record)
-    found = difference(_fields(next(_sent(parted.at, now.sends, kept.said))), _fields(now.sends), "sends")
+    found = difference(
+        _fields(next(_sent(parted.at, now.sends, kept.said))), _fields(now.sends), "sends"
+    )
     if found is not None:
         return found
     whole = kept.said and parted.before in kept.journal
@@ -92,7 +101,9 @@ def _named(parted: Parted, kept: Kept) -> tuple[str, Any, Any]:
 
 
 def _possible(parted: Parted, now: Effects, kept: Kept) -> Iterator[Effects]:
-    """Yield the outputs that the step may have had, the likeliest first: each part as it is now, or as stored."""
+    """Yield the outputs that the step may have had, the likeliest first: each part as it is now, or
+    as stored.
+    """
     records = (now.record, *_after(parted.before, kept.journal), None)
     sends = (now.sends, *_sent(parted.at, now.sends, kept.said))
     receipts = (now.receipts, *_receipted(now.receipts, kept.receipts))
@@ -101,11 +112,19 @@ def _possible(parted: Parted, now: Effects, kept: Kept) -> Iterator[Effects]:
 
 
 def _after(before: bytes, journal: Sequence[bytes]) -> Iterable[bytes]:
-    """The record that follows the one that was written last before the step; all where that one is another now."""
-    return [later for one, later in pairwise(journal) if one == before][-1:] if before in journal else journal
+    """The record that follows the one that was written last before the step; all where that one is
+    another now.
+    """
+    return (
+        [later for one, later in pairwise(journal) if one == before][-1:]
+        if before in journal
+        else journal
+    )
 
 
-def _sent(at: float, now: tuple[Communicate, ...], said: Sequence[Communicate]) -> Iterator[tuple[Communicate, ...]]:
+def _sent(
+    at: float, now: tuple[Communicate, ...], said: Sequence[Communicate]
+) -> Iterator[tuple[Communicate, ...]]:
     """The same communicates as they were heard, with and without those that only one side has."""
     heard = {(one.receiver, one.id): one for one in said}
     then = [heard.get((one.receiver, one.id)) for one in now]
@@ -141,7 +160,8 @@ def _fields(sends: Iterable[Communicate]) -> list[dict[str, Any]]:
     return [fields_of(one) for one in sends]
 
 
-# --- Evidence from a recording about the agents of its run, for comparison with their output when they are run again --
+# --- Evidence from a recording about the agents of its run, for comparison with their output when
+# they are run again
 
 
 NEAR_S = 2.0
@@ -149,7 +169,8 @@ NEAR_S = 2.0
 
 
 class Evidence:
-    """`setting`: of the fleet; `words`: agent -> (receiver, id) -> digests of all that went by under it.
+    """`setting`: of the fleet; `words`: agent -> (receiver, id) -> digests of all that went by
+    under it.
 
     Without a recording there is nothing, and `there` is False.
     """
@@ -158,7 +179,9 @@ class Evidence:
         from operate.recording.records import Setting, Spoken, communicate_in, setting_in
 
         self.there, self.setting = recording is not None, Setting(1, "1")
-        self.words: dict[str, dict[tuple[str, str], set[bytes]]] = defaultdict(lambda: defaultdict(set))
+        self.words: dict[str, dict[tuple[str, str], set[bytes]]] = defaultdict(
+            lambda: defaultdict(set)
+        )
         self._records = () if recording is None else recording.records
         self._said: list[Communicate] = []
         for record in self._records:
@@ -177,11 +200,15 @@ class Evidence:
         from operate.recording.ends import receipts
         from operate.recording.records import House
 
-        near = (one for one in self._records if isinstance(one, House) and abs(one.received - at) < NEAR_S)
+        near = (
+            one
+            for one in self._records
+            if isinstance(one, House) and abs(one.received - at) < NEAR_S
+        )
         return [one.receipt for one in receipts(near) if one.owner == agent]
 
 
-# --- `roco replay RUN --verify` ---------------------------------------------------------------------------------------
+# --- `roco replay RUN --verify` -------------------------------------------------------------------
 
 
 JOURNAL = "journal"
@@ -190,10 +217,11 @@ RERUN_S = 600.0
 
 
 class Verified(msgspec.Struct, frozen=True):
-    """An agent run again. `steps`: those that put out what they put out then; `said`: different communicates among it.
+    """An agent run again. `steps`: those that put out what they put out then; `said`: different
+    communicates among it.
 
-    `heard`: those of `said` that the recording has with the same bytes; None without a recording. `unlogged`: others
-    that it has of the agent: the log lacks the step, as after a kill -9.
+    `heard`: those of `said` that the recording has with the same bytes; None without a recording.
+    `unlogged`: others that it has of the agent: the log lacks the step, as after a kill -9.
     """
 
     agent: str
@@ -206,7 +234,9 @@ class Verified(msgspec.Struct, frozen=True):
 
 
 def verified(file: Path, agents: list[str], seed: int | None, form: Form) -> None:
-    """Do it and tell how it went. Exits with 1 where an agent's output differs. Raises ConsoleError."""
+    """Do it and tell how it went. Exits with 1 where an agent's output differs. Raises
+    ConsoleError.
+    """
     run, system = file if file.is_dir() else file.parent, of_run(file)
     logs = _logs(run, system, agents)
     from operate.recording.run import opened
@@ -218,7 +248,11 @@ def verified(file: Path, agents: list[str], seed: int | None, form: Form) -> Non
         for agent, log in logs.items():
             line.update(f"{agent} runs again")
             found.append(
-                _verified(run, _again(system, agent, log, _environment(run, system, evidence, seed)), evidence)
+                _verified(
+                    run,
+                    _again(system, agent, log, _environment(run, system, evidence, seed)),
+                    evidence,
+                )
             )
     if form is Format.JSON:
         tell_json(found)
@@ -230,9 +264,15 @@ def verified(file: Path, agents: list[str], seed: int | None, form: Form) -> Non
 
 def _logs(run: Path, system: System, agents: list[str]) -> dict[str, Path]:
     """The step logs that are meant, by agent. Raises UsageError where there is none."""
-    there = {path.stem: path for path in sorted((run / STEPS).glob(f"*.{STEPS}")) if path.stem in system.design.agents}
+    there = {
+        path.stem: path
+        for path in sorted((run / STEPS).glob(f"*.{STEPS}"))
+        if path.stem in system.design.agents
+    }
     if not there:
-        raise UsageError(f"{run / STEPS} has no step logs; give the folder of a run, as `roco up` wrote it")
+        raise UsageError(
+            f"{run / STEPS} has no step logs; give the folder of a run, as `roco up` wrote it"
+        )
     for agent in agents:
         if agent not in there:
             raise UsageError(f"{run / STEPS} has no log of {agent!r}; it has {', '.join(there)}")
@@ -240,9 +280,15 @@ def _logs(run: Path, system: System, agents: list[str]) -> dict[str, Path]:
 
 
 def _environment(run: Path, system: System, evidence: Evidence, seed: int | None) -> dict[str, str]:
-    """The environment in which the agents of the run were started, as far as their steps depend on it."""
+    """The environment in which the agents of the run were started, as far as their steps depend on
+    it.
+    """
     was, fleet = evidence.setting, folders.fleet(run)
-    told = {"SYSTEM": fleet.system if fleet else system.name, "SPEED": was.speed, "SCENE": was.scene}
+    told = {
+        "SYSTEM": fleet.system if fleet else system.name,
+        "SPEED": was.speed,
+        "SCENE": was.scene,
+    }
     return as_agent(system, run, told | {"SEED": str(was.seed if seed is None else seed)})
 
 
@@ -250,15 +296,24 @@ def _again(system: System, agent: str, log: Path, environment: dict[str, str]) -
     """An agent run again by a process of its own module. Raises ConsoleError where that fails."""
     module = next((one.module for one in system.processes if one.name == agent), "")
     if not module:
-        raise UsageError(f"the system has no process {agent!r}; {', '.join(one.name for one in system.processes)} are")
+        raise UsageError(
+            f"the system has no process {agent!r};"
+            f" {', '.join(one.name for one in system.processes)} are"
+        )
     told = environment | {"ROCO_REPLAY": str(log.resolve())}
     try:
-        done = subprocess.run([sys.executable, "-P", "-m", module], env=told, capture_output=True, timeout=RERUN_S)
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", module], env=told, capture_output=True, timeout=RERUN_S
+        )
         return msgspec.msgpack.decode(done.stdout, type=Again)
     except subprocess.TimeoutExpired as error:
-        raise ConsoleError(f"{agent} has not run its steps again in {RERUN_S:.0f} s; give a shorter run") from error
+        raise ConsoleError(
+            f"{agent} has not run its steps again in {RERUN_S:.0f} s; give a shorter run"
+        ) from error
     except msgspec.MsgspecError as error:
-        words = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or ["it says nothing"]
+        words = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [
+            "it says nothing"
+        ]
         raise ConsoleError(f"{agent} could not run its steps again: {words[0]}") from error
 
 
@@ -271,14 +326,20 @@ def _verified(run: Path, done: Again, evidence: Evidence) -> Verified:
         receipts = evidence.receipts(done.agent, done.parted.at)
         found = first(done.parted, Kept(kept, evidence.said(done.agent), receipts))
     else:
-        others = (one for place, one in said.items() if place in heard and one.digest not in heard[place])
+        others = (
+            one for place, one in said.items() if place in heard and one.digest not in heard[place]
+        )
         found = next((_misheard(one, heard[one.receiver, one.id]) for one in others), None)
     return Verified(
         agent=done.agent,
         lives=done.lives,
         steps=done.steps,
         said=len(said),
-        heard=sum(one.digest in heard.get(place, ()) for place, one in said.items()) if evidence.there else None,
+        heard=(
+            sum(one.digest in heard.get(place, ()) for place, one in said.items())
+            if evidence.there
+            else None
+        ),
         unlogged=0 if done.parted is not None else len(heard.keys() - said.keys()),
         difference=found,
     )
@@ -292,17 +353,25 @@ def _misheard(one: SentAgain, heard: set[bytes]) -> Difference:
 
 def _print(found: list[Verified]) -> None:
     heads = ("agent", "lives", "steps", "said", "heard")
-    counts = ((one.lives, one.steps, one.said, "-" if one.heard is None else one.heard) for one in found)
+    counts = (
+        (one.lives, one.steps, one.said, "-" if one.heard is None else one.heard) for one in found
+    )
     rows = ((one.agent, *map(str, numbers)) for one, numbers in zip(found, counts, strict=True))
     Console(highlight=False).print(table(heads, rows, right=heads[1:]))
     for one in found:
         if one.unlogged:
-            print(f"{one.agent}: {one.unlogged} more were heard, of steps that its log lost, as a kill -9 does")
+            print(
+                f"{one.agent}: {one.unlogged} more were heard, of steps that its log lost, as a"
+                " kill -9 does"
+            )
     odd = [one for one in found if one.difference is not None]
     for one in odd:
         print(_sentence(one))
     if not odd:
-        print(f"{len(found)} agents, {sum(one.steps for one in found)} steps: each put out the same bytes as then")
+        print(
+            f"{len(found)} agents, {sum(one.steps for one in found)} steps: each put out the same"
+            " bytes as then"
+        )
 
 
 def _sentence(one: Verified) -> str:
@@ -310,6 +379,7 @@ def _sentence(one: Verified) -> str:
     assert difference is not None
     at = datetime.fromtimestamp(difference.at).strftime("%H:%M:%S.%f")[:-3]
     return (
-        f"{one.agent} differs first in step {difference.step} of life {difference.life}, {at}, {difference.kind}\n"
-        f"  in {difference.field}\n{compared(difference.recorded, difference.now)}"
+        f"{one.agent} differs first in step {difference.step} of life {difference.life}, {at},"
+        f" {difference.kind}\n  in"
+        f" {difference.field}\n{compared(difference.recorded, difference.now)}"
     )

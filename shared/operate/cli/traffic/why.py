@@ -20,10 +20,15 @@ def why(
     run: Recorded = None,
     at: Annotated[
         float | None,
-        typer.Option("--at", min=0.0, help="Of a thing: as it was believed then [s after the first communicate]."),
+        typer.Option(
+            "--at",
+            min=0.0,
+            help="Of a thing: as it was believed then [s after the first communicate].",
+        ),
     ] = None,
     records: Annotated[
-        bool, typer.Option("--records", help="Also the communicate or step that each sentence is from.")
+        bool,
+        typer.Option("--records", help="Also the communicate or step that each sentence is from."),
     ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,
@@ -31,10 +36,11 @@ def why(
 ) -> None:
     """Say why a task went as it did, from what is recorded.
 
-    It says how it ended and what led to that, why it waited, which plans were made and what was rejected, and who was
-    away. Without a subject it is the newest task. The subject may also be a thing that the system knows: then it says
-    what is believed, since when, and by which observation. Each sentence repeats something that was said or done and
-    recorded; what is not recorded is not told. Seconds count from the first communicate.
+    It says how it ended and what led to that, why it waited, which plans were made and what was
+    rejected, and who was away. Without a subject it is the newest task. The subject may also be a
+    thing that the system knows: then it says what is believed, since when, and by which
+    observation. Each sentence repeats something that was said or done and recorded; what is not
+    recorded is not told. Seconds count from the first communicate.
 
     Examples:
       roco why
@@ -71,4 +77,6 @@ def _tell(fact: Fact, begin: float, console: Console, *, repeated: bool) -> None
     when = "" if repeated else f"{fact.at - begin:.2f} s"
     lines = Text(fact.text).wrap(console, max(20, console.width - TIME - 2))
     for n, line in enumerate(lines):
-        console.print(Text.assemble((f"{when if not n else '':>{TIME}}  ", "dim"), line), soft_wrap=True)
+        console.print(
+            Text.assemble((f"{when if not n else '':>{TIME}}  ", "dim"), line), soft_wrap=True
+        )

@@ -14,7 +14,13 @@ from companion.skills.performing import perform
 from companion.skills.situation import Sight
 from companion.skills.skill import Sensed
 from companion.tasks.hand_over import perform as handing
-from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind, outcome_facts, sights
+from companion.tasks.hand_over.done import (
+    HandOver,
+    HandOverClaim,
+    HandOverKind,
+    outcome_facts,
+    sights,
+)
 from services.task.outgoing_messages import observations
 from velma.kinematics.frames import standing
 from velma.sim import disturbances
@@ -41,7 +47,9 @@ def pulling(kind: disturbances.Kind, force: Sequence[float]) -> Disturbance:
 
 
 def test_it_is_given_to_whom_pulls_and_both_senses_tell(jar_out: Acting):
-    """It is carried off with its content and does not fall; the robot knows it in no hand and at no place."""
+    """It is carried off with its content and does not fall; the robot knows it in no hand and at no
+    place.
+    """
     somebody(jar_out, pulling(disturbances.Kind.PULLED, away(jar_out, 10.0)))
     done = jar_out.done(GIVE)
     jar_out.core.hold(2.0)
@@ -62,27 +70,37 @@ def test_it_is_given_to_whom_pulls_and_both_senses_tell(jar_out: Acting):
 
 @pytest.mark.parametrize(
     "person",
-    [None, (disturbances.Kind.KNOCKED, 20.0), (disturbances.Kind.KNOCKED, -20.0), (disturbances.Kind.PULLED, 3.0),
+    [None, (disturbances.Kind.KNOCKED, 20.0), (disturbances.Kind.KNOCKED, -20.0),
+     (disturbances.Kind.PULLED, 3.0),
      (disturbances.Kind.PULLED, -10.0)],
     ids=["nobody", "a knock", "a knock from afar", "a weak pull", "a push"],
 )  # fmt: skip
-def test_it_is_kept_where_nobody_pulls(jar_out: Acting, person: tuple[disturbances.Kind, float] | None):
+def test_it_is_kept_where_nobody_pulls(
+    jar_out: Acting, person: tuple[disturbances.Kind, float] | None
+):
     """As long as the act says; the hand holds it as before, and what comes next can begin."""
     if person:
         somebody(jar_out, pulling(person[0], away(jar_out, person[1])))
     began = jar_out.here.time
     kept = jar_out.act(GIVE)
-    assert (kept.kind, [one.kind for one in kept.why]) == (rc.NotDoneKind.FAILED, [HandOverKind.NOBODY_PULLED])
+    assert (kept.kind, [one.kind for one in kept.why]) == (
+        rc.NotDoneKind.FAILED,
+        [HandOverKind.NOBODY_PULLED],
+    )
     assert jar_out.here.time - began == pytest.approx(GIVE.wait, abs=1.0)
     assert kept.held[LEFT][0] == JAR
     assert sum(jar_out.truth.fingers_on[JAR].values()) >= 3
 
 
-@pytest.mark.parametrize("kind", [disturbances.Kind.ZERO, disturbances.Kind.NAN, disturbances.Kind.STUCK])
+@pytest.mark.parametrize(
+    "kind", [disturbances.Kind.ZERO, disturbances.Kind.NAN, disturbances.Kind.STUCK]
+)
 def test_a_faulty_wrist_gives_no_permission(jar_out: Acting, kind: disturbances.Kind):
     """Somebody pulls, and the hand that cannot feel it holds on."""
     somebody(
-        jar_out, Disturbance("wrist", Of.WRIST, kind, LEFT), pulling(disturbances.Kind.PULLED, away(jar_out, 10.0))
+        jar_out,
+        Disturbance("wrist", Of.WRIST, kind, LEFT),
+        pulling(disturbances.Kind.PULLED, away(jar_out, 10.0)),
     )
     kept = jar_out.act(GIVE)
     assert isinstance(kept, rc.NotDone), kept
@@ -90,16 +108,24 @@ def test_a_faulty_wrist_gives_no_permission(jar_out: Acting, kind: disturbances.
 
 
 def motions(acting: Acting, pulls: Sequence[float], sight: Sight | None = None) -> Iterator[Motion]:
-    """Yield the motions of the act where the n-th wait ends with this pull [N]; `sight`: seen at each end."""
+    """Yield the motions of the act where the n-th wait ends with this pull [N]; `sight`: seen at
+    each end.
+    """
     here, work = acting.here, perform(acting.here, GIVE)
     asked = next(work)
     for pull in pulls:
         assert isinstance(asked, Motion)
         yield asked
         grips = {LEFT: GripReport("held", 0.2, "", pull)}
-        sights, fingers, then = [sight] if sight else [], {"left": 1.0, "right": 1.0}, here.time + 0.5
+        sights, fingers, then = (
+            [sight] if sight else [],
+            {"left": 1.0, "right": 1.0},
+            here.time + 0.5,
+        )
         try:
-            asked = work.send(Sensed("done", (), here.q, here.q, {}, fingers, grips, here.head, sights, then))
+            asked = work.send(
+                Sensed("done", (), here.q, here.q, {}, fingers, grips, here.head, sights, then)
+            )
         except StopIteration:
             return
     assert isinstance(asked, Motion)
@@ -115,9 +141,13 @@ def test_a_jar_that_is_tilted_over_is_not_let_go(jar_out: Acting):
     at = jar_out.here.robot.grip(jar_out.here.q, LEFT) * jar_out.here.held[LEFT].T_grip_object
     over = standing(at.translation)
     angle = handing.CARRY_TILT + 0.05
-    over.rotation = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
+    over.rotation = np.array(
+        [[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]]
+    )
     assert not any(opens(one) for one in motions(jar_out.copied(), [8.0] * 4, Sight(JAR, over)))
-    assert any(opens(one) for one in motions(jar_out.copied(), [8.0], Sight(JAR, standing(at.translation))))
+    assert any(
+        opens(one) for one in motions(jar_out.copied(), [8.0], Sight(JAR, standing(at.translation)))
+    )
 
 
 def test_the_hand_only_opens_and_does_not_follow(jar_out: Acting):
@@ -130,6 +160,8 @@ def test_the_hand_only_opens_and_does_not_follow(jar_out: Acting):
 
 def test_a_cancel_while_it_waits_keeps_it(jar_out: Acting):
     began = jar_out.core.state.time
-    kept = jar_out.act(GIVE, lambda motion, core: motion.until is Until.PULL and core.state.time > began + 1.0)
+    kept = jar_out.act(
+        GIVE, lambda motion, core: motion.until is Until.PULL and core.state.time > began + 1.0
+    )
     assert (kept.kind, kept.held[LEFT][0]) == (rc.NotDoneKind.CANCELLED, JAR)
     assert sum(jar_out.truth.fingers_on[JAR].values()) >= 3

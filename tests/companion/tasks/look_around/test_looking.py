@@ -1,4 +1,6 @@
-"""Looking for a thing that should be there: the torso is turned while it is hidden, and no longer."""
+"""Looking for a thing that should be there: the torso is turned while it is hidden, and no
+longer.
+"""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -35,15 +37,21 @@ def cabinet_gone(jar_out: Acting) -> Situation:
 
 
 @pytest.mark.parametrize("turned", [0.0, 1.2, -1.2])
-def test_what_is_out_of_the_picture_is_not_surely_seen(cabinet_gone: Situation, turned: float) -> None:
-    """The head does not turn everywhere: what is in a raised hand beside it may be there, but in no picture."""
+def test_what_is_out_of_the_picture_is_not_surely_seen(
+    cabinet_gone: Situation, turned: float
+) -> None:
+    """The head does not turn everywhere: what is in a raised hand beside it may be there, but in no
+    picture.
+    """
     here = cabinet_gone
     here.head = here.head[0] + turned, here.head[1]
     for at in (None, here.seen[BOWL]):
         assert here.surely_seen(BOWL, at) == (turned == 0.0)
 
 
-def looked(here: Situation, at: Sequence[tuple[float, float, float]], seen_from: int) -> list[Motion]:
+def looked(
+    here: Situation, at: Sequence[tuple[float, float, float]], seen_from: int
+) -> list[Motion]:
     """Return the motions of a look; a table is seen in each, the bowl from the n-th one on."""
     work, motions = look(here, rc.Look("look", tuple(at))), []
     bowl, table = Sight(BOWL, here.seen[BOWL]), table_of(here)
@@ -76,7 +84,9 @@ def test_a_thing_that_is_seen_is_looked_at_once(jar_out: Acting) -> None:
 
 
 @pytest.mark.parametrize(("seen_from", "motions"), [(2, 2), (3, 3), (99, 3)])
-def test_the_torso_turns_until_a_hidden_thing_is_seen(seen_from: int, motions: int, jar_out: Acting) -> None:
+def test_the_torso_turns_until_a_hidden_thing_is_seen(
+    seen_from: int, motions: int, jar_out: Acting
+) -> None:
     """To one side, then to the other; where it is seen from neither, the look ends."""
     here = jar_out.here
     before = float(here.q[names.TORSO])
@@ -116,7 +126,10 @@ def test_eyes_that_see_nothing_at_all_miss_nothing(cabinet_gone: Situation) -> N
 def test_a_thing_that_may_be_hidden_is_not_missing(cabinet_gone: Situation) -> None:
     """A box stands before it."""
     here = cabinet_gone
-    bowl, eye = here.seen[BOWL].translation, here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation
+    bowl, eye = (
+        here.seen[BOWL].translation,
+        here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation,
+    )
     here.models = {**here.models, "box_1": "box3"}
     here.place("box_1", pin.SE3(np.eye(3), eye + 0.5 * (bowl - eye)))
     here.begin()
@@ -144,13 +157,17 @@ def performed(here: Situation, command: rc.Look) -> rc.Done | rc.NotDone:
         motion = next(work)
         while True:
             q = motion.path()[-1]
-            motion = work.send(Sensed("done", (), q, q, {}, {}, {}, here.head, [table_of(here)], here.time))
+            motion = work.send(
+                Sensed("done", (), q, q, {}, {}, {}, here.head, [table_of(here)], here.time)
+            )
     except StopIteration as stop:
         return stop.value
 
 
 @pytest.mark.parametrize("seen_at", [0, 1, MORE_LOOKS, MORE_LOOKS + 1])
-def test_a_picture_that_shows_nothing_is_followed_by_others(cabinet_gone: Situation, seen_at: int) -> None:
+def test_a_picture_that_shows_nothing_is_followed_by_others(
+    cabinet_gone: Situation, seen_at: int
+) -> None:
     """Only a thing that is in none of them is missing."""
     here = cabinet_gone
     here.begin()

@@ -1,4 +1,6 @@
-"""A leaf is opened by its handle with the true loop and simulated physics: contacts alone move it."""
+"""A leaf is opened by its handle with the true loop and simulated physics: contacts alone move
+it.
+"""
 
 import math
 
@@ -23,7 +25,9 @@ pytestmark = pytest.mark.timeout(240)
 SENSE = {"door_1": -1.0, "door_2": 1.0}
 DOOR = "door_2"
 OWN = {"door_1": Side.LEFT, "door_2": Side.RIGHT}
-MOST_N = 60.0  # at a wrist, with the weight of the hand; estimate: half of what an arm of 1500 N/m gives 8 cm beside
+# at a wrist, with the weight of the hand; estimate: half of what an arm of 1500 N/m gives 8 cm
+# beside
+MOST_N = 60.0
 
 
 def angle(acting: Acting, door: str) -> float:
@@ -43,19 +47,25 @@ def planned(done: rc.Done, door: str) -> tuple[rc.Command, ...]:
         return answer
 
     asking = Asking(answered, "p")
-    step = open_door(Geometry(asking, Robot(), 1), asking.suppose("", ()), door, "cabinet_2", OWN[door])
+    step = open_door(
+        Geometry(asking, Robot(), 1), asking.suppose("", ()), door, "cabinet_2", OWN[door]
+    )
     return step.commands
 
 
 @pytest.fixture(scope="module")
 def before() -> tuple[Acting, dict[str, tuple[rc.Command, ...]]]:
-    """A robot that has looked around before the closed cabinet, and the commands that open each leaf."""
+    """A robot that has looked around before the closed cabinet, and the commands that open each
+    leaf.
+    """
     acting = Acting(7, load(CANONICAL.with_stem("doors")))
     seen = acting.done(acting.look())
     return acting, {door: planned(seen, door) for door in SENSE}
 
 
-def watched(acting: Acting, commands: tuple[rc.Command, ...]) -> tuple[list[rc.Done | rc.NotDone], float]:
+def watched(
+    acting: Acting, commands: tuple[rc.Command, ...]
+) -> tuple[list[rc.Done | rc.NotDone], float]:
     """The outcomes, and the largest force at a wrist [N]."""
     most, step = [0.0], acting.core.backend.step
 
@@ -73,7 +83,9 @@ def watched(acting: Acting, commands: tuple[rc.Command, ...]) -> tuple[list[rc.D
 
 @pytest.mark.parametrize("door", SENSE)
 def test_a_leaf_is_opened_by_its_handle(before, door: str) -> None:
-    """So far as is enough, with a force that a hand gives; the other leaf and what is behind stay; the arm is free."""
+    """So far as is enough, with a force that a hand gives; the other leaf and what is behind stay;
+    the arm is free.
+    """
     known, commands = before
     acting, other = known.copied(), next(one for one in SENSE if one != door)
     stood = acting.truth.poses

@@ -24,7 +24,8 @@ def _over_the_bowl(_jar_out: "Acting") -> "tuple[Acting, Pour]":
 
 @pytest.fixture
 def over_the_bowl(_over_the_bowl: "tuple[Acting, Pour]") -> "tuple[Acting, Pour]":
-    """The jar is in the left hand, the bowl in view on the nearest table, and this is a pour that is possible there.
+    """The jar is in the left hand, the bowl in view on the nearest table, and this is a pour that
+    is possible there.
 
     In the situation alone: in physics the robot has only taken the jar out.
     """

@@ -1,4 +1,6 @@
-"""Weights of a pour: felt before and after, over interruptions. No physics: the test says what the hand feels."""
+"""Weights of a pour: felt before and after, over interruptions. No physics: the test says what the
+hand feels.
+"""
 
 import dataclasses
 import math
@@ -26,7 +28,8 @@ from velma.control.grip import Grip
 from velma.kinematics.frames import standing
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT
 
-FULL, HALF, EMPTY = 0.26, 0.23, 0.20  # [kg] the jar of the canonical scene with all, half, none of its content
+# [kg] the jar of the canonical scene with all, half, none of its content
+FULL, HALF, EMPTY = 0.26, 0.23, 0.20
 NOT_FELT = math.nan
 TILTED, LOOK = 1, 4  # motions of a pour; the number of the one with the look into the bowl
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
@@ -41,9 +44,11 @@ def performed(
     cancelled: int = -1,
     content: tuple[float | None, float | None] = (None, None),
 ) -> tuple[rc.Done | rc.NotDone, list[Motion]]:
-    """Perform a pour with these masses [kg] felt: before, and after each tilt, which has two motions.
+    """Perform a pour with these masses [kg] felt: before, and after each tilt, which has two
+    motions.
 
-    `cancelled`: the number of a motion; `content`: mass [kg] seen in the bowl until the look into it, and by that.
+    `cancelled`: the number of a motion; `content`: mass [kg] seen in the bowl until the look into
+    it, and by that.
     """
     work, motions = perform(here, command), []
     felt = [before, *(mass for mass in after for _ in range(2))]
@@ -58,7 +63,9 @@ def performed(
         return stop.value, motions
 
 
-def _sensed(here: Situation, motion: Motion, mass: float, cancelled: bool, content: float | None) -> Sensed:
+def _sensed(
+    here: Situation, motion: Motion, mass: float, cancelled: bool, content: float | None
+) -> Sensed:
     q = motion.path()[-1]
     felt = Grip.HELD if mass else Grip.UNSURE
     grips = {} if math.isnan(mass) else {str(LEFT): GripReport(felt=felt, mass=mass)}
@@ -75,11 +82,14 @@ def told(outcome: rc.Done | rc.NotDone) -> Any:
 
 
 POURS = [
-    # Content in the bowl before, felt before and after each tilt, seen in the bowl until and by the look; outcome.
+    # Content in the bowl before, felt before and after each tilt, seen in the bowl until and by the
+    # look; outcome.
     (0.0, (FULL, EMPTY), (None, None), ((FULL, EMPTY), None), 4),
-    # With little left in it, a jar is tilted once: a fifth of the content is less than a hand tells from nothing.
+    # With little left in it, a jar is tilted once: a fifth of the content is less than a hand tells
+    # from nothing.
     (0.0, (FULL, 0.212), (None, None), ((FULL, 0.212), None), 4),
-    # With much left, once more and not a third time; what does not leave in two tilts is not poured.
+    # With much left, once more and not a third time; what does not leave in two tilts is not
+    # poured.
     (0.0, (FULL, HALF, EMPTY), (None, None), ((FULL, EMPTY), None), 6),
     (0.0, (FULL, HALF, HALF), (None, None), ((FULL, HALF), None), 6),
     (0.0, (FULL, FULL, FULL), (None, None), "failed", 6),
@@ -121,16 +131,22 @@ def test_what_left_the_jar_is_felt_and_looked_for_in_the_bowl(over_the_bowl: Ove
     assert wrong == []
 
 
-HIDDEN = [(0.0, 0.03, True), (0.0, 0.006, True), (0.0, 0.004, None), (0.0, 0.0, None), (0.03, 0.046, True),
+HIDDEN = [(0.0, 0.03, True), (0.0, 0.006, True), (0.0, 0.004, None), (0.0, 0.0, None),
+          (0.03, 0.046, True),
           (0.03, 0.04, None)]  # fmt: skip
 
 
 def test_a_look_that_something_hides_tells_the_least(over_the_bowl: Over) -> None:
-    """A box stands between the head and the bowl, wherever the hand is: there is as much as is seen, or more."""
+    """A box stands between the head and the bowl, wherever the hand is: there is as much as is
+    seen, or more.
+    """
     acting, command = over_the_bowl
     for had, seen, arrived in HIDDEN:
         here = acting.copied().here
-        bowl, eye = here.seen[BOWL].translation, here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation
+        bowl, eye = (
+            here.seen[BOWL].translation,
+            here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation,
+        )
         here.place("box_1", standing(eye + 0.3 * (bowl - eye)))
         here.contents[BOWL] = had
         outcome, _ = performed(here, command, FULL, EMPTY, content=(None, seen))
@@ -145,7 +161,9 @@ def test_the_second_tilt_goes_farther(over_the_bowl: Over) -> None:
     _, motions = performed(here, command, FULL, HALF, EMPTY)
     grips = (here.robot.grip(motion.path()[-1], LEFT) for motion in motions)
     inside = here.held[LEFT].T_grip_object
-    before, first, _, second, _, _ = (float(np.arccos((grip * inside).rotation[2, 2])) for grip in grips)
+    before, first, _, second, _, _ = (
+        float(np.arccos((grip * inside).rotation[2, 2])) for grip in grips
+    )
     assert (before, first) == pytest.approx((FIRST_TILT, LAST_TILT), abs=0.02)
     assert second > first + 0.2
     assert here.hidden(BOWL, motions[-1].path()[-1]) == 0
@@ -159,7 +177,9 @@ def test_a_pour_with_nothing_in_the_hand_at_its_end_is_not_done(over_the_bowl: O
 
 @pytest.mark.parametrize("left", [EMPTY, HALF])
 def test_a_pour_that_goes_on_counts_from_its_beginning(left: float, over_the_bowl: Over) -> None:
-    """Cancelled in the middle, when all or half has left the jar, the next one is done, and all of it was felt."""
+    """Cancelled in the middle, when all or half has left the jar, the next one is done, and all of
+    it was felt.
+    """
     acting, command = over_the_bowl
     here = acting.here
     assert told(performed(here, command, FULL, left, cancelled=TILTED)[0]) == "cancelled"
@@ -176,14 +196,18 @@ def test_a_second_tilt_that_is_cancelled_counts_too(over_the_bowl: Over) -> None
 
 
 def test_content_taken_out_between_two_tilts_was_not_poured(over_the_bowl: Over) -> None:
-    """Nothing left in the first tilt, somebody empties the jar, nothing leaves in the second: the pour fails."""
+    """Nothing left in the first tilt, somebody empties the jar, nothing leaves in the second: the
+    pour fails.
+    """
     acting, command = over_the_bowl
     performed(acting.here, command, FULL, FULL, cancelled=TILTED)
     assert told(performed(acting.here, command, EMPTY, EMPTY)[0]) == "failed"
 
 
 def test_a_tilt_that_was_not_weighed_counts_from_its_beginning(over_the_bowl: Over) -> None:
-    """The skill process dies while the jar is tilted: the next one has the weight before that tilt from the journal."""
+    """The skill process dies while the jar is tilted: the next one has the weight before that tilt
+    from the journal.
+    """
     acting, command = over_the_bowl
     acting.here.unfinished[JAR] = Unfinished(BOWL, FULL)
     assert performed(acting.here, command, EMPTY, EMPTY)[0].weighed == (FULL, EMPTY)
@@ -196,12 +220,16 @@ def test_a_pour_into_another_thing_begins_by_itself(over_the_bowl: Over) -> None
     performed(here, command, FULL, EMPTY, cancelled=TILTED)
     here.place("bowl_2", here.seen[BOWL])
     here.forget(BOWL)
-    outcome, _ = performed(here, msgspec.structs.replace(command, destination="bowl_2"), EMPTY, EMPTY)
+    outcome, _ = performed(
+        here, msgspec.structs.replace(command, destination="bowl_2"), EMPTY, EMPTY
+    )
     assert outcome.why == (fact(PourKind.NOTHING_LEFT, JAR, EMPTY, EMPTY),)
 
 
 def test_content_of_an_earlier_tilt_counts_as_poured(over_the_bowl: Over) -> None:
-    """Half had left before an interruption: all of it must be there, more than was in the bowl before."""
+    """Half had left before an interruption: all of it must be there, more than was in the bowl
+    before.
+    """
     acting, command = over_the_bowl
     here = acting.here
     here.contents[BOWL] = 0.0
@@ -213,15 +241,29 @@ def test_content_of_an_earlier_tilt_counts_as_poured(over_the_bowl: Over) -> Non
 def test_a_cancel_while_it_looks_changes_nothing(over_the_bowl: Over) -> None:
     """All has left the jar: the pour is done, and it was not looked into."""
     acting, command = over_the_bowl
-    assert told(performed(acting.here, command, FULL, EMPTY, cancelled=LOOK - 1)[0]) == ((FULL, EMPTY), None)
+    assert told(performed(acting.here, command, FULL, EMPTY, cancelled=LOOK - 1)[0]) == (
+        (FULL, EMPTY),
+        None,
+    )
 
 
 def test_the_hand_is_drawn_aside_where_the_elbow_is_near_the_head(over_the_bowl: Over) -> None:
-    """The posture, the bowl and the azimuth of a pour after a stop: the head could not turn to the bowl."""
+    """The posture, the bowl and the azimuth of a pour after a stop: the head could not turn to the
+    bowl.
+    """
     acting, command = over_the_bowl
     here = acting.here
     here.place(BOWL, standing(np.array([0.630, -0.490, 0.775])))
-    here.q[[names.TORSO, *names.ARM["left"]]] = [-0.954, -2.557, 2.064, -2.190, 1.663, 1.771, 0.696, 1.003]
+    here.q[[names.TORSO, *names.ARM["left"]]] = [
+        -0.954,
+        -2.557,
+        2.064,
+        -2.190,
+        1.663,
+        1.771,
+        0.696,
+        1.003,
+    ]
     here.head = (0.0, 0.0)
     rim = here.seen[BOWL].act(np.array(models.MODELS[here.models[BOWL]].hole.centre))
     assert turned(here, here.q, rim) is None
@@ -231,7 +273,9 @@ def test_the_hand_is_drawn_aside_where_the_elbow_is_near_the_head(over_the_bowl:
 
 
 def test_nothing_is_tilted_over_a_bowl_that_is_gone(over_the_bowl: Over) -> None:
-    """It is in none of some pictures below the jar, where some of it would be in view: the jar stays upright."""
+    """It is in none of some pictures below the jar, where some of it would be in view: the jar
+    stays upright.
+    """
     acting, command = over_the_bowl
     here = acting.here
     sights: list[Sight] = [Sight("table_1", here.seen["table_1"])]
@@ -251,7 +295,9 @@ def test_nothing_is_tilted_over_a_bowl_that_is_gone(over_the_bowl: Over) -> None
 
 @pytest.mark.parametrize("seen", [0.0, 0.03])
 def test_content_may_cover_what_is_inside(seen: float, over_the_bowl: Over) -> None:
-    """Markers inside tell where a bowl is until something is in it, poured or seen; those outside always do."""
+    """Markers inside tell where a bowl is until something is in it, poured or seen; those outside
+    always do.
+    """
     here = over_the_bowl[0].here
     every = here.markers[BOWL]
     normal = np.cross(every[:, 3] - every[:, 0], every[:, 1] - every[:, 0])
@@ -270,7 +316,9 @@ def test_content_may_cover_what_is_inside(seen: float, over_the_bowl: Over) -> N
 
 
 @pytest.mark.parametrize(("aside", "kind"), [(0.005, ""), (0.05, "replan")])
-def test_nothing_is_tilted_over_a_bowl_that_was_moved(aside: float, kind: str, over_the_bowl: Over) -> None:
+def test_nothing_is_tilted_over_a_bowl_that_was_moved(
+    aside: float, kind: str, over_the_bowl: Over
+) -> None:
     """It is seen beside where it was: the stream would miss it. Millimetres are noise."""
     acting, command = over_the_bowl
     work = perform(acting.here, command)

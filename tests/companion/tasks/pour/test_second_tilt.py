@@ -14,14 +14,21 @@ CLOG_M = 0.17  # near the opening
 
 
 class Clog:
-    """The jar's bottom rises as soon as `CLOGGED` grains are left in it, and sinks when it is upright again, once.
+    """The jar's bottom rises as soon as `CLOGGED` grains are left in it, and sinks when it is
+    upright again, once.
 
-    Tilted by more than a right angle, a jar needs no bottom: there it is a lump behind which the rest stays.
+    Tilted by more than a right angle, a jar needs no bottom: there it is a lump behind which the
+    rest stays.
     """
 
     def __init__(self, core: LoopCore) -> None:
-        self._model, self._truth, self._cycle = core.backend.model, TruthReader(core.backend), core.cycle
-        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE  # its boxes are those of the first place
+        self._model, self._truth, self._cycle = (
+            core.backend.model,
+            TruthReader(core.backend),
+            core.cycle,
+        )
+        # its boxes are those of the first place
+        self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         self._bottom = self._model.geom(f"{JAR}_bottom").id
         self._below = float(self._model.geom_pos[self._bottom, 2])
         self._clogged = False
@@ -45,7 +52,9 @@ class Clog:
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_jar_that_clogs_is_tilted_again(jar_out: Acting) -> None:
-    """Much was left after the first tilt; at the end the content is in the bowl, and the hand felt how much left."""
+    """Much was left after the first tilt; at the end the content is in the bowl, and the hand felt
+    how much left.
+    """
     acting, pour = jar_out, brought(jar_out)
     clog, before = Clog(acting.core), acting.truth.grains_in[JAR]
     outcome = acting.done(pour)

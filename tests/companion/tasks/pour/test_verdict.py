@@ -1,4 +1,6 @@
-"""Parts of the verdict on a pour; that of whole runs is tested with the report (tests/companion/tools)."""
+"""Parts of the verdict on a pour; that of whole runs is tested with the report
+(tests/companion/tools).
+"""
 
 import math
 
@@ -12,7 +14,9 @@ pytestmark = pytest.mark.timeout(60)
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5, math.pi / 2, -2.0])
 def test_a_point_on_a_turned_table_is_on_it(yaw: float) -> None:
-    """A corner of the top belongs to it, whichever way the table is turned; a point outside does not."""
+    """A corner of the top belongs to it, whichever way the table is turned; a point outside does
+    not.
+    """
     table = Pose((1.0, 2.0, 0.0), (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
     for reach, inside in ((0.45, True), (0.47, False)):
         x = 1.0 + reach * math.cos(yaw) - reach * math.sin(yaw)

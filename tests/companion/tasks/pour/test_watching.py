@@ -1,4 +1,6 @@
-"""The bowl is watched while the jar is tilted over it. What the eyes see is made up, the tilt in physics is not."""
+"""The bowl is watched while the jar is tilted over it. What the eyes see is made up, the tilt in
+physics is not.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -45,9 +47,11 @@ def over(over_the_bowl: tuple[Acting, Pour]) -> Tilt:
 def looked(
     here: Situation, pour: Pour, see: See, looks: int = 8, wrong: str = ""
 ) -> tuple[list[object], rc.Done | rc.NotDone]:
-    """Perform a pour whose tilt is looked at so often, at rest in its first posture; return answers and outcome.
+    """Perform a pour whose tilt is looked at so often, at rest in its first posture; return answers
+    and outcome.
 
-    `see`: what the eyes see at the n-th look; after the tilt, what they saw last. `wrong`: with the camera in the tilt.
+    `see`: what the eyes see at the n-th look; after the tilt, what they saw last. `wrong`: with the
+    camera in the tilt.
     """
     work, answers, last = perform(here, pour), list[object](), list[Sight]()
     try:
@@ -57,7 +61,11 @@ def looked(
             ended = "done"
             for n in range(looks if motion.look_every_s else 0):
                 last = see(here, n)
-                answers.append(work.send(replace(_sensed(here, upright, str(Phase.RUNNING), last), wrong=wrong)))
+                answers.append(
+                    work.send(
+                        replace(_sensed(here, upright, str(Phase.RUNNING), last), wrong=wrong)
+                    )
+                )
                 if isinstance(answers[-1], Cancel):
                     ended = "cancelled"
                     break
@@ -80,7 +88,10 @@ def standing_ones(here: Situation, *without: str) -> list[Sight]:
 
 def aside(here: Situation, by: float) -> list[Sight]:
     """The bowl so far from its place [m]."""
-    return [*standing_ones(here, BOWL), Sight(BOWL, pin.SE3(np.eye(3), np.array([by, 0.0, 0.0])) * here.seen[BOWL])]
+    return [
+        *standing_ones(here, BOWL),
+        Sight(BOWL, pin.SE3(np.eye(3), np.array([by, 0.0, 0.0])) * here.seen[BOWL]),
+    ]
 
 
 def fallen(here: Situation) -> list[Sight]:
@@ -92,7 +103,9 @@ def fallen(here: Situation) -> list[Sight]:
 
 def boxed(here: Situation, across: float, azimuth: float = 0.0) -> list[Sight]:
     """A box in the air, so far from the middle above the bowl [m], in this direction [rad]."""
-    at = here.seen[BOWL].translation + np.array([across * np.cos(azimuth), across * np.sin(azimuth), 0.35])
+    at = here.seen[BOWL].translation + np.array(
+        [across * np.cos(azimuth), across * np.sin(azimuth), 0.35]
+    )
     return [*standing_ones(here, "box_1"), Sight("box_1", standing(at))]
 
 
@@ -116,14 +129,32 @@ def test_a_camera_that_is_not_well_tells_nothing_of_the_bowl(over: Tilt) -> None
 @pytest.mark.parametrize(
     ("see", "kind", "why"),
     [
-        (lambda here, n: aside(here, 0.12), "replan", fact(PourKind.DURING_THE_TILT, fact(Kind.MOVED, BOWL, 0.12))),
-        (lambda here, n: fallen(here), "replan", fact(PourKind.DURING_THE_TILT, fact(Kind.FELL_OVER, BOWL))),
-        (lambda here, n: boxed(here, 0.0), "replan", fact(PourKind.DURING_THE_TILT, fact(Kind.ABOVE, "box_1", BOWL))),
-        (lambda here, n: standing_ones(here, BOWL), "missing", fact(Kind.NOT_WHERE_IT_WAS, BOWL, UNSEEN)),
+        (
+            lambda here, n: aside(here, 0.12),
+            "replan",
+            fact(PourKind.DURING_THE_TILT, fact(Kind.MOVED, BOWL, 0.12)),
+        ),
+        (
+            lambda here, n: fallen(here),
+            "replan",
+            fact(PourKind.DURING_THE_TILT, fact(Kind.FELL_OVER, BOWL)),
+        ),
+        (
+            lambda here, n: boxed(here, 0.0),
+            "replan",
+            fact(PourKind.DURING_THE_TILT, fact(Kind.ABOVE, "box_1", BOWL)),
+        ),
+        (
+            lambda here, n: standing_ones(here, BOWL),
+            "missing",
+            fact(Kind.NOT_WHERE_IT_WAS, BOWL, UNSEEN),
+        ),
     ],
 )
 def test_what_happens_to_the_bowl_ends_the_tilt(over: Tilt, see: See, kind: str, why: Fact) -> None:
-    """Within some looks, which come soon after each other; the content is what was weighed, and the reason is true."""
+    """Within some looks, which come soon after each other; the content is what was weighed, and the
+    reason is true.
+    """
     answers, outcome = looked(*over, see)
     *doubts, last = answers
     assert last == Cancel("pour")
@@ -158,9 +189,12 @@ def test_a_bowl_that_is_seen_again_is_not_missing(over: Tilt, late: bool) -> Non
 
 
 @pytest.mark.parametrize("gone", [True, False])
-def test_a_bowl_that_the_jar_hides_is_looked_for_with_the_hand_drawn_back(jar_out: Acting, gone: bool) -> None:
-    """During the tilt it would surely be seen and was not; upright, the jar hides it: that it is not seen then proves
-    nothing."""
+def test_a_bowl_that_the_jar_hides_is_looked_for_with_the_hand_drawn_back(
+    jar_out: Acting, gone: bool
+) -> None:
+    """During the tilt it would surely be seen and was not; upright, the jar hides it: that it is
+    not seen then proves nothing.
+    """
     here, pour = jar_out.here, hidden(jar_out)
     work = perform(here, pour)
     upright = next(work).path()[-1]
@@ -168,7 +202,8 @@ def test_a_bowl_that_the_jar_hides_is_looked_for_with_the_hand_drawn_back(jar_ou
     assert not here.surely_seen(BOWL)
     unseen, answer = standing_ones(here, BOWL), object()
     while not isinstance(answer, Cancel):
-        answer = work.send(_sensed(here, names.START, str(Phase.RUNNING), unseen))  # no arm is before the bowl
+        # no arm is before the bowl
+        answer = work.send(_sensed(here, names.START, str(Phase.RUNNING), unseen))
     work.send(_sensed(here, upright, "cancelled", unseen))
     work.send(_sensed(here, upright, "done", unseen))
     back = work.send(_sensed(here, upright, "done", unseen))
@@ -202,7 +237,9 @@ def test_a_bowl_that_is_hidden_is_not_missing(over: Tilt) -> None:
     eye = here._eye(here.q)
     here.place("box_1", standing(eye + 0.3 * (here.seen[BOWL].translation - eye)))
     assert not here.in_view(BOWL)
-    answers, _ = looked(*over, lambda here, n: standing_ones(here, BOWL) if n else standing_ones(here), looks=12)
+    answers, _ = looked(
+        *over, lambda here, n: standing_ones(here, BOWL) if n else standing_ones(here), looks=12
+    )
     assert is_tilted_on(answers)
 
 
@@ -216,8 +253,12 @@ def test_what_stood_there_before_is_not_above(over: Tilt) -> None:
 
 
 @pytest.mark.parametrize(("degrees", "gone"), [(30, True), (60, False)])
-def test_nothing_falls_beside_a_bowl_that_is_taken_away(jar_out: Acting, degrees: float, gone: bool) -> None:
-    """It is removed or pushed by 12 cm while the jar is tilted: the jar is upright in 3 s, all of its content in it."""
+def test_nothing_falls_beside_a_bowl_that_is_taken_away(
+    jar_out: Acting, degrees: float, gone: bool
+) -> None:
+    """It is removed or pushed by 12 cm while the jar is tilted: the jar is upright in 3 s, all of
+    its content in it.
+    """
     pour = brought(jar_out, seen=True)
     core, truth, happened = jar_out.core, TruthReader(jar_out.core.backend), list[float]()
     body = InProcess(core, jar_out.eye)
@@ -229,7 +270,11 @@ def test_nothing_falls_beside_a_bowl_that_is_taken_away(jar_out: Acting, degrees
         if not happened and leans > degrees:
             happened.append(core.state.time)
             place(
-                core, BOWL, np.array([-2.0, 2.0, 0.001]) if gone else truth.pose(BOWL)[1] + np.array([0.0, 0.12, 0.0])
+                core,
+                BOWL,
+                np.array([-2.0, 2.0, 0.001])
+                if gone
+                else truth.pose(BOWL)[1] + np.array([0.0, 0.12, 0.0]),
             )
         elif happened and not upright and core.state.time > happened[0] + 0.5 and leans < 25.0:
             upright.append(core.state.time)

@@ -24,20 +24,28 @@ MOST = 20  # tilts that are tried
 
 
 def in_view(acting: Acting) -> Pour:
-    """Return a pour over a bowl that is seen below the jar; in the situation alone, the robot is where it begins."""
+    """Return a pour over a bowl that is seen below the jar; in the situation alone, the robot is
+    where it begins.
+    """
     here = acting.here
     tilting = next(one for one in islice(_possible(acting), MOST) if stands_and_sees(here, one))
     return _pour(tilting)
 
 
 def hidden(acting: Acting) -> Pour:
-    """Return a pour over a bowl that the jar hides before the tilt; in the situation alone, as `in_view`."""
+    """Return a pour over a bowl that the jar hides before the tilt; in the situation alone, as
+    `in_view`.
+    """
     here = acting.here
-    return _pour(next(one for one in islice(_possible(acting), MOST) if not stands_and_sees(here, one)))
+    return _pour(
+        next(one for one in islice(_possible(acting), MOST) if not stands_and_sees(here, one))
+    )
 
 
 def brought(acting: Acting, seen: bool = False) -> Pour:
-    """Return a pour; the robot has moved to where it begins, in physics. `seen`: the bowl is seen from there."""
+    """Return a pour; the robot has moved to where it begins, in physics. `seen`: the bowl is seen
+    from there.
+    """
     here = acting.here
     data, joint = acting.core.backend.data, acting.core.backend.model.joint(BOWL).qposadr[0]
     possible = _possible(acting)
@@ -47,7 +55,11 @@ def brought(acting: Acting, seen: bool = False) -> Pour:
     for tilting in possible:
         visible = not seen or stands_and_sees(here, tilting)
         here.q, here.head = q, head
-        way = motion.plan(here.robot, here.world, LEFT, here.q, tilting.path[0], keep=keep) if visible else None
+        way = (
+            motion.plan(here.robot, here.world, LEFT, here.q, tilting.path[0], keep=keep)
+            if visible
+            else None
+        )
         if way is not None:
             acting.done(acting.move(LEFT, way.path[1:]))
             return _pour(tilting)
@@ -55,7 +67,9 @@ def brought(acting: Acting, seen: bool = False) -> Pour:
 
 
 def stands_and_sees(here: Situation, tilting: Tilting) -> bool:
-    """Put the robot of the situation below this tilt's beginning, and return whether the bowl is surely seen there."""
+    """Put the robot of the situation below this tilt's beginning, and return whether the bowl is
+    surely seen there.
+    """
     here.q = tilting.path[0].copy()
     rim = models.MODELS[here.models[BOWL]].hole
     goal = aim(float(here.q[names.TORSO]), here.seen[BOWL].act(np.array(rim.centre)))
@@ -67,7 +81,12 @@ def _possible(acting: Acting) -> Iterator[Tilting]:
     """Put the bowl on the table, in the situation alone, and return the tilts over it."""
     here = acting.here
     table = here.seen["table_1"].translation
-    here.place(BOWL, standing(np.array([table[0], table[1] + 0.25, 0.78 - models.MODELS[acting.things[BOWL]].base.z])))
+    here.place(
+        BOWL,
+        standing(
+            np.array([table[0], table[1] + 0.25, 0.78 - models.MODELS[acting.things[BOWL]].base.z])
+        ),
+    )
     rim, opening = (models.MODELS[acting.things[name]].hole for name in (BOWL, JAR))
     flow = Stream(here.seen[BOWL].act(np.array(rim.centre)), rim.radius, opening.centre[2])
     held = here.held[LEFT].T_grip_object

@@ -1,4 +1,6 @@
-"""What is put down and not seen is told as that, where the hand left it: true loop, simulated physics."""
+"""What is put down and not seen is told as that, where the hand left it: true loop, simulated
+physics.
+"""
 
 import math
 
@@ -22,8 +24,11 @@ from velma.kinematics.frames import lies, transform, xyz_quat
 from velma.kinematics.tasks.placing import ABOVE_M
 
 JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
-JAR_M, JAR_RADIUS_M, RIM_M = 0.2, 0.04, 0.09  # height and radius; radius of the rim, within its wall (objects.yaml)
-NEAR_M = 0.02  # of the true place: the receptor's noise of 4 mm on each axis, and what slips at the opening (estimate)
+# height and radius; radius of the rim, within its wall (objects.yaml)
+JAR_M, JAR_RADIUS_M, RIM_M = 0.2, 0.04, 0.09
+# of the true place: the receptor's noise of 4 mm on each axis, and what slips at the opening
+# (estimate)
+NEAR_M = 0.02
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
 
@@ -63,8 +68,11 @@ class Without(Receptor):
 
 
 @pytest.mark.parametrize("more", [None, 0, 1])
-def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out: Acting, more: int | None) -> None:
-    """Also when it was seen in the hand in the same act, or beside the open hand, which may topple it as it leaves.
+def test_what_is_put_down_unseen_is_where_the_hand_left_it(
+    jar_out: Acting, more: int | None
+) -> None:
+    """Also when it was seen in the hand in the same act, or beside the open hand, which may topple
+    it as it leaves.
 
     The outcome tells its place and the time of the release.
     """
@@ -78,11 +86,15 @@ def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out: Acting, more
     assert placed.uncertainty is None
     assert stands(done) == ((), 0.0)
     kept: Remembered = remembered(jar_out.here, "")
-    assert kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "").placed == done.placed, "also if its end is not told"
+    assert kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "").placed == done.placed, (
+        "also if its end is not told"
+    )
 
 
 class Pushed(Receptor):
-    """Sees, and when it first sees the jar in no hand, that is pushed by `shift` (3,) [m] and tilted."""
+    """Sees, and when it first sees the jar in no hand, that is pushed by `shift` (3,) [m] and
+    tilted.
+    """
 
     def __init__(self, acting: Acting, shift: tuple[float, float, float], pitch: float) -> None:
         self._acting, self._eye, self._shift, self._pitch = acting, acting.eye, shift, pitch
@@ -93,7 +105,12 @@ class Pushed(Receptor):
         if not self.pushed and self._acting.here.put:
             self.pushed = True
             at = np.add(self._acting.truth.at[JAR], self._shift)
-            put(self._acting, JAR, at, (math.cos(self._pitch / 2), 0.0, math.sin(self._pitch / 2), 0.0))
+            put(
+                self._acting,
+                JAR,
+                at,
+                (math.cos(self._pitch / 2), 0.0, math.sin(self._pitch / 2), 0.0),
+            )
             qpos = self._acting.core.backend.configuration()
         return self._eye.look(qpos, neck)
 
@@ -122,14 +139,18 @@ def test_what_is_put_down_is_looked_at(
 
 
 def test_what_meets_something_unseen_is_put_down_beside_it(jar_out: Acting) -> None:
-    """A bowl's rim is at the jar's place: the jar is put down beside it, upright, on the same surface."""
+    """A bowl's rim is at the jar's place: the jar is put down beside it, upright, on the same
+    surface.
+    """
     retreat = [(transform(one.at), one.fingers) for one in jar_out.retreats[JAR]]
     found = free_spot(jar_out.here, LEFT, retreat)
     place, path = found
     put(jar_out, BOWL, place.translation + np.array([0.0, RIM_M, 0.005 - JAR_M / 2]))
     jar_out.eye, at = Blind(), Pose(*xyz_quat(place))
     jar_out.done(jar_out.move(LEFT, [jar_out.here.q, *path]))
-    jar_out.done(rc.Release("act", LEFT, JAR, "table_1", at, jar_out.retreats[JAR], ((0.0, 0.0, ABOVE_M),)))
+    jar_out.done(
+        rc.Release("act", LEFT, JAR, "table_1", at, jar_out.retreats[JAR], ((0.0, 0.0, ABOVE_M),))
+    )
     truth = jar_out.truth
     assert truth.tilt_deg[JAR] < 2.0
     assert abs(truth.at[JAR][2] - place.translation[2]) < 0.01
@@ -137,7 +158,10 @@ def test_what_meets_something_unseen_is_put_down_beside_it(jar_out: Acting) -> N
 
 
 def put(
-    acting: Acting, name: str, xyz: np.ndarray, turned: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    acting: Acting,
+    name: str,
+    xyz: np.ndarray,
+    turned: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
 ) -> None:
     """Put a thing at `xyz` (3,) [m], turned by a quaternion (w, x, y, z), where nobody looks."""
     model, data = acting.core.backend.model, acting.core.backend.data
@@ -161,18 +185,26 @@ def test_what_is_put_down_and_seen_there_is_told_as_seen(jar_out: Acting) -> Non
 
 
 def test_a_look_that_is_to_confirm_it_and_does_not_see_it_says_so(jar_out: Acting) -> None:
-    """Also where an earlier one saw it: an arm that left since may have toppled it. One for nothing tells nothing."""
+    """Also where an earlier one saw it: an arm that left since may have toppled it. One for nothing
+    tells nothing.
+    """
     assert stands(jar_out.done(jar_out.put_down(JAR, LEFT)))[0] == (Sense.EYES,)
     there = (tuple(jar_out.here.seen[JAR].translation),)
     assert stands(jar_out.done(rc.Look("look", there, put=JAR)))[0] == (Sense.EYES,)
-    assert not [one for one in jar_out.done(rc.Look("look", there)).evidence if one.claim is Claim.STANDS]
+    assert not [
+        one for one in jar_out.done(rc.Look("look", there)).evidence if one.claim is Claim.STANDS
+    ]
     jar_out.eye = Without(jar_out.eye)
     assert stands(jar_out.done(rc.Look("look", there, put=JAR))) == ((), 0.0)
 
 
 @pytest.mark.parametrize("toppled", [True, False])
-def test_another_skill_process_compares_what_was_put_down_too(jar_out: Acting, toppled: bool) -> None:
-    """Each act begins from what ex remembers; the one that sees the jar next tells whether it stands."""
+def test_another_skill_process_compares_what_was_put_down_too(
+    jar_out: Acting, toppled: bool
+) -> None:
+    """Each act begins from what ex remembers; the one that sees the jar next tells whether it
+    stands.
+    """
     eye, jar_out.eye = jar_out.eye, Blind()
     jar_out.done(jar_out.put_down(JAR, LEFT))
     stood, here = tuple(jar_out.truth.at[JAR]), jar_out.here
@@ -184,7 +216,10 @@ def test_another_skill_process_compares_what_was_put_down_too(jar_out: Acting, t
             (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0),
         )
     felt = Felt(here.q.tobytes(), here.q.tobytes(), here.head, here.time)
-    jar_out.here, jar_out.eye = Stage(Setup(), _unchanged, _unasked).situation(remembered(here, ""), felt), eye
+    jar_out.here, jar_out.eye = (
+        Stage(Setup(), _unchanged, _unasked).situation(remembered(here, ""), felt),
+        eye,
+    )
     outcome = jar_out.act(rc.Look("look", (stood,)))
     assert outcome.placed == ()
     assert getattr(outcome, "why", ()) == ((fact(Kind.FELL_OVER, JAR),) if toppled else ())
@@ -199,6 +234,8 @@ def _unasked(look: See) -> Saw:
 
 
 def stands(done: rc.Done) -> tuple[tuple[Sense, ...], float]:
-    """Return by which senses it is told that the jar stands, and the standard deviation of its place [m]."""
+    """Return by which senses it is told that the jar stands, and the standard deviation of its
+    place [m].
+    """
     (one,) = [one for one in done.evidence if one.claim is Claim.STANDS]
     return one.by, one.within

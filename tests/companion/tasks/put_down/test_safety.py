@@ -1,4 +1,6 @@
-"""State after a cancelled act, and putting down of the held thing, with the true loop and simulated physics."""
+"""State after a cancelled act, and putting down of the held thing, with the true loop and simulated
+physics.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -45,7 +47,9 @@ def closing_for(seconds: float) -> CancelWhen:
 
 @pytest.mark.parametrize("seconds", [0.05, 1.2])
 def test_a_cancelled_grasp_backs_out(before_the_jar: Acting, seconds: float) -> None:
-    """Cancelled while its fingers close, the hand opens and draws back to where it can move freely."""
+    """Cancelled while its fingers close, the hand opens and draws back to where it can move
+    freely.
+    """
     outcome = before_the_jar.act(before_the_jar.taking[1], closing_for(seconds))
     assert (outcome.kind, outcome.held) == ("cancelled", {})
     stands(before_the_jar)
@@ -82,7 +86,9 @@ def test_a_tilted_jar_is_put_down_upright(jar_out: Acting) -> None:
     for sign in (1.0, -1.0):
         turn = pin.SE3(pin.exp3(sign * QUARTER * grip.rotation[:, 2]), np.zeros(3))
         about = pin.SE3(np.eye(3), jar.translation)
-        tilted = ik.solve(jar_out.robot, LEFT, about * turn * about.inverse() * grip, jar_out.here.q)
+        tilted = ik.solve(
+            jar_out.robot, LEFT, about * turn * about.inverse() * grip, jar_out.here.q
+        )
         if tilted is not None:
             break
     assert tilted is not None
@@ -96,8 +102,12 @@ def test_a_tilted_jar_is_put_down_upright(jar_out: Acting) -> None:
 
 @pytest.mark.parametrize("kind", [Open, Move])
 def test_letting_go_is_carried_to_its_end(holding: Acting, kind: type) -> None:
-    """A cancel while the fingers open changes nothing: the hand lets go and draws back to where it is free."""
-    outcome = holding.act(holding.put_down(JAR, LEFT), lambda motion, core: isinstance(motion.left, kind))
+    """A cancel while the fingers open changes nothing: the hand lets go and draws back to where it
+    is free.
+    """
+    outcome = holding.act(
+        holding.put_down(JAR, LEFT), lambda motion, core: isinstance(motion.left, kind)
+    )
     assert isinstance(outcome, rc.Done)
     assert not outcome.held
     stands(holding)
@@ -105,7 +115,9 @@ def test_letting_go_is_carried_to_its_end(holding: Acting, kind: type) -> None:
 
 
 def test_cancelled_on_the_way_down_it_is_still_held(jar_out: Acting) -> None:
-    """A put-down that is cancelled in the air leaves the jar in the hand; the next one puts it down."""
+    """A put-down that is cancelled in the air leaves the jar in the hand; the next one puts it
+    down.
+    """
 
     def moving(motion: Motion, core: LoopCore) -> bool:
         return bool(np.abs(core.state.v).max() > 0.1)
@@ -118,10 +130,18 @@ def test_cancelled_on_the_way_down_it_is_still_held(jar_out: Acting) -> None:
     stands(jar_out)
 
 
-def test_what_slips_while_it_is_put_down_is_put_down(jar_out: Acting, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pushed with 3 N for 0.2 s, which ends a motion as slipped, it is lowered from there, and stands."""
+def test_what_slips_while_it_is_put_down_is_put_down(
+    jar_out: Acting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pushed with 3 N for 0.2 s, which ends a motion as slipped, it is lowered from there, and
+    stands.
+    """
     core, cycle = jar_out.core, jar_out.core.cycle
-    force, pushed_at, slipped = core.backend.data.xfrc_applied[core.backend.model.body(JAR).id], [], []
+    force, pushed_at, slipped = (
+        core.backend.data.xfrc_applied[core.backend.model.body(JAR).id],
+        [],
+        [],
+    )
 
     def pushed() -> None:
         cycle()
@@ -156,13 +176,17 @@ def test_an_opening_that_is_blocked_is_told(jar_out: Acting) -> None:
     bowl = seen.translation + 0.5 * np.array(out)
     jar_out.here.place("bowl_1", standing((bowl[0], bowl[1], bowl[2] - 0.1)))
     way = ((out[0], out[1], LIFT_M), (0.0, 0.0, LIFT_M))
-    outcome = jar_out.act(rc.Release("in", LEFT, JAR, "cabinet_2", Pose(*xyz_quat(seen)), jar_out.retreats[JAR], way))
+    outcome = jar_out.act(
+        rc.Release("in", LEFT, JAR, "cabinet_2", Pose(*xyz_quat(seen)), jar_out.retreats[JAR], way)
+    )
     assert (outcome.kind, set(outcome.held)) == ("replan", {LEFT})
     assert (jar_out.core.setpoint == before).all()
 
 
 def test_an_arm_comes_home_from_among_things(holding: Acting) -> None:
-    """With its open hand still around the jar the arm first gets free, then goes home; the jar stays where it is."""
+    """With its open hand still around the jar the arm first gets free, then goes home; the jar
+    stays where it is.
+    """
     around, stood = holding.here.q.copy(), np.array(holding.truth.at[JAR])
     holding.done(holding.put_down(JAR, LEFT))
     holding.here.world.allow((JAR, "left_hand"))

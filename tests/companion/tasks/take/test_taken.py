@@ -1,4 +1,6 @@
-"""Boxes, and a jar that lies, are taken off the table, carried and put down: true loop, simulated physics."""
+"""Boxes, and a jar that lies, are taken off the table, carried and put down: true loop, simulated
+physics.
+"""
 
 import math
 
@@ -40,7 +42,10 @@ def test_a_box_is_taken_and_put_down(model: Model) -> None:
     """From above, of each size; it hangs upright, and stands again."""
     scene = load(CANONICAL.with_name("box.toml"))
     height = -models.MODELS[model].base.z + 0.776
-    things = (replace(one, model=model, xyz=(*one.xyz[:2], height)) if one.id == BOX else one for one in scene.things)
+    things = (
+        replace(one, model=model, xyz=(*one.xyz[:2], height)) if one.id == BOX else one
+        for one in scene.things
+    )
     acting = taken(BOX, 7, replace(scene, things=tuple(things)))
     assert acting.truth.tilt_deg[BOX] < 5.0
     stands_again(acting, BOX)

@@ -1,4 +1,6 @@
-"""The canonical scene with the shapes the agents know, and two things taken out of the cabinet once for all tests."""
+"""The canonical scene with the shapes the agents know, and two things taken out of the cabinet once
+for all tests.
+"""
 
 from dataclasses import dataclass
 
@@ -15,7 +17,12 @@ from velma.kinematics.tasks.grasping import Approach, GraspWay, Target, approach
 from velma.model.kinds import Model
 from velma.model.scene import load
 
-KNOWN_AS = {Model.JAR: "jar", Model.BOWL: "bowl_high", Model.CABINET: "cabinet_no_door", Model.TABLE: "table"}
+KNOWN_AS = {
+    Model.JAR: "jar",
+    Model.BOWL: "bowl_high",
+    Model.CABINET: "cabinet_no_door",
+    Model.TABLE: "table",
+}
 WANTED = 3
 
 
@@ -38,7 +45,12 @@ def furnish(robot: Robot) -> World:
     world = World(robot)
     for thing in load().things:
         model = MODELS[KNOWN_AS[thing.model]]
-        world.put(thing.id, model.shapes, standing(thing.xyz, thing.yaw), "object" if model.moveable else "furniture")
+        world.put(
+            thing.id,
+            model.shapes,
+            standing(thing.xyz, thing.yaw),
+            "object" if model.moveable else "furniture",
+        )
     return world
 
 
@@ -46,7 +58,9 @@ def take(robot: Robot, world: World, side: str, name: str, model: str) -> Taking
     """Grasps of a thing in the cabinet, from the start posture."""
     known = GRASPS[model]
     ways = [
-        GraspWay(g.id, tuple((transform(s.pose), s.fingers) for s in g.steps)) for g in known if g.kind == known[0].kind
+        GraspWay(g.id, tuple((transform(s.pose), s.fingers) for s in g.steps))
+        for g in known
+        if g.kind == known[0].kind
     ]
     out = world.pose("cabinet_2").rotation[:, 0]
     target = Target(name, world.pose(name), True, out, known[0].out)

@@ -20,7 +20,9 @@ from velma.kinematics.tasks.carrying import REGION_HIGH, REGION_LOW, TORSO_SWEEP
 def test_a_carried_thing_is_upright_and_in_nobodys_way(
     robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3]
 ) -> None:
-    """The hand in its region with the torso straight; free however the torso turns; the other arm untouched."""
+    """The hand in its region with the torso straight; free however the torso turns; the other arm
+    untouched.
+    """
     world, q, held = with_jar
     found = list(islice(carries(robot, world, "left", q, held, np.random.default_rng(2)), 6))
     assert len(found) == 6
@@ -38,7 +40,9 @@ def test_a_carried_thing_is_upright_and_in_nobodys_way(
     assert world.held("jar_1") == held
 
 
-def test_the_right_hand_carries_on_its_own_side(robot: Robot, with_bowl: tuple[World, np.ndarray, pin.SE3]) -> None:
+def test_the_right_hand_carries_on_its_own_side(
+    robot: Robot, with_bowl: tuple[World, np.ndarray, pin.SE3]
+) -> None:
     """The region is mirrored."""
     world, q, held = with_bowl
     posture = next(carries(robot, world, "right", q, held, np.random.default_rng(2)))
@@ -48,7 +52,9 @@ def test_the_right_hand_carries_on_its_own_side(robot: Robot, with_bowl: tuple[W
     assert tilt(robot.grip(posture, "right") * held) < 5e-3
 
 
-def test_nothing_is_carried_through_a_wall(robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3]) -> None:
+def test_nothing_is_carried_through_a_wall(
+    robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3]
+) -> None:
     """No carry posture is found if the torso cannot turn with it."""
     world, q, held = with_jar
     world.put("wall", [Box((0.02, 2.0, 2.0))], standing((0.5, 0.6, 1.2)))
@@ -66,4 +72,6 @@ def test_upright_is_the_angle_of_the_things_axis(
     leaning = pin.SE3(pin.exp3(axis * lean), np.array([0.5, 0.0, 1.0]))
     held = robot.grip(q, side).inverse() * leaning
     if abs(lean - limit) > 1e-6:
-        np.testing.assert_array_equal(upright(robot, side, held, limit)(np.array([q, q])), lean < limit)
+        np.testing.assert_array_equal(
+            upright(robot, side, held, limit)(np.array([q, q])), lean < limit
+        )

@@ -1,4 +1,6 @@
-"""Approaches: what is found is a known grasp, reached freely, and takes the thing out of its place."""
+"""Approaches: what is found is a known grasp, reached freely, and takes the thing out of its
+place.
+"""
 
 import math
 from contextlib import suppress
@@ -16,13 +18,21 @@ from velma.kinematics.frames import heading, shifted, standing, tilt
 from velma.kinematics.robot import Robot
 from velma.kinematics.shapes import Box
 from velma.kinematics.tasks import attaching
-from velma.kinematics.tasks.grasping import AZIMUTH_SPREAD, LIFT_M, GraspWay, Target, approaches, grips
+from velma.kinematics.tasks.grasping import (
+    AZIMUTH_SPREAD,
+    LIFT_M,
+    GraspWay,
+    Target,
+    approaches,
+    grips,
+)
 
 angles = st.floats(-math.pi, math.pi)
 JAR_M, JAR_RADIUS_M = 0.2, 0.04  # objects.yaml
 BOARD_M, BOARD_DEEP_M = 0.02, 0.1
 INTO_M = 0.004  # a step of the way out is 15 mm, the world's margin 6
-NEAR = 1.5e-3  # m: three axes within the tolerance of the inverse kinematics, 0.5 mm each, and of the line
+# m: three axes within the tolerance of the inverse kinematics, 0.5 mm each, and of the line
+NEAR = 1.5e-3
 
 
 def same(a: pin.SE3, b: pin.SE3) -> bool:
@@ -41,13 +51,17 @@ def test_some_are_found(taking) -> None:
 
 
 def test_each_is_a_known_grasp_turned_about_the_axis(taking) -> None:
-    """Seen from the thing, every step is the published one but for a turn about the thing's own axis."""
+    """Seen from the thing, every step is the published one but for a turn about the thing's own
+    axis.
+    """
     known = {way.name: way for way in taking.ways}
     for approach in taking.found:
         assert [f for _, f in approach.steps] == [f for _, f in known[approach.grasp].steps]
         turns = [
             found * published
-            for (found, _), (published, _) in zip(approach.steps, known[approach.grasp].steps, strict=True)
+            for (found, _), (published, _) in zip(
+                approach.steps, known[approach.grasp].steps, strict=True
+            )
         ]
         for turn in turns:
             assert turn.translation == pytest.approx(np.zeros(3), abs=1e-9)
@@ -71,7 +85,9 @@ def test_the_way_in_leads_through_the_steps(taking, robot: Robot) -> None:
 
 
 def test_the_way_in_is_free(taking, world: World) -> None:
-    """With the fingers open as at the grasp, nothing is touched but the thing itself, and that by the hand only."""
+    """With the fingers open as at the grasp, nothing is touched but the thing itself, and that by
+    the hand only.
+    """
     world.allow((taking.target.name, f"{taking.side}_hand"))
     for approach in taking.found:
         world.fingers(taking.side, approach.steps[-1][1])
@@ -96,21 +112,31 @@ def test_the_way_out_is_free_once_lifted(taking, robot: Robot, world: World) -> 
         world.fingers(taking.side, approach.steps[-1][1])
         with attaching.held(world, taking.target.name, taking.side, taking.held(approach)):
             poses = [robot.grip(q, taking.side) * taking.held(approach) for q in approach.way_out]
-            states = [q for q, pose in zip(approach.way_out, poses, strict=True) if pose.translation[2] > lifted]
+            states = [
+                q
+                for q, pose in zip(approach.way_out, poses, strict=True)
+                if pose.translation[2] > lifted
+            ]
             assert len(states) > 5
             assert all(world.free(q) for q in states)
 
 
 @pytest.mark.parametrize(("above", "free"), [(-0.01, False), (0.02, True)])
-def test_a_jar_that_meets_something_once_lifted_is_not_taken(jar, robot: Robot, world: World, above, free) -> None:
-    """A board behind the jar and higher than it, into whose edge the lift leads, and nothing before or after it."""
+def test_a_jar_that_meets_something_once_lifted_is_not_taken(
+    jar, robot: Robot, world: World, above, free
+) -> None:
+    """A board behind the jar and higher than it, into whose edge the lift leads, and nothing before
+    or after it.
+    """
     behind = standing(np.zeros(3), heading(jar.target.out))
     top = np.add(jar.target.pose.translation, (0.0, 0.0, LIFT_M + JAR_M / 2 + BOARD_M / 2 + above))
     at = top - jar.target.out * (JAR_RADIUS_M - INTO_M + BOARD_DEEP_M / 2)
     behind.translation = at
     world.put("board", [Box((BOARD_DEEP_M, 0.4, BOARD_M))], behind)
     rng = np.random.default_rng(1)
-    found = approaches(robot, world, jar.side, np.array(names.START), jar.target, jar.ways, rng, wanted=1)
+    found = approaches(
+        robot, world, jar.side, np.array(names.START), jar.target, jar.ways, rng, wanted=1
+    )
     assert bool(found) is free
 
 
@@ -127,16 +153,28 @@ def test_the_same_chance_gives_the_same_approaches(taking, robot: Robot, world: 
     rng = np.random.default_rng(1)
     again = approaches(robot, world, taking.side, start, taking.target, taking.ways, rng, wanted=3)
     assert [a.grasp for a in again] == [a.grasp for a in taking.found]
-    assert all((a.way_in[-1] == b.way_in[-1]).all() for a, b in zip(again, taking.found, strict=True))
+    assert all(
+        (a.way_in[-1] == b.way_in[-1]).all() for a, b in zip(again, taking.found, strict=True)
+    )
 
 
-def test_the_thing_stands_where_it_stood(taking, robot: Robot, world: World, rng: np.random.Generator) -> None:
+def test_the_thing_stands_where_it_stood(
+    taking, robot: Robot, world: World, rng: np.random.Generator
+) -> None:
     """Whether grasps are found or not, the world is afterwards as it was."""
     name, before = taking.target.name, taking.target.pose.copy()
     far = Target(name, standing((5.0, 0.0, 1.0)), True, np.array([-1.0, 0.0, 0.0]), 0.2)
     for target in (taking.target, far):
         found = approaches(
-            robot, world, taking.side, np.array(names.START), target, taking.ways, rng, wanted=1, tries=60
+            robot,
+            world,
+            taking.side,
+            np.array(names.START),
+            target,
+            taking.ways,
+            rng,
+            wanted=1,
+            tries=60,
         )
         assert bool(found) is (target is taking.target)
         assert world.held(name) is None
@@ -151,23 +189,38 @@ def outwards(azimuth: float) -> np.ndarray:
 
 
 WAY = GraspWay(
-    "g", ((standing((0.0, 0.1, 0.3)) * pin.SE3(pin.rpy.rpyToMatrix(0.0, math.pi / 2, 0.0), np.zeros(3)), 0.5),)
+    "g",
+    (
+        (
+            standing((0.0, 0.1, 0.3))
+            * pin.SE3(pin.rpy.rpyToMatrix(0.0, math.pi / 2, 0.0), np.zeros(3)),
+            0.5,
+        ),
+    ),
 )
 
 
 @given(yaw=angles, out=angles, azimuth=st.floats(-1.0, 1.0))
-def test_a_symmetric_thing_is_grasped_from_where_it_is_open(yaw: float, out: float, azimuth: float) -> None:
+def test_a_symmetric_thing_is_grasped_from_where_it_is_open(
+    yaw: float, out: float, azimuth: float
+) -> None:
     """However it stands, the hand comes against `out`, turned by the azimuth."""
     target = Target("x", standing((0.8, 0.3, 1.0), yaw), True, outwards(out), 0.2)
     found = grips(target, WAY, azimuth)
     assert found is not None
     came = heading(found[-1].rotation[:, 2])
-    assert math.remainder(came - (out + math.pi + azimuth), math.tau) == pytest.approx(0.0, abs=1e-6)
-    assert np.linalg.norm(found[-1].translation - target.pose.translation) == pytest.approx(math.hypot(0.1, 0.3))
+    assert math.remainder(came - (out + math.pi + azimuth), math.tau) == pytest.approx(
+        0.0, abs=1e-6
+    )
+    assert np.linalg.norm(found[-1].translation - target.pose.translation) == pytest.approx(
+        math.hypot(0.1, 0.3)
+    )
 
 
 @given(yaw=angles, out=angles, azimuth=st.floats(-1.0, 1.0))
-def test_a_thing_with_sides_is_grasped_as_it_stands_or_not_at_all(yaw: float, out: float, azimuth: float) -> None:
+def test_a_thing_with_sides_is_grasped_as_it_stands_or_not_at_all(
+    yaw: float, out: float, azimuth: float
+) -> None:
     """Its grasps are not turned about it: only those that come roughly against `out` are taken."""
     target = Target("x", standing((0.8, 0.3, 1.0), yaw), False, outwards(out), 0.2)
     own = target.pose * WAY.steps[-1][0].inverse()
@@ -185,7 +238,9 @@ class Stop(Exception):
 
 
 def test_what_was_tried_is_undone_also_after_an_error(world: World, jar, robot: Robot) -> None:
-    """A thing held for a while stands again, one put down for a while is held again, contacts are contacts."""
+    """A thing held for a while stands again, one put down for a while is held again, contacts are
+    contacts.
+    """
     stood, held, approach = world.pose("jar_1"), jar.held(jar.found[0]), jar.found[0]
     grasp = approach.way_in[-1]
     world.fingers("left", approach.steps[-1][1])

@@ -1,4 +1,6 @@
-"""Places behind an opening: a thing goes in from the front, over its place, and down, and the hand gets out again."""
+"""Places behind an opening: a thing goes in from the front, over its place, and down, and the hand
+gets out again.
+"""
 
 from itertools import pairwise
 
@@ -29,7 +31,8 @@ def some(
 ) -> list[tuple[str, Placing]]:
     """Grasps and places for a thing that stands or is held."""
     found = insertions(
-        robot, world, taking.side, np.array(names.START), taking.target.name, opening(taking), spots, ways,
+        robot, world, taking.side, np.array(names.START), taking.target.name, opening(taking),
+        spots, ways,
         np.random.default_rng(3), torso=TORSO,
     )  # fmt: skip
     return list(found)
@@ -48,8 +51,12 @@ def elsewhere(world: World, taking) -> World:
     return world
 
 
-def test_a_thing_that_stands_elsewhere_could_be_put_there(robot: Robot, elsewhere: World, taking, stood) -> None:
-    """By known grasps; each place is upright on the spot, with the thing in the hand as that grasp has it."""
+def test_a_thing_that_stands_elsewhere_could_be_put_there(
+    robot: Robot, elsewhere: World, taking, stood
+) -> None:
+    """By known grasps; each place is upright on the spot, with the thing in the hand as that grasp
+    has it.
+    """
     found = some(robot, elsewhere, taking, [stood], taking.ways)
     assert found
     in_hand = {way.name: way.steps[-1][0] for way in taking.ways}
@@ -66,7 +73,9 @@ def test_a_thing_that_stands_elsewhere_could_be_put_there(robot: Robot, elsewher
         assert all(a.translation[2] > b.translation[2] - NEAR for a, b in pairwise(way))
 
 
-def test_the_way_in_is_free_until_it_goes_down(robot: Robot, elsewhere: World, taking, stood) -> None:
+def test_the_way_in_is_free_until_it_goes_down(
+    robot: Robot, elsewhere: World, taking, stood
+) -> None:
     """And so is the way of the empty hand, from the thing that stands there."""
     in_hand = {way.name: way.steps[-1][0] for way in taking.ways}
     name, hand = taking.target.name, f"{taking.side}_hand"
@@ -82,8 +91,12 @@ def test_the_way_in_is_free_until_it_goes_down(robot: Robot, elsewhere: World, t
                 assert all(elsewhere.free(q) for q in placing.way_back)
 
 
-def test_the_hand_is_drawn_straight_out_where_it_can_be(robot: Robot, elsewhere: World, taking, stood) -> None:
-    """On from the outermost step, through the end of the told retreat; a jar's hand, which is deep inside, far."""
+def test_the_hand_is_drawn_straight_out_where_it_can_be(
+    robot: Robot, elsewhere: World, taking, stood
+) -> None:
+    """On from the outermost step, through the end of the told retreat; a jar's hand, which is deep
+    inside, far.
+    """
     drawn = []
     for _, placing in some(robot, elsewhere, taking, [stood], taking.ways):
         grips = [robot.grip(q, taking.side) for q in placing.way_back]
@@ -99,11 +112,16 @@ def test_the_hand_is_drawn_straight_out_where_it_can_be(robot: Robot, elsewhere:
 def test_a_held_thing_goes_in_as_it_is_held(robot: Robot, world: World, taking, stood) -> None:
     """Slipped a little and turned in the hand, it still arrives upright on the spot."""
     approach = taking.found[0]
-    slipped = taking.held(approach) * pin.SE3(pin.exp3(np.array([0.03, 0.0, 1.0])), np.array([0.0, 0.0, 0.005]))
+    slipped = taking.held(approach) * pin.SE3(
+        pin.exp3(np.array([0.03, 0.0, 1.0])), np.array([0.0, 0.0, 0.005])
+    )
     way = GraspWay(
         "held",
         (
-            *((release.inverse() * slipped, fingers) for release, fingers in reversed(backwards(approach.steps))),
+            *(
+                (release.inverse() * slipped, fingers)
+                for release, fingers in reversed(backwards(approach.steps))
+            ),
             (slipped, approach.steps[-1][1]),
         ),
     )

@@ -28,11 +28,24 @@ NEAR = 1.5e-3  # m: three axes within the tolerance of the inverse kinematics
 Held = tuple[World, np.ndarray, pin.SE3]
 
 
-def some(robot: Robot, with_bowl: Held, bowl, spots: list[tuple[str, np.ndarray]], tries: int = 500) -> list[Placing]:
+def some(
+    robot: Robot, with_bowl: Held, bowl, spots: list[tuple[str, np.ndarray]], tries: int = 500
+) -> list[Placing]:
     """The first placings of the bowl in the right hand."""
     world, q, held = with_bowl
     retreat = backwards(bowl.found[0].steps)
-    found = placings(robot, world, "right", q, "bowl_1", held, spots, retreat, np.random.default_rng(3), tries=tries)
+    found = placings(
+        robot,
+        world,
+        "right",
+        q,
+        "bowl_1",
+        held,
+        spots,
+        retreat,
+        np.random.default_rng(3),
+        tries=tries,
+    )
     return list(islice(found, 3))
 
 
@@ -42,7 +55,9 @@ def found(robot: Robot, with_bowl: Held, bowl) -> list[Placing]:
     return some(robot, with_bowl, bowl, [("table_1", SPOT)])
 
 
-def test_the_thing_comes_down_upright_on_the_spot(robot: Robot, with_bowl: Held, found: list[Placing]) -> None:
+def test_the_thing_comes_down_upright_on_the_spot(
+    robot: Robot, with_bowl: Held, found: list[Placing]
+) -> None:
     """From above, straight down, to just over the surface; torso and other arm stay."""
     held = with_bowl[2]
     assert len(found) == 3
@@ -51,16 +66,22 @@ def test_the_thing_comes_down_upright_on_the_spot(robot: Robot, with_bowl: Held,
         assert placing.place.translation == pytest.approx(SPOT + np.array([0.0, 0.0, CLEARANCE_M]))
         assert (placing.way_down[0] == placing.above).all()
         way = [robot.grip(q, "right") * held for q in placing.way_down]
-        assert way[0].translation == pytest.approx(shifted(placing.place, [0.0, 0.0, ABOVE_M]).translation, abs=NEAR)
+        assert way[0].translation == pytest.approx(
+            shifted(placing.place, [0.0, 0.0, ABOVE_M]).translation, abs=NEAR
+        )
         assert way[-1].translation == pytest.approx(placing.place.translation, abs=NEAR)
         assert all(tilt(pose) < 5e-3 for pose in way)
         assert all(np.linalg.norm((pose.translation - SPOT)[:2]) < NEAR for pose in way)
         assert all(a.translation[2] > b.translation[2] for a, b in pairwise(way))
         still = np.setdiff1d(np.arange(15), names.ARM["right"])
-        assert all((q[still] == placing.above[still]).all() for q in (*placing.way_down, *placing.way_back))
+        assert all(
+            (q[still] == placing.above[still]).all() for q in (*placing.way_down, *placing.way_back)
+        )
 
 
-def test_the_way_down_touches_only_what_the_thing_ends_on(with_bowl: Held, found: list[Placing]) -> None:
+def test_the_way_down_touches_only_what_the_thing_ends_on(
+    with_bowl: Held, found: list[Placing]
+) -> None:
     """Its end may be nearer to the table than the margin."""
     world = with_bowl[0]
     with attaching.allowed(world, ("bowl_1", "table_1")):
@@ -69,7 +90,9 @@ def test_the_way_down_touches_only_what_the_thing_ends_on(with_bowl: Held, found
 
 
 def test_the_hand_gets_away(robot: Robot, with_bowl: Held, bowl, found: list[Placing]) -> None:
-    """Back through the steps of the approach, then further back and up, freely, and clear of the thing in the end."""
+    """Back through the steps of the approach, then further back and up, freely, and clear of the
+    thing in the end.
+    """
     world = with_bowl[0]
     retreat = backwards(bowl.found[0].steps)
     for placing in found:
@@ -90,11 +113,15 @@ def test_the_hand_gets_away(robot: Robot, with_bowl: Held, bowl, found: list[Pla
 
 
 def test_the_thing_stays_in_the_hand(robot: Robot, with_bowl: Held, bowl) -> None:
-    """After each placing, also between two of them and where none is found, it is held as it was."""
+    """After each placing, also between two of them and where none is found, it is held as it
+    was.
+    """
     world, q, held = with_bowl
     retreat = backwards(bowl.found[0].steps)
     rng = np.random.default_rng(3)
-    for _ in islice(placings(robot, world, "right", q, "bowl_1", held, [("table_1", SPOT)], retreat, rng), 2):
+    for _ in islice(
+        placings(robot, world, "right", q, "bowl_1", held, [("table_1", SPOT)], retreat, rng), 2
+    ):
         assert world.held("bowl_1") == held
     assert not some(robot, with_bowl, bowl, [("table_2", np.array([3.0, 0.0, 0.775]))], tries=30)
     assert world.held("bowl_1") == held
@@ -107,7 +134,9 @@ def test_one_of_the_spots_is_taken(robot: Robot, with_bowl: Held, bowl) -> None:
 
 
 def test_a_retreat_undoes_an_approach(taking) -> None:
-    """From the grip that lets go it passes the approach's grips in reverse, however the thing lies in the hand."""
+    """From the grip that lets go it passes the approach's grips in reverse, however the thing lies
+    in the hand.
+    """
     approach = taking.found[0]
     stands = standing((0.5, -0.4, 0.8), 1.0)
     slipped = standing((0.01, 0.0, 0.02), 0.3)
@@ -117,7 +146,9 @@ def test_a_retreat_undoes_an_approach(taking) -> None:
         moved = let_go * grips[-1].inverse()
         for pose, grip in zip(poses[:-1], grips[-2::-1], strict=True):
             assert pose.isApprox(moved * grip, 1e-9)
-    assert [fingers for _, fingers in backwards(approach.steps)] == [f for _, f in approach.steps[-2::-1]]
+    assert [fingers for _, fingers in backwards(approach.steps)] == [
+        f for _, f in approach.steps[-2::-1]
+    ]
 
 
 def test_a_retreat_without_steps_goes_back_and_up() -> None:

@@ -1,4 +1,6 @@
-"""Pouring: the published waypoints, one motion through them, followed by an arm that holds the jar."""
+"""Pouring: the published waypoints, one motion through them, followed by an arm that holds the
+jar.
+"""
 
 import math
 from itertools import islice, pairwise
@@ -39,16 +41,24 @@ def opening(stream: Stream, pose: pin.SE3) -> np.ndarray:
 
 @pytest.mark.parametrize(("degrees", "height"), [(0, 0.25), (45, 0.25), (90, 0.15), (135, 0.15)])
 @given(azimuth=angles, spin=angles)
-def test_the_published_waypoints(degrees: float, height: float, azimuth: float, spin: float) -> None:
-    """Opening 0.25 m above the rim at 45 degrees, 0.15 m from 90 degrees on, 2 cm outside it (proghtn-backstream)."""
+def test_the_published_waypoints(
+    degrees: float, height: float, azimuth: float, spin: float
+) -> None:
+    """Opening 0.25 m above the rim at 45 degrees, 0.15 m from 90 degrees on, 2 cm outside it
+    (proghtn-backstream).
+    """
     at = opening(STREAM, STREAM.source(math.radians(degrees), azimuth, spin))
     assert at[2] == pytest.approx(height)
     assert math.hypot(at[0], at[1]) == pytest.approx(STREAM.rim_radius + 0.02)
 
 
 @given(angle=tilts, azimuth=angles, spin=angles)
-def test_the_opening_is_beside_the_rim_all_the_way(angle: float, azimuth: float, spin: float) -> None:
-    """On the side it came from, above the rim, and the jar leans over the bowl by exactly the tilt."""
+def test_the_opening_is_beside_the_rim_all_the_way(
+    angle: float, azimuth: float, spin: float
+) -> None:
+    """On the side it came from, above the rim, and the jar leans over the bowl by exactly the
+    tilt.
+    """
     pose = STREAM.source(angle, azimuth, spin)
     towards = np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
     at = opening(STREAM, pose)
@@ -60,11 +70,15 @@ def test_the_opening_is_beside_the_rim_all_the_way(angle: float, azimuth: float,
 
 @given(angle=tilts, more=st.floats(0.0, 0.01), azimuth=angles, spin=angles)
 def test_the_tilt_is_one_motion(angle: float, more: float, azimuth: float, spin: float) -> None:
-    """A little more tilt moves the opening a little: at most 0.1 m in 45 degrees, and turns the jar by no more."""
+    """A little more tilt moves the opening a little: at most 0.1 m in 45 degrees, and turns the jar
+    by no more.
+    """
     first, second = STREAM.source(angle, azimuth, spin), STREAM.source(angle + more, azimuth, spin)
     moved = np.linalg.norm(opening(STREAM, second) - opening(STREAM, first))
     assert moved <= 0.1 / (math.pi / 4) * more + 1e-9
-    assert np.linalg.norm(pin.log3(first.rotation.T @ second.rotation)) == pytest.approx(more, abs=1e-6)
+    assert np.linalg.norm(pin.log3(first.rotation.T @ second.rotation)) == pytest.approx(
+        more, abs=1e-6
+    )
 
 
 @given(angle=tilts, azimuth=angles, spin=angles)
@@ -79,13 +93,17 @@ def test_the_spin_turns_the_jar_about_itself(angle: float, azimuth: float, spin:
 def poured(robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3]) -> list[Tilting]:
     """Two tilts of the jar in the left hand over a place on the table."""
     world, q, held = with_jar
-    return list(islice(tiltings(robot, world, "left", q, held, STREAM, np.random.default_rng(5)), 2))
+    return list(
+        islice(tiltings(robot, world, "left", q, held, STREAM, np.random.default_rng(5)), 2)
+    )
 
 
 def test_the_arm_follows_the_tilt(
     robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3], poured: list[Tilting]
 ) -> None:
-    """From the first tilt to the last, in small steps, with the jar where the stream says; the torso stays."""
+    """From the first tilt to the last, in small steps, with the jar where the stream says; the
+    torso stays.
+    """
     world, q, held = with_jar
     assert len(poured) == 2
     still = np.setdiff1d(np.arange(15), names.ARM["left"])
@@ -100,18 +118,30 @@ def test_the_arm_follows_the_tilt(
             assert pose.translation == pytest.approx(wanted.translation, abs=3e-3)
         assert all(np.abs(b - a).max() <= LARGEST_STEP for a, b in pairwise(tilting.path))
         assert all((x[still] == tilting.path[0][still]).all() for x in tilting.path)
-        assert (np.delete(tilting.path[0], names.COLUMNS["left"]) == np.delete(q, names.COLUMNS["left"])).all()
+        assert (
+            np.delete(tilting.path[0], names.COLUMNS["left"]) == np.delete(q, names.COLUMNS["left"])
+        ).all()
         assert all(world.free(x) for x in tilting.path)
 
 
 def test_a_solved_tilt_can_be_followed_again(
     robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3], poured: list[Tilting]
 ) -> None:
-    """From its beginning, with what ex is told (azimuth, spin and tilts), the whole of it is found again."""
+    """From its beginning, with what ex is told (azimuth, spin and tilts), the whole of it is found
+    again.
+    """
     world, _, held = with_jar
     for tilting in poured:
         again = follow(
-            robot, world, "left", tilting.path[0], held, STREAM, tilting.azimuth, tilting.spin, (FIRST_TILT, LAST_TILT)
+            robot,
+            world,
+            "left",
+            tilting.path[0],
+            held,
+            STREAM,
+            tilting.azimuth,
+            tilting.spin,
+            (FIRST_TILT, LAST_TILT),
         )
         assert again is not None
         assert tilt(robot.grip(again[-1], "left") * held) == pytest.approx(LAST_TILT, abs=5e-3)
@@ -121,7 +151,9 @@ def test_a_solved_tilt_can_be_followed_again(
 def test_a_solved_tilt_can_be_followed_with_the_jar_as_it_is(
     seed: int, robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3]
 ) -> None:
-    """Up to 3 mm and a degree otherwise than planned; no joint is at its limit, where it could not give way."""
+    """Up to 3 mm and a degree otherwise than planned; no joint is at its limit, where it could not
+    give way.
+    """
     world, q, planned = with_jar
     rng, free = np.random.default_rng(seed), World(robot, margin=0.0)
     for tilting in islice(tiltings(robot, world, "left", q, planned, STREAM, rng), 6):
@@ -149,11 +181,15 @@ def test_a_blocked_tilt_is_none(
     assert follow(robot, world, "left", tilting.path[0], held, STREAM, *rest) is None
 
 
-def test_nothing_is_poured_out_of_reach(robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3]) -> None:
+def test_nothing_is_poured_out_of_reach(
+    robot: Robot, with_jar: tuple[World, np.ndarray, pin.SE3]
+) -> None:
     """The samples run out."""
     world, q, held = with_jar
     far = Stream(np.array([3.0, 0.0, 0.9]), 0.1, 0.1)
-    assert not list(tiltings(robot, world, "left", q, held, far, np.random.default_rng(5), tries=20))
+    assert not list(
+        tiltings(robot, world, "left", q, held, far, np.random.default_rng(5), tries=20)
+    )
 
 
 def test_the_seed_lies_between_the_ends() -> None:
