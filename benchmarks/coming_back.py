@@ -4,10 +4,11 @@ it is ready again.
 One fleet at rest, each process in turn; noticed: the supervisor says that it does not run, and of
 an agent the last of its neighbours that it is gone. Appends to a results file.
 
-    python benchmarks/coming_back.py --hang freeze python benchmarks/coming_back.py --hang loop
-    --processes hi,co,pl,km,ta,ex python benchmarks/coming_back.py --kills 20 python
-    benchmarks/coming_back.py --target deploy --called containers --processes
-    router,monitor,hi,co,pl,km,ta,ex
+    python benchmarks/coming_back.py --hang freeze
+    python benchmarks/coming_back.py --hang loop --processes hi,co,pl,km,ta,ex
+    python benchmarks/coming_back.py --kills 20
+    python benchmarks/coming_back.py --target deploy --called containers \\
+        --processes router,monitor,hi,co,pl,km,ta,ex
 
 With --target the fleet is up already, in containers too, and `roco fault kill` does it and looks.
 `--table` writes the tables of docs/reliability.md.

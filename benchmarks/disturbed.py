@@ -6,10 +6,12 @@ during a motion of that act. A sense fails from the first act of the task on, un
 otherwise, and does not recover. Each run appends a line to a results file; runs that the file has
 are skipped. The table has the newest run of each case in which the disturbance happened.
 
-    python benchmarks/disturbed.py --seeds 1-3 python benchmarks/disturbed.py --seeds 1 --cases
-    "bowl pushed before,wrist zero" --acts pour,take --scenes env2 python benchmarks/disturbed.py
-    --seeds 1 --again "false failed,unsure" python benchmarks/disturbed.py --list python
-    benchmarks/disturbed.py --table
+    python benchmarks/disturbed.py --seeds 1-3
+    python benchmarks/disturbed.py --seeds 1 --cases "bowl pushed before,wrist zero" \\
+        --acts pour,take --scenes env2
+    python benchmarks/disturbed.py --seeds 1 --again "false failed,unsure"
+    python benchmarks/disturbed.py --list
+    python benchmarks/disturbed.py --table
 
 `right done`, `right failed`: the words are true. `FALSE done`: the robot said "done", but the task
 is not done. `false failed`: the task is done, but the robot said that it failed. `unsure`: the task

@@ -5,9 +5,9 @@ Appends one line per seed to a results file and skips seeds that stand there; th
 where --runs says. With --busy, stress-ng (Debian: stress-ng) keeps that many processes turning
 meanwhile.
 
-    python benchmarks/pour_fleet.py --seeds 1-20 --out benchmarks/results/pour_fleet.jsonl python
-    benchmarks/pour_fleet.py --seeds 1-10 --speed found --busy 6 --out
-    benchmarks/results/first_minute.jsonl
+    python benchmarks/pour_fleet.py --seeds 1-20 --out benchmarks/results/pour_fleet.jsonl
+    python benchmarks/pour_fleet.py --seeds 1-10 --speed found --busy 6 \\
+        --out benchmarks/results/first_minute.jsonl
 """
 
 import contextlib

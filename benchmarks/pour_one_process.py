@@ -5,11 +5,12 @@ product's own; only the communicates between them are left out. Appends one line
 results file and skips seeds that stand there; --again runs those once more that another version
 ran. The table has the newest run of each seed.
 
-    python benchmarks/pour_one_process.py --seeds 1-20 --out
-    benchmarks/results/pour_one_process.jsonl python benchmarks/pour_one_process.py --scene env2
-    --seeds 1-20 --out benchmarks/results/pour_one_process.jsonl python
-    benchmarks/pour_one_process.py --eyes rays --noise height=0.01,spin=true --seeds 1-20 --out …
-    python benchmarks/pour_one_process.py --out benchmarks/results/pour_one_process.jsonl --table
+    out=benchmarks/results/pour_one_process.jsonl
+    python benchmarks/pour_one_process.py --seeds 1-20 --out $out
+    python benchmarks/pour_one_process.py --scene env2 --seeds 1-20 --out $out
+    python benchmarks/pour_one_process.py --eyes rays --noise height=0.01,spin=true --seeds 1-20 \\
+        --out …
+    python benchmarks/pour_one_process.py --out $out --table
 """
 
 import math

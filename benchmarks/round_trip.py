@@ -1,7 +1,8 @@
 """Two agents on channel C4, or two bare Zenoh sessions: the processes that fleets.py starts.
 
-    python benchmarks/round_trip.py km|pl|queryable|getter <address> <run folder> <where times go: a
-    descriptor>
+    python benchmarks/round_trip.py km|pl|queryable|getter ADDRESS RUN_FOLDER DESCRIPTOR
+
+Times are written to the descriptor.
 
 km and pl are the agents of the design on channel C4 (its links, rows, interfaces and languages), as
 they stand in their processes: shell, core, journal, step log, wire. Only what they would compute is

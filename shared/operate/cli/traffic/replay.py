@@ -106,8 +106,9 @@ def replay(
     with 1 where something differs, or where agents live in the system.
 
     Examples:
-      roco replay runs/latest --speed 4 roco replay recording.mcap --loop --only channel=CHANNEL
-      --only performative=query-ref,inform-ref roco replay runs/latest --replace AGENT --speed max
+      roco replay runs/latest --speed 4
+      roco replay recording.mcap --loop --only channel=CHANNEL --only performative=query-ref
+      roco replay runs/latest --replace AGENT --speed max
       roco replay runs/latest --verify
     """
     with problems(form):
