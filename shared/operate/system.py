@@ -26,7 +26,9 @@ import msgspec
 
 from fipa_codec.languages import Languages
 from operate import wording
-from operate.run_folder import FLEET_FILE, Fleet, Step
+from operate.file_names import FLEET_FILE
+from operate.fleet_file import Fleet
+from operate.live_lines import Step
 from operate.supervisor.processes import Process
 from operate.trust import TRUST_VARIABLE, changeable
 from topdown.model import design as designs

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from operate.run_folder import Step, Task
+from operate.live_lines import Step, Task
 
 LENGTH = 80
 REASONS = ("reason", "why", "text")

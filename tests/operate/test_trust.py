@@ -21,10 +21,11 @@ from agent_runtime.io.fleet_processes import set_stop
 from agent_runtime.io.run_files import STOP_FILE, LinkedError
 from operate.cli.__main__ import app
 from operate.cli.fleet.local import Local
+from operate.file_names import FLEET_FILE, REPORT_FILE, RRD_FILE
+from operate.fleet_file import Fleet
 from operate.recording.recorder import Recorder
 from operate.recording.run import Run
 from operate.reports import make
-from operate.run_folder import FLEET_FILE, REPORT_FILE, RRD_FILE, Fleet
 from operate.system import UntrustedError, of_run
 from operate.trust import TRUST_VARIABLE, changeable
 

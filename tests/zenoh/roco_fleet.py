@@ -33,9 +33,9 @@ from companion.tools.verbs.hi import Hi, address
 from operate.cli.fleet import starting
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
+from operate.fleet_file import ProcessState
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
-from operate.run_folder import ProcessState
 from services.executor.loop.link import AgentLink, LoopAnswer, LoopState
 from velma.errors import SlotError
 from velma.sim.truth import Truth

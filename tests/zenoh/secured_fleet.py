@@ -14,7 +14,8 @@ from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import client_config
 from companion.design import DESIGN
-from operate.run_folder import FLEET_FILE, Fleet
+from operate.file_names import FLEET_FILE
+from operate.fleet_file import Fleet
 
 SYSTEM = "roco"
 

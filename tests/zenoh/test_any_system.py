@@ -23,7 +23,7 @@ import pytest
 from toy_fleet import wait_for
 
 from operate.cli.verbs import GROUP, VERBS
-from operate.run_folder import LATEST, VERDICTS_FILE
+from operate.file_names import LATEST, VERDICTS_FILE
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(300)]
 EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"

@@ -21,10 +21,11 @@ from toy_fleet import wait_for
 
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Seen
-from operate.fault_lines import latest, read
+from operate.fault_lines import Fault, latest, read
+from operate.file_names import FAULTS_FILE
+from operate.fleet_file import ProcessState
 from operate.recording import mcap_file
 from operate.recording.records import fault_in
-from operate.run_folder import FAULTS_FILE, Fault, ProcessState
 from operate.wires import clocks
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(150)]

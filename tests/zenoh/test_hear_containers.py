@@ -18,10 +18,10 @@ from agent_runtime.core.wiring import service_key
 from agent_runtime.io.sessions import free_endpoint
 from agent_runtime.io.steplog import StepLogs
 from companion.tools.system import SYSTEM
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.records import SETTING, House, Setting, Spoken
 from operate.recording.run import Run
-from operate.run_folder import TRAFFIC_FILE
 
 pytestmark = pytest.mark.zenoh
 DOCKER = Path(__file__).parents[1] / "operate" / "cli" / "fake_docker.py"

@@ -14,7 +14,7 @@ import pytest
 from toy_fleet import wait_for
 
 from operate.cli.runs import folders
-from operate.run_folder import ProcessState, ProcessStatus
+from operate.fleet_file import ProcessState, ProcessStatus
 from operate.supervisor import core, folder
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.process, pytest.mark.timeout(400)]

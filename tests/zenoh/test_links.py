@@ -41,7 +41,7 @@ from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages
 from fipa_codec.performatives import Performative
 from operate.cli.fleet.local import Local
-from operate.run_folder import ProcessState
+from operate.fleet_file import ProcessState
 from topdown.model import loading
 from topdown.model.design import Design
 from topdown.model.rights import families

@@ -24,7 +24,7 @@ from agent_runtime.core.control import Command, Pause
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import client_config
 from operate.cli.traffic.listen import recorded
-from operate.run_folder import LATEST, VERDICTS_FILE
+from operate.file_names import LATEST, VERDICTS_FILE
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120)]
 ORDER = '[[order]]\nitem = "crate"\nsource = "store"\ntarget = "shipping"\n'

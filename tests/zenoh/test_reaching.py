@@ -26,17 +26,17 @@ from agent_runtime.io.reaching import why_not
 from agent_runtime.io.secured import AUTHORITY, Rights, certificate_file, client_tls, key_file
 from agent_runtime.io.sessions import free_endpoint
 from companion.design import DESIGN
-from operate import run_folder
+from operate import fleet_file
 from operate.cli.fleet import checkup
 from operate.cli.fleet.checkup import Level
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Beat, Look, Seen
-from operate.run_folder import ProcessState, ProcessStatus
+from operate.fleet_file import ProcessState, ProcessStatus
 from topdown.model.rights import ROUTER, access_control
 
 pytestmark = pytest.mark.zenoh
 RIGHTS = Rights((SYSTEM,), access_control(DESIGN, SYSTEM))
-FLEET = run_folder.Fleet(SYSTEM, "", 1, 0.0, ())
+FLEET = fleet_file.Fleet(SYSTEM, "", 1, 0.0, ())
 WEEK = dt.timedelta(days=7)
 
 

@@ -33,7 +33,7 @@ from companion.tools.verbs.hi import Hi, address
 from fipa_codec.communicate import Communicate, decode_strictly, encode, encode_strictly
 from fipa_codec.performatives import Performative
 from operate.cli.fleet.local import Local
-from operate.run_folder import LIVE_FILE
+from operate.file_names import LIVE_FILE
 
 pytestmark = pytest.mark.zenoh
 CMD = LANGUAGES.named("CMD")

@@ -19,7 +19,7 @@ from agent_runtime.io.sessions import client_config
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.languages import Language
 from fipa_codec.performatives import Performative as P
-from operate.run_folder import Fleet
+from operate.fleet_file import Fleet
 from topdown.check import check
 from topdown.model import loading
 from topdown.model.design import Design

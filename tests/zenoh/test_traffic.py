@@ -22,10 +22,11 @@ from agent_runtime.io.steplog import StepLogs
 from fipa_codec.communicate import decode, encode
 from operate.cli.traffic.listen import HeardMessage, heard_message, recorded
 from operate.cli.traffic.play import moved
+from operate.file_names import FLEET_FILE
+from operate.fleet_file import Fleet
 from operate.recording import index, mcap_file
 from operate.recording.contents import contents
 from operate.recording.records import Spoken
-from operate.run_folder import FLEET_FILE, Fleet
 
 pytestmark = pytest.mark.zenoh
 POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"

@@ -14,8 +14,8 @@ import pytest
 from roco_fleet import RocoFleet
 
 from companion.run_files import DISTURBANCES_FILE
-from operate.fault_lines import latest, read
-from operate.run_folder import FAULTS_FILE, Fault
+from operate.fault_lines import Fault, latest, read
+from operate.file_names import FAULTS_FILE
 from velma.control.grip import Wrong
 from velma.sim import disturbances
 

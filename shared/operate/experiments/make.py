@@ -14,8 +14,9 @@ from operate.experiments import page, results, summary, tables
 from operate.experiments.measures import Runs
 from operate.experiments.results import NothingHere
 from operate.experiments.run_figures import SentMessage, sent_messages
+from operate.experiments.setting import RESULTS_FILE
+from operate.file_names import TRAFFIC_FILE
 from operate.recording.run import Run
-from operate.run_folder import TRAFFIC_FILE
 
 REPORT = "report"
 RUNS_FILE = "runs.parquet"
@@ -34,7 +35,7 @@ class Made(msgspec.Struct, frozen=True):
 
 def everything(place: Path) -> Made:
     """Make the report of an experiment's folder. Raises NothingHere."""
-    if not (place / results.RESULTS_FILE).is_file():
+    if not (place / RESULTS_FILE).is_file():
         raise NothingHere(f"{place} holds no experiment; `roco experiment` makes one")
     _keep_said(place)
     runs = results.load(place)

@@ -12,9 +12,9 @@ import pyarrow
 
 from operate.experiments.intervals import Interval
 from operate.experiments.run_figures import Figures, Result, SentMessage
+from operate.experiments.setting import ExperimentSetting
 from operate.quantiles import enough
 from operate.recording.history import History
-from operate.run_folder import ExperimentSetting
 from operate.system import NoSystemError, System
 from topdown.model.design import Design
 

@@ -11,13 +11,13 @@ import msgspec
 from operate.experiments import measures, tables
 from operate.experiments.measures import Runs
 from operate.experiments.run_figures import Figures, Result, SentMessage, sent_messages
+from operate.experiments.setting import RESULTS_FILE, SETTING_FILE, ExperimentSetting
+from operate.file_names import REPORT_FILE, TRAFFIC_FILE
 from operate.recording.run import opened
 from operate.reports import report
-from operate.run_folder import REPORT_FILE, TRAFFIC_FILE, ExperimentSetting, NothingToRead
+from operate.structs import NothingToRead
 from operate.system import System, of_run
 
-SETTING_FILE = "experiment.json"
-RESULTS_FILE = "results.jsonl"
 SAID_FILE = "communicates.parquet"
 RUNS = "runs"
 

@@ -14,7 +14,7 @@ import msgspec
 
 from operate.recording.history import History
 from operate.reports.counts import Communicates, Latency
-from operate.run_folder import alike
+from operate.structs import alike
 
 
 class Happened(msgspec.Struct, frozen=True):

@@ -10,7 +10,7 @@ from operate.experiments import intervals
 from operate.experiments.intervals import Interval
 from operate.experiments.measures import Measures, Published, Row, Runs, values
 from operate.experiments.run_figures import Figures, Result
-from operate.run_folder import ExperimentSetting
+from operate.experiments.setting import ExperimentSetting
 
 SENT, RECEIVED = "sent", "received"
 """The margins of the count matrix: a last row, and a last column."""

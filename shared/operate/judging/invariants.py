@@ -14,9 +14,9 @@ import msgspec
 
 from agent_runtime.core.state import Record
 from agent_runtime.io.journal import last_record
+from operate.file_names import REPORT_FILE
 from operate.recording.history import History
 from operate.recording.run import Run
-from operate.run_folder import REPORT_FILE
 from operate.system import Job
 from topdown.model.design import Design
 

@@ -11,6 +11,7 @@ import msgspec
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
+from operate.live_lines import Again, AgentIn, LiveLine, Sent
 from operate.recording.records import (
     SETTING,
     Garbage,
@@ -22,9 +23,9 @@ from operate.recording.records import (
     Unpaired,
     key_of,
 )
-from operate.run_folder import Again, AgentIn, Judged, LiveLine, Sent, alike
+from operate.structs import alike
 from operate.system import System
-from operate.verdict_lines import line
+from operate.verdict_lines import Judged, line
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement, Verdict
 from topdown.model.design import Design

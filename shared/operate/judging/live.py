@@ -12,8 +12,9 @@ import msgspec
 from agent_runtime.core import peers
 from agent_runtime.core.peers import Unheard
 from fipa_codec.communicate import UNREADABLE
+from operate.live_lines import Again, AgentIn, Happened, LiveLine, Sent
 from operate.recording.records import House, Record, Spoken, Token, fault_in
-from operate.run_folder import Again, AgentIn, Happened, LiveLine, Sent, alike
+from operate.structs import alike
 from operate.system import System
 from topdown.judge.conversations import Remembered
 

@@ -21,6 +21,7 @@ from pathlib import Path
 import msgspec
 import rerun as rr
 
+from operate.file_names import VERDICTS_FILE
 from operate.pictures import wire
 from operate.pictures.blueprint import LIVE_S, YOUNG
 from operate.pictures.file import NAME, laid_out
@@ -31,8 +32,8 @@ from operate.pictures.stage import Stage
 from operate.pictures.viewer_address import LOOPBACK, Place, free_port
 from operate.recording.mcap_file import FILE, Reading
 from operate.recording.records import House, Spoken, understood
-from operate.run_folder import VERDICTS_FILE, Judged
 from operate.system import System, here
+from operate.verdict_lines import Judged
 
 # --- What was before somebody looked: of a run that goes on, from its recording and its verdicts --
 

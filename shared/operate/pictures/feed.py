@@ -24,8 +24,8 @@ from pathlib import Path
 from agent_runtime.io.tap import Sample
 from operate.pictures.viewer_address import SWITCH, Place, opened, tell, wanted
 from operate.pictures.wire import Heard, Item, Missed, ShownVerdict, Since, encode, framed
-from operate.run_folder import Judged
 from operate.system import System
+from operate.verdict_lines import Judged
 
 QUEUE_BYTES = 8 * 1024 * 1024
 """Waits at most for the child; estimate: a minute of a pour. Beside it, one batch of at most

@@ -12,7 +12,7 @@ from operate.pictures.happenings import Happening, Lost
 from operate.pictures.sheet import Colour, Sheet, flat_arrows, log_lines, nodes, scalars
 from operate.recording.history import Entered
 from operate.recording.records import Spoken
-from operate.run_folder import Judged
+from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
 

@@ -25,6 +25,7 @@ from agent_runtime.io import steplog
 from agent_runtime.io.steplog import BOOT, SentMessage, checked
 from fipa_codec.communicate import UNREADABLE, Communicate, encode
 from fipa_codec.errors import FipaError
+from operate.file_names import STEPS
 from operate.recording.records import (
     RECORDED,
     Garbage,
@@ -37,7 +38,7 @@ from operate.recording.records import (
     Unpaired,
     spoken,
 )
-from operate.run_folder import STEPS, alike
+from operate.structs import alike
 from operate.system import System
 
 # --- Times at which agents heard something, by their own step logs: a latency ends when the asker

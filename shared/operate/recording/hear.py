@@ -16,10 +16,10 @@ import msgspec
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import key_file
 from agent_runtime.io.tap import RECORDER, Sample, Waiting, open_tap
+from operate.file_names import TRAFFIC_FILE
 from operate.recording.ends import Ends, ends_now
 from operate.recording.mcap_file import first
 from operate.recording.records import sampled
-from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 
 CONSOLE = "console"

@@ -12,7 +12,8 @@ from typing import Any
 import msgspec
 
 from fipa_codec.communicate import UNREADABLE
-from operate.fault_lines import done
+from operate.fault_lines import Fault, done
+from operate.fleet_file import ProcessStatus
 from operate.judging import judged
 from operate.recording import ends
 from operate.recording.ends import HeardReceipt, Hearing, receipts
@@ -29,8 +30,8 @@ from operate.recording.records import (
     fault_in,
     setting_in,
 )
-from operate.run_folder import Fault, Judged, ProcessStatus
 from operate.system import System
+from operate.verdict_lines import Judged
 
 
 class Hole(msgspec.Struct, frozen=True):

@@ -3,7 +3,7 @@ of things.
 """
 
 from operate.recording.run import Run
-from operate.run_folder import NothingToRead
+from operate.structs import NothingToRead
 from operate.system import System
 from operate.tracing.reasons import Why, absent, content_text, ending
 from operate.tracing.trace import Span, Trace

@@ -30,8 +30,10 @@ from agent_runtime.io.run_files import make_run
 from agent_runtime.io.steplog import LOG_PART, LOG_WANTED, MUCH_BYTES, OFFSET
 from agent_runtime.io.tap import Sample, Tap, Waiting, open_tap
 from operate.fault_lines import FaultFile
+from operate.file_names import LIVE_FILE, STEPS, VERDICTS_FILE
 from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
+from operate.live_lines import Against, Happened
 from operate.pictures.feed import Feed, feeding
 from operate.recording.contents import versions_now
 from operate.recording.ends import Ends
@@ -51,8 +53,8 @@ from operate.recording.records import (
     understood,
 )
 from operate.recording.stored import NOTE
-from operate.run_folder import LIVE_FILE, STEPS, VERDICTS_FILE, Against, Happened, Judged
 from operate.system import System
+from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 
 # --- Folders of the recordings of several systems: robots at one router, and one monitor ----------

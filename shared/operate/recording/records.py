@@ -17,7 +17,8 @@ from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import UNREADABLE, Communicate, decode, decode_strictly, encode
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind, Languages
-from operate.run_folder import Fault, Sent
+from operate.fault_lines import Fault
+from operate.live_lines import Sent
 from operate.system import System
 from topdown.model.design import Design
 

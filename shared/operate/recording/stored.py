@@ -18,7 +18,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from operate.run_folder import NothingToRead
+from operate.structs import NothingToRead
 
 RECORD_LIMIT = 64 * 1024 * 1024
 """A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its

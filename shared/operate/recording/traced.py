@@ -15,12 +15,13 @@ from agent_runtime.core.errors import StepLogError
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
 from fipa_codec.communicate import UNREADABLE, Communicate
+from operate.fault_lines import Fault
 from operate.recording.history import History
 from operate.recording.records import Record, Spoken, Token
-from operate.run_folder import Fault, Judged, alike
+from operate.structs import alike
 from operate.system import System
 from operate.tracing.trace import Away, Identity, Message, Step, Talk, Trace, spans
-from operate.verdict_lines import ended, sides
+from operate.verdict_lines import Judged, ended, sides
 
 LONGEST_S = 60.0
 """From a fault to the return of its agent; estimate: it is started again in seconds, at worst in a

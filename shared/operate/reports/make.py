@@ -9,10 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 from agent_runtime.io.run_files import write_whole
+from operate.file_names import REPORT_FILE, RRD_FILE, VERDICTS_FILE
 from operate.judging.judged import encoded
 from operate.recording.run import Run
 from operate.reports import report
-from operate.run_folder import REPORT_FILE, RRD_FILE, VERDICTS_FILE
 
 PAGE_FILE = "report.html"
 Say = Callable[..., None]

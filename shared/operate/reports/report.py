@@ -13,9 +13,10 @@ from typing import Any
 import msgspec
 
 from agent_runtime.io.run_files import write_whole
+from operate.file_names import REPORT_FILE
 from operate.recording.history import History
 from operate.reports import counts
-from operate.run_folder import REPORT_FILE, alike
+from operate.structs import alike
 from operate.system import System
 from topdown.judge.verdicts import Verdict
 

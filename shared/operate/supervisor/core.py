@@ -12,7 +12,7 @@ import math
 import msgspec
 
 from agent_runtime.io.options import USAGE_ERROR
-from operate.run_folder import ProcessState, ProcessStatus
+from operate.fleet_file import ProcessState, ProcessStatus
 from operate.supervisor.processes import Process
 
 FIRST_PAUSE_S = 0.2  # before the first restart; doubles with each failure in a row

@@ -27,7 +27,8 @@ from agent_runtime.io.run_files import (
     write_whole,
 )
 from operate import proc
-from operate.run_folder import FLEET_FILE, LATEST, LOCK_FILE, OFF_SUFFIX, Fleet
+from operate.file_names import FLEET_FILE, LATEST, LOCK_FILE, OFF_SUFFIX
+from operate.fleet_file import Fleet
 from operate.supervisor.processes import ORDERLY_STOP_S, Process
 
 MOST_BYTES = 32 * 1024 * 1024

@@ -19,9 +19,9 @@ from agent_runtime.io.reaching import free_port
 from agent_runtime.io.sessions import free_endpoint
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import FipaError
+from operate.fleet_file import ProcessState
 from operate.recording.ends import Ends
 from operate.recording.records import Identity, Spoken
-from operate.run_folder import ProcessState
 from operate.supervisor import folder
 from operate.supervisor.folder import KeptError, kept
 from operate.supervisor.shell import Shell, end_left

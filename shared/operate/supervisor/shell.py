@@ -31,8 +31,8 @@ from agent_runtime.io.options import USAGE_ERROR
 from agent_runtime.io.process_heartbeat import ProcessHeartbeat
 from agent_runtime.io.run_files import FLEET_VARIABLE
 from agent_runtime.io.secured import ROUTER
-from operate.run_folder import Fleet as FleetFile
-from operate.run_folder import ProcessState
+from operate.fleet_file import Fleet as FleetFile
+from operate.fleet_file import ProcessState
 from operate.supervisor import core, folder
 from operate.supervisor.folder import Left, end_others, left
 from operate.supervisor.processes import RECORDS_S, Process

@@ -10,8 +10,8 @@ from companion.tools.report.measures import MEASURES, Plan, PourFigures
 from operate.experiments import results
 from operate.experiments.measures import Runs
 from operate.experiments.run_figures import Happened, Result, SentMessage
+from operate.experiments.setting import RESULTS_FILE, SETTING_FILE, ExperimentSetting
 from operate.reports.counts import Communicates, Latency, Sizes, Spans
-from operate.run_folder import ExperimentSetting
 
 Change = Callable[[PourFigures], PourFigures]
 
@@ -135,10 +135,10 @@ def written(place: Path, of: Runs, setting: ExperimentSetting | None = None) -> 
     from operate.experiments import tables
 
     place.mkdir(parents=True)
-    (place / results.RESULTS_FILE).write_bytes(
+    (place / RESULTS_FILE).write_bytes(
         b"".join(msgspec.json.encode(one) + b"\n" for one in of.results)
     )
     tables.write_said(place / results.SAID_FILE, of.said)
     if setting is not None:
-        (place / results.SETTING_FILE).write_bytes(msgspec.json.encode(setting))
+        (place / SETTING_FILE).write_bytes(msgspec.json.encode(setting))
     return place

@@ -18,6 +18,7 @@ from companion.tools.telemetry import robot
 from operate.experiments import make, page, results, summary, tables
 from operate.experiments.results import NothingHere
 from operate.experiments.run_figures import Result
+from operate.experiments.setting import RESULTS_FILE
 from operate.recording.run import opened
 from operate.recording.stored import NoRecordingError
 from operate.reports import report
@@ -107,7 +108,7 @@ def test_lines_of_a_killed_experiment_are_read_as_far_as_they_go(tmp_path: Path)
     a report is one.
     """
     place = written(tmp_path / "mine", runs(range(1, 4)))
-    file = place / results.RESULTS_FILE
+    file = place / RESULTS_FILE
     lost = msgspec.json.encode(Result(9, "no report", None))
     twice = msgspec.json.encode(Result(1, "another", None))
     file.write_bytes(file.read_bytes() + lost + b"\n" + twice + b"\n" + b'{"seed": 10, "fail')
@@ -120,7 +121,7 @@ def test_lines_of_a_killed_experiment_are_read_as_far_as_they_go(tmp_path: Path)
 def test_lines_of_another_version_are_read(tmp_path: Path) -> None:
     """A figure that is not there yet is left out, one that is not known any more is passed over."""
     place = written(tmp_path / "mine", runs(range(1, 4)))
-    file = place / results.RESULTS_FILE
+    file = place / RESULTS_FILE
     older = [msgspec.json.decode(line) for line in file.read_bytes().splitlines()]
     for line in older:
         del line["figures"]["energy_J"]
@@ -197,7 +198,7 @@ def test_what_holds_nothing_is_named(tmp_path: Path) -> None:
         opened(tmp_path / "none", SYSTEM)
     with pytest.raises(NothingHere, match="`roco experiment` makes one"):
         make.everything(tmp_path)
-    (tmp_path / results.RESULTS_FILE).touch()
+    (tmp_path / RESULTS_FILE).touch()
     with pytest.raises(NothingHere, match="--resume"):
         make.everything(tmp_path)
 

@@ -12,15 +12,17 @@ from planting import POUR, Traffic, answer_to_nothing, no_communicate, query_too
 from agent_runtime.io.tap import Sample
 from companion.tools.report import report
 from companion.tools.system import SYSTEM
+from operate.file_names import LIVE_FILE, VERDICTS_FILE
 from operate.judging.judged import of_live
+from operate.live_lines import Against, LiveLine, Sent
 from operate.recording import history
 from operate.recording.recorder import Recorder
 from operate.recording.records import Setting, understood
 from operate.recording.run import Run, verdicts
 from operate.recording.stored import NoRecordingError
 from operate.reports import make
-from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged, LiveLine, Sent
 from operate.system import NoSystemError, languages_at, of_design
+from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 
 PLANTED = (answer_to_nothing, no_communicate, query_too_large)

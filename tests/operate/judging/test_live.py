@@ -11,8 +11,8 @@ from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 from operate.judging.live import Live
+from operate.live_lines import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent, Task
 from operate.recording.records import Garbage, Spoken, understood
-from operate.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent, Task
 
 
 def lines(run: Run) -> list[LiveLine]:

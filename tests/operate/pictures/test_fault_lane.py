@@ -7,11 +7,11 @@ import pytest
 from noted import Noted, live
 
 from companion.tools.system import SYSTEM
+from operate.fault_lines import Fault
 from operate.pictures.happenings import of_history
 from operate.pictures.stage import FAULTS, REST, Stage
 from operate.recording import history
 from operate.recording.records import FAULT, OPERATOR, House, Record
-from operate.run_folder import Fault
 
 
 def lines(fault: Fault) -> list[House]:

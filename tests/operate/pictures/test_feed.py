@@ -21,6 +21,7 @@ from synthetic import Run
 
 from agent_runtime.io.tap import Sample
 from companion.tools.system import SYSTEM
+from operate.file_names import VERDICTS_FILE, VIEW_FILE
 from operate.pictures import feed as feeding
 from operate.pictures import wire
 from operate.pictures.child import Past
@@ -30,7 +31,7 @@ from operate.pictures.viewer_address import Place, ViewSettingError, wanted
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken, understood
-from operate.run_folder import VERDICTS_FILE, VIEW_FILE, Judged
+from operate.verdict_lines import Judged
 
 READS_NOTHING = (sys.executable, "-c", "import time; time.sleep(600)")
 DEAF = (

@@ -19,6 +19,8 @@ from synthetic import Run
 from test_feed import eventually, spoken
 
 from companion.tools.system import SYSTEM
+from operate.file_names import VIEW_FILE
+from operate.fleet_file import ViewAddress
 from operate.pictures import child, server
 from operate.pictures import feed as feeding
 from operate.pictures.child import OverLimit
@@ -28,7 +30,6 @@ from operate.pictures.viewer_address import BIND, EVERY_INTERFACE, Place, opened
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken
-from operate.run_folder import VIEW_FILE, ViewAddress
 
 pytestmark = [pytest.mark.long, pytest.mark.process, pytest.mark.timeout(240)]
 PATIENCE_S = 60.0

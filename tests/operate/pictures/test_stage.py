@@ -25,7 +25,7 @@ from operate.pictures.stage import REST, Stage
 from operate.pictures.traffic import GRAPH, positions
 from operate.recording import history
 from operate.recording.records import Record
-from operate.run_folder import Judged
+from operate.verdict_lines import Judged
 from velma.names import BODY, GRIP_BODY, START
 
 

@@ -16,8 +16,8 @@ from fipa_codec.communicate import Communicate, encode
 from operate.recording import dead, mcap_file
 from operate.recording.records import Record, Spoken, understood
 from operate.recording.run import Run
-from operate.run_folder import Dead, DeadLetter
 from operate.system import System, here
+from operate.verdict_lines import Dead, DeadLetter
 
 ROOT = Path(__file__).parents[3]
 DEPOT = ROOT / "tests" / "histories" / "verified_depot"

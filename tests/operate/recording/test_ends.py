@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 
 from agent_runtime.io.steplog import MUCH_BYTES, StepLogs
 from fipa_codec.communicate import Communicate
+from operate.file_names import STEPS
 from operate.judging.judged import of_records
 from operate.recording import ends, mcap_file
 from operate.recording.ends import LOST_S, RECEIPT, SURE_S, Ends
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, House, Origin, Record, Spoken, Token, Unpaired
 from operate.recording.run import Run
-from operate.run_folder import STEPS
 from operate.system import here
 
 ROOT = Path(__file__).parents[3]

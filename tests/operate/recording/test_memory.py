@@ -16,12 +16,13 @@ from companion.design import DESIGN
 from companion.tools import live as tools_live
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
+from operate.file_names import VERDICTS_FILE
 from operate.judging import live
+from operate.live_lines import Happened
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken, understood
 from operate.recording.run import Run
-from operate.run_folder import VERDICTS_FILE, Happened
 from topdown.judge import conversations
 from topdown.judge.conversations import Remembered
 

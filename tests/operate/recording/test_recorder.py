@@ -18,11 +18,11 @@ from synthetic import Run
 from agent_runtime.io.sessions import client_config, free_endpoint
 from agent_runtime.io.steplog import StepLogs
 from fipa_codec.communicate import Communicate, decode
+from operate.file_names import VIEW_FILE
 from operate.pictures.viewer_address import SWITCH
 from operate.recording import mcap_file
 from operate.recording.recorder import NICENESS
 from operate.recording.records import Garbage, House, Spoken
-from operate.run_folder import VIEW_FILE
 
 pytestmark = pytest.mark.zenoh
 DEADLINE_S = 30.0

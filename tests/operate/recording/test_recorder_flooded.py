@@ -14,10 +14,12 @@ from agent_runtime.io.tap import Sample
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
+from operate.file_names import LIVE_FILE, VERDICTS_FILE
+from operate.live_lines import Against, LiveLine
 from operate.recording import mcap_file, recorder
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage
-from operate.run_folder import LIVE_FILE, VERDICTS_FILE, Against, Judged, LiveLine
+from operate.verdict_lines import Judged
 
 KEY = "roco/roco/C2/hi/co/request/request"
 MANY = 500

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
+from operate.file_names import STEPS
 from operate.recording import history
 from operate.recording.ends import Hearing
 from operate.recording.records import House, Record, Spoken, Token
 from operate.recording.run import Run
 from operate.reports import counts, page
 from operate.reports.counts import Latency, Spans
-from operate.run_folder import STEPS
 from operate.system import System, here
 
 ROOT = Path(__file__).parents[3]

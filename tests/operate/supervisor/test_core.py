@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from agent_runtime.io.options import USAGE_ERROR
 from companion.tools.system import PROCESSES
-from operate.run_folder import ProcessState
+from operate.fleet_file import ProcessState
 from operate.supervisor import core
 from operate.supervisor.processes import Process, agents, around
 

@@ -18,7 +18,8 @@ import pytest
 from agent_runtime.io.issuing import issue
 from companion.design import DESIGN
 from operate.cli.runs import folders
-from operate.run_folder import LOCK_FILE, ProcessState
+from operate.file_names import LOCK_FILE
+from operate.fleet_file import ProcessState
 from operate.supervisor.folder import KeptError, kept
 from operate.supervisor.shell import FORKS
 

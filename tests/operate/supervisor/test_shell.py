@@ -15,7 +15,8 @@ import msgspec
 import pytest
 
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
-from operate.run_folder import LOCK_FILE, OFF_SUFFIX, Fleet, ProcessState
+from operate.file_names import LOCK_FILE, OFF_SUFFIX
+from operate.fleet_file import Fleet, ProcessState
 from operate.supervisor import core, folder
 from operate.supervisor.processes import Process
 from operate.supervisor.shell import NotBuiltError, Shell, python_module

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agent_runtime.io.options import USAGE_ERROR
-from operate.run_folder import ProcessState
+from operate.fleet_file import ProcessState
 from operate.supervisor import core
 from operate.supervisor.processes import Process
 

@@ -25,17 +25,10 @@ from operate.cli.fleet import process_status
 from operate.cli.fleet.identity import OPERATOR
 from operate.cli.fleet.process_status import Look, Put, Seen, Target
 from operate.cli.traffic import verdicts
-from operate.run_folder import (
-    FAULTS_FILE,
-    FLEET_FILE,
-    OFF_SUFFIX,
-    VERDICTS_FILE,
-    Fleet,
-    Judged,
-    ProcessState,
-    ProcessStatus,
-)
+from operate.file_names import FAULTS_FILE, FLEET_FILE, OFF_SUFFIX, VERDICTS_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.system import System, here
+from operate.verdict_lines import Judged
 from operate.wires import files
 
 ANSWER_S = 20.0
