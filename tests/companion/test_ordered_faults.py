@@ -11,7 +11,7 @@ from companion.tools.verbs.checkup import BACKEND
 from operate.cli.errors import ConsoleError, FleetError, UsageError
 from operate.cli.fleet.local import Local
 from operate.fault_lines import Fault
-from operate.wires.files import WIRES_FILE
+from operate.fault_proxy.files import WIRES_FILE
 from velma.model import scene
 from velma.sim import disturbances
 from velma.sim.disturbances import Disturbance, Kind, Of

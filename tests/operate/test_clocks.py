@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from operate.wires import clocks
+from operate.fault_proxy import clocks
 
 pytestmark = [
     pytest.mark.process,

@@ -22,11 +22,11 @@ from toy_fleet import wait_for
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Seen
 from operate.fault_lines import Fault, latest, read
+from operate.fault_proxy import clocks
 from operate.file_names import FAULTS_FILE
 from operate.fleet_file import ProcessState
 from operate.recording import mcap_file
 from operate.recording.records import fault_in
-from operate.wires import clocks
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(150)]
 EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"

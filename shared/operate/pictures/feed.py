@@ -23,7 +23,7 @@ from pathlib import Path
 
 from agent_runtime.io.tap import Sample
 from operate.pictures.viewer_address import SWITCH, Place, opened, tell, wanted
-from operate.pictures.wire import Heard, Item, Missed, ShownVerdict, Since, encode, framed
+from operate.pictures.viewer_pipe import Heard, Item, Missed, ShownVerdict, Since, encode, framed
 from operate.system import System
 from operate.verdict_lines import Judged
 

@@ -18,7 +18,7 @@ from agent_runtime.io.reaching import free_port
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTER, key_file
 from agent_runtime.io.sessions import UNIX_SOCKET
-from operate.wires.files import place
+from operate.fault_proxy.files import place
 from topdown.model.design import Design
 
 TLS, PLAIN = "tls/", "tcp/"

@@ -9,11 +9,11 @@ import msgspec
 from agent_runtime.io.options import AGENTS_VARIABLE
 from agent_runtime.io.reaching import free_port
 from agent_runtime.io.secured import ROUTER
+from operate.fault_proxy import clocks, files
 from operate.supervisor.processes import Process
-from operate.wires import clocks, files
 from topdown.model.design import Design
 
-WIRES = Process("wires", "operate.wires")
+WIRES = Process("wires", "operate.fault_proxy")
 CONNECT = "ROCO_CONNECT"
 
 

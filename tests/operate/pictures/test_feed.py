@@ -23,7 +23,7 @@ from agent_runtime.io.tap import Sample
 from companion.tools.system import SYSTEM
 from operate.file_names import VERDICTS_FILE, VIEW_FILE
 from operate.pictures import feed as feeding
-from operate.pictures import wire
+from operate.pictures import viewer_pipe
 from operate.pictures.child import Past
 from operate.pictures.feed import OVERHEAD, Feed, Queue
 from operate.pictures.happenings import Reader
@@ -117,9 +117,9 @@ def begin(tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch) -> Iter
         yield feed
 
 
-def heard(data: bytes) -> wire.Heard:
+def heard(data: bytes) -> viewer_pipe.Heard:
     """A sample with these bytes."""
-    return wire.Heard(Sample("", data, 1.0))
+    return viewer_pipe.Heard(Sample("", data, 1.0))
 
 
 @given(
@@ -155,23 +155,23 @@ def test_an_item_larger_than_all_room_is_dropped() -> None:
     assert (queue.take(), queue.dropped, queue.bytes) == ([], 1, 0)
 
 
-def numbers(items: list[wire.Item]) -> list[int]:
+def numbers(items: list[viewer_pipe.Item]) -> list[int]:
     """What the samples begin with."""
     return [
         int.from_bytes(item.sample.data[:4], "big")
         for item in items
-        if isinstance(item, wire.Heard)
+        if isinstance(item, viewer_pipe.Heard)
     ]
 
 
 @given(st.lists(st.integers(1, 60), max_size=40))
 def test_frames_come_whole_however_they_are_cut(cuts: list[int]) -> None:
     """Items out are the items in."""
-    items: list[wire.Item] = [wire.Heard(Sample("k", b"d" * n, float(n))) for n in cuts] + [
-        wire.Missed(1.0, 2)
-    ]
-    data = b"".join(wire.framed(wire.encode(item)) for item in items)
-    frames, found = wire.Frames(), list[wire.Item]()
+    items: list[viewer_pipe.Item] = [
+        viewer_pipe.Heard(Sample("k", b"d" * n, float(n))) for n in cuts
+    ] + [viewer_pipe.Missed(1.0, 2)]
+    data = b"".join(viewer_pipe.framed(viewer_pipe.encode(item)) for item in items)
+    frames, found = viewer_pipe.Frames(), list[viewer_pipe.Item]()
     while data:
         cut = cuts[len(found) % len(cuts)] if cuts else 1
         found += frames.feed(data[:cut])
@@ -182,7 +182,7 @@ def test_frames_come_whole_however_they_are_cut(cuts: list[int]) -> None:
 def test_something_else_than_frames_is_said() -> None:
     """Not waited for."""
     with pytest.raises(ValueError, match="not a pipe of the monitor"):
-        wire.Frames().feed(b"\xff\xff\xff\xff")
+        viewer_pipe.Frames().feed(b"\xff\xff\xff\xff")
 
 
 @pytest.mark.usefixtures("look")
@@ -300,8 +300,8 @@ def test_each_sample_is_in_the_recording_or_fed(
         recorder.take(late)
         assert eventually(lambda: not feed._queue.bytes)
         recorder.finish()
-    since, *fed = wire.Frames().feed((tmp_path / "fed").read_bytes())
-    assert isinstance(since, wire.Since)
+    since, *fed = viewer_pipe.Frames().feed((tmp_path / "fed").read_bytes())
+    assert isinstance(since, viewer_pipe.Since)
     past = Past(since.at)
     recorded = [one.what for one in past.read(then, SYSTEM, Reader(SYSTEM))]
     before = [one for one in recorded if isinstance(one, Spoken)]
@@ -309,7 +309,7 @@ def test_each_sample_is_in_the_recording_or_fed(
         [
             item.sample
             for item in fed
-            if isinstance(item, wire.Heard) and not past.has(item.sample.at)
+            if isinstance(item, viewer_pipe.Heard) and not past.has(item.sample.at)
         ]
     )
     assert before
@@ -319,7 +319,7 @@ def test_each_sample_is_in_the_recording_or_fed(
     judged = [
         item.judged
         for item in fed
-        if isinstance(item, wire.ShownVerdict) and not past.judged(item.judged)
+        if isinstance(item, viewer_pipe.ShownVerdict) and not past.judged(item.judged)
     ]
     judged += [one for one in recorded if isinstance(one, Judged)]
     lines = (tmp_path / VERDICTS_FILE).read_bytes().splitlines()

@@ -32,7 +32,7 @@ from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.fault_lines import Fault
-from operate.wires.files import WIRES_FILE
+from operate.fault_proxy.files import WIRES_FILE
 from velma.errors import VelmaError
 from velma.model import scene
 from velma.model.kinds import MOVEABLE

@@ -448,7 +448,7 @@ def _names(text: str) -> tuple[str, ...]:
 
 def _possible() -> tuple[str, ...]:
     """Return the kinds that can be done here: without a C compiler no clock can be stepped."""
-    from operate.wires.clocks import COMPILER
+    from operate.fault_proxy.clocks import COMPILER
 
     return tuple(kind for kind in VERBS if kind != "clock" or shutil.which(COMPILER))
 

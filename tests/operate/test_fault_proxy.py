@@ -15,9 +15,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from operate.wires import files
-from operate.wires.files import Conditions
-from operate.wires.wire import KEPT, Wire
+from operate.fault_proxy import files
+from operate.fault_proxy.__main__ import KEPT, Wire
+from operate.fault_proxy.files import Conditions
 
 TIMEOUT_S = 30.0
 Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]
