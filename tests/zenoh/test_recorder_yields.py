@@ -2,11 +2,10 @@
 else works.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from secured_fleet import end, secured, serve, session
+from secured_fleet import serve, session
 from toy_fleet import Fleet, wait_for
 
 from operate.recording.mcap_file import FILE
@@ -17,16 +16,12 @@ KEY, TOPIC = "roco/roco/_/state/hi", b"house/state"
 
 
 @pytest.fixture
-def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Fleet]:
+def fleet(secured_router: Fleet, monkeypatch: pytest.MonkeyPatch) -> Fleet:
     """A router with keys, and the monitor."""
     monkeypatch.setenv("ROCO_VIEW", "off")
-    made = secured(tmp_path, monkeypatch)
-    made.start("router")
-    made.ready("router")
-    serve(made, "monitor", "services.monitor")
-    made.ready("monitor")
-    yield made
-    end(made)
+    serve(secured_router, "monitor")
+    secured_router.ready("monitor")
+    return secured_router
 
 
 def threads(pid: int) -> dict[str, int]:
