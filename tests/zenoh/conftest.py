@@ -38,7 +38,7 @@ def secured_router(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[
 
 
 @pytest.fixture
-def fleet(tmp_path: Path) -> Iterator[Fleet]:
+def toys(tmp_path: Path) -> Iterator[Fleet]:
     """Router, asker and server, all ready; for a test that leaves them otherwise than it found
     them.
     """
@@ -53,6 +53,27 @@ def whole(run: Path) -> Fleet:
     made.start(*ALL)
     made.ready(*ALL)
     return made
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Iterator[Any]:
+    """The whole companion, of this test's own."""
+    yield from whole_companion(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def one_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """The whole companion, for all tests of a module: each leaves the next one what it needs."""
+    yield from whole_companion(tmp_path_factory.mktemp("fleet"))
+
+
+def whole_companion(folder: Path) -> Iterator[Any]:
+    """All that `roco up` starts; down at the end."""
+    from roco_fleet import RocoFleet  # loads the robot's models, which most tests do not need
+
+    made = RocoFleet(folder / "run")
+    yield made
+    made.down()
 
 
 FAILED = pytest.StashKey[bool]()

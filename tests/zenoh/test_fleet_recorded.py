@@ -4,11 +4,8 @@ agent by agent.
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeGuard
@@ -31,30 +28,12 @@ PHASES, FIRST, APART = 12, 30, 25
 SAID = 10
 
 
-@pytest.fixture
-def fleet(tmp_path: Path) -> Iterator[RocoFleet]:
-    """All six agents."""
-    made = RocoFleet(tmp_path / "run")
-    yield made
-    made.down()
-
-
 def test_a_fleet_is_recorded_and_its_agents_say_it_again(fleet: RocoFleet) -> None:
     """`roco record` has what the monitor has of that time; co, pl, km and ta repeat their part of
     the run.
     """
     file = fleet.run / "beside.mcap"
-    command = [
-        sys.executable,
-        "-m",
-        "operate.cli",
-        "record",
-        "--out",
-        str(file),
-        "--run-dir",
-        str(fleet.run),
-    ]
-    recorder = subprocess.Popen([*command, "--format", "json"], stdout=subprocess.PIPE)
+    recorder = fleet.begin("record --format json --out", str(file))
     wait_for(lambda: file.exists() or recorder.poll() is not None, "it records", 120.0)
     line = fleet.do("look around")
     assert line.state == "done", line
@@ -65,16 +44,9 @@ def test_a_fleet_is_recorded_and_its_agents_say_it_again(fleet: RocoFleet) -> No
     beside, whole = (_said(one) for one in (file, fleet.run / mcap_file.FILE))
     assert sorted(beside) == sorted(one for one in whole if min(beside) <= one <= max(beside))
     for agent in ("co", "pl", "km", "ta"):
-        again = [sys.executable, "-m", "operate.cli", "replay", str(fleet.run), "--replace", agent]
-        done = subprocess.run(
-            [*again, "--speed", "1", "--format", "json"],
-            capture_output=True,
-            timeout=300,
-            check=False,
-        )
-        assert done.returncode == 0, (agent, done.stdout, done.stderr)
-        told = msgspec.json.decode(done.stdout, type=Compared)
-        assert (told.difference, told.spoken) == (None, told.lines)
+        words = f"replay {fleet.run} --speed 1 --format json --replace {agent}".split()
+        told = msgspec.json.decode(fleet.roco(*words, timeout=300.0, inside=False), type=Compared)
+        assert (told.difference, told.spoken) == (None, told.lines), agent
 
 
 @pytest.mark.parametrize("first", [0, 1], ids=["killed first", "frozen first"])
@@ -91,11 +63,8 @@ def test_a_recorder_misses_nothing_at_any_phase_of_a_pour(fleet: RocoFleet, firs
     with ThreadPoolExecutor(1) as person:
         pour = person.submit(fleet.do, "pour the jar into the bowl")
         for phase in range(PHASES):
-            wait_for(
-                lambda phase=phase: said() >= FIRST + phase * APART or pour.done(),
-                f"phase {phase}",
-                120.0,
-            )
+            enough = FIRST + phase * APART
+            wait_for(lambda: said() >= enough or pour.done(), f"phase {phase}", 120.0)  # noqa: B023
             pid = int((fleet.run / "monitor.pid").read_text())
             if (phase + first) % 2:
                 os.kill(pid, signal.SIGSTOP)

@@ -31,28 +31,28 @@ def waits_in_words(fleet: Fleet, agent: str, words: str) -> None:
     assert "Traceback" not in fleet.logs()
 
 
-def test_a_file_that_may_not_grow(fleet: Fleet) -> None:
+def test_a_file_that_may_not_grow(toys: Fleet) -> None:
     """RLIMIT_FSIZE of a running agent: its next step waits unreceipted; raised again, all is
     answered once.
     """
     numbers = tuple(range(12))
-    fleet.want(*numbers)
-    answered(fleet, *numbers)
-    fleet.wait(lambda: not journalled(fleet.run, toy.server()).agreed, "all is journalled")
-    pid = fleet.processes["server"].pid
-    journal = fleet.run / "journal" / "server.journal"
+    toys.want(*numbers)
+    answered(toys, *numbers)
+    toys.wait(lambda: not journalled(toys.run, toy.server()).agreed, "all is journalled")
+    pid = toys.processes["server"].pid
+    journal = toys.run / "journal" / "server.journal"
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (journal.stat().st_size, resource.RLIM_INFINITY))
     before = journal.read_bytes()
-    fleet.want(99)
-    waits_in_words(fleet, "server", "the file may not grow any more")
-    fleet.wait(lambda: fleet.beat("asker").counts.get("resent", 0) >= 2, "no receipt comes")
+    toys.want(99)
+    waits_in_words(toys, "server", "the file may not grow any more")
+    toys.wait(lambda: toys.beat("asker").counts.get("resent", 0) >= 2, "no receipt comes")
     assert journal.read_bytes() == before
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    answered(fleet, *numbers, 99)
-    fleet.wait(lambda: not fleet.beat("server").trouble, "the trouble is over")
-    lines = (fleet.run / "logs" / "server.jsonl").read_text().splitlines()
+    answered(toys, *numbers, 99)
+    toys.wait(lambda: not toys.beat("server").trouble, "the trouble is over")
+    lines = (toys.run / "logs" / "server.jsonl").read_text().splitlines()
     assert {"room again", "lines lost"} & {json.loads(line)["event"] for line in lines if line}
-    assert fleet.stop("server") == 0
+    assert toys.stop("server") == 0
 
 
 @pytest.fixture

@@ -63,14 +63,14 @@ def expect(fleet: Fleet, *numbers: int) -> None:
     Expected(fleet, *numbers).came()
 
 
-def test_request_is_answered_and_stop_is_orderly(fleet: Fleet) -> None:
+def test_request_is_answered_and_stop_is_orderly(toys: Fleet) -> None:
     """A request goes there and comes back; SIGTERM ends each with status 0; the step log replays to
     the same bytes.
     """
-    expect(fleet, 4)
-    assert [fleet.stop(name) for name in ("asker", "server", "router")] == [0, 0, 0]
+    expect(toys, 4)
+    assert [toys.stop(name) for name in ("asker", "server", "router")] == [0, 0, 0]
     to_server, _ = toy.wirings()
-    steps = list(replay(Core(toy.asker(), to_server), read(fleet.run / "steps" / "asker.steps")))
+    steps = list(replay(Core(toy.asker(), to_server), read(toys.run / "steps" / "asker.steps")))
     assert steps
     assert all(fingerprint(effects) == step.output for step, effects in steps)
 
@@ -119,39 +119,39 @@ def test_a_step_without_an_end(shared: Fleet) -> None:
 
 
 @pytest.mark.parametrize("victim", ["server", "asker"])
-def test_a_deleted_journal(fleet: Fleet, victim: str) -> None:
+def test_a_deleted_journal(toys: Fleet, victim: str) -> None:
     """kill -9 with requests under way, and the journal deleted: nobody hangs, and the other side
     says why.
     """
-    fleet.want(*range(6))
-    fleet.wait(lambda: len(answers(fleet.run)) >= 2, "some answers")
-    fleet.kill(victim)
-    (fleet.run / "journal" / f"{victim}.journal").unlink()
-    begins_again(fleet, victim)
+    toys.want(*range(6))
+    toys.wait(lambda: len(answers(toys.run)) >= 2, "some answers")
+    toys.kill(victim)
+    (toys.run / "journal" / f"{victim}.journal").unlink()
+    begins_again(toys, victim)
 
 
 @pytest.mark.parametrize("victim", ["server", "asker"])
-def test_a_journal_cut(fleet: Fleet, victim: str) -> None:
+def test_a_journal_cut(toys: Fleet, victim: str) -> None:
     """kill -9, and the last half of the journal is lost: its peer knows more, and the agent begins
     again.
     """
-    Expected(fleet, *range(6)).came()
-    (fleet.run / "want").unlink()  # an asker that is started again would take them again
+    Expected(toys, *range(6)).came()
+    (toys.run / "want").unlink()  # an asker that is started again would take them again
     # What the victim forgets its peer must know: the receipt of the last answer has come.
-    fleet.beats_on("server")
-    fleet.wait(lambda: not any(fleet.beat("server").unreceipted.values()), "receipts")
-    fleet.kill(victim)
-    journal = fleet.run / "journal" / f"{victim}.journal"
+    toys.beats_on("server")
+    toys.wait(lambda: not any(toys.beat("server").unreceipted.values()), "receipts")
+    toys.kill(victim)
+    journal = toys.run / "journal" / f"{victim}.journal"
     kept = list(records(journal.read_bytes()))
     # What a person said must be in the part that is left: nobody says it again.
     least = next(
-        at for at, one in enumerate(kept) if victim == "server" or len(asked(fleet.run, one)) == 6
+        at for at, one in enumerate(kept) if victim == "server" or len(asked(toys.run, one)) == 6
     )
     journal.write_bytes(MAGIC + b"".join(map(frame, kept[: max(least, len(kept) // 2) + 1])))
-    fleet.start(victim)
-    assert fleet.processes[victim].wait(DEADLINE_S) == 1
-    assert "a part of" in (fleet.run / f"{victim}.log").read_text()
-    begins_again(fleet, victim)
+    toys.start(victim)
+    assert toys.processes[victim].wait(DEADLINE_S) == 1
+    assert "a part of" in (toys.run / f"{victim}.log").read_text()
+    begins_again(toys, victim)
 
 
 def begins_again(fleet: Fleet, victim: str) -> None:
