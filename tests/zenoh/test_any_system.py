@@ -7,6 +7,7 @@ can be called alone, and a second time.
 """
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -16,11 +17,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import depot_fleet
+import msgspec
 import pytest
 from depot_fleet import AGENTS, Project
 
 from operate.cli.verbs import GROUP, VERBS
 from operate.file_names import LATEST
+from operate.recording import mcap_file
+from operate.recording.records import Spoken
+from operate.reports.report import Report
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(300)]
 RUN = f"runs/{LATEST}"
@@ -301,6 +306,47 @@ def test_every_agent_of_the_run_is_run_again_to_the_same_bytes(depot: Depot) -> 
     assert [one for one in AGENTS if not re.search(rf"^{one} +[1-9]", said, re.MULTILINE)] == []
     assert "5 agents, " in said
     assert "each put out the same bytes as then" in said
+
+
+AGAIN = """
+import sys
+from pathlib import Path
+from operate.reports import make
+from operate.system import of_run
+from operate.recording.run import Run
+run = Path(sys.argv[1])
+assert make.everything(Run(run, of_run(run)), lambda *_, **__: None)
+ours = ("companion", "velma", "services")
+print([name for name in sys.modules if name.partition(".")[0] in ours])
+"""
+
+
+def test_the_report_counts_what_was_recorded_and_needs_nothing_of_the_companion(
+    depot: Depot,
+) -> None:
+    """Communicates per pair, all as designed; the page names every agent. It is made again by a
+    process that imports nothing of the robot.
+    """
+    depot.wants(up=False)
+    run, environment = depot.run.resolve(), os.environ | {"PYTHONSAFEPATH": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", AGAIN, str(run)],
+        env=environment, capture_output=True, text=True, timeout=100,
+    )  # fmt: skip
+    assert done.stdout.strip() == "[]", done.stderr
+    assert (run / "run.rrd").stat().st_size
+    told = msgspec.json.decode((run / "report.json").read_bytes(), type=Report)
+    records = mcap_file.read(run / mcap_file.FILE).records
+    said = {one.identity for one in records if isinstance(one, Spoken)}
+    matrix = told.communicates.matrix
+    counted = {(s, r): n for s, row in matrix.items() for r, n in row.items() if n}
+    assert counted == Counter((sender, receiver) for sender, receiver, _ in said)
+    assert counted["desk", "dispatcher"]
+    assert {one.agent for one in told.busy} == {*AGENTS}
+    page = (run / "report.html").read_text()
+    assert all(f"<th>{agent}</th>" in page for agent in AGENTS)
+    assert "jar" not in page
+    assert "paper" not in page
 
 
 def test_what_only_the_robot_can_do_is_no_verb_here(depot: Project) -> None:

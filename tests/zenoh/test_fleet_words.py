@@ -4,15 +4,10 @@ clear word.
 
 from pathlib import Path
 
-import msgspec
 import pytest
 from roco_fleet import RocoFleet, safely_down
-from toy_fleet import GARBAGE
 
-from companion.design import DESIGN
 from companion.languages.facts import Kind
-from fipa_codec.communicate import Communicate, encode
-from fipa_codec.performatives import Performative
 from velma.model.scene import CANONICAL
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(300)]
@@ -37,30 +32,6 @@ def test_dance(one_fleet: RocoFleet) -> None:
     said = one_fleet.roco("say", "dance", code=1)
     assert "look around" in said
     assert one_fleet.hi.tasks() == before
-
-
-def test_garbage_to_the_task_agent(one_fleet: RocoFleet) -> None:
-    """Bytes that are not a communicate, and communicates that make no sense, are counted; nobody
-    dies of them.
-    """
-    dance = msgspec.Raw(msgspec.msgpack.encode("dance"))
-    lie = Communicate(
-        performative=Performative.REQUEST, protocol="coordinate", language="HFSM", ontology="roco",
-        conversation="nonsense", sender="co", receiver="ta", id="999999", content=dance,
-    )  # fmt: skip
-    key = DESIGN.key("roco", lie)
-    before = _refused(one_fleet)
-    with one_fleet.session("co") as session:
-        for data in (*GARBAGE, encode(lie)):
-            session.put(key, data)
-        one_fleet.wait(lambda: _refused(one_fleet) >= before + 4, "the garbage is counted")
-    one_fleet.roco("status")
-    assert one_fleet.do("look around").state == "done"
-
-
-def _refused(fleet: RocoFleet) -> int:
-    counts = fleet.beat("ta").counts
-    return counts.get("garbled", 0) + counts.get("forged", 0)
 
 
 def test_tasks_are_done_one_after_the_other(one_fleet: RocoFleet) -> None:

@@ -19,7 +19,6 @@ from operate.recording import history
 from operate.recording.recorder import Recorder
 from operate.recording.records import Setting, understood
 from operate.recording.run import Run, verdicts
-from operate.recording.stored import NoRecordingError
 from operate.reports import make
 from operate.system import NoSystemError, languages_at, of_design
 from operate.verdict_lines import Judged
@@ -143,20 +142,6 @@ def test_a_recorder_that_began_first_knows_beginnings(tmp_path: Path) -> None:
     recorder.finish()
     assert (tmp_path / VERDICTS_FILE).read_bytes() == b""
     assert make.everything(Run(tmp_path, SYSTEM), lambda *_, **__: None)
-
-
-@pytest.mark.parametrize("name", ["nothing", "empty.mcap", "empty.jsonl"])
-def test_what_cannot_be_judged_says_so(name: str, tmp_path: Path) -> None:
-    """A missing or empty recording is named, with what to give; an empty run has nothing wrong in
-    it.
-    """
-    if name != "nothing":
-        (tmp_path / name).write_bytes(b"")
-    if name.endswith("jsonl"):
-        assert verdicts(tmp_path / name, SYSTEM) == ()
-        return
-    with pytest.raises(NoRecordingError, match=r"give a "):
-        verdicts(tmp_path / name, SYSTEM)
 
 
 def test_another_systems_design_and_languages_are_named(tmp_path: Path) -> None:

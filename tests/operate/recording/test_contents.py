@@ -79,15 +79,6 @@ def test_of_a_torn_recording_all_before_the_tear_is_told(file: Path, records: li
     assert 0 < sum(one.count for one in told.topics) < len(records)
 
 
-@pytest.mark.parametrize("data", [None, b"", b"no recording at all"])
-def test_what_is_no_recording_is_refused(tmp_path: Path, data: bytes | None) -> None:
-    """With what to give."""
-    if data is not None:
-        (tmp_path / "traffic.mcap").write_bytes(data)
-    with pytest.raises(NoRecordingError, match="give"):
-        contents(tmp_path)
-
-
 @pytest.mark.process
 def test_the_verb_tells_it(file: Path, records: list[Record]) -> None:
     """Both forms, and the keys where they are asked for."""

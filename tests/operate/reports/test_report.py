@@ -1,7 +1,6 @@
 """The report says what was recorded: counts are direct counts, what is missing is named."""
 
 import base64
-import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -156,27 +155,6 @@ def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_
         assert part.records == whole.records[: len(part.records)], share
         assert share < 0.9 or len(part.records) > 0.85 * len(whole.records)
     assert any("was killed" in hole.text for hole in RecordedRun(tmp_path, SYSTEM).history.holes)
-
-
-def test_a_recorder_that_comes_back_goes_on_where_the_other_died(
-    pouring: Run, tmp_path: Path
-) -> None:
-    """After a kill the next recorder keeps what was flushed; nothing is there twice."""
-    half = len(pouring.samples) // 2
-    first = Recorder(tmp_path / "first", SYSTEM)
-    for sample in pouring.samples[:half]:
-        first.take(sample)
-    first.flush()
-    for name in (mcap_file.FILE, mcap_file.CURSOR_FILE):
-        shutil.copy(tmp_path / "first" / name, tmp_path)
-    first.finish()
-    second = Recorder(tmp_path, SYSTEM)
-    for sample in pouring.samples[half:]:
-        second.take(sample)
-    second.finish()
-    past = RecordedRun(tmp_path, SYSTEM).history
-    assert len(past.said) == len(pouring.said)
-    assert past.holes == ()
 
 
 def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_path: Path) -> None:
