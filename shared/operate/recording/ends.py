@@ -337,24 +337,18 @@ class Ends:
                     yield record
                     yield from self._taken(one, step.at)
             case Receipted.__name__:
-                yield _receipted(
-                    msgspec.msgpack.decode(step.input, type=Receipted), step.at, log.agent
-                )
+                came = msgspec.msgpack.decode(step.input, type=Receipted)
+                told = msgspec.msgpack.encode(alike(Receipt, came, peer=log.agent))
+                yield House(RECEIPT, came.peer, log.agent, step.at, told)
             case Garbled.__name__:
-                told = msgspec.msgpack.decode(step.input, type=Garbled)
-                if "/" in told.key:
-                    yield Garbage(told.key, 0, told.reason, step.at, b"", log=log.agent)
+                bad = msgspec.msgpack.decode(step.input, type=Garbled)
+                if "/" in bad.key:
+                    yield Garbage(bad.key, 0, bad.reason, step.at, b"", log=log.agent)
             case kind if kind == BOOT:
                 if log.told_until:
                     log.lives.append(step.at)
-                yield Token(
-                    log.agent,
-                    step.incarnation,
-                    True,
-                    step.at,
-                    steplog.journal_of(step.input),
-                    noted=True,
-                )
+                life = steplog.journal_of(step.input)
+                yield Token(log.agent, step.incarnation, True, step.at, life, noted=True)
 
     def _arrived(self, one: Communicate, at: float, agent: str) -> Record | None:
         """The record of a communicate that reached an agent at `at`."""
@@ -496,16 +490,8 @@ def _unpaired(one: Communicate, at: float, why: str, *, altered: bool) -> Unpair
     )
 
 
-def _receipted(one: Receipted, at: float, agent: str) -> House:
-    """The record of a receipt for what an agent said."""
-    return House(
-        RECEIPT, one.peer, agent, at, msgspec.msgpack.encode(alike(Receipt, one, peer=agent))
-    )
-
-
 def _key(one: Communicate, system: System) -> str:
     """The key of a communicate that the design does not have, on no channel of it."""
-    told = {
-        name: str(getattr(one, name)) for name in ("sender", "receiver", "protocol", "performative")
-    }
+    names = ("sender", "receiver", "protocol", "performative")
+    told = {name: str(getattr(one, name)) for name in names}
     return system.design.file.system.key.format(system=RECORDED, channel="unknown", **told)
