@@ -9,7 +9,9 @@ import tempfile
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
+from functools import wraps
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -26,10 +28,15 @@ Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 class Setup:
     """Both ends of a connection through a wire, whose conditions may be changed."""
 
-    def __init__(self) -> None:
-        self.conditions = Conditions()
+    def __init__(self, conditions: Conditions) -> None:
+        self.conditions = conditions
         self.here: Streams
         self.there: Streams
+
+
+def port_of(server: asyncio.Server) -> int:
+    """Where it listens."""
+    return int(server.sockets[0].getsockname()[1])
 
 
 @asynccontextmanager
@@ -37,21 +44,16 @@ async def wired(
     conditions: Conditions, chance: random.Random | None = None
 ) -> AsyncIterator[Setup]:
     """A wire between two ends on the loopback interface."""
-    setup, arrived = Setup(), asyncio.Queue[Streams]()
-    setup.conditions = conditions
+    setup, arrived = Setup(conditions), asyncio.Queue[Streams]()
 
     async def accepted(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         await arrived.put((reader, writer))
 
     far = await asyncio.start_server(accepted, "127.0.0.1", 0)
-    wire = Wire(
-        "127.0.0.1",
-        far.sockets[0].getsockname()[1],
-        lambda: setup.conditions,
-        chance or random.Random(1),
-    )
+    chance = chance or random.Random(1)
+    wire = Wire("127.0.0.1", port_of(far), lambda: setup.conditions, chance)
     near = await asyncio.start_server(wire.connected, "127.0.0.1", 0)
-    setup.here = await asyncio.open_connection("127.0.0.1", near.sockets[0].getsockname()[1])
+    setup.here = await asyncio.open_connection("127.0.0.1", port_of(near))
     setup.there = await arrived.get()
     try:
         yield setup
@@ -71,23 +73,19 @@ async def sent(data: bytes, end: Streams) -> None:
 
 async def both(forth: bytes, back: bytes, setup: Setup) -> tuple[bytes, bytes]:
     """Send something each way, and give what arrived."""
-    *_, there, here = await asyncio.gather(
-        sent(forth, setup.here),
-        sent(back, setup.there),
-        setup.there[0].read(),
-        setup.here[0].read(),
-    )
+    sending = sent(forth, setup.here), sent(back, setup.there)
+    *_, there, here = await asyncio.gather(*sending, setup.there[0].read(), setup.here[0].read())
     return there, here
 
 
-def run(what: Callable[[], Awaitable[None]]) -> None:
-    """Run it, with an end."""
+def awaited(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+    """A test that is awaited, with an end."""
 
-    async def bounded() -> None:
-        async with asyncio.timeout(TIMEOUT_S):
-            await what()
+    @wraps(test)
+    def bounded(*given: Any, **named: Any) -> None:
+        asyncio.run(asyncio.wait_for(test(*given, **named), TIMEOUT_S))
 
-    asyncio.run(bounded())
+    return bounded
 
 
 amounts = st.builds(
@@ -106,28 +104,22 @@ amounts = st.builds(
     st.integers(0, 9),
 )
 @settings(max_examples=12, deadline=None)
-def test_every_byte_arrives_in_order(
+@awaited
+async def test_every_byte_arrives_in_order(
     conditions: Conditions, piece: bytes, times: int, back: bytes, seed: int
 ) -> None:
     """Delayed, lost and slowed as they may be, both ways; then the end."""
-
-    async def story() -> None:
-        async with wired(conditions, random.Random(seed)) as setup:
-            assert await both(piece * times, back, setup) == (piece * times, back)
-
-    run(story)
+    async with wired(conditions, random.Random(seed)) as setup:
+        assert await both(piece * times, back, setup) == (piece * times, back)
 
 
-def test_a_delay_is_waited_for_and_holds_up_no_others() -> None:
+@awaited
+async def test_a_delay_is_waited_for_and_holds_up_no_others() -> None:
     """Much data takes the delay once, not once for each piece."""
-
-    async def story() -> None:
-        async with wired(Conditions(delay=0.3)) as setup:
-            began, data = time.monotonic(), bytes(20 * 16 * 1024)
-            assert (await both(data, b"", setup))[0] == data
-            assert 0.3 <= time.monotonic() - began < 20 * 0.3
-
-    run(story)
+    async with wired(Conditions(delay=0.3)) as setup:
+        began, data = time.monotonic(), bytes(20 * 16 * 1024)
+        assert (await both(data, b"", setup))[0] == data
+        assert 0.3 <= time.monotonic() - began < 20 * 0.3
 
 
 class Once(random.Random):
@@ -143,112 +135,78 @@ class Once(random.Random):
         return 0.0 if self.times >= 0 else 1.0
 
 
-def test_a_lost_piece_comes_late() -> None:
+@awaited
+async def test_a_lost_piece_comes_late() -> None:
     """After 0.2 s, and where it is lost again after 0.4 s more."""
-
-    async def story() -> None:
-        async with wired(Conditions(loss=0.5), Once(2)) as setup:
-            began = time.monotonic()
-            setup.here[1].write(b"lost twice")
-            assert await setup.there[0].readexactly(10) == b"lost twice"
-            assert time.monotonic() - began >= 0.6 * 0.95
-
-    run(story)
+    async with wired(Conditions(loss=0.5), Once(2)) as setup:
+        began = time.monotonic()
+        setup.here[1].write(b"lost twice")
+        assert await setup.there[0].readexactly(10) == b"lost twice"
+        assert time.monotonic() - began >= 0.6 * 0.95
 
 
-def test_a_cut_wire_hides_the_end() -> None:
-    """The process behind it does not learn that the other has gone."""
-
-    async def story() -> None:
-        async with wired(Conditions(cut=1.0)) as setup:
-            setup.here[1].close()
-            with pytest.raises(TimeoutError):
-                await asyncio.wait_for(setup.there[0].read(1), 0.3)
-            setup.conditions = Conditions()
-            assert await setup.there[0].read() == b""
-
-    run(story)
-
-
-def test_a_rate_is_a_bound() -> None:
+@awaited
+async def test_a_rate_is_a_bound() -> None:
     """Never faster."""
-
-    async def story() -> None:
-        async with wired(Conditions(rate=100_000.0)) as setup:
-            began, data = time.monotonic(), bytes(40_000)
-            assert (await both(data, b"", setup))[0] == data
-            assert time.monotonic() - began >= 0.4 * 0.95
-
-    run(story)
+    async with wired(Conditions(rate=100_000.0)) as setup:
+        began, data = time.monotonic(), bytes(40_000)
+        assert (await both(data, b"", setup))[0] == data
+        assert time.monotonic() - began >= 0.4 * 0.95
 
 
-def test_a_cut_wire_delivers_nothing_and_a_mended_one_all() -> None:
+@awaited
+async def test_a_cut_wire_delivers_nothing_and_a_mended_one_all() -> None:
     """Not even the end; both ends stay open. Before the cut everything passes."""
-
-    async def story() -> None:
-        async with wired(Conditions()) as setup:
-            setup.here[1].write(b"before")
-            assert await setup.there[0].readexactly(6) == b"before"
-            setup.conditions = Conditions(cut=1.0)
-            await sent(b"meanwhile", setup.here)
-            with pytest.raises(TimeoutError):
-                await asyncio.wait_for(setup.there[0].read(1), 0.3)
-            setup.conditions = Conditions()
-            assert await setup.there[0].read() == b"meanwhile"
-
-    run(story)
+    async with wired(Conditions()) as setup:
+        setup.here[1].write(b"before")
+        assert await setup.there[0].readexactly(6) == b"before"
+        setup.conditions = Conditions(cut=1.0)
+        await sent(b"meanwhile", setup.here)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(setup.there[0].read(1), 0.3)
+        setup.conditions = Conditions()
+        assert await setup.there[0].read() == b"meanwhile"
 
 
-def test_what_waits_is_bounded() -> None:
+@awaited
+async def test_what_waits_is_bounded() -> None:
     """A cut wire takes no more than a socket's buffers would."""
-
-    async def story() -> None:
-        async with wired(Conditions(cut=1.0)) as setup:
-            writer = setup.here[1]
-            writer.transport.set_write_buffer_limits(0)
-            taken = 0
-            with suppress(TimeoutError):
-                while taken < 64 * KEPT:
-                    writer.write(bytes(65536))
-                    await asyncio.wait_for(writer.drain(), 0.5)
-                    taken += 65536
-            assert KEPT / 2 < taken < 32 * KEPT  # the kernel's own buffers are a few MB
-
-    run(story)
+    async with wired(Conditions(cut=1.0)) as setup:
+        writer = setup.here[1]
+        writer.transport.set_write_buffer_limits(0)
+        taken = 0
+        with suppress(TimeoutError):
+            while taken < 64 * KEPT:
+                writer.write(bytes(65536))
+                await asyncio.wait_for(writer.drain(), 0.5)
+                taken += 65536
+        assert KEPT / 2 < taken < 32 * KEPT  # the kernel's own buffers are a few MB
 
 
-def test_corruption_turns_single_bits_over() -> None:
+@awaited
+async def test_corruption_turns_single_bits_over() -> None:
     """As many bytes, a few bits of them others."""
-
-    async def story() -> None:
-        async with wired(Conditions(corrupt=1.0)) as setup:
-            data = bytes(100_000)
-            found, untouched = await both(data, b"", setup)
-            assert (len(found), untouched) == (len(data), b"")
-            bits = [byte.bit_count() for byte in found if byte]
-            assert bits
-            assert set(bits) == {1}
-
-    run(story)
+    async with wired(Conditions(corrupt=1.0)) as setup:
+        data = bytes(100_000)
+        found, untouched = await both(data, b"", setup)
+        assert (len(found), untouched) == (len(data), b"")
+        bits = [byte.bit_count() for byte in found if byte]
+        assert bits
+        assert set(bits) == {1}
 
 
-def test_a_wire_to_nobody_is_closed() -> None:
+@awaited
+async def test_a_wire_to_nobody_is_closed() -> None:
     """As the router's port would be."""
-
-    async def story() -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        wire = Wire("127.0.0.1", port, Conditions, random.Random(1))
-        near = await asyncio.start_server(wire.connected, "127.0.0.1", 0)
-        reader, writer = await asyncio.open_connection(
-            "127.0.0.1", near.sockets[0].getsockname()[1]
-        )
-        assert await reader.read() == b""
-        writer.close()
-        near.close()
-
-    run(story)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    wire = Wire("127.0.0.1", port, Conditions, random.Random(1))
+    near = await asyncio.start_server(wire.connected, "127.0.0.1", 0)
+    reader, writer = await asyncio.open_connection("127.0.0.1", port_of(near))
+    assert await reader.read() == b""
+    writer.close()
+    near.close()
 
 
 @given(
@@ -266,13 +224,9 @@ def test_conditions_are_those_that_were_put(wanted: dict[tuple[str, str], float]
         files.tell(run_dir, files.Wires({"router": ("127.0.0.1", 1)}, {"pl": {"router": 2}}))
         for (name, kind), amount in wanted.items():
             files.put(run_dir, name, kind, amount)
-        found = files.conditions(run_dir)
-        told = {
-            (name, kind): getattr(one, kind) for name, one in found.items() for kind in files.KINDS
-        }
-        assert {key: amount for key, amount in told.items() if amount} == {
-            k: v for k, v in wanted.items() if v
-        }
+        found = files.conditions(run_dir).items()
+        told = {(name, kind): getattr(one, kind) for name, one in found for kind in files.KINDS}
+        assert {k: v for k, v in told.items() if v} == {k: v for k, v in wanted.items() if v}
         for name, kind in wanted:
             files.put(run_dir, name, kind, None)
         assert files.conditions(run_dir) == {}

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from planting import POUR, Traffic, answer_to_nothing, no_communicate, query_too_large
+from planting import PLANTS, POUR, Traffic
 
 from agent_runtime.io.tap import Sample
 from companion.tools.report import report
@@ -24,14 +24,18 @@ from operate.system import NoSystemError, languages_at, of_design
 from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 
-PLANTED = (answer_to_nothing, no_communicate, query_too_large)
+PLANTED = (
+    "km answers in a conversation that nobody opened",
+    "no_communicate",
+    "a query has twice the size that its class may have",
+)
 
 
 def wrong() -> Traffic:
     """The pour with three violations."""
     traffic = Traffic()
-    for plant in PLANTED:
-        plant(traffic)
+    for why in PLANTED:
+        PLANTS[why](traffic)
     return traffic
 
 
