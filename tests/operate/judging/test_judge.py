@@ -77,9 +77,8 @@ def test_verdicts_are_written_as_they_come(told: tuple[Path, list[dict[str, Any]
 def test_afterwards_the_same_is_said(told: tuple[Path, list[dict[str, Any]]]) -> None:
     """The recording judged again gives the lines that were written while it was made."""
     run, _ = told
-    assert list(verdicts(run, SYSTEM)) == sorted(
-        lines(run / VERDICTS_FILE, Judged), key=lambda one: one.t
-    )
+    written = sorted(lines(run / VERDICTS_FILE, Judged), key=lambda one: one.t)
+    assert list(verdicts(run, SYSTEM)) == written
 
 
 def test_lines_for_people_can_be_judged_too(told: tuple[Path, list[dict[str, Any]]]) -> None:
@@ -108,11 +107,8 @@ def test_the_report_tells_what_was_against_the_design() -> None:
     past = history.of_records([_known(item) for item in wrong().items], SYSTEM)
     judged = report.build(past).judged
     assert judged is not None
-    assert {one.verdict for one in judged.violations} == {
-        "out of sequence",
-        "malformed",
-        "over budget",
-    }
+    kinds = {"out of sequence", "malformed", "over budget"}
+    assert {one.verdict for one in judged.violations} == kinds
     assert sum(judged.verdicts.values()) == judged.communicates == 426
     assert all(one.why and one.t > 0 for one in judged.violations)
     clean = report.build(Run(POUR.parent, SYSTEM).history).judged
