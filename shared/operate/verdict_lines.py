@@ -142,24 +142,17 @@ def outcome(verdicts: Mapping[str, int]) -> str:
         Verdict.NOT_JUDGED: "could not be judged",
         Verdict.NOT_TAKEN: "taken by nobody",
     }
-    apart = [
-        f"{verdicts[one]} of {total} communicates {word}"
-        for one, word in words.items()
-        if verdicts.get(one)
-    ]
-    return (
-        "; ".join(("nothing against the design", *apart))
-        if apart
-        else f"all {total} communicates as designed"
-    )
+    found = [(verdicts[one], word) for one, word in words.items() if verdicts.get(one)]
+    if not found:
+        return f"all {total} communicates as designed"
+    apart = (f"{count} of {total} communicates {word}" for count, word in found)
+    return "; ".join(("nothing against the design", *apart))
 
 
 def _text(one: Communicate, system: System | None) -> str:
+    if system is None or not system.languages:
+        return ""
     try:
-        return (
-            one_line(system.words(system.languages.read(one)[0]))
-            if system is not None and system.languages
-            else ""
-        )
+        return one_line(system.words(system.languages.read(one)[0]))
     except FipaError:
         return ""

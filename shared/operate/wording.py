@@ -30,11 +30,8 @@ def about(content: object) -> str:
         return ""
     fields = content.__struct_fields__ if isinstance(content, msgspec.Struct) else ()
     values = [getattr(content, name) for name in fields if name not in REASONS]
-    told = [
-        f"{one:g}" if isinstance(one, float) else str(one)
-        for one in values
-        if isinstance(one, str | int | float)
-    ]
+    short = [one for one in values if isinstance(one, str | int | float)]
+    told = [f"{one:g}" if isinstance(one, float) else str(one) for one in short]
     return " ".join((_HUMP.sub(" ", type(content).__name__).lower(), *filter(None, told)))
 
 

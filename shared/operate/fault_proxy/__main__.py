@@ -176,11 +176,8 @@ async def forward(options: Options) -> int:
         files.tell(options.run_dir, listed)
     wires = files.wires_of(options.run_dir)
     if wires is None:
-        print(
-            f"{options.run_dir} has no {files.WIRES_FILE}; the supervisor writes it (`roco up"
-            " --faults`)",
-            flush=True,
-        )
+        why = f"has no {files.WIRES_FILE}; the supervisor writes it (`roco up --faults`)"
+        print(f"{options.run_dir} {why}", flush=True)
         return 1
     ended, board = asyncio.Event(), Board(options)
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -203,11 +200,8 @@ async def forward(options: Options) -> int:
 
 def main() -> None:
     """Serve until a signal; ends the process."""
-    cli.run(
-        NAME,
-        "Forwards between agents and router, and between agents, and disturbs on demand.",
-        lambda o: asyncio.run(forward(o)),
-    )
+    text = "Forwards between agents and router, and between agents, and disturbs on demand."
+    cli.run(NAME, text, lambda options: asyncio.run(forward(options)))
 
 
 if __name__ == "__main__":

@@ -58,10 +58,8 @@ def lost(records: dict[str, Record]) -> Iterator[str]:
     What a sender numbered was taken by its receiver, or waits in its outbox.
     """
     for sender, receiver in permutations(records, 2):
-        said, taken = (
-            records[sender].issued.get(receiver, 0),
-            records[receiver].taken.get(sender, 0),
-        )
+        said = records[sender].issued.get(receiver, 0)
+        taken = records[receiver].taken.get(sender, 0)
         waiting = {one.number for one in records[sender].outbox.get(receiver, ())}
         if taken > said:
             yield f"{receiver} took {taken} durable messages of {sender}, which said {said}"

@@ -93,24 +93,15 @@ class Judging:
         """Whoever is of another design keeps no log, and may have taken it."""
         if one.receiver in self._system.design.agents:
             why = f"{one.receiver} did not take it: it was down, frozen or out of reach"
-            yield alike(
-                Judged,
-                one,
-                t=one.received,
-                verdict=Verdict.NOT_TAKEN,
-                bytes=one.size,
-                text="",
-                why=why,
-            )
+            told = {"t": one.received, "bytes": one.size, "text": "", "why": why}
+            yield alike(Judged, one, verdict=Verdict.NOT_TAKEN, **told)
 
     def _unpaired(self, one: Unpaired) -> Judged:
         rule = self._system.design.rules.get(
             (one.sender, one.receiver, one.protocol, Performative(one.performative))
         )
-        verdict, channel = (
-            Verdict.ALTERED if one.altered else Verdict.NOT_SAID,
-            "" if rule is None else rule.channel,
-        )
+        verdict = Verdict.ALTERED if one.altered else Verdict.NOT_SAID
+        channel = "" if rule is None else rule.channel
         return alike(
             Judged, one, t=one.received, verdict=verdict, bytes=0, channel=channel, violation=True
         )

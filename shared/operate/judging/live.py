@@ -121,11 +121,10 @@ class Live:
         """Agents that do not hear a peer, once for each time."""
         before = self._not_heard.get(beat.agent, ())
         self._not_heard[beat.agent] = beat.unheard
-        yield from (
-            Happened(t=t, name="unheard", text=peers.unheard_text(beat.agent, one, t))
-            for one in beat.unheard
-            if one not in before
-        )
+        for one in beat.unheard:
+            if one not in before:
+                text = peers.unheard_text(beat.agent, one, t)
+                yield Happened(t=t, name="unheard", text=text)
 
     def _entered(self, now: AgentIn) -> Iterator[AgentIn]:
         last = self._states.get(now.agent)

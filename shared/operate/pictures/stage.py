@@ -63,15 +63,10 @@ class Lanes:
     """Draws each change of an agent's state."""
 
     def __init__(self, sheet: Sheet, design: Design) -> None:
-        self._lanes = {
-            agent: Lane(
-                sheet,
-                f"agents/{agent}",
-                [state.name for state in entry.state],
-                entry.rest or (entry.initial,),
-            )
-            for agent, entry in design.agents.items()
-        }
+        self._lanes = {}
+        for agent, entry in design.agents.items():
+            names, rest = [state.name for state in entry.state], entry.rest or (entry.initial,)
+            self._lanes[agent] = Lane(sheet, f"agents/{agent}", names, rest)
 
     def take(self, happening: Happening) -> None:
         """Draw what changed."""

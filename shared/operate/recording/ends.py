@@ -126,11 +126,10 @@ FROZEN_S = 60.0
 """So long something that was said may be taken later; estimate: pauses of a minute are tried."""
 STILL_TRIES, STILL_S = 50, 0.01
 """Estimate: an agent writes a batch of steps within a millisecond."""
-MOST_SAID = (
-    # times that an observation is said and compared: every 2 s, a receiver is away for two minutes
-    # (estimate)
-    64
-)
+MOST_SAID = 64
+"""Times that an observation is said and compared: every 2 s, a receiver is away for two minutes
+(estimate).
+"""
 REMEMBERED = 50_000
 """Communicates of which only one log is known so far; 20 MB (estimate)."""
 
@@ -393,11 +392,8 @@ class Ends:
         copies.
         """
         took, all_said = checked(came), [(one.communicate, one.check) for one in said]
-        _remember(
-            self._paired,
-            (came.sender, came.receiver, came.id),
-            frozenset(map(hash, (took, *all_said))),
-        )
+        identity = came.sender, came.receiver, came.id
+        _remember(self._paired, identity, frozenset(map(hash, (took, *all_said))))
         if took not in all_said:
             why = (
                 f"{came.receiver} took other words than {came.sender} said under the id"

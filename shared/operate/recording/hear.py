@@ -43,10 +43,8 @@ def serve(options: Options, system: System) -> int:
     tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, who)
     if tap is None:
         look = f"Its recording is looked at with --run {options.run_dir}"
-        print(
-            f"no router answers at {options.connect}; is the fleet up (`roco status`)? {look}",
-            file=sys.stderr,
-        )
+        why = f"no router answers at {options.connect}; is the fleet up (`roco status`)?"
+        print(f"{why} {look}", file=sys.stderr)
         return NO_ROUTER
     try:
         _print(waiting, ends, options, system)

@@ -102,12 +102,9 @@ class Run:
     def observed(self) -> Observed:
         """Everything said, each once, and the names of its events, to compare it with a design."""
         events = self.system.addition("events")
-        return Observed(
-            communicates=tuple(_observation(one) for one in self.history.said),
-            events=tuple(event.name for event in events(self.history))
-            if events is not None
-            else (),
-        )
+        told = () if events is None else events(self.history)
+        said = tuple(_observation(one) for one in self.history.said)
+        return Observed(communicates=said, events=tuple(event.name for event in told))
 
     def _down(self) -> tuple[ProcessStatus, ...]:
         """Return the processes that did not run in the end, by the supervisor's file; () without

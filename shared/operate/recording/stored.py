@@ -81,11 +81,8 @@ def _unpacked(chunk: Chunk) -> bytes:
         if chunk.compression == "lz4":
             data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most)
         elif chunk.compression == "zstd":
-            data = (
-                zstandard.ZstdDecompressor(max_window_size=CHUNK_LIMIT)
-                .stream_reader(data)
-                .read(most)
-            )
+            unpacked = zstandard.ZstdDecompressor(max_window_size=CHUNK_LIMIT)
+            data = unpacked.stream_reader(data).read(most)
         elif chunk.compression:
             raise UnsupportedCompressionError(chunk.compression)
     except (RuntimeError, zstandard.ZstdError) as error:  # lz4 has no error of its own

@@ -175,13 +175,8 @@ def busy(stretches: Iterable[tuple[str, str, float, float]], design: Design) -> 
             axes.barh(lane, max(end - start, 0.0), 0.62, left=start, color=colour, zorder=3)
             if end - start > LETTER * len(state) * last:
                 ink = INK if rests else "white"
-                middle: dict[str, Any] = {
-                    "ha": "center",
-                    "va": "center",
-                    "fontsize": 7,
-                    "zorder": 4,
-                }
-                axes.text((start + end) / 2, lane, state, color=ink, **middle)
+                there: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 4}
+                axes.text((start + end) / 2, lane, state, color=ink, fontsize=7, **there)
         _over_time(axes)
     return svg[0]
 
@@ -237,12 +232,8 @@ def _inline(svg: str, name: str, text: str) -> str:
     body = svg[svg.index("<svg") :]
     body = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{name}-", body)
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
-    return re.sub(
-        r'<svg ([^>]*?)height="[^"]*"([^>]*?)width="[^"]*"',
-        rf'<svg role="img" aria-label="{text}" \1\2',
-        body,
-        count=1,
-    )
+    sized = r'<svg ([^>]*?)height="[^"]*"([^>]*?)width="[^"]*"'
+    return re.sub(sized, rf'<svg role="img" aria-label="{text}" \1\2', body, count=1)
 
 
 def in_bytes(value: float, _: float) -> str:

@@ -35,11 +35,8 @@ def everything(run: Run, say: Say) -> bool:
     if not past.whole:
         # no recorder judged it to its end
         write_whole(folder / VERDICTS_FILE, b"".join(map(encoded, past.judged)))
-    outcome = {
-        name: getattr(figures, name) or ""
-        for name in ("success", "failure")
-        if hasattr(figures, name)
-    }
+    told = [name for name in ("success", "failure") if hasattr(figures, name)]
+    outcome = {name: getattr(figures, name) or "" for name in told}
     say("report", **outcome, file=str(folder / REPORT_FILE))
     page = _try(PAGE_FILE, lambda: _page(run, figures), say)
     pictures = _try(RRD_FILE, lambda: _pictures(run), say)

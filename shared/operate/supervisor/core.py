@@ -124,18 +124,12 @@ class Fleet(msgspec.Struct, frozen=True):
     @property
     def status(self) -> tuple[ProcessStatus, ...]:
         """The fleet for fleet.json."""
-        return tuple(
-            ProcessStatus(
-                name,
-                known.state,
-                known.pid if known.running else 0,
-                known.restarts,
-                known.note,
-                known.process.optional,
-                known.process.module,
-            )
-            for name, known in self.known.items()
-        )
+        found = []
+        for name, known in self.known.items():
+            pid, what = known.pid if known.running else 0, known.process
+            told = (known.state, pid, known.restarts, known.note, what.optional, what.module)
+            found.append(ProcessStatus(name, *told))
+        return tuple(found)
 
 
 class Event(msgspec.Struct, frozen=True):

@@ -151,12 +151,7 @@ class Keys:
         hosts = tuple(dict.fromkeys((*issuing.HOSTS, place(self.address)[0])))
         systems, now = (self._system,), dt.datetime.fromtimestamp(time.time(), dt.UTC)
         made = issuing.issue(
-            self.folder,
-            self._design,
-            systems,
-            days=self._days,
-            hosts=hosts,
-            now=now,
+            self.folder, self._design, systems, days=self._days, hosts=hosts, now=now
         )
         until = made.until
         self._from = until.timestamp() - self._days * 86400.0 - issuing.BACK.total_seconds() / 2
