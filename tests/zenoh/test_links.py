@@ -105,11 +105,13 @@ def line(keys: Path) -> Iterator[Agents]:
 
 def said(sender: str, receiver: str) -> str:
     """The first key that the design lets one agent put to another."""
-    return next(
-        one.key
-        for one in families(DESIGN, SYSTEM)
-        if one.act and (one.owner, one.peer) == (sender, receiver)
-    )
+    return keys_of(sender, receiver)[0]
+
+
+def keys_of(sender: str, receiver: str) -> list[str]:
+    """All keys that the design lets one agent put to another."""
+    acts = [one for one in families(DESIGN, SYSTEM) if one.act]
+    return [one.key for one in acts if (one.owner, one.peer) == (sender, receiver)]
 
 
 def everything(session: zenoh.Session, data: bytes) -> None:
@@ -138,12 +140,8 @@ def test_an_agent_hears_its_neighbours_and_nothing_in_their_name(line: Agents) -
     everything(co, b"co's")
     reached(line, co, "pl", said("co", "pl"))
     reached(line, line.sessions["pl"], "km", said("pl", "km"))
-    own = {
-        one.key
-        for one in families(DESIGN, SYSTEM)
-        if one.act and (one.owner, one.peer) == ("co", "pl")
-    }
-    assert {key for key, data in line.heard["pl"] if data == b"co's"} == own
+    heard = {key for key, data in line.heard["pl"] if data == b"co's"}
+    assert heard == {*keys_of("co", "pl")}
     assert {data for _, data in line.heard["km"]} == {b"the last"}
 
 
@@ -195,12 +193,9 @@ def test_who_speaks_for_a_group_is_at_the_router(tmp_path: Path) -> None:
     )
     try:
         drive = Communicate(
-            performative=Performative.REQUEST,
-            protocol="request",
-            sender="doer",
-            receiver="base",
+            performative=Performative.REQUEST, protocol="request", sender="doer", receiver="base",
             id="1",
-        )
+        )  # fmt: skip
         wire.send(drive)  # there is no session at the router yet
         wire.join(zenoh.open(client_config(at)))
         reached = "roco/one/C2/doer/base/request/request"

@@ -80,16 +80,14 @@ class Ear:
             samples.append(Sample(str(sample.key_expr), b"", 0.0, token=True))
 
         self._session = zenoh.open(client_config(endpoint, keys and client_tls(keys, RECORDER)))
-        self._declared = [
-            declared
-            for system in SYSTEMS
-            for declared in (
+        self._declared: list[object] = []
+        tokens = self._session.liveliness()
+        for system in SYSTEMS:
+            alive = f"roco/{system}/_/alive/*/*"
+            self._declared += [
                 self._session.declare_subscriber(f"roco/{system}/**", heard),
-                self._session.liveliness().declare_subscriber(
-                    f"roco/{system}/_/alive/*/*", lived, history=True
-                ),
-            )
-        ]
+                tokens.declare_subscriber(alive, lived, history=True),
+            ]
 
     def close(self) -> None:
         """Hear no more."""
@@ -167,10 +165,8 @@ def test_who_is_of_one_robot_cannot_speak_for_another(
     """
     endpoint, samples = home
     with zenoh.open(client_config(endpoint, client_tls(tmp_path / "velma1", "co"))) as stranger:
-        kept = [
-            stranger.liveliness().declare_token(f"roco/{system}/_/alive/co/7")
-            for system in reversed(SYSTEMS)
-        ]
+        lives = [f"roco/{system}/_/alive/co/7" for system in reversed(SYSTEMS)]
+        kept = [stranger.liveliness().declare_token(key) for key in lives]
         for key in ("_/steps/co", "_/state/co"):
             stranger.put(f"roco/velma2/{key}", b"a lie")
             stranger.put(f"roco/velma1/{key}", b"no lie")
