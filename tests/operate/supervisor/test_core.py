@@ -31,6 +31,7 @@ class World:
         self.fleet = core.begin(processes or THREE, self.now)
         self.log: list[core.Action] = []
         self.deaf: set[str] = set()
+        self.alive: set[str] = set()
         self.by_hand = False  # somebody switches processes off: no order holds
         if ready:
             for _ in self.fleet.known:
@@ -75,6 +76,10 @@ class World:
         return ready or known.process.optional or known.restarts > 0
 
     def tell(self, event: core.Event) -> None:
+        if isinstance(event, core.Started):
+            self.alive.add(event.name)
+        elif isinstance(event, core.Exited):
+            self.alive.discard(event.name)
         self.fleet = core.take(self.fleet, event, self.now)
 
     def dies(self, name: str, code: int = 1, last: str = "") -> None:
@@ -365,13 +370,18 @@ def test_one_that_cannot_be_kept_alive_is_given_up_and_named() -> None:
     """Ready and dead, again and again; at the pace at which a test or a person kills it, it is
     restarted for ever.
     """
-    for every_s, failing in ((0.5, True), (10.0, False)):
-        world = World(ROUTER)
+    for every_s, optional, given_up in (
+        (0.5, False, True),
+        (0.5, True, True),
+        (10.0, False, False),
+    ):
+        world = World(msgspec.structs.replace(ROUTER, optional=optional))
         for _ in range(200):
             if world.readily(every_s):
                 world.dies("router", -11, "boom")
-        assert (world.fleet.failing == ("router",)) is failing
-        assert (world["router"].state is ProcessState.GIVEN_UP) is failing
+        # without an optional one the robot need not be held
+        assert world.fleet.failing == (("router",) if given_up and not optional else ())
+        assert (world["router"].state is ProcessState.GIVEN_UP) is given_up
     assert world["router"].restarts > core.MOST_DEATHS
 
 
@@ -420,6 +430,7 @@ def test_who_is_off_is_down_and_who_is_on_comes_up(told: list[tuple[set[str], bo
         started = {one.name for one in switched(world, *off) if isinstance(one, Start)}
         assert not started & off
         for name in off & {"router", "ta"}:
+            assert name not in world.alive
             assert (world[name].state, world[name].note) == (ProcessState.STOPPED, core.OFF)
     for _ in range(60):
         switched(world)
@@ -433,4 +444,5 @@ def test_switched_on_again_is_no_failure() -> None:
     assert world["ta"].state is ProcessState.GIVEN_UP
     switched(world, "ta")
     switched(world)
-    assert (world["ta"].state, world["ta"].restarts) == (ProcessState.READY, 0)
+    assert world["ta"].state is ProcessState.READY
+    assert (world["ta"].restarts, world["ta"].failures) == (0, 0)
