@@ -30,7 +30,8 @@ import tables
 import typer
 
 from companion.design import DESIGN
-from operate.run_folder import Fault, Fleet, ProcessState, ProcessStatus
+from operate.fault_lines import Fault
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.supervisor.core import SETTLED_S
 
 PATIENCE_S = 90.0  # estimate: km is back after 4 s on a quiet machine

@@ -22,8 +22,8 @@ from companion.tools.system import JOB, SYSTEM
 from operate.cli.faults import chaos
 from operate.cli.faults.chaos import Cell
 from operate.cli.runs import trials
+from operate.file_names import REPORT_FILE
 from operate.recording.run import Run
-from operate.run_folder import REPORT_FILE
 
 FAULTS: dict[str, float | None] = {"kill": None, "pause": 3.0, "hang": 60.0, "cut": 5.0}
 """Kind -> how long [s]; a supervisor has ended what hangs long before."""

@@ -2,10 +2,10 @@
 doubled, misordered.
 
 Router with TLS and rights as `roco up` starts it, a wire each way between the agents
-(operate.wires), and the agents of soak_agents.py, which are linked. The first half has the cuts,
-every fourth longer than Zenoh's lease; the second half the kills: ta and ex by turns, each fifth
-time the router. One row of results/soak.jsonl for each 1000 communicates. It may be ended at any
-time: it goes on from the journals in the run folder. `--table` writes docs/reliability.md.
+(operate.fault_proxy), and the agents of soak_agents.py, which are linked. The first half has the
+cuts, every fourth longer than Zenoh's lease; the second half the kills: ta and ex by turns, each
+fifth time the router. One row of results/soak.jsonl for each 1000 communicates. It may be ended at
+any time: it goes on from the journals in the run folder. `--table` writes docs/reliability.md.
 
     nice python benchmarks/soak.py
 """
@@ -29,8 +29,8 @@ from agent_runtime.io.journal import last_record
 from agent_runtime.io.reaching import free_port
 from agent_runtime.io.sessions import free_endpoint
 from companion.design import DESIGN
-from operate.wires import files
-from operate.wires.files import Wires
+from operate.fault_proxy import files
+from operate.fault_proxy.files import Wires
 
 HERE = Path(__file__).resolve().parent
 RESULTS, PAGE = HERE / "results/soak.jsonl", HERE.parent / "docs/reliability.md"
@@ -70,7 +70,7 @@ class Processes:
         }
         told |= {"TLS_DIR": str(self.run / "keys"), "AGENTS": self._agents.get(name, "")}
         told["LISTEN"] = "" if name in self._agents else self._address
-        module = {"router": "services.router", "wires": "operate.wires"}.get(name)
+        module = {"router": "services.router", "wires": "operate.fault_proxy"}.get(name)
         agent = [name, self._address, str(self.run), str(self._exchanges)]
         environment = os.environ | {f"ROCO_{key}": value for key, value in told.items()}
         (self.run / f"{name}.ready").unlink(missing_ok=True)

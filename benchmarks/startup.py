@@ -40,7 +40,7 @@ from companion.tools.verbs.pour_run import SENTENCE
 from operate.cli.fleet import starting
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
-from operate.run_folder import ProcessState
+from operate.fleet_file import ProcessState
 
 # [rad], above what the body sways at rest (1 mrad) and what gravity pulls at the start
 MOVED = 0.02

@@ -31,7 +31,7 @@ LEVELS = ("warning", "error")
 ENUMS = {  # words that a person meets as the reason of something; each member has its row
     "verdicts": ("shared/topdown/judge/verdicts.py", "Verdict"),
     "acts": ("shared/companion/languages/rc.py", "NotDoneKind"),
-    "states": ("shared/operate/run_folder.py", "ProcessState"),
+    "states": ("shared/operate/fleet_file.py", "ProcessState"),
 }
 # members of agent_runtime.core.sequence_check.What
 DROPS = {"What.DROP": "stray", "What.REFUSE": "not understood"}

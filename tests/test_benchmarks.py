@@ -36,9 +36,6 @@ def defined(program: str) -> set[str]:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             names.add(node.name)
         else:
-            names |= {
-                one.id
-                for one in ast.walk(node)
-                if isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store)
-            }
+            bound = [one for one in ast.walk(node) if isinstance(one, ast.Name)]
+            names |= {one.id for one in bound if isinstance(one.ctx, ast.Store)}
     return names

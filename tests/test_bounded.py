@@ -50,19 +50,9 @@ class Bounded:
     """A call of bounded.py whose command starts a stray."""
 
     def __init__(self, program: str, seconds: float = 600.0, grace_s: float = 20.0) -> None:
-        command = [
-            sys.executable,
-            "-c",
-            PATIENT,
-            str(grace_s),
-            str(seconds),
-            sys.executable,
-            "-c",
-            program,
-        ]
-        self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        python, pipe = (sys.executable, "-c"), subprocess.PIPE
+        command = [*python, PATIENT, str(grace_s), str(seconds), *python, program]
+        self.process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True)
         assert self.process.stdout is not None
         self.stray = int(self.process.stdout.readline())
 
@@ -130,20 +120,13 @@ def test_an_interrupted_scripts_test_leaves_no_worker_and_no_fleet(tmp_path: Pat
     is gone.
     """
     depot = tmp_path / "depot"
-    shutil.copytree(
-        ROOT / "examples/depot", depot, ignore=shutil.ignore_patterns("runs", "__pycache__")
-    )
+    without = shutil.ignore_patterns("runs", "__pycache__")
+    shutil.copytree(ROOT / "examples/depot", depot, ignore=without)
     (tmp_path / "test_hangs.py").write_text(HANGS)
-    environment = {
-        name: value
-        for name, value in os.environ.items()
-        if not name.startswith(("PYTEST_", "ROCO_"))
-    }
-    environment |= {"DEPOT": str(depot)}
-    command = [ROOT / "scripts/test", tmp_path / "test_hangs.py"]
-    process = subprocess.Popen(
-        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
+    ours, pipe = ("PYTEST_", "ROCO_"), subprocess.PIPE
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
+    command, env = [ROOT / "scripts/test", tmp_path / "test_hangs.py"], kept | {"DEPOT": str(depot)}
+    process = subprocess.Popen(command, env=env, stdout=pipe, stderr=subprocess.STDOUT, text=True)
     until = time.monotonic() + 150.0
     while not (depot / "up").exists():
         assert process.poll() is None, process.communicate()[0]

@@ -33,17 +33,14 @@ OWN = {
 }
 
 
+PLAIN = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
+
+
 def run(module: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """The service's process, to its end."""
-    plain = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
-    return subprocess.run(
-        [sys.executable, "-m", module, *arguments],
-        env=plain | {"COLUMNS": "200", "NO_COLOR": "1"} | environment,
-        capture_output=True,
-        text=True,
-        timeout=50.0,
-        check=False,
-    )
+    command = [sys.executable, "-m", module, *arguments]
+    env = PLAIN | {"COLUMNS": "200", "NO_COLOR": "1"} | environment
+    return subprocess.run(command, env=env, capture_output=True, text=True, timeout=50.0)
 
 
 def test_all_are_here() -> None:
@@ -64,25 +61,20 @@ def test_help(module: str) -> None:
         assert f"ROCO_{name}]" in done.stdout, name
 
 
-@pytest.mark.parametrize(
-    ("module", "name", "value"),
-    [
+def test_a_wrong_value_in_the_environment_is_named(tmp_path: Path) -> None:
+    """It ends with 2, which no supervisor tries again, and says which option was wrong."""
+    places = {"ROCO_RUN_DIR": str(tmp_path / "run"), "ROCO_SLOTS": str(tmp_path / "slots")}
+    for module, name, value in (
         ("services.task", "SEED", "seven"),
         ("services.router", "LOG_LEVEL", "loud"),
         ("services.executor.loop", "SPEED", "2"),
         ("services.supervisor", "SPEED", "2"),
         ("services.supervisor", "LOG_LEVEL", "loud"),
-    ],
-)
-def test_a_wrong_value_in_the_environment_is_named(
-    module: str, name: str, value: str, tmp_path: Path
-) -> None:
-    """It ends with 2, which no supervisor tries again, and says which option was wrong."""
-    places = {"ROCO_RUN_DIR": str(tmp_path / "run"), "ROCO_SLOTS": str(tmp_path / "slots")}
-    done = run(module, **places, **{f"ROCO_{name}": value})
-    assert done.returncode == 2
-    assert f"--{name.lower().replace('_', '-')}" in done.stderr
-    assert not (tmp_path / "run").exists()
+    ):
+        done = run(module, **places, **{f"ROCO_{name}": value})
+        assert done.returncode == 2, (module, name)
+        assert f"--{name.lower().replace('_', '-')}" in done.stderr, module
+        assert not (tmp_path / "run").exists(), module
 
 
 PLACES = ("shared", "services", "velma", "scripts", "benchmarks", "deploy", "examples")
@@ -103,11 +95,8 @@ def programs() -> Iterator[tuple[str, str]]:
     """Yield path and text of each file that may start a process."""
     for place in PLACES:
         for path in sorted((ROOT / place).rglob("*")):
-            if (
-                path.is_file()
-                and (path.suffix in (".py", ".sh") or not path.suffix)
-                and b"\0" not in path.read_bytes()
-            ):
+            code = path.is_file() and path.suffix in (".py", ".sh", "")
+            if code and b"\0" not in path.read_bytes():
                 yield str(path.relative_to(ROOT)), path.read_text()
 
 
@@ -115,12 +104,8 @@ def is_python(word: ast.expr) -> bool:
     """Whether a word of a command is the interpreter."""
     if isinstance(word, ast.Constant):
         return isinstance(word.value, str) and PYTHON.fullmatch(word.value) is not None
-    return ast.unparse(word) in (
-        "sys.executable",
-        "str(ROOT / '.venv/bin/python')",
-        "str(OWN)",
-        "str(VENV)",
-    )
+    named = ("sys.executable", "str(ROOT / '.venv/bin/python')", "str(OWN)", "str(VENV)")
+    return ast.unparse(word) in named
 
 
 def unsafe_words(text: str) -> Iterator[str]:
@@ -132,11 +117,8 @@ def unsafe_words(text: str) -> Iterator[str]:
         for word, after in pairwise(words):
             is_option = isinstance(after, ast.Constant) and str(after.value).startswith("-")
             is_script = not is_option and not isinstance(after, ast.Starred)
-            if (
-                is_python(word)
-                and not is_script
-                and ast.unparse(after) not in ("'-P'", "*sys.argv")
-            ):
+            safe = is_script or ast.unparse(after) in ("'-P'", "*sys.argv")
+            if is_python(word) and not safe:
                 yield ast.unparse(node)
 
 
@@ -174,28 +156,17 @@ def test_such_a_program_is_found(path: str, text: str) -> None:
     """The test above can fail, and does not where -P stands there."""
     assert len(unsafe(path, text)) == 1
     for option in ("'-m'", "'-c'", "*words", " -m", " -c", " -"):
-        safe = option.replace(
-            option.strip(), "'-P', " + option if option[0] != " " else "-P " + option.strip()
-        )
+        first = "'-P', " + option if option[0] != " " else "-P " + option.strip()
+        safe = option.replace(option.strip(), first)
         if option in text:
             assert unsafe(path, text.replace(option, safe, 1)) == []
             break
 
 
 TAKEN = (
-    "numpy",
-    "msgspec",
-    "zenoh",
-    "typer",
-    "rich",
-    "mcap",
-    "rerun",
-    "mujoco",
-    "jinja2",
-    "uvicorn",
-    "velma",
-    "services",
-)
+    "numpy", "msgspec", "zenoh", "typer", "rich", "mcap", "rerun", "mujoco", "jinja2", "uvicorn",
+    "velma", "services",
+)  # fmt: skip
 """Names beside the standard library's that a file in the folder here may have."""
 MARKS = """
 import sys
@@ -214,22 +185,15 @@ def test_a_file_of_the_folder_here_is_no_library(tmp_path: Path) -> None:
     mark, run = tmp_path / "it-ran", tmp_path / "run"
     for name in (*sys.stdlib_module_names, *TAKEN):
         (tmp_path / f"{name}.py").write_text(MARKS.format(mark=str(mark)))
-    plain = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
-    called = (
-        ("up", "--out", run),
-        ("doctor", "--run-dir", run),
-        ("traffic", "judge", run),
-        ("why", "--run", run),
-        ("down", "--run-dir", run),
-        ("report", run),
-    )
     said = {}
-    for verb, *words in called:
+    for words in (
+        "up --out", "doctor --run-dir", "traffic judge", "why --run", "down --run-dir", "report",
+    ):  # fmt: skip
+        command = [sys.executable, "-P", "-m", "operate.cli", *words.split(), str(run)]
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "operate.cli", verb, *map(str, words)],
-            cwd=tmp_path, env=plain, capture_output=True, text=True, timeout=150, check=False,
-        )  # fmt: skip
-        said[verb] = (done.returncode, done.stdout + done.stderr)
+            command, cwd=tmp_path, env=PLAIN, capture_output=True, text=True, timeout=150
+        )
+        said[words.split()[0]] = (done.returncode, done.stdout + done.stderr)
     assert not mark.exists(), mark.read_text()
     assert said["up"][0] == 0, said["up"][1]
     assert "a file of the folder here" not in str(said)

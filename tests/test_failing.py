@@ -71,44 +71,25 @@ def test_of_a_failing_test_stacks_and_run_folder_are_kept(
     """
     (tmp_path / "test_cases.py").write_text(CASES)
     skipped = tmp_path / "skipped"
-    environment = {
-        name: value
-        for name, value in os.environ.items()
-        if not name.startswith(("PYTEST_", "TESTS_"))
-    }
-    environment |= {
-        "PYTHONPATH": str(ROOT / "tests"),
-        "ROCO_SKIPPED": str(skipped),
-        "ROCO_SECOND_TRIES": "",
-    }
-    words = [
-        "-q",
-        "-c",
-        str(ROOT / "pyproject.toml"),
-        "-p",
-        "conftest",
-        "-p",
-        "no:rerunfailures",
-        *workers,
-    ]
-    command = [sys.executable, "-m", "pytest", *words, "test_cases.py"]
+    ours = ("PYTEST_", "TESTS_")
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
+    told = {"ROCO_SKIPPED": str(skipped), "ROCO_SECOND_TRIES": ""}
+    environment = kept | told | {"PYTHONPATH": str(ROOT / "tests")}
+    words = ["-q", "-c", str(ROOT / "pyproject.toml"), "-p", "conftest", "-p", "no:rerunfailures"]
+    command = [sys.executable, "-m", "pytest", *words, *workers, "test_cases.py"]
     done = subprocess.run(
         command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=50
     )
     assert "2 failed, 1 passed, 3 skipped, 1 error" in done.stdout, done.stdout + done.stderr
-    kept = {
-        Path(found).name.rpartition("-")[2]: Path(found)
-        for found in re.findall(r"were: (\S+)", done.stdout)
-    }
-    assert kept.keys() == {"test_hangs", "test_waits_in_vain"}
-    for name, folder in kept.items():
+    places = map(Path, re.findall(r"were: (\S+)", done.stdout))
+    folders = {place.name.rpartition("-")[2]: place for place in places}
+    assert folders.keys() == {"test_hangs", "test_waits_in_vain"}
+    for name, folder in folders.items():
         stacks = (folder / "stacks.txt").read_text()
         assert "in stands_here" in stacks
         assert ("in is_waited_for" in stacks) is (name == "test_waits_in_vain")
         assert (folder / "run-0" / "fleet.json").exists()
-    told = sorted(line.split("\t") for line in skipped.read_text().splitlines())
-    assert [name.rpartition("::")[2] for name, _ in told] == [
-        f"test_of_the_moon[{night}]" for night in range(3)
-    ]
-    assert {why for _, why in told} == {"needs a moon (Debian: apt install moon)"}
+    lines = sorted(line.rpartition("::")[2] for line in skipped.read_text().splitlines())
+    why = "needs a moon (Debian: apt install moon)"
+    assert lines == [f"test_of_the_moon[{night}]\t{why}" for night in range(3)]
     assert "skipped for 'no moon'; write what it needs and how to get it" in done.stdout

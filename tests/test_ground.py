@@ -59,14 +59,8 @@ def linted(folder: Path, package: str, room: str, *also: str) -> subprocess.Comp
     )
     (folder / "scripts").symlink_to(ROOT / "scripts")
     lint = Path(sys.executable).with_name("lint-imports")
-    return subprocess.run(
-        [lint, "--no-logo", "--no-cache"],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=50,
-        check=False,
-    )
+    words = [lint, "--no-logo", "--no-cache"]
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=50)
 
 
 def made(folder: Path, package: str, **modules: str) -> None:
@@ -93,12 +87,8 @@ def test_a_forbidden_import_is_found_and_named(room: str, tmp_path: Path) -> Non
 
 def test_rooms_that_share_a_row_do_not_import_each_other(tmp_path: Path) -> None:
     """A part of a task imports what the row lists, and other parts of its own task alone."""
-    made(
-        tmp_path,
-        "tasks.take",
-        plan="import msgspec\nimport tasks.take.done\n",
-        done="import zenoh\n",
-    )
+    plan = "import msgspec\nimport tasks.take.done\n"
+    made(tmp_path, "tasks.take", plan=plan, done="import zenoh\n")
     made(tmp_path, "tasks.pour", plan="from tasks.take import plan\nimport tasks.take.done\n")
     found = linted(tmp_path, "tasks", "tasks.*.plan", "tasks.*.done")
     assert found.returncode == 1, found.stdout + found.stderr
@@ -120,30 +110,19 @@ def test_a_row_of_a_room_that_is_not_there_is_refused(tmp_path: Path) -> None:
 def test_a_sum_of_floats_is_found_and_named(tmp_path: Path) -> None:
     """By types, however it is written; sums of integers are taken, also where a float is wanted."""
     wrong = [
-        "sum(floats)",
-        "sum((1.0, 2))",
-        "sum(part / 2 for part in whole)",
-        "sum(whole, 0.5)",
+        "sum(floats)", "sum((1.0, 2))", "sum(part / 2 for part in whole)", "sum(whole, 0.5)",
         "sum(map(float, whole))",
-    ]
+    ]  # fmt: skip
     right = [
-        "sum(whole)",
-        "sum(one > 0.5 for one in floats)",
-        "sum(map(len, words))",
+        "sum(whole)", "sum(one > 0.5 for one in floats)", "sum(map(len, words))",
         "math.fsum(floats)",
-    ]
+    ]  # fmt: skip
     lines = [f"found{number}: float = {value}" for number, value in enumerate(wrong + right)]
     given = ["import math", "floats: list[float]", "whole: list[int]", "words: list[str]"]
     (tmp_path / "sums.py").write_text("\n".join(given + lines))
-    options = [
-        "--config-file",
-        str(ROOT / "pyproject.toml"),
-        "--cache-dir",
-        str(tmp_path),
-        str(tmp_path / "sums.py"),
-    ]
-    mypy = [sys.executable, "-m", "mypy", "--no-error-summary", *options]
-    found = subprocess.run(mypy, cwd=ROOT, capture_output=True, text=True, timeout=50, check=False)
+    mypy = [sys.executable, "-m", "mypy", "--no-error-summary", "--config-file", "pyproject.toml"]
+    command = [*mypy, "--cache-dir", str(tmp_path), str(tmp_path / "sums.py")]
+    found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=50)
     named = re.findall(r"sums.py:(\d+): error: sum\(\) of floats .* write math.fsum", found.stdout)
     first = len(given) + 1
     assert [int(line) for line in named] == [*range(first, first + len(wrong))], (
@@ -153,63 +132,38 @@ def test_a_sum_of_floats_is_found_and_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
 def test_a_lock_has_a_hash_for_each_package_and_no_address(lock: Path) -> None:
-    """The installed packages are those locked, from whatever index the machine uses."""
+    """The installed packages are those locked, from whatever index the machine uses. Every Python
+    gets the same version: types, and last digits of results, differ from one numpy to the next. The
+    images run what the tests ran; libgomp.txt is not part of that, it only lends a library.
+    """
     text = lock.read_text()
     assert "://" not in text
     for block in re.split(r"\n(?=[a-z0-9])", text.partition("\n")[2]):
         assert "--hash=sha256:" in block, block
-
-
-@pytest.mark.parametrize("lock", LOCKS, ids=lambda lock: lock.name)
-def test_a_lock_has_one_version_of_a_package(lock: Path) -> None:
-    """Every Python gets the same: types, and last digits of results, differ from one numpy to the
-    next.
-    """
-    names = re.findall(r"^([a-z0-9-]+)==", lock.read_text(), flags=re.MULTILINE)
+    names = re.findall(r"^([a-z0-9-]+)==", text, flags=re.MULTILINE)
     assert len(names) == len(set(names))
-
-
-@pytest.mark.parametrize(
-    "lock", [lock for lock in LOCKS if lock.stem != "libgomp"], ids=lambda lock: lock.name
-)
-def test_all_locks_agree_on_versions(lock: Path) -> None:
-    """The images run what the tests ran; libgomp.txt is not part of that, it only lends a
-    library.
-    """
-    everything = pinned(ROOT / "requirements" / "all.txt")
-    assert pinned(lock).items() <= everything.items()
+    if lock.stem != "libgomp":
+        assert pinned(lock).items() <= pinned(ROOT / "requirements" / "all.txt").items()
 
 
 def test_the_lock_covers_what_pyproject_asks_for() -> None:
     """No dependency was added without scripts/lock."""
     project = PYPROJECT["project"]
-    asked = [
-        *project["dependencies"],
-        *(name for extra in project["optional-dependencies"].values() for name in extra),
-    ]
-    names = {re.split(r"[<>=!~\[; ]", requirement)[0].lower() for requirement in asked} - {
-        project["name"]
-    }
+    asked = sum(project["optional-dependencies"].values(), project["dependencies"])
+    names = {re.split(r"[<>=!~\[; ]", one)[0].lower() for one in asked} - {project["name"]}
     assert names <= pinned(ROOT / "requirements" / "all.txt").keys()
 
 
 def test_each_extra_has_its_lock() -> None:
     """One lock per image; all.txt has dev too."""
-    extras = set(PYPROJECT["project"]["optional-dependencies"]) - {"dev"}
-    assert extras <= {lock.stem for lock in LOCKS}
-
-
-def test_the_extra_all_has_every_other_but_dev() -> None:
-    """`robot-companion[all]` runs everything."""
     extras = dict(PYPROJECT["project"]["optional-dependencies"])
+    del extras["dev"]
+    assert extras.keys() <= {lock.stem for lock in LOCKS}
+    # `robot-companion[all]` runs everything
     (everything,) = extras.pop("all")
-    assert set(re.split(r"[\[\],]", everything)) == {PYPROJECT["project"]["name"], "", *extras} - {
-        "dev"
-    }
-
-
-def test_there_is_no_uv_lock() -> None:
-    """uv.lock names registry hosts."""
+    named = set(re.split(r"[\[\],]", everything))
+    assert named == {PYPROJECT["project"]["name"], "", *extras}
+    # it would name registry hosts
     assert not (ROOT / "uv.lock").exists()
 
 

@@ -22,9 +22,7 @@ def bash(line: str, **variables: str) -> subprocess.CompletedProcess[str]:
     """What a line of bash says after setup.sh was read."""
     command = ["bash", "-c", f'source "{SETUP}"; {line}']
     environ = {"PATH": os.environ["PATH"], "HOME": os.environ.get("HOME", "/"), **variables}
-    return subprocess.run(
-        command, env=environ, capture_output=True, text=True, timeout=50, check=False
-    )
+    return subprocess.run(command, env=environ, capture_output=True, text=True, timeout=50)
 
 
 def supported() -> list[str]:
@@ -95,22 +93,15 @@ def test_the_project_is_found_from_a_folder_of_any_letters(tmp_path: Path) -> No
     (root / "shared").mkdir()
     (root / "shared/found.py").touch()
     setup = shutil.copy(SETUP, root / "scripts")
-    subprocess.run(
-        [sys.executable, "-m", "venv", "--without-pip", root / ".venv"], timeout=50, check=True
-    )
+    venv = [sys.executable, "-m", "venv", "--without-pip", root / ".venv"]
+    subprocess.run(venv, timeout=50, check=True)
     (packages,) = root.glob(".venv/lib/python3.*/site-packages")
-    (packages / "_editable_impl_robot_companion.pth").write_text(
-        f"{root}\n{root}/shared", encoding="utf-8"
-    )
+    named = packages / "_editable_impl_robot_companion.pth"
+    named.write_text(f"{root}\n{root}/shared", encoding="utf-8")
     look = '.venv/bin/python -P -c "import found, sys; print(found.__file__.isascii())"'
-    done = subprocess.run(
-        ["bash", "-c", f'source "{setup}"; relative_paths; {look}'],
-        env={"PATH": os.environ["PATH"], "LC_ALL": "C"},
-        capture_output=True,
-        text=True,
-        timeout=50,
-        check=False,
-    )
+    command = ["bash", "-c", f'source "{setup}"; relative_paths; {look}']
+    env = {"PATH": os.environ["PATH"], "LC_ALL": "C"}
+    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=50)
     assert (done.stdout, done.stderr) == ("False\n", "")
 
 

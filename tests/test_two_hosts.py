@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import pytest
@@ -55,12 +55,10 @@ def reaches(one: Host, other: Host) -> bool:
 )
 def test_two_hosts_are_joined_by_the_cable_alone_and_gone_afterwards() -> None:
     """A listener on one is reached from the other while the cable is in, and ends with its host."""
-    with (
-        two_hosts() as (desk, robot),
-        subprocess.Popen(
-            desk.inside(sys.executable, "-c", LISTENS), stdout=subprocess.PIPE
-        ) as listener,
-    ):
+    with ExitStack() as ending:
+        desk, robot = ending.enter_context(two_hosts())
+        command = desk.inside(sys.executable, "-c", LISTENS)
+        listener = ending.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE))
         assert listener.stdout is not None
         assert listener.stdout.readline() == b"listens\n"
         assert reaches(robot, desk)
@@ -97,9 +95,8 @@ def test_what_crosses_is_what_ex_says_and_hears() -> None:
     other = [one for one in records if isinstance(one, House) and "ex" in (one.owner, one.peer)]
     assert said
     assert sum(count for _, count, _ in rows) == len(said) + len(other)
-    assert sum(size for *_, size in rows) == sum(one.size for one in said) + sum(
-        len(one.data) for one in other
-    )
+    sizes = [*(one.size for one in said), *(len(one.data) for one in other)]
+    assert sum(size for *_, size in rows) == sum(sizes)
     assert {what.split()[0] for what, *_ in rows if what.startswith("C")} == {"C5"}
     text = told({"success": True, "poured_fraction": 1.0, "holes": []}, rows, (7_500_000, 300_000))
     assert text.splitlines()[0] == "success"

@@ -33,11 +33,8 @@ class Place:
     def __init__(self, folder: Path) -> None:
         self.work, self.bin = folder / "work", folder / "env" / "bin"
         self.work.mkdir()
-        kept = {
-            name: text
-            for name, text in os.environ.items()
-            if not name.startswith(("PYTHON", "ROCO_", "VIRTUAL_"))
-        }
+        ours = ("PYTHON", "ROCO_", "VIRTUAL_")
+        kept = {name: text for name, text in os.environ.items() if not name.startswith(ours)}
         path = os.pathsep.join((str(self.bin), "/usr/local/bin", "/usr/bin", "/bin"))
         self.variables = kept | {"PATH": path, "COLUMNS": "100", "ROCO_VIEW": "off"}
         self.run(UV, "venv", "--quiet", "--python", sys.executable, self.bin.parent)
@@ -53,9 +50,8 @@ class Place:
         name = wheel.name.partition("-")[0]
         locked = ["--constraint", ROOT / "requirements" / "all.txt"]
         python = ["--python", self.bin / "python"]
-        self.run(
-            UV, "pip", "install", "--quiet", *python, *locked, f"{name}{extras} @ {wheel.as_uri()}"
-        )
+        what = f"{name}{extras} @ {wheel.as_uri()}"
+        self.run(UV, "pip", "install", "--quiet", *python, *locked, what)
 
     def run(
         self,
@@ -67,25 +63,17 @@ class Place:
         """Return the output of a command. `safe`: Python does not look for modules in the folder it
         is started in.
         """
+        env, words = self.variables | ({"PYTHONSAFEPATH": "1"} if safe else {}), map(str, command)
         done = subprocess.run(
-            list(map(str, command)),
-            cwd=cwd or self.work,
-            env=self.variables | ({"PYTHONSAFEPATH": "1"} if safe else {}),
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            check=False,
+            [*words], cwd=cwd or self.work, env=env, capture_output=True, text=True, timeout=timeout
         )
-        assert done.returncode == 0, (
-            f"{command}: exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
-        )
+        assert done.returncode == 0, f"{command}: {done.returncode}\n{done.stdout}\n{done.stderr}"
         return done.stdout
 
     def outside_of_the_clone(self, package: str) -> None:
         """No path that Python searches is in the clone, nor is the package."""
-        searched = self.run(
-            self.bin / "python", "-c", f"import sys, {package} as p; print(p.__file__, *sys.path)"
-        ).split()
+        code = f"import sys, {package} as p; print(p.__file__, *sys.path)"
+        searched = self.run(self.bin / "python", "-c", code).split()
         assert not [path for path in searched if Path(path).is_relative_to(ROOT)]
 
 
@@ -99,9 +87,8 @@ def test_the_codec_alone(tmp_path: Path) -> None:
     listed = place.run(UV, "pip", "list", "--python", place.bin / "python", "--format", "freeze")
     assert {line.partition("==")[0] for line in listed.split()} == {"fipa-codec", "msgspec"}
     place.outside_of_the_clone("fipa_codec")
-    _, _, section = (
-        (ROOT / "docs" / "acl.md").read_text(encoding="utf-8").partition("## The codec alone")
-    )
+    page = (ROOT / "docs" / "acl.md").read_text(encoding="utf-8")
+    section = page.partition("## The codec alone")[2]
     code, shown = re.findall(r"```(?:python|text)\n(.*?)```", section, re.DOTALL)
     (place.work / "request.py").write_text(code, encoding="utf-8")
     assert place.run(place.bin / "python", "request.py") == shown
@@ -110,49 +97,36 @@ def test_the_codec_alone(tmp_path: Path) -> None:
 
 def test_both_distributions_say_the_same_of_the_codec() -> None:
     """Version, oldest Python, licence, and no dependency that its row of imports does not have."""
-    whole, codec = (
-        tomllib.loads((folder / "pyproject.toml").read_text()) for folder in (ROOT, CODEC)
-    )
+    both = [tomllib.loads((folder / "pyproject.toml").read_text()) for folder in (ROOT, CODEC)]
+    whole, codec = (one["project"] for one in both)
     for key in ("version", "license"):
-        assert codec["project"][key] == whole["project"][key]
-    assert (
-        codec["project"]["requires-python"] == whole["project"]["requires-python"].partition(",")[0]
-    )
+        assert codec[key] == whole[key]
+    assert codec["requires-python"] == whole["requires-python"].partition(",")[0]
     assert (CODEC / "LICENSE").read_text() == (ROOT / "LICENSE").read_text()
-    (row,) = (
-        row for row in whole["tool"]["importlinter"]["contracts"] if row.get("room") == "fipa_codec"
-    )
-    assert [re.split("[<>=]", one)[0] for one in codec["project"]["dependencies"]] == row[
-        "may_import"
-    ]
-    assert set(codec["project"]["dependencies"]) <= set(whole["project"]["dependencies"])
+    rows = both[0]["tool"]["importlinter"]["contracts"]
+    (row,) = (row for row in rows if row.get("room") == "fipa_codec")
+    needed = [re.split("[<>=]", one)[0] for one in codec["dependencies"]]
+    assert needed == row["may_import"]
+    assert set(codec["dependencies"]) <= set(whole["dependencies"])
 
 
 def test_every_file_of_the_packages_is_in_the_wheel(tmp_path: Path) -> None:
     """No pattern of .gitignore, which the build obeys too, leaves out any but the library that each
     machine builds.
     """
-    subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path],
-        cwd=ROOT,
-        check=True,
-    )
+    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", tmp_path]
+    subprocess.run(build, cwd=ROOT, check=True)
     (wheel,) = tmp_path.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         inside = set(archive.namelist())
-    targets = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"][
-        "targets"
-    ]["wheel"]
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
+    targets = build["targets"]["wheel"]
     left_out = {ROOT / path.strip("/") for path in targets["exclude"]}
     for package in targets["packages"]:
-        folder = ROOT / package
-        files = [
-            path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts
-        ]
-        files = [path for path in files if path.suffix != ".so"]
-        assert {
-            str(path.relative_to(folder.parent)) for path in files if path not in left_out
-        } <= inside
+        above = (ROOT / package).parent
+        files = {path for path in (ROOT / package).rglob("*") if path.is_file()} - left_out
+        ours = [one for one in files if one.suffix != ".so" and "__pycache__" not in one.parts]
+        assert {str(path.relative_to(above)) for path in ours} <= inside
     assert not [name for name in inside if "/runs/" in name and name.startswith("robot_companion")]
 
 

@@ -26,7 +26,9 @@ import msgspec
 
 from fipa_codec.languages import Languages
 from operate import wording
-from operate.run_folder import FLEET_FILE, Fleet, Step
+from operate.file_names import FLEET_FILE
+from operate.fleet_file import Fleet
+from operate.live_lines import Step
 from operate.supervisor.processes import Process
 from operate.trust import TRUST_VARIABLE, changeable
 from topdown.model import design as designs
@@ -325,9 +327,8 @@ def _refuse_strangers(named: Named) -> None:
     found = [(place, why) for place in places if (why := changeable(place))]
     if found:
         trusting = {place if place.is_dir() else place.parent: None for place, _ in found}
-        raise UntrustedError(
-            named, "; ".join(dict.fromkeys(why for _, why in found)), tuple(trusting)
-        )
+        why = "; ".join(dict.fromkeys(why for _, why in found))
+        raise UntrustedError(named, why, tuple(trusting))
 
 
 def _regular(file: Path) -> bytes:
@@ -357,11 +358,8 @@ def _installed() -> Named:
     found = _points()
     if len(found) == 1:
         return Named(found.pop())
-    what = (
-        f"several systems are installed: {', '.join(sorted(found))}"
-        if found
-        else "no system is installed here"
-    )
+    several = f"several systems are installed: {', '.join(sorted(found))}"
+    what = several if found else "no system is installed here"
     raise NoSystemError(
         f'{what}; name one in pyproject.toml: [tool.roco] system = "package.module:NAME"'
     )

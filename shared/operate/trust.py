@@ -31,10 +31,8 @@ def changeable(place: Path) -> str:
     ]
     if any(place.is_relative_to(one) for one in trusted):
         return ""
-    return next(
-        (why for one in (place, *place.parents) if (why := _changeable(one, sticky=one != place))),
-        "",
-    )
+    found = (_changeable(one, sticky=one != place) for one in (place, *place.parents))
+    return next(filter(None, found), "")
 
 
 def _changeable(place: Path, sticky: bool) -> str:

@@ -1,18 +1,93 @@
-"""Verdicts of topdown's judge in words: a line for files and people, all of a run in a sentence.
+"""Verdicts of topdown's judge as lines of verdicts.jsonl, all of a run in a sentence, and dead
+letters.
 
 Must not know: files, the network.
 """
 
 from collections.abc import Mapping
+from enum import StrEnum
+
+import msgspec
 
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import FipaError
-from operate.run_folder import Judged, alike
+from operate.structs import alike
 from operate.system import System
 from operate.wording import one_line
 from topdown.judge import follow
 from topdown.judge.verdicts import Judgement, Verdict
 from topdown.model.design import Design
+
+
+class Judged(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One line of verdicts.jsonl, written by the monitor: a communicate as it was judged
+    (topdown.judge.verdicts).
+
+    `t`: when it was heard [unix s]; a line may come later than others that were heard later.
+    `initiator` and `participant`: their states after it. `text`: its content in a few words. `key`:
+    only where it is not the design's. `violation`: the verdict is against the design.
+    """
+
+    t: float
+    verdict: str
+    bytes: int
+    channel: str = ""
+    sender: str = ""
+    receiver: str = ""
+    protocol: str = ""
+    performative: str = ""
+    conversation: str = ""
+    id: str = ""
+    language: str = ""
+    text: str = ""
+    initiator: str = ""
+    participant: str = ""
+    why: str = ""
+    key: str = ""
+    violation: bool = False
+
+
+class Dead(StrEnum):
+    """Reasons why nobody took a communicate."""
+
+    NO_RECEIVER = "no such receiver"
+    NO_RIGHT = "not in the design"
+    """Its sender may not say this to that receiver."""
+    NO_COMMUNICATE = "no communicate"
+    TOO_LARGE = "too large"
+    TURNED_AWAY = "turned away"
+    """Its receiver does not know the sender or the number, or had too much waiting."""
+    NOT_UNDERSTOOD = "not understood"
+    OVER = "conversation over"
+    """Its receiver has no such conversation, or that has ended."""
+    NOT_HEARD = "not heard"
+    """A volatile one, sent, that never reached its receiver."""
+    NOT_RECEIPTED = "not receipted"
+    """A durable one that its sender still keeps: it was not taken up to now, or up to the end of
+    the run.
+    """
+
+
+class DeadLetter(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A communicate that nobody took. `t`: when it was sent, or turned away [unix s]; `why`: in
+    words.
+
+    `bytes` 0: not known. `text`: its content in a few words.
+    """
+
+    t: float
+    reason: Dead
+    why: str
+    sender: str = ""
+    receiver: str = ""
+    protocol: str = ""
+    performative: str = ""
+    conversation: str = ""
+    id: str = ""
+    bytes: int = 0
+    text: str = ""
+    key: str = ""
+
 
 OF_KEYS = (Verdict.WRONG_CHANNEL, Verdict.NOT_ENTITLED)
 """Verdicts about what a communicate was put on, beside MALFORMED."""
@@ -67,24 +142,17 @@ def outcome(verdicts: Mapping[str, int]) -> str:
         Verdict.NOT_JUDGED: "could not be judged",
         Verdict.NOT_TAKEN: "taken by nobody",
     }
-    apart = [
-        f"{verdicts[one]} of {total} communicates {word}"
-        for one, word in words.items()
-        if verdicts.get(one)
-    ]
-    return (
-        "; ".join(("nothing against the design", *apart))
-        if apart
-        else f"all {total} communicates as designed"
-    )
+    found = [(verdicts[one], word) for one, word in words.items() if verdicts.get(one)]
+    if not found:
+        return f"all {total} communicates as designed"
+    apart = (f"{count} of {total} communicates {word}" for count, word in found)
+    return "; ".join(("nothing against the design", *apart))
 
 
 def _text(one: Communicate, system: System | None) -> str:
+    if system is None or not system.languages:
+        return ""
     try:
-        return (
-            one_line(system.words(system.languages.read(one)[0]))
-            if system is not None and system.languages
-            else ""
-        )
+        return one_line(system.words(system.languages.read(one)[0]))
     except FipaError:
         return ""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from operate.run_folder import Step, Task
+from operate.live_lines import Step, Task
 
 LENGTH = 80
 REASONS = ("reason", "why", "text")
@@ -30,11 +30,8 @@ def about(content: object) -> str:
         return ""
     fields = content.__struct_fields__ if isinstance(content, msgspec.Struct) else ()
     values = [getattr(content, name) for name in fields if name not in REASONS]
-    told = [
-        f"{one:g}" if isinstance(one, float) else str(one)
-        for one in values
-        if isinstance(one, str | int | float)
-    ]
+    short = [one for one in values if isinstance(one, str | int | float)]
+    told = [f"{one:g}" if isinstance(one, float) else str(one) for one in short]
     return " ".join((_HUMP.sub(" ", type(content).__name__).lower(), *filter(None, told)))
 
 

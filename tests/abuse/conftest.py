@@ -11,7 +11,8 @@ import pytest
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "zenoh")]
 
 import secured_fleet  # noqa: E402  (after the path is set)
-from toy_fleet import Fleet  # noqa: E402
+from key_floods import Peer  # noqa: E402
+from toy_fleet import Fleet, wait_for  # noqa: E402
 
 
 @pytest.fixture
@@ -21,4 +22,14 @@ def router(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Fleet]:
     fleet.start("router")
     fleet.ready("router")
     yield fleet
-    secured_fleet.end(fleet)
+    fleet.end()
+
+
+@pytest.fixture
+def peer(router: Fleet) -> Iterator[Peer]:
+    """A peer that co answers."""
+    secured_fleet.serve_linked(router, "co")
+    one = Peer(router)
+    wait_for(one.asks, "co answers")
+    yield one
+    one.close()

@@ -2,21 +2,20 @@
 meanwhile.
 """
 
-import json
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import zenoh
-from secured_fleet import SYSTEM, listens, serve, session
+from secured_fleet import KeyHolder
 from toy_fleet import Fleet, wait_for
 
 from agent_runtime.io.shell import HEARTBEAT_S
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 
-REQUEST = f"roco/{SYSTEM}/C2/hi/co/request/request"
+REQUEST, PING = "C2/hi/co/request/request", "_/ping/hi/co"
+"""Keys of hi."""
 PATIENCE_S = 20.0
 """For an answer amid a flood, which takes some ms (benchmarks/floods.py), on a machine that is busy
 with much else.
@@ -29,47 +28,25 @@ def request(number: int, sender: str = "hi", conversation: str = "") -> bytes:
     """A request without content, under a number of the stream."""
     return encode(
         Communicate(
-            performative=Performative.REQUEST,
-            sender=sender,
-            receiver="co",
-            protocol="request",
-            conversation=conversation or f"hi-1-{number}",
-            id=str(number),
+            performative=Performative.REQUEST, sender=sender, receiver="co", protocol="request",
+            conversation=conversation or f"hi-1-{number}", id=str(number),
         )
-    )
+    )  # fmt: skip
 
 
-def co(router: Fleet) -> None:
-    """Start co, and wait until it listens and is at the router."""
-    serve(router, "co", "services.coordinator")
-    wait_for(lambda: listens(router, "co"), f"co is there\n{router.logs()}")
+def memory_mb(pid: int, what: str = "VmRSS") -> float:
+    """Memory of a process now; `what` VmHWM: the most so far."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(what)) / 1024
 
 
-def log(router: Fleet) -> list[dict[str, object]]:
-    """The lines of co's log."""
-    return [
-        json.loads(line) for line in (router.run / "logs" / "co.jsonl").read_text().splitlines()
-    ]
-
-
-def memory_mb(pid: int) -> float:
-    """Memory of a process now."""
-    line = next(
-        line
-        for line in Path(f"/proc/{pid}/status").read_text().splitlines()
-        if line.startswith("VmRSS")
-    )
-    return int(line.split()[1]) / 1024
-
-
-class Peer:
+class Peer(KeyHolder):
     """ta, of which only this is there: it asks co whether it is there, and waits for the answer."""
 
     def __init__(self, fleet: Fleet) -> None:
-        self._session = session(fleet, "ta", "co")
+        super().__init__(fleet, "ta")
         self._answered = threading.Event()
-        key = f"roco/{SYSTEM}/_/pong/co/ta"
-        self._declared = self._session.declare_subscriber(key, lambda sample: self._answered.set())
+        self.hears("_/pong/co/ta", lambda _: self._answered.set())
 
     def asks(self) -> bool:
         """Whether co answers."""
@@ -77,34 +54,27 @@ class Peer:
         return any(self._asked() for _ in range(round(PATIENCE_S / HEARTBEAT_S)))
 
     def _asked(self) -> bool:
-        self._session.put(
-            f"roco/{SYSTEM}/_/ping/ta/co", b"C1", congestion_control=zenoh.CongestionControl.BLOCK
-        )
+        self.put("_/ping/ta/co", b"C1")
         return self._answered.wait(HEARTBEAT_S)
-
-    def close(self) -> None:
-        """End the session."""
-        self._declared.undeclare()
-        self._session.close()  # type: ignore[no-untyped-call]
 
 
 @contextmanager
-def flooding(
-    thief: zenoh.Session, key: str, said: Callable[[int], bytes], at_least: int
-) -> Iterator[None]:
-    """Put as fast as possible, until the end of it, and at least that many."""
-    over, put = threading.Event(), 0
+def repeated(do: Callable[[int], None], at_least: int, of_these: int) -> Iterator[None]:
+    """Do it as fast as it goes, until the end of the block and at least that often; the block
+    begins after some.
+    """
+    over, done = threading.Event(), 0
 
-    def flood() -> None:
-        nonlocal put
-        while not over.is_set() or put < at_least:
-            thief.put(key, said(put), congestion_control=zenoh.CongestionControl.BLOCK)
-            put += 1
+    def repeat() -> None:
+        nonlocal done
+        while not over.is_set() or done < at_least:
+            do(done)
+            done += 1
 
-    thread = threading.Thread(target=flood)
+    thread = threading.Thread(target=repeat)
     thread.start()
     try:
-        wait_for(lambda: put > at_least // 10, "it is a flood")
+        wait_for(lambda: done > of_these, "it is a flood")
         yield
     finally:
         over.set()

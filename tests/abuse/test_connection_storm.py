@@ -7,14 +7,14 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 
 import msgspec
 import pytest
+from key_floods import repeated
 from toy_fleet import wait_for
 
 from agent_runtime.io.heartbeat import Heartbeat
@@ -46,16 +46,13 @@ class Host:
 
     def beat(self, name: str) -> Heartbeat:
         """The agent's last heartbeat."""
-        return msgspec.json.decode(
-            (self.run / f"{name}.heartbeat.json").read_bytes(), type=Heartbeat
-        )
+        file = self.run / f"{name}.heartbeat.json"
+        return msgspec.json.decode(file.read_bytes(), type=Heartbeat)
 
     def in_reach(self) -> bool:
         """Whether both agents live and reach each other."""
         with suppress(OSError):
-            return all(
-                other in self.beat(name).peers for name, other in (("co", "hi"), ("hi", "co"))
-            )
+            return "hi" in self.beat("co").peers and "co" in self.beat("hi").peers
         return False
 
     def own_address(self) -> str:
@@ -73,24 +70,15 @@ class Host:
             session.close()  # type: ignore[no-untyped-call]
         return session is not None
 
-    @contextmanager
-    def stormed(self) -> Iterator[None]:
-        """Bare connections to the open port, until the end of it."""
-        over, made = threading.Event(), list[int]()
+    def stormed(self) -> AbstractContextManager[None]:
+        """Bare connections to the open port, until the end of the block."""
 
-        def storm() -> None:
-            while not over.wait(EVERY_S):
-                with suppress(OSError), socket.create_connection((NETWORK, self.port), 1.0):
-                    made.append(1)
+        def connect(_: int) -> None:
+            time.sleep(EVERY_S)
+            with suppress(OSError), socket.create_connection((NETWORK, self.port), 1.0):
+                pass
 
-        storming = threading.Thread(target=storm)
-        storming.start()
-        try:
-            wait_for(lambda: len(made) > 200, "it is a storm")
-            yield
-        finally:
-            over.set()
-            storming.join()
+        return repeated(connect, 0, 200)
 
     def end(self) -> None:
         """Stop it in order."""
@@ -116,17 +104,10 @@ def test_agents_of_the_routers_host_come_back_amid_a_storm(host: Host) -> None:
     assert host.comes_in(host.open_address)
     before = host.beat("co")
     with host.stormed():
-        assert not host.comes_in(host.open_address), (
-            "the storm locks nobody out: this test shows nothing"
-        )
+        assert not host.comes_in(host.open_address), "it shows nothing: nobody is locked out"
         assert host.comes_in(host.own_address())
         os.kill(before.pid, signal.SIGKILL)
-        wait_for(
-            lambda: host.beat("co").incarnation > before.incarnation and host.in_reach(),
-            "co is back",
-        )
-        wait_for(
-            lambda: host.beat("hi").peers.get("co") == host.beat("co").incarnation,
-            "hi reaches the new co",
-        )
+        lives = lambda: host.beat("co").incarnation  # noqa: E731
+        wait_for(lambda: lives() > before.incarnation and host.in_reach(), "co is back")
+        wait_for(lambda: host.beat("hi").peers.get("co") == lives(), "hi reaches the new co")
         assert not host.comes_in(host.open_address), "the storm was over before"

@@ -4,9 +4,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 
 import pytest
-import zenoh
-from key_floods import REQUEST, Peer, co, flooding, log, memory_mb, request
-from secured_fleet import SYSTEM, session
+from key_floods import PING, REQUEST, Peer, memory_mb, repeated, request
+from secured_fleet import KeyHolder, logged
 from toy_fleet import Fleet, wait_for
 
 from fipa_codec.communicate import MAX_BYTES
@@ -29,19 +28,17 @@ FLOODS: dict[str, tuple[str, Callable[[int], bytes], int]] = {
     ),
     "of gaps": (REQUEST, lambda n: request(1_000_000 + n), MANY),
     "of long messages": (REQUEST, lambda n: b"\xc1" * (MAX_BYTES // 2), 100),
-    "of receipts": (f"roco/{SYSTEM}/_/receipt/hi/co", lambda n: b"no receipt", MANY),
-    "of pings": (f"roco/{SYSTEM}/_/ping/hi/co", lambda n: b"C2", MANY),
+    "of receipts": ("_/receipt/hi/co", lambda n: b"no receipt", MANY),
+    "of pings": (PING, lambda n: b"C2", MANY),
 }
 SLOW = ("taken before", "of other words under a number that was taken")
 """Half of the processor's time of all floods."""
 
 
 @pytest.fixture
-def peer(router: Fleet) -> Iterator[Peer]:
-    """A peer that co answers."""
-    co(router)
-    one = Peer(router)
-    wait_for(one.asks, "co answers")
+def thief(router: Fleet, peer: Peer) -> Iterator[KeyHolder]:
+    """A session with hi's key."""
+    one = KeyHolder(router, "hi")
     yield one
     one.close()
 
@@ -50,46 +47,28 @@ def peer(router: Fleet) -> Iterator[Peer]:
     "kind", [pytest.param(kind, marks=pytest.mark.long if kind in SLOW else ()) for kind in FLOODS]
 )
 def test_a_flood_takes_little_memory_and_disk_and_holds_no_peer_up(
-    router: Fleet, peer: Peer, kind: str
+    router: Fleet, peer: Peer, thief: KeyHolder, kind: str
 ) -> None:
     """The agent answers others; the log has the first of each kind, then sums."""
     key, said, many = FLOODS[kind]
     pid = router.processes["co"].pid
-    before, lines = memory_mb(pid), len(log(router))
-    with session(router, "hi", "co") as thief, flooding(thief, key, said, many):
+    before, lines = memory_mb(pid), len(logged(router, "co"))
+    with repeated(lambda number: thief.put(key, said(number)), many, many // 10):
         assert all(peer.asks() for _ in range(ASKED))
         assert memory_mb(pid) < before + ROOM_MB
     assert peer.asks()
-    told = log(router)[lines:]
+    told = logged(router, "co")[lines:]
     assert "peer" not in {line["event"] for line in told}, "no neighbour was lost"
-    worst = Counter(
-        (line["event"], line.get("key"), line.get("sender")) for line in told
-    ).most_common(1)
-    assert not worst or worst[0][1] < MANY / 50
+    kinds = Counter((line["event"], line.get("key"), line.get("sender")) for line in told)
+    assert max(kinds.values(), default=0) < MANY / 50
     assert len(told) < MANY / 20
 
 
-def test_what_is_no_channel_of_theirs_is_not_said_back(router: Fleet, peer: Peer) -> None:
+def test_what_is_no_channel_of_theirs_is_not_said_back(thief: KeyHolder) -> None:
     """A ping of 4 MB would be a pong of 4 MB: who floods with one byte's right would flood its
     peers, too.
     """
-    heard = list[zenoh.Sample]()
-    with session(router, "hi", "co") as thief:
-        declared = thief.declare_subscriber(f"roco/{SYSTEM}/_/pong/co/hi", heard.append)
-        thief.put(
-            f"roco/{SYSTEM}/_/ping/hi/co",
-            bytes(MAX_BYTES),
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )
-
-        def asked() -> bool:
-            thief.put(
-                f"roco/{SYSTEM}/_/ping/hi/co",
-                b"C2",
-                congestion_control=zenoh.CongestionControl.BLOCK,
-            )
-            return bool(heard)
-
-        wait_for(asked, "co answers on a channel that is there")
-        declared.undeclare()
-    assert {bytes(one.payload) for one in heard} == {b"C2"}
+    heard = thief.hears("_/pong/co/hi")
+    thief.put(PING, bytes(MAX_BYTES))
+    wait_for(lambda: thief.put(PING, b"C2") or heard, "co answers on a channel that is there")
+    assert set(heard) == {b"C2"}

@@ -3,11 +3,11 @@
 import json
 import threading
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 import zenoh
+from key_floods import memory_mb
 from secured_fleet import SYSTEM, session
 from toy_fleet import Fleet, wait_for
 
@@ -25,24 +25,11 @@ LARGE, TIMES = 20_000_000, 5
 CONTAINER_MB = 256
 """The router's in deploy/compose.yaml."""
 ALL_PRIORITIES = (
-    zenoh.Priority.REAL_TIME,
-    zenoh.Priority.INTERACTIVE_HIGH,
-    zenoh.Priority.INTERACTIVE_LOW,
-    zenoh.Priority.DATA_HIGH,
-    zenoh.Priority.DATA,
-    zenoh.Priority.DATA_LOW,
+    zenoh.Priority.REAL_TIME, zenoh.Priority.INTERACTIVE_HIGH, zenoh.Priority.INTERACTIVE_LOW,
+    zenoh.Priority.DATA_HIGH, zenoh.Priority.DATA, zenoh.Priority.DATA_LOW,
     zenoh.Priority.BACKGROUND,
-)
-
-
-def peak_mb(pid: int) -> float:
-    """Most memory of a process so far."""
-    line = next(
-        line
-        for line in Path(f"/proc/{pid}/status").read_text().splitlines()
-        if line.startswith("VmHWM")
-    )
-    return int(line.split()[1]) / 1024
+)  # fmt: skip
+BLOCK = zenoh.CongestionControl.BLOCK
 
 
 class Pair:
@@ -61,7 +48,7 @@ class Pair:
 
     def say(self) -> None:
         """The next number."""
-        self._speaker.put(MINE, b"%d" % self.said, congestion_control=zenoh.CongestionControl.BLOCK)
+        self._speaker.put(MINE, b"%d" % self.said, congestion_control=BLOCK)
         self.said += 1
 
     def _through(self) -> bool:
@@ -93,12 +80,7 @@ def thief(router: Fleet) -> Iterator[zenoh.Session]:
 def throw(thief: zenoh.Session, priority: Any) -> None:
     """Large messages on a key without the right, which Zenoh sends in pieces between others'."""
     for _ in range(TIMES):
-        thief.put(
-            DENIED,
-            bytes(LARGE),
-            priority=priority,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )
+        thief.put(DENIED, bytes(LARGE), priority=priority, congestion_control=BLOCK)
 
 
 @pytest.mark.parametrize(
@@ -114,7 +96,7 @@ def test_large_messages_take_no_memory_and_cut_nobody_off(
     ends. How many depends on the machine's load.
     """
     pid = router.processes["router"].pid
-    before = peak_mb(pid)
+    before = memory_mb(pid, "VmHWM")
     throwing = [threading.Thread(target=throw, args=(thief, priority)) for priority in priorities]
     for one in throwing:
         one.start()
@@ -128,7 +110,7 @@ def test_large_messages_take_no_memory_and_cut_nobody_off(
     assert not thief.is_closed()
     assert router.processes["router"].poll() is None
     kept = 2 * len(priorities) * LONGEST / 1e6  # twice: it grows by doubling
-    assert peak_mb(pid) < min(before + 10 + kept, CONTAINER_MB)
+    assert memory_mb(pid, "VmHWM") < min(before + 10 + kept, CONTAINER_MB)
 
 
 def test_whoever_takes_many_places_takes_no_more_than_there_are(router: Fleet, pair: Pair) -> None:
@@ -165,10 +147,7 @@ def test_both_ends_put_no_more_together_than_they_must(router: Fleet) -> None:
     rights = rights_of(keys, SYSTEM).access_control
     at_router = router_config(router.endpoint, router_tls(keys), rights)
     for config in (at_router, client_config(router.endpoint, client_tls(keys, "co"))):
-        assert (
-            MAX_BYTES
-            < json.loads(config.get_json("transport/link/rx/max_message_size"))
-            == 8_000_000
-        )
+        longest = json.loads(config.get_json("transport/link/rx/max_message_size"))
+        assert MAX_BYTES < longest == 8_000_000
     places = json.loads(at_router.get_json("transport/unicast/max_sessions"))
     assert len(rights["subjects"]) < places < 64

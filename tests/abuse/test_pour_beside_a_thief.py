@@ -42,14 +42,10 @@ def word(family: Family, number: int) -> bytes:
     id = number % USED if number % 3 == 1 else 1_000_000 + number
     return encode(
         Communicate(
-            performative=Performative(act),
-            protocol=protocol,
-            conversation=f"{family.owner}-1-{id}",
-            sender=family.owner,
-            receiver=family.peer,
-            id=str(id),
+            performative=Performative(act), protocol=protocol, id=str(id),
+            conversation=f"{family.owner}-1-{id}", sender=family.owner, receiver=family.peer,
         )
-    )
+    )  # fmt: skip
 
 
 @contextmanager
@@ -62,11 +58,8 @@ def thief(fleet: RocoFleet, identity: str) -> Iterator[None]:
         for number, family in zip(itertools.count(), itertools.cycle(keys), strict=False):
             if over.wait(EVERY_S):
                 return
-            session.put(
-                family.key,
-                word(family, number // len(keys)),
-                congestion_control=zenoh.CongestionControl.BLOCK,
-            )
+            said, block = word(family, number // len(keys)), zenoh.CongestionControl.BLOCK
+            session.put(family.key, said, congestion_control=block)
 
     with fleet.session(identity) as session:
         saying = threading.Thread(target=say, args=(session,))

@@ -2,12 +2,9 @@
 all.
 """
 
-from collections.abc import Iterator
-
 import pytest
-import zenoh
-from key_floods import REQUEST, Peer, co, request
-from secured_fleet import SYSTEM, session
+from key_floods import PING, REQUEST, Peer, request
+from secured_fleet import SYSTEM, KeyHolder, serve_linked
 from toy_fleet import Fleet, wait_for
 from typer.testing import CliRunner
 
@@ -19,45 +16,25 @@ from operate.cli.__main__ import app
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120)]
 
 
-def roco(*words: str) -> str:
-    """Return the output of `roco`; it succeeds."""
+def roco(*words: str, code: int = 0) -> str:
+    """Return the output of `roco`; its exit code must be `code`."""
     done = CliRunner().invoke(app, words)
-    assert done.exit_code == 0, done.output
+    assert done.exit_code == code, done.output
     return done.output
 
 
-class Thief:
+class Thief(KeyHolder):
     """Holder of hi's key: puts, declares a life, listens."""
 
     def __init__(self, router: Fleet) -> None:
-        self.heard = list[zenoh.Sample]()
-        self._session = session(router, "hi", "co")
-        self._declared = [
-            self._session.declare_subscriber(f"roco/{SYSTEM}/_/pong/*/hi", self.heard.append),
-            self._session.liveliness().declare_token(f"roco/{SYSTEM}/_/alive/hi/77"),
-        ]
+        super().__init__(router, "hi")
+        self.heard = self.hears("_/pong/*/hi")
+        self.lives(77)
 
     def speaks(self) -> None:
         """Put what is counted at co where it gets through, and a ping."""
-        self._session.put(REQUEST, request(0), congestion_control=zenoh.CongestionControl.BLOCK)
-        self._session.put(
-            f"roco/{SYSTEM}/_/ping/hi/co", b"C2", congestion_control=zenoh.CongestionControl.BLOCK
-        )
-
-    def close(self) -> None:
-        """End the session."""
-        self._declared.clear()
-        self._session.close()  # type: ignore[no-untyped-call]
-
-
-@pytest.fixture
-def peer(router: Fleet) -> Iterator[Peer]:
-    """A peer that co answers."""
-    co(router)
-    one = Peer(router)
-    wait_for(one.asks, "co answers")
-    yield one
-    one.close()
+        self.put(REQUEST, request(0))
+        self.put(PING, b"C2")
 
 
 def answered(thief: Thief) -> bool:
@@ -79,16 +56,17 @@ def test_a_revoked_key_is_of_no_use_and_all_others_go_on(router: Fleet, peer: Pe
         wait_for(peer.asks, "co answers others")
         counted = router.beat("co").counts.get("no stream number", 0)
         thief.heard.clear()
-        with session(router, "hi", "co") as fresh:
-            for one in (thief._session, fresh):
-                one.put(REQUEST, request(0), congestion_control=zenoh.CongestionControl.BLOCK)
+        fresh = KeyHolder(router, "hi")
+        for one in (thief, fresh):
+            one.put(REQUEST, request(0))
+        fresh.close()
         assert not answered(thief)
         assert peer.asks()
         assert peer.asks()
         assert router.beat("co").counts.get("no stream number", 0) == counted
         assert not thief.heard
         router.kill("co")
-        co(router)
+        serve_linked(router, "co")
 
     assert "revoked are none" in roco("keys", "revoke", "hi", "--undo", "--keys", folder)
     wait_for(lambda: answered(thief), "its rights are back")
@@ -107,10 +85,8 @@ def test_new_keys_for_all_end_a_revocation(router: Fleet) -> None:
 
 def test_names_that_no_certificate_has_are_refused(router: Fleet) -> None:
     """With those that there are; and a folder without a router's keys."""
-    folder = router.run / KEYS_FOLDER
-    done = CliRunner().invoke(app, ["keys", "revoke", "nobody", "--keys", str(folder)])
-    assert done.exit_code == 2
-    assert "no certificate is named 'nobody'; there are co, console" in done.output
-    done = CliRunner().invoke(app, ["keys", "revoke", "hi", "--keys", str(router.run / "steps")])
-    assert done.exit_code == 2
-    assert "rights.json" in done.output
+    for name, folder, why in (
+        ("nobody", KEYS_FOLDER, "no certificate is named 'nobody'; there are co, console"),
+        ("hi", "steps", "rights.json"),
+    ):
+        assert why in roco("keys", "revoke", name, "--keys", str(router.run / folder), code=2)

@@ -10,8 +10,8 @@ from companion.tools.verbs import fault
 from companion.tools.verbs.checkup import BACKEND
 from operate.cli.errors import ConsoleError, FleetError, UsageError
 from operate.cli.fleet.local import Local
-from operate.run_folder import Fault
-from operate.wires.files import WIRES_FILE
+from operate.fault_lines import Fault
+from operate.fault_proxy.files import WIRES_FILE
 from velma.model import scene
 from velma.sim import disturbances
 from velma.sim.disturbances import Disturbance, Kind, Of

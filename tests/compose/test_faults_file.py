@@ -8,7 +8,7 @@ import yaml
 
 from agent_runtime.io.cli import endpoints
 from companion.design import DESIGN
-from operate.wires import files
+from operate.fault_proxy import files
 
 ROOT = Path(__file__).resolve().parents[2]
 ONE = yaml.safe_load((ROOT / "deploy/compose.yaml").read_text())

@@ -16,8 +16,8 @@ from companion.tools.live import Live
 from companion.tools.report import report
 from companion.tools.system import JOB, SYSTEM
 from operate.cli.faults.moments import Event, InPlan, parse
+from operate.live_lines import Happened, LiveLine
 from operate.recording.run import opened
-from operate.run_folder import Happened, LiveLine
 from services.human_interface import offers
 from services.page.view import Heard, View, view
 

@@ -2,10 +2,10 @@
 wrong would say it.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -20,6 +20,7 @@ from fipa_codec.performatives import Performative as P
 from operate.judging.judged import Judging
 from operate.recording import mcap_file
 from operate.recording.records import Record, Spoken, understood
+from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict as V
 
 POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7" / "traffic.mcap"
@@ -38,14 +39,17 @@ class Traffic:
 
     def said(self, sender: str, receiver: str, act: str = "", nth: int = 0) -> int:
         """Return the index of the `nth` communicate of this kind (-1: the last)."""
-        found = [
+        return self.all(sender, receiver, act)[nth]
+
+    def all(self, sender: str, receiver: str, act: str = "") -> list[int]:
+        """Return the indices of what one says to the other."""
+        return [
             n
             for n, item in enumerate(self.items)
             if isinstance(item, Sample)
             and item.key.split("/")[3:5] == [sender, receiver]
-            and item.key.endswith("/" + act if act else "")
+            and item.key.endswith(f"/{act}" if act else "")
         ]
-        return found[nth]
 
     def at(self, n: int) -> Communicate:
         """The communicate there."""
@@ -78,30 +82,26 @@ class Traffic:
         del self.items[n]
         return one
 
-    def found(self) -> list[Expected]:
-        """Return the judge's findings against the design."""
+    def lines(self) -> list[Judged]:
+        """Return all that the judge says."""
         judging = Judging(SYSTEM)
         lines = [line for item in self.items for line in judging.lines(_record(item))]
-        lines += judging.finish()
+        return [*lines, *judging.finish()]
+
+    def found(self) -> list[Expected]:
+        """Return the judge's findings against the design."""
         return [
-            (
-                V(one.verdict),
-                f"{one.sender}>{one.receiver} {one.performative} {one.id}"
-                if one.sender
-                else one.key,
-            )
-            for one in lines
+            (V(one.verdict), name(one) if one.sender else one.key)
+            for one in self.lines()
             if one.violation
         ]
 
     def verdicts(self) -> list[str]:
         """All verdicts."""
-        judging = Judging(SYSTEM)
-        lines = [line for item in self.items for line in judging.lines(_record(item))]
-        return [one.verdict for one in (*lines, *judging.finish())]
+        return [one.verdict for one in self.lines()]
 
 
-def name(one: Communicate) -> str:
+def name(one: Communicate | Judged) -> str:
     """As findings name it."""
     return f"{one.sender}>{one.receiver} {one.performative} {one.id}"
 
@@ -127,17 +127,102 @@ def _record(item: Item) -> Record:
     return understood(item, SYSTEM) if isinstance(item, Sample) else item
 
 
-# --- out of sequence ------------------------------------------------------------------------------
+class Plant(NamedTuple):
+    """One communicate of the pour that is changed where it stands, or said again a little later
+    with these fields; the judge's verdict about it. `key`: another one than the design wants.
+    """
+
+    why: str
+    verdict: V
+    place: tuple[str, str, str, int]
+    fields: Callable[[Traffic], dict[str, Any]]
+    again: bool = False
+    key: str = ""
+    later_s: float = 0.001
+
+    def __call__(self, t: Traffic) -> Expected:
+        n, fields = t.said(*self.place), self.fields(t)
+        if self.again:
+            return self.verdict, name(t.add(n, self.key, self.later_s, **fields))
+        return self.verdict, name(t.edit(n, self.key, **fields))
 
 
-def result_told_twice(t: Traffic) -> Expected:
-    """ex tells the outcome of an act once more, under a new number."""
-    return V.OUT_OF_SEQUENCE, name(t.add(t.said("ex", "ta", "inform", -1), id="29"))
+def fixed(**fields: Any) -> Callable[[Traffic], dict[str, Any]]:
+    """The same fields in any traffic."""
+    return lambda _: fields
 
 
-def confirmed_twice(t: Traffic) -> Expected:
-    """co confirms the final report again."""
-    return V.OUT_OF_SEQUENCE, name(t.add(t.said("co", "ta", "confirm", -1), id="20"))
+def of_act(t: Traffic) -> dict[str, Any]:
+    """Content and language of a robot command."""
+    act = t.at(t.said("ta", "ex", "request"))
+    return {"content": act.content, "language": act.language}
+
+
+COMMAND = ("hi", "co", "request", 0)
+NONSENSE = msgspec.Raw(msgspec.msgpack.encode({"type": "Nonsense"}))
+OF_AGENTS = (
+    # out of sequence
+    Plant("ex tells the outcome of an act once more, under a new number", V.OUT_OF_SEQUENCE,
+          ("ex", "ta", "inform", -1), fixed(id="29"), again=True),
+    Plant("co confirms the final report again", V.OUT_OF_SEQUENCE,
+          ("co", "ta", "confirm", -1), fixed(id="20"), again=True),
+    Plant("km answers in a conversation that nobody opened", V.OUT_OF_SEQUENCE,
+          ("km", "pl", "inform-ref", 5),
+          fixed(id="km-1-900", conversation="pl-1-900", in_reply_to=""), again=True),
+    Plant("km answers a query again that was not asked again", V.OUT_OF_SEQUENCE,
+          ("km", "pl", "inform-ref", 9), fixed(id="km-1-901"), again=True),
+    Plant("hi says another command under the number of the first", V.OUT_OF_SEQUENCE, COMMAND,
+          lambda _: {"conversation": "hi-1-2", **content(LookAround())}, again=True),
+    Plant("km's answer names another question", V.OUT_OF_SEQUENCE,
+          ("km", "pl", "inform-ref", 12), fixed(in_reply_to="pl-1-777")),
+    Plant("a query belongs to no conversation", V.OUT_OF_SEQUENCE,
+          ("pl", "km", "query-ref", 6), fixed(id="pl-1-902", conversation=""), again=True),
+    Plant("the id of a durable request is no number: nobody can put it in order",
+          V.OUT_OF_SEQUENCE, COMMAND,
+          fixed(id="first", conversation="hi-1-3", reply_with="first"), again=True),
+    Plant("pl repeats a query that waits, with a new m_w", V.OUT_OF_SEQUENCE,
+          ("pl", "km", "query-ref", 20), fixed(id="pl-1-903", reply_with="pl-1-903"),
+          again=True, later_s=1e-5),
+    # wrong channel
+    Plant("a query of the planner is on the channel of the task agent", V.WRONG_CHANNEL,
+          ("pl", "km", "query-ref", 3), fixed(), key="roco/roco/C6/pl/km/query/query-ref"),
+    Plant("somebody who may write as ta says he is co", V.WRONG_CHANNEL,
+          ("co", "ta", "confirm", 4), fixed(), key="roco/roco/C1/ta/co/coordinate/inform"),
+    Plant("a cancel travels on the key of a confirm", V.WRONG_CHANNEL,
+          ("co", "ta", "confirm", -1),
+          fixed(id="20", performative=P.CANCEL, reply_with="20", in_reply_to=""),
+          again=True, key="roco/roco/C1/co/ta/coordinate/confirm"),
+    # wrong language, ontology, content
+    Plant("a command of the person is in the language of robot commands", V.WRONG_LANGUAGE,
+          COMMAND, of_act),
+    Plant("a query is about another world", V.WRONG_LANGUAGE,
+          ("pl", "km", "query-ref", 30), fixed(ontology="Kitchen")),
+    Plant("the content of a question is an answer", V.WRONG_LANGUAGE,
+          ("pl", "km", "query-ref", 31), lambda _: content(wm.Made("h-1"))),
+    Plant("an outcome is of no class of its language", V.WRONG_LANGUAGE,
+          ("ex", "ta", "inform", 4), fixed(content=NONSENSE)),
+    Plant("an act says not what", V.WRONG_LANGUAGE,
+          ("ta", "ex", "request", 5), fixed(content=msgspec.UNSET)),
+    # over budget
+    Plant("a query has twice the size that its class may have", V.OVER_BUDGET,
+          ("pl", "km", "query-ref", 33), lambda _: content(wm.ObjectPose("jar_" + 500 * "1"))),
+    Plant("a person's command is a speech", V.OVER_BUDGET, COMMAND,
+          lambda _: content(PourInto("jar" + 300 * "r", "bowl"))),
+    # not entitled
+    Plant("an agent that the design does not know commands the coordinator", V.NOT_ENTITLED,
+          COMMAND, fixed(sender="spy", id="1", conversation="spy-1-1"), again=True,
+          key="roco/roco/C2/spy/co/request/request"),
+    Plant("the planner commands the robot", V.NOT_ENTITLED, ("ta", "ex", "request", 2),
+          fixed(sender="pl", conversation="pl-1-99"), again=True,
+          key="roco/roco/C5/pl/ex/request/request"),
+    Plant("the robot requests acts of the task agent", V.NOT_ENTITLED, ("ta", "ex", "request", 2),
+          fixed(sender="ex", receiver="ta", conversation="ex-1-99"), again=True,
+          key="roco/roco/C5/ex/ta/request/request"),
+    Plant("co queries ta", V.NOT_ENTITLED, ("co", "ta", "confirm", 3),
+          fixed(performative=P.QUERY_REF, protocol="query", conversation="co-1-99", id="q",
+                in_reply_to=""),
+          again=True, key="roco/roco/C1/co/ta/query/query-ref"),
+)  # fmt: skip
 
 
 def confirm_forgotten(t: Traffic) -> Expected:
@@ -145,23 +230,11 @@ def confirm_forgotten(t: Traffic) -> Expected:
     out of place.
     """
     t.remove(t.said("co", "ta", "confirm", 2))
-    later = [n for n, _ in enumerate(t.items) if n in _all(t, "co", "ta") and int(t.at(n).id) > 4]
-    for n in later:
+    for n in (n for n in t.all("co", "ta") if int(t.at(n).id) > 4):
         one = t.at(n)
         label = str(int(one.reply_with) - 1) if one.reply_with else ""
         t.edit(n, id=str(int(one.id) - 1), reply_with=label)
     return V.OUT_OF_SEQUENCE, name(t.at(t.said("co", "ta", "confirm", 2)))
-
-
-def answer_to_nothing(t: Traffic) -> Expected:
-    """km answers in a conversation that nobody opened."""
-    n = t.said("km", "pl", "inform-ref", 5)
-    return V.OUT_OF_SEQUENCE, name(t.add(n, id="km-1-900", conversation="pl-1-900", in_reply_to=""))
-
-
-def answered_twice(t: Traffic) -> Expected:
-    """km answers a query again that was not asked again."""
-    return V.OUT_OF_SEQUENCE, name(t.add(t.said("km", "pl", "inform-ref", 9), id="km-1-901"))
 
 
 def cancelled_twice(t: Traffic) -> Expected:
@@ -170,47 +243,11 @@ def cancelled_twice(t: Traffic) -> Expected:
     """
     n, opening = t.said("co", "hi", "inform", -1), t.at(t.said("hi", "co", "request"))
     fields: dict[str, Any] = {
-        "content": msgspec.UNSET,
-        "performative": P.CANCEL,
-        "sender": "hi",
-        "receiver": "co",
-        "in_reply_to": "",
-        "conversation": opening.conversation,
-    }
+        "content": msgspec.UNSET, "performative": P.CANCEL, "sender": "hi", "receiver": "co",
+        "in_reply_to": "", "conversation": opening.conversation,
+    }  # fmt: skip
     t.add(n, id="2", reply_with="2", **fields)
     return V.OUT_OF_SEQUENCE, name(t.add(n + 1, id="3", reply_with="3", **fields))
-
-
-def id_used_for_other_words(t: Traffic) -> Expected:
-    """hi says another command under the number of the first."""
-    n = t.said("hi", "co", "request")
-    return V.OUT_OF_SEQUENCE, name(t.add(n, conversation="hi-1-2", **content(LookAround())))
-
-
-def answers_what_was_not_asked(t: Traffic) -> Expected:
-    """km's answer names another question."""
-    return V.OUT_OF_SEQUENCE, name(
-        t.edit(t.said("km", "pl", "inform-ref", 12), in_reply_to="pl-1-777")
-    )
-
-
-def no_conversation(t: Traffic) -> Expected:
-    """A query that belongs to no conversation."""
-    return V.OUT_OF_SEQUENCE, name(
-        t.add(t.said("pl", "km", "query-ref", 6), id="pl-1-902", conversation="")
-    )
-
-
-def no_number(t: Traffic) -> Expected:
-    """A durable request whose id is not a number: its receiver cannot put it in order."""
-    n = t.said("hi", "co", "request")
-    return V.OUT_OF_SEQUENCE, name(t.add(n, id="first", conversation="hi-1-3", reply_with="first"))
-
-
-def asked_again_by_another_label(t: Traffic) -> Expected:
-    """pl repeats a query that waits, with a new m_w."""
-    n = t.said("pl", "km", "query-ref", 20)
-    return V.OUT_OF_SEQUENCE, name(t.add(n, later_s=1e-5, id="pl-1-903", reply_with="pl-1-903"))
 
 
 def agreed_after_the_result(t: Traffic) -> Expected:
@@ -219,167 +256,37 @@ def agreed_after_the_result(t: Traffic) -> Expected:
     agree, result = t.at(first), t.at(second)
     key = DESIGN.key("roco", agree), DESIGN.key("roco", result)
     t.edit(first, key[1], performative=P.INFORM, content=result.content)
-    return V.OUT_OF_SEQUENCE, name(
-        t.edit(second, key[0], performative=P.AGREE, content=agree.content)
-    )
+    wrong = t.edit(second, key[0], performative=P.AGREE, content=agree.content)
+    return V.OUT_OF_SEQUENCE, name(wrong)
 
 
 def spoke_after_not_understood(t: Traffic) -> Expected:
     """km says not-understood, which ends the conversation, and then answers all the same."""
     n = t.said("km", "pl", "inform-ref", 15)
-    answer = t.at(n)
+    answer, before = t.at(n), isinstance(t.items[n - 1], Sample)
+    no = msgspec.Raw(msgspec.msgpack.encode({"type": "Reason", "text": "no"}))
     t.add(
-        n - 1 if isinstance(t.items[n - 1], Sample) else t.said("pl", "km", "query-ref", 19),
-        later_s=1e-6,
-        performative=P.NOT_UNDERSTOOD,
-        sender="km",
-        receiver="pl",
-        conversation=answer.conversation,
-        in_reply_to=answer.in_reply_to,
-        reply_with="",
-        reply_by=None,
-        ontology="",
-        id="km-1-904",
-        language="reason",
-        content=msgspec.Raw(msgspec.msgpack.encode({"type": "Reason", "text": "no"})),
-    )
+        n - 1 if before else t.said("pl", "km", "query-ref", 19), later_s=1e-6,
+        performative=P.NOT_UNDERSTOOD, sender="km", receiver="pl", id="km-1-904",
+        conversation=answer.conversation, in_reply_to=answer.in_reply_to, reply_with="",
+        reply_by=None, ontology="", language="reason", content=no,
+    )  # fmt: skip
     return V.OUT_OF_SEQUENCE, name(answer)
-
-
-# --- wrong channel --------------------------------------------------------------------------------
-
-
-def on_another_channel(t: Traffic) -> Expected:
-    """A query of the planner on the channel of the task agent."""
-    n = t.said("pl", "km", "query-ref", 3)
-    return V.WRONG_CHANNEL, name(t.edit(n, "roco/roco/C6/pl/km/query/query-ref"))
-
-
-def in_the_name_of_another(t: Traffic) -> Expected:
-    """Somebody who may write as ta says he is co."""
-    n = t.said("co", "ta", "confirm", 4)
-    return V.WRONG_CHANNEL, name(t.edit(n, "roco/roco/C1/ta/co/coordinate/inform"))
-
-
-def another_act_than_its_key(t: Traffic) -> Expected:
-    """A cancel that travels on the key of a confirm."""
-    n = t.said("co", "ta", "confirm", -1)
-    one = t.add(n, t.items[n].key, id="20", performative=P.CANCEL, reply_with="20", in_reply_to="")  # type: ignore[union-attr]
-    return V.WRONG_CHANNEL, name(one)
-
-
-# --- wrong language, ontology, content ------------------------------------------------------------
-
-
-def in_another_language(t: Traffic) -> Expected:
-    """A command of the person in the language of robot commands."""
-    act = t.at(t.said("ta", "ex", "request"))
-    one = t.edit(t.said("hi", "co", "request"), content=act.content, language=act.language)
-    return V.WRONG_LANGUAGE, name(one)
-
-
-def of_another_ontology(t: Traffic) -> Expected:
-    """A query about another world."""
-    return V.WRONG_LANGUAGE, name(t.edit(t.said("pl", "km", "query-ref", 30), ontology="Kitchen"))
-
-
-def content_of_another_act(t: Traffic) -> Expected:
-    """A question whose content is an answer."""
-    return V.WRONG_LANGUAGE, name(
-        t.edit(t.said("pl", "km", "query-ref", 31), **content(wm.Made("h-1")))
-    )
-
-
-def content_that_cannot_be_read(t: Traffic) -> Expected:
-    """An outcome of no class of its language."""
-    raw = msgspec.Raw(msgspec.msgpack.encode({"type": "Nonsense"}))
-    return V.WRONG_LANGUAGE, name(t.edit(t.said("ex", "ta", "inform", 4), content=raw))
-
-
-def request_without_content(t: Traffic) -> Expected:
-    """An act that says not what."""
-    return V.WRONG_LANGUAGE, name(t.edit(t.said("ta", "ex", "request", 5), content=msgspec.UNSET))
-
-
-# --- over budget ----------------------------------------------------------------------------------
-
-
-def query_too_large(t: Traffic) -> Expected:
-    """A query of twice the size that its class may have."""
-    one = t.edit(t.said("pl", "km", "query-ref", 33), **content(wm.ObjectPose("jar_" + 500 * "1")))
-    return V.OVER_BUDGET, name(one)
-
-
-def command_too_large(t: Traffic) -> Expected:
-    """A person's command that is a speech."""
-    one = t.edit(t.said("hi", "co", "request"), **content(PourInto("jar" + 300 * "r", "bowl")))
-    return V.OVER_BUDGET, name(one)
-
-
-# --- in time --------------------------------------------------------------------------------------
 
 
 def answered_too_late(t: Traffic) -> Expected:
     """km answers after reply-by."""
     n = t.said("pl", "km", "query-ref", 40)
     asked = t.edit(n, reply_by=t.at(n).sent + 1e-5)
-    answers = [i for i in _all(t, "km", "pl") if t.at(i).conversation == asked.conversation]
+    answers = [i for i in t.all("km", "pl") if t.at(i).conversation == asked.conversation]
     return V.LATE, name(t.at(answers[0]))
 
 
 def never_answered(t: Traffic) -> Expected:
     """km does not answer a query; its reply-by passes."""
     answer = t.remove(t.said("km", "pl", "inform-ref", 25))
-    asked = [i for i in _all(t, "pl", "km") if t.at(i).conversation == answer.conversation]
+    asked = [i for i in t.all("pl", "km") if t.at(i).conversation == answer.conversation]
     return V.UNANSWERED, name(t.at(asked[0]))
-
-
-# --- not entitled ---------------------------------------------------------------------------------
-
-
-def stranger(t: Traffic) -> Expected:
-    """An agent that the design does not know commands the coordinator."""
-    n = t.said("hi", "co", "request")
-    one = t.add(
-        n, "roco/roco/C2/spy/co/request/request", sender="spy", id="1", conversation="spy-1-1"
-    )
-    return V.NOT_ENTITLED, name(one)
-
-
-def no_channel_between_them(t: Traffic) -> Expected:
-    """The planner commands the robot."""
-    n = t.said("ta", "ex", "request", 2)
-    return V.NOT_ENTITLED, name(
-        t.add(n, "roco/roco/C5/pl/ex/request/request", sender="pl", conversation="pl-1-99")
-    )
-
-
-def act_of_the_other_side(t: Traffic) -> Expected:
-    """The robot requests acts of the task agent."""
-    n = t.said("ta", "ex", "request", 2)
-    one = t.add(
-        n, "roco/roco/C5/ex/ta/request/request", sender="ex", receiver="ta", conversation="ex-1-99"
-    )
-    return V.NOT_ENTITLED, name(one)
-
-
-def protocol_they_do_not_have(t: Traffic) -> Expected:
-    """co queries ta."""
-    n = t.said("co", "ta", "confirm", 3)
-    key = "roco/roco/C1/co/ta/query/query-ref"
-    one = t.add(
-        n,
-        key,
-        performative=P.QUERY_REF,
-        protocol="query",
-        conversation="co-1-99",
-        id="q",
-        in_reply_to="",
-    )
-    return V.NOT_ENTITLED, name(one)
-
-
-# --- malformed ------------------------------------------------------------------------------------
 
 
 def no_communicate(t: Traffic) -> Expected:
@@ -391,20 +298,13 @@ def no_communicate(t: Traffic) -> Expected:
     return V.MALFORMED, item.key
 
 
-def _all(t: Traffic, sender: str, receiver: str) -> list[int]:
-    chunks = [sender, receiver]
-    return [
-        n
-        for n, item in enumerate(t.items)
-        if isinstance(item, Sample) and item.key.split("/")[3:5] == chunks
-    ]
-
-
-def plants() -> Iterator[Callable[[Traffic], Expected]]:
-    """All of them."""
-    for function in globals().values():
-        if (
-            callable(function)
-            and getattr(function, "__annotations__", {}).get("return") == Expected
-        ):
-            yield function
+PLANTS: dict[str, Callable[[Traffic], Expected]] = {
+    **{one.why: one for one in OF_AGENTS},
+    **{
+        one.__name__: one
+        for one in (
+            confirm_forgotten, cancelled_twice, agreed_after_the_result,
+            spoke_after_not_understood, answered_too_late, never_answered, no_communicate,
+        )
+    },
+}  # fmt: skip

@@ -93,27 +93,21 @@ class Run:
         silent: str = "",
     ):
         """One communicate goes by."""
-        durable = DESIGN.rules[s, r, protocol, performative].durable
         number = self._numbers[s, r] = self._numbers.get((s, r), 0) + 1
         rule = DESIGN.rules[s, r, protocol, performative]
         language = language_of(content) if content is not None else None
         message = Communicate(
             performative=performative,
             content=language.encode(content) if language else msgspec.UNSET,
-            language=language.name if language else silent,
-            ontology=rule.ontology,
-            protocol=protocol,
-            conversation=talk,
-            sender=s,
-            receiver=r,
-            id=str(number) if durable else self.name(s),
-            sent=self.now,
-        )
+            language=language.name if language else silent, ontology=rule.ontology,
+            protocol=protocol, conversation=talk, sender=s, receiver=r,
+            id=str(number) if rule.durable else self.name(s), sent=self.now,
+        )  # fmt: skip
         if isinstance(content, wm.SeenObject):
             message = msgspec.structs.replace(message, id=f"{content.object}@1.{number}")
         self.said.append(message)
         self.put(message)
-        if durable:
+        if rule.durable:
             self._receipt(r, s, number)
 
     def put(self, message: Communicate) -> None:
@@ -129,9 +123,8 @@ class Run:
 
     def state(self, agent: str, state: str) -> None:
         """An agent's heartbeat."""
-        self.house(
-            "state", agent, msgspec.json.encode({"agent": agent, "state": state, "at": self.now})
-        )
+        told = {"agent": agent, "state": state, "at": self.now}
+        self.house("state", agent, msgspec.json.encode(told))
 
     def _receipt(self, owner: str, peer: str, taken: int) -> None:
         self.now += self.random.uniform(0.001, 0.004)
@@ -140,38 +133,21 @@ class Run:
     def _telemetry(self) -> None:
         cycles = int(500 * (self.now - START))
         robot = RobotState(
-            sim_time_s=self.sim,
-            body=tuple(self.q),
-            head=(0.2 * math.sin(self.now), 0.4),
-            proximal=(0.5,) * 6,
-            mode="motion",
-            act=self.act,
-            skill=self.act,
-            work_J=8.0 * self.sim,
-            cycles=cycles,
-            missed=cycles // 400,
+            sim_time_s=self.sim, body=tuple(self.q), head=(0.2 * math.sin(self.now), 0.4),
+            proximal=(0.5,) * 6, mode="motion", act=self.act, skill=self.act,
+            work_J=8.0 * self.sim, cycles=cycles, missed=cycles // 400,
             lateness_us=Lateness(60.0, 310.0, 1450.0, 5200.0),
-        )
+        )  # fmt: skip
         self.house("telemetry", "ex", msgspec.msgpack.encode(robot))
         jar = Pose(self.at["jar_1"], (math.cos(self.tilt / 2), math.sin(self.tilt / 2), 0.0, 0.0))
+        sides, (x, y, z) = ("right", "left"), jar.xyz
         truth = TrueState(
-            time_s=self.sim,
-            grains=30,
-            grains_in=dict(self.inside),
-            tilt_deg={"jar_1": math.degrees(self.tilt), "bowl_1": 1.2},
-            at=dict(self.at),
-            fingers_on={
-                o: {side: 5 if self.held.get(side) == o else 0 for side in ("right", "left")}
-                for o in self.at
-            },
-            work_J=8.0 * self.sim,
-            poses={**POSES, "jar_1": jar, "bowl_1": Pose(self.at["bowl_1"])},
-            models=MODELS,
-            grains_at=tuple(
-                (jar.xyz[0] + 0.01 * (k % 3), jar.xyz[1], jar.xyz[2] - 0.08 + 0.005 * k)
-                for k in range(30)
-            ),
-        )
+            time_s=self.sim, grains=30, grains_in=dict(self.inside), at=dict(self.at),
+            tilt_deg={"jar_1": math.degrees(self.tilt), "bowl_1": 1.2}, work_J=8.0 * self.sim,
+            fingers_on={o: {s: 5 * (self.held.get(s) == o) for s in sides} for o in self.at},
+            poses={**POSES, "jar_1": jar, "bowl_1": Pose(self.at["bowl_1"])}, models=MODELS,
+            grains_at=tuple((x + 0.01 * (k % 3), y, z - 0.08 + 0.005 * k) for k in range(30)),
+        )  # fmt: skip
         self.house("truth", "ex", msgspec.msgpack.encode(truth))
 
     # --- pieces of the story ----------------------------------------------------------------------
@@ -189,9 +165,8 @@ class Run:
         self.say("ta", "ex", P.REQUEST, command, talk=talk, protocol="request")
         self.state("ex", "preparing")
         self.wait(self.random.uniform(0.02, 0.3))
-        self.say(
-            "ex", "ta", P.AGREE, rc.Accepted(command.key, seconds), talk=talk, protocol="request"
-        )
+        accepted = rc.Accepted(command.key, seconds)
+        self.say("ex", "ta", P.AGREE, accepted, talk=talk, protocol="request")
         self.state("ex", "acting")
         self.act = type(command).__name__.lower()
         start = list(self.q)
@@ -204,9 +179,8 @@ class Run:
             self.wait(seconds / parts, acting=True)
         self.act = ""
         self._after(command)
-        done = rc.Done(
-            command.key, BODY, (rs.Seen("jar_1", "jar", Pose(self.at["jar_1"]), self.sim),)
-        )
+        seen = rs.Seen("jar_1", "jar", Pose(self.at["jar_1"]), self.sim)
+        done = rc.Done(command.key, BODY, (seen,))
         self.say("ex", "ta", P.INFORM, done, talk=talk, protocol="request")
         self.state("ex", "idle")
 
@@ -251,19 +225,16 @@ class Run:
         kind = self.random.random()
         if k % 40 == 39 or k > 0.9 * queries:
             ask: object = wm.EnvironmentShapes()
-            one = wm.PlacedShape(
-                "cabinet_2", POSES["cabinet_2"], (shape,) * self.random.randint(5, 60)
-            )
+            shapes = (shape,) * self.random.randint(5, 60)
+            one = wm.PlacedShape("cabinet_2", POSES["cabinet_2"], shapes)
             answer: object = wm.Shapes((one,) * self.random.randint(1, 12))
         elif kind < 0.2:
             ask, step = wm.GraspSet(object="jar_1"), wm.GraspStep(Pose((0.1, 0.0, 0.2)), 1.0)
             grasp = wm.GraspDef("g", (step,) * 4, 1.5, 0.1, 0.6, 0.28, "side")
             answer = wm.Grasps("jar_1", (grasp,) * self.random.randint(4, 16))
         elif kind < 0.5:
-            ask, answer = (
-                wm.Holds(relation="isOn", subject="jar_1", value="cabinet_2"),
-                wm.Truth(True),
-            )
+            ask = wm.Holds(relation="isOn", subject="jar_1", value="cabinet_2")
+            answer = wm.Truth(True)
         else:
             ask = wm.ObjectPose(object="bowl_1", state=f"co-1-2.{k}")
             answer = wm.PoseOf("bowl_1", Pose(self.at["bowl_1"]), True)
@@ -298,16 +269,13 @@ def _leaves(root: hfsm.Machine) -> Iterator[tuple[hfsm.Place, rc.Command]]:
         assert isinstance(step, hfsm.Machine)
         for leaf in step.states:
             assert isinstance(leaf, hfsm.ActState)
-            yield (
-                hfsm.Place((step.name, leaf.name), step.step, type(leaf.command).__name__),
-                leaf.command,
-            )
+            act = type(leaf.command).__name__
+            yield hfsm.Place((step.name, leaf.name), step.step, act), leaf.command
 
 
 def _machine(step: hfsm.Step, *commands: rc.Command) -> hfsm.Machine:
-    states = tuple(
-        hfsm.ActState(type(c).__name__.lower() + str(k), c) for k, c in enumerate(commands)
-    )
+    named = ((f"{type(c).__name__.lower()}{k}", c) for k, c in enumerate(commands))
+    states = tuple(hfsm.ActState(*one) for one in named)
     return hfsm.Machine(" ".join((step.does, *step.things)), states[0].name, states, step=step)
 
 
@@ -324,9 +292,8 @@ def _move(side: Side) -> rc.MoveJoint:
 def _taking(side: Side, object: str) -> hfsm.Machine:
     way = (rc.ApproachPoint(Pose((0.0, 0.0, 0.3)), 0.5),) * 3
     grasp = rc.Grasp("g", side, object, "g1", way, 0.7, 0.3, 0.3)
-    out = rc.MoveCartesian(
-        "c", side, (rc.Segment((0.0, 0.0, 0.03), 0.1), rc.Segment((-0.28, 0.0, 0.0), 0.25))
-    )
+    up, back = rc.Segment((0.0, 0.0, 0.03), 0.1), rc.Segment((-0.28, 0.0, 0.0), 0.25)
+    out = rc.MoveCartesian("c", side, (up, back))
     return _machine(hfsm.Step("take", (object,)), _move(side), grasp, out, _move(side))
 
 
@@ -345,14 +312,8 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
     run.wait(3.0)
     command = run.name("hi")
     run.say("hi", "co", P.REQUEST, PourInto("jar", "bowl"), talk=command, protocol="request")
-    run.say(
-        "co",
-        "hi",
-        P.AGREE,
-        cmd.TaskReport(cmd.TaskState.WAITING, (fact(Kind.IS_NEXT),)),
-        talk=command,
-        protocol="request",
-    )
+    waits = cmd.TaskReport(cmd.TaskState.WAITING, (fact(Kind.IS_NEXT),))
+    run.say("co", "hi", P.AGREE, waits, talk=command, protocol="request")
     run.wait(0.2)
     network = hfsm.GroundTaskNetwork("co-1-2", (hfsm.Task("pour", ("jar", "bowl")),))
     put = rc.Release("r", Side.RIGHT, "bowl_1", "table_1", Pose(BOWL_END), ())
@@ -362,9 +323,8 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
         _machine(hfsm.Step("place", ("bowl_1",)), put, rc.Look("l2", ((0.6, -0.5, 0.8),))),
     )
     plan = run.planning(network, queries, hfsm.Machine("pour", first[0].name, first), 7.5)
-    run.running(
-        plan, sw.WorkerState.REPLAN, {"MoveJoint": 7.0, "Grasp": 6.0, "Release": 8.0, "Look": 3.0}
-    )
+    lasts = {"MoveJoint": 7.0, "Grasp": 6.0, "Release": 8.0, "Look": 3.0}
+    run.running(plan, sw.WorkerState.REPLAN, lasts)
     again = hfsm.GroundTaskNetwork("co-1-4", network.tasks)
     tilt = Pour("p", Side.LEFT, "jar_1", "bowl_1", 0.3, 0.0, (0.35, 2.35), 2.0, 0.2)
     second = (_machine(hfsm.Step("pour", ("jar_1", "bowl_1")), _move(Side.LEFT), tilt),)

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from planting import POUR
 
 from companion.tools.system import SYSTEM
-from operate.fault_lines import FaultFile, done, encoded, latest, read
+from operate.fault_lines import Fault, FaultFile, done, encoded, latest, read
+from operate.file_names import FAULTS_FILE
 from operate.recording.run import Run
-from operate.run_folder import FAULTS_FILE, Fault
 
 times = st.floats(1.0, 2e9)
 faults = st.builds(

@@ -71,9 +71,5 @@ def test_another_user_is_refused(open_place: Path) -> None:
         done = subprocess.run(words, user=NOBODY, capture_output=True, text=True, timeout=30)
         assert done.returncode != 0
         assert "Permission denied" in done.stderr
-    assert (
-        subprocess.run(
-            ("ls", str(run.parent)), user=NOBODY, capture_output=True, timeout=30
-        ).returncode
-        == 0
-    )
+    above = ("ls", str(run.parent))
+    assert subprocess.run(above, user=NOBODY, capture_output=True, timeout=30).returncode == 0

@@ -21,10 +21,11 @@ from agent_runtime.io.fleet_processes import set_stop
 from agent_runtime.io.run_files import STOP_FILE, LinkedError
 from operate.cli.__main__ import app
 from operate.cli.fleet.local import Local
+from operate.file_names import FLEET_FILE, REPORT_FILE, RRD_FILE
+from operate.fleet_file import Fleet
 from operate.recording.recorder import Recorder
 from operate.recording.run import Run
 from operate.reports import make
-from operate.run_folder import FLEET_FILE, REPORT_FILE, RRD_FILE, Fleet
 from operate.system import UntrustedError, of_run
 from operate.trust import TRUST_VARIABLE, changeable
 
@@ -82,80 +83,62 @@ def roco(*words: object) -> Result:
     return CliRunner().invoke(app, [str(word) for word in words])
 
 
+OF_A_RUN = (
+    "status --run-dir", "report", "traffic judge", "traffic echo --run", "doctor --run-dir",
+    "replay", "replay --verify", "why --run", "trace --run", "conversation --run",
+    "export --out tables", "compare run",
+)  # fmt: skip
+
+
 @as_root
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("status", "--run-dir"),
-        ("report",),
-        ("traffic", "judge"),
-        ("traffic", "echo", "--run"),
-        ("doctor", "--run-dir"),
-        ("replay",),
-        ("replay", "--verify"),
-        ("why", "--run"),
-        ("trace", "--run"),
-        ("conversation", "--run"),
-        ("export", "--out", "tables"),
-        ("compare", "run"),
-    ],
-    ids=" ".join,
-)
 def test_a_run_of_somebody_else_is_looked_at_without_his_code(
-    project: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+    project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In place of it the verb says what was found, whose it is, and what to do."""
     given_away(project)
     monkeypatch.chdir(project.parent)
     (project.parent / "run").symlink_to(project / "run")
-    done = roco(*words, project / "run")
-    said = " ".join((done.stdout + done.stderr).split())
-    assert not mark(project).exists()
-    assert f"{FLEET_FILE} names the system 'strange:SYSTEM' in {project}" in said
-    assert f"(uid {NOBODY})" in said
-    assert f"{TRUST_VARIABLE}={project / 'run'}:{project}" in said
+    for verb in OF_A_RUN:
+        done = roco(*verb.split(), project / "run")
+        said = " ".join((done.stdout + done.stderr).split())
+        assert not mark(project).exists(), verb
+        for words in (
+            f"{FLEET_FILE} names the system 'strange:SYSTEM' in {project}",
+            f"(uid {NOBODY})",
+            f"{TRUST_VARIABLE}={project / 'run'}:{project}",
+        ):
+            assert words in said, verb
 
 
 @as_root
-@pytest.mark.parametrize(
-    "words",
-    [("logs",), ("agents",), ("runs",), ("view", "--web", "--format", "json")],
-    ids=" ".join,
-)
 def test_verbs_that_need_no_system_do_without_it(
-    project: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+    project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing runs."""
     given_away(project)
     monkeypatch.chdir(project.parent)
     (project.parent / "runs").mkdir()
     (project.parent / "runs" / "latest").symlink_to(project / "run")
-    roco(*words)
-    assert not mark(project).exists()
+    for verb in ("logs", "agents", "runs", "view --web --format json"):
+        roco(*verb.split())
+        assert not mark(project).exists(), verb
 
 
 @as_root
-@pytest.mark.parametrize(
-    "words",
-    [("--help",), ("up", "--help"), ("design", "check"), ("strange",), ("up",)],
-    ids=" ".join,
-)
 def test_a_project_above_of_somebody_else_does_not_run(
-    project: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+    project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Neither for help nor where a system is needed, which is refused with the reason."""
     given_away(project)
     (project / "below").mkdir()
     monkeypatch.chdir(project / "below")
-    done = roco(*words)
-    assert not mark(project).exists()
-    if "--help" in words:
-        assert done.exit_code == 0
-    else:
-        assert done.exit_code == 2
+    for verb in ("--help", "up --help", "design check", "strange", "up"):
+        done = roco(*verb.split())
+        assert not mark(project).exists(), verb
+        assert done.exit_code == (0 if "--help" in verb else 2), verb
         said = " ".join(done.stderr.replace("│", "").split())
-        assert "pyproject.toml names the system 'strange:SYSTEM'" in said
-        assert f"(uid {NOBODY})" in said
+        for words in ("pyproject.toml names the system 'strange:SYSTEM'", f"(uid {NOBODY})"):
+            assert "--help" in verb or words in said, verb
 
 
 @pytest.mark.parametrize("whose", ["mine", pytest.param("another's", marks=as_root)])
@@ -172,21 +155,20 @@ def test_help_and_completion_import_nothing_of_a_project(
         assert roco(*words).exit_code == 0
     assert "roco agent stop desk" in roco("agent", "stop", "--help").stdout or whose != "mine"
     monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
-    names = {
-        words: completed(words, project)
-        for words in (
-            "send --as d",
-            "strange x",
-            "up --only r",
-            "cancel ",
-            "conversation --run run c",
-            "traffic echo --run run --channel ",
-            "agent stop --run-dir run d",
-        )
-    }
+    asked = (
+        "send --as d", "strange x", "up --only r", "cancel ", "conversation --run run c",
+        "traffic echo --run run --channel ", "agent stop --run-dir run d",
+    )  # fmt: skip
+    names = {words: completed(words, project) for words in asked}
     assert names["send --as d"] == (["desk", "dispatcher"] if whose == "mine" else [])
     assert names["up --only r"] == []
     assert not mark(project).exists()
+
+
+def python(code: str, folder: Path, **more: str) -> "subprocess.CompletedProcess[str]":
+    """Run code in a process of its own, in this folder."""
+    command, env = [sys.executable, "-P", "-c", code], os.environ | more
+    return subprocess.run(command, env=env, cwd=folder, capture_output=True, text=True, timeout=50)
 
 
 def completed(words: str, folder: Path) -> list[str]:
@@ -196,11 +178,7 @@ def completed(words: str, folder: Path) -> list[str]:
         "COMP_WORDS": f"roco {words}",
         "COMP_CWORD": str(len(words.split(" "))),
     }
-    code = "from operate.cli.__main__ import app; app(prog_name='roco')"
-    command = [sys.executable, "-P", "-c", code]
-    done = subprocess.run(
-        command, env=os.environ | asked, cwd=folder, capture_output=True, text=True, timeout=50
-    )
+    done = python("from operate.cli.__main__ import app; app(prog_name='roco')", folder, **asked)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     return done.stdout.split()
@@ -208,14 +186,8 @@ def completed(words: str, folder: Path) -> list[str]:
 
 def ran(folder: Path, run: Path, **environment: str) -> bool:
     """Whether a process of this user that asks for the system of a run runs its project's code."""
-    code = (
-        "import sys; from pathlib import Path; from operate.system import of_run;"
-        " print(of_run(Path(sys.argv[1])).name)"
-    )
-    command = [sys.executable, "-P", "-c", code, str(run)]
-    done = subprocess.run(
-        command, env=os.environ | environment, capture_output=True, text=True, timeout=50
-    )
+    code = "from pathlib import Path; from operate.system import of_run; print(of_run(Path()).name)"
+    done = python(code, run, **environment)
     assert (done.returncode == 0) == mark(folder).exists(), done.stderr
     return done.returncode == 0
 
@@ -238,20 +210,16 @@ def test_ones_own_run_needs_no_trust(project: Path) -> None:
 
 
 @as_root
-@pytest.mark.parametrize("what", ["pyproject.toml", "fleet.json", "project", "above"])
-def test_each_part_is_looked_at(project: Path, what: str) -> None:
+def test_each_part_is_looked_at(project: Path) -> None:
     """The file that names the system, the folder that its code is in, and those above, which could
     be renamed.
     """
-    part = {
-        "fleet.json": project / "run" / FLEET_FILE,
-        "project": project,
-        "above": project.parent,
-    }.get(what, project / what)
-    os.chown(part, NOBODY, NOBODY)
-    assert changeable(part) == f"{part} belongs to nobody (uid {NOBODY})"
-    if what != "pyproject.toml":
-        assert not ran(project, project / "run")
+    toml = project / "pyproject.toml"
+    for part in (toml, project / "run" / FLEET_FILE, project, project.parent):
+        os.chown(part, NOBODY, NOBODY)
+        assert changeable(part) == f"{part} belongs to nobody (uid {NOBODY})"
+        assert part == toml or not ran(project, project / "run"), part
+        os.chown(part, 0, 0)
 
 
 def test_who_else_can_write_counts(project: Path) -> None:
@@ -297,9 +265,8 @@ def test_no_stop_is_written_through_a_link(place: Path) -> None:
     run.mkdir()
     for name in (STOP_FILE, "faults.jsonl"):
         (run / name).symlink_to(secret)
-    with pytest.raises(
-        LinkedError, match=f"{run}/stop is a symbolic link, and is not written through: remove it"
-    ):
+    why = f"{run}/stop is a symbolic link, and is not written through: remove it"
+    with pytest.raises(LinkedError, match=why):
         set_stop(run, held=True)
     done = roco("stop", "--run-dir", run)
     assert (done.exit_code, "stop is a symbolic link" in done.stderr) == (2, True)
@@ -320,10 +287,8 @@ def test_no_report_is_written_through_a_link(place: Path) -> None:
         (run / f".{name}.new").symlink_to(secret)
         (run / f".{name}").symlink_to(secret)
     told: list[object] = []
-    assert make.everything(Run(run, SYSTEM), lambda *words, **more: told.append((words, more))), (
-        told
-    )
+    made = make.everything(Run(run, SYSTEM), lambda *words, **more: told.append((words, more)))
+    assert made, told
     assert secret.read_bytes() == b"kept"
-    assert [
-        name for name in names if (run / name).is_symlink() or not (run / name).stat().st_size
-    ] == []
+    assert not any((run / name).is_symlink() for name in names)
+    assert all((run / name).stat().st_size for name in names)

@@ -11,31 +11,69 @@ import pytest
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "agent_runtime")]
 
-from toy_fleet import Fleet  # noqa: E402  (after the path is set)
+from secured_fleet import secured  # noqa: E402  (after the path is set)
+from toy_fleet import Fleet  # noqa: E402
+
+ALL = ("router", "asker", "server")
 
 
 @pytest.fixture
-def fleet(tmp_path: Path) -> Iterator[Fleet]:
+def router(tmp_path: Path) -> Iterator[Fleet]:
+    """A router in a process of its own."""
+    made = Fleet(tmp_path)
+    made.start("router")
+    made.ready("router")
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def secured_router(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Fleet]:
+    """A router with keys, for agents of the companion."""
+    made = secured(tmp_path, monkeypatch)
+    made.start("router")
+    made.ready("router")
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def toys(tmp_path: Path) -> Iterator[Fleet]:
     """Router, asker and server, all ready; for a test that leaves them otherwise than it found
     them.
     """
     made = whole(tmp_path)
     yield made
-    end(made)
+    made.end()
 
 
 def whole(run: Path) -> Fleet:
     """Start all three side by side."""
     made = Fleet(run)
-    made.start("router", "asker", "server")
-    made.ready("router", "asker", "server")
+    made.start(*ALL)
+    made.ready(*ALL)
     return made
 
 
-def end(made: Fleet) -> None:
-    """Kill what still runs."""
-    for name in list(made.processes):
-        made.kill(name)
+@pytest.fixture
+def fleet(tmp_path: Path) -> Iterator[Any]:
+    """The whole companion, of this test's own."""
+    yield from whole_companion(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def one_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """The whole companion, for all tests of a module: each leaves the next one what it needs."""
+    yield from whole_companion(tmp_path_factory.mktemp("fleet"))
+
+
+def whole_companion(folder: Path) -> Iterator[Any]:
+    """All that `roco up` starts; down at the end."""
+    from roco_fleet import RocoFleet  # loads the robot's models, which most tests do not need
+
+    made = RocoFleet(folder / "run")
+    yield made
+    made.down()
 
 
 FAILED = pytest.StashKey[bool]()
@@ -56,7 +94,7 @@ def _kept() -> Iterator[list[Fleet]]:
     kept: list[Fleet] = []
     yield kept
     for one in kept:
-        end(one)
+        one.end()
 
 
 @pytest.fixture
@@ -68,11 +106,6 @@ def shared(_kept: list[Fleet], tmp_path: Path, request: pytest.FixtureRequest) -
         _kept.append(whole(tmp_path))
     (one,) = _kept
     yield one
-    if request.node.stash.get(FAILED, False) or {
-        name for name, p in one.processes.items() if p.poll() is None
-    } != {
-        "router",
-        "asker",
-        "server",
-    }:
-        end(_kept.pop())
+    alive = {name for name, process in one.processes.items() if process.poll() is None}
+    if request.node.stash.get(FAILED, False) or alive != {*ALL}:
+        _kept.pop().end()

@@ -107,10 +107,8 @@ def allowed_at(agent: str, design: Design, identity: str, action: str, key: str)
     else:
         (kind, sender, *others), receiver = rest, rest[-1]
         known = kind in ("receipt", "ping", "pong") and bool(others)
-    return known and (sender, receiver) == {
-        "put": (identity, agent),
-        "subscribe": (agent, identity),
-    }.get(action)
+    ways = {"put": (identity, agent), "subscribe": (agent, identity)}
+    return known and (sender, receiver) == ways.get(action)
 
 
 def allowed(design: Design, identity: str, action: str, key: str) -> bool:

@@ -46,31 +46,20 @@ class Pair:
                 (logs / "steps").mkdir(parents=True, exist_ok=True)
                 (logs / "steps" / f"{name}.steps").touch()
         own = keys and keys / system
-        self.ends = {
-            name: free_endpoint().replace("tcp/", "tls/" if own else "tcp/")
-            for name in ("co", "ta")
-        }
-        self.sessions = {
-            name: open_links(
-                at,
-                tuple(set(self.ends.values()) - {at}),
-                own and links_tls(own, name),
-                own and links_of(own, name),
-            )
-            for name, at in self.ends.items()
-        }
+        scheme = "tls/" if own else "tcp/"
+        self.ends = {name: free_endpoint().replace("tcp/", scheme) for name in ("co", "ta")}
+        self.sessions = {}
+        for name, at in self.ends.items():
+            rules = own and links_tls(own, name), own and links_of(own, name)
+            others = tuple(set(self.ends.values()) - {at})
+            self.sessions[name] = open_links(at, others, *rules)
         self.inboxes = {name: Inbox() for name in self.sessions}
         self.heard: dict[str, list[object]] = {name: [] for name in self.sessions}
-        self.wires = {
-            name: ZenohWire(
-                session,
-                wiring(name, system),
-                1 if system == "velma1" else 2,
-                self.inboxes[name],
-                log=logs and logs / "steps" / f"{name}.steps",
-            )
-            for name, session in self.sessions.items()
-        }
+        self.wires, life = {}, 1 if system == "velma1" else 2
+        for name, session in self.sessions.items():
+            log = logs and logs / "steps" / f"{name}.steps"
+            wires = wiring(name, system)
+            self.wires[name] = ZenohWire(session, wires, life, self.inboxes[name], log=log)
         for name, wire in self.wires.items():
             wire.join(zenoh.open(client_config(endpoint, own and client_tls(own, name))))
 

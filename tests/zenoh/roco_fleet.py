@@ -33,9 +33,9 @@ from companion.tools.verbs.hi import Hi, address
 from operate.cli.fleet import starting
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
+from operate.fleet_file import ProcessState
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
-from operate.run_folder import ProcessState
 from services.executor.loop.link import AgentLink, LoopAnswer, LoopState
 from velma.errors import SlotError
 from velma.sim.truth import Truth
@@ -86,19 +86,22 @@ class RocoFleet:
 
     # --- as a person ------------------------------------------------------------------------------
 
-    def roco(
-        self, *words: str, timeout: float = 60.0, code: int | None = 0, inside: bool = True
-    ) -> str:
+    def roco(self, *words: str, timeout: float = 60.0, code: int = 0, inside: bool = True) -> str:
         """Return the output of `roco`; its exit code must be `code`."""
         run = ["--run-dir", str(self.run)] if inside else []
         command = [sys.executable, "-m", "operate.cli", *words, *run]
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
         said = (done.stdout + done.stderr).strip()
-        assert code in (
-            None,
-            done.returncode,
-        ), f"roco {' '.join(words)} ended with {done.returncode}: {said}"
+        assert done.returncode == code, f"roco {' '.join(words)} ended otherwise: {said}"
         return said
+
+    def begin(self, *words: str) -> "subprocess.Popen[bytes]":
+        """Begin a verb about it; the first text may have several words."""
+        command = [sys.executable, "-m", "operate.cli", *words[0].split(), *words[1:]]
+        pipe = subprocess.PIPE
+        return subprocess.Popen(
+            [*command, "--run-dir", str(self.run)], stdout=pipe, stderr=subprocess.DEVNULL
+        )
 
     @property
     def hi(self) -> Hi:
@@ -137,11 +140,9 @@ class RocoFleet:
         """
         told = folders.fleet(self.run)
         assert told is not None
-        near, keys = (
-            [told.agents[peer] for peer in DESIGN.peers(identity)],
-            links_tls(self.run / KEYS_FOLDER, identity),
-        )
-        session = open_links(free_endpoint().replace("tcp/", "tls/"), tuple(near), keys)
+        near = tuple(told.agents[peer] for peer in DESIGN.peers(identity))
+        keys = links_tls(self.run / KEYS_FOLDER, identity)
+        session = open_links(free_endpoint().replace("tcp/", "tls/"), near, keys)
         wait_for(lambda: len(session.info.peers_zid()) == len(near), "it is linked")
         return session
 
@@ -182,15 +183,8 @@ class RocoFleet:
         def there() -> bool:
             line = self.task(task)
             assert line.state not in ENDED, line
-            return point(
-                Moment(
-                    line.at.id if line.at else "",
-                    line.why,
-                    self.truth(),
-                    self.state(),
-                    self.link.told(),
-                )
-            )
+            at, seen = line.at.id if line.at else "", (self.truth(), self.state())
+            return point(Moment(at, line.why, *seen, self.link.told()))
 
         self.wait(there, "the point was reached", within_s)
 
@@ -219,9 +213,8 @@ class RocoFleet:
 
     def beat(self, agent: str) -> Heartbeat:
         """An agent's last heartbeat."""
-        return msgspec.json.decode(
-            (self.run / f"{agent}.heartbeat.json").read_bytes(), type=Heartbeat
-        )
+        file = self.run / f"{agent}.heartbeat.json"
+        return msgspec.json.decode(file.read_bytes(), type=Heartbeat)
 
     def acts_begun(self) -> list[str]:
         """Keys of the acts that ex agreed to begin, in order; a communicate sent again counts
@@ -242,12 +235,8 @@ class RocoFleet:
     def down(self) -> None:
         """End it; nothing that any agent did was outside its design."""
         starting.down(self.run)
-        lines = [
-            line
-            for log in self.run.glob("*.log")
-            for line in log.read_text().splitlines()
-            if OUTSIDE in line
-        ]
+        texts = [log.read_text() for log in self.run.glob("*.log")]
+        lines = [line for text in texts for line in text.splitlines() if OUTSIDE in line]
         assert not lines, lines[0]
 
 

@@ -9,34 +9,30 @@ can be called alone, and a second time.
 import json
 import os
 import re
-import shutil
-import signal
 import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+import depot_fleet
+import msgspec
 import pytest
-from toy_fleet import wait_for
+from depot_fleet import AGENTS, Project
 
 from operate.cli.verbs import GROUP, VERBS
-from operate.run_folder import LATEST, VERDICTS_FILE
+from operate.file_names import LATEST
+from operate.recording import mcap_file
+from operate.recording.records import Spoken
+from operate.reports.report import Report
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(300)]
-EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
 RUN = f"runs/{LATEST}"
-AGENTS = ("desk", "dispatcher", "traffic", "mule", "ox")
 CHANNELS = ("C2", "C4", "C5", "C6", "C7")
 FOREIGN = re.compile(r"\b(hi|co|pl|km|ta|ex|loop|velma|jar|bowl)\b", re.IGNORECASE)
 """Names of the robot's agents and things: where they are told of another system, a tool knows the
 robot.
-"""
-CALL_S, END_S = 150.0, 30.0
-"""For a call, and for its end once it is interrupted. The supervisor ends a monitor that hangs
-after 120 s.
 """
 DELIVERED = 3
 """Orders that were carried out before anything is asked."""
@@ -230,66 +226,26 @@ print(json.dumps({verb: done.stdout for verb, done in said.items()}))
 """
 
 
-class Project:
-    """A project in a folder of its own."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        kept = {name: value for name, value in os.environ.items() if not name.startswith("ROCO_")}
-        self.environment = kept | {"COLUMNS": "200"}
-
-    def roco(self, *words: str) -> "subprocess.CompletedProcess[str]":
-        """Call a verb here, as a shell does, wide enough that nothing is cut; interrupt it where it
-        takes too long.
-        """
-        command = [sys.executable, "-P", "-m", "operate.cli", *words]
-        pipe = subprocess.PIPE
-        with subprocess.Popen(
-            command, cwd=self.folder, env=self.environment, stdout=pipe, stderr=pipe, text=True
-        ) as process:
-            try:
-                said = process.communicate(timeout=CALL_S)
-            except subprocess.TimeoutExpired:
-                # it ends the fleet that it started, or the next try meets it
-                process.send_signal(signal.SIGINT)
-                with suppress(subprocess.TimeoutExpired):
-                    process.communicate(timeout=END_S)
-                process.kill()
-                raise
-        return subprocess.CompletedProcess(command, process.returncode, *said)
-
-    def told(self, text: str) -> int:
-        """Return the number of the monitor's verdicts with a text."""
-        file = self.folder / RUN / VERDICTS_FILE
-        return file.read_text().count(text) if file.exists() else 0
-
-
-class Depot(Project):
+class Depot(depot_fleet.Depot):
     """The depot, with a fleet when one is wanted."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
         self.up: bool | None = None  # none has run yet
-        self.called = set[str]()  # since it is up
+        self.made = set[str]()  # calls since it is up
         self.tries = Counter[str]()
 
     def wants(self, up: bool) -> None:
         """Have a fleet in the background, with some orders carried out; or have one ended."""
         if self.up is None or (up and not self.up):
-            self.called.clear()
-            done = self.roco("up")
-            assert done.returncode == 0, done.stderr
-            self.up = True
-            assert f"ready; everything is written to {self.folder}/runs" in done.stdout
+            self.made.clear()
+            said, self.up = self.roco("up"), True
+            assert f"ready; everything is written to {self.folder}/runs" in said
         if self.up:
-            wait_for(lambda: self.told('"delivered ') >= DELIVERED, "orders are delivered", 60.0)
+            self.wait(lambda: self.said("delivered ") >= DELIVERED, "orders are delivered")
         if self.up and not up:
             self.end()
-
-    def end(self) -> None:
-        """Bring the fleet down, if there is one."""
-        self.roco("down")
-        self.up = False
+            self.up = False
 
     def call(self, verb: str) -> "tuple[Row, subprocess.CompletedProcess[str]]":
         """Call a verb as its row says; return the row of this try, and what came of it."""
@@ -298,13 +254,13 @@ class Depot(Project):
         if row.up is not None:
             self.wants(row.up)
         for before in (one.replace(FRESH, fresh) for one in row.before):
-            if again or before not in self.called:
-                self.roco(*before.split())
+            if again or before not in self.made:
+                self.called(before)
         words, has = (
             tuple(one.replace(FRESH, fresh) for one in some) for some in (row.words, row.has)
         )
-        done = self.roco(*verb.split(), *words)
-        self.called.add(" ".join((verb, *words)))
+        done = self.called(verb, *words)
+        self.made.add(" ".join((verb, *words)))
         self.up = self.up and verb != "down"
         return row._replace(words=words, has=has), done
 
@@ -312,11 +268,17 @@ class Depot(Project):
 @pytest.fixture(scope="module")
 def depot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Depot]:
     """A copy of the depot."""
-    folder = tmp_path_factory.mktemp("any") / "depot"
-    shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
-    project = Depot(folder)
-    yield project
-    project.end()
+    made = Depot(tmp_path_factory.mktemp("any"))
+    yield made
+    made.end()
+
+
+def right(row: Row, done: "subprocess.CompletedProcess[str]", folder: Path) -> None:
+    """A call came out as its row says, and told nothing of the robot."""
+    said = done.stdout + done.stderr
+    assert done.returncode == row.code, said
+    assert [words for words in row.has if words not in said] == [], said
+    assert FOREIGN.findall(said.replace(str(folder), "")) == [], said
 
 
 def test_every_row_is_of_a_verb() -> None:
@@ -327,38 +289,72 @@ def test_every_row_is_of_a_verb() -> None:
 @pytest.mark.parametrize("verb", CALLS)
 def test_a_verb_tells_of_the_system_that_runs(depot: Depot, verb: str) -> None:
     """Its agents and channels, and nothing of the robot."""
-    row, done = depot.call(verb)
-    said = done.stdout + done.stderr
-    assert done.returncode == row.code, said
-    assert [words for words in row.has if words not in said] == [], said
-    assert FOREIGN.findall(said.replace(str(depot.folder), "")) == []
+    right(*depot.call(verb), depot.folder)
 
 
 def test_other_users_read_nothing_of_a_run(depot: Depot) -> None:
     """Keys, journals, recording: what TLS hides on the network is not open on the disk."""
     depot.wants(up=False)
-    assert (depot.folder / RUN).stat().st_mode & 0o077 == 0
-    assert (depot.folder / RUN / "traffic.mcap").stat().st_mode & 0o077 == 0
+    for place in (depot.run, depot.run / "traffic.mcap"):
+        assert place.stat().st_mode & 0o077 == 0
 
 
 def test_every_agent_of_the_run_is_run_again_to_the_same_bytes(depot: Depot) -> None:
     """Also those that were restarted, stopped, paused and set by the calls above."""
     depot.wants(up=False)
-    done = depot.roco("replay", RUN, "--verify")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert [
-        agent for agent in AGENTS if not re.search(rf"^{agent} +[1-9]", done.stdout, re.MULTILINE)
-    ] == []
-    assert "5 agents, " in done.stdout
-    assert "each put out the same bytes as then" in done.stdout
+    said = depot.roco("replay", RUN, "--verify")
+    assert [one for one in AGENTS if not re.search(rf"^{one} +[1-9]", said, re.MULTILINE)] == []
+    assert "5 agents, " in said
+    assert "each put out the same bytes as then" in said
+
+
+AGAIN = """
+import sys
+from pathlib import Path
+from operate.reports import make
+from operate.system import of_run
+from operate.recording.run import Run
+run = Path(sys.argv[1])
+assert make.everything(Run(run, of_run(run)), lambda *_, **__: None)
+ours = ("companion", "velma", "services")
+print([name for name in sys.modules if name.partition(".")[0] in ours])
+"""
+
+
+def test_the_report_counts_what_was_recorded_and_needs_nothing_of_the_companion(
+    depot: Depot,
+) -> None:
+    """Communicates per pair, all as designed; the page names every agent. It is made again by a
+    process that imports nothing of the robot.
+    """
+    depot.wants(up=False)
+    run, environment = depot.run.resolve(), os.environ | {"PYTHONSAFEPATH": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", AGAIN, str(run)],
+        env=environment, capture_output=True, text=True, timeout=100,
+    )  # fmt: skip
+    assert done.stdout.strip() == "[]", done.stderr
+    assert (run / "run.rrd").stat().st_size
+    told = msgspec.json.decode((run / "report.json").read_bytes(), type=Report)
+    records = mcap_file.read(run / mcap_file.FILE).records
+    said = {one.identity for one in records if isinstance(one, Spoken)}
+    matrix = told.communicates.matrix
+    counted = {(s, r): n for s, row in matrix.items() for r, n in row.items() if n}
+    assert counted == Counter((sender, receiver) for sender, receiver, _ in said)
+    assert counted["desk", "dispatcher"]
+    assert {one.agent for one in told.busy} == {*AGENTS}
+    page = (run / "report.html").read_text()
+    assert all(f"<th>{agent}</th>" in page for agent in AGENTS)
+    assert "jar" not in page
+    assert "paper" not in page
 
 
 def test_what_only_the_robot_can_do_is_no_verb_here(depot: Project) -> None:
     """Neither listed nor called: wrong use, which names what there is."""
-    listed = depot.roco("--help").stdout
+    listed = depot.roco("--help")
     assert "conversation" in listed
     assert not re.search(r"^│ (say|stop|demo) ", listed, re.MULTILINE)
-    done = depot.roco("say", "pour", "--format", "json")
+    done = depot.called("say", "pour", "--format", "json")
     assert (done.returncode, done.stdout) == (2, "")
     assert (
         "depot, has no verb 'say'; there are up, down, status" in json.loads(done.stderr)["error"]
@@ -370,13 +366,9 @@ def test_help_has_examples_of_that_system(depot: Project) -> None:
     start of Python.
     """
     command = [sys.executable, "-P", "-c", HELPS, *VERBS_OF_ANY]
+    where, environment = depot.folder, depot.environment
     done = subprocess.run(
-        command,
-        cwd=depot.folder,
-        env=depot.environment,
-        capture_output=True,
-        text=True,
-        timeout=100,
+        command, cwd=where, env=environment, capture_output=True, text=True, timeout=100
     )
     assert done.returncode == 0, done.stderr
     wrong = []
@@ -390,17 +382,15 @@ def test_help_has_examples_of_that_system(depot: Project) -> None:
 def test_a_filter_knows_the_names_of_that_design(depot: Depot) -> None:
     """Of a recording by its folder's fleet.json, so that it can be asked anywhere."""
     depot.wants(up=False)
-    run = str(depot.folder / RUN)
-    away = Project(depot.folder.parent)
-    done = away.roco("traffic", "echo", "--run", run, "--agent", "km")
-    assert done.returncode == 2
-    assert "the design has no agent 'km'; it has desk, dispatcher, traffic, mule, ox" in done.stderr
-    assert "ox>traffic" in away.roco("traffic", "echo", "--run", run, "--agent", "ox").stdout
+    away, echo = Project(depot.folder.parent), ("traffic echo --run", str(depot.run), "--agent")
+    refused = away.roco(*echo, "km", code=2)
+    assert "the design has no agent 'km'; it has desk, dispatcher, traffic, mule, ox" in refused
+    assert "ox>traffic" in away.roco(*echo, "ox")
 
 
 def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
     """`roco design new`, then the verbs in its folder, with nothing written by hand."""
-    assert Project(tmp_path).roco("design", "new", "shop").returncode == 0
+    Project(tmp_path).roco("design new shop")
     shop = Project(tmp_path / "shop")
     expected = {
         "design check": Row(has=("no findings", "2 agents")),
@@ -418,10 +408,6 @@ def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
     }
     try:
         for verb, row in expected.items():
-            done = shop.roco(*verb.split(), *row.words)
-            said = done.stdout + done.stderr
-            assert done.returncode == row.code, (verb, said)
-            assert [words for words in row.has if words not in said] == [], (verb, said)
-            assert FOREIGN.findall(said.replace(str(tmp_path), "")) == [], verb
+            right(row, shop.called(verb, *row.words), tmp_path)
     finally:
-        shop.roco("down")
+        shop.end()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from secured_fleet import end, secured, serve
+from secured_fleet import serve
 from toy_fleet import Fleet, wait_for
 
 from agent_runtime.io import steplog
@@ -17,24 +17,20 @@ from agent_runtime.io.steplog import SENDER_LEASE_S, LogSender, read
 from operate.recording import recorder
 from operate.recording.recorder import CopiedLogs
 
-AGENTS = {"co": "services.coordinator", "hi": "services.human_interface"}
+AGENTS = ("co", "hi")
 
 
 @pytest.fixture
-def hosts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Fleet, Fleet]]:
+def hosts(secured_router: Fleet, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Fleet, Fleet]]:
     """A router with keys and two agents on one host, a recorder on another."""
     monkeypatch.setenv("ROCO_VIEW", "off")
-    agents = secured(tmp_path, monkeypatch)
-    recorder = Fleet(tmp_path / "recorder")
+    recorder = Fleet(secured_router.run / "recorder")
     recorder.run.mkdir()
-    recorder.endpoint = agents.endpoint
-    agents.start("router")
-    for name, module in AGENTS.items():
-        serve(agents, name, module)
-    serve(recorder, "monitor", "services.monitor")
-    yield agents, recorder
-    end(recorder)
-    end(agents)
+    recorder.endpoint = secured_router.endpoint
+    serve(secured_router, *AGENTS)
+    serve(recorder, "monitor")
+    yield secured_router, recorder
+    recorder.end()
 
 
 def equal(agents: Fleet, recorder: Fleet) -> bool:
@@ -55,10 +51,10 @@ def test_a_copy_is_whole_though_recorder_and_agents_are_killed(hosts: tuple[Flee
     wait_for(lambda: equal(agents, recorder), "the logs are copied", 60.0)
     recorder.kill("monitor")
     agents.kill("co")
-    serve(agents, "co", AGENTS["co"])
+    serve(agents, "co")
     wait_for(lambda: len(lives(agents)) == 2, "co lives again", 60.0)
     assert not equal(agents, recorder)
-    serve(recorder, "monitor", "services.monitor")
+    serve(recorder, "monitor")
     wait_for(lambda: equal(agents, recorder), "the logs are copied again", 60.0)
     assert lives(recorder) == [1, 2]
 

@@ -2,8 +2,7 @@
 goes on.
 """
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -65,14 +64,6 @@ def above_the_table(now: Moment) -> bool:
 def pouring(now: Moment) -> bool:
     """The jar is tilted and grains fall."""
     return now.truth.tilt_deg["jar_1"] > 90.0
-
-
-@pytest.fixture
-def fleet(tmp_path: Path) -> Iterator[RocoFleet]:
-    """A fleet of this test's own."""
-    made = RocoFleet(tmp_path / "run")
-    yield made
-    made.down()
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,6 @@
 then it goes on.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 from roco_fleet import Moment, RocoFleet, safely_down
 
@@ -17,14 +14,6 @@ pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(400)]
 def carrying(now: Moment) -> bool:
     """The jar is on its way to where it is out of the way."""
     return now.moving("carry jar_1/move-joint") and now.held("jar_1", "left")
-
-
-@pytest.fixture
-def fleet(tmp_path: Path) -> Iterator[RocoFleet]:
-    """A fleet of this test's own."""
-    made = RocoFleet(tmp_path / "run")
-    yield made
-    made.down()
 
 
 def test_stopped_with_everybody_dead(fleet: RocoFleet) -> None:

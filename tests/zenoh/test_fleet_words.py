@@ -2,17 +2,12 @@
 clear word.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
-import msgspec
 import pytest
 from roco_fleet import RocoFleet, safely_down
 
-from companion.design import DESIGN
 from companion.languages.facts import Kind
-from fipa_codec.communicate import Communicate, encode
-from fipa_codec.performatives import Performative
 from velma.model.scene import CANONICAL
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(300)]
@@ -20,77 +15,39 @@ pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(300)]
 POUR = "pour the content of the jar into the bowl"
 
 
-@pytest.fixture(scope="module")
-def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RocoFleet]:
-    """One fleet for all of these: each leaves the next one what it needs."""
-    made = RocoFleet(tmp_path_factory.mktemp("words") / "run")
-    yield made
-    made.down()
-
-
-def test_look_around(fleet: RocoFleet) -> None:
+def test_look_around(one_fleet: RocoFleet) -> None:
     """It tells what was seen."""
-    line = fleet.do("look around")
+    line = one_fleet.do("look around")
     assert line.state == "done", line
     assert {"bowl_1", "jar_1"} <= {
         name for one in line.why if one.kind is Kind.SEEN for name in one.things
     }, line
 
 
-def test_dance(fleet: RocoFleet) -> None:
+def test_dance(one_fleet: RocoFleet) -> None:
     """A sentence that is not a command is refused with examples of commands; exit code 1, and no
     task comes of it.
     """
-    before = fleet.hi.tasks()
-    said = fleet.roco("say", "dance", code=1)
+    before = one_fleet.hi.tasks()
+    said = one_fleet.roco("say", "dance", code=1)
     assert "look around" in said
-    assert fleet.hi.tasks() == before
+    assert one_fleet.hi.tasks() == before
 
 
-def test_garbage_to_the_task_agent(fleet: RocoFleet) -> None:
-    """Bytes that are not a communicate, and communicates that make no sense, are counted; nobody
-    dies of them.
-    """
-    dance = msgspec.Raw(msgspec.msgpack.encode("dance"))
-    lie = Communicate(
-        performative=Performative.REQUEST, protocol="coordinate", language="HFSM", ontology="roco",
-        conversation="nonsense", sender="co", receiver="ta", id="999999", content=dance,
-    )  # fmt: skip
-    key = DESIGN.key("roco", lie)
-    before = _refused(fleet)
-    with fleet.session("co") as session:
-        for data in (
-            b"",
-            b"garbage",
-            b"\xc1" * 100,
-            msgspec.msgpack.encode({"V": "request"}),
-            encode(lie),
-        ):
-            session.put(key, data)
-        fleet.wait(lambda: _refused(fleet) >= before + 4, "the garbage is counted")
-    fleet.roco("status")
-    assert fleet.do("look around").state == "done"
-
-
-def _refused(fleet: RocoFleet) -> int:
-    counts = fleet.beat("ta").counts
-    return counts.get("garbled", 0) + counts.get("forged", 0)
-
-
-def test_tasks_are_done_one_after_the_other(fleet: RocoFleet) -> None:
+def test_tasks_are_done_one_after_the_other(one_fleet: RocoFleet) -> None:
     """Said in one breath: each is done, none before the one in front of it has ended."""
-    tasks = [fleet.say(text) for text in ("take the jar", "put down the jar", "look around")]
-    lines = [fleet.ended(task) for task in tasks]
+    tasks = [one_fleet.say(text) for text in ("take the jar", "put down the jar", "look around")]
+    lines = [one_fleet.ended(task) for task in tasks]
     assert [line.state for line in lines] == ["done"] * 3, lines
     assert [line.since for line in lines] == sorted(line.since for line in lines)
-    safely_down(fleet.truth())
+    safely_down(one_fleet.truth())
 
 
-def test_take_the_bowl_with_the_right_hand(fleet: RocoFleet) -> None:
+def test_take_the_bowl_with_the_right_hand(one_fleet: RocoFleet) -> None:
     """It is then in that hand, upright."""
-    line = fleet.do("take the bowl with the right hand")
+    line = one_fleet.do("take the bowl with the right hand")
     assert line.state == "done", line
-    truth = fleet.truth()
+    truth = one_fleet.truth()
     assert truth.fingers_on["bowl_1"]["right"] >= 3
     assert truth.tilt_deg["bowl_1"] < 10.0
 

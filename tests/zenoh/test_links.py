@@ -4,9 +4,6 @@ own.
 The depot as a person starts it, and bare sessions with the keys of its agents.
 """
 
-import os
-import shutil
-import signal
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
@@ -16,12 +13,11 @@ from pathlib import Path
 import msgspec
 import pytest
 import zenoh
-from test_faults import Depot
+from depot_fleet import AGENTS, PATIENCE_S, Depot, running
 from toy_fleet import wait_for
 
 from agent_runtime.core import binding
 from agent_runtime.io import issuing, secured
-from agent_runtime.io.heartbeat import Heartbeat
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_FOLDER
@@ -41,14 +37,12 @@ from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages
 from fipa_codec.performatives import Performative
 from operate.cli.fleet.local import Local
-from operate.run_folder import ProcessState
+from operate.fleet_file import ProcessState
 from topdown.model import loading
 from topdown.model.design import Design
 from topdown.model.rights import families
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(150)]
-EXAMPLE = Path(__file__).parents[2] / "examples" / "depot"
-PATIENCE_S = 60.0
 GROUPED = Path(__file__).parents[1] / "topdown/grouped.toml"
 SYSTEM = "roco"
 
@@ -111,11 +105,13 @@ def line(keys: Path) -> Iterator[Agents]:
 
 def said(sender: str, receiver: str) -> str:
     """The first key that the design lets one agent put to another."""
-    return next(
-        one.key
-        for one in families(DESIGN, SYSTEM)
-        if one.act and (one.owner, one.peer) == (sender, receiver)
-    )
+    return keys_of(sender, receiver)[0]
+
+
+def keys_of(sender: str, receiver: str) -> list[str]:
+    """All keys that the design lets one agent put to another."""
+    acts = [one for one in families(DESIGN, SYSTEM) if one.act]
+    return [one.key for one in acts if (one.owner, one.peer) == (sender, receiver)]
 
 
 def everything(session: zenoh.Session, data: bytes) -> None:
@@ -144,22 +140,18 @@ def test_an_agent_hears_its_neighbours_and_nothing_in_their_name(line: Agents) -
     everything(co, b"co's")
     reached(line, co, "pl", said("co", "pl"))
     reached(line, line.sessions["pl"], "km", said("pl", "km"))
-    own = {
-        one.key
-        for one in families(DESIGN, SYSTEM)
-        if one.act and (one.owner, one.peer) == ("co", "pl")
-    }
-    assert {key for key, data in line.heard["pl"] if data == b"co's"} == own
+    heard = {key for key, data in line.heard["pl"] if data == b"co's"}
+    assert heard == {*keys_of("co", "pl")}
     assert {data for _, data in line.heard["km"]} == {b"the last"}
 
 
-@pytest.mark.parametrize("thief", ["hi", "ta", "console", "operator", "monitor", "page", "router"])
-def test_whose_key_has_no_channel_is_heard_nowhere(line: Agents, thief: str) -> None:
+def test_whose_key_has_no_channel_is_heard_nowhere(line: Agents) -> None:
     """Not as itself, and not as who may speak there; nobody forwards for it. The router's key may
     not even connect.
     """
-    with suppress(zenoh.ZError), line.client("pl", thief) as stranger:
-        everything(stranger, b"forged")
+    for thief in ("hi", "ta", "console", "operator", "monitor", "page", "router"):
+        with suppress(zenoh.ZError), line.client("pl", thief) as stranger:
+            everything(stranger, b"forged by " + thief.encode())
     reached(line, line.sessions["co"], "pl", said("co", "pl"))
     reached(line, line.sessions["pl"], "km", said("pl", "km"))
     assert {data for name in ("co", "pl", "km") for _, data in line.heard[name]} == {b"the last"}
@@ -201,12 +193,9 @@ def test_who_speaks_for_a_group_is_at_the_router(tmp_path: Path) -> None:
     )
     try:
         drive = Communicate(
-            performative=Performative.REQUEST,
-            protocol="request",
-            sender="doer",
-            receiver="base",
+            performative=Performative.REQUEST, protocol="request", sender="doer", receiver="base",
             id="1",
-        )
+        )  # fmt: skip
         wire.send(drive)  # there is no session at the router yet
         wire.join(zenoh.open(client_config(at)))
         reached = "roco/one/C2/doer/base/request/request"
@@ -239,178 +228,109 @@ def short() -> Iterator[Path]:
         yield Path(folder)
 
 
+def as_designed(depot: Depot) -> None:
+    """What was said was, in all that was done to it; what a cut holds up is slow or late."""
+    assert {one.verdict for one in Local(depot.run).verdicts()} <= {"legal", "copy", "slow", "late"}
+
+
+def drops_copies(depot: Depot, seconds: int) -> None:
+    """Copies in the name of an agent, put with its key, reach its neighbour, which drops them."""
+    depot.roco(f"fault flood traffic --as mule --per-second 50 --for {seconds}")
+    dropped = lambda: depot.beat("traffic").counts.get("taken before", 0)  # noqa: E731
+    depot.wait(lambda: dropped() > 10 * seconds, "traffic drops copies")
+
+
+def works_without_the_router(depot: Depot) -> None:
+    """While it is away orders are delivered and recorded, and an agent that is killed then is
+    linked again.
+    """
+    depot.roco("agent stop router")
+    depot.goes_on()
+    depot.kill("dispatcher")
+    depot.goes_on()
+    assert depot.seen("router").status.state is not ProcessState.READY
+    depot.roco("agent start router")
+
+
 def test_agents_linked_by_sockets_of_this_host_work(short: Path) -> None:
     """Also when the router is gone and one of them was killed, whose socket is left."""
-    folder = short / "depot"
-    shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
-    made = Depot(folder)
-    try:
-        orders = folder / "many.toml"
-        orders.write_text((EXAMPLE / "depot/orders.toml").read_text() * 30)
-        made.roco("up", "--links", "unix", "--scene", str(orders), "--out", str(made.run))
-        assert sorted(file.name for file in (made.run / "links").glob("*.sock")) == [
-            "desk.sock", "dispatcher.sock", "mule.sock", "ox.sock", "traffic.sock"
-        ]  # fmt: skip
-        assert (made.run / "links").stat().st_mode & 0o777 == 0o700
-        goes_on(made)
-        verb(made, "agent", "stop", "router")
-        os.kill(made.seen("dispatcher").status.pid or 0, signal.SIGKILL)
-        goes_on(made)
-        verb(made, "agent", "start", "router")
-        verb(made, "fault", "flood", "traffic", "--as", "mule", "--per-second", "50", "--for", "1")
-        wait_for(
-            lambda: beat(made, "traffic").counts.get("taken before", 0) > 10,
-            "traffic drops copies",
-            PATIENCE_S,
-        )
-    finally:
-        made.roco("down", "--run-dir", str(made.run))
-        made.end()
-    assert {one.verdict for one in Local(made.run).verdicts()} <= {"legal", "copy", "slow", "late"}
+    with running(short, "--links", "unix", count=90) as depot:
+        links = depot.run / "links"
+        assert {file.stem for file in links.glob("*.sock")} == set(AGENTS)
+        assert links.stat().st_mode & 0o777 == 0o700
+        works_without_the_router(depot)
+        drops_copies(depot, 1)
+    as_designed(depot)
 
 
 @pytest.fixture(scope="module")
 def depot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Depot]:
     """A depot whose agents are linked directly, with wires."""
-    folder = tmp_path_factory.mktemp("links") / "depot"
-    shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
-    made = Depot(folder)
-    try:
-        orders = folder / "many.toml"
-        orders.write_text((EXAMPLE / "depot/orders.toml").read_text() * 30)
-        made.roco("up", "--faults", "--scene", str(orders), "--out", str(made.run))
+    with running(tmp_path_factory.mktemp("links"), "--faults", count=90) as made:
         yield made
-    finally:
-        made.roco("down", "--run-dir", str(made.run))
-        made.end()
-
-
-def verb(depot: Depot, *words: str) -> None:
-    """A verb of `roco` on that depot."""
-    depot.roco(*words, "--run-dir", str(depot.run))
-
-
-def delivered(depot: Depot) -> int:
-    """How many orders were delivered, as the record has it."""
-    return Path(depot.run, "verdicts.jsonl").read_text().count('"text":"delivered ')
-
-
-def goes_on(depot: Depot) -> None:
-    """An order that is given from now on is delivered."""
-    before = delivered(depot)
-    wait_for(lambda: delivered(depot) >= before + 2, "two more orders are delivered", PATIENCE_S)
-
-
-def beat(depot: Depot, name: str) -> Heartbeat:
-    """An agent's last heartbeat."""
-    return msgspec.json.decode((depot.run / f"{name}.heartbeat.json").read_bytes(), type=Heartbeat)
 
 
 def test_no_agent_needs_the_router(depot: Depot) -> None:
-    """While it is away orders are delivered and recorded, and an agent that is killed then is
-    linked again.
-    """
-    goes_on(depot)
-    verb(depot, "agent", "stop", "router")
-    goes_on(depot)
-    os.kill(depot.seen("dispatcher").status.pid or 0, signal.SIGKILL)
-    goes_on(depot)
-    assert depot.seen("router").status.state is not ProcessState.READY
-    verb(depot, "agent", "start", "router")
-    verb(depot, "agent", "pause", "desk")  # tools reach agents again
-    verb(depot, "agent", "start", "desk")
-    goes_on(depot)
+    """And once it is back, tools reach the agents again."""
+    works_without_the_router(depot)
+    depot.roco("agent pause desk")
+    depot.roco("agent start desk")
+    depot.goes_on()
+
+
+def without_mule(depot: Depot, before: dict[str, int]) -> None:
+    """The dispatcher takes the mule for gone, and has all its other neighbours."""
+    depot.wait(lambda: "mule" not in depot.beat("dispatcher").peers, "the mule is missed")
+    left = {name: life for name, life in before.items() if name != "mule"}
+    assert depot.beat("dispatcher").peers == left
 
 
 def test_a_cut_link_parts_two_agents_and_no_others(depot: Depot) -> None:
-    """The two take each other for gone, both have all their other neighbours, and meet again once
-    it is healed.
-    """
-    before = beat(depot, "dispatcher").peers
-    cut = depot.begin("fault", "cut", "mule-dispatcher", "--for", "30", "--run-dir", str(depot.run))
-    wait_for(
-        lambda: "mule" not in beat(depot, "dispatcher").peers,
-        "the dispatcher misses the mule",
-        PATIENCE_S,
-    )
-    wait_for(
-        lambda: "dispatcher" not in beat(depot, "mule").peers,
-        "the mule misses the dispatcher",
-        PATIENCE_S,
-    )
-    assert beat(depot, "dispatcher").peers == {
-        name: life for name, life in before.items() if name != "mule"
-    }
-    assert "traffic" in beat(depot, "mule").peers
-    verb(depot, "fault", "heal")
+    """The two take each other for gone, and meet again once it is healed."""
+    before = depot.beat("dispatcher").peers
+    cut = depot.begin("fault cut mule-dispatcher --for 30")
+    without_mule(depot, before)
+    depot.wait(lambda: "dispatcher" not in depot.beat("mule").peers, "the dispatcher is missed")
+    assert "traffic" in depot.beat("mule").peers
+    depot.roco("fault heal")
     cut.communicate(timeout=PATIENCE_S)
-    wait_for(lambda: beat(depot, "dispatcher").peers == before, "they met again", PATIENCE_S)
-    goes_on(depot)
+    depot.wait(lambda: depot.beat("dispatcher").peers == before, "they met again")
+    depot.goes_on()
 
 
 def test_agents_are_linked_again_with_new_keys_and_not_with_a_revoked_one(depot: Depot) -> None:
     """Each opens its links again, in the same life."""
-    lives, keys = beat(depot, "dispatcher").peers, depot.run / KEYS_FOLDER
-    depot.roco("keys", "revoke", "mule", "--keys", str(keys))
-    wait_for(
-        lambda: "mule" not in beat(depot, "dispatcher").peers, "the revoked one is gone", PATIENCE_S
-    )
-    assert beat(depot, "dispatcher").peers == {
-        name: life for name, life in lives.items() if name != "mule"
-    }
+    lives, keys = depot.beat("dispatcher").peers, depot.run / KEYS_FOLDER
+    depot.roco("keys revoke mule --keys", str(keys))
+    without_mule(depot, lives)
     for file in keys.glob("router*.key"):  # the supervisor makes all keys again
         file.unlink()
-    wait_for(
-        lambda: beat(depot, "dispatcher").peers == lives,
-        "all are linked, with new keys",
-        PATIENCE_S,
-    )
-    goes_on(depot)
+    depot.wait(lambda: depot.beat("dispatcher").peers == lives, "all are linked, with new keys")
+    depot.goes_on()
 
 
 def test_copies_in_the_name_of_an_agent_reach_its_neighbour(depot: Depot) -> None:
-    """The flood dials the agent with the speaker's key; the copies are dropped, and the work goes
-    on.
-    """
-    verb(depot, "fault", "flood", "traffic", "--as", "mule", "--per-second", "50", "--for", "2")
-    wait_for(
-        lambda: beat(depot, "traffic").counts.get("taken before", 0) > 20,
-        "traffic drops copies",
-        PATIENCE_S,
-    )
-    goes_on(depot)
+    """The work goes on."""
+    drops_copies(depot, 2)
+    depot.goes_on()
 
 
 def test_a_person_speaks_in_the_place_of_an_agent_that_is_down(depot: Depot) -> None:
     """As that agent it is linked with its neighbours and hears their answers. While the agent lives
     it is refused.
     """
-    words = (
-        "--as",
-        "mule",
-        "--to",
-        "traffic",
-        "--protocol",
-        "passage",
-        "--performative",
-        "request",
-    )
     say = (
-        "send",
-        *words,
-        "--content",
+        "send --as mule --to traffic --protocol passage --performative request --content",
         '{"type":"Enter","goal":"shelf_1"}',
-        "--run-dir",
-        str(depot.run),
     )
     assert "mule lives" in depot.roco(*say, code=1)
-    verb(depot, "agent", "stop", "mule")
+    depot.roco("agent stop mule")
     said = depot.roco(*say)
-    verb(depot, "agent", "start", "mule")
+    depot.roco("agent start mule")
     assert "traffic > mule  agree" in said
     assert "receipted by traffic" in said
 
 
 def test_what_was_said_was_as_designed(depot: Depot) -> None:
-    """In all that was done to it here; what a cut holds up is slow or late."""
-    assert {one.verdict for one in Local(depot.run).verdicts()} <= {"legal", "copy", "slow", "late"}
+    """In all that was done here."""
+    as_designed(depot)

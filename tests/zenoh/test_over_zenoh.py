@@ -4,17 +4,16 @@ ones.
 
 import time
 from pathlib import Path
+from typing import Any
 
-import msgspec
 import pytest
 import toy_agents as toy
 import zenoh
-from toy_fleet import DEADLINE_S, Fleet, wait_for
+from toy_fleet import DEADLINE_S, GARBAGE, Fleet, journalled
 
-from agent_runtime.core.state import restored
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import communicate_key
-from agent_runtime.io.journal import MAGIC, frame, last_record, records
+from agent_runtime.io.journal import MAGIC, frame, records
 from agent_runtime.io.sessions import client_config, open_router
 from agent_runtime.io.steplog import fingerprint, read, replay
 from fipa_codec.communicate import Communicate, encode
@@ -24,25 +23,15 @@ from operate.supervisor.core import LATE_S
 pytestmark = pytest.mark.zenoh
 
 
-def journalled(run: Path, agent: str) -> object:
-    """The memory in the agent's journal."""
-    record = last_record((run / "journal" / f"{agent}.journal").read_bytes())
-    assert record is not None
-    return restored(toy.asker() if agent == "asker" else toy.server(), record).memory
-
-
 def answers(run: Path) -> tuple[tuple[int, int], ...]:
     """Return the asker's answers."""
-    memory = journalled(run, "asker")
-    assert isinstance(memory, toy.AskerMemory)
-    return memory.answers
+    found: Any = journalled(run, toy.asker()).answers
+    return tuple(found)
 
 
 def done(run: Path) -> tuple[int, ...]:
     """Return the server's finished work."""
-    memory = journalled(run, "server")
-    assert isinstance(memory, toy.ServerMemory)
-    return memory.done
+    return tuple(journalled(run, toy.server()).done)
 
 
 class Expected:
@@ -52,11 +41,8 @@ class Expected:
 
     def __init__(self, fleet: Fleet, *numbers: int) -> None:
         self.fleet, self.numbers = fleet, numbers
-        self.before = (
-            (answers(fleet.run), done(fleet.run)) if (fleet.run / "want").exists() else ((), ())
-        )
-        for number in numbers:
-            fleet.want(number)
+        self.before = answers(fleet.run), done(fleet.run)
+        fleet.want(*numbers)
 
     @property
     def count(self) -> int:
@@ -65,14 +51,10 @@ class Expected:
 
     def came(self) -> None:
         """Wait for all of them."""
-        wait_for(
-            lambda: self.count >= len(self.numbers),
-            f"{len(self.numbers)} answers\n{self.fleet.logs()}",
-        )
-        assert answers(self.fleet.run) == (
-            *self.before[0],
-            *((number, 2 * number) for number in self.numbers),
-        )
+        count = len(self.numbers)
+        self.fleet.wait(lambda: self.count >= count, f"{count} answers")
+        told = tuple((number, 2 * number) for number in self.numbers)
+        assert answers(self.fleet.run) == (*self.before[0], *told)
         assert done(self.fleet.run) == (*self.before[1], *self.numbers)
 
 
@@ -81,14 +63,14 @@ def expect(fleet: Fleet, *numbers: int) -> None:
     Expected(fleet, *numbers).came()
 
 
-def test_request_is_answered_and_stop_is_orderly(fleet: Fleet) -> None:
+def test_request_is_answered_and_stop_is_orderly(toys: Fleet) -> None:
     """A request goes there and comes back; SIGTERM ends each with status 0; the step log replays to
     the same bytes.
     """
-    expect(fleet, 4)
-    assert [fleet.stop(name) for name in ("asker", "server", "router")] == [0, 0, 0]
+    expect(toys, 4)
+    assert [toys.stop(name) for name in ("asker", "server", "router")] == [0, 0, 0]
     to_server, _ = toy.wirings()
-    steps = list(replay(Core(toy.asker(), to_server), read(fleet.run / "steps" / "asker.steps")))
+    steps = list(replay(Core(toy.asker(), to_server), read(toys.run / "steps" / "asker.steps")))
     assert steps
     assert all(fingerprint(effects) == step.output for step, effects in steps)
 
@@ -99,10 +81,10 @@ def test_killed_in_the_middle(shared: Fleet, victim: str) -> None:
     exactly once.
     """
     six, life = Expected(shared, *range(6)), shared.beat(victim).incarnation
-    wait_for(lambda: six.count >= 2, "some answers")
+    shared.wait(lambda: six.count >= 2, "some answers")
     if victim == "asker":
         # What a person said and no record holds is lost by a death, so all must be in memory first.
-        wait_for(lambda: len(asked(shared.run)) == 6 + len(six.before[0]), "all words are taken")
+        shared.wait(lambda: len(asked(shared.run)) == 6 + len(six.before[0]), "all words are taken")
         (shared.run / "want").unlink()
     shared.kill(victim)
     shared.start(victim)
@@ -114,8 +96,7 @@ def test_killed_in_the_middle(shared: Fleet, victim: str) -> None:
 
 def asked(run: Path, record: bytes | None = None) -> tuple[int, ...]:
     """The numbers that the asker has taken by then, answered or not."""
-    record = record or last_record((run / "journal" / "asker.journal").read_bytes())
-    memory = restored(toy.asker(), record or b"").memory
+    memory = journalled(run, toy.asker(), record)
     return (*(number for number, _ in memory.answers), *memory.wanted)
 
 
@@ -128,7 +109,8 @@ def test_a_step_without_an_end(shared: Fleet) -> None:
     peers = shared.beat("asker").peers
     (shared.run / "endless").touch()
     one, beat = Expected(shared, 1), shared.run / "server.heartbeat.json"
-    wait_for(lambda: time.time() - beat.stat().st_mtime > 2 * LATE_S, "the heartbeat stands still")
+    still = lambda: time.time() - beat.stat().st_mtime > 2 * LATE_S  # noqa: E731
+    shared.wait(still, "the heartbeat stands still")
     assert shared.beat("asker").peers == peers
     (shared.run / "endless").unlink()
     shared.kill("server")
@@ -137,43 +119,39 @@ def test_a_step_without_an_end(shared: Fleet) -> None:
 
 
 @pytest.mark.parametrize("victim", ["server", "asker"])
-def test_a_deleted_journal(fleet: Fleet, victim: str) -> None:
+def test_a_deleted_journal(toys: Fleet, victim: str) -> None:
     """kill -9 with requests under way, and the journal deleted: nobody hangs, and the other side
     says why.
     """
-    for number in range(6):
-        fleet.want(number)
-    wait_for(lambda: len(answers(fleet.run)) >= 2, "some answers")
-    fleet.kill(victim)
-    (fleet.run / "journal" / f"{victim}.journal").unlink()
-    begins_again(fleet, victim)
+    toys.want(*range(6))
+    toys.wait(lambda: len(answers(toys.run)) >= 2, "some answers")
+    toys.kill(victim)
+    (toys.run / "journal" / f"{victim}.journal").unlink()
+    begins_again(toys, victim)
 
 
 @pytest.mark.parametrize("victim", ["server", "asker"])
-def test_a_journal_cut(fleet: Fleet, victim: str) -> None:
+def test_a_journal_cut(toys: Fleet, victim: str) -> None:
     """kill -9, and the last half of the journal is lost: its peer knows more, and the agent begins
     again.
     """
-    Expected(fleet, *range(6)).came()
-    (fleet.run / "want").unlink()  # an asker that is started again would take them again
+    Expected(toys, *range(6)).came()
+    (toys.run / "want").unlink()  # an asker that is started again would take them again
     # What the victim forgets its peer must know: the receipt of the last answer has come.
-    at = fleet.beat("server").at
-    wait_for(
-        lambda: fleet.beat("server").at > at and not any(fleet.beat("server").unreceipted.values()),
-        "receipts",
-    )
-    fleet.kill(victim)
-    journal = fleet.run / "journal" / f"{victim}.journal"
+    toys.beats_on("server")
+    toys.wait(lambda: not any(toys.beat("server").unreceipted.values()), "receipts")
+    toys.kill(victim)
+    journal = toys.run / "journal" / f"{victim}.journal"
     kept = list(records(journal.read_bytes()))
     # What a person said must be in the part that is left: nobody says it again.
     least = next(
-        at for at, one in enumerate(kept) if victim == "server" or len(asked(fleet.run, one)) == 6
+        at for at, one in enumerate(kept) if victim == "server" or len(asked(toys.run, one)) == 6
     )
     journal.write_bytes(MAGIC + b"".join(map(frame, kept[: max(least, len(kept) // 2) + 1])))
-    fleet.start(victim)
-    assert fleet.processes[victim].wait(DEADLINE_S) == 1
-    assert "a part of" in (fleet.run / f"{victim}.log").read_text()
-    begins_again(fleet, victim)
+    toys.start(victim)
+    assert toys.processes[victim].wait(DEADLINE_S) == 1
+    assert "a part of" in (toys.run / f"{victim}.log").read_text()
+    begins_again(toys, victim)
 
 
 def begins_again(fleet: Fleet, victim: str) -> None:
@@ -182,7 +160,7 @@ def begins_again(fleet: Fleet, victim: str) -> None:
     """
     fleet.start(victim)
     fleet.ready(victim)
-    wait_for(lambda: len(answers(fleet.run)) >= 6, f"6 answers\n{fleet.logs()}")
+    fleet.wait(lambda: len(answers(fleet.run)) >= 6, "6 answers")
     assert answers(fleet.run) == tuple((number, 2 * number) for number in range(6))
     other = "asker" if victim == "server" else "server"
     assert f"{victim} has another journal than before" in (fleet.run / f"{other}.log").read_text()
@@ -195,13 +173,12 @@ def test_the_wall_clock_is_set(shared: Fleet, moved_s: int) -> None:
     """
     expect(shared, 1)
     (shared.run / "clock").write_text(str(moved_s))
-    beat, at = shared.run / "asker.heartbeat.json", shared.beat("asker").at
-    last = beat.stat().st_mtime_ns
-    wait_for(lambda: beat.stat().st_mtime_ns > last, "the asker beats on")
+    at = shared.beat("asker").at
+    shared.beats_on("asker")
     assert abs(shared.beat("asker").at - at) < 1800
     shared.kill("server")
     two = Expected(shared, 2)
-    wait_for(lambda: shared.beat("asker").state == "asking", "the asker asks")
+    shared.wait(lambda: shared.beat("asker").state == "asking", "the asker asks")
     shared.start("server")
     two.came()
     (shared.run / "clock").unlink()
@@ -214,10 +191,10 @@ def test_router_killed(shared: Fleet) -> None:
     expect(shared, 1)
     peers = shared.beat("asker").peers
     shared.kill("router")
-    wait_for(lambda: not shared.beat("asker").up, "the asker sees that the router is away")
+    shared.wait(lambda: not shared.beat("asker").up, "the asker sees that the router is away")
     expect(shared, 2)
     shared.start("router")
-    wait_for(lambda: shared.beat("asker").up, "the asker sees the router")
+    shared.wait(lambda: shared.beat("asker").up, "the asker sees the router")
     assert shared.beat("asker").peers == peers
 
 
@@ -226,30 +203,19 @@ def test_garbage_kills_nobody(shared: Fleet) -> None:
     with zenoh.open(client_config(shared.agents["server"])) as session:
         key = communicate_key("toy", "T1", "asker", "server", "request", Performative.REQUEST)
         lie = Communicate(
-            performative=Performative.CANCEL,
-            protocol="request",
-            conversation="c",
-            sender="asker",
-            receiver="server",
-            id="1",
-        )
-        for data in (
-            b"",
-            b"garbage",
-            b"\xc1" * 100,
-            msgspec.msgpack.encode({"V": "request"}),
-            encode(lie),
-        ):
+            performative=Performative.CANCEL, protocol="request", conversation="c",
+            sender="asker", receiver="server", id="1",
+        )  # fmt: skip
+        for data in (*GARBAGE, encode(lie)):
             session.put(key, data)
         session.put("roco/toy/_/receipt/asker/server", b"\x93garbage")
         session.put("roco/toy/_/alive/asker/many", b"")
-        wait_for(
-            lambda: shared.beat("server").counts.get("garbled", 0) == 4, "all garbage is counted"
-        )
-        wait_for(
-            lambda: shared.beat("server").counts.get("forged", 0) == 2,
-            "what says other than its key, too",
-        )
+        # what says other than its key, too
+        for what, count in (("garbled", 4), ("forged", 2)):
+            shared.wait(
+                lambda: shared.beat("server").counts.get(what, 0) == count,  # noqa: B023
+                f"{what} is counted",
+            )
     expect(shared, 9)
 
 
@@ -271,9 +237,7 @@ def test_without_a_router(tmp_path: Path) -> None:
     fleet.start("server", "asker")
     fleet.ready("server", "asker")
     expect(fleet, 1)
-    wait_for(
-        lambda: "nobody listens" in (tmp_path / "server.log").read_text(), "the agent says why"
-    )
+    fleet.wait(lambda: "nobody listens" in (tmp_path / "server.log").read_text(), "it says why")
     assert [fleet.stop(name) for name in ("asker", "server")] == [0, 0]
     assert (tmp_path / "server.log").read_text().count("no router") == 1
 
@@ -283,8 +247,7 @@ def test_where_its_place_is_taken_an_agent_waits(tmp_path: Path) -> None:
     fleet = Fleet(tmp_path)
     with open_router(fleet.agents["server"]):
         fleet.start("server")
-        wait_for(lambda: "cannot listen" in fleet.logs(), "it says so")
-        beat = fleet.beat("server").at
-        wait_for(lambda: fleet.beat("server").at > beat, "it beats on")
+        fleet.wait(lambda: "cannot listen" in fleet.logs(), "it says so")
+        fleet.beats_on("server")
         assert fleet.stop("server") == 0
         assert fleet.logs().count("cannot listen") == 1

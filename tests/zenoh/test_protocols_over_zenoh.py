@@ -2,16 +2,13 @@
 broker's targets.
 """
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import fipa_agents as fipa
 import pytest
-from toy_fleet import Fleet, wait_for
+from toy_fleet import Fleet, journalled
 
-from agent_runtime.core.agent import Agent
-from agent_runtime.core.state import restored
-from agent_runtime.io.journal import last_record
 from fipa_codec.protocols import PROTOCOLS
 from fipa_codec.tables import Role
 
@@ -20,31 +17,27 @@ pytestmark = pytest.mark.zenoh
 PROCESS = Path(__file__).with_name("story_process.py")
 
 
-def journalled(run: Path, agent: Agent[Any]) -> Any:
-    """The memory in the agent's journal, the first one where there is none yet."""
-    path = run / "journal" / f"{agent.name}.journal"
-    record = last_record(path.read_bytes()) if path.exists() else None
-    return agent.memory if record is None else restored(agent, record).memory
+@pytest.fixture
+def opened(tmp_path: Path) -> Iterator[Callable[..., Fleet]]:
+    """Starts a router, and these agents as processes."""
+    made: list[Fleet] = []
+
+    def start(*names: str) -> Fleet:
+        fleet = Fleet(tmp_path, PROCESS, names)
+        made.append(fleet)
+        fleet.start("router")
+        fleet.ready("router")
+        fleet.start(*names)
+        return fleet
+
+    yield start
+    for fleet in made:
+        fleet.end()
 
 
-def opened(run: Path, *names: str) -> Fleet:
-    """A router, and these agents as processes."""
-    fleet = Fleet(run, PROCESS, names)
-    fleet.start("router")
-    fleet.ready("router")
-    fleet.start(*names)
-    return fleet
-
-
-def closed(fleet: Fleet) -> None:
-    """Nothing runs any more."""
-    for name in list(fleet.processes):
-        fleet.kill(name)
-
-
-def test_every_story_of_every_protocol_ends_as_told(tmp_path: Path) -> None:
+def test_every_story_of_every_protocol_ends_as_told(opened: Callable[..., Fleet]) -> None:
     """On both sides, by the journal of each."""
-    fleet = opened(tmp_path, "alice", "bob")
+    fleet = opened("alice", "bob")
     players = {Role.INITIATOR: fipa.alice(), Role.PARTICIPANT: fipa.bob()}
 
     def over() -> bool:
@@ -53,58 +46,35 @@ def test_every_story_of_every_protocol_ends_as_told(tmp_path: Path) -> None:
             len(one.ends) == len(fipa.SCRIPT) for one in memories
         )
 
-    try:
-        wait_for(over, f"all {len(fipa.SCRIPT)} stories are played\n{fleet.logs()}", 50.0)
-        for role, agent in players.items():
-            played, wanted = journalled(fleet.run, agent), fipa.wanted(role)
-            assert not played.wrong
-            told = zip(fipa.SCRIPT, played.ends, wanted, strict=True)
-            assert [(role, *row) for row in told if row[1] != row[2]] == []
-        assert {name for name, _ in fipa.SCRIPT} == {protocol.name for protocol in PROTOCOLS}
-    finally:
-        closed(fleet)
+    fleet.wait(over, f"all {len(fipa.SCRIPT)} stories are played", 50.0)
+    for role, agent in players.items():
+        played, wanted = journalled(fleet.run, agent), fipa.wanted(role)
+        assert not played.wrong
+        told = zip(fipa.SCRIPT, played.ends, wanted, strict=True)
+        assert [(role, *row) for row in told if row[1] != row[2]] == []
+    assert {name for name, _ in fipa.SCRIPT} == {protocol.name for protocol in PROTOCOLS}
 
 
-def stands(run: Path) -> dict[str, str]:
-    """The state of each participant."""
-    return {name: journalled(run, fipa.worker(name)).state for name in fipa.CROWD}
-
-
-def test_a_crowd_is_called_twice_and_one_is_awarded(tmp_path: Path) -> None:
+def test_a_crowd_is_called_twice_and_one_is_awarded(opened: Callable[..., Fleet]) -> None:
     """One conversation-id with four participants: proposal, refusal, silence until too late."""
-    fleet = opened(tmp_path, "caller", *fipa.CROWD)
-    try:
-        wait_for(
-            lambda: journalled(tmp_path, fipa.caller()).outcomes,
-            f"the call is over\n{fleet.logs()}",
-        )
-        assert journalled(tmp_path, fipa.caller()).outcomes == fipa.OUTCOMES
-        wait_for(lambda: stands(tmp_path) == fipa.ENDS, f"the crowd has heard it\n{fleet.logs()}")
-    finally:
-        closed(fleet)
+    fleet = opened("caller", *fipa.CROWD)
+    outcomes = lambda: journalled(fleet.run, fipa.caller()).outcomes  # noqa: E731
+    fleet.wait(outcomes, "the call is over")
+    assert outcomes() == fipa.OUTCOMES
+
+    def stands() -> dict[str, str]:
+        return {name: journalled(fleet.run, fipa.worker(name)).state for name in fipa.CROWD}
+
+    fleet.wait(lambda: stands() == fipa.ENDS, "the crowd has heard it")
 
 
-def test_targets_of_a_broker_answer_through_it_or_directly(tmp_path: Path) -> None:
+def test_targets_of_a_broker_answer_through_it_or_directly(opened: Callable[..., Fleet]) -> None:
     """Brokering, then recruiting, each with conversations inside: four agents, every answer
     once.
     """
-    fleet = opened(tmp_path, "asker", "broker", *fipa.SCALES)
-    try:
-        wait_for(
-            lambda: answered(tmp_path) == list(fipa.WEIGHTS.items()),
-            f"all is answered\n{fleet.logs()}",
-        )
-        wait_for(
-            lambda: len(journalled(tmp_path, fipa.asker()).ends) == 2,
-            f"both are over\n{fleet.logs()}",
-        )
-        memory = journalled(tmp_path, fipa.asker())
-        assert memory.ends == ("brokering done", "recruiting done")
-        assert sorted(memory.relayed) == list(fipa.WEIGHTS.items())
-    finally:
-        closed(fleet)
-
-
-def answered(run: Path) -> list[tuple[str, float]]:
-    """Return the answers that the targets themselves gave the asker."""
-    return sorted(journalled(run, fipa.asker()).answered)
+    fleet, weights = opened("asker", "broker", *fipa.SCALES), list(fipa.WEIGHTS.items())
+    memory = lambda: journalled(fleet.run, fipa.asker())  # noqa: E731
+    fleet.wait(lambda: sorted(memory().answered) == weights, "all is answered")
+    fleet.wait(lambda: len(memory().ends) == 2, "both are over")
+    assert memory().ends == ("brokering done", "recruiting done")
+    assert sorted(memory().relayed) == weights

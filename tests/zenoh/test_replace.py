@@ -20,20 +20,9 @@ POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
 
 def replaced(file: Path, agent: str, code: int) -> Compared:
     """Return the agent's result; the exit code must be `code`."""
-    command = [
-        sys.executable,
-        "-m",
-        "operate.cli",
-        "replay",
-        str(file),
-        "--replace",
-        agent,
-        "--speed",
-        "max",
-    ]
-    done = subprocess.run(
-        [*command, "--format", "json"], capture_output=True, timeout=150, check=False
-    )
+    words = f"-m operate.cli replay {file} --replace {agent} --speed max --format json"
+    command = [sys.executable, *words.split()]
+    done = subprocess.run(command, capture_output=True, timeout=150)
     assert done.returncode == code, done.stderr.decode()
     return msgspec.json.decode(done.stdout, type=Compared)
 

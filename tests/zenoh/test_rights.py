@@ -81,10 +81,8 @@ def puts(guarded: Guarded, session: zenoh.Session) -> set[str]:
 
 def subscribes(guarded: Guarded, session: zenoh.Session) -> set[str]:
     """The keys that are let out."""
-    ears = [
-        session.declare_subscriber(key, zenoh.handlers.FifoChannel(8))
-        for key in (*KEYS, f"{FENCE}/end")
-    ]
+    room, keys = zenoh.handlers.FifoChannel(8), (*KEYS, f"{FENCE}/end")
+    ears = [session.declare_subscriber(key, room) for key in keys]
     passed_the_fence(guarded, session)
     for key in KEYS:
         guarded.guard.put(key, b"said")
@@ -132,12 +130,10 @@ def tokens(guarded: Guarded, session: zenoh.Session) -> set[str]:
 def watches(guarded: Guarded, session: zenoh.Session) -> set[str]:
     """The keys of tokens that it sees, by subscription and by question."""
     live = session.liveliness()
-    ears = [
-        live.declare_subscriber(key, zenoh.handlers.FifoChannel(8), history=True)
-        for key in (*KEYS, f"{FENCE}/on")
-    ]
+    room, keys = zenoh.handlers.FifoChannel(8), (*KEYS, f"{FENCE}/on")
+    ears = [live.declare_subscriber(key, room, history=True) for key in keys]
     passed_the_fence(guarded, session)
-    held = [guarded.guard.liveliness().declare_token(key) for key in (*KEYS, f"{FENCE}/on")]
+    held = [guarded.guard.liveliness().declare_token(key) for key in keys]
     until(lambda: ears[-1].try_recv() is not None, "the last token is seen")
     told = {str(sample.key_expr) for ear in ears[:-1] if (sample := ear.try_recv()) is not None}
     asked = {key for key in KEYS if _alive(session, key)}
@@ -222,10 +218,8 @@ def heard_wide(guarded: Guarded, identity: str) -> set[str]:
     session = guarded.session(identity)
     wide = ("**", "*/**", f"roco/{SYSTEM}/**", f"roco/{SYSTEM}/*/*/*/*/*", f"roco/{SYSTEM}/_/**")
     heard: list[str] = []
-    ears = [
-        session.declare_subscriber(key, lambda sample: heard.append(str(sample.key_expr)))
-        for key in wide
-    ]
+    hear = lambda sample: heard.append(str(sample.key_expr))  # noqa: E731
+    ears = [session.declare_subscriber(key, hear) for key in wide]
     end = session.declare_subscriber(f"{FENCE}/end", zenoh.handlers.FifoChannel(8))
     passed_the_fence(guarded, session)
     for key in KEYS:
@@ -247,11 +241,8 @@ def test_who_lives_may_be_asked(guarded: Guarded) -> None:
     other = guarded.guard.liveliness().declare_token(f"roco/{SYSTEM}/_/state/co")
     for identity in PEOPLE:
         with guarded.session(identity) as session:
-            seen = (
-                {f"roco/{SYSTEM}/_/alive/co/7"}
-                if identity in DESIGN.signals["alive"].readers
-                else set()
-            )
+            reads = identity in DESIGN.signals["alive"].readers
+            seen = {f"roco/{SYSTEM}/_/alive/co/7"} if reads else set()
             assert _alive(session, f"roco/{SYSTEM}/_/alive/co/*") == seen, identity
             assert not _alive(session, f"roco/{SYSTEM}/_/state/co"), identity
             assert not _alive(session, "**"), identity

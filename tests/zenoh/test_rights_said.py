@@ -8,13 +8,12 @@ little.
 
 import json
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import pytest
 import zenoh
-from secured_fleet import SYSTEM, end, listens, secured, serve, session
+from secured_fleet import SYSTEM, logged, serve, serve_linked, session
 from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 
@@ -33,7 +32,7 @@ from companion.tools.verbs.hi import Hi, address
 from fipa_codec.communicate import Communicate, decode_strictly, encode, encode_strictly
 from fipa_codec.performatives import Performative
 from operate.cli.fleet.local import Local
-from operate.run_folder import LIVE_FILE
+from operate.file_names import LIVE_FILE
 
 pytestmark = pytest.mark.zenoh
 CMD = LANGUAGES.named("CMD")
@@ -47,15 +46,10 @@ LOOK = Communicate(
 
 
 @pytest.fixture
-def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Processes]:
+def fleet(secured_router: Processes) -> Processes:
     """A router with keys, and co."""
-    made = secured(tmp_path, monkeypatch)
-    made.start("router")
-    made.ready("router")
-    serve(made, "co", "services.coordinator")
-    wait_for(lambda: listens(made, "co"), "co lives")
-    yield made
-    end(made)
+    serve_linked(secured_router, "co")
+    return secured_router
 
 
 def recorded(fleet: Processes) -> bytes:
@@ -80,12 +74,6 @@ def planning(fleet: Processes) -> tuple[int, str]:
     return beat.unreceipted.get("pl", 0), beat.state
 
 
-def said(fleet: Processes, what: str) -> dict[str, object]:
-    """co's last log line of that name."""
-    lines = [json.loads(line) for line in (fleet.run / "logs/co.jsonl").read_text().splitlines()]
-    return next(line for line in reversed(lines) if line["event"] == what)
-
-
 def test_a_lie_inside_a_communicate_is_refused(fleet: Processes) -> None:
     """hi's key lets a thief put on hi's keys; what says that it is of another is counted and named,
     and not taken.
@@ -94,10 +82,8 @@ def test_a_lie_inside_a_communicate_is_refused(fleet: Processes) -> None:
         claimed = msgspec.structs.replace(LOOK, id="1", **lie)
         puts(fleet, encode_strictly(claimed), count(fleet, "forged"))
         claims = f"{claimed.sender}/{claimed.receiver}/{claimed.protocol}/{claimed.performative}"
-        assert (KEY in str(said(fleet, "forged")), claims in str(said(fleet, "forged"))) == (
-            True,
-            True,
-        )
+        line = str(logged(fleet, "co", "forged")[-1])
+        assert (KEY in line, claims in line) == (True, True)
     assert fleet.beat("co").unreceipted == {}, "nothing is answered"
 
 
@@ -137,7 +123,7 @@ def test_a_recorded_communicate_does_nothing_when_it_is_put_again(fleet: Process
                 lambda number=number: count(fleet, "taken before") >= number, "a copy is counted"
             )
     one = decode_strictly(copy)
-    line = said(fleet, "taken before")
+    line = logged(fleet, "co", "taken before")[-1]
     assert (line["sender"], line["id"]) == ("hi", one.id)
     assert planning(fleet) == (1, "compSP")
     before = count(fleet, "taken before")
@@ -148,43 +134,29 @@ def test_a_recorded_communicate_does_nothing_when_it_is_put_again(fleet: Process
         thief.put(own, copy)
         wait_for(lambda: count(fleet, "forged") == 1, "what came behind the three is counted")
     assert count(fleet, "taken before") == before
-    assert own in str(said(fleet, "forged"))
+    assert own in str(logged(fleet, "co", "forged")[-1])
 
 
-def test_who_is_denied_is_told_by_the_fleet(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_who_is_denied_is_told_by_the_fleet(secured_router: Processes) -> None:
     """hi's rules deny co its answers: co's log, heartbeat and the recorder's news name co, hi and
     C2.
     """
-    made = secured(tmp_path, monkeypatch)
+    made = secured_router
     deny(links_file(made.run / KEYS_FOLDER, "hi"), f"roco/{SYSTEM}/C2/co/hi/")
-    try:
-        made.start("router")
-        made.ready("router")
-        for name, module in (
-            ("monitor", "monitor"),
-            ("co", "coordinator"),
-            ("hi", "human_interface"),
-        ):
-            serve(made, name, f"services.{module}")
-        for file in ("hi.json", "hi.heartbeat.json"):
-            wait_for((made.run / file).exists, f"hi listens\n{made.logs()}", 40.0)
-        wait_for(lambda: "co" in made.beat("hi").peers, "hi knows of co", 40.0)
-        assert Hi(address(Local(made.run))).say("look around").task
-        wait_for(lambda: made.beat("co").unheard, f"co notices\n{made.logs()}", 40.0)
-        (one,) = made.beat("co").unheard
-        assert (one.peer, one.channel, one.what) == ("hi", "C2", "said")
-        line = said(made, "unheard")
-        assert line["level"] == "warning"
-        assert "what co says to hi on C2 is not received" in str(line["why"])
-        assert "perhaps the rules of hi deny it" in unheard_text("co", one, one.since)
-        wait_for(
-            lambda: "what co says to hi on C2 is not" in (made.run / LIVE_FILE).read_text(),
-            "the recorder tells",
-        )
-    finally:
-        end(made)
+    serve(made, "monitor", "co", "hi")
+    for file in ("hi.json", "hi.heartbeat.json"):
+        made.wait((made.run / file).exists, "hi listens", 40.0)
+    made.wait(lambda: "co" in made.beat("hi").peers, "hi knows of co", 40.0)
+    assert Hi(address(Local(made.run))).say("look around").task
+    made.wait(lambda: made.beat("co").unheard, "co notices", 40.0)
+    (one,) = made.beat("co").unheard
+    assert (one.peer, one.channel, one.what) == ("hi", "C2", "said")
+    line = logged(made, "co", "unheard")[-1]
+    assert line["level"] == "warning"
+    assert "what co says to hi on C2 is not received" in str(line["why"])
+    assert "perhaps the rules of hi deny it" in unheard_text("co", one, one.since)
+    told = "what co says to hi on C2 is not"
+    made.wait(lambda: told in (made.run / LIVE_FILE).read_text(), "the recorder tells")
 
 
 def deny(rights: Path, prefix: str) -> None:
@@ -207,19 +179,13 @@ def test_keys_that_are_made_anew_part_nobody(fleet: Processes) -> None:
         zenoh.open(client_config(both[1], client_tls(old, "hi"))),
     ):
         issuing.issue(fleet.run / KEYS_FOLDER, DESIGN, (SYSTEM,))
-        wait_for(
-            lambda: "keys were renewed" in (fleet.run / "router.log").read_text(),
-            "the router sees it",
-        )
-        wait_for(lambda: listening(fleet) == 2, "the router listens anew")
-        wait_for(lambda: "keys were renewed" in (fleet.run / "co.log").read_text(), "co sees it")
+        for name in ("router", "co"):
+            log = fleet.run / f"{name}.log"
+            fleet.wait(lambda log=log: "keys were renewed" in log.read_text(), f"{name} sees it")
+        log = fleet.run / "router.log"
+        wait_for(lambda: log.read_text().count("router listening") == 2, "it listens anew")
     wait_for(lambda: fleet.beat("co").up, "co is back")
     assert decode_strictly(recorded(fleet)).sender == "hi"
     for endpoint in both:
         with pytest.raises(zenoh.ZError):
             zenoh.open(client_config(endpoint, client_tls(old, "hi")))
-
-
-def listening(fleet: Processes) -> int:
-    """Return the number of times the router began to listen."""
-    return (fleet.run / "router.log").read_text().count("router listening")

@@ -2,13 +2,12 @@
 does.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import pytest
 import typer
-from secured_fleet import end, listens, secured, serve
+from secured_fleet import serve, serve_linked
 from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 from typer.testing import CliRunner
@@ -24,15 +23,10 @@ COMMAND = ("--as", "hi", "--to", "co", "--protocol", "request", "--performative"
 
 
 @pytest.fixture
-def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Processes]:
+def fleet(secured_router: Processes) -> Processes:
     """A router with keys and co, alone."""
-    made = secured(tmp_path, monkeypatch)
-    made.start("router")
-    made.ready("router")
-    serve(made, "co", "services.coordinator")
-    wait_for(lambda: listens(made, "co"), "co lives")
-    yield made
-    end(made)
+    serve_linked(secured_router, "co")
+    return secured_router
 
 
 def roco(run: Path, *words: str, code: int = 0) -> str:
@@ -56,36 +50,27 @@ def test_a_person_is_hi_and_then_hi_is_itself(fleet: Processes) -> None:
     assert first.heard[0]["performative"] == "agree"
     assert first.heard[0]["in_reply_to"] == "1"
     second = sent(fleet.run, *COMMAND, *LOOK, "--wait", "2")
-    assert (second.sent["id"], second.sent["conversation"], second.receipted) == (
-        "2",
-        "hi-2-2",
-        True,
-    )
-    assert {one["performative"] for one in second.heard if one["conversation"] == "hi-2-2"} == {
-        "agree"
-    }
+    told = second.sent["id"], second.sent["conversation"], second.receipted
+    assert told == ("2", "hi-2-2", True)
+    mine = [one for one in second.heard if one["conversation"] == "hi-2-2"]
+    assert {one["performative"] for one in mine} == {"agree"}
     wait_for(lambda: "hi" not in fleet.beat("co").unreceipted, "co's answers are receipted")
-    serve(fleet, "hi", "services.human_interface")
+    serve(fleet, "hi")
     fleet.ready("hi")
     assert fleet.beat("hi").incarnation == 3
     hi = Hi(address(Local(fleet.run)))
     task = hi.say("look around").task
-    wait_for(lambda: _state(hi, task) != "asked", f"co answered\n{fleet.logs()}")
+    state = lambda: next(line.state for line in hi.tasks() if line.task == task)  # noqa: E731
+    fleet.wait(lambda: state() != "asked", "co answered")
     wait_for(lambda: fleet.beat("hi").unreceipted == {}, "co receipted number 3")
-    assert [
-        word for word in ("gap", "taken before", "stray") if fleet.beat("co").counts.get(word)
-    ] == []
-
-
-def _state(hi: Hi, task: str) -> str:
-    return next(line.state for line in hi.tasks() if line.task == task)
+    assert not {"gap", "taken before", "stray"} & fleet.beat("co").counts.keys()
 
 
 def test_beside_an_agent_that_lives_it_refuses(fleet: Processes) -> None:
     """With the reason and what to do; by force it is a voice without a number, and the agent's
     streams stay whole.
     """
-    words = (
+    words = [
         "--as",
         "co",
         "--to",
@@ -96,13 +81,12 @@ def test_beside_an_agent_that_lives_it_refuses(fleet: Processes) -> None:
         "cancel",
         "--wait",
         "0.2",
-    )
+    ]
     said = roco(fleet.run, *words, code=1)
     assert "co runs" in said
     assert "--force" in said
     assert "nobody answers" in roco(fleet.run, *words, "--force", code=1), "pl does not run"
-    serve(fleet, "pl", "services.planner")
-    wait_for(lambda: listens(fleet, "pl"), "pl lives")
+    serve_linked(fleet, "pl")
     forced = sent(fleet.run, *words, "--force")
     assert forced.sent["id"].startswith("forced-")
     assert forced.receipted is None
@@ -126,14 +110,12 @@ def test_nobody_there(fleet: Processes, tmp_path: Path) -> None:
     fleet.kill("co")
     said = roco(fleet.run, *COMMAND, *LOOK, "--wait", "0.1")
     assert "not receipted by co" in said
-    serve(fleet, "co", "services.coordinator")
+    serve(fleet, "co")
     wait_for(lambda: fleet.beat("co").incarnation == 2, "co lives again")
     done = sent(fleet.run, *COMMAND, *LOOK, "--wait", "3")
     assert done.receipted
-    assert [one["in_reply_to"] for one in done.heard if one["performative"] == "agree"] == [
-        "1",
-        "2",
-    ]
+    agreed = [one["in_reply_to"] for one in done.heard if one["performative"] == "agree"]
+    assert agreed == ["1", "2"]
     fleet.kill("router")
     assert sent(fleet.run, *COMMAND, *LOOK, "--wait", "3").receipted, "agents are linked without it"
     assert "no run" in roco(tmp_path / "none", *COMMAND, *LOOK, code=3)

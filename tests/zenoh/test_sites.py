@@ -2,18 +2,17 @@
 listener hears both.
 """
 
-import os
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from itertools import product
 from pathlib import Path
 
 import msgspec
 import pytest
 import zenoh
 from neighbours import KINDS, Cable, Pair
-from toy_fleet import wait_for
+from toy_fleet import service, serving, wait_for
 
 from agent_runtime.io import issuing
 from agent_runtime.io.secured import client_tls, rights_of, router_tls
@@ -44,14 +43,25 @@ class Site(msgspec.Struct):
 def site(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Site]:
     """Both robots at one router."""
     keys = tmp_path if request.param == "rights" else None
-    endpoint = free_endpoint().replace("tcp/", "tls/" if keys else "tcp/")
+    with router_at(keys) as (endpoint, samples):
+        pairs = Pair("velma1", endpoint, keys), Pair("velma2", endpoint, keys)
+        yield Site(*pairs, samples)
+        for one in pairs:
+            one.close()
+
+
+@contextmanager
+def router_at(keys: Path | None) -> Iterator[tuple[str, list[Sample]]]:
+    """A router, with keys of both robots or without; its address, and what is heard there."""
+    endpoint, access = free_endpoint(), None
     if keys:
         issuing.issue(keys, DESIGN, SYSTEMS)
-    router = opened(endpoint, keys)
-    pairs = Pair("velma1", endpoint, keys), Pair("velma2", endpoint, keys)
-    samples, tap = tapped(endpoint, keys)
-    yield Site(*pairs, samples)
-    for one in (tap, *pairs, router):
+        endpoint = endpoint.replace("tcp/", "tls/")
+        access = rights_of(keys, *SYSTEMS).access_control
+    router = open_router(endpoint, keys and router_tls(keys), access)
+    ear = Ear(endpoint, keys)
+    yield endpoint, ear.samples
+    for one in (ear, router):
         one.close()
 
 
@@ -60,7 +70,9 @@ class Ear:
     router.
     """
 
-    def __init__(self, endpoint: str, keys: Path | None, samples: list[Sample]) -> None:
+    def __init__(self, endpoint: str, keys: Path | None) -> None:
+        samples = self.samples = list[Sample]()
+
         def heard(sample: zenoh.Sample) -> None:
             samples.append(Sample(str(sample.key_expr), sample.payload.to_bytes(), 0.0))
 
@@ -68,33 +80,18 @@ class Ear:
             samples.append(Sample(str(sample.key_expr), b"", 0.0, token=True))
 
         self._session = zenoh.open(client_config(endpoint, keys and client_tls(keys, RECORDER)))
-        self._declared = [
-            declared
-            for system in SYSTEMS
-            for declared in (
+        self._declared: list[object] = []
+        tokens = self._session.liveliness()
+        for system in SYSTEMS:
+            alive = f"roco/{system}/_/alive/*/*"
+            self._declared += [
                 self._session.declare_subscriber(f"roco/{system}/**", heard),
-                self._session.liveliness().declare_subscriber(
-                    f"roco/{system}/_/alive/*/*", lived, history=True
-                ),
-            )
-        ]
+                tokens.declare_subscriber(alive, lived, history=True),
+            ]
 
     def close(self) -> None:
         """Hear no more."""
         self._session.close()  # type: ignore[no-untyped-call]
-
-
-def tapped(endpoint: str, keys: Path | None) -> tuple[list[Sample], Ear]:
-    """Return the samples that are heard from now on, and who hears them."""
-    samples: list[Sample] = []
-    return samples, Ear(endpoint, keys, samples)
-
-
-def opened(endpoint: str, keys: Path | None) -> zenoh.Session:
-    """A router; with keys it has its rights beside them."""
-    if keys is None:
-        return open_router(endpoint)
-    return open_router(endpoint, router_tls(keys), rights_of(keys, *SYSTEMS).access_control)
 
 
 def heard(pair: Pair, name: str, words: str) -> bool:
@@ -106,31 +103,21 @@ def test_nothing_of_one_robot_reaches_an_agent_of_another(site: Site) -> None:
     """No communicate, receipt, ping, pong, token, heartbeat or telemetry, though the agents have
     the same names: each hears its own system only, and all of that.
     """
-    first, second = site.first, site.second
-    for pair in (first, second):
+    pairs, names = (site.first, site.second), ("co", "ta")
+    for pair in pairs:
         pair.talk(pair.system)
-        for name in ("co", "ta"):
+        for name in names:
             pair.fence(name, b"last of " + pair.system.encode())
-    for pair in (first, second):
-        for name in ("co", "ta"):
-            wait_for(
-                lambda p=pair, n=name: heard(p, n, f"last of {p.system}"),
-                f"{name} of {pair.system} heard",
-            )
-            wait_for(
-                lambda p=pair, n=name: len(tokens(p, n)) == 1,
-                f"{name} of {pair.system} sees its peer",
-            )
-    for pair, other in ((first, second), (second, first)):
-        for name in ("co", "ta"):
+    for pair, name in product(pairs, names):
+        wait_for(partial(heard, pair, name, f"last of {pair.system}"), f"{name} heard")
+        wait_for(partial(tokens, pair, name), f"{name} of {pair.system} sees its peer")
+    for pair, other in (pairs, pairs[::-1]):
+        for name in names:
             assert not heard(pair, name, other.system), pair.heard[name]
-            incarnation = 1 if pair.system == "velma1" else 2
-            assert {token.incarnation for token in tokens(pair, name)} == {incarnation}
-            mine = [
-                item
-                for item in pair.heard[name]
-                if pair.system in str(item) and "last of" not in str(item)
-            ]
+            (token,) = tokens(pair, name)
+            assert token.incarnation == (1 if pair.system == "velma1" else 2)
+            texts = [text for text in map(str, pair.heard[name]) if "last of" not in text]
+            mine = [text for text in texts if pair.system in text]
             assert len(mine) == SAID - len(KINDS) - PINGS, mine
 
 
@@ -143,20 +130,16 @@ def test_one_recorder_hears_both_robots(site: Site) -> None:
     """What is for tools, and every token, each under its system's name; what agents say to each
     other is not heard.
     """
-    first, second = site.first, site.second
     samples = site.samples
-    wait_for(
-        lambda: {one.system for one in samples if one.token} == set(SYSTEMS),
-        "the tap sees who lives",
-    )
-    for pair in (first, second):
-        wait_for(lambda p=pair: _reaches(p, samples), f"the tap hears {pair.system}")
+    lives = lambda: {one.system for one in samples if one.token}  # noqa: E731
+    wait_for(lambda: lives() == set(SYSTEMS), "the tap sees who lives")
+    for pair in (site.first, site.second):
+        wait_for(partial(_reaches, pair, samples), f"the tap hears {pair.system}")
         before = len(samples)
         pair.talk("all of it")
-        wait_for(
-            lambda b=before: sum(b"all of it" in one.data for one in samples[b:]) == 2 * len(KINDS),
-            "it is heard",
-        )
+        meant = [b"all of it"] * (2 * len(KINDS))
+        said = lambda: [one.data for one in samples[before:]]  # noqa: E731, B023
+        wait_for(lambda: [one for one in said() if one in meant] == meant, "it is heard")  # noqa: B023
         assert {one.system for one in samples[before:]} == {pair.system}
         assert {one.key.split("/")[3] for one in samples[before:]} == set(KINDS)
 
@@ -170,13 +153,8 @@ def _reaches(pair: Pair, samples: list[Sample]) -> bool:
 @pytest.fixture
 def home(tmp_path: Path) -> Iterator[tuple[str, list[Sample]]]:
     """A router with keys of both robots; its address, and what a recorder hears there."""
-    issuing.issue(tmp_path, DESIGN, SYSTEMS)
-    endpoint = free_endpoint().replace("tcp/", "tls/")
-    router = opened(endpoint, tmp_path)
-    samples, tap = tapped(endpoint, tmp_path)
-    yield endpoint, samples
-    tap.close()
-    router.close()
+    with router_at(tmp_path) as opened:
+        yield opened
 
 
 def test_who_is_of_one_robot_cannot_speak_for_another(
@@ -187,16 +165,13 @@ def test_who_is_of_one_robot_cannot_speak_for_another(
     """
     endpoint, samples = home
     with zenoh.open(client_config(endpoint, client_tls(tmp_path / "velma1", "co"))) as stranger:
-        kept = [
-            stranger.liveliness().declare_token(f"roco/{system}/_/alive/co/7")
-            for system in reversed(SYSTEMS)
-        ]
+        lives = [f"roco/{system}/_/alive/co/7" for system in reversed(SYSTEMS)]
+        kept = [stranger.liveliness().declare_token(key) for key in lives]
         for key in ("_/steps/co", "_/state/co"):
             stranger.put(f"roco/velma2/{key}", b"a lie")
             stranger.put(f"roco/velma1/{key}", b"no lie")
-        wait_for(
-            lambda: sum(one.data == b"no lie" for one in samples) == 2, "what is its own is heard"
-        )
+        told = lambda: [one.data for one in samples]  # noqa: E731
+        wait_for(lambda: told().count(b"no lie") == 2, "what is its own is heard")
         wait_for(lambda: any(one.token for one in samples), "its own token is seen")
         assert {one.system for one in samples} == {"velma1"}
         kept.clear()
@@ -209,13 +184,10 @@ def test_an_agent_does_not_speak_to_one_of_another_robot(
     hears its own co.
     """
     pair = Pair("velma2", home[0], tmp_path)
-    with zenoh.open(
-        client_config(pair.ends["ta"], client_tls(tmp_path / "velma1", "co"))
-    ) as stranger:
-        kept = [
-            stranger.liveliness().declare_token(f"roco/{system}/_/alive/co/7") for system in SYSTEMS
-        ]
+    tls, kept = client_tls(tmp_path / "velma1", "co"), []
+    with zenoh.open(client_config(pair.ends["ta"], tls)) as stranger:
         for system in SYSTEMS:
+            kept.append(stranger.liveliness().declare_token(f"roco/{system}/_/alive/co/7"))
             for key in ("C1/co/ta/coordinate/request", "_/receipt/co/ta", "_/ping/co/ta"):
                 stranger.put(f"roco/{system}/{key}", b"C1 a lie")
         pair.fence("ta", b"no lie")
@@ -239,23 +211,12 @@ def broken(tmp_path: Path) -> Iterator[tuple[Pair, Pair, Cable]]:
         Pair("velma1", near, logs=tmp_path / "one"),
         Pair("velma2", cable.endpoint, logs=tmp_path / "two"),
     )
-    options = {
-        "ROCO_CONNECT": near,
-        "ROCO_RUN_DIR": str(tmp_path),
-        "ROCO_SYSTEMS": ", ".join(SYSTEMS),
-        "ROCO_VIEW": "off",
-    }
-    with (tmp_path / "monitor.log").open("ab") as log:
-        command = [sys.executable, "-m", "services.monitor"]
-        monitor = subprocess.Popen(command, env=os.environ | options, stdout=log, stderr=log)
-    wait_for((tmp_path / "monitor.ready").exists, "the monitor records")
-    yield *pairs, cable
-    cable.plug()
-    monitor.send_signal(signal.SIGTERM)
-    status = monitor.wait(120.0)  # two reports
+    told = {"CONNECT": near, "SYSTEMS": ", ".join(SYSTEMS), "VIEW": "off"}
+    with serving("monitor", tmp_path, 120.0, **told):  # it makes two reports at its end
+        yield *pairs, cable
+        cable.plug()
     for one in (*pairs, router, cable):
         one.close()
-    assert status == 0, (tmp_path / "monitor.log").read_text()
     for name in SYSTEMS:
         assert (tmp_path / name / "report.html").stat().st_size
 
@@ -277,31 +238,29 @@ def test_what_was_said_behind_a_link_that_broke_is_recorded(
     def said(pair: Pair) -> set[str]:
         return {one.id for one in recorded(tmp_path, pair.system) if isinstance(one, Spoken)}
 
+    def recorded_are(pair: Pair, *texts: str) -> None:
+        wait_for(lambda: said(pair) == {*texts}, f"{texts} of {pair.system} are recorded", 60.0)
+
     for pair in (first, second):
         pair.talk("before")
-        wait_for(lambda p=pair: said(p) == {"before"}, f"{pair.system} is recorded", 60.0)
+        recorded_are(pair, "before")
     cable.pull()
     second.talk("unheard")
     first.talk("meanwhile")
-    wait_for(
-        lambda: heard(second, "ta", "unheard") and heard(second, "co", "unheard"),
-        "the robot goes on",
-    )
-    wait_for(lambda: said(first) == {"before", "meanwhile"}, "the other one is recorded", 60.0)
+    for name in ("co", "ta"):
+        wait_for(partial(heard, second, name, "unheard"), "the robot goes on")
+    recorded_are(first, "before", "meanwhile")
     assert said(second) == {"before"}
     cable.plug()
     second.talk("after")
-    wait_for(lambda: said(second) == {"before", "unheard", "after"}, "all of it is recorded", 60.0)
+    recorded_are(second, "before", "unheard", "after")
     found = [one for one in recorded(tmp_path, second.system) if isinstance(one, Spoken | Unpaired)]
     assert len(found) == 2 * 3, "each once, both ways, and nothing that two logs differ in"
 
 
 def test_a_name_that_could_lead_out_of_the_folder_is_refused(tmp_path: Path) -> None:
     """The monitor ends with status 2, which nobody tries again, and says what a name may be."""
-    options = {"ROCO_RUN_DIR": str(tmp_path), "ROCO_SYSTEMS": "velma1,../velma2"}
-    command = [sys.executable, "-m", "services.monitor"]
-    done = subprocess.run(
-        command, env=os.environ | options, capture_output=True, text=True, timeout=50, check=False
-    )
-    assert done.returncode == 2
-    assert "letters, digits" in done.stdout + done.stderr
+    log = tmp_path / "log"
+    done = service("monitor", log, RUN_DIR=tmp_path, SYSTEMS="velma1,../velma2")
+    assert done.wait(50.0) == 2
+    assert "letters, digits" in log.read_text()

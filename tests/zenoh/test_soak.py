@@ -27,10 +27,8 @@ def test_nothing_is_lost_doubled_or_misordered(tmp_path: Path) -> None:
     )
     try:
         for number, do in enumerate(harm, 1):
-            processes.wait(
-                lambda number=number: processes.said() >= number * STEP * soak.EACH,
-                f"harm {number}",
-            )
+            enough = number * STEP * soak.EACH
+            processes.wait(lambda: processes.said() >= enough, f"harm {number}")  # noqa: B023
             do()
         processes.wait(lambda: processes.said() == EXCHANGES * soak.EACH, "the end")
     finally:

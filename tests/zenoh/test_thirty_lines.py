@@ -3,7 +3,6 @@ over Zenoh.
 """
 
 import difflib
-import shutil
 import signal
 import subprocess
 import sys
@@ -13,13 +12,14 @@ from pathlib import Path
 import msgspec
 import pytest
 import zenoh
+from depot_fleet import DESIGN_FILE, copied
 from toy_fleet import wait_for
 
 from agent_runtime.io.sessions import client_config
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.languages import Language
 from fipa_codec.performatives import Performative as P
-from operate.run_folder import Fleet
+from operate.fleet_file import Fleet
 from topdown.check import check
 from topdown.model import loading
 from topdown.model.design import Design
@@ -193,7 +193,7 @@ STUB = '    return unfilled(memory, turn, "quote")  # to fill in\n'
 
 def designed() -> str:
     """The example's design with one agent more."""
-    text = (EXAMPLE / "depot" / "design.toml").read_text()
+    text = DESIGN_FILE.read_text()
     for old, new in DESIGNED:
         assert old in text, old
         text = text.replace(old, new)
@@ -222,8 +222,7 @@ def filled(folder: Path) -> int:
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     """The example, with the new agent made and filled in."""
-    folder = tmp_path / "depot"
-    shutil.copytree(EXAMPLE, folder, ignore=shutil.ignore_patterns("runs", "__pycache__"))
+    folder = copied(tmp_path / "depot")
     outcome = scaffold(designed(), folder)
     assert "depot/tariff/behaviours.py" in outcome.written
     assert all(kept.path.partition("/")[2].partition("/")[0] != "tariff" for kept in outcome.kept)
@@ -236,13 +235,10 @@ def running(copy: Path, tmp_path: Path) -> Iterator[tuple[Path, Path]]:
     assert filled(copy) <= MOST_LINES
     run, out = tmp_path / "run", tmp_path / "out"
     (tmp_path / "none.toml").write_text("")
-    command = [sys.executable, "-m", "depot", "--run-dir", str(run)]
+    command = [sys.executable, "-m", "depot", "--run-dir", str(run), "--scene"]
     with out.open("wb") as file:
         process = subprocess.Popen(
-            [*command, "--scene", str(tmp_path / "none.toml")],
-            cwd=copy,
-            stdout=file,
-            stderr=subprocess.STDOUT,
+            [*command, str(tmp_path / "none.toml")], cwd=copy, stdout=file, stderr=file
         )
     yield out, run
     process.send_signal(signal.SIGINT)
@@ -256,18 +252,12 @@ def test_the_grown_design_is_consistent() -> None:
 
 def test_the_new_agents_own_tests_pass(copy: Path) -> None:
     """Before it is filled in and after: it binds, and answers what it is asked."""
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "tests/test_tariff.py",
-    ]
+    words = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/test_tariff.py")
     for step in (lambda: 0, lambda: filled(copy)):
         assert step() <= MOST_LINES
-        done = subprocess.run(command, cwd=copy, capture_output=True, text=True, timeout=30)
+        done = subprocess.run(
+            [sys.executable, *words], cwd=copy, capture_output=True, text=True, timeout=30
+        )
         assert done.returncode == 0, done.stdout
 
 
@@ -277,20 +267,12 @@ def test_a_new_agent_answers_after_at_most_thirty_lines(running: tuple[Path, Pat
     """
     out, run = running
     wait_for(lambda: "all ready" in out.read_text(), "six agents are ready")
-    content = Language("PRICE", dict).encode(
-        {"type": "PriceOf", "source": "receiving", "target": "press"}
-    )
+    asked = {"type": "PriceOf", "source": "receiving", "target": "press"}
     question = Communicate(
-        performative=P.QUERY_REF,
-        content=content,
-        language="PRICE",
-        protocol="query",
-        reply_with="q1",
-        conversation="desk-9-1",
-        sender="desk",
-        receiver="tariff",
-        id="q1",
-    )
+        performative=P.QUERY_REF, content=Language("PRICE", dict).encode(asked), language="PRICE",
+        protocol="query", reply_with="q1", conversation="desk-9-1", sender="desk",
+        receiver="tariff", id="q1",
+    )  # fmt: skip
     fleet = msgspec.json.decode((run / "fleet.json").read_bytes(), type=Fleet)
     with zenoh.open(client_config(fleet.agents["tariff"])) as session:
         session.put("roco/depot/C8/desk/tariff/query/query-ref", encode(question))

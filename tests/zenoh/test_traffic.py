@@ -2,11 +2,12 @@
 and said again.
 """
 
+import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import msgspec
 import pytest
 import zenoh
+from toy_fleet import wait_for
 
 from agent_runtime.core.wiring import service_key
 from agent_runtime.impersonation import LivingError, Stage
@@ -22,10 +24,11 @@ from agent_runtime.io.steplog import StepLogs
 from fipa_codec.communicate import decode, encode
 from operate.cli.traffic.listen import HeardMessage, heard_message, recorded
 from operate.cli.traffic.play import moved
+from operate.file_names import FLEET_FILE, LIVE_FILE
+from operate.fleet_file import Fleet
 from operate.recording import index, mcap_file
 from operate.recording.contents import contents
 from operate.recording.records import Spoken
-from operate.run_folder import FLEET_FILE, Fleet
 
 pytestmark = pytest.mark.zenoh
 POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
@@ -37,9 +40,8 @@ def _now(one: HeardMessage) -> HeardMessage:
     """The same, said now: what is long ago would be late."""
     communicate = one.communicate()
     assert communicate is not None
-    return msgspec.structs.replace(
-        one, data=encode(moved(communicate, one.at, time.time() + 5, None))
-    )
+    now = moved(communicate, one.at, time.time() + 5, None)
+    return msgspec.structs.replace(one, data=encode(now))
 
 
 SAID = [
@@ -62,26 +64,39 @@ class Router:
         self._logs = StepLogs(run)
         self.running: list[subprocess.Popen[bytes]] = []
         self.said: list[HeardMessage] = []
+        self.about, self.environment = ["--run-dir", str(run)], dict(os.environ)
 
-    def roco(self, *words: str) -> "subprocess.Popen[bytes]":
-        """A verb, started; it hears what is said from when this comes back."""
-        command = [*ROCO, *words, "--run-dir", str(self.run)]
+    def begin(self, *words: str) -> "subprocess.Popen[bytes]":
+        """Begin a verb; the first text may have several words."""
+        command, pipe = [*ROCO, *words[0].split(), *words[1:]], subprocess.PIPE
         process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=self.run
+            command, stdout=pipe, stderr=pipe, cwd=self.run, env=self.environment
         )
         self.running.append(process)
-        ear = self.session.declare_publisher(service_key("roco", "state", "co"))
-        wait_for(
-            lambda: ear.matching_status.matching or process.poll() is not None, "somebody listens"
-        )
-        ear.undeclare()
         return process
+
+    def roco(self, *words: str) -> "subprocess.Popen[bytes]":
+        """A verb about the fleet, started; it hears what is said from when this comes back."""
+        process = self.begin(*words, *self.about)
+        wait_for(lambda: self.heard() or process.poll() is not None, "somebody listens")
+        return process
+
+    def heard(self) -> bool:
+        """Whether anybody hears what is said."""
+        ear = self.session.declare_publisher(service_key("roco", "state", "co"))
+        matching = ear.matching_status.matching
+        ear.undeclare()
+        return matching
 
     def say(self, count: int) -> None:
         """The first communicates of the recording, at once."""
         self.said = [_now(one) for one in SAID[:count]]
         for one in self.said:
             self._logs.passed(decode(one.data), time.time())
+
+    def meant(self, *channels: str) -> list[bytes]:
+        """What was said on these channels."""
+        return [one.data for one in self.said if one.channel in channels]
 
     def close(self) -> None:
         """End all of it."""
@@ -100,14 +115,6 @@ def router(tmp_path: Path) -> Iterator[Router]:
     made.close()
 
 
-def wait_for(condition: Callable[[], object], what: str) -> None:
-    """Look every 20 ms until the condition holds."""
-    end = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < end, f"not in {DEADLINE_S} s: {what}"
-        time.sleep(0.02)
-
-
 def told(process: "subprocess.Popen[bytes]", code: int = 0) -> list[Any]:
     """Return its output, a JSON object a line; its exit code must be `code`."""
     out, error = process.communicate(timeout=DEADLINE_S)
@@ -115,78 +122,70 @@ def told(process: "subprocess.Popen[bytes]", code: int = 0) -> list[Any]:
     return [msgspec.json.decode(line) for line in out.splitlines()]
 
 
+def refused(process: "subprocess.Popen[bytes]", code: int, words: str) -> None:
+    """A verb ends with this exit code, and says why."""
+    _, error = process.communicate(timeout=DEADLINE_S)
+    assert (process.returncode, words in error.decode()) == (code, True), error.decode()
+
+
+def interrupted(process: "subprocess.Popen[bytes]") -> list[Any]:
+    """Return the rest of its output after Ctrl-C, the ordinary end."""
+    process.send_signal(signal.SIGINT)
+    return told(process)
+
+
+def kept(file: Path) -> list[bytes]:
+    """The communicates in a recording."""
+    return [one.wire for one in mcap_file.read(file).records if isinstance(one, Spoken)]
+
+
 def test_echo_prints_what_is_meant_as_it_is_judged(router: Router) -> None:
     """All fields and the content; what the filter leaves out is heard by the judge all the same."""
-    process = router.roco(
-        "traffic", "echo", "--channel", "C3", "--agent", "pl", "--count", "2", "--format", "json"
-    )
+    process = router.roco("traffic echo --channel C3 --agent pl --count 2 --format json")
     router.say(40)
     request, agree = told(process)
-    assert (request["sender"], request["performative"], request["verdict"]) == (
-        "co",
-        "request",
-        "legal",
-    )
+    fields = ("sender", "performative", "verdict")
+    assert [request[name] for name in fields] == ["co", "request", "legal"]
     assert request["content"]["type"] == "GroundTaskNetwork"
-    assert (agree["sender"], agree["performative"], agree["in_reply_to"]) == (
-        "pl",
-        "agree",
-        request["reply_with"],
-    )
+    assert [agree[name] for name in fields] == ["pl", "agree", "legal"]
+    assert agree["in_reply_to"] == request["reply_with"]
 
 
 def test_bw_counts_bytes_until_it_is_interrupted(router: Router) -> None:
-    """Ctrl-C is the ordinary end: the last line has all that went by."""
-    process = router.roco("traffic", "stats", "bw", "--format", "json")
+    """The last line has all that went by."""
+    process = router.roco("traffic stats bw --format json")
     router.say(60)
     assert process.stdout is not None
     lines = iter(process.stdout.readline, b"")
     assert any(msgspec.json.decode(line)["count"] == 60 for line in lines)
-    process.send_signal(signal.SIGINT)
-    *_, last = (msgspec.json.decode(line) for line in lines)
-    assert process.wait(DEADLINE_S) == 0
+    last = interrupted(process)[-1]
     assert sum(row["bytes"] for row in last["rows"]) == sum(one.size for one in SAID[:60])
 
 
 def test_nobody_answers(router: Router) -> None:
     """Exit code 3, and what can be looked at instead."""
     router.close()
-    process = subprocess.run(
-        [*ROCO, "traffic", "stats", "hz", "--run-dir", str(router.run)],
-        capture_output=True,
-        timeout=DEADLINE_S,
-        check=False,
-    )
-    assert process.returncode == 3
-    assert b"--run" in process.stderr
+    refused(router.begin("traffic stats hz", *router.about), 3, "--run")
 
 
 def test_a_recording_has_what_is_meant(router: Router) -> None:
     """And nothing else; it is read by the other verbs."""
-    file = router.run / "c4.mcap"
-    count = sum(one.channel == "C4" for one in SAID[:80])
-    process = router.roco(
-        "record", "--out", str(file), "--channel", "C4", "--count", str(count), "--format", "json"
-    )
+    file, count = router.run / "c4.mcap", sum(one.channel == "C4" for one in SAID[:80])
+    process = router.roco(f"record --channel C4 --count {count} --format json --out", str(file))
     router.say(80)
     (done,) = told(process)
     assert (done["communicates"], done["file"], done["dropped"]) == (count, str(file), 0)
-    kept = [
-        one
-        for sample in recorded(file)
-        if sample is not None and (one := heard_message(sample)) is not None
-    ]
-    assert [one.data for one in kept] == [one.data for one in router.said if one.channel == "C4"]
+    heard = [heard_message(one) for one in recorded(file) if one is not None]
+    assert [one.data for one in heard if one is not None] == router.meant("C4")
 
 
 def test_a_recording_is_ended_by_an_interrupt(router: Router) -> None:
     """Of the command alone, as `kill -INT` does; the file is closed in order."""
     file = router.run / "whole.mcap"
-    process = router.roco("record", "--out", str(file), "--format", "json")
+    process = router.roco("record --format json --out", str(file))
     router.say(20)
-    wait_for(lambda: _kept(file) == 20, "all is flushed")
-    process.send_signal(signal.SIGINT)
-    (done,) = told(process)
+    wait_for(lambda: len(kept(file)) == 20, "all is flushed")
+    (done,) = interrupted(process)
     assert done["communicates"] == 20
     assert mcap_file.read(file).whole
 
@@ -194,17 +193,21 @@ def test_a_recording_is_ended_by_an_interrupt(router: Router) -> None:
 def test_a_recorder_that_is_killed_leaves_a_recording(router: Router) -> None:
     """kill -9 of the command: what was flushed is there, and soon has its index."""
     file = router.run / "cut.mcap"
-    process = router.roco("record", "--out", str(file))
+    process = router.roco("record --out", str(file))
     router.say(100)
-    wait_for(lambda: _kept(file) == 100, "all is flushed")
+    wait_for(lambda: len(kept(file)) == 100, "all is flushed")
     process.kill()
     process.wait(DEADLINE_S)
     wait_for(lambda: index.REPAIRED in contents(file).notes, "it is closed")
-    assert _kept(file) == 100
+    assert len(kept(file)) == 100
 
 
-def _kept(file: Path) -> int:
-    return sum(isinstance(record, Spoken) for record in mcap_file.read(file).records)
+def replaying(router: Router, *words: str) -> "tuple[subprocess.Popen[bytes], Path]":
+    """Begin a replay of the pour; return it, and the folder that says where it is."""
+    process = router.begin(f"replay {POUR}", *words)
+    folders = lambda: [one.parent for one in router.run.glob("runs/replay-*/fleet.json")]  # noqa: E731
+    wait_for(folders, "the replay says where it is")
+    return process, folders()[0]
 
 
 def test_what_is_replayed_is_judged_as_it_was(router: Router) -> None:
@@ -216,36 +219,11 @@ def test_what_is_replayed_is_judged_as_it_was(router: Router) -> None:
         "roco/roco/**", lambda sample: heard.append(str(sample.key_expr))
     )
     count = sum(one.channel != "C4" for one in SAID)
-    only = [word for channel in ("C1", "C2", "C3", "C5", "C6") for word in ("--channel", channel)]
-    words = [
-        *ROCO,
-        "replay",
-        str(POUR),
-        "--connect",
-        router.endpoint,
-        "--speed",
-        "40",
-        *only,
-        "--format",
-        "json",
-    ]
-    with subprocess.Popen(
-        [*words, "--after", "8"], cwd=router.run, stdout=subprocess.PIPE
-    ) as replaying:
-        wait_for(
-            lambda: list(router.run.glob(f"runs/replay-*/{FLEET_FILE}")),
-            "the replay says where it is",
-        )
-        (folder,) = router.run.glob("runs/replay-*")
-        process = subprocess.Popen(
-            [*ROCO, "traffic", "echo", "--run-dir", str(folder), "--format", "json", "--count",
-             str(count)],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
-        router.running.append(process)
-        lines = told(process)
-        out, _ = replaying.communicate(timeout=DEADLINE_S)
-    replayed = msgspec.json.decode(out)
+    only = " ".join(f"--channel {channel}" for channel in ("C1", "C2", "C3", "C5", "C6"))
+    options = f"--speed 40 --format json --after 8 {only} --connect {router.endpoint}"
+    process, folder = replaying(router, *options.split())
+    lines = told(router.begin(f"traffic echo --format json --count {count} --run-dir {folder}"))
+    (replayed,) = told(process)
     assert replayed["communicates"] == count
     assert replayed["seconds"] >= replayed["recorded_s"] / 40
     assert {line["verdict"] for line in lines} <= {"legal", "slow"}
@@ -254,28 +232,17 @@ def test_what_is_replayed_is_judged_as_it_was(router: Router) -> None:
     fleet.undeclare()
 
 
-def test_top_shows_the_traffic_of_a_replay(tmp_path: Path) -> None:
+def test_top_shows_the_traffic_of_a_replay(router: Router) -> None:
     """By the folder that the replay names; once it is over nothing of that folder is left."""
-    command = [*ROCO, "replay", str(POUR), "--speed", "20", "--loop"]
-    with subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as replaying:
-        try:
-            wait_for(
-                lambda: list(tmp_path.glob("runs/replay-*/live.jsonl")),
-                "the replay says where it is",
-            )
-            (folder,) = tmp_path.glob("runs/replay-*")
-            wait_for(
-                lambda: (folder / "live.jsonl").read_bytes().count(b'"channel":"C3"') > 4,
-                "much was said again",
-            )
-            words = [*ROCO, "top", "--run-dir", str(folder), "--count", "1", "--format", "json"]
-            done = subprocess.run(words, capture_output=True, timeout=DEADLINE_S, check=True)
-        finally:
-            replaying.send_signal(signal.SIGINT)
-            replaying.wait(DEADLINE_S)
-    channels = {one["name"]: one for one in msgspec.json.decode(done.stdout)["channels"]}
+    process, folder = replaying(router, "--speed", "20", "--loop")
+    live = folder / LIVE_FILE
+    wait_for(
+        lambda: live.exists() and live.read_bytes().count(b'"channel":"C3"') > 4, "much was said"
+    )
+    (top,) = told(router.begin(f"top --count 1 --format json --run-dir {folder}"))
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=DEADLINE_S)
+    channels = {one["name"]: one for one in top["channels"]}
     assert channels["C3"]["count"] > 4
     assert channels["C3"]["per_s"] > 0
     assert not folder.exists()
@@ -285,24 +252,23 @@ def test_nothing_is_replayed_into_a_living_fleet(router: Router) -> None:
     """Nothing is said where an agent has its token, and it ends where one comes to life; both say
     who.
     """
-    token = router.session.liveliness().declare_token(service_key("roco", "alive", "ta", "1"))
-    words = [*ROCO, "replay", str(POUR), "--connect", router.endpoint, "--system", "roco"]
-    done = subprocess.run(words, capture_output=True, timeout=DEADLINE_S, check=False)
-    assert done.returncode == 1
-    assert b"ta live" in done.stderr
+    liveliness = router.session.liveliness()
+    token = liveliness.declare_token(service_key("roco", "alive", "ta", "1"))
+    words = f"replay {POUR} --system roco --connect {router.endpoint}"
+    refused(router.begin(words), 1, "ta live")
     token.undeclare()
     stage = Stage("later", router.endpoint)
     stage.put("C1/co/ta/coordinate/request", b"")
-    born = router.session.liveliness().declare_token(service_key("later", "alive", "ex", "1"))
+    born = liveliness.declare_token(service_key("later", "alive", "ex", "1"))
 
-    def refused() -> bool:
+    def stopped() -> bool:
         try:
             stage.put("C1/co/ta/coordinate/request", b"")
         except LivingError as error:
             return error.agents == ("ex",)
         return False
 
-    wait_for(refused, "it is seen")
+    wait_for(stopped, "it is seen")
     born.undeclare()
     stage.close()
 
@@ -311,17 +277,16 @@ def test_sniff_draws_what_goes_by_and_writes_it_at_the_end(router: Router) -> No
     """Each communicate as it comes, live; Ctrl-C ends it in order, and the drawing has all of
     it.
     """
-    process = router.roco("sniff", "--channel", "C2", "--channel", "C3", "--svg", "talk.svg")
+    process = router.roco("sniff --channel C2 --channel C3 --svg talk.svg")
     router.say(60)
-    meant = [one for one in router.said if one.channel in ("C2", "C3")]
+    count, of_c3 = len(router.meant("C2", "C3")), len(router.meant("C3"))
     assert process.stdout is not None
     lines = (line.decode() for line in iter(process.stdout.readline, b""))
-    heading = next(lines)
-    assert heading.split() == ["co", "pl", "hi"]
-    drawn = list(islice((line for line in lines if "▶" in line or "◀" in line), len(meant)))
-    assert sum(" C3 " in line for line in drawn) == sum(one.channel == "C3" for one in meant) > 0
+    assert next(lines).split() == ["co", "pl", "hi"]
+    drawn = list(islice((line for line in lines if "▶" in line or "◀" in line), count))
+    assert sum(" C3 " in line for line in drawn) == of_c3 > 0
     process.send_signal(signal.SIGINT)
     out, error = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 0, error.decode()
-    assert f"wrote talk.svg: {len(meant)} of {len(meant)} arrows" in out.decode()
-    assert (router.run / "talk.svg").read_text().count("<polygon") == len(meant)
+    assert f"wrote talk.svg: {count} of {count} arrows" in out.decode()
+    assert (router.run / "talk.svg").read_text().count("<polygon") == count

@@ -31,6 +31,21 @@ from fipa_codec.communicate import MAX_BYTES
 pytestmark = pytest.mark.zenoh
 ADDRESS = "tcp/127.0.0.1:7447"
 LARGE, MESSAGES = 852_000, 100
+SLOW = """
+import sys
+import threading
+from pathlib import Path
+
+import zenoh
+
+from agent_runtime.io.sessions import client_config
+
+with zenoh.open(client_config(sys.argv[1])) as session:
+    declared = session.declare_subscriber("**", lambda sample: None)
+    Path(sys.argv[2]).touch()
+    threading.Event().wait()
+"""
+"""Hears everything; the test stops it again and again."""
 STOPPED_S, RUNNING_S = 0.45, 0.003
 """The slow one is never stopped as long as a session was once waited for at both ends, 0.5 s, and
 reads little.
@@ -50,26 +65,10 @@ def test_the_router_loses_its_patience_well_before_a_client() -> None:
 
 
 @pytest.fixture
-def router(tmp_path: Path) -> Iterator[Fleet]:
-    """A router in a process of its own."""
-    fleet = Fleet(tmp_path)
-    fleet.start("router")
-    fleet.ready("router")
-    yield fleet
-    fleet.kill("router")
-
-
-@pytest.fixture
-def slow(router: Fleet) -> Iterator[int]:
-    """A process that hears everything and hardly takes anything; its pid."""
+def slow(router: Fleet) -> Iterator[None]:
+    """A process that hears everything and hardly takes anything."""
     there, over = router.run / "slow.ready", threading.Event()
-    command = [
-        sys.executable,
-        str(Path(__file__).with_name("slow_process.py")),
-        router.endpoint,
-        str(there),
-    ]
-    process = subprocess.Popen(command)
+    process = subprocess.Popen([sys.executable, "-c", SLOW, router.endpoint, str(there)])
 
     def hold_up() -> None:
         while not over.is_set():
@@ -82,7 +81,7 @@ def slow(router: Fleet) -> Iterator[int]:
     try:
         wait_for(there.exists, "it subscribes")
         holding.start()
-        yield process.pid
+        yield
     finally:
         over.set()
         if holding.ident is not None:
@@ -91,73 +90,72 @@ def slow(router: Fleet) -> Iterator[int]:
         process.wait()
 
 
-@pytest.mark.usefixtures("slow")
-def test_one_that_is_slow_costs_the_others_no_message(router: Fleet) -> None:
-    """A healthy receiver hears all large messages in order, and the sender's session stays."""
-    heard, ended = list[int](), list[object]()
-    with (
-        zenoh.open(client_config(router.endpoint)) as sender,
-        zenoh.open(client_config(router.endpoint)) as receiver,
-    ):
-        declared = receiver.declare_subscriber(
-            "x", lambda one: heard.append(int(bytes(one.payload)[:4]))
-        )
-        listening = closings(sender, ended)
-        publisher = known(sender)
-        for number in range(MESSAGES):
-            publisher.put(b"%04d" % number + bytes(LARGE))
-        wait_for(lambda: len(heard) == MESSAGES or ended, "all arrive")
-        assert not ended
-        assert heard == list(range(MESSAGES))
-        for one in (declared, listening):
+class Listened:
+    """A publisher and who hears it, over the router. `heard`: what came; `ended`: each time that
+    the sender lost the router.
+    """
+
+    def __init__(self, endpoint: str) -> None:
+        self.heard, self.ended = list[bytes](), list[object]()
+        self._sessions = [zenoh.open(client_config(endpoint)) for _ in range(2)]
+        sender, receiver = self._sessions
+        self._declared = [
+            receiver.declare_subscriber("x", lambda one: self.heard.append(bytes(one.payload))),
+            sender.info.declare_transport_events_listener(self._noted),
+        ]
+        block = zenoh.CongestionControl.BLOCK
+        self.publisher = sender.declare_publisher("x", congestion_control=block)
+        # else the first word is lost
+        wait_for(lambda: self.publisher.matching_status.matching, "the receiver is known")
+
+    def _noted(self, event: Any) -> None:
+        if event.kind == zenoh.SampleKind.DELETE:
+            self.ended.append(event)
+
+    def close(self) -> None:
+        """End both sessions."""
+        for one in self._declared:
             one.undeclare()
+        for session in self._sessions:
+            session.close()  # type: ignore[no-untyped-call]
 
 
-def closings(session: zenoh.Session, into: list[object]) -> Any:
-    """Note each time that a session loses the router."""
-    return session.info.declare_transport_events_listener(
-        lambda event: into.append(event) if event.kind == zenoh.SampleKind.DELETE else None
-    )
+@pytest.fixture
+def listened(router: Fleet) -> Iterator[Listened]:
+    """Two sessions."""
+    made = Listened(router.endpoint)
+    yield made
+    made.close()
 
 
-def known(sender: zenoh.Session) -> zenoh.Publisher:
-    """A publisher whose receiver is known, so that the first word is not lost."""
-    publisher = sender.declare_publisher("x", congestion_control=zenoh.CongestionControl.BLOCK)
-    wait_for(lambda: publisher.matching_status.matching, "the receiver is known")
-    return publisher
+@pytest.mark.usefixtures("slow")
+def test_one_that_is_slow_costs_the_others_no_message(listened: Listened) -> None:
+    """A healthy receiver hears all large messages in order, and the sender's session stays."""
+    for number in range(MESSAGES):
+        listened.publisher.put(b"%04d" % number + bytes(LARGE))
+    wait_for(lambda: len(listened.heard) == MESSAGES or listened.ended, "all arrive")
+    assert not listened.ended
+    assert [int(one[:4]) for one in listened.heard] == list(range(MESSAGES))
 
 
 def peak_mb(pid: int) -> float:
     """Most memory of a process so far."""
-    line = next(
-        line
-        for line in Path(f"/proc/{pid}/status").read_text().splitlines()
-        if line.startswith("VmHWM")
-    )
-    return int(line.split()[1]) / 1024
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
 
 
-def test_a_message_that_is_too_long_is_dropped_alone(router: Fleet) -> None:
+def test_a_message_that_is_too_long_is_dropped_alone(router: Fleet, listened: Listened) -> None:
     """The router keeps little of it, the session stays, and the next message passes."""
-    heard, ended = list[int](), list[object]()
-    with (
-        zenoh.open(client_config(router.endpoint)) as sender,
-        zenoh.open(client_config(router.endpoint)) as receiver,
-    ):
-        declared = receiver.declare_subscriber("x", lambda one: heard.append(len(one.payload)))
-        listening = closings(sender, ended)
-        publisher = known(sender)
-        publisher.put(bytes(MAX_BYTES))
-        wait_for(lambda: heard == [MAX_BYTES], "the longest communicate passes")
-        before = peak_mb(router.processes["router"].pid)
-        for size in (LONGEST + 1, 12 * LONGEST):
-            publisher.put(bytes(size))
-            publisher.put(b"next")
-        wait_for(lambda: heard == [MAX_BYTES, 4, 4], "the short ones pass, the long ones do not")
-        assert peak_mb(router.processes["router"].pid) < before + 4 * LONGEST / 1e6
-        assert not ended
-        for one in (declared, listening):
-            one.undeclare()
+    sizes, put = lambda: list(map(len, listened.heard)), listened.publisher.put
+    put(bytes(MAX_BYTES))
+    wait_for(lambda: sizes() == [MAX_BYTES], "the longest communicate passes")
+    before = peak_mb(router.processes["router"].pid)
+    for size in (LONGEST + 1, 12 * LONGEST):
+        put(bytes(size))
+        put(b"next")
+    wait_for(lambda: sizes() == [MAX_BYTES, 4, 4], "the short ones pass, the long ones do not")
+    assert peak_mb(router.processes["router"].pid) < before + 4 * LONGEST / 1e6
+    assert not listened.ended
 
 
 def test_what_is_published_is_not_longer_than_the_router_takes(router: Fleet) -> None:

@@ -15,7 +15,6 @@ import pytest
 from toy_fleet import wait_for
 
 from agent_runtime.io.sessions import free_endpoint
-from companion.run_files import TaskLine
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from companion.tools.verbs.hi import Hi, address
@@ -46,25 +45,15 @@ class Site:
 
     def up(self, run: Path, only: str, keys: Path, **more: str) -> None:
         """A part of it, in the background."""
-        told = {
-            "ROCO_TLS_DIR": str(keys),
-            "ROCO_SYSTEMS": ",".join(TOLD),
-            "ROCO_VIEW": "off",
-        }
+        told = {"ROCO_TLS_DIR": str(keys), "ROCO_SYSTEMS": ",".join(TOLD), "ROCO_VIEW": "off"}
         words = ("--only", only, "--speed", "max", "--no-wait")
         self.roco("up", "--out", str(run), *words, **told, **more)
 
     def roco(self, *words: str, **told: str) -> None:
         """`roco` with these variables; it must end well."""
         command = [sys.executable, "-m", "operate.cli", *words]
-        done = subprocess.run(
-            command,
-            env=os.environ | told,
-            capture_output=True,
-            text=True,
-            timeout=120.0,
-            check=False,
-        )
+        env = os.environ | told
+        done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=120.0)
         assert done.returncode == 0, done.stdout + done.stderr
 
     def ready(self, run: Path) -> bool:
@@ -90,35 +79,30 @@ def site(tmp_path: Path) -> Iterator[Site]:
         made.down()
 
 
+def hi(site: Site, name: str) -> Hi:
+    """A person's way to a robot."""
+    return Hi(address(Local(site.folder / name)))
+
+
 def done(site: Site, told: dict[str, str]) -> None:
     """Tell each robot its sentence, all at once; whoever failed (a loaded machine is enough) is
     told again.
     """
     for _ in range(TRIES):
-        tasks = {
-            name: Hi(address(Local(site.folder / name))).say(words).task
-            for name, words in told.items()
-        }
-        for name, task in tasks.items():
-            wait_for(
-                lambda n=name, t=task: line(site, n, t).state in ENDED,
-                f"{name} has ended its task",
-                TASK_S,
-            )
-        told = {
-            name: told[name]
-            for name, task in tasks.items()
-            if line(site, name, task).state != "done"
-        }
+        tasks = {name: hi(site, name).say(words).task for name, words in told.items()}
+
+        def state(name: str) -> str:
+            """Of its task as it stands."""
+            lines = hi(site, name).tasks()
+            return next(one.state for one in lines if one.task == tasks[name])  # noqa: B023
+
+        for name in tasks:
+            wait_for(lambda n=name: state(n) in ENDED, f"{name} has ended its task", TASK_S)
+        told = {name: words for name, words in told.items() if state(name) != "done"}
         if not told:
             return
         time.sleep(PAUSE_S)
-    raise AssertionError({name: Hi(address(Local(site.folder / name))).tasks() for name in told})
-
-
-def line(site: Site, name: str, task: str) -> TaskLine:
-    """A task of a robot as it stands."""
-    return next(one for one in Hi(address(Local(site.folder / name))).tasks() if one.task == task)
+    raise AssertionError({name: hi(site, name).tasks() for name in told})
 
 
 def test_each_robot_does_what_it_was_told(site: Site) -> None:
@@ -135,11 +119,8 @@ def test_each_robot_does_what_it_was_told(site: Site) -> None:
         assert past.said
         assert not [hole for hole in past.holes if hole.communicates], past.holes
         assert not past.garbage
-        held = {
-            what
-            for what, sides in truth(past)[-1][1].fingers_on.items()
-            if any(n >= 3 for n in sides.values())
-        }
+        fingers = truth(past)[-1][1].fingers_on
+        held = {what for what, sides in fingers.items() if max(sides.values()) >= 3}
         assert held == {thing}, name
         report = msgspec.json.decode((run / "report.json").read_bytes())
         assert report["communicates"]["total"] == len(past.said)

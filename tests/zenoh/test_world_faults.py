@@ -3,10 +3,7 @@ are not told.
 """
 
 import json
-import os
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,8 +11,8 @@ import pytest
 from roco_fleet import RocoFleet
 
 from companion.run_files import DISTURBANCES_FILE
-from operate.fault_lines import latest, read
-from operate.run_folder import FAULTS_FILE, Fault
+from operate.fault_lines import Fault, latest, read
+from operate.file_names import FAULTS_FILE
 from velma.control.grip import Wrong
 from velma.sim import disturbances
 
@@ -71,22 +68,13 @@ def test_a_sense_is_ill_for_its_time_and_heals_although_its_command_was_killed(
     fleet: Faulty,
 ) -> None:
     """The loop reads what cannot be: all that anybody knows is what the robot itself finds out."""
-    command = [sys.executable, "-m", "operate.cli", "fault", "sensor", "encoder", "--kind", "bias",
-               "--joint",
-               "left_arm_3_joint", "--by", "0.2", "--for", "60", "--run-dir",
-               str(fleet.run)]  # fmt: skip
-    with subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=dict(os.environ)
-    ) as child:
+    words = "fault sensor encoder --kind bias --joint left_arm_3_joint --by 0.2 --for 60"
+    with fleet.begin(words) as child:
         fleet.wait(fleet.going_on, "the order stands in the file")
         child.kill()
     (ordered,) = fleet.going_on()
-    assert (ordered.of, ordered.kind, ordered.on, ordered.by) == (
-        "encoder",
-        "bias",
-        "left_arm_3_joint",
-        (0.2,),
-    )
+    told = ordered.of, ordered.kind, ordered.on, ordered.by
+    assert told == ("encoder", "bias", "left_arm_3_joint", (0.2,))
     assert ordered.until is not None, "it would end by itself"
     told = fleet.fault("heal")
     assert "sensor encoder bias left_arm_3_joint by 0.2: healed" in told
@@ -95,10 +83,7 @@ def test_a_sense_is_ill_for_its_time_and_heals_although_its_command_was_killed(
 
 def test_the_robot_finds_by_itself_that_a_wrist_does_not_feel(fleet: Faulty) -> None:
     """It takes the jar with a wrist that reads no number, and says so."""
-    command = [sys.executable, "-m", "operate.cli", "fault", "sensor", "wrist", "--kind", "nan",
-               "--for", "100",
-               "--run-dir", str(fleet.run)]  # fmt: skip
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as child:
+    with fleet.begin("fault sensor wrist --kind nan --for 100") as child:
         try:
             fleet.wait(fleet.going_on, "the order stands in the file")
             line = fleet.do("take the jar")
@@ -122,21 +107,15 @@ def test_each_is_listed(fleet: Faulty) -> None:
 def test_what_cannot_be_is_refused(fleet: Faulty) -> None:
     """With what is right; nothing is recorded."""
     before = (fleet.run / FAULTS_FILE).read_bytes()
-    for words, said in (
-        (
-            ("thing", "cup_1", "--kind", "pushed"),
-            "no thing 'cup_1' can be moved; there are jar_1, bowl_1",
-        ),
-        (("thing", "table_1", "--kind", "tipped"), "no thing 'table_1' can be moved"),
-        (("thing", "jar_1", "--kind", "pushed", "--by", "1"), "three numbers with commas between"),
-        (
-            ("sensor", "wrist", "--kind", "black"),
-            "wrist cannot be black; it can be zero, stuck, nan, bias",
-        ),
-        (("sensor", "encoder", "--kind", "bias"), "which encoder? name its joint: --joint"),
-        (("sensor", "wrist", "--kind", "zero", "--by", "1"), "wrist zero has no size"),
-    ):
-        assert said in " ".join(fleet.fault(*words, code=2).split())
+    for words, said in {
+        "thing cup_1 --kind pushed": "no thing 'cup_1' can be moved; there are jar_1, bowl_1",
+        "thing table_1 --kind tipped": "no thing 'table_1' can be moved",
+        "thing jar_1 --kind pushed --by 1": "three numbers with commas between",
+        "sensor wrist --kind black": "wrist cannot be black; it can be zero, stuck, nan, bias",
+        "sensor encoder --kind bias": "which encoder? name its joint: --joint",
+        "sensor wrist --kind zero --by 1": "wrist zero has no size",
+    }.items():
+        assert said in " ".join(fleet.fault(*words.split(), code=2).split()), words
     assert (fleet.run / FAULTS_FILE).read_bytes() == before
 
 
@@ -145,7 +124,6 @@ def test_the_report_has_them(fleet: Faulty) -> None:
     fleet.fault("thing", "bowl_1", "--kind", "pushed", "--by", "0.02,0,0", "--for", "0.5")
     fleet.roco("down")
     report = json.loads((fleet.run / "report.json").read_bytes())
-    assert ("thing", "bowl_1 pushed by 0.02,0,0") in [
-        (one["kind"], one["what"]) for one in report["faults"]
-    ]
+    done = [(one["kind"], one["what"]) for one in report["faults"]]
+    assert ("thing", "bowl_1 pushed by 0.02,0,0") in done
     assert "<td>thing bowl_1 pushed by 0.02,0,0</td>" in (fleet.run / "report.html").read_text()

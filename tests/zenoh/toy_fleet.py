@@ -7,16 +7,23 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.state import restored
 from agent_runtime.io.heartbeat import Heartbeat
+from agent_runtime.io.journal import last_record
 from agent_runtime.io.options import AGENTS_VARIABLE, LISTEN_VARIABLE
 from agent_runtime.io.reaching import free_port
 
 DEADLINE_S = 30.0
+GARBAGE = (b"", b"garbage", b"\xc1" * 100, msgspec.msgpack.encode({"V": "request"}))
+"""No communicates."""
 TOY = Path(__file__).with_name("toy_process.py")
 
 
@@ -26,6 +33,35 @@ def wait_for(condition: Callable[[], object], what: str, deadline_s: float = DEA
     while not condition():
         assert time.monotonic() < end, f"not in {deadline_s} s: {what}"
         time.sleep(0.02)
+
+
+def service(module: str, log: Path, **variables: object) -> "subprocess.Popen[bytes]":
+    """Start a service with these variables of the environment; its output goes to a log."""
+    told = os.environ | {f"ROCO_{name}": str(value) for name, value in variables.items()}
+    with log.open("ab") as file:
+        command = [sys.executable, "-m", f"services.{module}"]
+        return subprocess.Popen(command, env=told, stdout=file, stderr=file)
+
+
+@contextmanager
+def serving(
+    module: str, run: Path, end_s: float = DEADLINE_S, **variables: object
+) -> Iterator[None]:
+    """A service that is ready; it must end in order."""
+    process = service(module, run / f"{module}.log", RUN_DIR=run, **variables)
+    wait_for((run / f"{module}.ready").exists, f"the {module} is ready")
+    yield
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(end_s) == 0, (run / f"{module}.log").read_text()
+
+
+def journalled(run: Path, agent: Agent[Any], record: bytes | None = None) -> Any:
+    """The memory in a record, else in the last one of the agent's journal; the first memory where
+    there is none yet.
+    """
+    path = run / "journal" / f"{agent.name}.journal"
+    record = record or (last_record(path.read_bytes()) if path.exists() else None)
+    return agent.memory if record is None else restored(agent, record).memory
 
 
 class Fleet:
@@ -56,12 +92,11 @@ class Fleet:
             command = [sys.executable, str(self.script), name, self.endpoint, str(self.run)]
             if name == "router":
                 command = [sys.executable, "-m", "services.router"]
+            at = ",".join(f"{agent}={endpoint}" for agent, endpoint in self.agents.items())
             environment = os.environ | {
                 "ROCO_RUN_DIR": str(self.run),
                 LISTEN_VARIABLE: self.endpoint if name == "router" else "",
-                AGENTS_VARIABLE: ",".join(
-                    f"{agent}={endpoint}" for agent, endpoint in self.agents.items()
-                ),
+                AGENTS_VARIABLE: at,
             }
             with (self.run / f"{name}.log").open("ab") as log:
                 self.processes[name] = subprocess.Popen(
@@ -71,10 +106,16 @@ class Fleet:
     def ready(self, *names: str) -> None:
         """Wait until these say that they are ready."""
         for name in names:
-            wait_for(
-                lambda name=name: (self.run / f"{name}.ready").exists(),
-                f"{name} is ready\n{self.logs()}",
-            )
+            self.wait((self.run / f"{name}.ready").exists, f"{name} is ready")
+
+    def wait(
+        self, condition: Callable[[], object], what: str, deadline_s: float = DEADLINE_S
+    ) -> None:
+        """Wait with a deadline; the output of all is told where it passes."""
+        try:
+            wait_for(condition, what, deadline_s)
+        except AssertionError as error:
+            raise AssertionError(f"{error}\n{self.logs()}") from None
 
     def kill(self, name: str) -> None:
         """kill -9."""
@@ -88,16 +129,26 @@ class Fleet:
         process.send_signal(signal.SIGTERM)
         return process.wait(DEADLINE_S)
 
-    def want(self, number: int) -> None:
-        """A word for the asker."""
+    def end(self) -> None:
+        """Kill what still runs."""
+        for name in list(self.processes):
+            self.kill(name)
+
+    def want(self, *numbers: int) -> None:
+        """Words for the asker."""
         with (self.run / "want").open("a") as file:
-            file.write(f"{number}\n")
+            file.writelines(f"{number}\n" for number in numbers)
 
     def beat(self, name: str) -> Heartbeat:
         """The agent's last heartbeat."""
-        return msgspec.json.decode(
-            (self.run / f"{name}.heartbeat.json").read_bytes(), type=Heartbeat
-        )
+        file = self.run / f"{name}.heartbeat.json"
+        return msgspec.json.decode(file.read_bytes(), type=Heartbeat)
+
+    def beats_on(self, name: str) -> None:
+        """Wait for its next heartbeat."""
+        file = self.run / f"{name}.heartbeat.json"
+        last = file.stat().st_mtime_ns
+        self.wait(lambda: file.stat().st_mtime_ns > last, f"{name} beats on")
 
     def logs(self) -> str:
         """Return the output of all processes."""

@@ -9,9 +9,9 @@ from companion.languages import hfsm, sw, wm
 from companion.telemetry import RobotState
 from companion.tools.report.events import Kind, events
 from fipa_codec.communicate import UNREADABLE
+from operate.live_lines import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Step, Task
 from operate.recording.history import History
 from operate.recording.records import House, Record, Spoken
-from operate.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Step, Task
 
 LOOP = "loop"
 STORY = 1000

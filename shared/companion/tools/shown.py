@@ -9,7 +9,7 @@ from companion.languages.values import Side
 from companion.rows import ShownRow
 from companion.sentences import at
 from companion.tasks import parts
-from operate.run_folder import Step
+from operate.live_lines import Step
 
 GENERAL = (
     ShownRow(rc.MoveJoint, "move", "#94a3b8", "moves an arm"),

@@ -21,7 +21,7 @@ import typer
 from agent_runtime.io.run_files import LinkedError
 from operate.cli import completion, interrupts
 from operate.cli.errors import INTERRUPTED, NO, WRONG_USE, ConsoleError, UsageError
-from operate.run_folder import NothingToRead
+from operate.structs import NothingToRead
 from operate.system import NoSystemError
 from topdown.model.errors import TopdownError
 

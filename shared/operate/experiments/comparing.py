@@ -83,10 +83,7 @@ def _in_pair(
     sender, receiver, protocol = kind
     found: list[Divergence] = []
     for side in (sender, receiver):
-        ours, theirs = (
-            [one for one in a if one.sender == side],
-            [one for one in b if one.sender == side],
-        )
+        ours, theirs = ([one for one in some if one.sender == side] for some in (a, b))
         for position, (one, other) in enumerate(zip_longest(ours, theirs), start=1):
             if one is None or other is None or one.meaning != other.meaning:
                 found.append(
@@ -264,11 +261,8 @@ def _percent(
 
 def _lost(a: tuple[Result[Any], ...], b: tuple[Result[Any], ...]) -> tuple[Lost, ...]:
     fine = {one.seed for one in a if one.success}
-    return tuple(
-        Lost(one.seed or 0, one.failure)
-        for one in b
-        if one.failure is not None and one.seed in fine
-    )
+    failed = ((one.seed or 0, one.failure) for one in b if one.seed in fine)
+    return tuple(Lost(seed, why) for seed, why in failed if why is not None)
 
 
 def _diverged(a: Runs, b: Runs) -> tuple[Diverged, ...]:

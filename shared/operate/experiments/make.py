@@ -3,7 +3,6 @@ runs.parquet.
 """
 
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import pyarrow
@@ -14,8 +13,9 @@ from operate.experiments import page, results, summary, tables
 from operate.experiments.measures import Runs
 from operate.experiments.results import NothingHere
 from operate.experiments.run_figures import SentMessage, sent_messages
+from operate.experiments.setting import RESULTS_FILE
+from operate.file_names import TRAFFIC_FILE
 from operate.recording.run import Run
-from operate.run_folder import TRAFFIC_FILE
 
 REPORT = "report"
 RUNS_FILE = "runs.parquet"
@@ -34,7 +34,7 @@ class Made(msgspec.Struct, frozen=True):
 
 def everything(place: Path) -> Made:
     """Make the report of an experiment's folder. Raises NothingHere."""
-    if not (place / results.RESULTS_FILE).is_file():
+    if not (place / RESULTS_FILE).is_file():
         raise NothingHere(f"{place} holds no experiment; `roco experiment` makes one")
     _keep_said(place)
     runs = results.load(place)
@@ -50,37 +50,23 @@ def everything(place: Path) -> Made:
     write_whole(place / f"{REPORT}.html", page.rendered(runs, told).encode())
     with replaced(place / RUNS_FILE) as file:
         parquet.write_table(of_runs(runs), file, compression="zstd")
-    return Made(
-        str(place),
-        told.runs,
-        told.success.value,
-        told.success.low,
-        told.success.high,
-        page.lines(told, runs.measures),
-    )
+    share, lines = told.success, page.lines(told, runs.measures)
+    return Made(str(place), told.runs, share.value, share.low, share.high, lines)
 
 
 def of_runs(runs: Runs) -> pyarrow.Table:
     """One row a run: seed, success, why not, wall time, load, and every quantity."""
-    columns: dict[str, list[Any]] = {
-        "seed": [one.seed for one in runs.results],
-        "success": [one.success for one in runs.results],
-        "failure": [one.failure for one in runs.results],
-        "took_s": [one.took_s for one in runs.results],
-        "load": [one.load[0] if one.load else None for one in runs.results],
-    }
+    names = ("seed", "success", "failure", "took_s")
+    columns = {name: [getattr(one, name) for one in runs.results] for name in names}
+    columns["load"] = [one.load[0] if one.load else None for one in runs.results]
     types = {"seed": pyarrow.int64(), "success": pyarrow.bool_(), "failure": pyarrow.string()}
     for quantity in runs.measures.all_quantities:
         name = f"{quantity.name} [{quantity.unit}]" if quantity.unit else quantity.name
         columns[name] = [
             None if one.figures is None else quantity.read(one.figures) for one in runs.results
         ]
-    return pyarrow.table(
-        {
-            name: pyarrow.array(some, types.get(name, pyarrow.float64()))
-            for name, some in columns.items()
-        }
-    )
+    kinds = {name: types.get(name, pyarrow.float64()) for name in columns}
+    return tables.table(kinds, columns)
 
 
 def _keep_said(place: Path) -> None:

@@ -12,9 +12,9 @@ import pyarrow
 
 from operate.experiments.intervals import Interval
 from operate.experiments.run_figures import Figures, Result, SentMessage
+from operate.experiments.setting import ExperimentSetting
 from operate.quantiles import enough
 from operate.recording.history import History
-from operate.run_folder import ExperimentSetting
 from operate.system import NoSystemError, System
 from topdown.model.design import Design
 
@@ -146,26 +146,18 @@ class Shown(msgspec.Struct, frozen=True):
 def shown(report: msgspec.Struct, own: Measures) -> tuple[Shown, ...]:
     """Return the figures of a report that a person is told, beside those of the traffic."""
     figures = msgspec.json.decode(msgspec.json.encode(report), type=own.figures)
-    return tuple(
-        Shown(one.name, one.unit, one.read(figures))
-        for one in own.quantities
-        if one.name in own.told
-    )
+    told = (one for one in own.quantities if one.name in own.told)
+    return tuple(Shown(one.name, one.unit, one.read(figures)) for one in told)
 
 
 def answers(design: Design) -> tuple[Quantity, ...]:
     """Return one quantity per use of a protocol: the time from its opening to its first answer."""
-    return tuple(
-        Quantity(
-            f"{use.name}: answer, {words}",
-            "latency",
-            "ms",
-            _latency(use.name, part),
-            judged=part == "p50",
-        )
-        for use in design.file.protocol
-        for part, words in (("p50", "half within"), ("p99", "99 % within"), ("max", "longest"))
-    )
+    found = []
+    for name in (use.name for use in design.file.protocol):
+        for part, words in (("p50", "half within"), ("p99", "99 % within"), ("max", "longest")):
+            read, judged = _latency(name, part), part == "p50"
+            found.append(Quantity(f"{name}: answer, {words}", "latency", "ms", read, judged))
+    return tuple(found)
 
 
 def channel_size(name: str, part: str) -> Callable[[Figures], Value]:
@@ -206,7 +198,8 @@ def _bytes(figures: Figures) -> Value:
 
 
 def _small(figures: Figures) -> Value:
-    return None if figures.communicates.small is None else 100 * figures.communicates.small
+    small = figures.communicates.small
+    return None if small is None else 100 * small
 
 
 def _largest(figures: Figures) -> Value:

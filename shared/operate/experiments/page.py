@@ -2,10 +2,11 @@
 report.md.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +17,7 @@ from operate.experiments.measures import LARGEST, SMALL, Measures, Published, Ro
 from operate.experiments.run_figures import SentMessage
 from operate.experiments.summary import RECEIVED, SENT, Summary
 from operate.reports.counts import SMALL_BYTES
-from operate.reports.figures import ACCENT, INK, drawing, in_bytes, mark_of
+from operate.reports.figures import ACCENT, INK, above, drawing, in_bytes, sizes_over_time
 from operate.reports.page import ABSENT, STYLE, number, template
 
 # --- Sizes of communicates over many runs, as SVG to stand inside a page: means with 95 % intervals
@@ -43,31 +44,13 @@ def sizes(runs: Runs) -> str:
     told, design = _traffic(runs), runs.measures.design
     if not told:
         return ""
-    with drawing("all-sizes", 3.9, "Size of each communicate over time, all runs, by channel") as (
-        axes,
-        svg,
-    ):
-        for channel, entry in design.channels.items():
-            points = [(one.t, one.size) for said in told for one in said if one.channel == channel]
-            if points:
-                mark, colour = mark_of(channel, design)
-                label = f"{channel} {'-'.join(entry.ends)}"
-                t, size = zip(*points, strict=True)
-                dots = axes.scatter(
-                    t, size, marker=mark, c=colour, s=11, alpha=0.3, linewidths=0, rasterized=True
-                )
-                dots.set_zorder(2)
-                axes.scatter([], [], marker=mark, c=colour, s=15, linewidths=0, label=label)
+    text = "Size of each communicate over time, all runs, by channel"
+    with drawing("all-sizes", 3.9, text) as (axes, svg):
+        dots = [(one.channel, one.t, one.size) for said in told for one in said]
+        sizes_over_time(axes, dots, design, alpha=0.3)
         axes.figure.set_dpi(POINT_DPI)
         _mean_size(axes, told)
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(in_bytes)
-        axes.set_xlabel("time after the first communicate [s]")
-        axes.set_ylabel("size")
-        axes.margins(x=0.01)
-        axes.legend(
-            loc="lower left", bbox_to_anchor=(0, 1.01), ncols=7, frameon=False, columnspacing=1.2
-        )
+        above(axes, 7)
     return svg[0]
 
 
@@ -77,14 +60,12 @@ def shares(runs: Runs) -> str:
     if not told:
         return ""
     edges = np.logspace(1.8, 6, 120)
-    below = np.array(
-        [[np.mean([one.size < edge for one in said]) for edge in edges] for said in told]
-    )
+    sizes = [np.array([[one.size] for one in said]) for said in told]
+    below = np.array([(some < edges).mean(axis=0) for some in sizes])
     middle, half = intervals.band(100 * below)
     with drawing("all-shares", 2.6, "Share of communicates below each size") as (axes, svg):
-        axes.fill_between(
-            edges, middle - half, middle + half, color=ACCENT, alpha=SHADE, linewidth=0
-        )
+        shaded: dict[str, Any] = {"color": ACCENT, "alpha": SHADE, "linewidth": 0}
+        axes.fill_between(edges, middle - half, middle + half, **shaded)
         axes.plot(edges, middle, color=ACCENT, linewidth=1.6)
         _published(axes, runs.measures.published)
         axes.set_xscale("log")
@@ -124,9 +105,8 @@ def _mean_size(axes: Axes, told: Sequence[tuple[SentMessage, ...]]) -> None:
         if found is None or found.low is None or found.high is None:
             continue
         low, high = max(found.low, 50.0), found.high
-        axes.fill_between(
-            (start, end), (low, low), (high, high), color=INK, alpha=SHADE, linewidth=0, zorder=3
-        )
+        shaded: dict[str, Any] = {"color": INK, "alpha": SHADE, "linewidth": 0, "zorder": 3}
+        axes.fill_between((start, end), (low, low), (high, high), **shaded)
         axes.plot((start, end), (found.value, found.value), color=INK, linewidth=1.3, zorder=4)
     axes.plot([], [], color=INK, linewidth=1.3, label="mean")
 
@@ -254,53 +234,56 @@ def _head(told: Summary, own: Measures) -> Iterator[str]:
         yield f"- Seed {one.seed} failed: {one.why}"
 
 
+def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> Iterator[str]:
+    """A table of Markdown."""
+    names = (*head,)
+    yield f"| {' | '.join(names)} |"
+    yield "|---" * len(names) + "|"
+    for row in rows:
+        yield f"| {' | '.join(row)} |"
+
+
 def _rows(told: Summary, own: Measures) -> Iterator[str]:
-    head = f"| figure of a run | mean | 95 % interval | least | largest | {own.published.by} |"
-    yield from ("", head, "|---|---|---|---|---|---|")
-    for row in told.rows:
-        numbers = (number(row.mean.value, row.digits), span(row.mean, row.digits))
-        others = (
+    head = ("figure of a run", "mean", "95 % interval", "least", "largest", own.published.by)
+    rows = (
+        (
+            f"{row.name} [{row.unit}]" if row.unit else row.name,
+            number(row.mean.value, row.digits),
+            span(row.mean, row.digits),
             number(row.least, row.digits),
             number(row.largest, row.digits),
             number(row.published),
         )
-        yield (
-            f"| {row.name}{f' [{row.unit}]' if row.unit else ''} |"
-            f" {' | '.join((*numbers, *others))} |"
-        )
+        for row in told.rows
+    )
+    yield from ("", *_table(head, rows))
 
 
 def _events(told: Summary, own: Measures) -> Iterator[str]:
     if not told.events:
         return
-    yield from ("", "Events: s after the first communicate", "")
-    yield from (
-        f"| event | wall time | 95 % | simulated | 95 % | runs | {own.published.by} |",
-        "|---|---|---|---|---|---|---|",
-    )
-    for row in told.events:
-        ours = (
-            value(row.t, 1),
-            span(row.t, 1),
-            value(row.sim_s, 1),
-            span(row.sim_s, 1),
-            str(row.runs),
+    head = ("event", "wall time", "95 %", "simulated", "95 %", "runs", own.published.by)
+    rows = (
+        (
+            row.name,
+            *(value(row.t, 1), span(row.t, 1), value(row.sim_s, 1), span(row.sim_s, 1)),
+            *(str(row.runs), number(row.published)),
         )
-        yield f"| {row.name} | {' | '.join(ours)} | {number(row.published)} |"
+        for row in told.events
+    )
+    yield from ("", "Events: s after the first communicate", "", *_table(head, rows))
 
 
 def _matrix(told: Summary, own: Measures) -> Iterator[str]:
     beside = f"; in brackets: {own.published.by}" if own.published.matrix else ""
     yield from ("", f"Communicates of a run, rows receive, columns send{beside}", "")
     senders = (*own.order, RECEIVED)
-    yield f"| | {' | '.join(senders)} |"
-    yield "|---" * (len(senders) + 1) + "|"
-    for receiver in (*own.order, SENT):
-        cells = (
-            told.matrix[sender][receiver] for sender in senders if receiver in told.matrix[sender]
-        )
-        words = (
-            f"{count(cell.mean)}{f' ({cell.published})' if cell.published else ''}"
-            for cell in cells
-        )
-        yield f"| {receiver} | {' | '.join(words)} |"
+
+    def words(receiver: str) -> Iterator[str]:
+        yield receiver
+        for cells in (told.matrix[sender] for sender in senders):
+            if receiver in cells:
+                published = cells[receiver].published
+                yield count(cells[receiver].mean) + (f" ({published})" if published else "")
+
+    yield from _table(("", *senders), map(words, (*own.order, SENT)))

@@ -11,13 +11,13 @@ import msgspec
 from operate.experiments import measures, tables
 from operate.experiments.measures import Runs
 from operate.experiments.run_figures import Figures, Result, SentMessage, sent_messages
+from operate.experiments.setting import RESULTS_FILE, SETTING_FILE, ExperimentSetting
+from operate.file_names import REPORT_FILE, TRAFFIC_FILE
 from operate.recording.run import opened
 from operate.reports import report
-from operate.run_folder import REPORT_FILE, TRAFFIC_FILE, ExperimentSetting, NothingToRead
+from operate.structs import NothingToRead
 from operate.system import System, of_run
 
-SETTING_FILE = "experiment.json"
-RESULTS_FILE = "results.jsonl"
 SAID_FILE = "communicates.parquet"
 RUNS = "runs"
 
@@ -32,15 +32,9 @@ def load(place: Path) -> Runs:
     """
     if (place / RESULTS_FILE).is_file():
         return _experiment(place)
-    singles = (
-        [place]
-        if is_run(place)
-        else (
-            sorted(one for one in place.glob("*") if is_run(one) and not one.is_symlink())
-            if place.is_dir()
-            else []
-        )
-    )
+    inside = sorted(place.glob("*")) if place.is_dir() else []
+    runs = [one for one in inside if is_run(one) and not one.is_symlink()]
+    singles = [place] if is_run(place) else runs
     if not singles:
         raise NothingHere(
             f"{place} holds no runs; give an experiment's folder ({RESULTS_FILE}), a run's folder"
@@ -52,11 +46,9 @@ def load(place: Path) -> Runs:
 
 def is_run(place: Path) -> bool:
     """Whether a run was recorded here: its folder, or the recording itself."""
-    return (
-        place.suffix == ".mcap"
-        if place.is_file()
-        else any((place / n).exists() for n in (TRAFFIC_FILE, REPORT_FILE))
-    )
+    if place.is_file():
+        return place.suffix == ".mcap"
+    return any((place / name).exists() for name in (TRAFFIC_FILE, REPORT_FILE))
 
 
 def system_of(place: Path) -> System:
@@ -115,13 +107,12 @@ def _put_together(
     name: str, singles: list[tuple[Result[Any], tuple[SentMessage, ...]]], own: measures.Measures
 ) -> Runs:
     """Runs whose seeds do not tell them apart are numbered instead."""
-    seeds = [result.seed for result, _ in singles]
-    seeded = None not in seeds and len(set(seeds)) == len(seeds)
+    seeds = {result.seed for result, _ in singles}
+    seeded = None not in seeds and len(seeds) == len(singles)
     if not seeded:
-        seeds = list(range(1, len(singles) + 1))
-    numbered = [
-        msgspec.structs.replace(result, seed=n)
-        for n, (result, _) in zip(seeds, singles, strict=True)
-    ]
-    told = {n: rows for n, (_, rows) in zip(seeds, singles, strict=True) if rows and n is not None}
-    return Runs(name, None, tuple(numbered), told, own, seeded)
+        singles = [
+            (msgspec.structs.replace(result, seed=n), rows)
+            for n, (result, rows) in enumerate(singles, 1)
+        ]
+    told = {one.seed: rows for one, rows in singles if rows and one.seed is not None}
+    return Runs(name, None, tuple(one for one, _ in singles), told, own, seeded)

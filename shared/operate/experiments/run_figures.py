@@ -14,7 +14,7 @@ import msgspec
 
 from operate.recording.history import History
 from operate.reports.counts import Communicates, Latency
-from operate.run_folder import alike
+from operate.structs import alike
 
 
 class Happened(msgspec.Struct, frozen=True):
@@ -103,27 +103,17 @@ class SentMessage(msgspec.Struct, frozen=True):
         """The part by which two runs are compared: who says what to whom; numbers, conversation
         names and sizes may differ.
         """
-        return (
-            self.sender,
-            self.receiver,
-            self.protocol,
-            self.performative,
-            self.kind,
-            _NUMBERS.sub("#", self.text),
-        )
+        who = self.sender, self.receiver, self.protocol, self.performative
+        return (*who, self.kind, _NUMBERS.sub("#", self.text))
 
 
 def sent_messages(history: History, words: Callable[[object], str]) -> tuple[SentMessage, ...]:
     """Return the communicates of a history in the order of time; `words`: a content in a few
     words.
     """
-    return tuple(
-        alike(
-            SentMessage,
-            one,
-            t=one.received - history.begin,
-            kind="" if one.content is None else type(one.content).__name__,
-            text=words(one.content),
-        )
-        for one in history.said
-    )
+    rows = []
+    for one in history.said:
+        told = {"t": one.received - history.begin, "text": words(one.content)}
+        kind = "" if one.content is None else type(one.content).__name__
+        rows.append(alike(SentMessage, one, **told, kind=kind))
+    return tuple(rows)

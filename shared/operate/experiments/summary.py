@@ -10,7 +10,7 @@ from operate.experiments import intervals
 from operate.experiments.intervals import Interval
 from operate.experiments.measures import Measures, Published, Row, Runs, values
 from operate.experiments.run_figures import Figures, Result
-from operate.run_folder import ExperimentSetting
+from operate.experiments.setting import ExperimentSetting
 
 SENT, RECEIVED = "sent", "received"
 """The margins of the count matrix: a last row, and a last column."""
@@ -122,11 +122,8 @@ def _events(results: tuple[Result[Any], ...], published: Published) -> Iterable[
         sim = [event.sim_s for event in found if event.sim_s is not None]
         t = intervals.mean([event.t for event in found])
         name = found[0].words or id
-        rows.append(
-            Event(
-                name, found[0].channels, t, intervals.mean(sim), len(found), published.times.get(id)
-            )
-        )
+        sim_s, theirs = intervals.mean(sim), published.times.get(id)
+        rows.append(Event(name, found[0].channels, t, sim_s, len(found), theirs))
     rows.sort(key=lambda row: row.t.value if row.t else 0.0)
     lacking = (
         (published.events.get(id, id), at) for id, at in published.times.items() if id not in ids
@@ -137,24 +134,16 @@ def _events(results: tuple[Result[Any], ...], published: Published) -> Iterable[
 
 def _matrix(results: tuple[Result[Any], ...], own: Measures) -> dict[str, dict[str, Cell]]:
     """Of every pair of agents; the margins are those of the sums of each run."""
-    runs, agents, published = (
-        [one.communicates.matrix for one in good(results)],
-        own.order,
-        own.published.matrix,
-    )
-    everybody = {
-        *agents,
-        *(name for run in runs for sender in run for name in (sender, *run[sender])),
-    }
+    runs, agents = [one.communicates.matrix for one in good(results)], own.order
+    told = (name for run in runs for sender in run for name in (sender, *run[sender]))
+    everybody = {*agents, *told}
 
     def cell(senders: Collection[str], receivers: Collection[str]) -> Cell:
         def said(matrix: Mapping[str, Mapping[str, int]]) -> int:
             return sum(matrix.get(s, {}).get(r, 0) for s in senders for r in receivers)
 
-        return Cell(
-            intervals.mean([said(one) for one in runs]) or Interval(0.0, None, None, 0),
-            said(published),
-        )
+        mean = intervals.mean([said(one) for one in runs]) or Interval(0.0, None, None, 0)
+        return Cell(mean, said(own.published.matrix))
 
     table = {s: {r: cell({s}, {r}) for r in agents} | {SENT: cell({s}, everybody)} for s in agents}
     return table | {RECEIVED: {r: cell(everybody, {r}) for r in agents}}

@@ -14,9 +14,9 @@ import msgspec
 
 from agent_runtime.core.state import Record
 from agent_runtime.io.journal import last_record
+from operate.file_names import REPORT_FILE
 from operate.recording.history import History
 from operate.recording.run import Run
-from operate.run_folder import REPORT_FILE
 from operate.system import Job
 from topdown.model.design import Design
 
@@ -58,10 +58,8 @@ def lost(records: dict[str, Record]) -> Iterator[str]:
     What a sender numbered was taken by its receiver, or waits in its outbox.
     """
     for sender, receiver in permutations(records, 2):
-        said, taken = (
-            records[sender].issued.get(receiver, 0),
-            records[receiver].taken.get(sender, 0),
-        )
+        said = records[sender].issued.get(receiver, 0)
+        taken = records[receiver].taken.get(sender, 0)
         waiting = {one.number for one in records[sender].outbox.get(receiver, ())}
         if taken > said:
             yield f"{receiver} took {taken} durable messages of {sender}, which said {said}"

@@ -11,6 +11,7 @@ import msgspec
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
+from operate.live_lines import Again, AgentIn, LiveLine, Sent
 from operate.recording.records import (
     SETTING,
     Garbage,
@@ -22,9 +23,9 @@ from operate.recording.records import (
     Unpaired,
     key_of,
 )
-from operate.run_folder import Again, AgentIn, Judged, LiveLine, Sent, alike
+from operate.structs import alike
 from operate.system import System
-from operate.verdict_lines import line
+from operate.verdict_lines import Judged, line
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement, Verdict
 from topdown.model.design import Design
@@ -92,24 +93,15 @@ class Judging:
         """Whoever is of another design keeps no log, and may have taken it."""
         if one.receiver in self._system.design.agents:
             why = f"{one.receiver} did not take it: it was down, frozen or out of reach"
-            yield alike(
-                Judged,
-                one,
-                t=one.received,
-                verdict=Verdict.NOT_TAKEN,
-                bytes=one.size,
-                text="",
-                why=why,
-            )
+            told = {"t": one.received, "bytes": one.size, "text": "", "why": why}
+            yield alike(Judged, one, verdict=Verdict.NOT_TAKEN, **told)
 
     def _unpaired(self, one: Unpaired) -> Judged:
         rule = self._system.design.rules.get(
             (one.sender, one.receiver, one.protocol, Performative(one.performative))
         )
-        verdict, channel = (
-            Verdict.ALTERED if one.altered else Verdict.NOT_SAID,
-            "" if rule is None else rule.channel,
-        )
+        verdict = Verdict.ALTERED if one.altered else Verdict.NOT_SAID
+        channel = "" if rule is None else rule.channel
         return alike(
             Judged, one, t=one.received, verdict=verdict, bytes=0, channel=channel, violation=True
         )

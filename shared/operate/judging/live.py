@@ -12,8 +12,9 @@ import msgspec
 from agent_runtime.core import peers
 from agent_runtime.core.peers import Unheard
 from fipa_codec.communicate import UNREADABLE
+from operate.live_lines import Again, AgentIn, Happened, LiveLine, Sent
 from operate.recording.records import House, Record, Spoken, Token, fault_in
-from operate.run_folder import Again, AgentIn, Happened, LiveLine, Sent, alike
+from operate.structs import alike
 from operate.system import System
 from topdown.judge.conversations import Remembered
 
@@ -120,11 +121,10 @@ class Live:
         """Agents that do not hear a peer, once for each time."""
         before = self._not_heard.get(beat.agent, ())
         self._not_heard[beat.agent] = beat.unheard
-        yield from (
-            Happened(t=t, name="unheard", text=peers.unheard_text(beat.agent, one, t))
-            for one in beat.unheard
-            if one not in before
-        )
+        for one in beat.unheard:
+            if one not in before:
+                text = peers.unheard_text(beat.agent, one, t)
+                yield Happened(t=t, name="unheard", text=text)
 
     def _entered(self, now: AgentIn) -> Iterator[AgentIn]:
         last = self._states.get(now.agent)

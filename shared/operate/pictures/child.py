@@ -21,7 +21,8 @@ from pathlib import Path
 import msgspec
 import rerun as rr
 
-from operate.pictures import wire
+from operate.file_names import VERDICTS_FILE
+from operate.pictures import viewer_pipe
 from operate.pictures.blueprint import LIVE_S, YOUNG
 from operate.pictures.file import NAME, laid_out
 from operate.pictures.happenings import Happening, Lost, Reader
@@ -31,8 +32,8 @@ from operate.pictures.stage import Stage
 from operate.pictures.viewer_address import LOOPBACK, Place, free_port
 from operate.recording.mcap_file import FILE, Reading
 from operate.recording.records import House, Spoken, understood
-from operate.run_folder import VERDICTS_FILE, Judged
 from operate.system import System, here
+from operate.verdict_lines import Judged
 
 # --- What was before somebody looked: of a run that goes on, from its recording and its verdicts --
 
@@ -214,7 +215,7 @@ class Child:
         """Draw what comes through this file descriptor. 0: it ended, or nobody looks. Raises
         OverLimit, ServerError.
         """
-        frames, flushed = wire.Frames(), time.monotonic()
+        frames, flushed = viewer_pipe.Frames(), time.monotonic()
         while True:
             if select.select([pipe], [], [], FLUSH_S)[0]:
                 data = os.read(pipe, READ_BYTES)
@@ -232,17 +233,17 @@ class Child:
         """End the server."""
         self._server.close()
 
-    def _take(self, item: wire.Item) -> None:
+    def _take(self, item: viewer_pipe.Item) -> None:
         self._idle = False
         match item:
-            case wire.Since(at=at):
+            case viewer_pipe.Since(at=at):
                 self._recall(at)
-            case wire.Heard(sample=sample) if not self._past.has(sample.at):
+            case viewer_pipe.Heard(sample=sample) if not self._past.has(sample.at):
                 for happening in self._reader.read(understood(sample, self._system)):
                     self._draw(happening)
-            case wire.ShownVerdict(judged=judged) if not self._past.judged(judged):
+            case viewer_pipe.ShownVerdict(judged=judged) if not self._past.judged(judged):
                 self._draw(Happening(judged.t, judged))
-            case wire.Missed(at=at, samples=count):
+            case viewer_pipe.Missed(at=at, samples=count):
                 self._draw(Happening(at, Lost(count)))
 
     def _recall(self, at: float) -> None:

@@ -23,9 +23,9 @@ from pathlib import Path
 
 from agent_runtime.io.tap import Sample
 from operate.pictures.viewer_address import SWITCH, Place, opened, tell, wanted
-from operate.pictures.wire import Heard, Item, Missed, ShownVerdict, Since, encode, framed
-from operate.run_folder import Judged
+from operate.pictures.viewer_pipe import Heard, Item, Missed, ShownVerdict, Since, encode, framed
 from operate.system import System
+from operate.verdict_lines import Judged
 
 QUEUE_BYTES = 8 * 1024 * 1024
 """Waits at most for the child; estimate: a minute of a pour. Beside it, one batch of at most
@@ -92,10 +92,8 @@ class Queue:
     def since(self) -> float:
         """When the oldest sample that waits was heard [unix s]; now where there is none."""
         with self._lock:
-            return next(
-                (item.sample.at for _, item, _ in self._items if isinstance(item, Heard)),
-                time.time(),
-            )
+            heard = (item.sample.at for _, item, _ in self._items if isinstance(item, Heard))
+            return next(heard, time.time())
 
     def _remove(self) -> Item:
         _, item, size = self._items.popleft()
@@ -195,11 +193,8 @@ class Feed:
                 self._tell_end(error)
             finally:
                 self._looking = False
-            pause = (
-                FIRST_PAUSE_S
-                if time.monotonic() - began > LONGEST_PAUSE_S
-                else min(2 * pause, LONGEST_PAUSE_S)
-            )
+            long = time.monotonic() - began > LONGEST_PAUSE_S
+            pause = FIRST_PAUSE_S if long else min(2 * pause, LONGEST_PAUSE_S)
             self._over.wait(pause)
 
     def _start(self, ports: tuple[socket.socket, socket.socket]) -> None:
@@ -241,12 +236,8 @@ class Feed:
 
     def _tell_end(self, error: OSError) -> None:
         if not self._over.is_set():
-            self._say(
-                "no pictures for now",
-                level="warning",
-                why=str(error),
-                file=str(self._run / "rerun.log"),
-            )
+            told = {"why": str(error), "file": str(self._run / "rerun.log")}
+            self._say("no pictures for now", level="warning", **told)
 
 
 def _write_all(pipe: int, data: bytes) -> None:
@@ -268,10 +259,8 @@ def feeding(where: Mapping[str, Path], system: System, say: Say) -> dict[str, Fe
     """
     feeds = {}
     if os.environ.get(SWITCH) != "off" and importlib.util.find_spec("rerun") is None:
-        say(
-            "no pictures",
-            why="Rerun is not installed here; `roco view` shows the recording where it is",
-        )
+        why = "Rerun is not installed here; `roco view` shows the recording where it is"
+        say("no pictures", why=why)
         return {}
     for number, (name, run) in enumerate(where.items()):
         try:

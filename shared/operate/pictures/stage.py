@@ -5,13 +5,14 @@ from typing import Protocol
 
 import rerun as rr
 
+from operate.fault_lines import Fault
 from operate.pictures.colours import FRESH, GREY, RED
 from operate.pictures.happenings import Happening, Lost
 from operate.pictures.sheet import Colour, Sheet, states
 from operate.pictures.traffic import Bandwidth, Graph, Log, Sequence, Sizes
 from operate.recording.history import Entered
-from operate.run_folder import Fault, Judged
 from operate.system import System
+from operate.verdict_lines import Judged
 from topdown.model.design import Design
 
 # --- States over time: a lane for each agent. States of rest are grey, others stand out -----------
@@ -62,15 +63,10 @@ class Lanes:
     """Draws each change of an agent's state."""
 
     def __init__(self, sheet: Sheet, design: Design) -> None:
-        self._lanes = {
-            agent: Lane(
-                sheet,
-                f"agents/{agent}",
-                [state.name for state in entry.state],
-                entry.rest or (entry.initial,),
-            )
-            for agent, entry in design.agents.items()
-        }
+        self._lanes = {}
+        for agent, entry in design.agents.items():
+            names, rest = [state.name for state in entry.state], entry.rest or (entry.initial,)
+            self._lanes[agent] = Lane(sheet, f"agents/{agent}", names, rest)
 
     def take(self, happening: Happening) -> None:
         """Draw what changed."""

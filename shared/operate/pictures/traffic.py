@@ -4,6 +4,7 @@ sequence diagram.
 
 import math
 from collections import defaultdict, deque
+from typing import Any
 
 import rerun as rr
 
@@ -12,7 +13,7 @@ from operate.pictures.happenings import Happening, Lost
 from operate.pictures.sheet import Colour, Sheet, flat_arrows, log_lines, nodes, scalars
 from operate.recording.history import Entered
 from operate.recording.records import Spoken
-from operate.run_folder import Judged
+from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
 
@@ -47,12 +48,8 @@ class Log:
                 )
                 self._add(happening.at, one.channel, what + why, level)
             case Lost(samples=count):
-                self._add(
-                    happening.at,
-                    "",
-                    f"drawing is too slow: {count} samples not shown (they are recorded)",
-                    "WARN",
-                )
+                text = f"drawing is too slow: {count} samples not shown (they are recorded)"
+                self._add(happening.at, "", text, "WARN")
 
     def _add(self, at: float, name: str, text: str, level: str) -> None:
         colours: dict[str, Colour] = {"ERROR": RED, "WARN": ORANGE, "DEBUG": GREY}
@@ -122,10 +119,8 @@ class Bandwidth:
         self._sheet, self._channels, self._bins = sheet, design.channels, Bins()
         self._last: dict[str, tuple[float, float]] = {}
         for name in design.channels:
-            sheet.static(
-                f"bandwidth/{name}",
-                rr.SeriesLines(colors=[channel(name)], names=[name], widths=[1.5]),
-            )
+            look = rr.SeriesLines(colors=[channel(name)], names=[name], widths=[1.5])
+            sheet.static(f"bandwidth/{name}", look)
 
     def pass_time(self, at: float) -> None:
         """Draw the bins that are over."""
@@ -276,12 +271,8 @@ class Sequence:
         # negative: in points of the screen
         sheet.static(LANES, rr.LineStrips2D(lanes, colors=[GREY], radii=[-0.5]))
         places = [(x, -ROW_HIGH) for x in self._lanes.values()]
-        sheet.static(
-            NAMES,
-            rr.Points2D(
-                places, labels=list(self._lanes), colors=[FRESH], radii=[-2.0], show_labels=True
-            ),
-        )
+        dots: dict[str, Any] = {"colors": [FRESH], "radii": [-2.0], "show_labels": True}
+        sheet.static(NAMES, rr.Points2D(places, labels=list(self._lanes), **dots))
         sheet.static(ARROWS, rr.Arrows2D.from_fields(radii=[-1.0], show_labels=True))
 
     def take(self, happening: Happening) -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 import msgspec
 
 from agent_runtime.io.run_files import write_whole
-from operate.run_folder import VIEW_FILE, ViewAddress
+from operate.file_names import VIEW_FILE
+from operate.fleet_file import ViewAddress
 
 SWITCH, BIND, GRPC, WEB = "ROCO_VIEW", "ROCO_VIEW_BIND", "ROCO_VIEW_GRPC", "ROCO_VIEW_WEB"
 LOOPBACK, EVERY_INTERFACE = "127.0.0.1", "0.0.0.0"

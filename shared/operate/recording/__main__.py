@@ -16,7 +16,7 @@ from agent_runtime.io import cli
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import USAGE_ERROR
 from operate.recording.recorder import serve
-from operate.run_folder import NothingToRead
+from operate.structs import NothingToRead
 from operate.system import NoSystemError, here
 
 TRIES = 50

@@ -13,9 +13,9 @@ import msgspec
 from mcap.records import Channel, Footer, Header, McapRecord, Message, Metadata, Schema
 
 from fipa_codec.communicate import UNREADABLE
+from operate.file_names import TRAFFIC_FILE
 from operate.recording.index import REPAIRED
 from operate.recording.stored import CONTENTS, NOTE, TORN, NoRecordingError, stored
-from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 
 PROJECT = "robot-companion"

@@ -17,8 +17,9 @@ from fipa_codec.communicate import Communicate, decode_strictly, encode
 from fipa_codec.errors import FipaError
 from operate.recording.records import Garbage, Origin, Spoken
 from operate.recording.run import Run
-from operate.run_folder import Dead, DeadLetter, alike
+from operate.structs import alike
 from operate.system import System
+from operate.verdict_lines import Dead, DeadLetter
 
 JOURNAL, LOGS = "journal", "logs"
 ON_ITS_WAY_S = 5.0

@@ -25,6 +25,7 @@ from agent_runtime.io import steplog
 from agent_runtime.io.steplog import BOOT, SentMessage, checked
 from fipa_codec.communicate import UNREADABLE, Communicate, encode
 from fipa_codec.errors import FipaError
+from operate.file_names import STEPS
 from operate.recording.records import (
     RECORDED,
     Garbage,
@@ -37,7 +38,7 @@ from operate.recording.records import (
     Unpaired,
     spoken,
 )
-from operate.run_folder import STEPS, alike
+from operate.structs import alike
 from operate.system import System
 
 # --- Times at which agents heard something, by their own step logs: a latency ends when the asker
@@ -125,11 +126,10 @@ FROZEN_S = 60.0
 """So long something that was said may be taken later; estimate: pauses of a minute are tried."""
 STILL_TRIES, STILL_S = 50, 0.01
 """Estimate: an agent writes a batch of steps within a millisecond."""
-MOST_SAID = (
-    # times that an observation is said and compared: every 2 s, a receiver is away for two minutes
-    # (estimate)
-    64
-)
+MOST_SAID = 64
+"""Times that an observation is said and compared: every 2 s, a receiver is away for two minutes
+(estimate).
+"""
 REMEMBERED = 50_000
 """Communicates of which only one log is known so far; 20 MB (estimate)."""
 
@@ -336,24 +336,18 @@ class Ends:
                     yield record
                     yield from self._taken(one, step.at)
             case Receipted.__name__:
-                yield _receipted(
-                    msgspec.msgpack.decode(step.input, type=Receipted), step.at, log.agent
-                )
+                came = msgspec.msgpack.decode(step.input, type=Receipted)
+                told = msgspec.msgpack.encode(alike(Receipt, came, peer=log.agent))
+                yield House(RECEIPT, came.peer, log.agent, step.at, told)
             case Garbled.__name__:
-                told = msgspec.msgpack.decode(step.input, type=Garbled)
-                if "/" in told.key:
-                    yield Garbage(told.key, 0, told.reason, step.at, b"", log=log.agent)
+                bad = msgspec.msgpack.decode(step.input, type=Garbled)
+                if "/" in bad.key:
+                    yield Garbage(bad.key, 0, bad.reason, step.at, b"", log=log.agent)
             case kind if kind == BOOT:
                 if log.told_until:
                     log.lives.append(step.at)
-                yield Token(
-                    log.agent,
-                    step.incarnation,
-                    True,
-                    step.at,
-                    steplog.journal_of(step.input),
-                    noted=True,
-                )
+                life = steplog.journal_of(step.input)
+                yield Token(log.agent, step.incarnation, True, step.at, life, noted=True)
 
     def _arrived(self, one: Communicate, at: float, agent: str) -> Record | None:
         """The record of a communicate that reached an agent at `at`."""
@@ -398,11 +392,8 @@ class Ends:
         copies.
         """
         took, all_said = checked(came), [(one.communicate, one.check) for one in said]
-        _remember(
-            self._paired,
-            (came.sender, came.receiver, came.id),
-            frozenset(map(hash, (took, *all_said))),
-        )
+        identity = came.sender, came.receiver, came.id
+        _remember(self._paired, identity, frozenset(map(hash, (took, *all_said))))
         if took not in all_said:
             why = (
                 f"{came.receiver} took other words than {came.sender} said under the id"
@@ -495,16 +486,8 @@ def _unpaired(one: Communicate, at: float, why: str, *, altered: bool) -> Unpair
     )
 
 
-def _receipted(one: Receipted, at: float, agent: str) -> House:
-    """The record of a receipt for what an agent said."""
-    return House(
-        RECEIPT, one.peer, agent, at, msgspec.msgpack.encode(alike(Receipt, one, peer=agent))
-    )
-
-
 def _key(one: Communicate, system: System) -> str:
     """The key of a communicate that the design does not have, on no channel of it."""
-    told = {
-        name: str(getattr(one, name)) for name in ("sender", "receiver", "protocol", "performative")
-    }
+    names = ("sender", "receiver", "protocol", "performative")
+    told = {name: str(getattr(one, name)) for name in names}
     return system.design.file.system.key.format(system=RECORDED, channel="unknown", **told)

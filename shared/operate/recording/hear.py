@@ -16,10 +16,10 @@ import msgspec
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import key_file
 from agent_runtime.io.tap import RECORDER, Sample, Waiting, open_tap
+from operate.file_names import TRAFFIC_FILE
 from operate.recording.ends import Ends, ends_now
 from operate.recording.mcap_file import first
 from operate.recording.records import sampled
-from operate.run_folder import TRAFFIC_FILE
 from operate.system import System
 
 CONSOLE = "console"
@@ -43,10 +43,8 @@ def serve(options: Options, system: System) -> int:
     tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, who)
     if tap is None:
         look = f"Its recording is looked at with --run {options.run_dir}"
-        print(
-            f"no router answers at {options.connect}; is the fleet up (`roco status`)? {look}",
-            file=sys.stderr,
-        )
+        why = f"no router answers at {options.connect}; is the fleet up (`roco status`)?"
+        print(f"{why} {look}", file=sys.stderr)
         return NO_ROUTER
     try:
         _print(waiting, ends, options, system)

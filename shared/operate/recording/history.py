@@ -12,7 +12,8 @@ from typing import Any
 import msgspec
 
 from fipa_codec.communicate import UNREADABLE
-from operate.fault_lines import done
+from operate.fault_lines import Fault, done
+from operate.fleet_file import ProcessStatus
 from operate.judging import judged
 from operate.recording import ends
 from operate.recording.ends import HeardReceipt, Hearing, receipts
@@ -29,8 +30,8 @@ from operate.recording.records import (
     fault_in,
     setting_in,
 )
-from operate.run_folder import Fault, Judged, ProcessStatus
 from operate.system import System
+from operate.verdict_lines import Judged
 
 
 class Hole(msgspec.Struct, frozen=True):
@@ -94,11 +95,9 @@ class History(msgspec.Struct, frozen=True):
     def answered(self, question: Spoken, answer: Spoken) -> float | None:
         """Return the time [s] from a question to an answer."""
         sender = self.hearing.get(question.sender)
-        return (
-            None
-            if sender is None
-            else sender.after(question.sent, sender.said.get(answer.identity))
-        )
+        if sender is None:
+            return None
+        return sender.after(question.sent, sender.said.get(answer.identity))
 
 
 class _Beat(msgspec.Struct, frozen=True):
@@ -120,11 +119,8 @@ def of_records(
     """
     records = tuple(records)
     said, copies = _told_apart([record for record in records if isinstance(record, Spoken)])
-    houses = [
-        record
-        for record in records
-        if isinstance(record, House) and record.kind not in (SETTING, FAULT)
-    ]
+    every = [record for record in records if isinstance(record, House)]
+    houses = [house for house in every if house.kind not in (SETTING, FAULT)]
     return History(
         said=said,
         copies=copies,
@@ -160,12 +156,8 @@ def _torn(records: tuple[Record, ...], whole: bool) -> Iterator[Hole]:
     """Yield that heartbeats and telemetry may be missing."""
     if not whole:
         end = records[-1].received if records else 0.0
-        yield Hole(
-            end,
-            end,
-            0,
-            "the recorder was killed, or records still: heartbeats and telemetry may end before",
-        )
+        why = "the recorder was killed, or records still: heartbeats and telemetry may end before"
+        yield Hole(end, end, 0, why)
 
 
 def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken, ...]]:

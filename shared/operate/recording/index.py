@@ -172,13 +172,8 @@ class _Copy:
                     one.topic, one.message_encoding, schema, one.metadata
                 )
             case Message() if one.channel_id in self._channels:
-                self._writer.add_message(
-                    self._channels[one.channel_id],
-                    one.log_time,
-                    one.data,
-                    one.publish_time,
-                    one.sequence,
-                )
+                channel, times = self._channels[one.channel_id], (one.publish_time, one.sequence)
+                self._writer.add_message(channel, one.log_time, one.data, *times)
                 self.messages += 1
             case Metadata():
                 self._writer.add_metadata(one.name, one.metadata)

@@ -47,11 +47,8 @@ def _inlined(one: dict[str, Any], parts: dict[str, Any]) -> dict[str, Any]:
     if "enum" in one:
         one = {"type": "string", **one}
     if "properties" in one:
-        one = one | {
-            "properties": {
-                name: _inlined(field, parts) for name, field in one["properties"].items()
-            }
-        }
+        fields = one["properties"].items()
+        one = one | {"properties": {name: _inlined(field, parts) for name, field in fields}}
     return one
 
 
@@ -138,11 +135,9 @@ class Recording:
         self._count += 1
         self.taken_until = max(self.taken_until, record.received)
         heard = int(record.received * _NS)
-        sent = (
-            int(record.sent * _NS)
-            if isinstance(record, Spoken) and 0 < record.sent < 1e10
-            else heard
-        )
+        sent = heard
+        if isinstance(record, Spoken) and 0 < record.sent < 1e10:
+            sent = int(record.sent * _NS)
         channel = self._channel(topic(record), type(record))
         self._writer.add_message(channel, heard, _encoder.encode(record), sent, self._count)
 
@@ -186,18 +181,16 @@ class Recording:
         return why
 
     def _keep(self, end: int, logs: Mapping[str, int]) -> None:
-        now = Cursor(
-            end, self._count, self.taken_until, tuple(self._channels), _schemas(), dict(logs)
-        )
+        topics = tuple(self._channels)
+        now = Cursor(end, self._count, self.taken_until, topics, _schemas(), dict(logs))
         write_secret(self._path.with_name(CURSOR_FILE), _encoder.encode(now))
 
     def _channel(self, name: str, kind: type) -> int:
         if name not in self._channels:
             if kind not in self._schemas:
                 data = _encoder.encode(schema(kind))
-                self._schemas[kind] = self._writer.register_schema(
-                    kind.__name__, "jsonschema", data
-                )
+                made = self._writer.register_schema(kind.__name__, "jsonschema", data)
+                self._schemas[kind] = made
             self._channels[name] = self._writer.register_channel(name, "json", self._schemas[kind])
         return self._channels[name]
 

@@ -3,7 +3,7 @@ of things.
 """
 
 from operate.recording.run import Run
-from operate.run_folder import NothingToRead
+from operate.structs import NothingToRead
 from operate.system import System
 from operate.tracing.reasons import Why, absent, content_text, ending
 from operate.tracing.trace import Span, Trace
@@ -47,20 +47,11 @@ def people(trace: Trace, system: System) -> tuple[Span, ...]:
 
 def _of_task(run: Run, span: Span) -> Why:
     more = run.system.addition("why")
-    passages = [
-        ending(run.trace, span),
-        *([] if more is None else more(run, span)),
-        absent(run.trace, span),
-    ]
+    own = [] if more is None else more(run, span)
+    passages = [ending(run.trace, span), *own, absent(run.trace, span)]
     what, took, last = span.text or span.protocol, span.end - span.start, span.last
-    ended = (
-        f"ended after {took:.1f} s with"
-        f" {last.performative}{f': {content_text(last)}' if content_text(last) else ''}"
-    )
+    content = f": {content_text(last)}" if content_text(last) else ""
+    ended = f"ended after {took:.1f} s with {last.performative}{content}"
     text = f"{what}: {ended if span.ended else f'open for {took:.1f} s'}"
-    return Why(
-        span.id,
-        text,
-        run.trace.begin,
-        tuple(one for one in passages if one is not None and one.facts),
-    )
+    found = tuple(one for one in passages if one is not None and one.facts)
+    return Why(span.id, text, run.trace.begin, found)

@@ -30,8 +30,10 @@ from agent_runtime.io.run_files import make_run
 from agent_runtime.io.steplog import LOG_PART, LOG_WANTED, MUCH_BYTES, OFFSET
 from agent_runtime.io.tap import Sample, Tap, Waiting, open_tap
 from operate.fault_lines import FaultFile
+from operate.file_names import LIVE_FILE, STEPS, VERDICTS_FILE
 from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
+from operate.live_lines import Against, Happened
 from operate.pictures.feed import Feed, feeding
 from operate.recording.contents import versions_now
 from operate.recording.ends import Ends
@@ -51,8 +53,8 @@ from operate.recording.records import (
     understood,
 )
 from operate.recording.stored import NOTE
-from operate.run_folder import LIVE_FILE, STEPS, VERDICTS_FILE, Against, Happened, Judged
 from operate.system import System
+from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 
 # --- Folders of the recordings of several systems: robots at one router, and one monitor ----------
@@ -167,17 +169,9 @@ of pouring.
 MOST_BYTES_OF_LINES = 1024 * 1024 * 1024
 """Of live.jsonl, and of verdicts.jsonl; estimate: days of pouring."""
 TOLD = (
-    "verdict",
-    "why",
-    "channel",
-    "sender",
-    "receiver",
-    "protocol",
-    "performative",
-    "conversation",
-    "id",
-    "key",
-)
+    "verdict", "why", "channel", "sender", "receiver", "protocol", "performative", "conversation",
+    "id", "key",
+)  # fmt: skip
 """Log event of a communicate that is not as designed."""
 
 
@@ -334,9 +328,8 @@ class Recorder:
                 " to have it"
             )
             self._say("disk limit", level="error", why=why)
-            self._live_file.write(
-                msgspec.json.encode(Happened(t=time.time(), name="disk limit", text=why)) + b"\n"
-            )
+            line = Happened(t=time.time(), name="disk limit", text=why)
+            self._live_file.write(msgspec.json.encode(line) + b"\n")
 
     def look_for_faults(self) -> None:
         """Record what `roco fault` has written since the last look."""
@@ -376,12 +369,15 @@ class Recorder:
         for one in lines:
             if one.violation and not self._repeats.told(_kind(one), time.time()):
                 continue
-            self._verdicts.write(encoded(one))
+            self._told(one)
             if self._feed is not None:
                 self._feed.said(one)
-            if one.violation:
-                self._live_file.write(msgspec.json.encode(_against(one)) + b"\n")
-                self._say("not as designed", level="warning", **_verdict_fields(one))
+
+    def _told(self, one: Judged) -> None:
+        self._verdicts.write(encoded(one))
+        if one.violation:
+            self._live_file.write(msgspec.json.encode(_against(one)) + b"\n")
+            self._say("not as designed", level="warning", **_verdict_fields(one))
 
     def _sum_up(self, now: float) -> None:
         """Tell how many more violations of a kind there were than were told singly."""
@@ -389,10 +385,7 @@ class Recorder:
             return
         for kind, count in self._repeats.over(now):
             why = f"… {count:,} more of this kind from {kind.sender or kind.key} in {WINDOW_S:g} s"
-            one = msgspec.structs.replace(kind, t=time.time(), why=why)
-            self._verdicts.write(encoded(one))
-            self._live_file.write(msgspec.json.encode(_against(one)) + b"\n")
-            self._say("not as designed", level="warning", **_verdict_fields(one))
+            self._told(msgspec.structs.replace(kind, t=time.time(), why=why))
 
 
 _OTHERS = Judged(t=0.0, verdict=Verdict.MALFORMED, bytes=0, why="others", violation=True)
@@ -530,12 +523,8 @@ def _tap(
 
 
 def _listen(options: Options, waiting: Waiting, say: Say) -> Tap | None:
-    tap = open_tap(
-        options,
-        waiting.put,
-        lambda: waiting.stopped,
-        told=lambda why: say("no router", why=why),
-    )
+    told = lambda why: say("no router", why=why)  # noqa: E731
+    tap = open_tap(options, waiting.put, lambda: waiting.stopped, told=told)
     if tap is not None:
         (options.run_dir / f"{NAME}.ready").write_text("records")
     return tap
@@ -553,7 +542,6 @@ def _record(
         if time.monotonic() - flushed > FLUSH_S:
             if tap.done() and (opened := tap.result()) is not None:
                 recorders.ask(opened.put)
-            recorders.each(Recorder.follow)
-            recorders.each(Recorder.look_for_faults)
-            recorders.each(Recorder.flush)
+            for act in (Recorder.follow, Recorder.look_for_faults, Recorder.flush):
+                recorders.each(act)
             flushed = time.monotonic()

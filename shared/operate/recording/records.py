@@ -8,7 +8,7 @@ recorded as it came. Must not know: where records come from, what is made of the
 from contextlib import suppress
 from enum import StrEnum
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -17,7 +17,9 @@ from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import UNREADABLE, Communicate, decode, decode_strictly, encode
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind, Languages
-from operate.run_folder import Fault, Sent
+from operate.fault_lines import Fault
+from operate.live_lines import Sent
+from operate.structs import alike
 from operate.system import System
 from topdown.model.design import Design
 
@@ -34,7 +36,7 @@ FAULT, OPERATOR = "fault", "operator"
 RECORDED = "recorded"
 """Stands in the keys of records, which do not keep the system's name."""
 
-
+T = TypeVar("T")
 Identity = tuple[str, str, str]
 """Sender, receiver and id of a communicate: its copies share it."""
 
@@ -222,12 +224,8 @@ def understood(sample: Sample, system: System) -> Record:
         communicate = decode_strictly(sample.data)
     except FipaError as error:
         return _garbage(sample, str(error))
-    told = (
-        communicate.sender,
-        communicate.receiver,
-        communicate.protocol,
-        str(communicate.performative),
-    )
+    one = communicate
+    told = (one.sender, one.receiver, one.protocol, str(one.performative))
     if tuple(chunks[3:]) != told:
         return _garbage(sample, f"the communicate says {'/'.join(told)}")
     try:
@@ -236,8 +234,8 @@ def understood(sample: Sample, system: System) -> Record:
         return _garbage(sample, str(error))
     if chunks[2] != channel:
         return _garbage(sample, f"the design has it on {channel}")
-    one = spoken(communicate, sample.data, sample.at, system)
-    return one.sized(sample.size) if sample.size > len(sample.data) else one
+    record = spoken(communicate, sample.data, sample.at, system)
+    return record.sized(sample.size) if sample.size > len(sample.data) else record
 
 
 def spoken(
@@ -248,17 +246,12 @@ def spoken(
     origin: Origin = Origin.RECEIVER,
 ) -> Spoken:
     """The record of a communicate that the design knows. Raise LookupError for another one."""
-    read = Spoken(
+    read = alike(
+        Spoken,
+        communicate,
         size=len(wire),
-        sender=communicate.sender,
-        receiver=communicate.receiver,
         performative=str(communicate.performative),
-        protocol=communicate.protocol,
-        language=communicate.language,
-        conversation=communicate.conversation,
         channel=system.design.rule(communicate).channel,
-        id=communicate.id,
-        sent=communicate.sent,
         received=received,
         wire=wire,
         origin=origin,
@@ -286,17 +279,18 @@ def _garbage(sample: Sample, reason: str) -> Garbage:
 
 def fault_in(record: Record) -> Fault | None:
     """Return the fault that a record tells of; None for any other record."""
-    if isinstance(record, House) and record.kind == FAULT:
-        with suppress(*UNREADABLE):
-            return msgspec.json.decode(record.data, type=Fault)
-    return None
+    return _told_by_house(record, FAULT, Fault)
 
 
 def setting_in(record: Record) -> Setting | None:
     """Return the setting of the fleet, if this is the record of it."""
-    if isinstance(record, House) and record.kind == SETTING:
+    return _told_by_house(record, SETTING, Setting)
+
+
+def _told_by_house(record: Record, kind: str, told: type[T]) -> T | None:
+    if isinstance(record, House) and record.kind == kind:
         with suppress(*UNREADABLE):
-            return msgspec.json.decode(record.data, type=Setting)
+            return msgspec.json.decode(record.data, type=told)
     return None
 
 
@@ -321,17 +315,15 @@ def sampled(record: Record, design: Design, system: str = RECORDED) -> Sample | 
     match record:
         case Spoken():
             size = record.size if record.lost else 0
-            return Sample(
-                key_of(record, design.file.system.key, system), record.wire, at, size=size
-            )
+            key = key_of(record, design.file.system.key, system)
+            return Sample(key, record.wire, at, size=size)
         case Garbage(data=b"", reason=reason):
             return Sample(record.key, b"", at, broken=reason)
         case Garbage():
             return Sample(record.key, record.data, at)
         case Token():
-            key = service_key(
-                system, "alive", record.agent, life(record.incarnation, record.journal)
-            )
+            own = life(record.incarnation, record.journal)
+            key = service_key(system, "alive", record.agent, own)
             return Sample(key, b"", at, token=True, gone=not record.alive)
         case House():
             peer = (record.peer,) if record.peer else ()
@@ -342,11 +334,5 @@ def sampled(record: Record, design: Design, system: str = RECORDED) -> Sample | 
 
 def key_of(one: Spoken | Sent, form: str, system: str = RECORDED) -> str:
     """The key a recorded communicate was put on; `form`: how the design writes keys."""
-    return form.format(
-        system=system,
-        channel=one.channel,
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
-        performative=one.performative,
-    )
+    names = ("channel", "sender", "receiver", "protocol", "performative")
+    return form.format(system=system, **{name: getattr(one, name) for name in names})

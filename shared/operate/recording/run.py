@@ -14,27 +14,20 @@ import msgspec
 
 from agent_runtime.io.tap import Sample
 from operate.fault_lines import FaultFile, done
+from operate.file_names import FLEET_FILE, LIVE_FILE, STEPS, TRAFFIC_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.judging import judged
+from operate.live_lines import LiveLine
 from operate.recording import history, mcap_file, traced
 from operate.recording.ends import RECEIPT, Ends
 from operate.recording.history import History
 from operate.recording.mcap_file import Read
 from operate.recording.records import HEARTBEAT, Garbage, House, Record, Spoken, Unpaired, sampled
 from operate.recording.stored import NoRecordingError
-from operate.run_folder import (
-    FLEET_FILE,
-    LIVE_FILE,
-    STEPS,
-    TRAFFIC_FILE,
-    Fleet,
-    Judged,
-    LiveLine,
-    ProcessState,
-    ProcessStatus,
-    alike,
-)
+from operate.structs import alike
 from operate.system import System, of_run
 from operate.tracing.trace import Trace
+from operate.verdict_lines import Judged
 from topdown.check.recorded import Observation, Observed
 
 NOT_UP = (ProcessState.GIVEN_UP, ProcessState.BACKING_OFF)
@@ -109,12 +102,9 @@ class Run:
     def observed(self) -> Observed:
         """Everything said, each once, and the names of its events, to compare it with a design."""
         events = self.system.addition("events")
-        return Observed(
-            communicates=tuple(_observation(one) for one in self.history.said),
-            events=tuple(event.name for event in events(self.history))
-            if events is not None
-            else (),
-        )
+        told = () if events is None else events(self.history)
+        said = tuple(_observation(one) for one in self.history.said)
+        return Observed(communicates=said, events=tuple(event.name for event in told))
 
     def _down(self) -> tuple[ProcessStatus, ...]:
         """Return the processes that did not run in the end, by the supervisor's file; () without

@@ -18,7 +18,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from operate.run_folder import NothingToRead
+from operate.structs import NothingToRead
 
 RECORD_LIMIT = 64 * 1024 * 1024
 """A longer record is damage: the longest communicate has 4 MiB, a third more in base64, plus its
@@ -81,11 +81,8 @@ def _unpacked(chunk: Chunk) -> bytes:
         if chunk.compression == "lz4":
             data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most)
         elif chunk.compression == "zstd":
-            data = (
-                zstandard.ZstdDecompressor(max_window_size=CHUNK_LIMIT)
-                .stream_reader(data)
-                .read(most)
-            )
+            unpacked = zstandard.ZstdDecompressor(max_window_size=CHUNK_LIMIT)
+            data = unpacked.stream_reader(data).read(most)
         elif chunk.compression:
             raise UnsupportedCompressionError(chunk.compression)
     except (RuntimeError, zstandard.ZstdError) as error:  # lz4 has no error of its own

@@ -15,12 +15,13 @@ from agent_runtime.core.errors import StepLogError
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
 from fipa_codec.communicate import UNREADABLE, Communicate
+from operate.fault_lines import Fault
 from operate.recording.history import History
 from operate.recording.records import Record, Spoken, Token
-from operate.run_folder import Fault, Judged, alike
+from operate.structs import alike
 from operate.system import System
 from operate.tracing.trace import Away, Identity, Message, Step, Talk, Trace, spans
-from operate.verdict_lines import ended, sides
+from operate.verdict_lines import Judged, ended, sides
 
 LONGEST_S = 60.0
 """From a fault to the return of its agent; estimate: it is started again in seconds, at worst in a
@@ -50,21 +51,16 @@ def _message(one: Spoken, system: System) -> Message:
 
 def _talks(said: list[Message], judged: tuple[Judged, ...], system: System) -> Iterator[Talk]:
     """Yield what was said as conversations of two agents each."""
-    states = {
-        _pair(one.conversation, one.protocol, one.sender, one.receiver): one
-        for one in judged
-        if one.initiator
-    }
+    known = [one for one in judged if one.initiator]
+    states = {_pair(one.conversation, one.protocol, one.sender, one.receiver): one for one in known}
     grouped: defaultdict[tuple[str, str, frozenset[str]], list[Message]] = defaultdict(list)
     for one in said:
         grouped[_pair(one.conversation, one.protocol, one.sender, one.receiver)].append(one)
     for key, messages in grouped.items():
         messages.sort(key=lambda one: one.sent)
         first = messages[0]
-        last, pair = (
-            states.get(key),
-            sides(system.design, first.protocol, first.sender, first.receiver),
-        )
+        last = states.get(key)
+        pair = sides(system.design, first.protocol, first.sender, first.receiver)
         over = last is not None and ended(
             system.design, first.protocol, (last.initiator, last.participant)
         )

@@ -95,10 +95,10 @@ def communicates(history: History, design: Design, order: tuple[str, ...] = ()) 
     matrix: dict[str, dict[str, int]] = {a: dict.fromkeys(agents, 0) for a in agents}
     for one in said:
         matrix[one.sender][one.receiver] += 1
-    per_channel = {
-        channel: _sizes([o.size for o in said if o.channel == channel])
-        for channel in design.channels
+    of_channel = {
+        name: [one.size for one in said if one.channel == name] for name in design.channels
     }
+    per_channel = {name: _sizes(sizes) for name, sizes in of_channel.items()}
     over = Counter(one.channel for one in said if one.size > design.rule(one.communicate).bytes)
     return Communicates(
         total=len(said),
@@ -116,17 +116,12 @@ def latencies(history: History, design: Design) -> tuple[Latency, ...]:
     """Of each use of a protocol in which something was asked, in the order of the design."""
     answers = _by_use(history.said, _answers(history, design), design)
     receipts = _by_use(history.said, _receipted(history, design), design)
-    return tuple(
-        Latency(
-            channel=use.channel,
-            use=use.name,
-            budget_ms=1000 * use.latency_s,
-            answer=spans(answers[use.name]),
-            receipt=spans(receipts[use.name]),
-        )
-        for use in design.file.protocol
-        if answers[use.name] or receipts[use.name]
-    )
+    found = []
+    for use in design.file.protocol:
+        some = spans(answers[use.name]), spans(receipts[use.name])
+        if any(some):
+            found.append(Latency(use.channel, use.name, 1000 * use.latency_s, *some))
+    return tuple(found)
 
 
 def spans(some: list[float]) -> Spans | None:
@@ -180,11 +175,9 @@ def _answers(history: History, design: Design) -> Callable[[Spoken], float | Non
 
     def measure(one: Spoken) -> float | None:
         answer = first.get((one.conversation, one.receiver))
-        return (
-            history.answered(one, answer)
-            if one.performative in OPENING and answer is not None
-            else None
-        )
+        if one.performative not in OPENING or answer is None:
+            return None
+        return history.answered(one, answer)
 
     return measure
 
@@ -193,24 +186,15 @@ def _receipted(history: History, design: Design) -> Callable[[Spoken], float | N
     """For a durable communicate: time to the first receipt that covers its number; None for all
     else.
     """
-    told = _by_pair(history.receipts)
+    told: dict[tuple[str, str], list[HeardReceipt]] = defaultdict(list)
+    for receipt in history.receipts:
+        told[receipt.owner, receipt.peer].append(receipt)
 
     def measure(one: Spoken) -> float | None:
         number = number_of(one.id) if design.rule(one.communicate).durable else None
         if number is None:
             return None
-        some = (
-            t.at
-            for t in told[one.receiver, one.sender]
-            if t.receipt.taken >= number and t.at >= one.sent
-        )
-        return history.took(one, next(some, None))
+        covering = (t for t in told[one.receiver, one.sender] if t.receipt.taken >= number)
+        return history.took(one, next((t.at for t in covering if t.at >= one.sent), None))
 
     return measure
-
-
-def _by_pair(receipts: Iterable[HeardReceipt]) -> dict[tuple[str, str], list[HeardReceipt]]:
-    found: dict[tuple[str, str], list[HeardReceipt]] = defaultdict(list)
-    for one in receipts:
-        found[one.owner, one.peer].append(one)
-    return found

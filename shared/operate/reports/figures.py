@@ -73,38 +73,63 @@ def sizes(
     if not history.said:
         return ""
     with drawing("sizes", 3.6, "Size of each communicate over time, by channel") as (axes, svg):
-        _shade(axes, stretches)
-        for channel, ends in ((c, "-".join(entry.ends)) for c, entry in design.channels.items()):
-            said = [one for one in history.said if one.channel == channel]
-            if said:
-                mark, colour = mark_of(channel, design)
-                at = [one.received - history.begin for one in said]
-                axes.scatter(
-                    at,
-                    [o.size for o in said],
-                    marker=mark,
-                    c=colour,
-                    label=f"{channel} {ends}",
-                    s=15,
-                    alpha=0.5 if len(said) > CROWDED * len(history.said) else 0.9,
-                    linewidths=0,
-                    zorder=3,
-                )
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(in_bytes)
+        for start, end, name in stretches:
+            axes.axvspan(start, end, color=BAND, zorder=0, linewidth=0)
+            place = axes.get_xaxis_transform()
+            axes.text(start, 0.985, f" {name}", transform=place, va="top", color=ACCENT, fontsize=8)
+        dots = [(one.channel, one.received - history.begin, one.size) for one in history.said]
+        sizes_over_time(axes, dots, design)
         axes.yaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlabel("time after the first communicate [s]")
-        axes.set_ylabel("size")
-        axes.margins(x=0.01)
-        axes.legend(
-            loc="lower left",
-            bbox_to_anchor=(0, 1.01),
-            ncols=6,
-            frameon=False,
-            handletextpad=0.1,
-            columnspacing=1.4,
-        )
+        above(axes, 6)
     return svg[0]
+
+
+def sizes_over_time(
+    axes: Axes, dots: Iterable[tuple[str, float, int]], design: Design, alpha: float = 0.0
+) -> None:
+    """Draw (channel, time [s], size [bytes]), a mark per channel. `alpha`: of every dot; 0: of the
+    dots of a channel by how crowded it is.
+    """
+    some = list(dots)
+    for channel, entry in design.channels.items():
+        said = [(at, size) for name, at, size in some if name == channel]
+        if said:
+            mark, colour = mark_of(channel, design)
+            at, size = zip(*said, strict=True)
+            axes.scatter(
+                at,
+                size,
+                marker=mark,
+                c=colour,
+                s=15,
+                alpha=alpha or (0.5 if len(said) > CROWDED * len(some) else 0.9),
+                linewidths=0,
+                zorder=2 if alpha else 3,
+                rasterized=bool(alpha),  # dots of many runs
+            )
+            label = f"{channel} {'-'.join(entry.ends)}"
+            axes.scatter([], [], marker=mark, c=colour, s=15, linewidths=0, label=label)
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(in_bytes)
+    axes.set_ylabel("size")
+    _over_time(axes)
+
+
+def above(axes: Axes, columns: int) -> None:
+    """Put the legend above the axes, in so many columns."""
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0, 1.01),
+        ncols=columns,
+        frameon=False,
+        handletextpad=0.1,
+        columnspacing=1.3,
+    )
+
+
+def _over_time(axes: Axes) -> None:
+    axes.set_xlabel("time after the first communicate [s]")
+    axes.margins(x=0.01)
 
 
 def latencies(rows: tuple[Latency, ...]) -> str:
@@ -114,36 +139,22 @@ def latencies(rows: tuple[Latency, ...]) -> str:
     answered = [row for row in rows if row.answer is not None]
     if not answered:
         return ""
-    with drawing(
-        "latency", 0.8 + 0.36 * len(answered), "Time to the first answer, by protocol"
-    ) as (axes, svg):
+    lanes = [f"{row.channel}  {row.use}" for row in answered]
+    with _laned("latency", lanes, "Time to the first answer, by protocol") as (axes, svg):
         for y, row in enumerate(reversed(answered)):
             spans = row.answer
             assert spans is not None
-            axes.plot(
-                (spans.p50, spans.max),
-                (y, y),
-                color="#94a3b8",
-                linewidth=2,
-                zorder=2,
-                solid_capstyle="round",
-            )
+            line: dict[str, Any] = {"color": "#94a3b8", "linewidth": 2, "zorder": 2}
+            axes.plot((spans.p50, spans.max), (y, y), solid_capstyle="round", **line)
             axes.plot((spans.most[1],), (y,), "|", color=FAINT, markersize=9, zorder=3)
             axes.plot((spans.p50,), (y,), "o", color=ACCENT, markersize=6, zorder=4)
             axes.plot((row.budget_ms,), (y,), marker=9, color="#d97706", markersize=7, zorder=3)
-        axes.set_yticks(
-            range(len(answered)), [f"{row.channel}  {row.use}" for row in reversed(answered)]
-        )
         axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(_in_ms)
-        axes.set_ylim(-0.6, len(answered) - 0.4)
-        axes.grid(visible=False, axis="y")
-        axes.set_title(
-            "dot: half of them    |: most    line: to the longest    ▶: what the design allows",
-            loc="left",
-            fontsize=9,
-            color=FAINT,
+        axes.xaxis.set_major_formatter(
+            lambda value, _: f"{value / 1000:g} s" if value >= 1000 else f"{value:g} ms"
         )
+        key = "dot: half of them    |: most    line: to the longest    ▶: what the design allows"
+        axes.set_title(key, loc="left", fontsize=9, color=FAINT)
     return svg[0]
 
 
@@ -153,10 +164,7 @@ def busy(stretches: Iterable[tuple[str, str, float, float]], design: Design) -> 
     if not found:
         return ""
     lanes, last = list(design.agents), max(one[3] for one in found)
-    with drawing("busy", 0.8 + 0.36 * len(lanes), "The state of each agent over time") as (
-        axes,
-        svg,
-    ):
+    with _laned("busy", lanes, "The state of each agent over time") as (axes, svg):
         for agent, state, start, end in found:
             names = [one.name for one in design.agents[agent].state]
             rests = state in (design.agents[agent].rest or (design.agents[agent].initial,))
@@ -167,20 +175,9 @@ def busy(stretches: Iterable[tuple[str, str, float, float]], design: Design) -> 
             axes.barh(lane, max(end - start, 0.0), 0.62, left=start, color=colour, zorder=3)
             if end - start > LETTER * len(state) * last:
                 ink = INK if rests else "white"
-                axes.text(
-                    (start + end) / 2,
-                    lane,
-                    state,
-                    ha="center",
-                    va="center",
-                    color=ink,
-                    fontsize=7,
-                    zorder=4,
-                )
-        axes.set_yticks(range(len(lanes)), lanes[::-1])
-        axes.set_xlabel("time after the first communicate [s]")
-        axes.grid(visible=False, axis="y")
-        axes.margins(x=0.01)
+                there: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 4}
+                axes.text((start + end) / 2, lane, state, color=ink, fontsize=7, **there)
+        _over_time(axes)
     return svg[0]
 
 
@@ -191,22 +188,26 @@ def faults(stretches: Iterable[tuple[str, str, float, float]], end: float) -> st
     found = list(stretches)
     if not found:
         return ""
-    lanes = list(dict.fromkeys(one[0] for one in found))[::-1]
-    with drawing(
-        "faults", 0.8 + 0.36 * len(lanes), "Faults done on purpose over time, by process"
-    ) as (axes, svg):
+    lanes = list(dict.fromkeys(one[0] for one in found))
+    text = "Faults done on purpose over time, by process"
+    with _laned("faults", lanes, text) as (axes, svg):
         for target, kind, start, until in found:
-            lane = lanes.index(target)
-            axes.barh(
-                lane, max(until - start, SHORTEST * end), 0.62, left=start, color=FAULT, zorder=3
-            )
+            lane, long = lanes[::-1].index(target), max(until - start, SHORTEST * end)
+            axes.barh(lane, long, 0.62, left=start, color=FAULT, zorder=3)
             axes.text(start, lane, f" {kind}", ha="left", va="center", fontsize=7, zorder=4)
-        axes.set_yticks(range(len(lanes)), lanes)
-        axes.set_ylim(-0.6, len(lanes) - 0.4)
+        _over_time(axes)
         axes.set_xlim(-0.01 * end, 1.01 * end)
-        axes.set_xlabel("time after the first communicate [s]")
-        axes.grid(visible=False, axis="y")
     return svg[0]
+
+
+@contextmanager
+def _laned(name: str, lanes: list[str], text: str) -> Iterator[tuple[Axes, list[str]]]:
+    """A drawing with a lane for each name, the first one at the top."""
+    with drawing(name, 0.8 + 0.36 * len(lanes), text) as (axes, svg):
+        yield axes, svg
+        axes.set_yticks(range(len(lanes)), lanes[::-1])
+        axes.set_ylim(-0.6, len(lanes) - 0.4)
+        axes.grid(visible=False, axis="y")
 
 
 @contextmanager
@@ -221,9 +222,8 @@ def drawing(name: str, height_in: float, text: str) -> Iterator[tuple[Axes, list
         axes = figure.add_subplot()
         yield axes, svg
         buffer = io.StringIO()
-        figure.savefig(
-            buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None}
-        )
+        undated = {"Date": None, "Creator": None}
+        figure.savefig(buffer, format="svg", transparent=True, metadata=undated)
     svg.append(_inline(buffer.getvalue(), name, text))
 
 
@@ -232,31 +232,11 @@ def _inline(svg: str, name: str, text: str) -> str:
     body = svg[svg.index("<svg") :]
     body = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{name}-", body)
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
-    return re.sub(
-        r'<svg ([^>]*?)height="[^"]*"([^>]*?)width="[^"]*"',
-        rf'<svg role="img" aria-label="{text}" \1\2',
-        body,
-        count=1,
-    )
-
-
-def _shade(axes: Axes, stretches: Iterable[tuple[float, float, str]]) -> None:
-    for start, end, name in stretches:
-        axes.axvspan(start, end, color=BAND, zorder=0, linewidth=0)
-        place = axes.get_xaxis_transform()
-        axes.text(start, 0.985, f" {name}", transform=place, va="top", color=ACCENT, fontsize=8)
+    sized = r'<svg ([^>]*?)height="[^"]*"([^>]*?)width="[^"]*"'
+    return re.sub(sized, rf'<svg role="img" aria-label="{text}" \1\2', body, count=1)
 
 
 def in_bytes(value: float, _: float) -> str:
     """A tick of an axis of sizes."""
-    return (
-        f"{value:g} B"
-        if value < 1e3
-        else f"{value / 1e3:g} kB"
-        if value < 1e6
-        else f"{value / 1e6:g} MB"
-    )
-
-
-def _in_ms(value: float, _: float) -> str:
-    return f"{value / 1000:g} s" if value >= 1000 else f"{value:g} ms"
+    step, unit = next((one for one in ((1e6, "MB"), (1e3, "kB")) if value >= one[0]), (1.0, "B"))
+    return f"{value / step:g} {unit}"

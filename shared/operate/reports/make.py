@@ -9,10 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 from agent_runtime.io.run_files import write_whole
+from operate.file_names import REPORT_FILE, RRD_FILE, VERDICTS_FILE
 from operate.judging.judged import encoded
 from operate.recording.run import Run
 from operate.reports import report
-from operate.run_folder import REPORT_FILE, RRD_FILE, VERDICTS_FILE
 
 PAGE_FILE = "report.html"
 Say = Callable[..., None]
@@ -35,11 +35,8 @@ def everything(run: Run, say: Say) -> bool:
     if not past.whole:
         # no recorder judged it to its end
         write_whole(folder / VERDICTS_FILE, b"".join(map(encoded, past.judged)))
-    outcome = {
-        name: getattr(figures, name) or ""
-        for name in ("success", "failure")
-        if hasattr(figures, name)
-    }
+    told = [name for name in ("success", "failure") if hasattr(figures, name)]
+    outcome = {name: getattr(figures, name) or "" for name in told}
     say("report", **outcome, file=str(folder / REPORT_FILE))
     page = _try(PAGE_FILE, lambda: _page(run, figures), say)
     pictures = _try(RRD_FILE, lambda: _pictures(run), say)

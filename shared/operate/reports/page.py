@@ -27,18 +27,15 @@ MOST_VIOLATIONS = 50
 
 def rendered(history: History, report: Report, run: str, system: System) -> str:
     """Return the page of a run."""
-    design = system.design
+    design, began = system.design, datetime.fromtimestamp(report.began)
+    stretches = [(one.agent, one.state, one.start, one.end) for one in report.busy]
     return template(TEMPLATE).render(
         run=run,
-        began=datetime.fromtimestamp(report.began).strftime("%Y-%m-%d %H:%M:%S")
-        if report.began
-        else ABSENT,
+        began=began.strftime("%Y-%m-%d %H:%M:%S") if report.began else ABSENT,
         report=report,
         agents=tuple(design.agents),
         channels={name: "-".join(channel.ends) for name, channel in design.channels.items()},
-        busy=figures.busy(
-            [(one.agent, one.state, one.start, one.end) for one in report.busy], design
-        ),
+        busy=figures.busy(stretches, design),
         sizes=figures.sizes(history, design),
         latencies=latencies(report.latency),
         heat=heat(report.communicates),
@@ -81,14 +78,8 @@ def template(file: Path, **filters: Callable[..., str]) -> jinja2.Template:
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters |= {
-        "number": number,
-        "size": size,
-        "ms": milliseconds,
-        "share": share,
-        "place": place,
-    }
-    environment.filters |= filters
+    own = {"number": number, "size": size, "ms": milliseconds, "share": share, "place": place}
+    environment.filters |= own | filters
     return environment.from_string(file.read_text(encoding="utf-8"))
 
 

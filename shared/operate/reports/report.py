@@ -13,9 +13,10 @@ from typing import Any
 import msgspec
 
 from agent_runtime.io.run_files import write_whole
+from operate.file_names import REPORT_FILE
 from operate.recording.history import History
 from operate.reports import counts
-from operate.run_folder import REPORT_FILE, alike
+from operate.structs import alike
 from operate.system import System
 from topdown.judge.verdicts import Verdict
 
@@ -158,11 +159,8 @@ def judged(history: History) -> Judged | None:
     """Return the judge's verdicts; None where nothing was recorded that could be judged."""
     if not history.judged:
         return None
-    against = tuple(
-        alike(NotAsDesigned, one, t=one.t - history.begin)
-        for one in history.judged
-        if one.violation
-    )
+    wrong = [one for one in history.judged if one.violation]
+    against = tuple(alike(NotAsDesigned, one, t=one.t - history.begin) for one in wrong)
     counted = Counter(one.verdict for one in history.judged)
     heard = {(one.t, one.sender, one.receiver, one.id) for one in history.judged}
     return Judged(
@@ -204,10 +202,7 @@ def busy(history: History) -> tuple[Busy, ...]:
     for agent in dict.fromkeys(one.agent for one in history.entered):
         own = [one for one in history.entered if one.agent == agent]
         until = [*(one.at for one in own[1:]), max(end, own[-1].at)]
-        found += [
-            Busy(
-                agent, one.state if one.alive else "", one.at - history.begin, last - history.begin
-            )
-            for one, last in zip(own, until, strict=True)
-        ]
+        for one, last in zip(own, until, strict=True):
+            state, times = one.state if one.alive else "", (one.at, last)
+            found.append(Busy(agent, state, *(at - history.begin for at in times)))
     return tuple(found)

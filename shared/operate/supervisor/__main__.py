@@ -124,9 +124,7 @@ def main(
             if possible is not None:
                 possible(tuple(process.name for process in processes), scene, seed)
             routing, told = ROUTER in (process.name for process in processes), endpoints(agents)
-            own = tuple(
-                process.name for process in processes if process.name in bound.design.agents
-            )
+            own = tuple(one.name for one in processes if one.name in bound.design.agents)
             given = Path(keys) if keys and not insecure else None
             away = linked_elsewhere(bound.design, own, told, given, whole=routing and not told)
             unix = links is Linking.UNIX
@@ -164,9 +162,7 @@ def main(
             "ROCO_CONNECT": made.own,
             # A place of its own has one process alone: in a container its only agent.
             LISTEN_VARIABLE: os.environ.get(LISTEN_VARIABLE, "") if len(own) == 1 else "",
-            AGENTS_VARIABLE: ",".join(
-                f"{name}={endpoint}" for name, endpoint in made.agents.items()
-            ),
+            AGENTS_VARIABLE: ",".join(f"{name}={at}" for name, at in made.agents.items()),
             "ROCO_SPEED": speed.value,
             "ROCO_SEED": str(seed),
             "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
@@ -213,9 +209,7 @@ def linked_elsewhere(
         raise ValueError(
             f"{', '.join(away)} would be elsewhere; --agents tells where agents elsewhere listen"
         )
-    if without := [
-        name for name in own if keys is not None and not links_file(keys, name).exists()
-    ]:
+    if without := [name for name in own if keys and not links_file(keys, name).exists()]:
         lacks = f"{keys} has no rules of {', '.join(without)} for its neighbours"
         raise ValueError(f"{lacks}; `roco keys make` makes keys that have")
     return away
@@ -236,13 +230,11 @@ def chosen(only: str, processes: tuple[Process, ...]) -> tuple[Process, ...]:
         )
     if not names:
         return processes
-    wanted = [process for process in processes if process.name in names]
-    return tuple(
-        msgspec.structs.replace(
-            process, after=tuple(name for name in process.after if name in names)
-        )
-        for process in wanted
-    )
+    wanted = []
+    for process in (one for one in processes if one.name in names):
+        after = tuple(name for name in process.after if name in names)
+        wanted.append(msgspec.structs.replace(process, after=after))
+    return tuple(wanted)
 
 
 if __name__ == "__main__":

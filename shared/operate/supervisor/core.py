@@ -8,11 +8,12 @@ is counted by looks: a machine that was suspended kills nobody.
 """
 
 import math
+from typing import Any
 
 import msgspec
 
 from agent_runtime.io.options import USAGE_ERROR
-from operate.run_folder import ProcessState, ProcessStatus
+from operate.fleet_file import ProcessState, ProcessStatus
 from operate.supervisor.processes import Process
 
 FIRST_PAUSE_S = 0.2  # before the first restart; doubles with each failure in a row
@@ -31,14 +32,7 @@ OFF = "stopped by hand"
 """Note of what shall not run until somebody says so."""
 LEFT = "left by a supervisor that died"
 
-_AS_IF_NEW = {
-    "state": ProcessState.WAITING,
-    "failures": 0,
-    "attempts": 0,
-    "killed": False,
-    "note": "",
-    "deaths": (),
-}
+_AS_IF_NEW = {"failures": 0, "attempts": 0, "killed": False, "note": "", "deaths": ()}
 RUNNING = (ProcessState.STARTING, ProcessState.READY, ProcessState.STOPPING)
 
 
@@ -110,13 +104,10 @@ class Fleet(msgspec.Struct, frozen=True):
 
         Nobody waits for an optional one, and the robot need not either.
         """
-        given_up = (
-            (name, known)
-            for name, known in self.known.items()
-            if known.state is ProcessState.GIVEN_UP
-        )
         return tuple(
-            name for name, known in given_up if known.served and not known.process.optional
+            name
+            for name, known in self.known.items()
+            if known.state is ProcessState.GIVEN_UP and known.served and not known.process.optional
         )
 
     @property
@@ -133,18 +124,12 @@ class Fleet(msgspec.Struct, frozen=True):
     @property
     def status(self) -> tuple[ProcessStatus, ...]:
         """The fleet for fleet.json."""
-        return tuple(
-            ProcessStatus(
-                name,
-                known.state,
-                known.pid if known.running else 0,
-                known.restarts,
-                known.note,
-                known.process.optional,
-                known.process.module,
-            )
-            for name, known in self.known.items()
-        )
+        found = []
+        for name, known in self.known.items():
+            pid, what = known.pid if known.running else 0, known.process
+            told = (known.state, pid, known.restarts, known.note, what.optional, what.module)
+            found.append(ProcessStatus(name, *told))
+        return tuple(found)
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -229,32 +214,27 @@ def take(fleet: Fleet, event: Event, now: float) -> Fleet:
     known = fleet.known[event.name]
     match event:
         case Started(pid=pid):
-            changed = msgspec.structs.replace(
-                known, state=ProcessState.STARTING, pid=pid, since=now, note=""
-            )
+            changed = _entered(known, ProcessState.STARTING, now, pid=pid, note="")
         case Found(pid=pid):
-            changed = msgspec.structs.replace(
-                known, state=ProcessState.READY, pid=pid, since=now, note=LEFT, served=True
-            )
+            changed = _entered(known, ProcessState.READY, now, pid=pid, note=LEFT, served=True)
         case Refused(reason=reason):
-            changed = msgspec.structs.replace(
-                known, state=ProcessState.GIVEN_UP, since=now, note=reason
-            )
+            changed = _entered(known, ProcessState.GIVEN_UP, now, note=reason)
         case NotStarted(reason=reason):
             failures = known.failures + 1
-            later = {"failures": failures, "due": now + _pause(failures)}
-            changed = msgspec.structs.replace(
-                known, state=ProcessState.BACKING_OFF, since=now, note=reason, **later
-            )
+            later = {"failures": failures, "due": now + _pause(failures), "note": reason}
+            changed = _entered(known, ProcessState.BACKING_OFF, now, **later)
         case Ready() if known.state is ProcessState.STARTING:
-            changed = msgspec.structs.replace(
-                known, state=ProcessState.READY, since=now, attempts=0, served=True
-            )
+            changed = _entered(known, ProcessState.READY, now, attempts=0, served=True)
         case Exited(code=code, last=last):
             changed = _exited(known, code, last, now, fleet.stopping, event.name in fleet.off)
         case _:
             changed = known
     return msgspec.structs.replace(fleet, known={**fleet.known, event.name: changed})
+
+
+def _entered(known: Known, state: ProcessState, now: float, **more: Any) -> Known:
+    """A process that enters a state, with what else changes."""
+    return msgspec.structs.replace(known, state=state, since=now, **more)
 
 
 def look(fleet: Fleet, beats: frozenset[str], periods: int = 1) -> Fleet:
@@ -276,9 +256,8 @@ def _looked_at(known: Known, beats: bool, periods: int) -> Known:
         return known
     silent = msgspec.structs.replace(known, silent=known.silent + periods)
     if known.beaten and silent.silence_s >= LATE_S and not known.killed:
-        silent = msgspec.structs.replace(
-            silent, note=f"hangs: no heartbeat for {int(silent.silence_s)} s"
-        )
+        note = f"hangs: no heartbeat for {int(silent.silence_s)} s"
+        return msgspec.structs.replace(silent, note=note)
     return silent
 
 
@@ -294,17 +273,13 @@ def switch(fleet: Fleet, off: frozenset[str], now: float) -> Fleet:
     off &= fleet.known.keys()
     if off == fleet.off:
         return fleet
-    again = {
-        name: msgspec.structs.replace(known, **_AS_IF_NEW, since=now)
-        for name, known in fleet.known.items()
-        if name in fleet.off - off and not known.running
-    }
-    resting = {
-        name: msgspec.structs.replace(known, state=ProcessState.STOPPED, since=now, note=OFF)
-        for name, known in fleet.known.items()
-        if name in off - fleet.off and not known.running
-    }
-    return msgspec.structs.replace(fleet, known={**fleet.known, **again, **resting}, off=off)
+    changed = dict(fleet.known)
+    for name in off ^ fleet.off:
+        if not changed[name].running and name in off:
+            changed[name] = _entered(changed[name], ProcessState.STOPPED, now, note=OFF)
+        elif not changed[name].running:
+            changed[name] = _entered(changed[name], ProcessState.WAITING, now, **_AS_IF_NEW)
+    return msgspec.structs.replace(fleet, known=changed, off=off)
 
 
 def decide(fleet: Fleet, now: float) -> tuple[Fleet, list[Action]]:
@@ -348,14 +323,9 @@ def _ending(fleet: Fleet, known: Known, now: float) -> Action | None:
     if known.state is ProcessState.STOPPING:
         late = now - known.since > known.process.stop_within_s
         return Kill(name) if late and not known.killed else None
-    if not known.running or (fleet.stopping and _needed(fleet, name)):
-        return None
-    return Terminate(name)
-
-
-def _needed(fleet: Fleet, name: str) -> bool:
-    """Tell whether one that started after it still runs."""
-    return any(other.running for other in fleet.known.values() if name in other.process.after)
+    later = [other for other in fleet.known.values() if name in other.process.after]
+    needed = fleet.stopping and any(other.running for other in later)
+    return Terminate(name) if known.running and not needed else None
 
 
 def _ordered(known: Known, action: Action, now: float) -> Known:
@@ -363,11 +333,9 @@ def _ordered(known: Known, action: Action, now: float) -> Known:
     if isinstance(action, Start):
         again = known.restarts + (known.state is ProcessState.BACKING_OFF)
         fresh = {"beaten": False, "silent": 0, "killed": False}
-        return msgspec.structs.replace(
-            known, state=ProcessState.STARTING, since=now, restarts=again, **fresh
-        )
+        return _entered(known, ProcessState.STARTING, now, restarts=again, **fresh)
     if isinstance(action, Terminate):
-        return msgspec.structs.replace(known, state=ProcessState.STOPPING, since=now)
+        return _entered(known, ProcessState.STOPPING, now)
     if known.state is ProcessState.STOPPING:
         why = f"did not stop in {known.process.stop_within_s:g} s"
     else:
@@ -378,11 +346,11 @@ def _ordered(known: Known, action: Action, now: float) -> Known:
 def _exited(known: Known, code: int, last: str, now: float, stopping: bool, off: bool) -> Known:
     """Note an end: wanted, worth another attempt, or hopeless."""
     if off:
-        return msgspec.structs.replace(known, state=ProcessState.STOPPED, since=now, note=OFF)
+        return _entered(known, ProcessState.STOPPED, now, note=OFF)
     if stopping:
-        return msgspec.structs.replace(known, state=ProcessState.STOPPED, since=now)
+        return _entered(known, ProcessState.STOPPED, now)
     if known.state is ProcessState.STOPPING:  # was switched off and on again before it had ended
-        return msgspec.structs.replace(known, **_AS_IF_NEW, since=now)
+        return _entered(known, ProcessState.WAITING, now, **_AS_IF_NEW)
     was_ready = known.state is ProcessState.READY
     settled = was_ready and now - known.since > SETTLED_S
     failures = 1 if settled else known.failures + 1
@@ -392,18 +360,10 @@ def _exited(known: Known, code: int, last: str, now: float, stopping: bool, off:
     deaths = tuple(at for at in known.deaths if now - at < WINDOW_S) + ((now,) if was_ready else ())
     if len(deaths) >= MOST_DEATHS:
         note = f"died {len(deaths)} times within {WINDOW_S:g} s: {note}"
-    changed = {
-        "since": now,
-        "failures": failures,
-        "attempts": attempts,
-        "note": note,
-        "deaths": deaths,
-    }
+    counted = {"failures": failures, "attempts": attempts, "note": note, "deaths": deaths}
     if code == USAGE_ERROR or attempts >= ATTEMPTS or len(deaths) >= MOST_DEATHS:
-        return msgspec.structs.replace(known, state=ProcessState.GIVEN_UP, **changed)
-    return msgspec.structs.replace(
-        known, state=ProcessState.BACKING_OFF, due=now + _pause(failures), **changed
-    )
+        return _entered(known, ProcessState.GIVEN_UP, now, **counted)
+    return _entered(known, ProcessState.BACKING_OFF, now, due=now + _pause(failures), **counted)
 
 
 def _pause(failures: int) -> float:

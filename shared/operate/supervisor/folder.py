@@ -27,7 +27,8 @@ from agent_runtime.io.run_files import (
     write_whole,
 )
 from operate import proc
-from operate.run_folder import FLEET_FILE, LATEST, LOCK_FILE, OFF_SUFFIX, Fleet
+from operate.file_names import FLEET_FILE, LATEST, LOCK_FILE, OFF_SUFFIX
+from operate.fleet_file import Fleet
 from operate.supervisor.processes import ORDERLY_STOP_S, Process
 
 MOST_BYTES = 32 * 1024 * 1024
@@ -82,10 +83,8 @@ class Files:
 
     def tell(self, fleet: Fleet) -> None:
         """Have the fleet in fleet.json."""
-        self.put(
-            self._run / FLEET_FILE,
-            msgspec.json.format(msgspec.json.encode(fleet), indent=2) + b"\n",
-        )
+        told = msgspec.json.format(msgspec.json.encode(fleet), indent=2)
+        self.put(self._run / FLEET_FILE, told + b"\n")
 
     def settle(self) -> None:
         """Write what is owed, as far as that is possible now."""
@@ -97,11 +96,8 @@ class Files:
             except OSError as error:
                 self.why = f"{file} cannot be written: {error.strerror}"
         if self.why != before:
-            words = (
-                f"{self.why}; the fleet goes on, and it is tried again"
-                if self.why
-                else "all is written again"
-            )
+            again = f"{self.why}; the fleet goes on, and it is tried again"
+            words = again if self.why else "all is written again"
             with suppress(OSError):  # the words go to the same disk
                 print(words, flush=True)
 
@@ -180,9 +176,8 @@ def keep_small(log: Path) -> None:
 
 def off(run: Path) -> frozenset[str]:
     """Return the processes that shall not run: each has a file NAME.off."""
-    return frozenset(
-        name.removesuffix(OFF_SUFFIX) for name in os.listdir(run) if name.endswith(OFF_SUFFIX)
-    )
+    names = os.listdir(run)
+    return frozenset(one.removesuffix(OFF_SUFFIX) for one in names if one.endswith(OFF_SUFFIX))
 
 
 def last_words(log: Path) -> str:
@@ -193,17 +188,16 @@ def last_words(log: Path) -> str:
         with log.open("rb") as file:
             file.seek(0, os.SEEK_END)
             file.seek(max(0, file.tell() - READ_BYTES))
-            lines = [
-                line for line in file.read().decode(errors="replace").split("\n") if line.strip()
-            ]
+            text = file.read().decode(errors="replace")
     except OSError:
+        return ""
+    lines = [line for line in text.split("\n") if line.strip()]
+    if not lines:
         return ""
     begins = [number for number, line in enumerate(lines) if TRACEBACK in line]
     after = range(begins[-1] + 1, len(lines)) if begins else range(0)
     ends = next((number for number in after if not lines[number].startswith(" ")), 0)
-    return (
-        lines[ends if ends and len(lines) - ends <= FAREWELL_LINES else -1].strip() if lines else ""
-    )
+    return lines[ends if ends and len(lines) - ends <= FAREWELL_LINES else -1].strip()
 
 
 # --- Its owner: one supervisor at a time; and what a dead one left running ------------------------
@@ -269,9 +263,8 @@ def left(run: Path, processes: tuple[Process, ...]) -> dict[str, Left]:
             one = Left(int(pid_file(run, process.name).read_text()))
             # A number that somebody else uses again is not of a process that runs this module in
             # this folder.
-            if process.module in proc.command_line(one.pid) and variables(one.pid).get(
-                RUN_FOLDER_VARIABLE
-            ) == str(run):
+            place = variables(one.pid).get(RUN_FOLDER_VARIABLE)
+            if process.module in proc.command_line(one.pid) and place == str(run):
                 found[process.name] = one
         except (OSError, ValueError):
             continue

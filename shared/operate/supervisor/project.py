@@ -19,9 +19,9 @@ from agent_runtime.io.reaching import free_port
 from agent_runtime.io.sessions import free_endpoint
 from fipa_codec.communicate import Communicate
 from fipa_codec.errors import FipaError
+from operate.fleet_file import ProcessState
 from operate.recording.ends import Ends
 from operate.recording.records import Identity, Spoken
-from operate.run_folder import ProcessState
 from operate.supervisor import folder
 from operate.supervisor.folder import KeptError, kept
 from operate.supervisor.shell import Shell, end_left
@@ -83,9 +83,7 @@ def foreground(
                 "ROCO_SYSTEM": system.name,
                 "ROCO_CONNECT": connect,
                 LISTEN_VARIABLE: "",
-                AGENTS_VARIABLE: ",".join(
-                    f"{name}={endpoint}" for name, endpoint in agents.items()
-                ),
+                AGENTS_VARIABLE: ",".join(f"{name}={at}" for name, at in agents.items()),
                 "ROCO_SCENE": str(Path(scene).resolve()) if scene else "",
                 "PYTHONUNBUFFERED": "1",
                 "PYTHONSAFEPATH": "1",
@@ -105,12 +103,8 @@ def foreground(
                 run_dir.relative_to(Path.cwd()) if run_dir.is_relative_to(Path.cwd()) else run_dir
             )
             print(f"{system.name}: {names}; files in {here}", flush=True)
-            watch = _Watch(
-                shell,
-                system,
-                Options(connect=connect, system=system.name, run_dir=run_dir),
-                after_s,
-            )
+            options = Options(connect=connect, system=system.name, run_dir=run_dir)
+            watch = _Watch(shell, system, options, after_s)
             watch.start()
             shell.serve()
             watch.join()
@@ -130,12 +124,8 @@ class _Watch(threading.Thread):
     ) -> None:
         super().__init__(daemon=True)
         self.status = 0
-        self._shell, self._languages, self._options, self._after_s = (
-            shell,
-            system.languages,
-            options,
-            after_s,
-        )
+        self._shell, self._options, self._after_s = shell, options, after_s
+        self._languages = system.languages
         self._began = time.time()
         self._ready_at: float | None = None
         self._ends = Ends(options.run_dir, system)

@@ -18,7 +18,7 @@ from agent_runtime.io.reaching import free_port
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTER, key_file
 from agent_runtime.io.sessions import UNIX_SOCKET
-from operate.wires.files import place
+from operate.fault_proxy.files import place
 from topdown.model.design import Design
 
 TLS, PLAIN = "tls/", "tcp/"
@@ -151,12 +151,7 @@ class Keys:
         hosts = tuple(dict.fromkeys((*issuing.HOSTS, place(self.address)[0])))
         systems, now = (self._system,), dt.datetime.fromtimestamp(time.time(), dt.UTC)
         made = issuing.issue(
-            self.folder,
-            self._design,
-            systems,
-            days=self._days,
-            hosts=hosts,
-            now=now,
+            self.folder, self._design, systems, days=self._days, hosts=hosts, now=now
         )
         until = made.until
         self._from = until.timestamp() - self._days * 86400.0 - issuing.BACK.total_seconds() / 2

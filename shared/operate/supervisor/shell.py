@@ -31,8 +31,8 @@ from agent_runtime.io.options import USAGE_ERROR
 from agent_runtime.io.process_heartbeat import ProcessHeartbeat
 from agent_runtime.io.run_files import FLEET_VARIABLE
 from agent_runtime.io.secured import ROUTER
-from operate.run_folder import Fleet as FleetFile
-from operate.run_folder import ProcessState
+from operate.fleet_file import Fleet as FleetFile
+from operate.fleet_file import ProcessState
 from operate.supervisor import core, folder
 from operate.supervisor.folder import Left, end_others, left
 from operate.supervisor.processes import RECORDS_S, Process
@@ -208,15 +208,9 @@ class Shell:
         """The event of an end. One that began on a full disk was not started: it is tried until
         there is room.
         """
-        starting = (
-            self.fleet.known[name].state is ProcessState.STARTING and name not in self.fleet.off
-        )
-        if (
-            starting
-            and not self.fleet.stopping
-            and code != USAGE_ERROR
-            and (why := self.files.no_room())
-        ):
+        wanted = not self.fleet.stopping and name not in self.fleet.off and code != USAGE_ERROR
+        starting = wanted and self.fleet.known[name].state is ProcessState.STARTING
+        if starting and (why := self.files.no_room()):
             return core.NotStarted(name, f"ended with code {code}, and {why}")
         return core.Exited(name, code, folder.last_words(folder.log_file(self.run, name)))
 
@@ -252,13 +246,9 @@ class Shell:
             command = self.command(process)
             with self.files.log(process.name) as log:
                 child = self._forked(process, environment, log) or subprocess.Popen(
-                    command,
-                    env=environment,
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
+                    command, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                     start_new_session=True,
-                )
+                )  # fmt: skip
         except NotBuiltError as error:
             return core.Refused(process.name, str(error))
         except OSError as error:
@@ -274,11 +264,9 @@ class Shell:
     ) -> Forked | None:
         """Return the process made by the fork server; None where there is none that is ready."""
         server = self.fleet.known.get(FORKS.name)
-        if (
-            server is None
-            or server.state is not ProcessState.READY
-            or FORKS.name not in process.after
-        ):
+        if server is None or server.state is not ProcessState.READY:
+            return None
+        if FORKS.name not in process.after:
             return None
         hand = [Handed(log.fileno(), 1), Handed(log.fileno(), 2)]
         return fork(

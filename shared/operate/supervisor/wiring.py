@@ -9,11 +9,11 @@ import msgspec
 from agent_runtime.io.options import AGENTS_VARIABLE
 from agent_runtime.io.reaching import free_port
 from agent_runtime.io.secured import ROUTER
+from operate.fault_proxy import clocks, files
 from operate.supervisor.processes import Process
-from operate.wires import clocks, files
 from topdown.model.design import Design
 
-WIRES = Process("wires", "operate.wires")
+WIRES = Process("wires", "operate.fault_proxy")
 CONNECT = "ROCO_CONNECT"
 
 
@@ -28,16 +28,10 @@ def wired(
     """
     link = connect.partition("/")[0]
     places = {name: files.place(address) for name, address in agents.items()}
-    wires = files.Wires(
-        {ROUTER: files.place(connect)} | places,
-        {
-            one.name: {
-                end: free_port() for end in (ROUTER, *(set(design.peers(one.name)) & set(places)))
-            }
-            for one in processes
-            if one.name in design.agents
-        },
-    )
+    own = [one.name for one in processes if one.name in design.agents]
+    ends = {name: (ROUTER, *(set(design.peers(name)) & set(places))) for name in own}
+    listening = {name: {end: free_port() for end in near} for name, near in ends.items()}
+    wires = files.Wires({ROUTER: files.place(connect)} | places, listening)
     files.tell(run, wires)
     first = next((n for n, one in enumerate(processes) if one.name in wires.ports), len(processes))
     before = tuple(one.name for one in processes[:first] if one.name == ROUTER)
@@ -47,14 +41,13 @@ def wired(
         else one
         for one in processes[first:]
     )
-    own = clocks.made(run, tuple(wires.ports))
-    apart = {}
+    clocked, apart = clocks.made(run, tuple(wires.ports)), {}
     for name, ports in wires.ports.items():
         reached = {end: f"{link}/127.0.0.1:{port}" for end, port in ports.items()}
         seen = agents | {end: at for end, at in reached.items() if end in agents}
         apart[name] = {
             CONNECT: reached[ROUTER],
             AGENTS_VARIABLE: ",".join(f"{end}={at}" for end, at in seen.items()),
-            **own.get(name, {}),
+            **clocked.get(name, {}),
         }
     return (*processes[:first], msgspec.structs.replace(WIRES, after=before), *behind), apart

@@ -37,19 +37,12 @@ def exported(trace: Trace, roots: Sequence[Span]) -> dict[str, Any]:
             of_agent[span.participant].append(
                 _span(trace, name, span, SERVER, _id(trace, span.id, CLIENT))
             )
-    return {
-        "resourceSpans": [
-            {
-                "resource": {
-                    "attributes": _attributes(
-                        {"service.name": agent, "service.namespace": trace.system}
-                    )
-                },
-                "scopeSpans": [{"scope": {"name": SCOPE}, "spans": found}],
-            }
-            for agent, found in sorted(of_agent.items())
-        ]
-    }
+    resources = []
+    for agent, found in sorted(of_agent.items()):
+        own = _attributes({"service.name": agent, "service.namespace": trace.system})
+        scope = {"scope": {"name": SCOPE}, "spans": found}
+        resources.append({"resource": {"attributes": own}, "scopeSpans": [scope]})
+    return {"resourceSpans": resources}
 
 
 def _span(trace: Trace, name: str, span: Span, kind: int, parent: str) -> dict[str, Any]:
@@ -57,13 +50,9 @@ def _span(trace: Trace, name: str, span: Span, kind: int, parent: str) -> dict[s
     both begin alike.
     """
     side = span.initiator if kind == CLIENT else span.participant
-    status = (
-        {"code": ERROR, "message": span.last.reason}
-        if span.bad
-        else {"code": OK}
-        if span.ended
-        else {}
-    )
+    status: dict[str, Any] = {"code": OK} if span.ended else {}
+    if span.bad:
+        status = {"code": ERROR, "message": span.last.reason}
     return {
         "traceId": name,
         "spanId": _id(trace, span.id, kind),

@@ -133,19 +133,13 @@ def absent(trace: Trace, span: Span) -> Passage | None:
     gone = [
         one for one in trace.away if one.start <= end and (one.end is None or one.end >= span.start)
     ]
-    facts = tuple(
-        Fact(
-            one.start,
-            f"{one.agent} was gone"
-            + (
-                f" for {one.end - one.start:.1f} s"
-                if one.end is not None
-                else ", and did not come back"
-            )
-            + (f": {one.fault} on purpose" if one.fault else ""),
-            f"liveliness token of {one.agent}",
-        )
-        for one in gone
-        if not (span.ended and one.end is None and one.start > span.end)
-    )
-    return Passage("who was away", facts) if facts else None
+    facts = []
+    for one in gone:
+        if span.ended and one.end is None and one.start > span.end:
+            continue
+        how = ", and did not come back"
+        if one.end is not None:
+            how = f" for {one.end - one.start:.1f} s"
+        text = f"{one.agent} was gone{how}" + (f": {one.fault} on purpose" if one.fault else "")
+        facts.append(Fact(one.start, text, f"liveliness token of {one.agent}"))
+    return Passage("who was away", tuple(facts)) if facts else None

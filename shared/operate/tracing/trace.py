@@ -149,10 +149,8 @@ class Trace(msgspec.Struct, frozen=True, omit_defaults=True, dict=True):
 
     def named(self, subject: str) -> Span | None:
         """The conversation that a subject names; None where there is none."""
-        return next(
-            (one for one in self.spans if is_meant(subject, one.conversation, one.participant)),
-            None,
-        )
+        meant = (one for one in self.spans if is_meant(subject, one.conversation, one.participant))
+        return next(meant, None)
 
     @cached_property
     def _children(self) -> dict[str, list[Span]]:
@@ -222,12 +220,10 @@ class _Linking:
         several = defaultdict(set)
         for one in self._talks:
             several[one.conversation].add(one.participant)
-        self._ids = [
-            one.conversation
-            if len(several[one.conversation]) == 1
-            else f"{one.conversation}/{one.participant}"
-            for one in self._talks
-        ]
+        self._ids = []
+        for one in self._talks:
+            alone = len(several[one.conversation]) == 1
+            self._ids.append(one.conversation if alone else f"{one.conversation}/{one.participant}")
         self._where = {
             said.identity: n for n, one in enumerate(self._talks) for said in one.messages
         }
@@ -277,11 +273,9 @@ class _Linking:
         step = self._step_of.get(said.identity)
         if step is None or step.event.startswith(SETTLED):
             before, event = self._before.get(said.identity), "" if step is None else step.event
-            return (
-                said
-                if before is None
-                else replace(said, cause=before, event=event, known=Known.TIME)
-            )
+            if before is None:
+                return said
+            return replace(said, cause=before, event=event, known=Known.TIME)
         known = "" if step.took is None else Known.STEP if step.certain else Known.TIME
         return replace(said, cause=step.took, event=step.event, known=known)
 
@@ -295,11 +289,9 @@ class _Linking:
             return told, Known.STEP
         if opening.sender != talk.initiator:
             return self._by_time(talk)  # the opening was not recorded
-        n = (
-            self._where.get(opening.cause)
-            if opening.cause is not None and opening.known == Known.STEP
-            else None
-        )
+        n = None
+        if opening.cause is not None and opening.known == Known.STEP:
+            n = self._where.get(opening.cause)
         if n is not None and n < len(self._parents):
             own = self._talks[n].participant == talk.initiator
             return (n if own else self._parents[n][0]), Known.STEP

@@ -20,7 +20,9 @@ from companion.tools.system import SYSTEM
 from companion.tools.verbs import pour_run
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.watch import Watch
-from operate.run_folder import FLEET_FILE, LIVE_FILE, AgentIn, Fleet, ProcessState, ProcessStatus
+from operate.file_names import FLEET_FILE, LIVE_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
+from operate.live_lines import AgentIn
 from operate.supervisor import folder
 
 RESTS = {"ta": "idle", "ex": "idle"}

@@ -20,10 +20,11 @@ from companion.tools.report import events, plans, report, story, verdict
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from fipa_codec.performatives import Performative as P
+from operate.file_names import FLEET_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.recording import history
 from operate.recording.records import Spoken, understood
 from operate.recording.run import Run as RecordedRun
-from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
 
 Change = Callable[[TrueState], TrueState]
 

@@ -20,18 +20,9 @@ from agent_runtime.io.run_files import STOP_FILE, STOP_RELEASED, heartbeat_file
 from companion import run_files
 from companion.run_files import HiAddress, TaskLine
 from companion.tools.system import JOB
-from operate import run_folder
-from operate.run_folder import (
-    AgentIn,
-    Fleet,
-    Happened,
-    PlanAt,
-    PlanSeen,
-    ProcessStatus,
-    Sent,
-    Step,
-    Task,
-)
+from operate import file_names, fleet_file
+from operate.fleet_file import Fleet, ProcessStatus
+from operate.live_lines import AgentIn, Happened, PlanAt, PlanSeen, Sent, Step, Task
 
 TOKEN = "a token"
 BEAT_S = 0.1
@@ -126,11 +117,11 @@ def main(run: Path, success: bool, mode: str) -> None:
     encode = msgspec.json.encode
     (run / STOP_FILE).write_bytes(STOP_RELEASED)
     (run / run_files.HI_FILE).write_bytes(encode(HiAddress(server.server_port, TOKEN)))
-    (run / run_folder.LIVE_FILE).write_bytes(b"".join(encode(line) + b"\n" for line in STORY))
-    state = run_folder.ProcessState.READY if mode == "ready" else run_folder.ProcessState.STARTING
+    (run / file_names.LIVE_FILE).write_bytes(b"".join(encode(line) + b"\n" for line in STORY))
+    state = fleet_file.ProcessState.READY if mode == "ready" else fleet_file.ProcessState.STARTING
     processes = (ProcessStatus("ta", state, os.getpid(), module="services.supervisor"),)
     beat(run)
-    put(run / run_folder.FLEET_FILE, encode(Fleet("test", "", os.getpid(), time.time(), processes)))
+    put(run / file_names.FLEET_FILE, encode(Fleet("test", "", os.getpid(), time.time(), processes)))
     while not end.wait(BEAT_S):
         beat(run)
     while mode == "slow" and not (run / "may-end").exists():
@@ -141,7 +132,7 @@ def main(run: Path, success: bool, mode: str) -> None:
         "failure": None if success else "the jar slipped",
         "poured_fraction": 0.97,
     }
-    (run / run_folder.REPORT_FILE).write_bytes(
+    (run / file_names.REPORT_FILE).write_bytes(
         encode({**report, "sim_time_s": 98.5, "wall_time_s": 120.0})
     )
 

@@ -20,7 +20,8 @@ from operate.cli.__main__ import app
 from operate.cli.errors import DockerError, UsageError
 from operate.cli.fleet import checkup, targets
 from operate.cli.fleet.checkup import Level
-from operate.run_folder import FAULTS_FILE, Fleet, ProcessState, ProcessStatus
+from operate.file_names import FAULTS_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
 pytestmark = pytest.mark.process
 

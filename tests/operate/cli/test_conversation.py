@@ -15,7 +15,8 @@ from operate.cli.__main__ import app
 from operate.cli.terminal import sequence
 from operate.cli.traffic import conversation
 from operate.cli.traffic.verdicts import verdicts_of
-from operate.run_folder import VERDICTS_FILE, Judged
+from operate.file_names import VERDICTS_FILE
+from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"

@@ -22,17 +22,11 @@ from companion.tools.system import SYSTEM
 from operate.cli import completion, lazy
 from operate.cli.__main__ import app
 from operate.cli.terminal.console import Console
+from operate.file_names import FLEET_FILE, TRAFFIC_FILE, VERDICTS_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.recording.mcap_file import Recording
 from operate.recording.records import understood
-from operate.run_folder import (
-    FLEET_FILE,
-    TRAFFIC_FILE,
-    VERDICTS_FILE,
-    Fleet,
-    Judged,
-    ProcessState,
-    ProcessStatus,
-)
+from operate.verdict_lines import Judged
 from operate.wording import escaped, one_line
 
 TITLE = "\x1b]0;pwned\x07"

@@ -19,7 +19,8 @@ from operate.cli.fleet import starting
 from operate.cli.output import Format
 from operate.cli.runs import experiment, machine, trials
 from operate.cli.terminal.console import Console
-from operate.run_folder import REPORT_FILE
+from operate.experiments.setting import RESULTS_FILE
+from operate.file_names import REPORT_FILE
 
 pytestmark = pytest.mark.process
 
@@ -83,7 +84,7 @@ def test_each_run_leaves_a_line(tmp_path: Path, played: Callable[[Play], list[in
         (3, None, 0),
     ]
     assert msgspec.json.decode(lines[0].figures)["energy_J"] == 1.0
-    assert len((tmp_path / trials.RESULTS_FILE).read_bytes().splitlines()) == 3
+    assert len((tmp_path / RESULTS_FILE).read_bytes().splitlines()) == 3
     assert "run 2 of 3, seed 2: FAILED: the jar fell" in said
     assert said.splitlines()[0].endswith("left")
 
@@ -96,9 +97,9 @@ def test_an_interrupted_experiment_goes_on(
     """
     seeds = played(lambda seed: leaves(POURED))
     run_all(tmp_path, setting(runs=2))
-    whole = (tmp_path / trials.RESULTS_FILE).read_bytes()
+    whole = (tmp_path / RESULTS_FILE).read_bytes()
     # a kill in the middle of the second line
-    (tmp_path / trials.RESULTS_FILE).write_bytes(whole[:-20])
+    (tmp_path / RESULTS_FILE).write_bytes(whole[:-20])
     left = trials.folder(tmp_path, 2) / "left over"
     left.touch()
     with pytest.raises(UsageError, match="--resume"):

@@ -9,8 +9,9 @@ import msgspec
 
 from operate.cli.faults import kinds
 from operate.cli.fleet.process_status import Look, Seen
+from operate.fault_lines import Fault
+from operate.fleet_file import ProcessState, ProcessStatus
 from operate.proc import Used
-from operate.run_folder import Fault, ProcessState, ProcessStatus
 
 PID, START = 40, 7
 FAULT = Fault(id="kill-ox", kind="kill", target="ox", t=0.0, at="", pid=PID, start=START)

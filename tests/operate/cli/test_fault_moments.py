@@ -18,7 +18,7 @@ from operate.cli.faults.moments import (
     moment_text,
     parse,
 )
-from operate.run_folder import Happened, PlanAt, Step
+from operate.live_lines import Happened, PlanAt, Step
 
 STATES = [(agent, one.name) for agent, entry in DESIGN.agents.items() for one in entry.state]
 OWNERS = {state: [agent for agent, name in STATES if name == state] for _, state in STATES}

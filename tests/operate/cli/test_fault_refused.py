@@ -11,7 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from operate.cli.__main__ import app
-from operate.run_folder import FAULTS_FILE, Fleet, ProcessState, ProcessStatus
+from operate.file_names import FAULTS_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
 pytestmark = pytest.mark.process
 MODULE = "services.executor.loop"

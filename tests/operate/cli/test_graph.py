@@ -12,7 +12,8 @@ from companion.design import DESIGN
 from companion.tools.system import SYSTEM
 from operate.cli.fleet.process_status import Beat, Seen
 from operate.cli.terminal import graph
-from operate.run_folder import ProcessState, ProcessStatus, Sent
+from operate.fleet_file import ProcessState, ProcessStatus
+from operate.live_lines import Sent
 
 NODES = ("a", "b", "c", "d", "e")
 edges = st.dictionaries(

@@ -14,7 +14,8 @@ import msgspec
 import pytest
 
 from operate.cli.fleet import starting
-from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
+from operate.file_names import FLEET_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
 pytestmark = pytest.mark.process
 

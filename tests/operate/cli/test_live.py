@@ -15,16 +15,14 @@ from companion.tools.verbs import pour_run
 from operate.cli.fleet import state_words
 from operate.cli.terminal import draw, run_state
 from operate.cli.terminal.console import Console
-from operate.run_folder import (
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
+from operate.live_lines import (
     Against,
     AgentIn,
-    Fleet,
     Happened,
     LiveLine,
     PlanAt,
     PlanSeen,
-    ProcessState,
-    ProcessStatus,
     Sent,
     Step,
     Task,

@@ -13,7 +13,8 @@ from operate.cli.errors import UsageError
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.logs import Written, logs, moment
 from operate.cli.output import Format
-from operate.run_folder import FLEET_FILE, Fleet
+from operate.file_names import FLEET_FILE
+from operate.fleet_file import Fleet
 
 
 @pytest.fixture

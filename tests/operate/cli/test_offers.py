@@ -14,7 +14,7 @@ from operate.cli.__main__ import app
 from operate.cli.fleet.offers import DOWN, UNKNOWN, UP, Search, acts, describe, states
 from operate.cli.fleet.process_status import Beat, Look, Seen
 from operate.cli.fleet.targets import Target
-from operate.run_folder import ProcessState, ProcessStatus
+from operate.fleet_file import ProcessState, ProcessStatus
 
 NOBODY = dict.fromkeys(DESIGN.agents, (UNKNOWN, ""))
 

@@ -19,7 +19,8 @@ from typer.testing import CliRunner
 from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
 from operate.cli.runs.catalogue import Run, age, is_run, size, span, words_of
-from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, Fleet, ProcessState, ProcessStatus
+from operate.file_names import FLEET_FILE, LATEST, REPORT_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
 NOW = 1_700_000_000.0
 DAY = 86400.0

@@ -21,7 +21,8 @@ from companion.tools.verbs import hi, talk
 from operate.cli.__main__ import app
 from operate.cli.fleet import starting
 from operate.cli.runs import folders
-from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
+from operate.file_names import FLEET_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
 from . import fake_fleet
 

@@ -19,8 +19,8 @@ from operate.cli.fleet.checkup import Level
 from operate.cli.fleet.compose import SHEET, sheet
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Beat, Look, Seen
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.proc import Used
-from operate.run_folder import Fleet, ProcessState, ProcessStatus
 
 pytestmark = pytest.mark.process
 

@@ -25,7 +25,8 @@ from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, SWITCH, WEB
 from operate.cli.fleet.status import state_of
 from operate.cli.runs import folders
-from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
+from operate.file_names import FLEET_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
 pytestmark = pytest.mark.process
 

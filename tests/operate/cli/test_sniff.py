@@ -17,7 +17,7 @@ from operate.cli.__main__ import app
 from operate.cli.terminal.sequence import LEAST, Lifelines
 from operate.cli.traffic.sniff import arrows, speakers
 from operate.filters import Filter
-from operate.run_folder import Judged
+from operate.verdict_lines import Judged
 from topdown.draw.sequence import Arrow, Columns, Diagram, draw
 from topdown.judge.verdicts import Verdict
 

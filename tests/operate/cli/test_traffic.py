@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from operate.cli.__main__ import app
 from operate.cli.terminal.console import Console
 from operate.cli.traffic import judge
-from operate.run_folder import Judged
+from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"

@@ -22,7 +22,7 @@ from operate.cli.traffic.rates import Tally
 from operate.cli.traffic.replay import factor, narrowed
 from operate.filters import Filter, UnknownNameError, checked
 from operate.quantiles import quantile, tail
-from operate.run_folder import Judged
+from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"

@@ -20,7 +20,8 @@ from companion.tools.verbs.table import VERBS as OWN
 from operate.cli import lazy
 from operate.cli.__main__ import app
 from operate.cli.verbs import GROUP, VERBS, merged
-from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
+from operate.file_names import FLEET_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
 ROWS = {words: row for rows in merged(VERBS, OWN).values() for words, row in rows.items()}
 GONE = ProcessStatus("co", ProcessState.STOPPED)

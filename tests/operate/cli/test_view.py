@@ -12,7 +12,8 @@ import pytest
 from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE
 from operate.cli.errors import NoRunError, UsageError
 from operate.cli.fleet import view
-from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
+from operate.file_names import RRD_FILE, VIEW_FILE
+from operate.fleet_file import ViewAddress
 
 pytestmark = pytest.mark.process
 

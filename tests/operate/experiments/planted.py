@@ -10,8 +10,8 @@ from companion.tools.report.measures import MEASURES, Plan, PourFigures
 from operate.experiments import results
 from operate.experiments.measures import Runs
 from operate.experiments.run_figures import Happened, Result, SentMessage
+from operate.experiments.setting import RESULTS_FILE, SETTING_FILE, ExperimentSetting
 from operate.reports.counts import Communicates, Latency, Sizes, Spans
-from operate.run_folder import ExperimentSetting
 
 Change = Callable[[PourFigures], PourFigures]
 
@@ -24,6 +24,7 @@ def same(figures: PourFigures) -> PourFigures:
 def figures(seed: int, noise: random.Random) -> PourFigures:
     """One run: the seed decides what is drawn, the noise what a machine adds."""
     drawn, shake = random.Random(seed), noise.gauss(0.0, 0.02)
+    answer = Spans(2, 6000.0 * (1.0 + shake), p99=10000.0, max=10200.0)
     wall = 50.0 * (1.0 + drawn.gauss(0.0, 0.05) + shake)
     return PourFigures(
         success=True,
@@ -35,28 +36,17 @@ def figures(seed: int, noise: random.Random) -> PourFigures:
             total=421,
             small=0.9,
             matrix={"pl": {"km": 116}, "km": {"pl": 116 + seed % 3}},
-            per_channel={
-                "C4": Sizes(count=232, total=104888, least=110, mean=452.0, largest=22870)
-            },
+            per_channel={"C4": Sizes(232, 104888, least=110, mean=452.0, largest=22870)},
         ),
         plans=(
             Plan(1, 1.0, 10.0 * (1.0 + shake), 92, 184, 92534, 0.1),
             Plan(2, wall - 10, 2.1, 22, 44, 11819, 0.03),
         ),
         events=(
-            Happened(
-                "command-received", 4.6, words="command received", sim_s=3.2, channels=("C2",)
-            ),
-            Happened("finished", 4.6 + wall, words="finished", sim_s=67.0, channels=("C2",)),
+            Happened("command-received", 4.6, (), "command received", 3.2, ("C2",)),
+            Happened("finished", 4.6 + wall, (), "finished", 67.0, ("C2",)),
         ),
-        latency=(
-            Latency(
-                "C3",
-                "generate_plan",
-                15000.0,
-                Spans(2, 6000.0 * (1.0 + shake), p99=10000.0, max=10200.0),
-            ),
-        ),
+        latency=(Latency("C3", "generate_plan", 15000.0, answer),),
         seed=seed,
         speed="max",
         began=1.7e9 + seed,
@@ -69,26 +59,12 @@ def said(seed: int) -> tuple[SentMessage, ...]:
     """
     shake = random.Random(seed)
     rows, t = [], 0.0
+    queries = (("pl", "km", "query-ref", "ObjectPose"), ("km", "pl", "inform-ref", "PoseOf"))
     for n in range(6):
-        for sender, receiver, act, kind in (
-            ("pl", "km", "query-ref", "ObjectPose"),
-            ("km", "pl", "inform-ref", "PoseOf"),
-        ):
+        for sender, receiver, act, kind in queries:
             t += shake.uniform(0.01, 0.5)
-            rows.append(
-                SentMessage(
-                    t,
-                    "C4",
-                    sender,
-                    receiver,
-                    "query",
-                    act,
-                    f"pl-1-{n}",
-                    kind,
-                    150 + n,
-                    f"object pose {n}",
-                )
-            )
+            words = act, f"pl-1-{n}", kind, 150 + n, f"object pose {n}"
+            rows.append(SentMessage(t, "C4", sender, receiver, "query", *words))
     for sender, receiver, act in (("co", "pl", "request"), ("pl", "co", "agree")):
         t += 0.1
         rows.append(SentMessage(t, "C3", sender, receiver, "request", act, "co-1-1", "", 90, ""))
@@ -112,13 +88,8 @@ def runs(
         why = "the jar fell" if seed in failing else None
         one = msgspec.structs.replace(one, success=why is None, failure=why)
         found.append(Result(seed, why, one, one.began, 60.0, False, (1.0, 2.0)))
-    return Runs(
-        "planted",
-        None,
-        tuple(found),
-        {one.seed: said(one.seed) for one in found if one.seed is not None},
-        MEASURES,
-    )
+    told = {one.seed: said(one.seed) for one in found if one.seed is not None}
+    return Runs("planted", None, tuple(found), told, MEASURES)
 
 
 def times(factor: float, *names: str) -> Change:
@@ -135,10 +106,9 @@ def written(place: Path, of: Runs, setting: ExperimentSetting | None = None) -> 
     from operate.experiments import tables
 
     place.mkdir(parents=True)
-    (place / results.RESULTS_FILE).write_bytes(
-        b"".join(msgspec.json.encode(one) + b"\n" for one in of.results)
-    )
+    lines = [msgspec.json.encode(one) + b"\n" for one in of.results]
+    (place / RESULTS_FILE).write_bytes(b"".join(lines))
     tables.write_said(place / results.SAID_FILE, of.said)
     if setting is not None:
-        (place / results.SETTING_FILE).write_bytes(msgspec.json.encode(setting))
+        (place / SETTING_FILE).write_bytes(msgspec.json.encode(setting))
     return place

@@ -18,6 +18,7 @@ from companion.tools.telemetry import robot
 from operate.experiments import make, page, results, summary, tables
 from operate.experiments.results import NothingHere
 from operate.experiments.run_figures import Result
+from operate.experiments.setting import RESULTS_FILE
 from operate.recording.run import opened
 from operate.recording.stored import NoRecordingError
 from operate.reports import report
@@ -29,19 +30,13 @@ POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 def test_the_summary_counts_the_lines(tmp_path: Path) -> None:
     """Success over all runs, figures over the successful ones, the paper's beside them."""
     told = summary.summed(runs(failing=[2, 9]))
-    assert (told.runs, told.success.value, [one.seed for one in told.failures]) == (
-        30,
-        28 / 30,
-        [2, 9],
-    )
+    assert (told.runs, told.success.value) == (30, 28 / 30)
+    assert [one.seed for one in told.failures] == [2, 9]
     rows = {row.name: row for row in told.rows}
-    assert (
-        rows["command to end"].published
-        == PAPER.times["finished"] - PAPER.times["command-received"]
-    )
-    good = [
-        one.figures.energy_J for one in runs(failing=[2, 9]).results if one.success and one.figures
-    ]
+    theirs = PAPER.times["finished"] - PAPER.times["command-received"]
+    assert rows["command to end"].published == theirs
+    figures = [one.figures for one in runs(failing=[2, 9]).results if one.success]
+    good = [one.energy_J for one in figures if one]
     energy = rows["energy of the body's joints"]
     assert energy.mean.value == pytest.approx(sum(x for x in good if x is not None) / 28)
     assert (energy.mean.n, energy.least, energy.largest) == (28, min(good), max(good))  # type: ignore[type-var]
@@ -107,7 +102,7 @@ def test_lines_of_a_killed_experiment_are_read_as_far_as_they_go(tmp_path: Path)
     a report is one.
     """
     place = written(tmp_path / "mine", runs(range(1, 4)))
-    file = place / results.RESULTS_FILE
+    file = place / RESULTS_FILE
     lost = msgspec.json.encode(Result(9, "no report", None))
     twice = msgspec.json.encode(Result(1, "another", None))
     file.write_bytes(file.read_bytes() + lost + b"\n" + twice + b"\n" + b'{"seed": 10, "fail')
@@ -120,7 +115,7 @@ def test_lines_of_a_killed_experiment_are_read_as_far_as_they_go(tmp_path: Path)
 def test_lines_of_another_version_are_read(tmp_path: Path) -> None:
     """A figure that is not there yet is left out, one that is not known any more is passed over."""
     place = written(tmp_path / "mine", runs(range(1, 4)))
-    file = place / results.RESULTS_FILE
+    file = place / RESULTS_FILE
     older = [msgspec.json.decode(line) for line in file.read_bytes().splitlines()]
     for line in older:
         del line["figures"]["energy_J"]
@@ -151,11 +146,8 @@ def test_a_recorded_run_fills_every_table() -> None:
     one = results.load(POUR)
     told = summary.summed(one)
     assert {row.mean.low for row in told.rows} == {None}
-    assert {row.name for row in told.events if row.runs} >= {
-        "jar grasped",
-        "bowl put down",
-        "jar poured into bowl",
-    }
+    happened = {"jar grasped", "bowl put down", "jar poured into bowl"}
+    assert {row.name for row in told.events if row.runs} >= happened
     assert sum(cell["sent"].mean.value for cell in told.matrix.values() if "sent" in cell) == 420
     assert sum(cell.mean.value for cell in told.matrix["received"].values()) == 420
     assert "<svg" in page.sizes(one)
@@ -191,13 +183,12 @@ def test_what_holds_nothing_is_named(tmp_path: Path) -> None:
     """An empty folder, a file that is not there, an experiment without a line."""
     with pytest.raises(NothingHere, match="holds no runs; give an experiment's folder"):
         results.load(tmp_path)
-    with pytest.raises(
-        NoRecordingError, match="none is not there; give a run folder, or a recording"
-    ):
+    why = "none is not there; give a run folder, or a recording"
+    with pytest.raises(NoRecordingError, match=why):
         opened(tmp_path / "none", SYSTEM)
     with pytest.raises(NothingHere, match="`roco experiment` makes one"):
         make.everything(tmp_path)
-    (tmp_path / results.RESULTS_FILE).touch()
+    (tmp_path / RESULTS_FILE).touch()
     with pytest.raises(NothingHere, match="--resume"):
         make.everything(tmp_path)
 

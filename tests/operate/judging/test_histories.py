@@ -36,9 +36,8 @@ def test_the_pour_is_told_as_it_was(told: report.Report) -> None:
     """Success, counts and bytes are those known of this run; nothing is missing."""
     assert told.success
     assert told.poured_fraction == 1.0
-    assert {
-        s: {r: n for r, n in row.items() if n} for s, row in told.communicates.matrix.items()
-    } == MATRIX
+    rows = told.communicates.matrix.items()
+    assert {s: {r: n for r, n in row.items() if n} for s, row in rows} == MATRIX
     assert told.communicates.total == sum(sum(row.values()) for row in MATRIX.values())
     assert told.missing == ()
     assert told.holes == ()

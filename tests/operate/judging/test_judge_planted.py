@@ -4,17 +4,15 @@ and nothing else.
 
 import random
 from collections import Counter
-from collections.abc import Callable
 
 import msgspec
 import pytest
-from planting import Expected, Traffic, plants
+from planting import PLANTS, Traffic
 
 from agent_runtime.io.tap import Sample
-from operate.recording.records import Record, Token
+from operate.recording.records import Token
 from topdown.judge.verdicts import VIOLATIONS, Verdict
 
-PLANTS = list(plants())
 MISSED_S, NOTICED_S = 0.9, 2.0
 """A gap in what a sender said is noticed at its next heartbeat but one."""
 UNTOLD_S = 0.02
@@ -38,17 +36,15 @@ def test_there_are_plants_of_every_verdict() -> None:
     (tests/operate/recording/test_ends.py has those that two logs show).
     """
     assert len(PLANTS) >= 20
-    assert {plant(Traffic())[0] for plant in PLANTS} == VIOLATIONS - {
-        Verdict.NOT_SAID,
-        Verdict.ALTERED,
-    }
+    found = {plant(Traffic())[0] for plant in PLANTS.values()}
+    assert found == VIOLATIONS - {Verdict.NOT_SAID, Verdict.ALTERED}
 
 
-@pytest.mark.parametrize("plant", PLANTS, ids=lambda plant: plant.__name__)
-def test_a_planted_violation_is_found_and_named(plant: Callable[[Traffic], Expected]) -> None:
+@pytest.mark.parametrize("why", PLANTS)
+def test_a_planted_violation_is_found_and_named(why: str) -> None:
     """The right verdict about the right communicate, and nothing else is flagged."""
     traffic = Traffic()
-    expected = plant(traffic)
+    expected = PLANTS[why](traffic)
     assert traffic.found() == [expected]
 
 
@@ -90,7 +86,3 @@ def test_a_number_that_was_not_heard_is_no_violation(nth: int) -> None:
     traffic.remove(durable[nth])
     assert traffic.found() == []
     assert Verdict.NOT_JUDGED in traffic.verdicts()
-
-
-def _at(item: Sample | Record) -> float:
-    return item.at if isinstance(item, Sample) else item.received

@@ -11,8 +11,8 @@ from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
 from operate.judging.live import Live
+from operate.live_lines import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent, Task
 from operate.recording.records import Garbage, Spoken, understood
-from operate.run_folder import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Sent, Task
 
 
 def lines(run: Run) -> list[LiveLine]:
@@ -24,12 +24,8 @@ def lines(run: Run) -> list[LiveLine]:
 def test_each_communicate_is_a_line_once(pouring: Run) -> None:
     """Re-sent copies show no second line, and all lines can be read back."""
     live = Live(SYSTEM)
-    twice = [
-        line
-        for sample in pouring.samples
-        for _ in (1, 2)
-        for line in live.lines(understood(sample, SYSTEM))
-    ]
+    records = [understood(sample, SYSTEM) for sample in pouring.samples for _ in (1, 2)]
+    twice = [line for record in records for line in live.lines(record)]
     sent = [line for line in twice if isinstance(line, Sent)]
     assert len(sent) == len(pouring.said)
     assert [msgspec.json.decode(msgspec.json.encode(line), type=LiveLine) for line in sent] == sent
@@ -43,17 +39,15 @@ def test_plans_are_shown_and_followed(pouring: Run) -> None:
     shown = {state for line in found if isinstance(line, PlanSeen) for state in line.states}
     places = [line for line in found if isinstance(line, PlanAt)]
     assert {place.at for place in places if place.at} <= shown
-    assert {line.tasks for line in found if isinstance(line, PlanSeen)} == {
-        (Task("pour", ("jar", "bowl")),)
-    }
+    tasks = {line.tasks for line in found if isinstance(line, PlanSeen)}
+    assert tasks == {(Task("pour", ("jar", "bowl")),)}
     assert [place.outcome for place in places if place.outcome] == ["replan", "succeeded"]
 
 
 def test_what_happens_is_told_when_it_happens(pouring: Run) -> None:
     """Each event once, in the order of the story."""
-    names = [
-        " ".join((line.name, *line.of)) for line in lines(pouring) if isinstance(line, Happened)
-    ]
+    events = [line for line in lines(pouring) if isinstance(line, Happened)]
+    names = [" ".join((line.name, *line.of)) for line in events]
     story = [
         "command-received", "plan-received 1", "grasped jar_1", "put-down bowl_1",
         "poured jar_1 bowl_1", "finished"
@@ -76,13 +70,9 @@ def test_what_was_recorded_shows_no_text_that_is_no_word_or_label() -> None:
     """
     for label, kind in (("pl-1-1", Spoken), ("pl\x1b[2J", Garbage)):
         said = Communicate(
-            performative=Performative.QUERY_REF,
-            protocol="query",
-            sender="pl",
-            receiver="km",
-            conversation="pl-1-1",
-            id=label,
-        )
+            performative=Performative.QUERY_REF, protocol="query", sender="pl", receiver="km",
+            conversation="pl-1-1", id=label,
+        )  # fmt: skip
         key = DESIGN.key("velma", said)
         assert type(understood(Sample(key, encode(said), 1.0), SYSTEM)) is kind
 

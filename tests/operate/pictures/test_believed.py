@@ -26,6 +26,7 @@ from companion.tools.telemetry import truth
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import HIDDEN, Sheet, labels
 from operate.recording.history import History
+from operate.recording.records import Spoken
 from velma.names import BODY
 
 FAR_M = 0.15
@@ -60,6 +61,12 @@ def moved(true_past: History) -> tuple[float, Noted]:
     return since, afterwards(with_truth(true_past, tuple(states)), Both)
 
 
+def seen_of(past: History, thing: str) -> list[Spoken]:
+    """The observations of a thing."""
+    said = [one for one in past.said if isinstance(one.content, wm.SeenObject)]
+    return [one for one in said if thing in one.id]
+
+
 def texts(sheet: Noted, name: str) -> list[tuple[float, str]]:
     """The labels of a thing."""
     found = [(at, text) for at, rows in sheet.of(LABELS) for _, text in rows]
@@ -68,15 +75,9 @@ def texts(sheet: Noted, name: str) -> list[tuple[float, str]]:
 
 def test_labels_say_how_who_and_how_long_ago(true_past: History, true_sheet: Noted) -> None:
     """Of the things that can be taken; the age grows until the thing is seen again."""
-    assert {text.partition(":")[0] for _, rows in true_sheet.of(LABELS) for _, text in rows} == {
-        "jar_1",
-        "bowl_1",
-    }
-    seen = [
-        one.received
-        for one in true_past.said
-        if isinstance(one.content, wm.SeenObject) and "jar" in one.id
-    ]
+    labels = [text for _, rows in true_sheet.of(LABELS) for _, text in rows]
+    assert {text.partition(":")[0] for text in labels} == {"jar_1", "bowl_1"}
+    seen = [one.received for one in seen_of(true_past, "jar")]
     jar = [(at, text) for at, text in texts(true_sheet, "jar_1") if "jar_1: seen" in text]
     assert len(jar) > 5
     for at, text in jar:
@@ -88,9 +89,8 @@ def test_labels_say_how_who_and_how_long_ago(true_past: History, true_sheet: Not
 
 def test_where_belief_and_truth_agree_there_is_no_ghost(true_sheet: Noted) -> None:
     """Neither of what stands, nor of what a hand carries along."""
-    assert {entity for entity, _, _ in true_sheet.drawn if entity.startswith(f"{BELIEVED}/")} == {
-        LABELS
-    }
+    entities = {entity for entity, _, _ in true_sheet.drawn}
+    assert {one for one in entities if one.startswith(f"{BELIEVED}/")} == {LABELS}
 
 
 def test_a_ghost_stands_where_the_moved_thing_was_seen(
@@ -102,11 +102,7 @@ def test_a_ghost_stands_where_the_moved_thing_was_seen(
     since, sheet = moved
     (_, hidden), *rows = sheet.of(f"{BELIEVED}/bowl_1")
     assert hidden == HIDDEN
-    seen = [
-        one.content.pose
-        for one in true_past.said
-        if isinstance(one.content, wm.SeenObject) and "bowl" in one.id
-    ]
+    seen = [one.content.pose for one in seen_of(true_past, "bowl")]
     shown = [(at, value) for at, value in rows if value != HIDDEN]
     assert shown
     assert {value for _, value in shown} <= {(pose.xyz, pose.quat_wxyz) for pose in seen}
@@ -120,11 +116,9 @@ def test_a_ghost_stands_where_the_moved_thing_was_seen(
 def test_what_slipped_from_a_hand_has_its_ghost_there(true_past: History) -> None:
     """In truth the jar stays where it was seen at first; km believes that the hand carries it."""
     first = truth(true_past)[0][1].poses["jar_1"]
-    states = [
-        (at, msgspec.structs.replace(one, poses={**one.poses, "jar_1": first}))
-        for at, one in truth(true_past)
-    ]
-    sheet = afterwards(with_truth(true_past, tuple(states)), Both)
+    stays = lambda one: msgspec.structs.replace(one, poses={**one.poses, "jar_1": first})  # noqa: E731
+    states = tuple((at, stays(one)) for at, one in truth(true_past))
+    sheet = afterwards(with_truth(true_past, states), Both)
     carried = [one.poses["jar_1"].xyz for _, one in truth(true_past)]
     ghosts = [value[0] for _, value in sheet.of(f"{BELIEVED}/jar_1") if value != HIDDEN]
     assert len(ghosts) > 10
@@ -134,27 +128,21 @@ def test_what_slipped_from_a_hand_has_its_ghost_there(true_past: History) -> Non
 def test_words_leave_out_what_is_not_known() -> None:
     """Nobody told of it; a distance that does not count."""
     assert label_text(Belief("lid_1"), 10.0, MOST_APART_MM) == "lid_1: never seen"
-    assert label_text(Belief("jar_1", "in the left hand", side=Side.LEFT), 1.0, 40.4).endswith(
-        "in truth 40 mm away"
-    )
+    held = Belief("jar_1", "in the left hand", side=Side.LEFT)
+    assert label_text(held, 1.0, 40.4).endswith("in truth 40 mm away")
 
 
-@pytest.mark.parametrize(
-    ("time_s", "torso"),
-    [(1.0, 0.0), (1.025, 0.25), (1.1, 1.0), (1.105, 1.0), (0.9, None), (2.0, None)],
-)
-def test_joints_are_those_of_the_time_of_the_truth(time_s: float, torso: float | None) -> None:
+def test_joints_are_those_of_the_time_of_the_truth() -> None:
     """Between two states, in the last one, or not known."""
     states = [RobotState(1.0 + 0.1 * k, (float(k), *(0.0,) * 14)) for k in range(2)]
-    assert joints_at(states, time_s).get(BODY[0]) == (
-        None if torso is None else pytest.approx(torso)
-    )
+    for time_s, torso in ((1.0, 0.0), (1.025, 0.25), (1.1, 1.0), (1.105, 1.0)):
+        assert joints_at(states, time_s)[BODY[0]] == pytest.approx(torso), time_s
+    for time_s in (0.9, 2.0):
+        assert BODY[0] not in joints_at(states, time_s)
 
 
 def test_rerun_gets_as_many_labels_as_there_are_each_time() -> None:
     """None, then two."""
-    places, names = (
-        one.as_arrow_array().to_pylist()
-        for one in labels([[], [((0, 0, 1), "a"), ((0, 2, 0), "b")]])
-    )
+    drawn = labels([[], [((0, 0, 1), "a"), ((0, 2, 0), "b")]])
+    places, names = (one.as_arrow_array().to_pylist() for one in drawn)
     assert (places, names) == ([[], [[0, 0, 1], [0, 2, 0]]], [[], ["a", "b"]])

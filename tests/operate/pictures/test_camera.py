@@ -61,24 +61,16 @@ def test_markers_are_drawn_with_their_picture(seen: list[Record]) -> None:
     without any is kept.
     """
     rows = afterwards(history.of_records(seen, SYSTEM)).of(MARKERS)
-    assert [(at, [label for label, _ in found]) for at, found in rows] == [
-        (1.0, []),
-        (2.0, ["jar_1", "bowl_1"]),
-    ]
+    named = [(at, [label for label, _ in found]) for at, found in rows]
+    assert named == [(1.0, []), (2.0, ["jar_1", "bowl_1"])]
     corners = rows[1][1][0][1]
     assert corners.ravel().tolist() == list(SQUARE)
-    columns = [
-        column.as_arrow_array().to_pylist() for column in outlines([found for _, found in rows])
-    ]
+    drawn = outlines([found for _, found in rows])
+    columns = [column.as_arrow_array().to_pylist() for column in drawn]
     assert [len(row) for row in columns[0]] == [0, 2]
     assert ["jar_1", "bowl_1"] in (row[1] for row in columns)
-    assert [list(point) for point in columns[0][1][0]] == [
-        [0.5, 0.5],
-        [2.5, 0.5],
-        [2.5, 2.5],
-        [0.5, 2.5],
-        [0.5, 0.5],
-    ]
+    closed = [[0.5, 0.5], [2.5, 0.5], [2.5, 2.5], [0.5, 2.5], [0.5, 0.5]]
+    assert [list(point) for point in columns[0][1][0]] == closed
 
 
 def test_the_picture_is_a_part_of_the_robot(seen: list[Record]) -> None:
@@ -99,9 +91,8 @@ def test_states_beside_them_stay_what_they_are(seen: list[Record]) -> None:
 
 def test_rerun_gets_each_picture_as_it_is() -> None:
     """As a JPEG file of its own."""
-    blobs, forms = (
-        column.as_arrow_array().to_pylist() for column in images([FILES[0], b"longer" * 9])
-    )
+    drawn = images([FILES[0], b"longer" * 9])
+    blobs, forms = (column.as_arrow_array().to_pylist() for column in drawn)
     assert [bytes(blob) for (blob,) in blobs] == [FILES[0], b"longer" * 9]
     assert forms == [["image/jpeg"]] * 2
 

@@ -7,11 +7,11 @@ import pytest
 from noted import Noted, live
 
 from companion.tools.system import SYSTEM
+from operate.fault_lines import Fault
 from operate.pictures.happenings import of_history
 from operate.pictures.stage import FAULTS, REST, Stage
 from operate.recording import history
 from operate.recording.records import FAULT, OPERATOR, House, Record
-from operate.run_folder import Fault
 
 
 def lines(fault: Fault) -> list[House]:
@@ -27,39 +27,27 @@ def some(records: list[Record], past: history.History) -> list[Record]:
     """The synthetic run with three faults, two of which overlap and one of which is not healed."""
     at = past.begin
     faults = [
-        Fault(
-            id="a",
-            kind="kill",
-            target="pl",
-            t=at + 4.0,
-            began=at + 2.0,
-            ended=at + 4.0,
-            text="back",
-        ),
-        Fault(
-            id="b",
-            kind="hang",
-            target="ta",
-            t=at + 5.0,
-            began=at + 3.0,
-            ended=at + 5.0,
-            at="ta:running",
-        ),
-        Fault(id="c", kind="pause", target="km", t=at + 6.0, began=at + 6.0),
+        ("a", "kill", "pl", at + 2.0, at + 4.0, ""),
+        ("b", "hang", "ta", at + 3.0, at + 5.0, "ta:running"),
+        ("c", "pause", "km", at + 6.0, None, ""),
     ]
-    more = [line for fault in faults for line in lines(fault)]
+    names = ("id", "kind", "target", "began", "ended", "at")
+    made = [Fault(t=row[4] or row[3], **dict(zip(names, row, strict=True))) for row in faults]  # type: ignore[arg-type]
+    more = [line for fault in made for line in lines(fault)]
     return sorted([*records, *more], key=lambda one: one.received)
 
 
 def test_overlapping_faults_stand_side_by_side(some: list[Record], past: history.History) -> None:
     """Live as afterwards; what waits for its moment is not there."""
-    expected = [
+    hang = "hang ta at ta:running"
+    states = (
         (2.0, "kill pl"),
-        (3.0, "kill pl, hang ta at ta:running"),
-        (4.0, "hang ta at ta:running"),
+        (3.0, f"kill pl, {hang}"),
+        (4.0, hang),
         (5.0, REST),
         (6.0, "pause km"),
-    ]
+    )
+    expected = list(states)
     sheet = Noted(past.begin)
     stage = Stage(sheet, SYSTEM)
     for happening in of_history(history.of_records(some, SYSTEM)):
@@ -77,9 +65,6 @@ def test_a_run_without_faults_has_no_lane(sheet: Noted) -> None:
 def test_the_history_has_each_fault_once(some: list[Record]) -> None:
     """As its last line has it; the lines are not traffic."""
     past = history.of_records(some, SYSTEM)
-    assert [(one.id, one.ended is None) for one in past.faults] == [
-        ("a", False),
-        ("b", False),
-        ("c", True),
-    ]
+    goes_on = {one.id: one.ended is None for one in past.faults}
+    assert goes_on == {"a": False, "b": False, "c": True}
     assert FAULT not in past.houses

@@ -21,8 +21,9 @@ from synthetic import Run
 
 from agent_runtime.io.tap import Sample
 from companion.tools.system import SYSTEM
+from operate.file_names import VERDICTS_FILE, VIEW_FILE
 from operate.pictures import feed as feeding
-from operate.pictures import wire
+from operate.pictures import viewer_pipe
 from operate.pictures.child import Past
 from operate.pictures.feed import OVERHEAD, Feed, Queue
 from operate.pictures.happenings import Reader
@@ -30,32 +31,19 @@ from operate.pictures.viewer_address import Place, ViewSettingError, wanted
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken, understood
-from operate.run_folder import VERDICTS_FILE, VIEW_FILE, Judged
+from operate.verdict_lines import Judged
 
-READS_NOTHING = (sys.executable, "-c", "import time; time.sleep(600)")
-DEAF = (
-    sys.executable,
-    "-c",
-    (
-        "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf',"
-        " flush=True); time.sleep(600)"
-    ),
-)
-LEAVES = (
-    sys.executable,
-    "-c",
-    "import socket, sys; socket.socket(fileno=int(sys.argv[1])).accept()",
-)
+PYTHON = (sys.executable, "-c")
+IGNORES = "import signal, socket, sys, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+READS_NOTHING = (*PYTHON, "import time; time.sleep(600)")
+DEAF = (*PYTHON, IGNORES + "print('deaf', flush=True); time.sleep(600)")
+LEAVES = (*PYTHON, "import socket, sys; socket.socket(fileno=int(sys.argv[1])).accept()")
 """Takes the viewer, and ends in order."""
-DIES = (sys.executable, "-c", "raise SystemExit(3)")
+DIES = (*PYTHON, "raise SystemExit(3)")
 COPIES = (
-    sys.executable,
-    "-c",
-    (
-        "import signal, socket, sys; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
-        "socket.socket(fileno=int(sys.argv[2])).accept(); "
-        "open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())"
-    ),
+    *PYTHON,
+    IGNORES + "socket.socket(fileno=int(sys.argv[2])).accept(); "
+    "open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())",
 )
 """Takes the viewer, and writes what it is fed to a file."""
 
@@ -108,17 +96,16 @@ def begin(tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch) -> Iter
 
         def feed(command: tuple[str, ...]) -> tuple[Feed, list[str]]:
             said: list[str] = []
-            begun = Feed(
-                tmp_path, place, SYSTEM, lambda event, **_: said.append(event), command=command
-            )
+            say = lambda event, **_: said.append(event)  # noqa: E731
+            begun = Feed(tmp_path, place, SYSTEM, say, command=command)
             return stack.enter_context(closing(begun)), said
 
         yield feed
 
 
-def heard(data: bytes) -> wire.Heard:
+def heard(data: bytes) -> viewer_pipe.Heard:
     """A sample with these bytes."""
-    return wire.Heard(Sample("", data, 1.0))
+    return viewer_pipe.Heard(Sample("", data, 1.0))
 
 
 @given(
@@ -145,43 +132,32 @@ def test_the_queue_is_bounded_and_keeps_the_newest_in_order(
     assert len(got) + len(left) + queue.dropped == put
     assert left == list(range(put - len(left), put))
     assert queue.bytes == 0
+    queue.put(heard(b""), most + 1 - OVERHEAD)  # larger than all room
+    assert (queue.take(), queue.bytes) == ([], 0)
 
 
-def test_an_item_larger_than_all_room_is_dropped() -> None:
-    """And counted."""
-    queue = Queue(1000)
-    queue.put(heard(b""), 1001 - OVERHEAD)
-    assert (queue.take(), queue.dropped, queue.bytes) == ([], 1, 0)
-
-
-def numbers(items: list[wire.Item]) -> list[int]:
+def numbers(items: list[viewer_pipe.Item]) -> list[int]:
     """What the samples begin with."""
-    return [
-        int.from_bytes(item.sample.data[:4], "big")
-        for item in items
-        if isinstance(item, wire.Heard)
-    ]
+    samples = [item.sample for item in items if isinstance(item, viewer_pipe.Heard)]
+    return [int.from_bytes(sample.data[:4], "big") for sample in samples]
 
 
 @given(st.lists(st.integers(1, 60), max_size=40))
 def test_frames_come_whole_however_they_are_cut(cuts: list[int]) -> None:
     """Items out are the items in."""
-    items: list[wire.Item] = [wire.Heard(Sample("k", b"d" * n, float(n))) for n in cuts] + [
-        wire.Missed(1.0, 2)
-    ]
-    data = b"".join(wire.framed(wire.encode(item)) for item in items)
-    frames, found = wire.Frames(), list[wire.Item]()
+    items: list[viewer_pipe.Item] = [
+        viewer_pipe.Heard(Sample("k", b"d" * n, float(n))) for n in cuts
+    ] + [viewer_pipe.Missed(1.0, 2)]
+    data = b"".join(viewer_pipe.framed(viewer_pipe.encode(item)) for item in items)
+    frames, found = viewer_pipe.Frames(), list[viewer_pipe.Item]()
     while data:
         cut = cuts[len(found) % len(cuts)] if cuts else 1
         found += frames.feed(data[:cut])
         data = data[cut:]
     assert found == items
-
-
-def test_something_else_than_frames_is_said() -> None:
-    """Not waited for."""
+    # something else than frames is not waited for
     with pytest.raises(ValueError, match="not a pipe of the monitor"):
-        wire.Frames().feed(b"\xff\xff\xff\xff")
+        viewer_pipe.Frames().feed(b"\xff\xff\xff\xff")
 
 
 @pytest.mark.usefixtures("look")
@@ -211,9 +187,8 @@ def test_a_child_that_does_not_follow_is_killed(
     """It ignores SIGTERM and is frozen besides; the end comes in time."""
     monkeypatch.setattr(feeding, "END_S", 0.5)
     feed, _ = begin(DEAF)
-    assert eventually(
-        lambda: (tmp_path / "rerun.log").exists() and "deaf" in (tmp_path / "rerun.log").read_text()
-    )
+    log = tmp_path / "rerun.log"
+    assert eventually(lambda: log.exists() and "deaf" in log.read_text())
     pid = feed.pid
     os.kill(pid, signal.SIGSTOP)
     feed.close()
@@ -235,11 +210,8 @@ def test_where_nobody_looks_any_more_it_waits_for_the_next_viewer(
     """A child that ends in order is no failure, though more was fed to it meanwhile."""
     feed, said = begin(LEAVES)
     for times in (1, 2):
-        assert eventually(
-            lambda times=times: (
-                feed.heard(Sample("k", b"d", 1.0)) or said.count("nobody looks") == times
-            )
-        )
+        fed = lambda: feed.heard(Sample("k", b"d", 1.0)) or said.count("nobody looks")  # noqa: E731
+        assert eventually(lambda: fed() == times)  # noqa: B023
         assert said == ["showing", "nobody looks"] * times
         with socket.create_connection((place.bind, place.grpc)):
             pass
@@ -299,32 +271,23 @@ def test_each_sample_is_in_the_recording_or_fed(
         recorder.take(late)
         assert eventually(lambda: not feed._queue.bytes)
         recorder.finish()
-    since, *fed = wire.Frames().feed((tmp_path / "fed").read_bytes())
-    assert isinstance(since, wire.Since)
+    since, *fed = viewer_pipe.Frames().feed((tmp_path / "fed").read_bytes())
+    assert isinstance(since, viewer_pipe.Since)
     past = Past(since.at)
     recorded = [one.what for one in past.read(then, SYSTEM, Reader(SYSTEM))]
     before = [one for one in recorded if isinstance(one, Spoken)]
-    after = spoken(
-        [
-            item.sample
-            for item in fed
-            if isinstance(item, wire.Heard) and not past.has(item.sample.at)
-        ]
-    )
+    samples = [item.sample for item in fed if isinstance(item, viewer_pipe.Heard)]
+    after = spoken([one for one in samples if not past.has(one.at)])
     assert before
     assert after
     found = sorted((one.received, one.identity) for one in (*before, *after))
     assert found == sorted((one.received, one.identity) for one in spoken(pouring.samples))
-    judged = [
-        item.judged
-        for item in fed
-        if isinstance(item, wire.ShownVerdict) and not past.judged(item.judged)
-    ]
+    told = [item.judged for item in fed if isinstance(item, viewer_pipe.ShownVerdict)]
+    judged = [one for one in told if not past.judged(one)]
     judged += [one for one in recorded if isinstance(one, Judged)]
     lines = (tmp_path / VERDICTS_FILE).read_bytes().splitlines()
-    assert sorted(judged, key=repr) == sorted(
-        (msgspec.json.decode(line, type=Judged) for line in lines), key=repr
-    )
+    written = [msgspec.json.decode(line, type=Judged) for line in lines]
+    assert sorted(judged, key=repr) == sorted(written, key=repr)
 
 
 def spoken(samples: list[Sample]) -> list[Spoken]:
@@ -342,10 +305,8 @@ def test_where_pictures_are_served_is_the_environments_word() -> None:
     assert place.bind == "127.0.0.1"
     assert 0 < place.grpc != place.web > 0
     fixed = {"ROCO_VIEW_BIND": "0.0.0.0", "ROCO_VIEW_GRPC": "9876", "ROCO_VIEW_WEB": "9090"}
-    assert [wanted(fixed, k) for k in (0, 1)] == [
-        Place("0.0.0.0", 9876, 9090),
-        Place("0.0.0.0", 9877, 9091),
-    ]
+    for k in (0, 1):
+        assert wanted(fixed, k) == Place("0.0.0.0", 9876 + k, 9090 + k)
     for wrong in ({"ROCO_VIEW": "perhaps"}, {"ROCO_VIEW_WEB": "web"}, {"ROCO_VIEW_GRPC": "70000"}):
         with pytest.raises(ViewSettingError, match=next(iter(wrong))):
             wanted(wrong)

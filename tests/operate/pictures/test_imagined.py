@@ -26,31 +26,26 @@ LINKS = {link.joint: link for link in robot.links() if link.joint}
 
 def plans(past: History) -> list[tuple[float, hfsm.HierarchicalPlan]]:
     """The plans that ta got, each with its time [s after the beginning]."""
-    given = [
-        one
-        for one in past.said
-        if one.channel == "C1" and isinstance(one.content, hfsm.HierarchicalPlan)
-    ]
+    to_ta = [one for one in past.said if one.channel == "C1"]
+    given = [one for one in to_ta if isinstance(one.content, hfsm.HierarchicalPlan)]
     return [(one.received - past.begin, one.content) for one in given]
 
 
 def moves(machine: hfsm.Machine) -> list[rc.MoveJoint]:
     """The free motions of a plan, in order."""
-    return [
-        move
-        for state in machine.states
-        for move in (
-            moves(state) if isinstance(state, hfsm.Machine) else [getattr(state, "command", None)]
-        )
-        if isinstance(move, rc.MoveJoint)
-    ]
+    found: list[rc.MoveJoint] = []
+    for state in machine.states:
+        if isinstance(state, hfsm.Machine):
+            found += moves(state)
+        elif isinstance(command := getattr(state, "command", None), rc.MoveJoint):
+            found.append(command)
+    return found
 
 
 def plan_of(state: hfsm.ActState) -> hfsm.HierarchicalPlan:
     """A plan of one act."""
-    return hfsm.HierarchicalPlan(
-        "p", "t", hfsm.Machine("m", initial=state.name, states=(state,)), 1.0, 0
-    )
+    machine = hfsm.Machine("m", initial=state.name, states=(state,))
+    return hfsm.HierarchicalPlan("p", "t", machine, 1.0, 0)
 
 
 def test_the_ghost_has_the_last_free_motion_of_each_arm(
@@ -64,11 +59,8 @@ def test_the_ghost_has_the_last_free_motion_of_each_arm(
         # after the torso and the arm's own root
         for column, q in list(zip(COLUMNS[side], end, strict=True))[2:]:
             link = LINKS[BODY[column]]
-            shown = [
-                value
-                for when, value in true_sheet.of(entity(link, ROBOT))
-                if when == pytest.approx(at)
-            ]
+            drawn = true_sheet.of(entity(link, ROBOT))
+            shown = [value for when, value in drawn if when == pytest.approx(at)]
             assert shown[-1] == (link.at, pytest.approx(robot.turned(link, q)))
 
 
@@ -76,11 +68,9 @@ def test_the_ghost_is_gone_when_no_plan_is_carried_out(
     true_past: History, true_sheet: Noted
 ) -> None:
     """Before the first plan, and after each end of one: nothing of it is left."""
-    ends = [
-        one.received - true_past.begin
-        for one in true_past.said
-        if isinstance(one.content, sw.Report) and one.content.state in sw.FINAL
-    ]
+    reports = [one for one in true_past.said if isinstance(one.content, sw.Report)]
+    final = [one for one in reports if one.content.state in sw.FINAL]
+    ends = [one.received - true_past.begin for one in final]
     roots = [entity(LINKS[f"{side}_arm_0_joint"], ROBOT) for side in ARM]
     things = {name for name, _, _ in true_sheet.drawn if name.startswith(THINGS)}
     assert ends
@@ -101,13 +91,12 @@ def test_an_arm_that_stays_has_no_ghost(true_past: History, turn: float) -> None
     path = ((turn, *(q + 0.3 for q in start[8:])),)
     plan = plan_of(hfsm.ActState("move", rc.MoveJoint("key", Side.LEFT, path, 0.2)))
     given = next(
-        one for one in true_past.said if one.channel == "C1" and isinstance(one.content, type(plan))
+        one for one in true_past.said if isinstance(one.content, type(plan)) and one.channel == "C1"
     )
     wire = encode(msgspec.structs.replace(given.communicate, content=HFSM.encode(plan)))
     drawer.take(Happening(2.0, msgspec.structs.replace(given, wire=wire).read_in(LANGUAGES)))
-    shown = {
-        side: sheet.of(entity(LINKS[f"{side}_arm_0_joint"], ROBOT))[-1][1] != HIDDEN for side in ARM
-    }
+    roots = {side: entity(LINKS[f"{side}_arm_0_joint"], ROBOT) for side in ARM}
+    shown = {side: sheet.of(root)[-1][1] != HIDDEN for side, root in roots.items()}
     assert shown == {"left": True, "right": turn > 0.0}
 
 

@@ -19,6 +19,8 @@ from synthetic import Run
 from test_feed import eventually, spoken
 
 from companion.tools.system import SYSTEM
+from operate.file_names import VIEW_FILE
+from operate.fleet_file import ViewAddress
 from operate.pictures import child, server
 from operate.pictures import feed as feeding
 from operate.pictures.child import OverLimit
@@ -28,7 +30,6 @@ from operate.pictures.viewer_address import BIND, EVERY_INTERFACE, Place, opened
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken
-from operate.run_folder import VIEW_FILE, ViewAddress
 
 pytestmark = [pytest.mark.long, pytest.mark.process, pytest.mark.timeout(240)]
 PATIENCE_S = 60.0
@@ -43,11 +44,8 @@ def place(bind: str = "") -> Place:
 
 def children(pid: int) -> list[int]:
     """The processes that any of its threads started."""
-    return [
-        int(word)
-        for file in Path(f"/proc/{pid}/task").glob("*/children")
-        for word in file.read_text().split()
-    ]
+    files = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(word) for file in files for word in file.read_text().split()]
 
 
 def lives(pid: int) -> bool:
@@ -108,10 +106,8 @@ def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
         some(len(pouring.samples))
     finally:
         recorder.finish()
-    said = [
-        one for one in mcap_file.read(tmp_path / mcap_file.FILE).records if isinstance(one, Spoken)
-    ]
-    assert len(said) == len(pouring.said)
+    records = mcap_file.read(tmp_path / mcap_file.FILE).records
+    assert sum(isinstance(one, Spoken) for one in records) == len(pouring.said)
     assert not serves(tmp_path)
 
 
@@ -132,9 +128,8 @@ def test_the_port_of_another_program_is_not_told_as_that_of_the_pictures(
     said: list[str] = []
     with socket.create_server(("127.0.0.1", 0)) as other:
         wished = msgspec.structs.replace(place(), **{which: other.getsockname()[1]})
-        feed = Feed(
-            tmp_path, wished, SYSTEM, lambda event, **fields: said.append(str(fields.get("why")))
-        )
+        say = lambda event, **fields: said.append(str(fields.get("why")))  # noqa: E731
+        feed = Feed(tmp_path, wished, SYSTEM, say)
         assert eventually(lambda: said, PATIENCE_S)
         assert "Address already in use; ROCO_VIEW_GRPC and ROCO_VIEW_WEB name others" in said[0]
         assert not (tmp_path / VIEW_FILE).exists()
@@ -146,11 +141,8 @@ def test_the_port_of_another_program_is_not_told_as_that_of_the_pictures(
 
 def test_who_looks_late_sees_the_run_from_its_beginning(tmp_path: Path, pouring: Run) -> None:
     """What a viewer gets that comes in the middle of a run has all communicates so far."""
-    feed, recorder = (
-        Feed(tmp_path, at := place(), SYSTEM, lambda event, **_: None),
-        Recorder(tmp_path, SYSTEM),
-    )
-    recorder.show(feed)
+    recorder, at = Recorder(tmp_path, SYSTEM), place()
+    recorder.show(Feed(tmp_path, at, SYSTEM, lambda event, **_: None))
     for sample in pouring.samples:
         recorder.take(sample)
     recorder.flush()
@@ -158,17 +150,15 @@ def test_who_looks_late_sees_the_run_from_its_beginning(tmp_path: Path, pouring:
 
     def sizes() -> int:
         """Communicates that were drawn."""
-        done = subprocess.run(
-            [program, "rrd", "print", "-v", saved], capture_output=True, text=True, timeout=60
-        )
+        words = [program, "rrd", "print", "-v", saved]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=60)
         return sum(int(rows) for rows in re.findall(r"with (\d+) rows .* - /sizes/C", done.stdout))
 
     try:
         assert eventually(lambda: serves(tmp_path), PATIENCE_S)
         url = f"rerun+http://127.0.0.1:{at.grpc}/proxy"
-        with subprocess.Popen(
-            [program, url, "--save", saved, "--port", str(place().grpc)]
-        ) as viewer:
+        words = [program, url, "--save", saved, "--port", str(place().grpc)]
+        with subprocess.Popen(words) as viewer:
             # each has a row that stands
             every = len(spoken(pouring.samples)) + len(SYSTEM.design.channels)
             assert eventually(lambda: saved.exists() and sizes() >= every, PATIENCE_S)

@@ -55,13 +55,8 @@ def test_forces_are_arrows_and_their_end_is_drawn_once(past: history.History) ->
     """An arrow as long as the force, and nothing where the last one ended."""
     touched = Contact((0.1, 0.2, 0.3), (0.0, 0.0, 5.0))
     (first, now), (second, free), (third, still) = truth(past)[:3]
-    truths = (
-        (first, msgspec.structs.replace(now, contacts=(touched,))),
-        (second, free),
-        (third, still),
-    )
+    felt = msgspec.structs.replace(now, contacts=(touched,))
+    truths = ((first, felt), (second, free), (third, still))
     drawn = afterwards(with_truth(past, truths), Contacts).of(CONTACTS)
-    assert [value for _, value in drawn] == [
-        ([touched.at], [(0.0, 0.0, pytest.approx(5.0 * M_PER_N))]),
-        ([], []),
-    ]
+    arrow = [touched.at], [(0.0, 0.0, pytest.approx(5.0 * M_PER_N))]
+    assert [value for _, value in drawn] == [arrow, ([], [])]

@@ -25,7 +25,7 @@ from operate.pictures.stage import REST, Stage
 from operate.pictures.traffic import GRAPH, positions
 from operate.recording import history
 from operate.recording.records import Record
-from operate.run_folder import Judged
+from operate.verdict_lines import Judged
 from velma.names import BODY, GRIP_BODY, START
 
 
@@ -54,11 +54,8 @@ def test_each_communicate_is_a_point_and_a_line(which: str, request: pytest.Fixt
     past = request.getfixturevalue("past" if which == "sheet" else "true_past")
     said = sorted((*past.said, *past.copies), key=lambda one: one.received)
     for channel in DESIGN.channels:
-        sizes = [
-            (one.received - past.begin, (math.log10(one.size),))
-            for one in said
-            if one.channel == channel
-        ]
+        there = [one for one in said if one.channel == channel]
+        sizes = [(one.received - past.begin, (math.log10(one.size),)) for one in there]
         assert sheet.of(f"sizes/{channel}") == sizes
         judged = sum(one.channel == channel for one in past.judged)
         assert len(sheet.of(f"communicates/{channel}")) == judged
@@ -70,39 +67,22 @@ def test_bandwidth_has_every_bit(true_past: history.History, true_sheet: Noted) 
     said = (*true_past.said, *true_past.copies)
     for channel in DESIGN.channels:
         kbit = sum(value[0] for _, value in true_sheet.of(f"bandwidth/{channel}")) * 0.25
-        assert kbit * 1000 / 8 == pytest.approx(
-            sum(one.size for one in said if one.channel == channel)
-        )
+        size = sum(one.size for one in said if one.channel == channel)
+        assert kbit * 1000 / 8 == pytest.approx(size)
 
 
-@pytest.mark.parametrize(
-    ("verdict", "level"),
-    [
-        ("legal", "INFO"),
-        ("copy", "DEBUG"),
-        ("slow", "WARN"),
-        ("out of sequence", "ERROR"),
-        ("malformed", "ERROR"),
-    ],
-)
-def test_a_line_has_its_level_by_the_verdict(verdict: str, level: str) -> None:
+def test_a_line_has_its_level_by_the_verdict() -> None:
     """And says why, where it is not as designed."""
-    sheet = Noted(100.0)
-    said = Judged(
-        101.0,
-        verdict,
-        9,
-        "C1",
-        "co",
-        "ta",
-        "coordinate",
-        "inform",
-        why="because",
-        violation=level == "ERROR",
-    )
-    Stage(sheet, SYSTEM).take(Happening(said.t, said))
-    ((at, (text, found, _)),) = sheet.of("communicates/C1")
-    assert (at, found, "because" in text) == (1.0, level, level in ("WARN", "ERROR"))
+    for verdict, level in (
+        ("legal", "INFO"), ("copy", "DEBUG"), ("slow", "WARN"), ("out of sequence", "ERROR"),
+        ("malformed", "ERROR"),
+    ):  # fmt: skip
+        sheet, names = Noted(100.0), ("C1", "co", "ta", "coordinate", "inform")
+        wrong = level == "ERROR"
+        said = Judged(101.0, verdict, 9, *names, why="because", violation=wrong)
+        Stage(sheet, SYSTEM).take(Happening(said.t, said))
+        ((at, (text, found, _)),) = sheet.of("communicates/C1")
+        assert (at, found, "because" in text) == (1.0, level, level in ("WARN", "ERROR"))
 
 
 def test_lanes_change_when_agents_do(past: history.History, sheet: Noted) -> None:
@@ -124,9 +104,8 @@ def test_the_plan_shows_the_leaf_ta_is_in(past: history.History, sheet: Noted) -
     """One marked leaf while it runs, the outcome at its end."""
     reports = [one.content for one in past.said if isinstance(one.content, sw.Report)]
     texts = [text for _, text in sheet.of(PLAN)]
-    plans = sum(
-        isinstance(one.content, hfsm.HierarchicalPlan) and one.channel == "C1" for one in past.said
-    )
+    to_ta = [one.content for one in past.said if one.channel == "C1"]
+    plans = sum(isinstance(one, hfsm.HierarchicalPlan) for one in to_ta)
     assert len(texts) == 1 + plans + len(reports)
     marked = [[line for line in text.splitlines() if "▶" in line] for text in texts]
     leaves = [f"**▶ {at(hfsm.Place((), act=one.at.act))}**" for one in reports if one.at]

@@ -16,8 +16,8 @@ from fipa_codec.communicate import Communicate, encode
 from operate.recording import dead, mcap_file
 from operate.recording.records import Record, Spoken, understood
 from operate.recording.run import Run
-from operate.run_folder import Dead, DeadLetter
 from operate.system import System, here
+from operate.verdict_lines import Dead, DeadLetter
 
 ROOT = Path(__file__).parents[3]
 DEPOT = ROOT / "tests" / "histories" / "verified_depot"
@@ -38,9 +38,8 @@ def run(tmp_path: Path) -> Path:
 
 def said(act: str) -> Communicate:
     """The first communicate of the run with this act."""
-    return next(
-        one.communicate for one in records() if isinstance(one, Spoken) and one.performative == act
-    )
+    some = (one for one in records() if isinstance(one, Spoken))
+    return next(one.communicate for one in some if one.performative == act)
 
 
 def records() -> tuple[Record, ...]:
@@ -82,12 +81,8 @@ def test_what_the_design_does_not_have(
     key = f"roco/depot/C2/{one.sender}/{one.receiver}/{one.protocol}/{one.performative}"
     add(run, understood(Sample(key, encode(one), records()[-1].received), depot))
     (letter,) = told(run, depot)
-    assert (letter.reason, letter.sender, letter.receiver, letter.id) == (
-        reason,
-        one.sender,
-        one.receiver,
-        one.id,
-    )
+    named = letter.sender, letter.receiver, letter.id
+    assert (letter.reason, named) == (reason, (one.sender, one.receiver, one.id))
     assert why in letter.why
 
 
@@ -100,9 +95,8 @@ def test_bytes_that_were_no_communicate(
     """By their key; what is longer than an agent takes is told as such."""
     key = "roco/depot/C2/desk/dispatcher/request/request"
     add(run, understood(Sample(key, data, records()[-1].received), depot))
-    assert [(one.reason, one.key, one.bytes) for one in told(run, depot)] == [
-        (reason, key, len(data))
-    ]
+    (letter,) = told(run, depot)
+    assert (letter.reason, letter.key, letter.bytes) == (reason, key, len(data))
 
 
 @pytest.mark.parametrize(
@@ -117,20 +111,13 @@ def test_bytes_that_were_no_communicate(
 def test_what_an_agent_turned_away(run: Path, depot: System, event: str, reason: Dead) -> None:
     """By the agent's own log, with what the recording knows of it; other lines are not letters."""
     one = said("cfp")
-    line = {
-        "agent": one.receiver,
-        "t": one.sent + 1.0,
-        "level": "warning",
-        "event": event,
-        "why": "it is",
-        "id": one.id,
-    }
-    line |= {"sender": one.sender, "performative": "cfp", "conversation": one.conversation}
-    (run / "logs").mkdir()
+    line = {"agent": one.receiver, "t": one.sent + 1.0, "level": "warning", "event": event}
+    line |= {"why": "it is", "id": one.id, "sender": one.sender, "performative": "cfp"}
+    line |= {"conversation": one.conversation}
     other = line | {"event": "peer", "peer": "ox"}
-    (run / "logs" / "x.jsonl").write_bytes(
-        b"".join(msgspec.json.encode(each) + b"\n" for each in (other, line)) + b"{"
-    )
+    lines = [msgspec.json.encode(each) + b"\n" for each in (other, line)]
+    (run / "logs").mkdir()
+    (run / "logs" / "x.jsonl").write_bytes(b"".join(lines) + b"{")
     (letter,) = told(run, depot)
     assert (letter.reason, letter.sender, letter.receiver) == (reason, one.sender, one.receiver)
     assert (letter.protocol, letter.bytes) == ("cfp", len(encode(one)))
@@ -140,9 +127,8 @@ def test_what_an_agent_turned_away(run: Path, depot: System, event: str, reason:
 def test_a_question_that_never_reached_its_receiver(run: Path, depot: System) -> None:
     """Its sender's log has it, and no other; a moment after it was said nobody can tell."""
     end = records()[-1].received
-    one = msgspec.structs.replace(
-        said("subscribe"), id="desk-7-7", conversation="desk-7-7", sent=end
-    )
+    name = "desk-7-7"
+    one = msgspec.structs.replace(said("subscribe"), id=name, conversation=name, sent=end)
     StepLogs(run).said(one, end)
     assert [(one.reason, one.id) for one in told(run, depot)] == [(Dead.NOT_HEARD, "desk-7-7")]
     assert dead.letters(Run(run, depot), end + 1.0) == []
@@ -161,8 +147,6 @@ def test_durable_words_that_were_never_taken(
 
     journal("desk", outbox={"dispatcher": (Outgoing(7, one),)})
     journal("dispatcher", taken={"desk": taken})
-    found = told(run, depot)
-    assert [(each.reason, int(each.id), each.receiver) for each in found] == [
-        (Dead.NOT_RECEIPTED, number, "dispatcher") for number in letters
-    ]
+    found = [(each.reason, int(each.id), each.receiver) for each in told(run, depot)]
+    assert found == [(Dead.NOT_RECEIPTED, number, "dispatcher") for number in letters]
     assert dead.letters(Run(run, depot), one.sent + 1.0) == []

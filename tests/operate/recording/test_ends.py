@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 
 from agent_runtime.io.steplog import MUCH_BYTES, StepLogs
 from fipa_codec.communicate import Communicate
+from operate.file_names import STEPS
 from operate.judging.judged import of_records
 from operate.recording import ends, mcap_file
 from operate.recording.ends import LOST_S, RECEIPT, SURE_S, Ends
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, House, Origin, Record, Spoken, Token, Unpaired
 from operate.recording.run import Run
-from operate.run_folder import STEPS
 from operate.system import here
 
 ROOT = Path(__file__).parents[3]
@@ -60,9 +60,9 @@ def test_the_logs_have_what_the_recorder_recorded() -> None:
     said = [one for one in recorded if isinstance(one, Spoken)]
     assert len(said) > 50
     assert names(one for one in WHOLE if isinstance(one, Spoken)) == names(said)
-    assert names(one for one in WHOLE if isinstance(one, House)) == names(
-        one for one in recorded if isinstance(one, House) and one.kind == RECEIPT
-    )
+    houses = [one for one in recorded if isinstance(one, House)]
+    receipts = names(one for one in houses if one.kind == RECEIPT)
+    assert names(one for one in WHOLE if isinstance(one, House)) == receipts
     lives = {(one.agent, one.incarnation) for one in WHOLE if isinstance(one, Token)}
     assert lives >= {("dispatcher", 1), ("dispatcher", 2), ("ox", 1), ("ox", 2)}
     assert [one.received for one in WHOLE] == sorted(one.received for one in WHOLE)
@@ -144,10 +144,8 @@ def test_a_large_content_is_stored_once(tmp_path: Path) -> None:
     one = msgspec.structs.replace(first("request"), content=large)
     StepLogs(tmp_path).passed(one, one.sent)
     Recorder(tmp_path, SYSTEM).finish()
-    (alone,) = (
-        it for it in mcap_file.read(tmp_path / mcap_file.FILE).records if isinstance(it, Spoken)
-    )
-    (whole,) = (it for it in Run(tmp_path, SYSTEM).records if isinstance(it, Spoken))
+    (alone,) = spoken(mcap_file.read(tmp_path / mcap_file.FILE).records)
+    (whole,) = spoken(Run(tmp_path, SYSTEM).records)
     assert (alone.lost, alone.size, whole.lost) == (True, whole.size, False)
     assert whole.communicate == one
     assert (tmp_path / mcap_file.FILE).stat().st_size < MUCH_BYTES
@@ -158,9 +156,27 @@ def test_a_large_content_is_stored_once(tmp_path: Path) -> None:
 
 def first(act: str) -> Communicate:
     """The first communicate of the run with this act."""
-    return next(
-        one.communicate for one in WHOLE if isinstance(one, Spoken) and one.performative == act
-    )
+    return next(one.communicate for one in spoken(WHOLE) if one.performative == act)
+
+
+def spoken(some: Iterable[Record]) -> list[Spoken]:
+    """The communicates among records."""
+    return [one for one in some if isinstance(one, Spoken)]
+
+
+def unpaired(some: Iterable[Record]) -> list[Unpaired]:
+    """Those on which two logs do not agree."""
+    return [one for one in some if isinstance(one, Unpaired)]
+
+
+def verdicts(some: Iterable[Record]) -> list[str]:
+    """What the judge says about records."""
+    return [one.verdict for one in of_records(some, SYSTEM)]
+
+
+def renumbered(one: Communicate, id: str, at: float) -> Communicate:
+    """The same under another number, said then."""
+    return msgspec.structs.replace(one, id=id, sent=at)
 
 
 def told(run: Path, *heartbeats: tuple[str, float]) -> list[Record]:
@@ -178,18 +194,14 @@ def test_what_its_sender_did_not_say_is_named(tmp_path: Path, by: str) -> None:
     one, logs = first("request"), StepLogs(tmp_path)
     logs.said(msgspec.structs.replace(one, id="100"), one.sent - 10.0)
     logs.took(one, one.sent)
-    assert not [each for each in told(tmp_path) if isinstance(each, Unpaired)]
+    assert unpaired(told(tmp_path)) == []
     after = one.sent + 2 * SURE_S
     if by == "a step":
         logs.said(msgspec.structs.replace(one, id="101"), after)
     found = told(tmp_path, *([(one.sender, after)] if by == "a heartbeat" else []))
-    (wrong,) = (each for each in found if isinstance(each, Unpaired))
-    assert (wrong.sender, wrong.receiver, wrong.id, wrong.altered) == (
-        one.sender,
-        one.receiver,
-        one.id,
-        False,
-    )
+    (wrong,) = unpaired(found)
+    assert (wrong.sender, wrong.receiver, wrong.id) == (one.sender, one.receiver, one.id)
+    assert not wrong.altered
     (line,) = (each for each in of_records(found, SYSTEM) if each.verdict == "not said")
     assert line.violation
     assert one.sender in line.why
@@ -202,8 +214,8 @@ def test_a_copy_of_what_was_said_is_a_copy_whoever_makes_it(tmp_path: Path) -> N
     logs.took(one, one.sent + 0.5)
     logs.said(msgspec.structs.replace(one, id="101"), one.sent + 4 * SURE_S)
     found = told(tmp_path)
-    assert not [each for each in found if isinstance(each, Unpaired)]
-    assert "copy" in [each.verdict for each in of_records(found, SYSTEM)]
+    assert unpaired(found) == []
+    assert "copy" in verdicts(found)
 
 
 def test_who_died_after_it_spoke_is_not_blamed(tmp_path: Path) -> None:
@@ -213,7 +225,7 @@ def test_who_died_after_it_spoke_is_not_blamed(tmp_path: Path) -> None:
     logs.took(one, one.sent)
     logs.boots(one.sender, 2, one.sent + 0.5)
     logs.said(msgspec.structs.replace(one, id="101"), one.sent + 2 * SURE_S)
-    assert not [each for each in told(tmp_path) if isinstance(each, Unpaired)]
+    assert unpaired(told(tmp_path)) == []
 
 
 @pytest.mark.parametrize(
@@ -225,11 +237,9 @@ def test_what_is_not_what_was_said_is_named(tmp_path: Path, changed: dict[str, o
     logs.said(one, one.sent)
     logs.took(msgspec.structs.replace(one, **changed), one.sent + 0.001)
     found = told(tmp_path)
-    (wrong,) = (each for each in found if isinstance(each, Unpaired))
+    (wrong,) = unpaired(found)
     assert wrong.altered
-    assert [each.verdict for each in of_records(found, SYSTEM) if each.violation].count(
-        "altered"
-    ) == 1
+    assert verdicts(found).count("altered") == 1
 
 
 @pytest.mark.parametrize("taken", [(0, 1, 2), (0, 2), (2,), (0,)])
@@ -243,10 +253,10 @@ def test_an_observation_that_was_said_again_meanwhile_is_what_was_said(
         logs.said(copy, copy.sent)
     for number in taken:
         logs.took(copies[number], one.sent + 5.0 + number)
-    assert not [each for each in told(tmp_path) if isinstance(each, Unpaired)]
+    assert unpaired(told(tmp_path)) == []
     logs.said(msgspec.structs.replace(one, id="102"), one.sent + 9.0)
     logs.took(msgspec.structs.replace(one, id="102", conversation="desk-9-9"), one.sent + 9.5)
-    assert [each.altered for each in told(tmp_path) if isinstance(each, Unpaired)] == [True]
+    assert [each.altered for each in unpaired(told(tmp_path))] == [True]
 
 
 def test_what_nobody_took_is_told_from_its_senders_log(tmp_path: Path) -> None:
@@ -256,14 +266,10 @@ def test_what_nobody_took_is_told_from_its_senders_log(tmp_path: Path) -> None:
     asked, ordered, logs = first("subscribe"), first("request"), StepLogs(tmp_path)
     logs.said(asked, asked.sent)
     logs.said(ordered, ordered.sent)
-    soon = [
-        one
-        for one in Ends(tmp_path, SYSTEM).new(asked.sent + LOST_S / 2)
-        if isinstance(one, Spoken)
-    ]
-    late = [one for one in Ends(tmp_path, SYSTEM).new(NOW) if isinstance(one, Spoken)]
-    rest = [one for one in Ends(tmp_path, SYSTEM).rest() if isinstance(one, Spoken)]
-    assert [one.identity for one in soon] == []
+    soon = spoken(Ends(tmp_path, SYSTEM).new(asked.sent + LOST_S / 2))
+    late = spoken(Ends(tmp_path, SYSTEM).new(NOW))
+    rest = spoken(Ends(tmp_path, SYSTEM).rest())
+    assert soon == []
     assert [one.identity for one in late] == [(asked.sender, asked.receiver, asked.id)]
     assert {one.performative for one in rest} == {"subscribe", "request"}
     assert all(one.origin is Origin.SENDER and one.lost for one in rest)
@@ -280,7 +286,7 @@ def test_what_is_taken_late_is_what_was_said(tmp_path: Path) -> None:
     lost = list(reader.new(one.sent + 2 * LOST_S))
     logs.took(one, one.sent + 3 * LOST_S)
     found = [*lost, *reader.rest()]
-    assert [each.verdict for each in of_records(found, SYSTEM)] == ["legal", "not taken", "copy"]
+    assert verdicts(found) == ["legal", "not taken", "copy"]
 
 
 @pytest.mark.parametrize("ahead", ["sender", "receiver"])
@@ -289,8 +295,8 @@ def test_clocks_that_differ_blame_nobody(tmp_path: Path, ahead: str) -> None:
     later.
     """
     one, logs, now = first("subscribe"), StepLogs(tmp_path), first("subscribe").sent
-    logs.said(msgspec.structs.replace(one, id="before", sent=now - 30.0), now - 30.0)
-    logs.took(msgspec.structs.replace(one, id="before", sent=now - 30.0), now - 30.0)
+    before = renumbered(one, "before", now - 30.0)
+    logs.passed(before, now - 30.0)
     logs.said(one, now + 10.0 * (ahead == "sender"))
     logs.took(one, now + 10.0 * (ahead == "receiver"))
     reader = Ends(tmp_path, SYSTEM)
@@ -298,11 +304,9 @@ def test_clocks_that_differ_blame_nobody(tmp_path: Path, ahead: str) -> None:
     for later in range(1, 20):
         reader.lived(one.sender, now + later)
         found += reader.new(now + later + 0.5)
-    said = [each for each in found if isinstance(each, Spoken | Unpaired)]
-    assert [(each.id, getattr(each, "origin", None)) for each in said] == [
-        ("before", Origin.RECEIVER),
-        (one.id, Origin.RECEIVER),
-    ]
+    assert unpaired(found) == []
+    assert [each.id for each in spoken(found)] == ["before", one.id]
+    assert {each.origin for each in spoken(found)} == {Origin.RECEIVER}
 
 
 def test_who_is_of_another_design_keeps_no_log(tmp_path: Path) -> None:
@@ -311,7 +315,7 @@ def test_who_is_of_another_design_keeps_no_log(tmp_path: Path) -> None:
     one = msgspec.structs.replace(first("request"), receiver="stranger")
     logs.said(one, one.sent)
     # the design has not its rule
-    assert [each for each in told(tmp_path) if isinstance(each, Spoken | Unpaired)] == []
+    assert [*spoken(told(tmp_path)), *unpaired(told(tmp_path))] == []
 
 
 def test_time_stands_still_before_what_may_still_be_taken(tmp_path: Path) -> None:

@@ -16,12 +16,13 @@ from companion.design import DESIGN
 from companion.tools import live as tools_live
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
+from operate.file_names import VERDICTS_FILE
 from operate.judging import live
+from operate.live_lines import Happened
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken, understood
 from operate.recording.run import Run
-from operate.run_folder import VERDICTS_FILE, Happened
 from topdown.judge import conversations
 from topdown.judge.conversations import Remembered
 
@@ -44,9 +45,8 @@ class Again:
             self._times += 1
             labels = {"": ""}
             for k, one in enumerate(self._said):
-                yield self._renamed(
-                    one.communicate, labels, 1e9 + self._times * PAUSE_S + 0.001 * k
-                )
+                at = 1e9 + self._times * PAUSE_S + 0.001 * k
+                yield self._renamed(one.communicate, labels, at)
 
     def _renamed(self, old: Communicate, labels: dict[str, str], at: float) -> Sample:
         self._numbers[old.sender] += 1
@@ -55,14 +55,10 @@ class Again:
         if old.reply_with:
             labels[old.reply_with] = name
         new = msgspec.structs.replace(
-            old,
-            conversation=str(self._times),
-            id=name,
-            reply_with=old.reply_with and name,
-            in_reply_to=labels[old.in_reply_to],
-            sent=at,
+            old, conversation=str(self._times), id=name, reply_with=old.reply_with and name,
+            in_reply_to=labels[old.in_reply_to], sent=at,
             reply_by=at + 5.0 if old.reply_by else None,
-        )
+        )  # fmt: skip
         return Sample(DESIGN.key("roco", new), encode(new), at)
 
 
@@ -88,22 +84,16 @@ def test_memory_does_not_grow_with_what_is_said(
     channel: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Judge, live lines and file, with what they remember filled soon."""
-    for module, name in (
-        (conversations, "REMEMBERED"),
-        (conversations, "OVER"),
-        (live, "KNOWN"),
-        (tools_live, "STORY"),
-    ):
+    filled = ((conversations, "REMEMBERED"), (conversations, "OVER"))
+    for module, name in (*filled, (live, "KNOWN"), (tools_live, "STORY")):
         monkeypatch.setattr(module, name, 100)
     told = [one for one in Run(RECORDED, SYSTEM).history.said if one.channel == channel]
     said = [one for one in told if one.conversation == told[0].conversation]
     recorder = Recorder(tmp_path, SYSTEM)
     sizes = grown(recorder, Again(said))
     recorder.finish()
-    verdicts = [
-        msgspec.json.decode(line) for line in (tmp_path / VERDICTS_FILE).read_bytes().splitlines()
-    ]
-    assert {one["verdict"] for one in verdicts} == {"legal"}
+    verdicts = (tmp_path / VERDICTS_FILE).read_bytes().splitlines()
+    assert {msgspec.json.decode(line)["verdict"] for line in verdicts} == {"legal"}
     assert max(sizes) < 1.03 * sizes[0], sizes
 
 
@@ -113,11 +103,8 @@ def test_events_are_told_after_older_ones_were_forgotten(monkeypatch: pytest.Mon
 
     def told() -> list[str]:
         seen = live.Live(SYSTEM)
-        lines = [
-            line
-            for sample in Again(said).block(20)
-            for line in seen.lines(understood(sample, SYSTEM))
-        ]
+        records = [understood(sample, SYSTEM) for sample in Again(said).block(20)]
+        lines = [line for record in records for line in seen.lines(record)]
         return [line.name for line in lines if isinstance(line, Happened)]
 
     whole = told()

@@ -74,9 +74,6 @@ def test_the_order_in_the_file_does_not_matter(tmp_path: Path) -> None:
         reversed_file.add(record)
     reversed_file.finish()
     one, other = opened(POUR, SYSTEM), opened(tmp_path / "some.mcap", SYSTEM)
-    said = [
-        [(it.sender, it.id) for it in found.records if isinstance(it, Spoken)]
-        for found in (one, other)
-    ]
-    assert said[0] == said[1]
+    said = lambda run: [(it.sender, it.id) for it in run.records if isinstance(it, Spoken)]  # noqa: E731
+    assert said(one) == said(other)
     assert known(POUR).words == known(tmp_path / "some.mcap").words

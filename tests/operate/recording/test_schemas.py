@@ -28,12 +28,10 @@ def file(tmp_path_factory: pytest.TempPathFactory, pouring: Run) -> Path:
     keeper = side_recording.Keeper(side_recording.Asked(path, Filter(), 0, 0.0), SYSTEM)
     for sample in pouring.samples:
         keeper.take(sample)
-    keeper.take(
-        msgspec.structs.replace(pouring.samples[0], key="roco/roco/C1/x/y/z/w", data=b"\xc1")
-    )
-    keeper._recording.add(
-        Unpaired("co", "ta", "request", "request", "co-1-1", "1", True, "other words", 1.0)
-    )
+    key = "roco/roco/C1/x/y/z/w"
+    keeper.take(msgspec.structs.replace(pouring.samples[0], key=key, data=b"\xc1"))
+    words = ("co", "ta", "request", "request", "co-1-1", "1")
+    keeper._recording.add(Unpaired(*words, True, "other words", 1.0))
     keeper.finish(0)
     return path
 
@@ -86,9 +84,8 @@ def _fits(message: dict[str, Any], kind: dict[str, Any]) -> None:
 def test_viewers_see_what_was_said(file: Path) -> None:
     """In a few words; the content itself is among the bytes."""
     said = [one for one in mcap_file.read(file).records if isinstance(one, Spoken)]
-    assert {one.text for one in said if one.channel == "C2" and one.performative == "request"} == {
-        "pour into jar bowl"
-    }
+    asked = [one for one in said if (one.channel, one.performative) == ("C2", "request")]
+    assert {one.text for one in asked} == {"pour into jar bowl"}
 
 
 def test_a_filtered_recording_says_so(tmp_path: Path, pouring: Run) -> None:
@@ -96,9 +93,8 @@ def test_a_filtered_recording_says_so(tmp_path: Path, pouring: Run) -> None:
     metadata.
     """
     path = tmp_path / "c4.mcap"
-    keeper = side_recording.Keeper(
-        side_recording.Asked(path, Filter(channels=("C4",), agents=("pl",)), 5, 0.0), SYSTEM
-    )
+    asked = side_recording.Asked(path, Filter(channels=("C4",), agents=("pl",)), 5, 0.0)
+    keeper = side_recording.Keeper(asked, SYSTEM)
     for sample in pouring.samples:
         if not keeper.over:
             keeper.take(sample)
@@ -109,7 +105,6 @@ def test_a_filtered_recording_says_so(tmp_path: Path, pouring: Run) -> None:
     assert (kept.communicates, kept.records, kept.bytes) == (5, len(records), path.stat().st_size)
     assert not [one for one in records if isinstance(one, House) and one.kind != "setting"]
     with path.open("rb") as stream:
-        (note,) = (
-            one for one in make_reader(stream).iter_metadata() if one.name == side_recording.FILTER
-        )
+        notes = {one.name: one for one in make_reader(stream).iter_metadata()}
+        note = notes[side_recording.FILTER]
     assert (note.name, note.metadata["channels"], note.metadata["agents"]) == ("filter", "C4", "pl")

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
+from operate.file_names import STEPS
 from operate.recording import history
 from operate.recording.ends import Hearing
 from operate.recording.records import House, Record, Spoken, Token
 from operate.recording.run import Run
 from operate.reports import counts, page
 from operate.reports.counts import Latency, Spans
-from operate.run_folder import STEPS
 from operate.system import System, here
 
 ROOT = Path(__file__).parents[3]
@@ -38,12 +38,8 @@ def heard(depot: System) -> tuple[Record, ...]:
 def told(heard: tuple[Record, ...], depot: System) -> dict[tuple[str, str], Spans]:
     """Return (use, "answer" or "receipt") -> its latencies."""
     rows = counts.latencies(history.of_records(heard, depot), depot.design)
-    return {
-        (row.use, name): one
-        for row in rows
-        for name in ("answer", "receipt")
-        if (one := getattr(row, name))
-    }
+    found = {(row.use, name): getattr(row, name) for row in rows for name in ("answer", "receipt")}
+    return {key: spans for key, spans in found.items() if spans}
 
 
 def later(record: Record, by: float) -> Record:
@@ -70,27 +66,22 @@ def same(one: dict[tuple[str, str], Spans], other: dict[tuple[str, str], Spans])
     """Whether all times are the same, but for the rounding of unix seconds (some 0.2 us, so below 2
     us).
     """
-    ours, theirs = (
-        {key: (spans.p50, spans.max) for key, spans in each.items()} for each in (one, other)
-    )
-    return ours.keys() == theirs.keys() and all(
-        theirs[key] == pytest.approx(ours[key], abs=2e-3) for key in ours
-    )
+    if one.keys() != other.keys():
+        return False
+    both = [(spans, other[key]) for key, spans in one.items()]
+    times = [((a.p50, a.max), (b.p50, b.max)) for a, b in both]
+    return all(b == pytest.approx(a, abs=2e-3) for a, b in times)
 
 
 def test_an_answer_is_there_when_its_asker_hears_it(
     heard: tuple[Record, ...], depot: System
 ) -> None:
     """The orders of the desk, by its own log alone."""
-    steps = [
-        one for one in steplog.read(DEPOT / STEPS / "desk.steps") if one.kind == Arrived.__name__
-    ]
+    every = steplog.read(DEPOT / STEPS / "desk.steps")
+    steps = [one for one in every if one.kind == Arrived.__name__]
     came = [(one.at, msgspec.msgpack.decode(one.input, type=Arrived).communicate) for one in steps]
-    asked = [
-        one
-        for one in heard
-        if isinstance(one, Spoken) and (one.sender, one.performative) == ("desk", "request")
-    ]
+    said = [one for one in heard if isinstance(one, Spoken) and one.sender == "desk"]
+    asked = [one for one in said if one.performative == "request"]
     first = {one.conversation: one for one in reversed(asked)}
     waited = [
         next(at for at, answer in came if answer.conversation == name) - one.sent
@@ -116,9 +107,8 @@ def test_clocks_that_differ_change_no_latency(
     one clock.
     """
     wrong = {agent: data.draw(st.floats(-30.0, 30.0)) for agent in depot.design.agents}
-    assert same(
-        told(tuple(by_wrong_clocks(one, wrong) for one in heard), depot), told(heard, depot)
-    )
+    moved = tuple(by_wrong_clocks(one, wrong) for one in heard)
+    assert same(told(moved, depot), told(heard, depot))
 
 
 SECONDS = st.integers(0, 1000).map(float)
@@ -139,23 +129,18 @@ def test_an_agent_whose_clock_was_set_while_it_was_down(
     nobody knows.
     """
     asked = min(one.sent for one in heard if isinstance(one, Spoken) and one.sender == "desk")
-    ahead = [
-        later(one, 3600.0)
-        if "desk" in (getattr(one, "receiver", ""), getattr(one, "peer", ""))
-        else one
-        for one in heard
-        if not (isinstance(one, Token) and one.agent == "desk")
-    ]
+    others = [one for one in heard if not (isinstance(one, Token) and one.agent == "desk")]
+    to_desk = lambda one: "desk" in (getattr(one, "receiver", ""), getattr(one, "peer", ""))  # noqa: E731
+    ahead = [later(one, 3600.0) if to_desk(one) else one for one in others]
     found = told((*ahead, Token("desk", 2, True, asked + 3600.0, noted=True)), depot)
     assert ("order", "answer") not in found
     assert ("order", "answer") in told(heard, depot)
 
 
-@pytest.mark.parametrize(
-    ("count", "told"), [(1, "all"), (19, "all"), (20, "95"), (99, "95"), (100, "99"), (1000, "99")]
-)
-def test_the_page_names_a_share_only_where_so_few_values_have_one(count: int, told: str) -> None:
+def test_the_page_names_a_share_only_where_so_few_values_have_one() -> None:
     """Of fewer than twenty it says within what all are."""
-    spans = counts.spans([float(one) for one in range(count)])
-    text = page.latencies((Latency("C1", "ask", 5.0, spans, None),))
-    assert re.findall(r'"theirs">(all|\d+).*?</span>', text) == [told]
+    shares = {1: "all", 19: "all", 20: "95", 99: "95", 100: "99", 1000: "99"}
+    for count, told in shares.items():
+        spans = counts.spans([float(one) for one in range(count)])
+        text = page.latencies((Latency("C1", "ask", 5.0, spans, None),))
+        assert re.findall(r'"theirs">(all|\d+).*?</span>', text) == [told], count

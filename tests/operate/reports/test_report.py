@@ -1,7 +1,6 @@
 """The report says what was recorded: counts are direct counts, what is missing is named."""
 
 import base64
-import shutil
 from collections import Counter
 from pathlib import Path
 
@@ -23,10 +22,20 @@ from operate.recording.records import Garbage, Origin, Record, Spoken, understoo
 from operate.recording.run import Run as RecordedRun
 from operate.reports import make
 
+SLOW = (("km", "pl"), ("pl", "co"), ("co", "hi"))
+
 
 def records(samples: list[Sample]) -> list[Record]:
     """Return the recorder's records of samples."""
     return [understood(sample, SYSTEM) for sample in samples]
+
+
+def record(samples: list[Sample], run: Path) -> None:
+    """Record samples in a run folder."""
+    recorder = Recorder(run, SYSTEM)
+    for sample in samples:
+        recorder.take(sample)
+    recorder.finish()
 
 
 def figures(samples: list[Sample]) -> report.Report:
@@ -42,9 +51,8 @@ def test_the_main_job_is_told_as_it_was_made(pouring: Run) -> None:
     for message in pouring.said:
         sizes[DESIGN.rule(message).channel] += len(encode(message))
     assert told.communicates.total == len(pouring.said)
-    assert {
-        (s, r): n for s, row in told.communicates.matrix.items() for r, n in row.items() if n
-    } == matrix
+    rows = told.communicates.matrix.items()
+    assert {(s, r): n for s, row in rows for r, n in row.items() if n} == matrix
     assert {channel: n for channel, n in told.communicates.bytes.items() if n} == sizes
     assert told.success
     assert told.failure is None
@@ -107,13 +115,13 @@ def test_plans_wait_until_answers_are_heard(pouring: Run) -> None:
     heard, late = records(pouring.samples), 0.25
 
     def reached(after: float) -> report.Report:
-        some = (
-            msgspec.structs.replace(one, received=one.received + after).read_in(SYSTEM.languages)
-            if isinstance(one, Spoken)
-            and (one.sender, one.receiver) in (("km", "pl"), ("pl", "co"), ("co", "hi"))
-            else one
-            for one in heard
-        )
+        some: list[Record] = []
+        for one in heard:
+            if isinstance(one, Spoken) and (one.sender, one.receiver) in SLOW:
+                later = msgspec.structs.replace(one, received=one.received + after)
+                some.append(later.read_in(SYSTEM.languages))
+            else:
+                some.append(one)
         return report.build(history.of_records(sorted(some, key=lambda one: one.received), SYSTEM))
 
     before, told = reached(0.0), reached(late)
@@ -125,12 +133,11 @@ def test_plans_wait_until_answers_are_heard(pouring: Run) -> None:
 
 def test_what_nobody_took_is_named(pouring: Run) -> None:
     """A communicate that its receiver did not step on is a hole."""
-    some = (
-        msgspec.structs.replace(one, origin=Origin.SENDER).read_in(SYSTEM.languages)
-        if isinstance(one, Spoken) and one.receiver == "hi"
-        else one
-        for one in records(pouring.samples)
-    )
+    some = records(pouring.samples)
+    for n, one in enumerate(some):
+        if isinstance(one, Spoken) and one.receiver == "hi":
+            lost = msgspec.structs.replace(one, origin=Origin.SENDER)
+            some[n] = lost.read_in(SYSTEM.languages)
     past = history.of_records(some, SYSTEM)
     assert [hole.communicates for hole in past.holes] == [2]
     assert "to hi" in past.holes[0].text
@@ -140,10 +147,7 @@ def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_
     """Records flushed before a kill are read, in order, and nothing else; the report names the
     hole.
     """
-    recorder = Recorder(tmp_path, SYSTEM)
-    for sample in pouring.samples:
-        recorder.take(sample)
-    recorder.finish()
+    record(pouring.samples, tmp_path)
     path = tmp_path / mcap_file.FILE
     whole = mcap_file.read(path)
     assert whole.whole
@@ -158,39 +162,14 @@ def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_
     assert any("was killed" in hole.text for hole in RecordedRun(tmp_path, SYSTEM).history.holes)
 
 
-def test_a_recorder_that_comes_back_goes_on_where_the_other_died(
-    pouring: Run, tmp_path: Path
-) -> None:
-    """After a kill the next recorder keeps what was flushed; nothing is there twice."""
-    half = len(pouring.samples) // 2
-    first = Recorder(tmp_path / "first", SYSTEM)
-    for sample in pouring.samples[:half]:
-        first.take(sample)
-    first.flush()
-    for name in (mcap_file.FILE, mcap_file.CURSOR_FILE):
-        shutil.copy(tmp_path / "first" / name, tmp_path)
-    first.finish()
-    second = Recorder(tmp_path, SYSTEM)
-    for sample in pouring.samples[half:]:
-        second.take(sample)
-    second.finish()
-    past = RecordedRun(tmp_path, SYSTEM).history
-    assert len(past.said) == len(pouring.said)
-    assert past.holes == ()
-
-
 def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_path: Path) -> None:
     """report.json, report.html and run.rrd come from the recording alone; the page needs nothing
     from elsewhere.
     """
-    recorder = Recorder(tmp_path, SYSTEM)
-    for sample in pouring.samples:
-        recorder.take(sample)
-    recorder.finish()
+    record(pouring.samples, tmp_path)
     said: list[str] = []
-    assert make.everything(RecordedRun(tmp_path, SYSTEM), lambda event, **_: said.append(event)), (
-        said
-    )
+    made = make.everything(RecordedRun(tmp_path, SYSTEM), lambda event, **_: said.append(event))
+    assert made, said
     told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
     assert told["success"] is True
     assert told["communicates"]["matrix"]["pl"]["km"] == 342
@@ -217,10 +196,8 @@ def test_the_page_shows_the_robot_and_says_what_each_colour_means(pouring: Run) 
     bars = {bar.colour for bar in story.bars(past)}
     assert bars <= {colour for _, colour in story.LEGEND}
     assert len({name for name, _ in story.LEGEND}) == len({colour for _, colour in story.LEGEND})
-    told = tuple(
-        (past.begin + k, Picture(1.0, b"camera", room))
-        for k, room in enumerate((b"first", b"last", b""))
-    )
+    rooms = enumerate((b"first", b"last", b""))
+    told = tuple((past.begin + k, Picture(1.0, b"camera", room)) for k, room in rooms)
     seen = msgspec.structs.replace(past, told=(*past.told, *told))
     text = page.rendered(seen, report.build(seen), "run")
     assert f'src="data:image/jpeg;base64,{base64.b64encode(b"last").decode()}"' in text

@@ -5,14 +5,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from stepped import ended, until
 
 from agent_runtime.io.forked import FORKS_VARIABLE
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
-from operate.run_folder import ProcessState
+from operate.fleet_file import ProcessState
 from operate.supervisor import core, folder
 from operate.supervisor.processes import Process, around
 from operate.supervisor.shell import FORKS, FORKS_FILE, Shell, forking
@@ -63,25 +64,11 @@ def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shell]:
         (code / name / "__main__.py").write_text(WAITS)
     monkeypatch.syspath_prepend(str(code))
     folder.make(run)
-    told = {
-        RUN_FOLDER_VARIABLE: str(run),
-        FORKS_VARIABLE: str(run / FORKS_FILE),
-        "PYTHONPATH": str(code),
-        "OMP_NUM_THREADS": "1",
-    }
-    shell = Shell(
-        run, forking((Process("one", "one"), Process("two", "two"))), "test", "", os.environ | told
-    )
+    places = {RUN_FOLDER_VARIABLE: str(run), FORKS_VARIABLE: str(run / FORKS_FILE)}
+    told = os.environ | places | {"PYTHONPATH": str(code), "OMP_NUM_THREADS": "1"}
+    shell = Shell(run, forking((Process("one", "one"), Process("two", "two"))), "test", "", told)
     yield shell
-    shell.end_asked.set()
-    until(shell, lambda: shell.fleet.ended)
-
-
-def until(shell: Shell, condition: Callable[[], bool]) -> None:
-    """Step the shell until the condition holds; pytest's time-out ends a wait for ever."""
-    while not condition():
-        shell.step(time.monotonic())
-        shell.end_asked.wait(0.01)
+    ended(shell)
 
 
 def parent(shell: Shell, name: str) -> int:
@@ -105,8 +92,7 @@ def test_processes_are_made_by_the_server_also_by_a_new_one(fleet: Shell) -> Non
     until(fleet, lambda: fleet.fleet.known["one"].restarts == 1)
     until(fleet, lambda: fleet.fleet.ready)
     assert parent(fleet, "one") == fleet.children[FORKS.name].pid != first
-    fleet.end_asked.set()
-    until(fleet, lambda: fleet.fleet.ended)
+    ended(fleet)
     assert {one.state for one in fleet.fleet.status} == {ProcessState.STOPPED}
     # a busy machine notes late heartbeats, too
     codes = {one.note for one in fleet.fleet.status if "code" in one.note}
@@ -119,21 +105,11 @@ def test_services_are_made_by_it(tmp_path: Path) -> None:
     too.
     """
     run = tmp_path / "run"
-    command = [
-        sys.executable,
-        "-m",
-        "services.supervisor",
-        "--run-dir",
-        str(run),
-        "--only",
-        "router,pl,ex",
-    ]
-    with subprocess.Popen(command, stdin=subprocess.DEVNULL) as supervisor:
+    command = [sys.executable, "-m", "services.supervisor", "--only", "router,pl,ex", "--run-dir"]
+    with subprocess.Popen([*command, str(run)], stdin=subprocess.DEVNULL) as supervisor:
         try:
-            while (
-                not all((run / f"{name}.pid").exists() for name in ("forks", "pl", "ex"))
-                or len(children(run)) < 3
-            ):
+            files = [run / f"{name}.pid" for name in ("forks", "pl", "ex")]
+            while not all(file.exists() for file in files) or len(children(run)) < 3:
                 assert supervisor.poll() is None
                 time.sleep(0.05)
             made = children(run)

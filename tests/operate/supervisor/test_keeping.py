@@ -18,7 +18,8 @@ import pytest
 from agent_runtime.io.issuing import issue
 from companion.design import DESIGN
 from operate.cli.runs import folders
-from operate.run_folder import LOCK_FILE, ProcessState
+from operate.file_names import LOCK_FILE
+from operate.fleet_file import ProcessState
 from operate.supervisor.folder import KeptError, kept
 from operate.supervisor.shell import FORKS
 
@@ -54,8 +55,9 @@ def start(run: Path) -> Iterator[Start]:
         process.communicate()
 
 
-def supervise(start: Start) -> "subprocess.Popen[str]":
-    return start("services.supervisor", "--only", "router", "--insecure")
+def supervise(start: Start, *options: str, only: str = "router") -> "subprocess.Popen[str]":
+    """Start a supervisor of a part of the companion."""
+    return start("services.supervisor", "--only", only, *(options or ("--insecure",)))
 
 
 def roco(start: Start, *words: str) -> tuple[int, str]:
@@ -81,20 +83,33 @@ def deleted(run: Path) -> bool:
     return False
 
 
-def up(run: Path, supervisor: "subprocess.Popen[str]") -> None:
-    """Wait until this supervisor's router is ready."""
+def up(run: Path, supervisor: "subprocess.Popen[str]", name: str = "router") -> None:
+    """Wait until a process of this supervisor is ready."""
 
     def ready() -> bool:
         assert supervisor.poll() is None, supervisor.communicate()
         told = folders.fleet(run)
-        keeps = told is not None and told.supervisor == supervisor.pid == folders.keeper(run)
-        return keeps and all(one.state is ProcessState.READY for one in told.processes)
+        if told is None or not told.supervisor == supervisor.pid == folders.keeper(run):
+            return False
+        return (name, ProcessState.READY) in [(one.name, one.state) for one in told.processes]
 
     until(ready)
 
 
+def killed(process: "subprocess.Popen[str]") -> None:
+    """kill -9."""
+    process.kill()
+    process.wait()
+
+
+def ended(process: "subprocess.Popen[str]") -> str:
+    """End a supervisor in order; what it said."""
+    process.terminate()
+    return process.communicate(timeout=PATIENCE_S)[0]
+
+
 def of_run(run: Path, module: str = "services.router") -> list[int]:
-    """The living processes of this run folder that run a module."""
+    """The living processes of this run folder that run a module; "": all of them."""
     found = []
     for place in Path("/proc").glob("[0-9]*"):
         try:
@@ -118,52 +133,36 @@ def test_the_next_supervisor_ends_what_a_dead_one_left(
     first = supervise(start)
     up(run, first)
     (old,) = of_run(run)
-    first.kill()
-    first.wait()
+    killed(first)
     assert of_run(run) == [old]
     assert folders.keeper(run) == 0
     if frozen:
         os.kill(old, signal.SIGSTOP)
-    second = supervise(start)
-    most = 0
+    second, counts = supervise(start), list[int]()
 
     def other() -> bool:
-        nonlocal most
-        most = max(most, len(of_run(run)))
-        return (
-            folders.keeper(run) == second.pid and old not in of_run(run) and len(of_run(run)) == 1
-        )
+        routers = of_run(run)
+        counts.append(len(routers))
+        return folders.keeper(run) == second.pid and len(routers) == 1 and old not in routers
 
     until(other)
-    assert most == 1
+    assert max(counts) == 1
     up(run, second)
-    second.terminate()
-    said, _ = second.communicate(timeout=PATIENCE_S)
-    assert "ending what a supervisor that died left: router" in said
+    assert "ending what a supervisor that died left: router" in ended(second)
     assert of_run(run) == []
 
 
 def test_the_fork_server_of_a_dead_supervisor_is_ended_too(run: Path, start: Start) -> None:
     """It is in no table of the system; the next supervisor finds it by its variables."""
-    words = ("services.supervisor", "--only", "router,co,ta", "--insecure")
-
-    def forks(supervisor: "subprocess.Popen[str]") -> bool:
-        told = folders.fleet(run)
-        states = {one.name: one.state for one in told.processes} if told else {}
-        keeps = told is not None and told.supervisor == supervisor.pid == folders.keeper(run)
-        return keeps and states.get(FORKS.name) is ProcessState.READY
-
-    first = start(*words)
-    until(lambda: forks(first))
+    first = supervise(start, only="router,co,ta")
+    up(run, first, FORKS.name)
     old = of_run(run, FORKS.module)
-    first.kill()
-    first.wait()
+    killed(first)
     assert old == of_run(run, FORKS.module) != []
-    second = start(*words)
-    until(lambda: forks(second))
+    second = supervise(start, only="router,co,ta")
+    up(run, second, FORKS.name)
     assert not set(old) & set(of_run(run, ""))
-    second.terminate()
-    second.communicate(timeout=PATIENCE_S)
+    ended(second)
     assert of_run(run, "") == []
 
 
@@ -174,17 +173,14 @@ def test_status_names_a_certificate_that_does_not_hold(
     """One that has ended, or begins only later; doctor names it, too."""
     made = dt.datetime.now(dt.UTC) + dt.timedelta(hours=hours)
     issue(tmp_path / "keys", DESIGN, ("roco",), now=made)
-    supervisor = start(
-        "services.supervisor", "--only", "router,ta", "--keys", str(tmp_path / "keys")
-    )
+    supervisor = supervise(start, "--keys", str(tmp_path / "keys"), only="router,ta")
     until(lambda: supervisor.poll() is None and (run / "ta.heartbeat.json").exists())
     for verb in ("status", "doctor"):
         code, said = roco(start, verb, "--run-dir", str(run), "--format", "json")
         assert code == 1, said
         assert f"the certificate {tmp_path}/keys/" in said
         assert ("ended at" if hours < 0 else "holds only from") in said
-    supervisor.terminate()
-    supervisor.communicate(timeout=PATIENCE_S)
+    ended(supervisor)
 
 
 @pytest.mark.parametrize("keeper_dies", [False, True])
@@ -270,8 +266,7 @@ def test_status_says_who_is_frozen_and_that_nobody_keeps_the_fleet(
     for pid in (router, supervisor.pid):
         os.kill(pid, signal.SIGCONT)
     until(lambda: roco(start, *status)[0] == 0)
-    supervisor.kill()
-    supervisor.wait()
+    killed(supervisor)
     code, said = roco(start, *status)
     assert code == 1
     assert "no supervisor: who dies now stays dead" in said

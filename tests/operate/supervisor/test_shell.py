@@ -8,21 +8,25 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
 import msgspec
 import pytest
+from stepped import ended, until
 
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
-from operate.run_folder import LOCK_FILE, OFF_SUFFIX, Fleet, ProcessState
+from operate.file_names import LOCK_FILE, OFF_SUFFIX
+from operate.fleet_file import Fleet, ProcessState
 from operate.supervisor import core, folder
 from operate.supervisor.processes import Process
 from operate.supervisor.shell import NotBuiltError, Shell, python_module
 
 pytestmark = pytest.mark.process
 
-READY = "import pathlib, sys, os; pathlib.Path(os.environ['RUN'], sys.argv[1] + '.ready').touch(); "
+MADE = "import pathlib, sys, os; run = pathlib.Path(os.environ['RUN']); "
+READY = MADE + "(run / (sys.argv[1] + '.ready')).touch(); "
 WAIT = READY + "import signal; signal.pause()"
 TABLE = (Process("router", WAIT), Process("ta", WAIT, after=("router",), stop_within_s=0.3))
 
@@ -34,14 +38,19 @@ def program(process: Process) -> list[str]:
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[..., Shell]]:
-    """Make a shell in a run folder of its own; whatever still runs at the end is killed."""
+    """Make a shell in a run folder of its own, perhaps with all ready; whatever still runs at the
+    end is killed.
+    """
     shells: list[Shell] = []
 
-    def make(*processes: Process) -> Shell:
+    def make(*processes: Process, ready: bool = False) -> Shell:
         run = tmp_path / "run"
         folder.make(run)
-        shells.append(Shell(run, processes, "test", "", os.environ | {"RUN": str(run)}, program))
-        return shells[-1]
+        shell = Shell(run, processes, "test", "", os.environ | {"RUN": str(run)}, program)
+        shells.append(shell)
+        if ready:
+            until(shell, lambda: shell.fleet.ready)
+        return shell
 
     yield make
     for shell in shells:
@@ -50,25 +59,16 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Shell]]:
             child.wait()
 
 
-def until(shell: Shell, condition: Callable[[], bool]) -> None:
-    """Step the shell until the condition holds; pytest's time-out ends a wait for ever."""
-    while not condition():
-        shell.step(time.monotonic())
-        shell.end_asked.wait(0.01)
-
-
 def read(shell: Shell) -> Fleet:
     return msgspec.json.decode((shell.run / "fleet.json").read_bytes(), type=Fleet)
 
 
 def test_a_fleet_comes_up_and_goes_down_in_order(start: Callable[..., Shell]) -> None:
     """All ready, pid files while they run, none after, and every child is gone."""
-    shell = start(*TABLE)
-    until(shell, lambda: shell.fleet.ready)
+    shell = start(*TABLE, ready=True)
     pids = [status.pid for status in read(shell).processes]
     assert [int(folder.pid_file(shell.run, name).read_text()) for name in ("router", "ta")] == pids
-    shell.end_asked.set()
-    until(shell, lambda: shell.fleet.ended)
+    ended(shell)
     assert not list(shell.run.glob("*.pid"))
     assert [status.state for status in read(shell).processes] == [ProcessState.STOPPED] * 2
     for pid in pids:
@@ -86,13 +86,11 @@ def test_a_full_disk_ends_neither_the_supervisor_nor_what_it_starts(
     is room.
     """
     small_disk = disk(tmp_path / "run", "256k")
-    shell = start(Process("ta", WAIT))
-    until(shell, lambda: shell.fleet.ready)
+    shell = start(Process("ta", WAIT), ready=True)
     first = shell.children["ta"].pid
-    filled = subprocess.run(
-        ["dd", "if=/dev/zero", f"of={small_disk}/filler", "bs=4096"], capture_output=True
-    )
-    assert b"No space left" in filled.stderr
+    with suppress(OSError), (small_disk / "filler").open("wb", buffering=0) as filler:
+        while filler.write(bytes(4096)):
+            pass
     os.kill(first, signal.SIGKILL)
     until(shell, lambda: shell.fleet.known["ta"].restarts == 1 and shell.fleet.ready)
     assert shell.files.why
@@ -122,22 +120,19 @@ def test_who_finds_no_room_at_its_start_is_tried_until_there_is(
 
 def test_a_deleted_run_folder_is_made_again(start: Callable[..., Shell]) -> None:
     """The supervisor goes on with what it knows, and ends its fleet in order."""
-    shell = start(*TABLE)
-    until(shell, lambda: shell.fleet.ready)
+    shell = start(*TABLE, ready=True)
     shutil.rmtree(shell.run)
     os.kill(shell.children["ta"].pid, signal.SIGKILL)
     until(shell, lambda: shell.fleet.known["ta"].restarts == 1 and shell.fleet.ready)
     assert [status.state for status in read(shell).processes] == [ProcessState.READY] * 2
     assert shell.run.stat().st_mode & 0o777 == 0o700
     shutil.rmtree(shell.run)
-    shell.end_asked.set()
-    until(shell, lambda: shell.fleet.ended)
+    ended(shell)
 
 
 def test_a_killed_process_comes_back_with_a_fresh_ready_file(start: Callable[..., Shell]) -> None:
     """The old ready file does not speak for the new process."""
-    shell = start(*TABLE)
-    until(shell, lambda: shell.fleet.ready)
+    shell = start(*TABLE, ready=True)
     first = shell.children["router"].pid
     os.kill(first, signal.SIGKILL)
     until(shell, lambda: not shell.fleet.ready)
@@ -149,15 +144,10 @@ def test_a_killed_process_comes_back_with_a_fresh_ready_file(start: Callable[...
 
 def test_what_ignores_the_request_to_end_is_killed(start: Callable[..., Shell]) -> None:
     """A deaf process does not hold up the end."""
-    deaf = (
-        "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
-        + READY
-        + "\nwhile True: signal.pause()"
-    )
-    shell = start(Process("ta", deaf, stop_within_s=0.2))
-    until(shell, lambda: shell.fleet.ready)
-    shell.end_asked.set()
-    until(shell, lambda: shell.fleet.ended)
+    ignores = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+    deaf = ignores + READY + "\nwhile True: signal.pause()"
+    shell = start(Process("ta", deaf, stop_within_s=0.2), ready=True)
+    ended(shell)
     assert "killed: did not stop in 0.2 s" in shell.fleet.known["ta"].note
 
 
@@ -197,11 +187,8 @@ def test_a_service_without_a_program_is_named() -> None:
     """The message says which file is missing."""
     with pytest.raises(NotBuiltError, match=r"services/nowhere/__main__\.py is missing"):
         python_module(Process("x", "services.nowhere"))
-    assert python_module(Process("supervisor", "services.supervisor"))[1:] == [
-        "-P",
-        "-m",
-        "services.supervisor",
-    ]
+    found = python_module(Process("supervisor", "services.supervisor"))
+    assert found[1:] == ["-P", "-m", "services.supervisor"]
 
 
 def test_the_program_itself_beats_and_stops_in_order_on_sigterm(tmp_path: Path) -> None:
@@ -209,25 +196,20 @@ def test_the_program_itself_beats_and_stops_in_order_on_sigterm(tmp_path: Path) 
     on, and its end.
     """
     run = tmp_path / "runs" / "one"
-    command = [
-        sys.executable,
-        "-m",
-        "services.supervisor",
-        "--run-dir",
-        str(run),
-        "--only",
-        "router",
-    ]
-    with subprocess.Popen(command) as supervisor:
-        while not all((run / f"{name}.ready").exists() for name in ("supervisor", "router")):
-            assert supervisor.poll() is None
-            time.sleep(0.02)
+    command = [sys.executable, "-m", "services.supervisor", "--only", "router", "--run-dir"]
+    with subprocess.Popen([*command, str(run)]) as supervisor:
+
+        def wait(condition: Callable[[], bool]) -> None:
+            while not condition():
+                assert supervisor.poll() is None
+                time.sleep(0.02)
+
+        for name in ("supervisor", "router"):
+            wait((run / f"{name}.ready").exists)
         beat = run / "supervisor.heartbeat.json"
         assert json.loads(beat.read_bytes())["pid"] == supervisor.pid
         first = beat.stat().st_mtime_ns
-        while beat.stat().st_mtime_ns == first:
-            assert supervisor.poll() is None
-            time.sleep(0.02)
+        wait(lambda: beat.stat().st_mtime_ns != first)
         supervisor.terminate()
         assert supervisor.wait(30) == 0
     assert [file.name for file in run.glob("supervisor.*")] == [LOCK_FILE]
@@ -239,8 +221,7 @@ def test_the_file_beside_it_keeps_a_process_down(start: Callable[..., Shell]) ->
     """With real processes: it ends when the file appears, and starts when it goes; a new start
     knows of no file.
     """
-    shell = start(*TABLE)
-    until(shell, lambda: shell.fleet.ready)
+    shell = start(*TABLE, ready=True)
     off = shell.run / f"ta{OFF_SUFFIX}"
     off.touch()
     until(shell, lambda: shell.fleet.known["ta"].state is ProcessState.STOPPED)
@@ -253,16 +234,12 @@ def test_the_file_beside_it_keeps_a_process_down(start: Callable[..., Shell]) ->
     assert not off.exists()
 
 
-BEATS = (
-    "import threading, time; f = pathlib.Path(os.environ['RUN'], sys.argv[1] + '.heartbeat.json'); "
-)
-BEATING = (
-    "import pathlib, sys, os; "
-    + BEATS
-    + "{}\nwhile True: f.write_text(str(time.time())); time.sleep(0.05)"
-)
-READY_BEATING = BEATING.format("pathlib.Path(os.environ['RUN'], sys.argv[1] + '.ready').touch()")
-UNREADY_BEATING = BEATING.format("pass")
+BEATS = """
+import time
+while True:
+    (run / (sys.argv[1] + '.heartbeat.json')).write_text(str(time.time()))
+    time.sleep(0.05)
+"""
 
 
 @pytest.mark.parametrize("ready", [True, False])
@@ -270,8 +247,8 @@ def test_a_frozen_process_is_killed_and_comes_back(
     start: Callable[..., Shell], ready: bool
 ) -> None:
     """SIGSTOP, before it is ready or after; one that beats beside it is left alone."""
-    frozen = Process("ta", READY_BEATING if ready else UNREADY_BEATING, hangs_s=0.5)
-    shell = start(frozen, Process("co", READY_BEATING, hangs_s=0.5))
+    frozen = Process("ta", (READY if ready else MADE) + BEATS, hangs_s=0.5)
+    shell = start(frozen, Process("co", READY + BEATS, hangs_s=0.5))
     known = shell.fleet.known
     until(shell, lambda: all(shell.fleet.known[name].beaten for name in known))
     first, other = shell.children["ta"].pid, shell.children["co"].pid
@@ -318,11 +295,12 @@ def test_what_a_process_prints_takes_bounded_space(
 
 
 @pytest.mark.timeout(60)
-def test_a_child_that_ends_is_seen_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_child_that_ends_is_seen_at_once(
+    start: Callable[..., Shell], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Not at the next look, which is rarer while all is well."""
     monkeypatch.setattr(core, "REST_PERIODS", 10_000)
-    folder.make(tmp_path)
-    shell = Shell(tmp_path, (TABLE[0],), "test", "", os.environ | {"RUN": str(tmp_path)}, program)
+    shell = start(TABLE[0], ready=True)
     until(shell, lambda: shell.fleet.resting)
     shell.children["router"].kill()
     shell._wait()

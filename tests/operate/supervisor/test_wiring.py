@@ -9,10 +9,10 @@ import pytest
 from agent_runtime.io.cli import endpoints
 from agent_runtime.io.options import AGENTS_VARIABLE
 from companion.tools.system import SYSTEM
+from operate.fault_proxy import files
 from operate.supervisor import core
 from operate.supervisor.__main__ import chosen
 from operate.supervisor.wiring import CONNECT, WIRES, wired
-from operate.wires import files
 
 AGENTS = tuple(SYSTEM.design.agents)
 

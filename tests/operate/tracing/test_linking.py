@@ -8,15 +8,10 @@ from operate.tracing.trace import Known, Message, Span, Step, Talk, spans
 
 
 def say(
-    sender: str,
-    receiver: str,
-    id: str,
-    sent: float,
-    conversation: str = "c",
-    protocol: str = "request",
+    sender: str, receiver: str, id: str, sent: float, talk: str = "c", protocol: str = "request"
 ) -> Message:
     """A message that says no more than who, when and in which conversation."""
-    return Message(sender, receiver, id, "inform", protocol, "C1", conversation, sent, sent + 0.001)
+    return Message(sender, receiver, id, "inform", protocol, "C1", talk, sent, sent + 0.001)
 
 
 def talk(*messages: Message, ended: bool = True) -> Talk:
@@ -119,20 +114,10 @@ def test_what_is_said_in_another_trace_stands_beside_its_cause() -> None:
     conversation of it.
     """
     told = say("ta", "km", "5", 5.0, "watch", "subscribe")
-    watch = Talk(
-        "watch",
-        "subscribe",
-        "C6",
-        "km",
-        "ta",
-        False,
-        (say("km", "ta", "1", 0.5, "watch", "subscribe"), told),
-    )
+    watch = talk(say("km", "ta", "1", 0.5, "watch", "subscribe"), told, ended=False)
     act = talk(say("ta", "ex", "1", 4.0, "act"), say("ex", "ta", "1", 4.9, "act"))
-    found = by_id(
-        [watch, ORDER, WORK, act],
-        step("ta", 4.0, WORK.messages[0], act.messages[0]),
-        step("ta", 5.0, act.messages[1], told),
-    )
+    asked, answered = act.messages
+    steps = step("ta", 4.0, WORK.messages[0], asked), step("ta", 5.0, answered, told)
+    found = by_id([watch, ORDER, WORK, act], *steps)
     assert [one.identity for one in found["act"].beside] == [told.identity]
     assert not found["watch"].beside

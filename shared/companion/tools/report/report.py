@@ -21,7 +21,7 @@ from operate.recording.history import History
 from operate.recording.records import Spoken
 from operate.reports import counts
 from operate.reports.report import FaultAt, HoleAt, Judged, faults, holes, judged
-from operate.run_folder import alike
+from operate.structs import alike
 
 
 class Happened(msgspec.Struct, frozen=True):

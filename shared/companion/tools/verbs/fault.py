@@ -31,8 +31,8 @@ from operate.cli.faults.verbs import WITHIN_S, At, Within, heal_left, lasted
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
-from operate.run_folder import Fault
-from operate.wires.files import WIRES_FILE
+from operate.fault_lines import Fault
+from operate.fault_proxy.files import WIRES_FILE
 from velma.errors import VelmaError
 from velma.model import scene
 from velma.model.kinds import MOVEABLE

@@ -21,7 +21,8 @@ from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Format
 from operate.cli.runs import folders
-from operate.run_folder import LATEST, ProcessState
+from operate.file_names import LATEST
+from operate.fleet_file import ProcessState
 
 HI = "hi"
 T = TypeVar("T")

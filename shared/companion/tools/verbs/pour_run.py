@@ -39,7 +39,7 @@ from operate.cli.runs.trials import Asked
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.run_state import View
 from operate.cli.terminal.watch import Watch
-from operate.run_folder import REPORT_FILE
+from operate.file_names import REPORT_FILE
 from operate.system import here
 from velma.sim import gl
 

@@ -12,7 +12,7 @@ import typer
 from agent_runtime.io.steplog import deeds
 from operate.cli.design import files
 from operate.cli.output import Form, Format
-from operate.run_folder import STEPS
+from operate.file_names import STEPS
 from operate.system import of_run
 from topdown.model.design import load
 from topdown.prove.paths import Deviation, Follower

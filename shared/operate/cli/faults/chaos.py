@@ -34,8 +34,9 @@ from operate.cli.runs import folders, trials
 from operate.cli.runs.experiment import span
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
-from operate.fault_lines import latest, read
-from operate.run_folder import FAULTS_FILE, Fault, ProcessState
+from operate.fault_lines import Fault, latest, read
+from operate.file_names import FAULTS_FILE
+from operate.fleet_file import ProcessState
 from operate.system import System, here
 
 if TYPE_CHECKING:
@@ -447,7 +448,7 @@ def _names(text: str) -> tuple[str, ...]:
 
 def _possible() -> tuple[str, ...]:
     """Return the kinds that can be done here: without a C compiler no clock can be stepped."""
-    from operate.wires.clocks import COMPILER
+    from operate.fault_proxy.clocks import COMPILER
 
     return tuple(kind for kind in VERBS if kind != "clock" or shutil.which(COMPILER))
 

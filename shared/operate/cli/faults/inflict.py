@@ -18,8 +18,7 @@ from operate.cli.faults.kinds import KINDS, Kind
 from operate.cli.fleet.agent import READY_S
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.targets import LOG_LINES, Target, named
-from operate.fault_lines import encoded, latest, read
-from operate.run_folder import Fault
+from operate.fault_lines import Fault, encoded, latest, read
 
 PERIOD_S = 0.05
 NOT_BEGUN, BROKEN_OFF = "did not begin", "broken off, healed"

@@ -20,7 +20,8 @@ from operate.cli.fleet.identity import OPERATOR
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.targets import Put, Target
 from operate.cli.traffic import listen
-from operate.run_folder import Fault, ProcessState
+from operate.fault_lines import Fault
+from operate.fleet_file import ProcessState
 
 # --- A flood: well-formed data of one identity of the fleet to one agent, at a fixed rate, while
 # its command lives The operator's is orders to set the log level that the agent has, each with an

@@ -20,7 +20,7 @@ from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
 from operate.cli.terminal.run_state import Follow
 from operate.cli.traffic import listen
-from operate.run_folder import Happened, LiveLine, PlanAt
+from operate.live_lines import Happened, LiveLine, PlanAt
 from topdown.model.design import Design
 
 SECONDS = re.compile(r"(\d+(?:\.\d+)?)s?")

@@ -17,8 +17,7 @@ from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
-from operate.fault_lines import latest, read
-from operate.run_folder import Fault
+from operate.fault_lines import Fault, latest, read
 
 Process = Annotated[
     str, typer.Argument(metavar="PROCESS", help="A process.", autocompletion=targets.processes)

@@ -16,7 +16,7 @@ from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.targets import LOG_LINES, Target, named
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.cli.runs import folders
-from operate.run_folder import ProcessState
+from operate.fleet_file import ProcessState
 
 Process = Annotated[
     str, typer.Argument(metavar="NAME", help="A process.", autocompletion=targets.processes)

@@ -34,7 +34,7 @@ from operate.cli.fleet.process_status import Look, Seen, Target, stuck, trouble
 from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
-from operate.run_folder import Fleet, ProcessState
+from operate.fleet_file import Fleet, ProcessState
 from operate.system import NoSystemError, UntrustedError, here
 
 

@@ -25,18 +25,11 @@ from operate.cli.fleet import process_status
 from operate.cli.fleet.identity import OPERATOR
 from operate.cli.fleet.process_status import Look, Put, Seen, Target
 from operate.cli.traffic import verdicts
-from operate.run_folder import (
-    FAULTS_FILE,
-    FLEET_FILE,
-    OFF_SUFFIX,
-    VERDICTS_FILE,
-    Fleet,
-    Judged,
-    ProcessState,
-    ProcessStatus,
-)
+from operate.fault_proxy import files
+from operate.file_names import FAULTS_FILE, FLEET_FILE, OFF_SUFFIX, VERDICTS_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.system import System, here
-from operate.wires import files
+from operate.verdict_lines import Judged
 
 ANSWER_S = 20.0
 """An answer takes 0.1 s; a loaded machine some seconds (estimate)."""

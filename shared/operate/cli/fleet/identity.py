@@ -8,7 +8,7 @@ from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.io.run_files import KEYS_FOLDER, KEYS_VARIABLE
 from agent_runtime.io.secured import client_tls
 from operate.cli.errors import ConsoleError
-from operate.run_folder import Fleet
+from operate.fleet_file import Fleet
 
 CONSOLE = "console"
 """The identity that hears everything and says nothing, where there are keys."""

@@ -19,9 +19,11 @@ from operate.cli.fleet.process_status import Look, Put, Seen, Target
 from operate.cli.runs import folders
 from operate.cli.terminal.run_state import of_file
 from operate.cli.traffic import verdicts
-from operate.run_folder import FAULTS_FILE, OFF_SUFFIX, Judged, ProcessState, ProcessStatus
+from operate.fault_proxy import clocks, files
+from operate.file_names import FAULTS_FILE, OFF_SUFFIX
+from operate.fleet_file import ProcessState, ProcessStatus
 from operate.system import System, of_run
-from operate.wires import clocks, files
+from operate.verdict_lines import Judged
 
 
 class Local(Target):

@@ -17,7 +17,7 @@ from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
 from operate.cli.output import Format, tell_json
 from operate.cli.terminal.console import Console
-from operate.run_folder import ProcessState
+from operate.fleet_file import ProcessState
 from topdown.model import elements
 from topdown.model.design import Design
 from topdown.model.errors import NoSuchEntry

@@ -13,9 +13,11 @@ import msgspec
 
 from agent_runtime.core.control import Answer, Value
 from agent_runtime.io.heartbeat import Inside
+from operate.file_names import FAULTS_FILE, LIVE_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.proc import Used
-from operate.run_folder import FAULTS_FILE, LIVE_FILE, Fleet, Judged, ProcessState, ProcessStatus
 from operate.system import System
+from operate.verdict_lines import Judged
 
 LATE_S = 3.0
 """An older heartbeat is one of a process that hangs: they come each second, at a load of 20 within

@@ -14,7 +14,7 @@ from operate.cli.fleet.process_status import LATE_S, Beat, Info, Row
 from operate.cli.fleet.state_words import COLOURS
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import pairs, table
-from operate.run_folder import ProcessState, ProcessStatus
+from operate.fleet_file import ProcessState, ProcessStatus
 from topdown.model.parameters import worded
 
 if TYPE_CHECKING:

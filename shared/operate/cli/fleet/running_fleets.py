@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.runs import folders
-from operate.run_folder import LATEST, Fleet
+from operate.file_names import LATEST
+from operate.fleet_file import Fleet
 
 EXPERIMENTS = Path("experiments")
 """Folder of the experiments, each with the runs that it repeats."""

@@ -20,7 +20,7 @@ from agent_runtime.io.secured import ROUTER
 from operate import proc
 from operate.cli.errors import WRONG_USE, FleetError, NotWaitedError, UsageError
 from operate.cli.runs import folders
-from operate.run_folder import Fleet, ProcessState, ProcessStatus
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.system import here
 
 SUPERVISOR = "operate.supervisor"

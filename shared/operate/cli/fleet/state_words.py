@@ -3,7 +3,7 @@ of its start.
 """
 
 from operate.cli.terminal.run_state import View
-from operate.run_folder import ProcessState, ProcessStatus
+from operate.fleet_file import ProcessState, ProcessStatus
 from operate.system import System
 
 AROUND = {"router": {"": "serves tools"}, "monitor": {"": "records"}}

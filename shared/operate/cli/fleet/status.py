@@ -16,7 +16,7 @@ from operate.cli.fleet.process_status import Look, stuck, trouble
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import Task
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
-from operate.run_folder import Fleet, ProcessState
+from operate.fleet_file import Fleet, ProcessState
 
 
 class Status(msgspec.Struct, frozen=True):

@@ -21,7 +21,7 @@ from operate.cli.fleet.process_status import Put as Put
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.process_status import Target as Target
 from operate.cli.runs import folders
-from operate.run_folder import LATEST
+from operate.file_names import LATEST
 from operate.system import System, here
 
 LOCAL, COMPOSE = "local", "compose"

@@ -30,7 +30,8 @@ from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, HOST, WEB, listens, taken
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.runs import folders
-from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
+from operate.file_names import RRD_FILE, VIEW_FILE
+from operate.fleet_file import ViewAddress
 
 CONTAINERS = ViewAddress(9876, 9090)
 """Ports at which deploy/compose.yaml publishes them, unless the variables above say otherwise."""

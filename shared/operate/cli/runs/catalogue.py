@@ -27,15 +27,8 @@ from operate.cli.fleet import running_fleets
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
-from operate.run_folder import (
-    FLEET_FILE,
-    LATEST,
-    REPORT_FILE,
-    STEPS,
-    TRAFFIC_FILE,
-    Fleet,
-    ProcessState,
-)
+from operate.file_names import FLEET_FILE, LATEST, REPORT_FILE, STEPS, TRAFFIC_FILE
+from operate.fleet_file import Fleet, ProcessState
 from operate.wording import bytes_in_words
 
 MARKS = (FLEET_FILE, TRAFFIC_FILE, REPORT_FILE, STEPS)

@@ -13,7 +13,8 @@ from agent_runtime.io.options import AGENTS_VARIABLE, Options
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD
 from operate import proc
 from operate.cli.errors import NoRunError
-from operate.run_folder import FLEET_FILE, LATEST, LOCK_FILE, Fleet, ProcessState, ProcessStatus
+from operate.file_names import FLEET_FILE, LATEST, LOCK_FILE
+from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
 RUNS = Path("runs")
 NAME = "%Y-%m-%d_%H-%M-%S"

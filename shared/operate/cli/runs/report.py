@@ -16,7 +16,7 @@ from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.output import Form, Format, problems, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
-from operate.run_folder import TRAFFIC_FILE
+from operate.file_names import TRAFFIC_FILE
 
 if TYPE_CHECKING:
     from operate.experiments.measures import Shown

@@ -22,10 +22,9 @@ from agent_runtime.io.run_files import make_run
 from operate.cli.errors import UsageError
 from operate.cli.fleet import starting
 from operate.cli.runs import machine
-from operate.run_folder import REPORT_FILE, ExperimentSetting
+from operate.experiments.setting import RESULTS_FILE, SETTING_FILE, ExperimentSetting
+from operate.file_names import REPORT_FILE
 
-SETTING_FILE = "experiment.json"
-RESULTS_FILE = "results.jsonl"
 LOG_FILE = "run.log"
 # an interrupted run brings its fleet down first; estimate for what it needs besides
 END_S = starting.STOP_S + 30.0

@@ -14,7 +14,8 @@ from operate.cli.fleet.state_words import COLOURS, doing, waited_for
 from operate.cli.fleet.tasks import Task
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.run_state import Event, Names, Plan, View, leaves, tasks, within
-from operate.run_folder import Fleet, Step
+from operate.fleet_file import Fleet
+from operate.live_lines import Step
 from operate.system import System
 from topdown.model.design import Design
 

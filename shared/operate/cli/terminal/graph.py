@@ -11,7 +11,8 @@ from rich.text import Text
 
 from operate.cli.fleet.process_status import Seen, trouble
 from operate.cli.fleet.state_words import COLOURS, state_text
-from operate.run_folder import LiveLine, ProcessState, Sent
+from operate.fleet_file import ProcessState
+from operate.live_lines import LiveLine, Sent
 from operate.system import System
 from topdown.draw.canvas import tracks
 from topdown.model.design import Design

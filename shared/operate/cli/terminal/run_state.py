@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from operate import wording
-from operate.run_folder import (
+from operate.live_lines import (
     Against,
     AgentIn,
     Happened,

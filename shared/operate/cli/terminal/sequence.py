@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from rich.cells import cell_len, set_cell_size
 from rich.text import Text
 
-from operate.run_folder import Judged
+from operate.verdict_lines import Judged
 from topdown.draw.sequence import Columns
 from topdown.judge.verdicts import Verdict
 

@@ -32,7 +32,7 @@ from operate.cli.terminal.draw import events
 from operate.cli.terminal.graph import WINDOW_S, Edge, Graph, dot, drawn, edges, graph_at, sized
 from operate.cli.terminal.run_state import Plan, View
 from operate.cli.terminal.table import table
-from operate.run_folder import LiveLine, Sent
+from operate.live_lines import LiveLine, Sent
 from operate.system import System
 
 # --- Single keys of a terminal, without Enter; a pipe has none ------------------------------------

@@ -16,7 +16,8 @@ from operate.cli.fleet.tasks import ENDED, Task
 from operate.cli.runs import folders
 from operate.cli.terminal import draw, run_state
 from operate.cli.terminal.console import Console
-from operate.run_folder import LIVE_FILE, Fleet, ProcessState
+from operate.file_names import LIVE_FILE
+from operate.fleet_file import Fleet, ProcessState
 from operate.system import System
 
 QUIET = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.STOPPING, ProcessState.STOPPED)

@@ -25,9 +25,8 @@ from operate.cli.traffic.selection import (
     lines_of,
     wanted,
 )
-from operate.run_folder import Judged
 from operate.tracing.trace import is_meant
-from operate.verdict_lines import ended, sides
+from operate.verdict_lines import Judged, ended, sides
 from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
 

@@ -14,7 +14,7 @@ from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import Cell, table
 from operate.cli.traffic.listen import about
 from operate.cli.traffic.selection import Agents, Recorded, wanted
-from operate.run_folder import DeadLetter
+from operate.verdict_lines import DeadLetter
 
 
 def dead(

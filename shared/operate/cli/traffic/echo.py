@@ -30,9 +30,8 @@ from operate.cli.traffic.selection import (
     wanted,
 )
 from operate.filters import Filter
-from operate.run_folder import Judged
 from operate.system import System
-from operate.verdict_lines import line
+from operate.verdict_lines import Judged, line
 from operate.wording import bytes_in_words
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement, Verdict

@@ -16,8 +16,8 @@ from operate.cli.output import Form, Format, problems
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.cli.traffic.verdicts import judged
-from operate.run_folder import Judged
 from operate.system import languages_at, of_design, of_run
+from operate.verdict_lines import Judged
 from topdown.judge.verdicts import VIOLATIONS, Verdict
 
 MOST = 40

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 
 from operate.cli.errors import ConsoleError, NoRunError
-from operate.run_folder import NothingToRead
+from operate.structs import NothingToRead
 from topdown.check.recorded import Observed
 
 

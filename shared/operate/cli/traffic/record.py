@@ -35,7 +35,7 @@ from operate.cli.traffic.selection import (
     Seconds,
     wanted,
 )
-from operate.run_folder import TRAFFIC_FILE
+from operate.file_names import TRAFFIC_FILE
 from operate.wording import bytes_in_words
 
 if TYPE_CHECKING:

@@ -29,8 +29,9 @@ from operate.cli.traffic import replace, verify
 from operate.cli.traffic.listen import HOUSE, heard_message, recorded
 from operate.cli.traffic.play import Player, Replayed, sentence
 from operate.cli.traffic.selection import Agents, Channels, Performatives, Protocols, wanted
+from operate.file_names import FLEET_FILE, LIVE_FILE, STEPS
 from operate.filters import Filter
-from operate.run_folder import FLEET_FILE, LIVE_FILE, STEPS, Fleet
+from operate.fleet_file import Fleet
 from operate.system import System, of_run
 
 SYSTEM = "replay"

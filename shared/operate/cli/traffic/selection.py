@@ -16,8 +16,9 @@ from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.traffic.verdicts import judged, verdicts_of
 from operate.filters import Filter, UnknownNameError, checked
-from operate.run_folder import Judged, NothingToRead
+from operate.structs import NothingToRead
 from operate.system import NoSystemError
+from operate.verdict_lines import Judged
 from topdown.model.design import Design
 
 Channels = Annotated[

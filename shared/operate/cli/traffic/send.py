@@ -38,7 +38,7 @@ from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.cli.traffic.listen import fields_of
 from operate.cli.traffic.selection import names as conversation_names
-from operate.run_folder import Fleet
+from operate.fleet_file import Fleet
 from operate.system import System
 from topdown.judge.admission import Admission
 from topdown.judge.follow import Followed

@@ -32,7 +32,7 @@ from operate.cli.traffic.selection import (
     wanted,
 )
 from operate.filters import Filter
-from operate.run_folder import Judged
+from operate.verdict_lines import Judged
 from operate.wording import bytes_in_words
 from topdown.draw import sequence
 from topdown.draw.sequence import Arrow

@@ -14,7 +14,7 @@ from operate.cli.output import Format, RunDir, problems, tell_json
 from operate.cli.terminal import span_tree
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.selection import Recorded, Subject, recording_of
-from operate.run_folder import alike
+from operate.structs import alike
 from operate.tracing import otlp
 from operate.tracing.trace import Span, Trace
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import msgspec
 
-from operate.run_folder import VERDICTS_FILE, Judged
+from operate.file_names import VERDICTS_FILE
 from operate.system import System, of_run
+from operate.verdict_lines import Judged
 
 _decoder = msgspec.json.Decoder(Judged)
 

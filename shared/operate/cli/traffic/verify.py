@@ -29,7 +29,7 @@ from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.cli.traffic.listen import fields_of
 from operate.cli.traffic.play import as_agent, compared, difference
-from operate.run_folder import STEPS, TRAFFIC_FILE
+from operate.file_names import STEPS, TRAFFIC_FILE
 from operate.system import System, of_run
 
 if TYPE_CHECKING:

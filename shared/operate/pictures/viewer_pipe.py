@@ -5,7 +5,7 @@ an Item each.
 import msgspec
 
 from agent_runtime.io.tap import Sample
-from operate.run_folder import Judged
+from operate.verdict_lines import Judged
 
 LENGTH = 4
 LONGEST = 64 * 1024 * 1024

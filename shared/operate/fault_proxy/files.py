@@ -30,12 +30,8 @@ class Wires(msgspec.Struct, frozen=True):
     @property
     def pairs(self) -> tuple[str, ...]:
         """The names of the links between agents, either way round, such as co-pl."""
-        return tuple(
-            f"{agent}-{end}"
-            for agent, ends in self.ports.items()
-            for end in ends
-            if end in self.ports
-        )
+        ends = [(agent, end) for agent, ports in self.ports.items() for end in ports]
+        return tuple(f"{agent}-{end}" for agent, end in ends if end in self.ports)
 
     def missing(self, name: str) -> str:
         """Return why no wire has that name, or "" if one has; the router stands for all wires to

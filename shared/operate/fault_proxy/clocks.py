@@ -58,11 +58,7 @@ def _compiled(library: Path) -> bool:
     if shutil.which(COMPILER) is None:
         return False
     try:
-        return (
-            subprocess.run(
-                command, stdin=subprocess.DEVNULL, timeout=COMPILE_S, check=False
-            ).returncode
-            == 0
-        )
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, timeout=COMPILE_S, check=False)
+        return done.returncode == 0
     except (OSError, subprocess.TimeoutExpired):
         return False
