@@ -2,6 +2,8 @@
 view.
 """
 
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,16 +11,17 @@ import toy_agents
 import toy_observers
 from msgspec import Raw, Struct
 from msgspec.msgpack import encode as pack
-from toy_agents import Double, Doubled, Want, single
+from toy_agents import Double, Doubled, Want, single, wirings
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.effects import Effects
 from agent_runtime.core.errors import BehaviourError
-from agent_runtime.core.events import Arrived, Local, Next, Received, Tick
+from agent_runtime.core.events import AnyEvent, Arrived, Local, Next, Received, Tick
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery
+from agent_runtime.io import steplog
 from fipa_codec.communicate import Communicate, decode, encode
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import Kind
@@ -164,3 +167,36 @@ def stop(turn: Turn) -> None:
     agree(turn)
     if isinstance(turn.event, Received) and turn.event.communicate.performative is P.CANCEL:
         turn.say(turn.event.conversation, P.INFORM, Doubled(0), kind=Kind.CANCEL)
+
+
+def logged(path: Path, agent: Agent[Any], lives: Iterable[Iterable[AnyEvent]]) -> list[bytes]:
+    """Write the log of an agent that lived so; what it said, as on the wire."""
+    core, log, record, said = Core(agent, wirings()[1]), steplog.StepLog(path), b"", []
+    for number, events in enumerate(lives, 1):
+        state = core.boot(record or None)
+        log.boot(number, record, 1.0)
+        record = core.record(state)
+        for event in events:
+            state, effects = core.step(state, event, 2.0)
+            log.write([steplog.noted(number, state.soft.step, 2.0, event, effects)])
+            record, said = effects.record or record, said + [encode(one) for one in effects.sends]
+    log.close()
+    return said
+
+
+class World:
+    """In the place of a shell's wire and device: what is none of a test's business."""
+
+    at_router = False
+
+    def knows(self, journals: Any) -> None:
+        """Names of journals."""
+
+    def publish(self, kind: str, data: bytes) -> None:
+        """Heartbeats."""
+
+    def ping(self, peer: str, channel: bytes, pong: bool = False) -> None:
+        """Pings."""
+
+    def close(self) -> None:
+        """Nothing to close."""

@@ -10,7 +10,7 @@ import toy_observers
 from driven import Driven, ask, message, quiet, recording, request
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toy_agents import Want, toys, wirings
+from toy_agents import Want, faulty, toys, wirings
 
 from agent_runtime.core import lineage
 from agent_runtime.core.effects import Effects
@@ -224,13 +224,7 @@ def records(wires: MemoryBus) -> dict[str, list[bytes]]:
 
 @given(
     seed=st.integers(0, 2**32),
-    faults=st.builds(
-        Faults,
-        loss=st.sampled_from([0.0, 0.3]),
-        duplication=st.sampled_from([0.0, 0.3]),
-        delay=st.sampled_from([0.0, 0.4]),
-        crash=st.sampled_from([0.0, 0.05]),
-    ),
+    faults=faulty(0.3, 0.3, 0.4, 0.05),
     lost=st.lists(
         st.tuples(
             st.sampled_from(["asker", "server"]),

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
+from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent, Arc, Behaviour
@@ -291,3 +292,10 @@ def ring_wiring(me: str, ring: Sequence[str]) -> Wiring:
     return wired(
         me, [(one, other, "T1", protocol_of(one), Delivery.DURABLE) for one, other in pairs]
     )
+
+
+def faulty(loss: float, duplication: float, delay: float, crash: float) -> Any:
+    """Strategy: each of these faults of the wires may be there or not."""
+    shares = {"loss": loss, "duplication": duplication, "delay": delay, "crash": crash}
+    kinds = {name: st.sampled_from([0.0, share]) for name, share in shares.items()}
+    return st.builds(Faults, **kinds)
