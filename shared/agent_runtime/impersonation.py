@@ -142,9 +142,8 @@ class StandIn:
         self._record = _record(self._journal.last, wiring.agent, start)
         self._record.incarnation += 1
         self._keep()
-        self._wire = ZenohWire(
-            self._session, wiring, self._record.incarnation, self._inbox, self._record.journal
-        )
+        session, incarnation = self._session, self._record.incarnation
+        self._wire = ZenohWire(session, wiring, incarnation, self._inbox, self._record.journal)
         self._wire.knows(self._record.journals)
         self._due = 0.0
         if router and wiring.groups:
@@ -391,12 +390,8 @@ class Stage:
         """
         if len(self._born):
             raise LivingError(self.system, (self._born.get(),), self.endpoint)
-        put(
-            self._session,
-            f"roco/{self.system}/{key}",
-            data,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )
+        congestion_control = zenoh.CongestionControl.BLOCK
+        put(self._session, f"roco/{self.system}/{key}", data, congestion_control=congestion_control)
 
     def close(self) -> None:
         """End it, and the own router."""
@@ -461,9 +456,8 @@ class Cast:
             id = str(self._numbers[peer])
             label = id if one.reply_with == one.id else one.reply_with
             one = msgspec.structs.replace(one, id=id, reply_with=label)
-        key = communicate_key(
-            self._wiring.system, link.channel, peer, one.receiver, one.protocol, one.performative
-        )
+        system, channel = self._wiring.system, link.channel
+        key = communicate_key(system, channel, peer, one.receiver, one.protocol, one.performative)
         data = encode(one)
         if link.delivery is Delivery.DURABLE:
             self._outbox[peer][self._numbers[peer]] = (key, data)

@@ -128,10 +128,9 @@ def with_not_understood(protocol: Protocol) -> Protocol:
     its sender, who ignores what is still in transit, and for its receiver. A conversation that has
     ended keeps its state.
     """
-    return protocol.with_tables(
-        initiator=_table_with_not_understood(protocol, Role.INITIATOR),
-        participant=_table_with_not_understood(protocol, Role.PARTICIPANT),
-    )
+    initiator = _table_with_not_understood(protocol, Role.INITIATOR)
+    participant = _table_with_not_understood(protocol, Role.PARTICIPANT)
+    return protocol.with_tables(initiator=initiator, participant=participant)
 
 
 def _table_with_not_understood(protocol: Protocol, role: Role) -> Table:

@@ -150,12 +150,8 @@ class Table:
         """
         kept = tuple(rows)
         states = {state for row in kept for state in (row.state, row.to)}
-        return Table(
-            kept,
-            ended=self.ended & states,
-            urgent=self.urgent & states,
-            resting=self.resting & states,
-        )
+        ended = self.ended & states
+        return Table(kept, ended=ended, urgent=self.urgent & states, resting=self.resting & states)
 
 
 class Protocol:

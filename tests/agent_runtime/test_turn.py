@@ -52,9 +52,8 @@ def joined(turn: Turn) -> None:
 
 def observing(to: str, subject: str, name: str = "watcher") -> Driven:
     """One that owes an observation at each word of its own side."""
-    return Driven(
-        quiet(lambda turn: turn.observe(to, subject, Seen("x", 1)), name=name), observers(name)
-    )
+    agent = quiet(lambda turn: turn.observe(to, subject, Seen("x", 1)), name=name)
+    return Driven(agent, observers(name))
 
 
 # --- what is kept ---------------------------------------------------------------------------------

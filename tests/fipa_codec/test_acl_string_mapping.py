@@ -153,9 +153,8 @@ def test_protocol_names_map_one_to_one():
         message = to_acl(request(protocol=ours), profile=profile)
         assert (message.protocol, message.user) == (standard, {})
         for written in (standard, standard.upper()):
-            read = from_acl(
-                AclMessage(performative=P.REQUEST, protocol=written), RECEIVED, profile=profile
-            )
+            message = AclMessage(performative=P.REQUEST, protocol=written)
+            read = from_acl(message, RECEIVED, profile=profile)
             assert read.protocol == ours
 
 
@@ -466,9 +465,8 @@ def test_a_user_defined_parameter_that_means_something_else_there_is_ignored(nam
     changes the rest.
     """
     for value, protocol in itertools.product(values, ("a b", "fipa-query", None)):
-        plain = AclMessage(
-            performative=P.INFORM, content="é", protocol=protocol, reply_by=At(1_767_268_800_250)
-        )
+        reply_by = At(1_767_268_800_250)
+        plain = AclMessage(performative=P.INFORM, content="é", protocol=protocol, reply_by=reply_by)
         message = msgspec.structs.replace(plain, user={name: value})
         read = parse(render(message))
         assert read.user == {name: value}

@@ -43,9 +43,8 @@ def test_a_step_is_verified_by_what_it_changed():
 
 def shortest(co=None, ta=None, faults=0):
     """The first finding of `coordinate` with another table, and its steps."""
-    net = durable_pair(
-        COORDINATE.with_tables(initiator=co, participant=ta), Players("co", "ta"), faults=faults
-    )
+    protocol = COORDINATE.with_tables(initiator=co, participant=ta)
+    net = durable_pair(protocol, Players("co", "ta"), faults=faults)
     finding = explore(NetModel(net), first=False).findings[0]
     return finding, [f"{step.who} {step.what}" for step in finding.trace]
 

@@ -155,9 +155,8 @@ def test_the_start_of_all_agents_is_not_at_rest() -> None:
 
 def test_a_subscription_that_is_not_renewed_is_found() -> None:
     """One death of who is watched; of who watches, too."""
-    once = instead(
-        WATCHER, 'on = "back lamp", drop = ["watch"]', 'on = "back lamp", when = ["watch none"]'
-    )
+    old = 'on = "back lamp", drop = ["watch"]'
+    once = instead(WATCHER, old, 'on = "back lamp", when = ["watch none"]')
     assert not kinds(watching(once), 0)
     assert kinds(watching(once), 1) & set(STUCK)
 

@@ -121,12 +121,8 @@ def taken_before(state: CoreState, out: Out, communicate: Communicate, number: i
     copy, unknown = (number, digest) in kept, len(kept) == KEPT and number < kept[0][0]
     if copy or unknown:
         state.count("taken before")
-        out.log(
-            "taken before",
-            sender=peer,
-            id=communicate.id,
-            conversation=communicate.conversation[:LONGEST_LABEL],
-        )
+        conversation = communicate.conversation[:LONGEST_LABEL]
+        out.log("taken before", sender=peer, id=communicate.id, conversation=conversation)
     else:
         tell(state, out, communicate, "was taken")
     if copy:

@@ -181,9 +181,8 @@ WHY = "perhaps the rules of {peer} deny it, or {peer} hangs"
 
 def unheard_text(agent: str, one: Unheard, now: float) -> str:
     """A sentence for people: sender, receiver, duration, possible cause."""
-    said = _TEXTS[one.what].format(
-        agent=agent, peer=one.peer, channel=one.channel, s=max(0.0, now - one.since)
-    )
+    s = max(0.0, now - one.since)
+    said = _TEXTS[one.what].format(agent=agent, peer=one.peer, channel=one.channel, s=s)
     return f"{said}: {WHY.format(peer=one.peer)}"
 
 

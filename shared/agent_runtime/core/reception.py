@@ -131,15 +131,8 @@ def _admit_durable(
         # the sender learns that it is heard, though not its turn
         out.receipts.append(receipt(state, peer))
     elif len(waiting) < HELD_OF_STREAM and follows(state, arrived, waiting, number, last):
-        _wait(
-            state,
-            wiring,
-            link,
-            communicate,
-            peer=peer,
-            number=number,
-            digest=digest_of(communicate),
-        )
+        digest = digest_of(communicate)
+        _wait(state, wiring, link, communicate, peer=peer, number=number, digest=digest)
     else:
         state.count("gap")
         if not waiting and too_far(state, arrived, number, last):
@@ -377,9 +370,8 @@ def note(
         case Next():
             pass
         case _:
-            raise BehaviourError(
-                agent.name, state.state, f"was stepped with {event!r}", "that is the core's own"
-            )
+            wrong = f"was stepped with {event!r}"
+            raise BehaviourError(agent.name, state.state, wrong, "that is the core's own")
 
 
 def _arrive(wiring: Wiring, state: CoreState, out: Out, event: Arrived, now: float) -> None:

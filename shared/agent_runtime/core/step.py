@@ -190,9 +190,8 @@ class Core(Generic[M]):
 
     def __init__(self, agent: Agent[M], wiring: Wiring) -> None:
         if agent.name != wiring.agent:
-            raise AgentTableError(
-                agent.name, f"is wired as {wiring.agent!r}", "give it its own wiring"
-            )
+            where = f"is wired as {wiring.agent!r}"
+            raise AgentTableError(agent.name, where, "give it its own wiring")
         self.agent, self.wiring = agent, wiring
         self._designed: set[Deed] = set()
         self._choices = Choices(agent)
@@ -203,9 +202,8 @@ class Core(Generic[M]):
                 "memory is a msgspec Struct whose fields, but for `soft`, msgspec encodes and"
                 " decodes"
             )
-            raise AgentTableError(
-                agent.name, f"its memory cannot be journalled: {error}", hint
-            ) from error
+            where = f"its memory cannot be journalled: {error}"
+            raise AgentTableError(agent.name, where, hint) from error
 
     def first(self, journal: str) -> bytes:
         """The record that a new journal of this name begins with."""
@@ -219,15 +217,11 @@ class Core(Generic[M]):
             state = fresh(self.agent) if record is None else restored(self.agent, record)
         except UNREADABLE as error:
             hint = "it is of another version, or damaged: start a new run, or move the journal away"
-            raise AgentTableError(
-                self.agent.name, f"its journal cannot be read: {error}", hint
-            ) from error
+            agent = self.agent.name
+            raise AgentTableError(agent, f"its journal cannot be read: {error}", hint) from error
         if state.agent != self.agent.name or state.state not in self.agent.behaviours:
-            raise AgentTableError(
-                self.agent.name,
-                f"the journal is of agent {state.agent!r} in state {state.state!r}",
-                "use its own journal",
-            )
+            where = f"the journal is of agent {state.agent!r} in state {state.state!r}"
+            raise AgentTableError(self.agent.name, where, "use its own journal")
         state.incarnation += 1
         state.soft.parameters, unfit = control.values(state.now_set, self.agent.parameters)
         for _ in unfit:
@@ -376,22 +370,14 @@ class Core(Generic[M]):
                     for a in self.agent.arcs
                     if a.source == state.state
                 )
-                raise BehaviourError(
-                    self.agent.name,
-                    state.state,
-                    "ended, and no arc may be taken",
-                    f"arcs: {arcs or 'none'}",
-                )
+                what = "ended, and no arc may be taken"
+                raise BehaviourError(self.agent.name, state.state, what, f"arcs: {arcs or 'none'}")
             out.log("state", old=state.state, new=target, conversation=conversation_of(event))
             state.state = target
             behaviour = self.agent.behaviours[state.state]
             state.memory = behaviour.transition(state.memory, turn)
-        raise BehaviourError(
-            self.agent.name,
-            state.state,
-            f"entered {CHAIN_BOUND} states in one step",
-            "some state must wait for an event",
-        )
+        agent, what = self.agent.name, f"entered {CHAIN_BOUND} states in one step"
+        raise BehaviourError(agent, state.state, what, "some state must wait for an event")
 
     def _check_owed(self, before: CoreState, state: CoreState) -> None:
         """Raise where a message that the protocol demands in the same step was not said."""
@@ -407,6 +393,5 @@ class Core(Generic[M]):
                         f"took a message in {talk.id} ({talk.protocol}, {talk.state}) and owes its"
                         " answer"
                     )
-                    raise BehaviourError(
-                        self.agent.name, state.state, what, f"say {wanted} in the same step"
-                    )
+                    agent = self.agent.name
+                    raise BehaviourError(agent, state.state, what, f"say {wanted} in the same step")

@@ -181,14 +181,9 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
     def key(self, communicate: Communicate) -> str:
         """The key expression on which this agent puts a communicate."""
         link = self.required(communicate.receiver, communicate.protocol)
-        return communicate_key(
-            self.system,
-            link.channel,
-            self.agent,
-            link.peer,
-            link.protocol,
-            communicate.performative,
-        )
+        system, channel = self.system, link.channel
+        performative = communicate.performative
+        return communicate_key(system, channel, self.agent, link.peer, link.protocol, performative)
 
     @cached_property
     def groups(self) -> frozenset[str]:

@@ -33,9 +33,8 @@ def sums(design: Design, counts: Counts, where: str = "run") -> Iterator[Finding
     for (sender, receiver), count in counts.items():
         if count and frozenset((sender, receiver)) not in pairs:
             wrong = f"{count} communicates from {sender} to {receiver}, and no channel joins them"
-            yield Finding(
-                Kind.NO_CHANNEL, where, wrong, "give them a channel, or send it another way"
-            )
+            right = "give them a channel, or send it another way"
+            yield Finding(Kind.NO_CHANNEL, where, wrong, right)
     for channel in design.channels.values():
         uses = [use for use in design.file.protocol if use.channel == channel.id]
         yield from _directions(where, channel.ends, counts, uses)

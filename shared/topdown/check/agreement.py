@@ -23,12 +23,8 @@ def _languages(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[
         right = f"languages with one are {', '.join(sorted(known))}"
         yield Finding(Kind.CODE, f"language {name}", "has no module", right)
     for name in sorted(known.keys() - set(declared)):
-        yield Finding(
-            Kind.CODE,
-            f"language {name}",
-            "is not in the design",
-            f"the design has {', '.join(declared)}",
-        )
+        wrong = "is not in the design"
+        yield Finding(Kind.CODE, f"language {name}", wrong, f"the design has {', '.join(declared)}")
     for interface in design.file.interface:
         for entry in interface.entries:
             for name in (*entry.arguments, *entry.answers):
@@ -102,9 +98,8 @@ def _class(where: str, name: str, known: Mapping[str, frozenset[str]]) -> Iterat
     language, _, word = name.partition(".")
     if word not in known.get(language, frozenset()):
         ways = ", ".join(sorted(known.get(language, frozenset()))) or f"no language {language!r}"
-        yield Finding(
-            Kind.CODE, where, f"{language!r} has no class {word!r}", f"its classes are {ways}"
-        )
+        wrong = f"{language!r} has no class {word!r}"
+        yield Finding(Kind.CODE, where, wrong, f"its classes are {ways}")
 
 
 def _unsaid_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
@@ -122,6 +117,5 @@ def _unsaid_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iter
                     "list it as content of a message or in an entry of an interface, or drop the"
                     " class"
                 )
-                yield Finding(
-                    Kind.UNUSED, f"language {language}", f"no message carries {word}", right
-                )
+                where = f"language {language}"
+                yield Finding(Kind.UNUSED, where, f"no message carries {word}", right)

@@ -103,12 +103,8 @@ class _Model:
     def estimate(self) -> Estimate:
         uses = tuple(self._use(use) for use in self.uses.values())
         missing = tuple(use.name for use in self.uses.values() if _lacks_figures(use))
-        return Estimate(
-            self.seconds,
-            {name: _channel(name, uses, self.seconds) for name in self.design.channels},
-            uses,
-            missing,
-        )
+        channels = {name: _channel(name, uses, self.seconds) for name in self.design.channels}
+        return Estimate(self.seconds, channels, uses, missing)
 
     def _conversations(self, name: str, below: tuple[str, ...]) -> float:
         use = self.uses.get(name)
@@ -290,9 +286,8 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
                 load=Load(len(some), size, 0.0, _rate(size, seconds), _rate(size, around)),
             )
         )
-    return Estimate(
-        seconds, {name: _channel(name, uses, seconds) for name in design.channels}, tuple(uses), ()
-    )
+    channels = {name: _channel(name, uses, seconds) for name in design.channels}
+    return Estimate(seconds, channels, tuple(uses), ())
 
 
 def _spans(some: Iterable[Observation]) -> list[float]:

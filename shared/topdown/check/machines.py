@@ -41,9 +41,8 @@ def _names(agent: elements.Agent, at: Path_) -> Iterator[Finding]:
         for end in (arc.source, arc.target):
             if end not in states:
                 wrong = f"state {end!r} is not there"
-                yield Finding(
-                    Kind.UNDEFINED, f"agent {agent.name}, arc", wrong, right, (*at, "arc", number)
-                )
+                where = f"agent {agent.name}, arc"
+                yield Finding(Kind.UNDEFINED, where, wrong, right, (*at, "arc", number))
     for name in agent.rest:
         if name not in states:
             wrong = f"state {name!r} is not there"
@@ -89,9 +88,8 @@ def _talks(design: Design, agent: elements.Agent, at: Path_) -> Iterator[Finding
                     f"its protocols are {', '.join(sorted(own))}",
                 )
                 place = (*at, "state", number)
-                yield Finding(
-                    Kind.UNDEFINED, where, f"talks in {name!r}, which it has not", right, place
-                )
+                wrong = f"talks in {name!r}, which it has not"
+                yield Finding(Kind.UNDEFINED, where, wrong, right, place)
             talked.add(name)
     for name in sorted(own - talked):
         right = "name it under `talks` of a state"
@@ -187,13 +185,8 @@ def _declared(
             one = used[word]
             where = f"protocol {one.use.name}, {one.sender} {one.act}"
             wrong = f"{agent} does not declare that it {way} {word}"
-            yield Finding(
-                lacking,
-                where,
-                wrong,
-                f"its {way}.{field} are {', '.join(declared) or 'none'}",
-                one.at,
-            )
+            right = f"its {way}.{field} are {', '.join(declared) or 'none'}"
+            yield Finding(lacking, where, wrong, right, one.at)
         for word in declared:
             if word not in used and word != ALWAYS:
                 right = f"they have {', '.join(sorted(used)) or 'none'}"
@@ -213,9 +206,8 @@ def row_findings(design: Design) -> Iterator[Finding]:
         try:
             compiled[agent.name] = Machine(design, agent.name)
         except DesignError as error:
-            yield Finding(
-                Kind.BAD_ROW, error.field, error.wrong, error.right, ("agent", index, "row")
-            )
+            where = error.field
+            yield Finding(Kind.BAD_ROW, where, error.wrong, error.right, ("agent", index, "row"))
     heard = tuple(messages(design))
     said = {
         _act(word)
@@ -244,13 +236,8 @@ def _led(agent: elements.Agent, machine: Machine, index: int) -> Iterator[Findin
                     f"agent {agent.name}, row {row.number}",
                     ("agent", index, "row", row.number - 1),
                 )
-                yield Finding(
-                    Kind.BAD_ROW,
-                    where,
-                    f"no arcs lead from {state} to {row.to}",
-                    "give it an arc",
-                    at,
-                )
+                wrong = f"no arcs lead from {state} to {row.to}"
+                yield Finding(Kind.BAD_ROW, where, wrong, "give it an arc", at)
 
 
 def _ends(
@@ -267,13 +254,11 @@ def _ends(
         where = f"protocol {one.use.name}, {one.sender} {one.act}"
         right = "give it a row, or drop the message"
         if one.sender == agent.name and _of(one) not in says:
-            yield Finding(
-                Kind.RECEIVED_NOT_SENT, where, f"no row of {agent.name} says it", right, one.at
-            )
+            wrong = f"no row of {agent.name} says it"
+            yield Finding(Kind.RECEIVED_NOT_SENT, where, wrong, right, one.at)
         if one.receiver == agent.name and _of(one) not in takes:
-            yield Finding(
-                Kind.SENT_NOT_RECEIVED, where, f"no row of {agent.name} takes it", right, one.at
-            )
+            wrong = f"no row of {agent.name} takes it"
+            yield Finding(Kind.SENT_NOT_RECEIVED, where, wrong, right, one.at)
 
 
 def _unlisted(
@@ -294,13 +279,8 @@ def _unlisted(
                 key = (row.number, *_act(word))
                 if _act(word) not in known and word.act != ALWAYS and key not in told:
                     told.add(key)
-                    yield Finding(
-                        kind,
-                        where,
-                        f"{verb} {word.use} {word.act}, which no message lists",
-                        "list it",
-                        at,
-                    )
+                    wrong = f"{verb} {word.use} {word.act}, which no message lists"
+                    yield Finding(kind, where, wrong, "list it", at)
 
 
 def _acts_of(row: Row) -> list[ProtocolAct]:
@@ -349,13 +329,8 @@ def parameter_findings(design: Design) -> Iterator[Finding]:
                 f"has parameters, but reads no [[signal]] of kind {SIGNAL!r}, so nobody can set"
                 " them"
             )
-            yield Finding(
-                Kind.PARAMETER,
-                f"agent {agent.name}",
-                wrong,
-                "name it among the readers",
-                ("agent", index),
-            )
+            right = "name it among the readers"
+            yield Finding(Kind.PARAMETER, f"agent {agent.name}", wrong, right, ("agent", index))
         for number, entry in enumerate(agent.parameter):
             yield from _parameter(agent, entry, ("agent", index, "parameter", number))
 
@@ -364,31 +339,20 @@ def _parameter(agent: elements.Agent, entry: elements.Parameter, at: Path_) -> I
     where = f"agent {agent.name}, parameter {entry.name}"
     least, most = entry.least, entry.most
     if (least is not None or most is not None) and entry.type not in COUNTABLE:
-        yield Finding(
-            Kind.PARAMETER,
-            where,
-            f"a {entry.type.value} has bounds",
-            "leave least and most out",
-            at,
-        )
+        wrong = f"a {entry.type.value} has bounds"
+        yield Finding(Kind.PARAMETER, where, wrong, "leave least and most out", at)
         return
     if least is not None and most is not None and least > most:
-        yield Finding(
-            Kind.PARAMETER, where, f"least {least:g} is above most {most:g}", "exchange them", at
-        )
+        wrong = f"least {least:g} is above most {most:g}"
+        yield Finding(Kind.PARAMETER, where, wrong, "exchange them", at)
         return
     for field, values in (("default", (entry.default,)), ("choices", entry.choices)):
         for value in values:
             try:
                 Parameters(agent).fitted(entry.name, value)
             except ParameterError as error:
-                yield Finding(
-                    Kind.PARAMETER,
-                    where,
-                    f"{field} is {value!r}",
-                    f"it must be {error.right}",
-                    (*at, field),
-                )
+                right = f"it must be {error.right}"
+                yield Finding(Kind.PARAMETER, where, f"{field} is {value!r}", right, (*at, field))
                 return
 
 

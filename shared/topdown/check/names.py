@@ -23,13 +23,8 @@ def twice(design: Design) -> Iterator[Finding]:
             if name in kind.names[:index]:
                 where = f"{kind.word} {name}"
                 count = kind.names.count(name)
-                yield Finding(
-                    Kind.TWICE,
-                    where,
-                    f"is defined {count} times",
-                    "every name once",
-                    (*kind.at, index),
-                )
+                wrong = f"is defined {count} times"
+                yield Finding(Kind.TWICE, where, wrong, "every name once", (*kind.at, index))
 
 
 def _kinds(design: Design) -> Iterator[Named]:
@@ -81,9 +76,8 @@ def _unused(
     for index, name in enumerate(defined):
         if name not in used:
             right = "name it in a protocol or drop it"
-            yield Finding(
-                Kind.UNUSED, f"{kind} {name}", "no protocol uses it", right, (kind, index)
-            )
+            where = f"{kind} {name}"
+            yield Finding(Kind.UNUSED, where, "no protocol uses it", right, (kind, index))
 
 
 def _undefined(design: Design) -> Iterator[Finding]:
@@ -132,25 +126,15 @@ def _content_types(design: Design) -> Iterator[Finding]:
         said.add(name)
         if language in listed and word not in listed[language]:
             right = f"its classes are {', '.join(listed[language])}"
-            yield Finding(
-                Kind.UNDEFINED,
-                where,
-                f"language {language} has no content type {word!r}",
-                right,
-                at,
-            )
+            wrong = f"language {language} has no content type {word!r}"
+            yield Finding(Kind.UNDEFINED, where, wrong, right, at)
     for index, entry in enumerate(design.file.language):
         for word in entry.classes:
             if f"{entry.name}.{word}" not in said:
                 right = "list it as content or drop it"
                 where = f"language {entry.name}"
-                yield Finding(
-                    Kind.UNUSED,
-                    where,
-                    f"no message carries {word}",
-                    right,
-                    ("language", index, "classes"),
-                )
+                wrong = f"no message carries {word}"
+                yield Finding(Kind.UNUSED, where, wrong, right, ("language", index, "classes"))
 
 
 def _classes_said(design: Design) -> Iterator[tuple[str, str, Path_]]:

@@ -170,9 +170,8 @@ def _looked_for(
         if exists is None:
             return one
         path, _, name = one.name.partition("::")
-        return msgspec.structs.replace(
-            one, shown=Shown.SEEN if exists(path, name) else Shown.MISSING
-        )
+        shown = Shown.SEEN if exists(path, name) else Shown.MISSING
+        return msgspec.structs.replace(one, shown=shown)
     if run is None:
         return one
     count = run.events.count(one.name) if one.kind == "event" else 0
@@ -210,34 +209,22 @@ def findings(design: Design) -> Iterator[Finding]:
     for index, (name, parent) in enumerate(parents.items()):
         where, at = f"requirement {name}", ("requirement", index)
         if parent and parent not in parents:
-            yield Finding(
-                Kind.UNDEFINED,
-                where,
-                f"its parent {parent!r} is not there",
-                listed,
-                (*at, "parent"),
-            )
+            wrong = f"its parent {parent!r} is not there"
+            yield Finding(Kind.UNDEFINED, where, wrong, listed, (*at, "parent"))
         elif _circular(name, parents):
-            yield Finding(
-                Kind.NO_TREE,
-                where,
-                "is its own ancestor",
-                "requirements form a tree",
-                (*at, "parent"),
-            )
+            wrong = "is its own ancestor"
+            yield Finding(Kind.NO_TREE, where, wrong, "requirements form a tree", (*at, "parent"))
     handled: dict[str, int] = {}
     for index, step in enumerate(design.file.step):
         for name in step.requirements:
             where, place = f"step {index + 1}", ("step", index, "requirements")
             if name not in parents:
-                yield Finding(
-                    Kind.UNDEFINED, where, f"requirement {name!r} is not there", listed, place
-                )
+                wrong = f"requirement {name!r} is not there"
+                yield Finding(Kind.UNDEFINED, where, wrong, listed, place)
             elif name in handled:
                 wrong = f"requirement {name} is handled by step {handled[name]} already"
-                yield Finding(
-                    Kind.COVERED_TWICE, where, wrong, "each requirement in one step", place
-                )
+                right = "each requirement in one step"
+                yield Finding(Kind.COVERED_TWICE, where, wrong, right, place)
             handled.setdefault(name, index + 1)
     for index, name in enumerate(parents):
         if name not in handled:
@@ -266,9 +253,8 @@ def _evidence(design: Design) -> Iterator[Finding]:
                 continue
             if strange:
                 right = "name a protocol, an act and a class that a message lists"
-                yield Finding(
-                    Kind.NO_EVIDENCE, where, f"no message of the design is {one.name!r}", right, at
-                )
+                wrong = f"no message of the design is {one.name!r}"
+                yield Finding(Kind.NO_EVIDENCE, where, wrong, right, at)
 
 
 def _circular(name: str, parents: Mapping[str, str]) -> bool:
@@ -310,13 +296,8 @@ def _tasks(design: Design) -> Iterator[Finding]:
             if group not in halves:
                 wrong = f"a task is given to {group!r}, which is not a half"
                 right = f"halves are {' and '.join(halves) or 'none in this step'}"
-                yield Finding(
-                    Kind.NEVER_INTRODUCED,
-                    f"step {index + 1}",
-                    wrong,
-                    right,
-                    ("step", index, "tasks"),
-                )
+                where = f"step {index + 1}"
+                yield Finding(Kind.NEVER_INTRODUCED, where, wrong, right, ("step", index, "tasks"))
 
 
 def _stops(design: Design) -> Iterator[Finding]:
@@ -330,19 +311,13 @@ def _stops(design: Design) -> Iterator[Finding]:
                 f"group {step.divide.group!r} is divided although step {stopped[step.divide.group]}"
                 " stopped there"
             )
-            yield Finding(
-                Kind.STOP, where, wrong, "drop the stop decision or the division", (*at, "divide")
-            )
+            right = "drop the stop decision or the division"
+            yield Finding(Kind.STOP, where, wrong, right, (*at, "divide"))
         for stop in step.stop:
             if stop.group not in stages[index + 1].groups:
                 right = f"groups are {', '.join(stages[index + 1].groups)}"
-                yield Finding(
-                    Kind.STOP,
-                    where,
-                    f"stops at {stop.group!r}, which is not a group",
-                    right,
-                    (*at, "stop"),
-                )
+                wrong = f"stops at {stop.group!r}, which is not a group"
+                yield Finding(Kind.STOP, where, wrong, right, (*at, "stop"))
             stopped.setdefault(stop.group, index + 1)
     for group in (
         design.decomposition.last.groups if stopped and not design.decomposition.astray else ()
@@ -359,36 +334,20 @@ def _left(design: Design) -> Iterator[Finding]:
     for group in groups:
         if group not in design.agents and group not in staying:
             right = "give it an agent entry, or a group entry that says it stays a group"
-            yield Finding(
-                Kind.LEFT_OVER, f"group {group}", "is divided no further and is not an agent", right
-            )
+            where = f"group {group}"
+            yield Finding(Kind.LEFT_OVER, where, "is divided no further and is not an agent", right)
     listed = f"groups are {', '.join(groups)}"
     for index, agent in enumerate(design.agents):
         if agent not in groups:
-            yield Finding(
-                Kind.NEVER_INTRODUCED,
-                f"agent {agent}",
-                "no step ends in this group",
-                listed,
-                ("agent", index),
-            )
+            wrong = "no step ends in this group"
+            yield Finding(Kind.NEVER_INTRODUCED, f"agent {agent}", wrong, listed, ("agent", index))
     for name, index in staying.items():
         if name not in groups:
-            yield Finding(
-                Kind.NEVER_INTRODUCED,
-                f"group {name}",
-                "no step ends in it",
-                listed,
-                ("group", index),
-            )
+            wrong = "no step ends in it"
+            yield Finding(Kind.NEVER_INTRODUCED, f"group {name}", wrong, listed, ("group", index))
         elif name in design.agents:
-            yield Finding(
-                Kind.TWICE,
-                f"group {name}",
-                "is an agent as well",
-                "an agent or a group",
-                ("group", index),
-            )
+            where, wrong = f"group {name}", "is an agent as well"
+            yield Finding(Kind.TWICE, where, wrong, "an agent or a group", ("group", index))
 
 
 def outcome_findings(design: Design) -> Iterator[Finding]:
@@ -422,9 +381,8 @@ def _missing_or_extra(
         right = f"{what} are {', '.join(known) or 'none'}"
         yield Finding(Kind.OUTCOME, where, f"lists {name} among the {what}", right, ("outcome",))
     for name in missing:
-        yield Finding(
-            Kind.OUTCOME, where, f"leaves {name} out of the {what}", "list it", ("outcome",)
-        )
+        wrong = f"leaves {name} out of the {what}"
+        yield Finding(Kind.OUTCOME, where, wrong, "list it", ("outcome",))
 
 
 def _stated(design: Design, where: str, stated: elements.StatedChannel) -> Iterator[Finding]:
@@ -445,6 +403,5 @@ def _stated(design: Design, where: str, stated: elements.StatedChannel) -> Itera
         yield Finding(Kind.RENUMBERED, where, wrong, right, ("outcome", "channels"))
     else:
         right = f"{known.id} joins {' and '.join(known.ends)}" if known else "no step makes it"
-        yield Finding(
-            Kind.OUTCOME, where, f"has {stated.id} between {ends}", right, ("outcome", "channels")
-        )
+        wrong = f"has {stated.id} between {ends}"
+        yield Finding(Kind.OUTCOME, where, wrong, right, ("outcome", "channels"))

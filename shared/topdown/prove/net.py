@@ -217,8 +217,9 @@ def _check(place: str, part: Guard | Effect, known: Mapping[str, Variable | Queu
     if isinstance(part, Copy):
         source = known.get(part.source)
         if not isinstance(source, Variable) or source.values != domain:
-            wrong = f"{part.source!r} is no variable with the domain of {part.variable!r}"
-            raise NetError(f"{place}: {wrong}")
+            raise NetError(
+                f"{place}: {part.source!r} is no variable with the domain of {part.variable!r}"
+            )
     elif not words <= set(domain):
         strange = ", ".join(sorted(words - set(domain)))
         raise NetError(f"{place}: {strange} is not in {thing.name!r}: {domain}")

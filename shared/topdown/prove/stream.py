@@ -165,9 +165,8 @@ class Stream:
     def _sent(self, state: Place, number: int, phase: Phase, verb: str = "send") -> Move:
         """Put a copy on the wire; where there is no room it is lost at once."""
         room = len(state.copies) < self.copies
-        after = state._replace(
-            phase=phase, copies=self._with(state, number) if room else state.copies
-        )
+        copies = self._with(state, number) if room else state.copies
+        after = state._replace(phase=phase, copies=copies)
         return Move(SENDER, f"{verb} {number} -> {RECEIVER}", after)
 
     def _with(self, state: Place, number: int) -> tuple[int, ...]:
