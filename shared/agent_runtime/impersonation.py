@@ -242,10 +242,8 @@ class StandIn:
 
     def _fits(self, peer: str, journals: tuple[str, str]) -> bool:
         """Whether something is between the present journals of both."""
-        return journals == NAMELESS or journals == (
-            self._record.journals.get(peer),
-            self._record.journal,
-        )
+        known = (self._record.journals.get(peer), self._record.journal)
+        return journals in (NAMELESS, known)
 
     def _keep(self) -> None:
         self._journal.append(msgspec.msgpack.encode(self._record))
@@ -307,11 +305,8 @@ class StandIn:
 def living(session: zenoh.Session, system: str, agent: str) -> list[int]:
     """The incarnations of an agent whose tokens are there."""
     replies = session.liveliness().get(service_key(system, "alive", agent, "*"), timeout=LOOK_S)
-    lives = [
-        parse_life(str(reply.ok.key_expr).rsplit("/", 1)[-1])
-        for reply in replies
-        if reply.ok is not None
-    ]
+    keys = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+    lives = [parse_life(key.rsplit("/", 1)[-1]) for key in keys]
     return [one[0] for one in lives if one is not None]
 
 
@@ -532,11 +527,8 @@ class Cast:
 
     def _on_ping(self, sample: zenoh.Sample) -> None:
         peer = str(sample.key_expr).split("/")[5]
-        self._put(
-            peer,
-            service_key(self._wiring.system, "pong", peer, self._wiring.agent),
-            sample.payload.to_bytes(),
-        )
+        key = service_key(self._wiring.system, "pong", peer, self._wiring.agent)
+        self._put(peer, key, sample.payload.to_bytes())
 
     def _on_receipt(self, sample: zenoh.Sample) -> None:
         peer = str(sample.key_expr).split("/")[5]

@@ -190,10 +190,8 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
                     "receiver", f"{peer!r} has no open proposal; there are proposals of: {known}"
                 )
         others = (peer for peer in self._offered if peer not in chosen)
-        return (
-            *((peer, performative) for peer in chosen),
-            *((peer, P.REJECT_PROPOSAL) for peer in others),
-        )
+        rejected = ((peer, P.REJECT_PROPOSAL) for peer in others)
+        return (*((peer, performative) for peer in chosen), *rejected)
 
     # ----------------------------------------------------------------------------------------------
 

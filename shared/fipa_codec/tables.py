@@ -93,11 +93,8 @@ class Table:
                 raise LocalProtocolError(
                     "rows", f"two rows for {row.word} ({row.way}) in state {row.state}"
                 )
-        self.ended, self.urgent, self.resting = (
-            frozenset(ended),
-            frozenset(urgent),
-            frozenset(resting),
-        )
+        self.ended, self.urgent = frozenset(ended), frozenset(urgent)
+        self.resting = frozenset(resting)
         known = self.states
         for state in self.ended | self.urgent | self.resting:
             if state not in known:

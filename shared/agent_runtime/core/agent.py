@@ -147,10 +147,8 @@ def decline(turn: Turn, why: str) -> Performative | None:
         return None
     talk = turn.conversation(event.conversation)
     for act in NOES:
-        kind = next(
-            (k for k in (Kind.PLAIN, Kind.CANCEL) if talk.table.find(talk.state, SEND, act, k)),
-            None,
-        )
+        kinds = (Kind.PLAIN, Kind.CANCEL)
+        kind = next((k for k in kinds if talk.table.find(talk.state, SEND, act, k)), None)
         # With the reason, or without content where the design has none there.
         for content in (Reason(why), None) if kind is not None else ():
             with suppress(LocalProtocolError):

@@ -113,11 +113,8 @@ def _known(state: CoreState, arrived: Arrived, waiting: Sequence[Waiting]) -> bo
 
 def taken_before(state: CoreState, out: Out, communicate: Communicate, number: int) -> None:
     """Receipt a copy of what was taken; refuse another message under the number of one."""
-    peer, digest, kept = (
-        communicate.sender,
-        digest_of(communicate),
-        state.recent.get(communicate.sender, ()),
-    )
+    peer, digest = communicate.sender, digest_of(communicate)
+    kept = state.recent.get(peer, ())
     copy, unknown = (number, digest) in kept, len(kept) == KEPT and number < kept[0][0]
     if copy or unknown:
         state.count("taken before")

@@ -51,12 +51,8 @@ KNOWN_DEEDS = 1024
 ones.
 """
 # Before Python 3.12 a member found by its class takes 0.1 us.
-_DURABLE, _TAKE, _INITIATOR, _COMPLAINT = (
-    Delivery.DURABLE,
-    What.TAKE,
-    Role.INITIATOR,
-    Performative.NOT_UNDERSTOOD,
-)
+_DURABLE, _TAKE, _INITIATOR = Delivery.DURABLE, What.TAKE, Role.INITIATOR
+_COMPLAINT = Performative.NOT_UNDERSTOOD
 
 
 # --- Choice of the next event: from the inbox, wake-ups, late and lost conversations; and when to
@@ -99,11 +95,8 @@ class Choices:
         if soft.inbox and (choice := self._find_waiting(state)) is not None:
             return choice
         if state.wakes:
-            due = [
-                (at, name)
-                for name, at in state.wakes.items()
-                if at <= now and wake_key(name) not in soft.held
-            ]
+            past = ((at, name) for name, at in state.wakes.items() if at <= now)
+            due = [(at, name) for at, name in past if wake_key(name) not in soft.held]
             if due:
                 return Choice(wake=min(due)[1])
         takes = self.agent.behaviours[state.state].takes
@@ -295,10 +288,8 @@ class Core(Generic[M]):
                     replace(one, held=True) if one is held else one for one in soft.inbox
                 )
             else:
-                soft.held |= {
-                    choice.lost
-                    or (wake_key(choice.wake) if choice.late is None else choice.late.key)
-                }
+                late = wake_key(choice.wake) if choice.late is None else choice.late.key
+                soft.held |= {choice.lost or late}
         return state, out
 
     def _take(self, state: CoreState, out: Out, choice: Choice, now: float) -> None:
@@ -365,11 +356,8 @@ class Core(Generic[M]):
                 return
             target = self.agent.next_state(state.state, state.memory)
             if target is None:
-                arcs = ", ".join(
-                    f"{a.when or 'always'} -> {a.target}"
-                    for a in self.agent.arcs
-                    if a.source == state.state
-                )
+                leading = (arc for arc in self.agent.arcs if arc.source == state.state)
+                arcs = ", ".join(f"{arc.when or 'always'} -> {arc.target}" for arc in leading)
                 what = "ended, and no arc may be taken"
                 raise BehaviourError(self.agent.name, state.state, what, f"arcs: {arcs or 'none'}")
             out.log("state", old=state.state, new=target, conversation=conversation_of(event))

@@ -100,14 +100,8 @@ class Turn(msgspec.Struct, eq=False):
                 raise LocalProtocolError(
                     "protocol", f"{protocol} with {peer!r} is not durable; open it with one peer"
                 )
-        return Multicast.opened(
-            [
-                self._open(
-                    name, peer, protocol, performative, content, reply_by_s, parent, several=True
-                )
-                for peer in to
-            ]
-        )
+        said = (protocol, performative, content, reply_by_s, parent)
+        return Multicast.opened([self._open(name, peer, *said, several=True) for peer in to])
 
     def join(self, talk: Conversation) -> None:
         """Take part in a conversation that was opened for this agent by another (recruiting:

@@ -47,22 +47,13 @@ def check_queries(
     declared = Counter(argument for entry in entries for argument in entry.arguments)
     wanted = frozenset(f"{language}.{kind}" for kind in kinds)
     foreign = f"{language} has no such query class"
-    return (
-        *(_not_asked(name) for name in sorted(wanted - declared.keys())),
-        *(
-            Finding(Kind.NOT_SUPPORTED, name, foreign, "define the class or drop the entry")
-            for name in sorted(declared.keys() - wanted)
-        ),
-        *(
-            Finding(
-                Kind.TWICE,
-                name,
-                "several interface entries ask it",
-                "one entry for each query class",
-            )
-            for name in sorted(name for name, count in declared.items() if count > 1)
-        ),
-    )
+    wrong, right = "several interface entries ask it", "one entry for each query class"
+    found = [_not_asked(name) for name in sorted(wanted - declared.keys())]
+    for name in sorted(declared.keys() - wanted):
+        drop = "define the class or drop the entry"
+        found.append(Finding(Kind.NOT_SUPPORTED, name, foreign, drop))
+    several = sorted(name for name, count in declared.items() if count > 1)
+    return (*found, *(Finding(Kind.TWICE, name, wrong, right) for name in several))
 
 
 def check_supported(design: Design, agent: str, kinds: Iterable[str]) -> tuple[Finding, ...]:
@@ -71,22 +62,13 @@ def check_supported(design: Design, agent: str, kinds: Iterable[str]) -> tuple[F
     code that nobody can ask.
     """
     uses = [use for use in design.file.protocol if use.participant == agent]
-    offered = {
-        name for use in uses for entry in design.entries(use.name) for name in entry.arguments
-    }
-    supported = frozenset(kinds)
-    return (
-        *(
-            Finding(
-                Kind.NOT_SUPPORTED,
-                f"agent {agent}, {name}",
-                "is declared, and no code answers it",
-                "answer it",
-            )
-            for name in sorted(offered - supported)
-        ),
-        *(_not_asked(name) for name in sorted(supported - offered)),
-    )
+    entries = (entry for use in uses for entry in design.entries(use.name))
+    offered, supported = {name for entry in entries for name in entry.arguments}, frozenset(kinds)
+    found = []
+    for name in sorted(offered - supported):
+        where, wrong = f"agent {agent}, {name}", "is declared, and no code answers it"
+        found.append(Finding(Kind.NOT_SUPPORTED, where, wrong, "answer it"))
+    return (*found, *(_not_asked(name) for name in sorted(supported - offered)))
 
 
 def _not_asked(name: str) -> Finding:
@@ -104,12 +86,8 @@ def _class(where: str, name: str, known: Mapping[str, frozenset[str]]) -> Iterat
 
 def _unsaid_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
     """Classes of the languages that no message of the design carries."""
-    said = {
-        name
-        for use in design.file.protocol
-        for message in use.message
-        for name in design.contents(use, message)
-    }
+    messages = ((use, message) for use in design.file.protocol for message in use.message)
+    said = {name for use, message in messages for name in design.contents(use, message)}
     for language in sorted(entry.name for entry in design.file.language):
         for word in sorted(known.get(language, frozenset())):
             if f"{language}.{word}" not in said:

@@ -53,10 +53,8 @@ def _ends(design: Design, index: int, use: elements.Protocol) -> Iterator[Findin
             yield Finding(Kind.NO_END, where, wrong, "name both ends", at)
     for number, message in enumerate(use.message):
         if message.sender not in (use.initiator, use.participant, *channel.ends):
-            said, place = (
-                f"{where}, {message.sender} {message.performative}",
-                (*at, "message", number, "sender"),
-            )
+            said = f"{where}, {message.sender} {message.performative}"
+            place = (*at, "message", number, "sender")
             right = f"{use.initiator} or {use.participant}"
             wrong = f"sender {message.sender!r} is not an end of it"
             yield Finding(Kind.NO_END, said, wrong, right, place)
@@ -75,14 +73,11 @@ def _signals(design: Design) -> Iterator[Finding]:
             where = f"signal {signal.kind}"
             yield Finding(Kind.NO_OWNER, where, wrong, right, ("signal", index, "key"))
         for number, pair in enumerate(signal.reach):
-            for name, kind, known in zip(
-                pair, ("writer", "reader"), (signal.writers, signal.readers), strict=True
-            ):
+            ends = (("writer", signal.writers), ("reader", signal.readers))
+            for name, (kind, known) in zip(pair, ends, strict=True):
                 if name not in known:
-                    wrong, right = (
-                        f"reach names {name!r}, which is no {kind} of it",
-                        f"one of {', '.join(known)}",
-                    )
+                    wrong = f"reach names {name!r}, which is no {kind} of it"
+                    right = f"one of {', '.join(known)}"
                     place = ("signal", index, "reach", number)
                     yield Finding(Kind.UNDEFINED, f"signal {signal.kind}", wrong, right, place)
 
@@ -114,11 +109,8 @@ def _message(
     at: Path_,
 ) -> Iterator[Finding]:
     where = f"protocol {use.name}, {message.sender} {message.performative}"
-    same = [
-        one
-        for one in before
-        if (one.sender, one.performative) == (message.sender, message.performative)
-    ]
+    act = (message.sender, message.performative)
+    same = [one for one in before if (one.sender, one.performative) == act]
     for other in same[:1]:
         if other.language != message.language:
             wrong = f"is written in {other.language} and in {message.language}"
@@ -145,12 +137,8 @@ def interface_findings(design: Design) -> Iterator[Finding]:
     for index, use in enumerate(design.file.protocol):
         at: Path_ = ("protocol", index)
         yield from _stars(use, at)
-        entries = [
-            e
-            for name in use.interface
-            if name in design.interfaces
-            for e in design.interfaces[name].entries
-        ]
+        offered = (design.interfaces[name] for name in use.interface if name in design.interfaces)
+        entries = [entry for interface in offered for entry in interface.entries]
         asked, answered = _sayable(design, use)
         for entry in entries:
             yield from _entry(use, entry, asked, answered, at)
@@ -163,11 +151,8 @@ def _stars(use: elements.Protocol, at: Path_) -> Iterator[Finding]:
         for name in message.content:
             if name.startswith("*") and name[1:] not in use.interface:
                 where = f"protocol {use.name}, {message.sender} {message.performative}"
-                right = (
-                    f"one of {', '.join(use.interface)}"
-                    if use.interface
-                    else "the protocol names no interface"
-                )
+                known = f"one of {', '.join(use.interface)}"
+                right = known if use.interface else "the protocol names no interface"
                 place = (*at, "message", number, "content")
                 wrong = f"{name} is not an interface of the protocol"
                 yield Finding(Kind.UNDEFINED, where, wrong, right, place)
@@ -215,10 +200,8 @@ def _sayable(
     asked: set[tuple[Performative, str]] = set()
     answered: set[str] = set()
     for message in use.message:
-        known = all(
-            not name.startswith("*") or name[1:] in design.interfaces for name in message.content
-        )
-        contents = design.contents(use, message) if known else ()
+        sets = {name[1:] for name in message.content if name.startswith("*")}
+        contents = design.contents(use, message) if sets <= design.interfaces.keys() else ()
         if message.sender == use.initiator:
             asked |= {(message.performative, name) for name in contents or ("",)}
         else:

@@ -65,10 +65,8 @@ def _states(agent: elements.Agent, at: Path_) -> Iterator[Finding]:
             right = "end its arcs with one that has no condition"
             yield Finding(Kind.NO_WAY_OUT, where, "may have no way out", right, place)
         elif labels.index("") != len(labels) - 1:
-            wrong, right = (
-                "has arcs behind one that is always taken",
-                "put the arc without a condition last",
-            )
+            wrong = "has arcs behind one that is always taken"
+            right = "put the arc without a condition last"
             yield Finding(Kind.DEAD_ARC, where, wrong, right, place)
 
 
@@ -76,17 +74,14 @@ def _talks(design: Design, agent: elements.Agent, at: Path_) -> Iterator[Finding
     """A state talks in protocols of its agent only; every protocol of the agent has a state that
     does.
     """
-    own = {
-        use.name for use in design.file.protocol if agent.name in (use.initiator, use.participant)
-    }
+    ends = {use.name: (use.initiator, use.participant) for use in design.file.protocol}
+    own = {name for name, pair in ends.items() if agent.name in pair}
     talked: set[str] = set()
     for number, state in enumerate(agent.state):
         for name in state.talks:
             if name not in own and name not in talked:
-                where, right = (
-                    f"agent {agent.name}, state {state.name}",
-                    f"its protocols are {', '.join(sorted(own))}",
-                )
+                where = f"agent {agent.name}, state {state.name}"
+                right = f"its protocols are {', '.join(sorted(own))}"
                 place = (*at, "state", number)
                 wrong = f"talks in {name!r}, which it has not"
                 yield Finding(Kind.UNDEFINED, where, wrong, right, place)
@@ -209,12 +204,8 @@ def row_findings(design: Design) -> Iterator[Finding]:
             where = error.field
             yield Finding(Kind.BAD_ROW, where, error.wrong, error.right, ("agent", index, "row"))
     heard = tuple(messages(design))
-    said = {
-        _act(word)
-        for machine in compiled.values()
-        for row in machine.rows
-        for word in _acts_of(row)
-    }
+    rows = (row for machine in compiled.values() for row in machine.rows)
+    said = {_act(word) for row in rows for word in _acts_of(row)}
     spoken = {one.use.name for one in heard if one.sender == one.use.initiator and _of(one) in said}
     for index, agent in enumerate(design.file.agent):
         machine = compiled.get(agent.name)
@@ -232,10 +223,8 @@ def _led(agent: elements.Agent, machine: Machine, index: int) -> Iterator[Findin
             pair = (state, row.to)
             if row.to and pair not in told and row.to not in reachable(agent, state):
                 told.add(pair)
-                where, at = (
-                    f"agent {agent.name}, row {row.number}",
-                    ("agent", index, "row", row.number - 1),
-                )
+                where = f"agent {agent.name}, row {row.number}"
+                at = ("agent", index, "row", row.number - 1)
                 wrong = f"no arcs lead from {state} to {row.to}"
                 yield Finding(Kind.BAD_ROW, where, wrong, "give it an arc", at)
 
@@ -291,11 +280,9 @@ def _acts_of(row: Row) -> list[ProtocolAct]:
 
 def _taken(row: Row) -> list[ProtocolAct]:
     event = row.event
-    return (
-        [ProtocolAct(event.name, event.act, event.kind)]
-        if event.cause is Cause.TAKE and event.act is not None
-        else []
-    )
+    if event.cause is not Cause.TAKE or event.act is None:
+        return []
+    return [ProtocolAct(event.name, event.act, event.kind)]
 
 
 def _act(word: ProtocolAct) -> tuple[str, Performative]:
@@ -317,12 +304,8 @@ SIGNAL = "control"
 
 def parameter_findings(design: Design) -> Iterator[Finding]:
     """Parameters that nobody could set, or that no value fits."""
-    readers = {
-        name
-        for signal in design.signals.values()
-        if signal.kind == SIGNAL
-        for name in signal.readers
-    }
+    signals = (signal for signal in design.signals.values() if signal.kind == SIGNAL)
+    readers = {name for signal in signals for name in signal.readers}
     for index, agent in enumerate(design.file.agent):
         if agent.parameter and agent.name not in readers:
             wrong = (
@@ -383,11 +366,8 @@ def wait_findings(design: Design) -> Iterator[Finding]:
     """Each smallest set of agents once, with the states of the first way found."""
     sets: dict[frozenset[str], tuple[Waiting, ...]] = {}
     candidates = {agent.name: tuple(_waitings(design, agent)) for agent in design.file.agent}
-    talks = {
-        (agent.name, state.name): set(state.talks)
-        for agent in design.file.agent
-        for state in agent.state
-    }
+    states = ((agent.name, state) for agent in design.file.agent for state in agent.state)
+    talks = {(name, state.name): set(state.talks) for name, state in states}
     for agent in candidates:
         for first in candidates[agent]:
             found = _closed({agent: first}, candidates, talks)
@@ -403,11 +383,8 @@ def _waitings(design: Design, agent: elements.Agent) -> Iterator[Waiting]:
     rest = agent.rest or (agent.initial,)
     for state in agent.state:
         uses = [design.protocols[name] for name in state.talks if name in design.protocols]
-        peers = {
-            use.name: use.participant if use.initiator == agent.name else use.initiator
-            for use in uses
-        }
         opens = frozenset(use.name for use in uses if use.initiator == agent.name)
+        peers = {u.name: u.participant if u.name in opens else u.initiator for u in uses}
         if opens and state.name not in rest:
             yield Waiting(agent.name, state.name, peers, opens)
 
@@ -437,13 +414,11 @@ def _closed(
 
 
 def _finding(design: Design, waiting: tuple[Waiting, ...]) -> Finding:
-    who = ", ".join(
-        f"{one.agent} in {one.state} for {' and '.join(sorted(set(one.peers.values())))}"
-        for one in waiting
-    )
-    heard = " or ".join(
-        sorted(f"{peer} {use}" for one in waiting for use, peer in one.peers.items())
-    )
+    peers = [" and ".join(sorted(set(one.peers.values()))) for one in waiting]
+    each = zip(waiting, peers, strict=True)
+    who = ", ".join(f"{one.agent} in {one.state} for {names}" for one, names in each)
+    asked = (f"{peer} {use}" for one in waiting for use, peer in one.peers.items())
+    heard = " or ".join(sorted(asked))
     index = next(i for i, agent in enumerate(design.file.agent) if agent.name == waiting[0].agent)
     wrong = f"may wait for each other for ever (closed set of deaf states): {who}"
     right = f"let one of these states talk in what the other waits for: {heard}"

@@ -39,11 +39,8 @@ def _kinds(design: Design) -> Iterator[Named]:
     yield Named("group", ("group",), tuple(entry.name for entry in file.group))
     yield Named("signal", ("signal",), tuple(entry.kind for entry in file.signal))
     for index, agent in enumerate(file.agent):
-        yield Named(
-            f"agent {agent.name}, state",
-            ("agent", index, "state"),
-            tuple(state.name for state in agent.state),
-        )
+        states = tuple(state.name for state in agent.state)
+        yield Named(f"agent {agent.name}, state", ("agent", index, "state"), states)
         own = tuple(one.name for one in agent.parameter)
         yield Named(f"agent {agent.name}, parameter", ("agent", index, "parameter"), own)
     for index, entry in enumerate(file.interface):
@@ -94,19 +91,14 @@ def _undefined(design: Design) -> Iterator[Finding]:
         for number, message in enumerate(use.message):
             if message.language not in languages:
                 said = f"{where}, {message.sender} {message.performative}"
-                yield _missing(
-                    "language",
-                    message.language,
-                    languages,
-                    said,
-                    (*at, "message", number, "language"),
-                )
+                place: Path_ = (*at, "message", number, "language")
+                yield _missing("language", message.language, languages, said, place)
     for index, interface in enumerate(design.file.interface):
         for row, entry in enumerate(interface.entries):
             for name in (*entry.arguments, *entry.answers):
                 if name.partition(".")[0] not in languages:
                     said = f"interface {interface.name}, {entry.name}"
-                    place: Path_ = ("interface", index, "entries", row)
+                    place = ("interface", index, "entries", row)
                     yield _missing("language", name.partition(".")[0], languages, said, place)
 
 
@@ -143,16 +135,10 @@ def _classes_said(design: Design) -> Iterator[tuple[str, str, Path_]]:
         for number, message in enumerate(use.message):
             for name in (name for name in message.content if not name.startswith("*")):
                 where = f"protocol {use.name}, {message.sender} {message.performative}"
-                yield (
-                    where,
-                    f"{message.language}.{name}",
-                    ("protocol", index, "message", number, "content"),
-                )
+                at: Path_ = ("protocol", index, "message", number, "content")
+                yield where, f"{message.language}.{name}", at
     for index, interface in enumerate(design.file.interface):
         for row, entry in enumerate(interface.entries):
             for name in (*entry.arguments, *entry.answers):
-                yield (
-                    f"interface {interface.name}, {entry.name}",
-                    name,
-                    ("interface", index, "entries", row),
-                )
+                at = ("interface", index, "entries", row)
+                yield f"interface {interface.name}, {entry.name}", name, at

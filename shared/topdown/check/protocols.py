@@ -37,11 +37,8 @@ def findings(design: Design) -> Iterator[Finding]:
         else:
             yield from _follows(use, protocol, at)
             # a conversation that is not durable lives on asking again
-            opens = [
-                row
-                for row in protocol.tables[Role.INITIATOR]
-                if row.performative in protocol.openings
-            ]
+            rows = protocol.tables[Role.INITIATOR]
+            opens = [row for row in rows if row.performative in protocol.openings]
             if not use.durable and not any(
                 row.way is Way.SEND and row.state == row.to for row in opens
             ):
@@ -111,10 +108,8 @@ def _without_row(use: elements.Protocol, protocol: Protocol, at: Path_) -> Itera
         role = Role.INITIATOR if message.sender == use.initiator else Role.PARTICIPANT
         rows = {row.performative for row in protocol.tables[role] if row.way is Way.SEND}
         if message.performative not in rows:
-            where, right = (
-                f"protocol {use.name}, {message.sender}",
-                f"its rows are {', '.join(sorted(rows))}",
-            )
+            where = f"protocol {use.name}, {message.sender}"
+            right = f"its rows are {', '.join(sorted(rows))}"
             wrong = f"{use.follows} has no row for {message.performative}"
             place = (*at, "message", number, "performative")
             yield Finding(Kind.NO_ROW, where, wrong, right, place)

@@ -108,26 +108,15 @@ def trace(
 def _traced(
     design: Design, leaf: elements.Requirement, run: Observed | None, exists: Exists | None
 ) -> Traced:
-    steps = [
-        (n, step)
-        for n, step in enumerate(design.file.step, start=1)
-        if leaf.id in step.requirements
-    ]
-    groups = tuple(
-        dict.fromkeys(group for number, step in steps for group in _groups(design, number, step))
-    )
-    channels = tuple(dict.fromkeys(name for _, step in steps for name in channels_of(step)))
-    return Traced(
-        id=leaf.id,
-        text=leaf.text,
-        steps=tuple(number for number, _ in steps),
-        groups=groups,
-        agents=tuple(
-            dict.fromkeys(agent for group in groups for agent in descendants(design, group))
-        ),
-        channels=channels,
-        evidence=tuple(_looked_for(design, evidence(word), run, exists) for word in leaf.evidence),
-    )
+    numbered = enumerate(design.file.step, start=1)
+    steps = {number: step for number, step in numbered if leaf.id in step.requirements}
+    found = (group for number, step in steps.items() for group in _groups(design, number, step))
+    groups = tuple(dict.fromkeys(found))
+    agents = dict.fromkeys(agent for group in groups for agent in descendants(design, group))
+    channels = dict.fromkeys(name for step in steps.values() for name in channels_of(step))
+    shown = tuple(_looked_for(design, evidence(word), run, exists) for word in leaf.evidence)
+    made = (tuple(steps), groups, tuple(agents), tuple(channels), shown)
+    return Traced(leaf.id, leaf.text, *made)
 
 
 def _groups(design: Design, number: int, step: elements.Step) -> Iterator[str]:
@@ -186,11 +175,8 @@ def _looked_for(
 
 def known(design: Design, wanted: EvidenceMessage) -> bool:
     """Whether the design has such a communicate at all."""
-    rules = [
-        rule
-        for rule in design.rules.values()
-        if rule.use == wanted.use and rule.performative == wanted.act
-    ]
+    uses = (rule for rule in design.rules.values() if rule.use == wanted.use)
+    rules = [rule for rule in uses if rule.performative == wanted.act]
     acts = {str(act) for act in Performative}
     fits = any(not wanted.content or wanted.content in rule.contents for rule in rules)
     return wanted.act in acts and fits
@@ -229,13 +215,8 @@ def findings(design: Design) -> Iterator[Finding]:
     for index, name in enumerate(parents):
         if name not in handled:
             right = "the method stops when all are processed: name it in a step"
-            yield Finding(
-                Kind.NOT_COVERED,
-                f"requirement {name}",
-                "no step handles it",
-                right,
-                ("requirement", index),
-            )
+            where, at = f"requirement {name}", ("requirement", index)
+            yield Finding(Kind.NOT_COVERED, where, "no step handles it", right, at)
     yield from _evidence(design)
 
 
@@ -319,9 +300,8 @@ def _stops(design: Design) -> Iterator[Finding]:
                 wrong = f"stops at {stop.group!r}, which is not a group"
                 yield Finding(Kind.STOP, where, wrong, right, (*at, "stop"))
             stopped.setdefault(stop.group, index + 1)
-    for group in (
-        design.decomposition.last.groups if stopped and not design.decomposition.astray else ()
-    ):
+    told = stopped and not design.decomposition.astray
+    for group in design.decomposition.last.groups if told else ():
         if group not in stopped:
             right = "say under `stop` why it is divided no further, as for the others"
             yield Finding(Kind.STOP, f"group {group}", "has no stop decision", right)
@@ -359,9 +339,8 @@ def outcome_findings(design: Design) -> Iterator[Finding]:
         return
     where = outcome.where
     yield from _missing_or_extra(where, "agents", outcome.agents, design.agents)
-    yield from _missing_or_extra(
-        where, "groups", outcome.groups, [entry.name for entry in design.file.group]
-    )
+    groups = [entry.name for entry in design.file.group]
+    yield from _missing_or_extra(where, "groups", outcome.groups, groups)
     stated = {channel.id: channel for channel in outcome.channels}
     if not design.decomposition.astray:
         for channel in stated.values():
@@ -392,11 +371,8 @@ def _stated(design: Design, where: str, stated: elements.StatedChannel) -> Itera
     ):
         return
     ends = " and ".join(stated.between)
-    same = [
-        channel.id
-        for channel in design.channels.values()
-        if set(channel.ends) == set(stated.between)
-    ]
+    between = set(stated.between)
+    same = [one.id for one in design.channels.values() if set(one.ends) == between]
     if same:
         wrong = f"calls the channel of {ends} {stated.id}"
         right = f"the steps made it {same[0]}: numbers never change"
