@@ -142,9 +142,8 @@ class StandIn:
         self._record = _record(self._journal.last, wiring.agent, start)
         self._record.incarnation += 1
         self._keep()
-        self._wire = ZenohWire(
-            self._session, wiring, self._record.incarnation, self._inbox, self._record.journal
-        )
+        session, incarnation = self._session, self._record.incarnation
+        self._wire = ZenohWire(session, wiring, incarnation, self._inbox, self._record.journal)
         self._wire.knows(self._record.journals)
         self._due = 0.0
         if router and wiring.groups:
@@ -243,10 +242,8 @@ class StandIn:
 
     def _fits(self, peer: str, journals: tuple[str, str]) -> bool:
         """Whether something is between the present journals of both."""
-        return journals == NAMELESS or journals == (
-            self._record.journals.get(peer),
-            self._record.journal,
-        )
+        known = (self._record.journals.get(peer), self._record.journal)
+        return journals in (NAMELESS, known)
 
     def _keep(self) -> None:
         self._journal.append(msgspec.msgpack.encode(self._record))
@@ -308,11 +305,8 @@ class StandIn:
 def living(session: zenoh.Session, system: str, agent: str) -> list[int]:
     """The incarnations of an agent whose tokens are there."""
     replies = session.liveliness().get(service_key(system, "alive", agent, "*"), timeout=LOOK_S)
-    lives = [
-        parse_life(str(reply.ok.key_expr).rsplit("/", 1)[-1])
-        for reply in replies
-        if reply.ok is not None
-    ]
+    keys = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+    lives = [parse_life(key.rsplit("/", 1)[-1]) for key in keys]
     return [one[0] for one in lives if one is not None]
 
 
@@ -391,12 +385,8 @@ class Stage:
         """
         if len(self._born):
             raise LivingError(self.system, (self._born.get(),), self.endpoint)
-        put(
-            self._session,
-            f"roco/{self.system}/{key}",
-            data,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )
+        congestion_control = zenoh.CongestionControl.BLOCK
+        put(self._session, f"roco/{self.system}/{key}", data, congestion_control=congestion_control)
 
     def close(self) -> None:
         """End it, and the own router."""
@@ -461,9 +451,8 @@ class Cast:
             id = str(self._numbers[peer])
             label = id if one.reply_with == one.id else one.reply_with
             one = msgspec.structs.replace(one, id=id, reply_with=label)
-        key = communicate_key(
-            self._wiring.system, link.channel, peer, one.receiver, one.protocol, one.performative
-        )
+        system, channel = self._wiring.system, link.channel
+        key = communicate_key(system, channel, peer, one.receiver, one.protocol, one.performative)
         data = encode(one)
         if link.delivery is Delivery.DURABLE:
             self._outbox[peer][self._numbers[peer]] = (key, data)
@@ -538,11 +527,8 @@ class Cast:
 
     def _on_ping(self, sample: zenoh.Sample) -> None:
         peer = str(sample.key_expr).split("/")[5]
-        self._put(
-            peer,
-            service_key(self._wiring.system, "pong", peer, self._wiring.agent),
-            sample.payload.to_bytes(),
-        )
+        key = service_key(self._wiring.system, "pong", peer, self._wiring.agent)
+        self._put(peer, key, sample.payload.to_bytes())
 
     def _on_receipt(self, sample: zenoh.Sample) -> None:
         peer = str(sample.key_expr).split("/")[5]

@@ -213,11 +213,6 @@ def number_of(text: str) -> int | None:
     return int(text) if text.isascii() and text.isdigit() and len(text) <= MOST_DIGITS else None
 
 
-def envelope_size(communicate: Communicate) -> int:
-    """The encoded size without the content [bytes]."""
-    return len(_encode(msgspec.structs.replace(communicate, content=msgspec.UNSET)))
-
-
 UNREADABLE = (msgspec.MsgspecError, RecursionError, UnicodeDecodeError, MemoryError)
 """Errors that msgspec raises on foreign bytes: malformed, nested too deeply, not UTF-8, wrong
 lengths.

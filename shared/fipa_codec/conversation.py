@@ -144,13 +144,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             name = named(communicate.protocol).name
         except LocalProtocolError as error:
             raise RemoteProtocolError(error.field, error.reason) from error
-        return cls(
-            id=communicate.conversation,
-            protocol=name,
-            role=_PARTICIPANT,
-            me=me,
-            peer=communicate.sender,
-        )
+        peer = communicate.sender
+        return cls(id=communicate.conversation, protocol=name, role=_PARTICIPANT, me=me, peer=peer)
 
     @property
     def table(self) -> Table:

@@ -128,20 +128,17 @@ def with_not_understood(protocol: Protocol) -> Protocol:
     its sender, who ignores what is still in transit, and for its receiver. A conversation that has
     ended keeps its state.
     """
-    return protocol.with_tables(
-        initiator=_table_with_not_understood(protocol, Role.INITIATOR),
-        participant=_table_with_not_understood(protocol, Role.PARTICIPANT),
-    )
+    initiator = _table_with_not_understood(protocol, Role.INITIATOR)
+    participant = _table_with_not_understood(protocol, Role.PARTICIPANT)
+    return protocol.with_tables(initiator=initiator, participant=participant)
 
 
 def _table_with_not_understood(protocol: Protocol, role: Role) -> Table:
     old, peer = protocol.tables[role], protocol.tables[role.other]
     not_understood = (Performative.NOT_UNDERSTOOD, Kind.PLAIN)
     ignored = {(row.performative, row.kind) for row in peer if row.way is SEND} | {not_understood}
-    rows = [
-        *old,
-        *(Row(NOT_UNDERSTOOD, RECEIVE, *message, NOT_UNDERSTOOD) for message in sorted(ignored)),
-    ]
+    late = (Row(NOT_UNDERSTOOD, RECEIVE, *message, NOT_UNDERSTOOD) for message in sorted(ignored))
+    rows = [*old, *late]
     for state in sorted(old.states - {START}):
         rows.append(
             Row(state, RECEIVE, *not_understood, state if state in old.ended else NOT_UNDERSTOOD)
@@ -176,27 +173,20 @@ class _Search:
             if len(outbound) < self.capacity:
                 for row in table.allowed(here.state(role), SEND):
                     sent = (*outbound, (row.performative, row.kind))
-                    yield (
-                        Step(role, row),
-                        _configuration(role, row.to, inbound, here.state(role.other), sent),
-                    )
+                    peer = here.state(role.other)
+                    yield Step(role, row), _configuration(role, row.to, inbound, peer, sent)
             received = self._reception(here, role)
             if received:
-                yield (
-                    Step(role, received),
-                    _configuration(
-                        role, received.to, inbound[1:], here.state(role.other), outbound
-                    ),
-                )
+                peer = here.state(role.other)
+                there = _configuration(role, received.to, inbound[1:], peer, outbound)
+                yield Step(role, received), there
 
     def _reception(self, here: Configuration, role: Role) -> Row | None:
         """The row for the first message in transit; None also while the role must send first."""
         table, state, inbound = self.protocol.tables[role], here.state(role), here.inbound(role)
-        return (
-            table.find(state, RECEIVE, *inbound[0])
-            if inbound and state not in table.urgent
-            else None
-        )
+        if not inbound or state in table.urgent:
+            return None
+        return table.find(state, RECEIVE, *inbound[0])
 
     def unspecified(self) -> Iterator[Finding]:
         """Yield the configurations in which a role that may receive has no row for the next

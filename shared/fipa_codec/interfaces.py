@@ -1,5 +1,4 @@
-"""Interfaces of an agent in the paper's form (section 5.6), checked against the language of the
-channel.
+"""Interfaces of an agent in the paper's form (section 5.6).
 
     ClassInterfaceInfo([("request", "generatePlan", [GroundTaskNetwork], HierarchicalPlan)])
 
@@ -10,8 +9,7 @@ argument has it as its content: its class identifies the entry, and the name is 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple, get_args
 
-from fipa_codec.errors import ContentError, LocalProtocolError
-from fipa_codec.languages import Language
+from fipa_codec.errors import LocalProtocolError
 from fipa_codec.performatives import Performative
 
 
@@ -42,7 +40,7 @@ class ClassInterfaceInfo:
 
     def __init__(self, entries: Iterable[tuple[str, str, Sequence[type], Any]]) -> None:
         self._named: dict[str, Entry] = {}
-        self._by_class: dict[tuple[Performative, type], Entry] = {}
+        by_class: dict[tuple[Performative, type], Entry] = {}
         for performative, name, arguments, answer in entries:
             # of a union, or one
             classes = () if answer is None else tuple(get_args(answer) or (answer,))
@@ -51,9 +49,9 @@ class ClassInterfaceInfo:
                 raise LocalProtocolError("interface", f"two entries are named {name!r}")
             if len(entry.arguments) == 1:
                 key = (entry.performative, entry.arguments[0])
-                if self._by_class.setdefault(key, entry) is not entry:
+                if by_class.setdefault(key, entry) is not entry:
                     raise LocalProtocolError(
-                        "interface", f"{entry} and {self._by_class[key]} have the same argument"
+                        "interface", f"{entry} and {by_class[key]} have the same argument"
                     )
 
     def __iter__(self) -> Iterator[Entry]:
@@ -71,62 +69,6 @@ class ClassInterfaceInfo:
                 "interface", f"{name!r} is unknown, known are {', '.join(sorted(self._named))}"
             )
         return self._named[name]
-
-    def check_language(self, language: Language, answers: Language | None = None) -> None:
-        """Check that `language` has every argument class, and `answers` (None: the same language)
-        every answer class.
-
-        Raise LocalProtocolError with the entry, the class and the language.
-        """
-        for entry in self:
-            for classes, used in (
-                (entry.arguments, language),
-                (entry.answers, answers or language),
-            ):
-                for wanted in classes:
-                    if wanted not in used.classes:
-                        raise LocalProtocolError(
-                            "interface", f"{entry}: {wanted.__name__} is not in {used.name}"
-                        )
-
-    def entry_for(self, performative: Performative, content: object) -> Entry:
-        """The entry for a received sentence. Raise ContentError (answer: refuse) if there is
-        none.
-        """
-        entry = self._by_class.get((performative, type(content)))
-        if entry is None:
-            offered = "; ".join(str(e) for e in self if e.performative is performative) or "nothing"
-            reason = (
-                f"{performative} {type(content).__name__} is not supported, supported is {offered}"
-            )
-            raise ContentError("content", reason, Performative.REFUSE)
-        return entry
-
-    def check_arguments(self, name: str, arguments: Sequence[object]) -> Entry:
-        """The entry of this name if the arguments have its classes in order.
-
-        Raise ContentError (answer: refuse) with the first wrong argument.
-        """
-        entry = self.named(name)
-        if len(arguments) != len(entry.arguments):
-            reason = f"has {len(arguments)} arguments, {entry} takes {len(entry.arguments)}"
-            raise ContentError("content", reason, Performative.REFUSE)
-        for position, (argument, wanted) in enumerate(zip(arguments, entry.arguments, strict=True)):
-            if type(argument) is not wanted:
-                reason = (
-                    f"argument {position} is {type(argument).__name__}, {entry} takes"
-                    f" {wanted.__name__}"
-                )
-                raise ContentError("content", reason, Performative.REFUSE)
-        return entry
-
-    def check_answer(self, entry: Entry, content: object) -> None:
-        """Raise ContentError (answer: not-understood) if the content (None: empty) is not an answer
-        of this entry.
-        """
-        expected = entry.answers or (type(None),)
-        if type(content) not in expected:
-            raise ContentError("content", f"{type(content).__name__} does not answer {entry}")
 
 
 def _performative(word: str) -> Performative:

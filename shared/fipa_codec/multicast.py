@@ -76,12 +76,9 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         else:
             late = self.late
         bound = self._contract and talk.state in _BOUND and talk.peer not in self.awarded
-        return msgspec.structs.replace(
-            self,
-            talks=tuple(talk if one.peer == talk.peer else one for one in self.talks),
-            late=late,
-            awarded=(*self.awarded, talk.peer) if bound else self.awarded,
-        )
+        talks = tuple(talk if one.peer == talk.peer else one for one in self.talks)
+        awarded = (*self.awarded, talk.peer) if bound else self.awarded
+        return msgspec.structs.replace(self, talks=talks, late=late, awarded=awarded)
 
     def broken(self, peer: str) -> Self:
         """The multicast after this agent answered a message of a participant with not-understood.
@@ -90,9 +87,8 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         Raise LocalProtocolError if there is no such participant.
         """
         gone = msgspec.structs.replace(self.talk(peer), state=NOT_UNDERSTOOD, deadline=None)
-        return msgspec.structs.replace(
-            self, talks=tuple(gone if one.peer == peer else one for one in self.talks)
-        )
+        talks = tuple(gone if one.peer == peer else one for one in self.talks)
+        return msgspec.structs.replace(self, talks=talks)
 
     # --- participants -----------------------------------------------------------------------------
 
@@ -194,10 +190,8 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
                     "receiver", f"{peer!r} has no open proposal; there are proposals of: {known}"
                 )
         others = (peer for peer in self._offered if peer not in chosen)
-        return (
-            *((peer, performative) for peer in chosen),
-            *((peer, P.REJECT_PROPOSAL) for peer in others),
-        )
+        rejected = ((peer, P.REJECT_PROPOSAL) for peer in others)
+        return (*((peer, performative) for peer in chosen), *rejected)
 
     # ----------------------------------------------------------------------------------------------
 

@@ -83,18 +83,6 @@ def _require_opening(message: Communicate) -> None:
 # --- brokering ------------------------------------------------------------------------------------
 
 
-def ask_target(
-    message: Communicate, *, broker: str, target: str, conversation: str, id: str, now: float
-) -> tuple[Conversation, Communicate]:
-    """The broker's conversation with a target, with an id of its own, and M as sent by the
-    broker.
-    """
-    talk = Conversation.open(
-        message.protocol, Role.INITIATOR, id=conversation, me=broker, peer=target
-    )
-    return _sent(talk, message, id=id, now=now)
-
-
 def relay_content(answer: Communicate, *, last: bool = False) -> Content:
     """The content of the inform that relays a target's answer; `last`: no other will follow."""
     return content_of(
@@ -174,18 +162,12 @@ def receiver_conversation(message: Communicate, target: str) -> Conversation:
     talk = Conversation.open(
         message.protocol, Role.INITIATOR, id=message.conversation, me=message.sender, peer=target
     )
-    return _sent(talk, message, id=message.reply_with, now=message.sent)[0]
-
-
-def _sent(
-    talk: Conversation, message: Communicate, *, id: str, now: float
-) -> tuple[Conversation, Communicate]:
     return talk.send(
         message.performative,
-        id=id,
-        now=now,
+        id=message.reply_with,
+        now=message.sent,
         content=None if message.content is msgspec.UNSET else message.content,
         language=message.language,
         ontology=message.ontology,
         reply_by=message.reply_by,
-    )
+    )[0]

@@ -93,11 +93,8 @@ class Table:
                 raise LocalProtocolError(
                     "rows", f"two rows for {row.word} ({row.way}) in state {row.state}"
                 )
-        self.ended, self.urgent, self.resting = (
-            frozenset(ended),
-            frozenset(urgent),
-            frozenset(resting),
-        )
+        self.ended, self.urgent = frozenset(ended), frozenset(urgent)
+        self.resting = frozenset(resting)
         known = self.states
         for state in self.ended | self.urgent | self.resting:
             if state not in known:
@@ -150,12 +147,8 @@ class Table:
         """
         kept = tuple(rows)
         states = {state for row in kept for state in (row.state, row.to)}
-        return Table(
-            kept,
-            ended=self.ended & states,
-            urgent=self.urgent & states,
-            resting=self.resting & states,
-        )
+        ended = self.ended & states
+        return Table(kept, ended=ended, urgent=self.urgent & states, resting=self.resting & states)
 
 
 class Protocol:

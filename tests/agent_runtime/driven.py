@@ -2,20 +2,28 @@
 view.
 """
 
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
+import pytest
+import toy_agents
+import toy_observers
 from msgspec import Raw, Struct
 from msgspec.msgpack import encode as pack
-from toy_agents import Double, Doubled, Want
+from toy_agents import Double, Doubled, Want, single, wirings
 
-from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.agent import Agent
 from agent_runtime.core.effects import Effects
-from agent_runtime.core.events import Arrived, Next, Received
+from agent_runtime.core.errors import BehaviourError
+from agent_runtime.core.events import AnyEvent, Arrived, Local, Next, Received, Tick
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery
+from agent_runtime.io import steplog
 from fipa_codec.communicate import Communicate, decode, encode
+from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 
@@ -63,20 +71,17 @@ class Driven:
         durable = wiring.required(sender, protocol).delivery is Delivery.DURABLE
         self.count += 1
         number = self.state.taken.get(sender, 0) + 1 if durable else self.count
+        fields = {"id": str(number), "reply_with": f"r{number}", "conversation": talk} | fields
         if content is not None and not isinstance(content, Raw):
             language = wiring.language(content)
-            fields = {"content": Raw(language.encode(content)), "language": language.name} | fields
-        elif content is not None:
-            fields = {"content": content} | fields
-        parts = {
-            "sender": sender,
-            "receiver": wiring.agent,
-            "id": str(number),
-            "reply_with": f"r{number}",
-        } | fields
-        return self.step(
-            Arrived(Communicate(performative=act, protocol=protocol, conversation=talk, **parts))
-        )
+            content, fields = language.encode(content), {"language": language.name} | fields
+        way = f"{sender}>{wiring.agent}"
+        return self.step(Arrived(message(act, way, protocol, content, **fields)))
+
+    def later(self, now: float) -> Effects:
+        """A tick at this time."""
+        self.now = now
+        return self.step(Tick())
 
     def state_wake(self) -> float:
         """Return the time at which the last step wanted to be woken."""
@@ -98,8 +103,7 @@ def recording(
             said(turn)
         return Seen((*memory.seen, type(turn.event).__name__))
 
-    behaviour = Behaviour(transition, takes=takes or (lambda memory, event: True))
-    return Agent(name, "s", Seen(), {"s": behaviour}, local=local)
+    return single(name, Seen(), transition, takes=takes, local=local)
 
 
 def quiet(said: Any, *, name: str = "server", local: Any = Want) -> Agent[Seen]:
@@ -111,31 +115,45 @@ def quiet(said: Any, *, name: str = "server", local: Any = Want) -> Agent[Seen]:
         said(turn)
         return memory
 
-    return Agent(name, "s", Seen(), {"s": Behaviour(transition)}, local=local)
+    return single(name, Seen(), transition, local=local)
+
+
+KNOWN = (toy_agents.LANGUAGES.named("SUM"), toy_observers.LANGUAGES.named("OBS"))
+
+
+def message(act: P, way: str, protocol: str, content: Any = None, **fields: Any) -> Communicate:
+    """A message of `way`, sender>receiver, with content of the toys' languages."""
+    sender, _, receiver = way.partition(">")
+    if content is not None and not isinstance(content, Raw):
+        language = next(one for one in KNOWN if type(content) in one.classes)
+        fields = {"content": language.encode(content), "language": language.name} | fields
+    elif content is not None:
+        fields = {"content": content} | fields
+    fields = {"id": "1", "sender": sender, "receiver": receiver} | fields
+    return Communicate(performative=act, protocol=protocol, **fields)
 
 
 def request(
     number: int, *, conversation: str = "asker-1-1", content: Any = None, **fields: Any
 ) -> Arrived:
     """A request of the asker as it comes off the wire."""
+    fields = {"id": str(number), "reply_with": str(number), "language": "SUM"} | fields
+    act = fields.pop("performative", P.REQUEST)
     raw = Raw(pack(Double(3))) if content is None else content
-    parts = {
-        "performative": P.REQUEST,
-        "content": raw,
-        "language": "SUM",
-        "reply_with": str(number),
-        "sender": "asker",
-    }
-    parts |= fields
-    return Arrived(
-        Communicate(
-            protocol="request",
-            conversation=conversation,
-            receiver="server",
-            id=str(number),
-            **parts,
-        )
-    )
+    said = message(act, "asker>server", "request", raw, conversation=conversation, **fields)
+    return Arrived(said)
+
+
+def ask(turn: Turn) -> None:
+    """Ask what a person wants."""
+    if isinstance(turn.event, Local):
+        turn.open("server", "request", P.REQUEST, Double(1), reply_by_s=5.0)
+
+
+def refused(words: str, agent: Agent[Any], wiring: Any, event: Any) -> None:
+    """Check that a step with this event raises an error of ours with these words."""
+    with pytest.raises((BehaviourError, LocalProtocolError), match=words):
+        Driven(agent, wiring).step(event)
 
 
 def agree(turn: Turn) -> None:
@@ -149,3 +167,36 @@ def stop(turn: Turn) -> None:
     agree(turn)
     if isinstance(turn.event, Received) and turn.event.communicate.performative is P.CANCEL:
         turn.say(turn.event.conversation, P.INFORM, Doubled(0), kind=Kind.CANCEL)
+
+
+def logged(path: Path, agent: Agent[Any], lives: Iterable[Iterable[AnyEvent]]) -> list[bytes]:
+    """Write the log of an agent that lived so; what it said, as on the wire."""
+    core, log, record, said = Core(agent, wirings()[1]), steplog.StepLog(path), b"", []
+    for number, events in enumerate(lives, 1):
+        state = core.boot(record or None)
+        log.boot(number, record, 1.0)
+        record = core.record(state)
+        for event in events:
+            state, effects = core.step(state, event, 2.0)
+            log.write([steplog.noted(number, state.soft.step, 2.0, event, effects)])
+            record, said = effects.record or record, said + [encode(one) for one in effects.sends]
+    log.close()
+    return said
+
+
+class World:
+    """In the place of a shell's wire and device: what is none of a test's business."""
+
+    at_router = False
+
+    def knows(self, journals: Any) -> None:
+        """Names of journals."""
+
+    def publish(self, kind: str, data: bytes) -> None:
+        """Heartbeats."""
+
+    def ping(self, peer: str, channel: bytes, pong: bool = False) -> None:
+        """Pings."""
+
+    def close(self) -> None:
+        """Nothing to close."""

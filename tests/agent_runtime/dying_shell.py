@@ -16,7 +16,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 import msgspec
-from driven import request
+from driven import World, request
 from toy_agents import server, wirings
 
 from agent_runtime.core.effects import Receipt
@@ -27,11 +27,11 @@ from agent_runtime.io.journal import journal_file
 from agent_runtime.io.options import Options
 from fipa_codec.communicate import Communicate
 
-CODE = {Path(module.__file__).name for module in (shell, journal, journal) if module.__file__}
+CODE = {Path(module.__file__).name for module in (shell, journal) if module.__file__}
 REQUESTS = (1, 2)
 
 
-class World:
+class Outside(World):
     """Effects that left the agent, in a file that outlives it; in the place of wire and device."""
 
     def __init__(self, file: Path) -> None:
@@ -43,24 +43,9 @@ class World:
 
     def send(self, communicate: Communicate, after: bytes = b"", heard: int = 0) -> int:
         """Note it."""
-        self._note(
-            ["said", int(communicate.id), str(communicate.performative), communicate.conversation]
-        )
+        number, act = int(communicate.id), str(communicate.performative)
+        self._note(["said", number, act, communicate.conversation])
         return 1
-
-    def knows(self, journals: Any) -> None:
-        """Names of journals are none of it."""
-
-    at_router = False
-
-    def publish(self, kind: str, data: bytes) -> None:
-        """Heartbeats are none of it."""
-
-    def ping(self, peer: str, channel: bytes, pong: bool = False) -> None:
-        """Pings are none of it."""
-
-    def close(self) -> None:
-        """Nothing to close."""
 
     def _note(self, what: list[Any]) -> None:
         os.write(self._file, json.dumps(what).encode() + b"\n")
@@ -75,7 +60,7 @@ def life(run: Path, die_at: int) -> None:
     """One life in this process: requests without a receipt come; it dies before the nth line, 0:
     not at all.
     """
-    world = World(run / "world")
+    world = Outside(run / "world")
     nowhere = dict.fromkeys(("server", "asker"), "tcp/127.0.0.1:1")
     options = Options(run_dir=run, system="toy", log_level="error", agents=nowhere)
     one: Any = shell.Shell(server(), wirings()[1], options)
@@ -124,18 +109,14 @@ def forked(run: Path, die_at: int = 0) -> int:
 
 def journalled(run: Path) -> dict[str, Any]:
     """Return the journal's contents."""
-    data = journal_file(run, "server").read_bytes()
-    last = journal.last_record(data)
+    last = journal.last_record(journal_file(run, "server").read_bytes())
     if last is None:
         return {"taken": 0, "issued": 0, "worked": 0}
     record = msgspec.msgpack.decode(last, type=Record)
     memory = msgspec.msgpack.decode(record.memory)
+    taken, issued = record.taken.get("asker", 0), record.issued.get("asker", 0)
     worked = len(memory["agreed"]) + len(memory["done"])
-    return {
-        "taken": record.taken.get("asker", 0),
-        "issued": record.issued.get("asker", 0),
-        "worked": worked,
-    }
+    return {"taken": taken, "issued": issued, "worked": worked}
 
 
 def main(folder: Path) -> None:
@@ -149,11 +130,8 @@ def main(folder: Path) -> None:
         status = forked(run, number)
         died = {"left": left(run), "journal": journalled(run)}
         line = (run / "line").read_text() if status == 9 else ""
-        again = forked(run)
-        found.append(
-            {"line": line, "status": status, "died": died, "again": again, "left": left(run)}
-        )
-        found[-1]["journal"] = journalled(run)
+        one = {"line": line, "status": status, "died": died, "again": forked(run)}
+        found.append(one | {"left": left(run), "journal": journalled(run)})
     print(json.dumps(found))
 
 

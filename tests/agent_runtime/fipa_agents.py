@@ -20,10 +20,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "fipa_codec"))
 
 import msgspec
 from dialogue import parsed
+from msgspec.structs import replace
 from stories import Story, stories_of
-from toy_agents import wired
+from toy_agents import single, wired
 
-from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Broken, Late, PeerChanged, Received, Started, Woken
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Wiring
@@ -82,7 +83,6 @@ class Played(msgspec.Struct, frozen=True):
     story: int = 0
     word: int = 0
     talk: str = ""
-    state: str = ""
     ends: tuple[str, ...] = ()
     wrong: str = ""
 
@@ -102,43 +102,28 @@ def gone_on(played: Played, talk: Conversation) -> Played:
     """After a word was said or came."""
     word, (_, story) = played.word + 1, SCRIPT[played.story]
     if word < len(story.words):
-        return msgspec.structs.replace(played, word=word, talk=talk.id, state=talk.state)
-    ends = (*played.ends, talk.state)
-    return msgspec.structs.replace(
-        played, story=played.story + 1, word=0, talk="", state="", ends=ends
-    )
+        return replace(played, word=word, talk=talk.id)
+    return Played(played.story + 1, ends=(*played.ends, talk.state), wrong=played.wrong)
 
 
 def say(played: Played, turn: Turn, peer: str) -> Played:
     """One own word."""
-    _, _, performative, kind = parsed(played.next)
-    assert performative is not None
+    _, _, act, kind = parsed(played.next)
+    assert act is not None
+    said = content(act, kind)
     if played.word == 0:
-        name = turn.open(
-            peer,
-            SCRIPT[played.story][0],
-            performative,
-            content(performative, kind),
-            reply_by_s=60.0,
-        )
+        name = turn.open(peer, SCRIPT[played.story][0], act, said, reply_by_s=60.0)
         return gone_on(played, turn.conversation(name))
     cancel = Kind.CANCEL if kind is Kind.CANCEL else None
-    return gone_on(
-        played, turn.say(played.talk, performative, content(performative, kind), kind=cancel)
-    )
+    return gone_on(played, turn.say(played.talk, act, said, kind=cancel))
 
 
 def heard(played: Played, event: Received, mine: str) -> Played:
     """One word of the other."""
-    _, _, performative, _ = parsed(played.next) if played.next else (None, "", None, None)
-    if (
-        event.communicate.performative is not performative
-        or played.next.startswith(mine)
-        or event.talk is None
-    ):
-        return msgspec.structs.replace(
-            played, wrong=f"{event.communicate.performative}, expected {played.next!r}"
-        )
+    act, expected = event.communicate.performative, played.next
+    due = parsed(expected)[2] if expected else None
+    if act is not due or expected.startswith(mine) or event.talk is None:
+        return replace(played, wrong=f"{act}, expected {expected!r}")
     return gone_on(played, event.talk)
 
 
@@ -150,7 +135,7 @@ def player(name: str, mine: str, peer: str) -> Agent[Played]:
             case Received() as event:
                 played = heard(played, event, mine)
             case Broken(reason=reason):
-                played = msgspec.structs.replace(played, wrong=reason)
+                played = replace(played, wrong=reason)
             case Started():
                 pass
             case _:
@@ -159,9 +144,7 @@ def player(name: str, mine: str, peer: str) -> Agent[Played]:
             played = say(played, turn, peer)
         return played
 
-    return Agent(
-        name=name, start="playing", memory=Played(), behaviours={"playing": Behaviour(play)}
-    )
+    return single(name, Played(), play)
 
 
 def alice() -> Agent[Played]:
@@ -212,20 +195,18 @@ def call(memory: Calling, turn: Turn) -> Calling:
     """The caller's only behaviour: it calls when all are there, since reply-by runs from the
     call.
     """
+    group = memory.group
     match turn.event:
-        case Started() | PeerChanged() if memory.group is None and turn.peers.keys() >= set(CROWD):
+        case Started() | PeerChanged() if group is None and turn.peers.keys() >= set(CROWD):
             group = turn.open_all(CROWD, "icfp", P.CFP, CONTENTS[P.CFP], reply_by_s=REPLY_BY_S)
             return Calling(group, rounds=1)
-        case Received(talk=talk) if talk is not None and memory.group is not None:
-            return decide(memory, memory.group.noted(talk, turn.now), turn)
-        case Late(peer=peer) if memory.group is not None:
-            return decide(
-                msgspec.structs.replace(memory, late=(*memory.late, peer)), memory.group, turn
-            )
-        case Broken(peer=peer) if memory.group is not None:
-            return decide(memory, memory.group.broken(peer), turn)
-        case _:
-            return memory
+        case Received(talk=talk) if talk is not None and group is not None:
+            return decide(memory, group.noted(talk, turn.now), turn)
+        case Late(peer=peer) if group is not None:
+            return decide(replace(memory, late=(*memory.late, peer)), group, turn)
+        case Broken(peer=peer) if group is not None:
+            return decide(memory, group.broken(peer), turn)
+    return memory
 
 
 def decide(memory: Calling, group: Multicast, turn: Turn) -> Calling:
@@ -234,14 +215,12 @@ def decide(memory: Calling, group: Multicast, turn: Turn) -> Calling:
     """
     group, rounds = tell(group, group.rejections, turn), memory.rounds
     if not group.awaited(turn.now) and group.offers and not group.awarded:
-        if rounds == 1:
-            group, rounds = tell(group, group.call_again(group.offers[0]), turn), 2
-        else:
-            group = tell(group, group.award(group.offers[0]), turn)
-    outcomes = (
-        {peer: group.outcome(peer, turn.now) for peer in CROWD} if group.over(turn.now) else {}
-    )
-    return msgspec.structs.replace(memory, group=group, rounds=rounds, outcomes=outcomes)
+        best = group.offers[0]
+        told = group.call_again(best) if rounds == 1 else group.award(best)
+        group, rounds = tell(group, told, turn), 2
+    over = CROWD if group.over(turn.now) else ()
+    outcomes = {peer: group.outcome(peer, turn.now) for peer in over}
+    return replace(memory, group=group, rounds=rounds, outcomes=outcomes)
 
 
 def tell(group: Multicast, told: Outgoing, turn: Turn) -> Multicast:
@@ -255,9 +234,7 @@ def tell(group: Multicast, told: Outgoing, turn: Turn) -> Multicast:
 
 def caller() -> Agent[Calling]:
     """The initiator."""
-    return Agent(
-        name="caller", start="calling", memory=Calling(), behaviours={"calling": Behaviour(call)}
-    )
+    return single("caller", Calling(), call)
 
 
 class Working(msgspec.Struct, frozen=True):
@@ -268,27 +245,22 @@ class Working(msgspec.Struct, frozen=True):
 
 def worker(name: str) -> Agent[Working]:
     """A participant of the crowd."""
+    offer = P.REFUSE if name == "unwilling" else P.PROPOSE
+    answers = {P.CFP: offer, P.ACCEPT_PROPOSAL: P.INFORM}
 
     def work(memory: Working, turn: Turn) -> Working:
         match turn.event:
             case Received(communicate=heard, talk=talk) if talk is not None:
-                answer = {
-                    P.CFP: P.REFUSE if name == "unwilling" else P.PROPOSE,
-                    P.ACCEPT_PROPOSAL: P.INFORM,
-                }
                 if name == "slow" and heard.performative is P.CFP:
                     turn.wake(talk.id, turn.now + TOO_SLOW_S)
-                elif act := answer.get(heard.performative):
+                elif act := answers.get(heard.performative):
                     talk = turn.say(talk.id, act, CONTENTS[act])
                 return Working(talk.state)
             case Woken(name=conversation):
                 return Working(turn.say(conversation, P.PROPOSE, CONTENTS[P.PROPOSE]).state)
-            case _:
-                return memory
+        return memory
 
-    return Agent(
-        name=name, start="working", memory=Working(), behaviours={"working": Behaviour(work)}
-    )
+    return single(name, Working(), work)
 
 
 OUTCOMES = {"eager": "done", "modest": "rejected", "slow": "refused", "unwilling": "refused"}
@@ -320,25 +292,19 @@ class Asking(msgspec.Struct, frozen=True):
 
 def ask(memory: Asking, turn: Turn) -> Asking:
     """First brokering, then recruiting."""
+    everybody = {"broker", *SCALES}
     match turn.event:
-        case Started() | PeerChanged() if not memory.proxy and turn.peers.keys() >= {
-            "broker",
-            *SCALES,
-        }:
+        case Started() | PeerChanged() if not memory.proxy and turn.peers.keys() >= everybody:
             return proxy(memory, turn, "brokering")
-        case Received(communicate=heard, content=content, talk=talk) if talk is not None:
-            if heard.sender != "broker":
-                memory = msgspec.structs.replace(
-                    memory, answered=(*memory.answered, weighed(heard))
-                )
-                if len(memory.answered) == len(SCALES):
-                    turn.leave(memory.direct)
-            elif answer := proxying.relayed_answer(content):
-                memory = msgspec.structs.replace(memory, relayed=(*memory.relayed, weighed(answer)))
-            if talk.ended and heard.sender == "broker":
-                memory = msgspec.structs.replace(
-                    memory, ends=(*memory.ends, f"{talk.protocol} {talk.state}")
-                )
+        case Received(communicate=heard, talk=talk) if talk is not None and heard.sender in SCALES:
+            memory = replace(memory, answered=(*memory.answered, weighed(heard)))
+            if len(memory.answered) == len(SCALES):
+                turn.leave(memory.direct)
+        case Received(content=content, talk=talk) if talk is not None:
+            if answer := proxying.relayed_answer(content):
+                memory = replace(memory, relayed=(*memory.relayed, weighed(answer)))
+            if talk.ended:
+                memory = replace(memory, ends=(*memory.ends, f"{talk.protocol} {talk.state}"))
                 return proxy(memory, turn, "recruiting") if talk.protocol == "brokering" else memory
     return memory
 
@@ -346,22 +312,16 @@ def ask(memory: Asking, turn: Turn) -> Asking:
 def proxy(memory: Asking, turn: Turn, protocol: str) -> Asking:
     """Ask the broker; in recruiting, wait for whoever answers before that."""
     name = f"{turn.me}-{turn.incarnation}-{protocol}"
+    content = EXPRESSIONS.encode(content_of(P.QUERY_REF, WEIGHT))
+    words = {"conversation": name, "content": content, "language": EXPRESSIONS.name}
     message = proxying.embedded_message(
-        "query",
-        P.QUERY_REF,
-        receiver=turn.me,
-        conversation=name,
-        id=f"{name}-m",
-        now=turn.now,
-        content=EXPRESSIONS.encode(content_of(P.QUERY_REF, WEIGHT)),
-        language=EXPRESSIONS.name,
+        "query", P.QUERY_REF, receiver=turn.me, id=f"{name}-m", now=turn.now, **words
     )
     if protocol == "recruiting":
         turn.join(proxying.receiver_conversation(message, ""))
-    asked = turn.open(
-        "broker", protocol, P.PROXY, proxying.proxy_content(P.PROXY, SCALE, message, TRUE)
-    )
-    return msgspec.structs.replace(memory, proxy=asked, direct=name)
+    wish = proxying.proxy_content(P.PROXY, SCALE, message, TRUE)
+    asked = turn.open("broker", protocol, P.PROXY, wish)
+    return replace(memory, proxy=asked, direct=name)
 
 
 def weighed(answer: Communicate) -> tuple[str, float]:
@@ -380,17 +340,14 @@ class Broking(msgspec.Struct, frozen=True):
 def broke(memory: Broking, turn: Turn) -> Broking:
     """Find the scales: ask them in brokering, pass the message on in recruiting."""
     match turn.event:
-        case Received(communicate=heard, content=Content() as content, talk=talk) if (
-            talk is not None
-        ):
+        case Received(communicate=heard, content=Content() as content, talk=talk) if talk:
             if heard.performative is P.PROXY:
                 return found(memory, turn, proxying.proxy_request(content), talk.id, heard.protocol)
             if memory.inner is not None:
                 group = memory.inner.noted(talk, turn.now)
-                turn.say(
-                    memory.outer, P.INFORM, proxying.relay_content(heard, last=group.over(turn.now))
-                )
-                return Broking() if group.over(turn.now) else Broking(memory.outer, group)
+                over = group.over(turn.now)
+                turn.say(memory.outer, P.INFORM, proxying.relay_content(heard, last=over))
+                return Broking() if over else Broking(memory.outer, group)
     return memory
 
 
@@ -403,12 +360,10 @@ def found(
     if protocol == "brokering":
         content = EXPRESSIONS.decode(message.content)
         inner = turn.open_all(SCALES, message.protocol, message.performative, content)
-        turn.say(outer, P.INFORM, PROXIED)
-        return Broking(outer, inner)
-    for name in SCALES:
-        passed = proxying.proxy_content(
-            P.PROPAGATE, errand.targets, proxying.addressed(message, name), TRUE
-        )
+        memory = Broking(outer, inner)
+    for name in () if protocol == "brokering" else SCALES:
+        sent = proxying.addressed(message, name)
+        passed = proxying.proxy_content(P.PROPAGATE, errand.targets, sent, TRUE)
         turn.open(name, "propagate", P.PROPAGATE, passed)
     turn.say(outer, P.INFORM, PROXIED)
     return memory
@@ -425,59 +380,45 @@ def scale(name: str) -> Agent[Weighing]:
 
     def weigh(memory: Weighing, turn: Turn) -> Weighing:
         match turn.event:
-            case Received(communicate=heard, content=Content() as content, talk=talk) if (
-                talk is not None
-            ):
+            case Received(communicate=heard, content=Content() as content, talk=talk) if talk:
                 if heard.performative is P.PROPAGATE:
-                    talk = proxying.target_conversation(
-                        proxying.proxy_request(content).message, turn.me
-                    )
+                    message = proxying.proxy_request(content).message
+                    talk = proxying.target_conversation(message, turn.me)
                     turn.join(talk)
                 turn.say(talk.id, P.INFORM, content_of(P.INFORM, denotes(WEIGHT, WEIGHTS[name])))
                 return Weighing((*memory.told, talk.peer))
         return memory
 
-    return Agent(
-        name=name, start="weighing", memory=Weighing(), behaviours={"weighing": Behaviour(weigh)}
-    )
+    return single(name, Weighing(), weigh)
 
 
 def asker() -> Agent[Asking]:
     """The initiator, and the receiver of the answers."""
-    return Agent(
-        name="asker", start="asking", memory=Asking(), behaviours={"asking": Behaviour(ask)}
-    )
+    return single("asker", Asking(), ask)
 
 
 def broker() -> Agent[Broking]:
     """Return the agent that knows the scales."""
-    return Agent(
-        name="broker", start="broking", memory=Broking(), behaviours={"broking": Behaviour(broke)}
-    )
+    return single("broker", Broking(), broke)
 
 
 # --- all of them ----------------------------------------------------------------------------------
 
 
-USES = [
-    *(("caller", name, "T1", "icfp", Delivery.DURABLE) for name in CROWD),
-    *(
-        ("asker", "broker", "asker-broker", protocol, Delivery.DURABLE)
-        for protocol in ("brokering", "recruiting")
-    ),
-    *(
-        ("broker", name, f"broker-{name}", use, Delivery.DURABLE)
-        for name in SCALES
-        for use in ("query", "propagate")
-    ),
-    *(("asker", name, f"asker-{name}", "query", Delivery.DURABLE) for name in SCALES),
+PARTIES = [
+    *(("caller", name, "T1", "icfp") for name in CROWD),
+    *(("asker", "broker", "asker-broker", protocol) for protocol in ("brokering", "recruiting")),
+    *(("broker", name, f"broker-{name}", use) for name in SCALES for use in ("query", "propagate")),
+    *(("asker", name, f"asker-{name}", "query") for name in SCALES),
 ]
+USES = [(*use, Delivery.DURABLE) for use in PARTIES]
 
 
 def wiring(name: str, *, query: Delivery = Delivery.DURABLE) -> Wiring:
     """Of each agent by name; between alice and bob all protocols on one channel."""
+    deliveries = {"query": query}
     uses = [
-        ("alice", "bob", "T1", one.name, query if one.name == "query" else Delivery.DURABLE)
+        ("alice", "bob", "T1", one.name, deliveries.get(one.name, Delivery.DURABLE))
         for one in PROTOCOLS
     ]
     return wired(name, [*uses, *USES], LANGUAGES, "fipa")

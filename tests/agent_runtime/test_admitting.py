@@ -5,11 +5,8 @@ of a question.
 from typing import Any
 
 import pytest
-from driven import Driven, recording, request
-from msgspec import Raw
-from msgspec.msgpack import encode as pack
-from msgspec.structs import replace
-from toy_agents import LANGUAGES, Double, Want, wirings
+from driven import Driven, message, recording, request
+from toy_agents import Double, Want, wired, wirings
 from toy_observers import Seen, WhatOf
 from toy_observers import wiring as observers
 
@@ -19,10 +16,8 @@ from agent_runtime.core.effects import Receipt
 from agent_runtime.core.events import Arrived, Local, PeerChanged, Tick
 from agent_runtime.core.reception import HELD_OF_STREAM, HELD_VOLATILE
 from agent_runtime.core.turn import Turn
-from agent_runtime.core.wiring import Delivery, Link, Wiring
-from fipa_codec.communicate import Communicate
+from agent_runtime.core.wiring import Delivery
 from fipa_codec.performatives import Performative as P
-from fipa_codec.tables import Role
 
 TO_ASKER = wirings()[1]
 
@@ -32,34 +27,24 @@ def only_local(memory: Any, event: Any) -> bool:
     return isinstance(event, Local)
 
 
-def nothing(memory: Any, event: Any) -> bool:
-    """Takes nothing."""
-    return False
-
-
 def query(id: str, **fields: Any) -> Arrived:
     """A question of toy_observers' asker to the knower."""
-    parts = {
-        "conversation": f"q-{id}",
-        "sender": "asker",
-        "receiver": "knower",
-        "protocol": "query",
-    } | fields
-    raw = Raw(pack(WhatOf("jar")))
-    return Arrived(
-        Communicate(
-            performative=P.QUERY_REF, content=raw, language="OBS", reply_with=id, id=id, **parts
-        )
-    )
+    fields = {"conversation": f"q-{id}", "reply_with": id, "id": id} | fields
+    content = fields.pop("content", WhatOf("jar"))
+    return Arrived(message(P.QUERY_REF, "asker>knower", "query", content, **fields))
+
+
+def busy() -> Driven:
+    """A knower that takes nothing, and has a word of its own side waiting."""
+    one = Driven(recording(takes=lambda memory, event: False, name="knower"), observers("knower"))
+    one.step(Local(Want(1)))
+    return one
 
 
 def waiting(one: Driven) -> list[str]:
     """Ids of the communicates in the inbox."""
-    return [
-        entry.event.communicate.id
-        for entry in one.state.soft.inbox
-        if isinstance(entry.event, Arrived)
-    ]
+    events = [entry.event for entry in one.state.soft.inbox]
+    return [event.communicate.id for event in events if isinstance(event, Arrived)]
 
 
 def test_a_copy_of_what_waits_is_told_how_far_the_stream_is() -> None:
@@ -91,11 +76,8 @@ def test_of_one_stream_only_so_many_wait() -> None:
 
 def test_streams_do_not_hold_each_other_up() -> None:
     """Waiting communicates of one peer do not affect another's numbers."""
-    links = [
-        Link(peer, "T1", "request", Role.PARTICIPANT, Delivery.DURABLE, silent="SUM")
-        for peer in ("asker", "other")
-    ]
-    one = Driven(recording(takes=only_local), Wiring("toy", "server", tuple(links), LANGUAGES))
+    uses = [(peer, "server", "T1", "request", Delivery.DURABLE) for peer in ("asker", "other")]
+    one = Driven(recording(takes=only_local), wired("server", uses))
     one.step(request(1))
     one.step(request(1, conversation="other-1-1", sender="other"))
     assert waiting(one) == ["1", "1"]
@@ -104,20 +86,9 @@ def test_streams_do_not_hold_each_other_up() -> None:
 
 def observation(subject: str, version: str, name: str, reply_with: str = "") -> Arrived:
     """Return the watcher's observation of a subject."""
-    raw = Raw(pack(Seen(subject, 1)))
-    return Arrived(
-        Communicate(
-            performative=P.INFORM,
-            content=raw,
-            language="OBS",
-            protocol="subscribe",
-            conversation=name,
-            in_reply_to=reply_with,
-            sender="watcher",
-            receiver="knower",
-            id=f"{subject}@{version}",
-        )
-    )
+    labels = {"conversation": name, "in_reply_to": reply_with, "id": f"{subject}@{version}"}
+    seen = Seen(subject, 1)
+    return Arrived(message(P.INFORM, "watcher>knower", "subscribe", seen, **labels))
 
 
 def subscriber(takes: Any = None) -> tuple[Driven, str, str]:
@@ -131,47 +102,28 @@ def subscriber(takes: Any = None) -> tuple[Driven, str, str]:
 
     one = Driven(recording(said=said, takes=takes, name="knower"), observers("knower"))
     one.step(PeerChanged("watcher", 1))
-    (subscribe,) = one.sends()
-    agreed = Communicate(
-        performative=P.AGREE,
-        protocol="subscribe",
-        conversation=subscribe.conversation,
-        in_reply_to=subscribe.reply_with,
-        sender="watcher",
-        receiver="knower",
-        id="watcher@1.1",  # an at sign alone makes no observation
-    )
-    one.step(Arrived(agreed))
-    return one, subscribe.conversation, subscribe.reply_with or ""
+    (opening,) = one.sends()
+    labels = {"talk": opening.conversation, "in_reply_to": opening.reply_with}
+    # an at sign alone makes no observation
+    one.hears("watcher", "subscribe", P.AGREE, id="watcher@1.1", **labels)
+    return one, opening.conversation, opening.reply_with
 
 
 def test_of_a_subject_only_the_newest_waits() -> None:
     """An older one that waits makes room, one that comes later is nothing; other subjects stay."""
     one, *name = subscriber(takes=lambda memory, event: getattr(event, "content", None) is None)
-    for subject, version in (
-        ("jar", "1.1"),
-        ("bowl", "1.2"),
-        ("jar", "1.3"),
-        ("jar", "1.1"),
-        ("jar", "1.3"),
-    ):
-        one.step(observation(subject, version, *name))
+    for told in ("jar 1.1", "bowl 1.2", "jar 1.3", "jar 1.1", "jar 1.3"):
+        one.step(observation(*told.split(), *name))
     assert waiting(one) == ["bowl@1.2", "jar@1.3"]
 
 
 def test_an_observation_is_taken_once_and_receipted_as_often_as_it_comes() -> None:
     """The same or an older version changes nothing."""
     one, *name = subscriber()
-    assert one.step(observation("jar", "1.3", *name)).receipts == (
-        Receipt("watcher", subject="jar", version=(1, 3)),
-    )
-    seen = one.state.memory.seen
-    for version in ("1.3", "1.2"):
-        counter = int(version[-1])
-        assert one.step(observation("jar", version, *name)).receipts == (
-            Receipt("watcher", subject="jar", version=(1, counter)),
-        )
-    assert one.state.memory.seen == seen == ("PeerChanged", "Received", "Received")
+    for counter in (3, 3, 2):
+        told = one.step(observation("jar", f"1.{counter}", *name)).receipts
+        assert told == (Receipt("watcher", subject="jar", version=(1, counter)),)
+        assert one.state.memory.seen == ("PeerChanged", "Received", "Received")
     assert one.state.counts == {"observed before": 2}
 
 
@@ -184,8 +136,7 @@ def test_an_observation_of_a_subscription_that_is_not_held_is_counted() -> None:
 
 def test_a_question_waits_once_however_often_it_is_asked() -> None:
     """A copy has sender, id and conversation of it; another id is another question."""
-    one = Driven(recording(takes=nothing, name="knower"), observers("knower"))
-    one.step(Local(Want(1)))
+    one = busy()
     for question in (query("a"), query("a"), query("b"), query("b", conversation="q-c")):
         one.step(question)
     assert waiting(one) == ["a", "b", "b"]
@@ -194,8 +145,7 @@ def test_a_question_waits_once_however_often_it_is_asked() -> None:
 
 def test_so_many_questions_wait_and_the_next_is_dropped_aloud() -> None:
     """Words of the own side and streams have their own room."""
-    one = Driven(recording(takes=nothing, name="knower"), observers("knower"))
-    one.step(Local(Want(1)))
+    one = busy()
     for number in range(HELD_VOLATILE):
         one.step(query(str(number)))
     effects = one.step(query("one-more"))
@@ -206,8 +156,7 @@ def test_so_many_questions_wait_and_the_next_is_dropped_aloud() -> None:
 
 def test_long_questions_take_bounded_room(monkeypatch: pytest.MonkeyPatch) -> None:
     """However few they are: their bytes are counted, too."""
-    one = Driven(recording(takes=nothing, name="knower"), observers("knower"))
-    one.step(Local(Want(1)))
+    one = busy()
     monkeypatch.setattr(reception, "HELD_BYTES", 2 * len(query("0").communicate.content))
     for number in range(4):
         one.step(query(str(number)))
@@ -217,20 +166,10 @@ def test_long_questions_take_bounded_room(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_streams_that_wait_are_no_questions() -> None:
     """A copy of a question is found among messages of a stream, and they are not copies of it."""
-    links = (
-        Link("asker", "T1", "request", Role.PARTICIPANT, Delivery.DURABLE, silent="SUM"),
-        Link("asker", "T3", "query", Role.PARTICIPANT, Delivery.VOLATILE, silent="SUM"),
-    )
-    one = Driven(recording(takes=nothing), Wiring("toy", "server", links, LANGUAGES))
-    one.step(request(1))
-    ask = replace(
-        query("1").communicate,
-        receiver="server",
-        conversation="asker-1-1",
-        content=Raw(pack(Double(1))),
-        language="SUM",
-    )
-    one.step(Arrived(ask))
-    one.step(Arrived(ask))
-    one.step(Tick())
+    uses = [("asker", "server", "T1", "request", Delivery.DURABLE)]
+    uses += [("asker", "server", "T3", "query", Delivery.VOLATILE)]
+    one = Driven(recording(takes=only_local), wired("server", uses))
+    question = query("1", receiver="server", conversation="asker-1-1", content=Double(1))
+    for event in (request(1), question, question, Tick()):
+        one.step(event)
     assert [entry.number for entry in one.state.soft.inbox] == [1, 0]

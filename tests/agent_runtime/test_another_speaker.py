@@ -6,15 +6,14 @@ from typing import Any
 
 import msgspec
 import pytest
-from driven import Driven, recording, request
+from driven import Driven, agree, recording, request
 from toy_agents import Want, asker, wirings
 
 from agent_runtime.core import duplicate_digests, reception
 from agent_runtime.core.duplicate_digests import JUMP, KEPT, digest_of, preceding
 from agent_runtime.core.effects import Effects
-from agent_runtime.core.events import Arrived, Broken, Local, PeerChanged, Receipted, Tick
+from agent_runtime.core.events import Arrived, Broken, Local, PeerChanged, Receipted
 from agent_runtime.core.state import restored
-from agent_runtime.core.turn import Turn
 from fipa_codec.communicate import decode, encode
 from fipa_codec.performatives import Performative as P
 
@@ -23,9 +22,8 @@ TOLD = "another speaker"
 
 def told(effects: Effects) -> list[str]:
     """Return the reason of each line that says that two speak with one key."""
-    return [
-        line.fields["why"] for line in effects.logs if line.event == TOLD and line.level == "error"
-    ]
+    lines = [line for line in effects.logs if (line.event, line.level) == (TOLD, "error")]
+    return [line.fields["why"] for line in lines]
 
 
 # --- the receiver ---------------------------------------------------------------------------------
@@ -43,12 +41,6 @@ def serving(**how: Any) -> Driven:
 def of(arrived: Arrived, after: bytes = b"") -> Arrived:
     """The message as it comes from the asker's journal."""
     return msgspec.structs.replace(arrived, journal="its", believed="own", after=after)
-
-
-def agree(turn: Turn) -> None:
-    """Agree to each request."""
-    if turn.event is not None and hasattr(turn.event, "communicate"):
-        turn.say(turn.event.conversation, P.AGREE)
 
 
 def test_another_word_under_a_number_that_was_taken_is_refused_and_told() -> None:
@@ -99,17 +91,16 @@ def test_a_word_is_not_taken_before_the_one_it_follows() -> None:
     """This holds for any number: the word before was refused, or has not come yet."""
     one = serving(said=agree)
     second, third = request(2, conversation="b"), request(3, conversation="c")
+    again, fifth = request(4, conversation="b"), request(5, conversation="c")
     one.step(of(request(2, conversation="thief")))
-    assert one.step(of(third, digest_of(second.communicate))).handled is None
-    again = request(4, conversation="b")
-    assert one.step(of(third, digest_of(again.communicate))).handled is None
-    assert one.step(of(again)).handled.conversation == "b"
-    assert (
-        one.step(
-            of(request(5, conversation="c"), digest_of(again.communicate))
-        ).handled.conversation
-        == "c"
-    )
+    for event, before, taken in (
+        (third, second, None),
+        (third, again, None),
+        (again, None, "b"),
+        (fifth, again, "c"),
+    ):
+        handled = one.step(of(event, digest_of(before.communicate) if before else b"")).handled
+        assert getattr(handled, "conversation", None) == taken
 
 
 @pytest.mark.parametrize(("farther", "taken"), [(1, True), (JUMP, True), (JUMP + 1, False)])
@@ -131,13 +122,18 @@ def test_numbers_may_be_left_out_but_not_many(farther: int, taken: bool) -> None
 # --- the sender -----------------------------------------------------------------------------------
 
 
-def asking() -> Driven:
-    """The asker with a request to the server in its outbox."""
-    one = Driven(asker(5), wirings()[0])
+def asking(*wanted: int) -> Driven:
+    """The asker; with what is wanted, a request to the server is in its outbox."""
+    one = Driven(asker(*wanted), wirings()[0])
     one.state = one.core.boot(one.core.first("own"))
     one.step(PeerChanged("server", 1, "its"))
-    assert [outgoing.number for outgoing in one.state.outbox["server"]] == [1]
+    assert outbox(one) == list(range(1, 1 + len(wanted)))
     return one
+
+
+def word(one: Driven) -> bytes:
+    """The digest of the first message that is not receipted."""
+    return digest_of(one.state.outbox["server"][0].communicate)
 
 
 def receipted(taken: int, word: bytes = b"another", **more: Any) -> Receipted:
@@ -152,7 +148,7 @@ def outbox(one: Driven) -> list[int]:
 
 def test_a_word_under_whose_number_another_was_taken_is_said_again() -> None:
     """On the disk first, under the next number; the agent says so."""
-    one = asking()
+    one = asking(5)
     effects = one.step(receipted(1))
     assert outbox(one) == [2]
     assert effects.record is not None
@@ -160,8 +156,7 @@ def test_a_word_under_whose_number_another_was_taken_is_said_again() -> None:
     (why,) = told(effects)
     assert "roco keys revoke asker" in why
     assert one.state.counts[TOLD] == 1
-    word = one.state.outbox["server"][0].communicate
-    one.step(receipted(2, digest_of(word)))
+    one.step(receipted(2, word(one)))
     assert outbox(one) == []
 
 
@@ -169,28 +164,22 @@ def test_the_same_words_after_a_death() -> None:
     """Words repeated by the next life have the same digest: an honest agent is never taken for a
     thief.
     """
-    one = asking()
-    word = one.state.outbox["server"][0].communicate
-    state = restored(one.core.agent, one.core.record(one.state))
-    assert (
-        digest_of(state.outbox["server"][0].communicate)
-        == digest_of(word)
-        == digest_of(decode(encode(word)))
-    )
+    one = asking(5)
+    said = one.state.outbox["server"][0].communicate
+    again = restored(one.core.agent, one.core.record(one.state)).outbox["server"][0].communicate
+    assert digest_of(again) == digest_of(said) == digest_of(decode(encode(said)))
 
 
 def test_a_refusal_of_a_thiefs_word_changes_nothing() -> None:
     """The word that was refused is not this agent's, which waits for its receipt."""
-    one = asking()
+    one = asking(5)
     assert not told(one.step(receipted(0, b"", refused=b"a thief's")))
     assert outbox(one) == [1]
 
 
 def test_words_taken_in_its_name_are_told_while_it_says_nothing() -> None:
     """And its next word gets the number after them."""
-    one = Driven(asker(), wirings()[0])
-    one.state = one.core.boot(one.core.first("own"))
-    one.step(PeerChanged("server", 1, "its"))
+    one = asking()
     assert told(one.step(receipted(7)))
     one.step(Local(Want(5)))
     assert outbox(one) == [8]
@@ -200,7 +189,7 @@ def test_tries_lie_farther_and_farther_ahead_and_are_not_made_at_once_for_ever()
     """A thief who always says the next number is passed; one who cannot be passed does not set the
     pace.
     """
-    one, gaps, at_once = asking(), [], 0
+    one, gaps, at_once = asking(5), [], 0
     for _ in range(8):
         taken = outbox(one)[0]
         at_once += len(one.step(receipted(taken)).sends)
@@ -208,17 +197,15 @@ def test_tries_lie_farther_and_farther_ahead_and_are_not_made_at_once_for_ever()
     assert gaps[:4] == [1, 16, 256, 4096]
     assert max(gaps) <= JUMP
     assert at_once == reception.AT_ONCE
-    one.now += 10.0
-    effects = one.step(Tick())
+    effects = one.later(one.now + 10.0)
     assert [communicate.id for communicate in effects.sends] == [str(outbox(one)[0])]
 
 
 @pytest.mark.parametrize("taken", [-5, 10**18 - 1, 10**18, 2**70])
 def test_a_number_that_none_could_follow_is_not_believed(taken: int) -> None:
     """A thief with the receiver's key cannot use the numbers up."""
-    one = asking()
-    word = digest_of(one.state.outbox["server"][0].communicate)
-    one.step(receipted(taken, refused=word))
+    one = asking(5)
+    one.step(receipted(taken, refused=word(one)))
     assert outbox(one) == [1]
 
 
@@ -226,50 +213,38 @@ def test_a_number_too_far_on_is_taken_back() -> None:
     """A thief with the receiver's key had it chosen; the receiver says at which number the stream
     is.
     """
-    one = asking()
-    word = digest_of(one.state.outbox["server"][0].communicate)
-    one.step(receipted(10**9, refused=word))
-    word = digest_of(one.state.outbox["server"][0].communicate)
-    one.step(receipted(0, b"", refused=word))
+    one = asking(5)
+    one.step(receipted(10**9, refused=word(one)))
+    one.step(receipted(0, b"", refused=word(one)))
     assert outbox(one)[0] <= JUMP
 
 
 def test_where_it_is_not_known_the_conversation_is_lost_and_the_behaviour_told() -> None:
     """It is not said again: perhaps it was taken."""
-    one = asking()
-    word = digest_of(one.state.outbox["server"][0].communicate)
-    effects = one.step(receipted(40, refused=word, unknown=True))
+    one = asking(5)
+    effects = one.step(receipted(40, refused=word(one), unknown=True))
     seen = [effects.handled for effects in one.out]
     assert any(isinstance(event, Broken) and "does not know" in event.reason for event in seen)
     assert told(effects)
-    assert all(outgoing.number > 40 for outgoing in one.state.outbox["server"]), (
-        "the asker asks anew"
-    )
+    assert all(number > 40 for number in outbox(one)), "the asker asks anew"
 
 
 def test_each_word_says_which_one_it_follows() -> None:
     """By its digest while that one is not receipted, else by its number."""
-    one = asking()
+    one, change = asking(5), msgspec.structs.replace
     (first,) = one.state.outbox["server"]
-    second = msgspec.structs.replace(
-        first, number=2, communicate=msgspec.structs.replace(first.communicate, id="2")
-    )
+    second = change(first, number=2, communicate=change(first.communicate, id="2"))
     one.state.outbox["server"] = (first, second)
     assert preceding(one.state, first.communicate) == (b"", 0)
-    assert preceding(one.state, second.communicate) == (digest_of(first.communicate), 0)
-    one.step(receipted(1, digest_of(first.communicate)))
+    assert preceding(one.state, second.communicate) == (word(one), 0)
+    one.step(receipted(1, word(one)))
     assert preceding(one.state, second.communicate) == (b"", 1)
 
 
 def test_the_digest_of_a_word_is_of_all_it_says() -> None:
     """Each field counts, its number too."""
-    word = request(1).communicate
-    for field, value in {
-        "id": "2",
-        "conversation": "b",
-        "sent": 5.0,
-        "performative": P.AGREE,
-        "reply_by": 3.0,
-    }.items():
-        assert digest_of(msgspec.structs.replace(word, **{field: value})) != digest_of(word)
-    assert len(digest_of(word)) == duplicate_digests.DIGEST_BYTES
+    said = request(1).communicate
+    other = {"id": "2", "conversation": "b", "sent": 5.0, "performative": P.AGREE, "reply_by": 3.0}
+    for field, value in other.items():
+        assert digest_of(msgspec.structs.replace(said, **{field: value})) != digest_of(said)
+    assert len(digest_of(said)) == duplicate_digests.DIGEST_BYTES

@@ -6,18 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import Struct
 from msgspec.structs import replace
-from toy_agents import Double, Doubled, Want, fleet, wirings
+from toy_agents import Double, Doubled, Want, fleet, single, wirings
 
-from agent_runtime.core.agent import Agent, Behaviour
-from agent_runtime.core.events import Arrived, Broken, Late, Local, Received, Started, Tick, Woken
+from agent_runtime.core.events import Arrived, Broken, Late, Local, Received, Tick, Woken
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery
 from agent_runtime.testing.memory_bus import Faults
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
-
-TO_SERVER, TO_CLIENT = wirings()
 
 
 class Client(Struct, frozen=True):
@@ -37,9 +34,7 @@ def ask_and_cancel(memory: Client, turn: Turn) -> Client:
             if number:
                 turn.wake(name, turn.now + number / 10)
             return replace(memory, begun=(*memory.begun, name))
-        case Woken(name=name):
-            return cancel(memory, turn, name)
-        case Late(conversation=name):
+        case Woken(name=name) | Late(conversation=name):
             return cancel(memory, turn, name)
         case Received(communicate=communicate) as received:
             answers_cancel = communicate.in_reply_to not in ("", _asked(turn, received))
@@ -57,11 +52,8 @@ def _asked(turn: Turn, received: Received) -> str:
     """
     if turn.holds(received.conversation):
         return turn.conversation(received.conversation).asked
-    return (
-        received.communicate.in_reply_to
-        if received.communicate.performative is not P.FAILURE
-        else ""
-    )
+    failed = received.communicate.performative is P.FAILURE
+    return "" if failed else received.communicate.in_reply_to
 
 
 def cancel(memory: Client, turn: Turn, name: str) -> Client:
@@ -82,21 +74,22 @@ class Server(Struct, frozen=True):
 def work(memory: Server, turn: Turn) -> Server:
     """Agree, work for 0.3 s; a cancel stops it."""
     match turn.event:
-        case Received(content=Double()) as received:
-            turn.say(received.conversation, P.AGREE)
-            turn.wake(received.conversation, turn.now + 0.3)
-            return replace(memory, working=(*memory.working, received.conversation))
-        case Received(communicate=communicate) as received if communicate.performative is P.CANCEL:
-            turn.say(received.conversation, P.INFORM, Doubled(0), kind=Kind.CANCEL)
-            turn.unwake(received.conversation)
-            return over(memory, received.conversation, "cancelled")
+        case Received(content=Double(), conversation=name):
+            turn.say(name, P.AGREE)
+            turn.wake(name, turn.now + 0.3)
+            return replace(memory, working=(*memory.working, name))
+        case Received(communicate=said, conversation=name) if said.performative is P.CANCEL:
+            turn.say(name, P.INFORM, Doubled(0), kind=Kind.CANCEL)
+            turn.unwake(name)
+            return over(memory, name, "cancelled")
         case Woken(name=name) if name in memory.working:
             turn.say(name, P.INFORM, Doubled(1))
             return over(memory, name, "done")
-        case Started():
-            return memory
-        case _:
-            return memory
+    return memory
+
+
+CLIENT = single("asker", Client(), ask_and_cancel, local=Want)
+SERVER = single("server", Server(), work)
 
 
 def over(memory: Server, name: str, how: str) -> Server:
@@ -120,8 +113,7 @@ def test_every_cancel_ends(
     once.
     """
     wires = fleet(
-        (Agent("asker", "c", Client(), {"c": Behaviour(ask_and_cancel)}, local=Want), TO_SERVER),
-        (Agent("server", "s", Server(), {"s": Behaviour(work)}), TO_CLIENT),
+        *zip((CLIENT, SERVER), wirings(), strict=True),
         seed=seed,
         faults=Faults(loss=loss, duplication=0.1, delay=delay),
     )
@@ -157,9 +149,7 @@ def test_a_volatile_cancel_is_asked_again_though_an_agree_crossed_it() -> None:
     """A word that crosses a cancel is not an answer to it: else one lost cancel would leave its
     sender waiting for ever.
     """
-    ours, theirs = wirings(Delivery.VOLATILE)
-    client = Core(Agent("asker", "c", Client(), {"c": Behaviour(ask_and_cancel)}, local=Want), ours)
-    worker = Core(Agent("server", "s", Server(), {"s": Behaviour(work)}), theirs)
+    client, worker = map(Core, (CLIENT, SERVER), wirings(Delivery.VOLATILE))
     asking, asked = client.step(client.boot(None), Local(Want(1)), 0.0)
     cancelling, cancelled = client.step(asking, Tick(), 0.15)
     assert [one.performative for one in cancelled.sends] == [P.CANCEL]

@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from driven import Driven, agree, recording, request
+from driven import Driven, agree, logged, recording, refused, request
 from msgspec import UNSET, Struct
 from msgspec.structs import replace
-from toy_agents import Want, wirings
+from toy_agents import Want, single, wirings
 
-from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.agent import Agent
 from agent_runtime.core.control import Command, Order, Pause, Resume, SetLevel, SetParameter
-from agent_runtime.core.errors import BehaviourError
-from agent_runtime.core.events import Local, Ordered, Started, Tick, Woken
+from agent_runtime.core.events import Local, Ordered, Started, Tick
 from agent_runtime.core.reception import REFUSED
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import UNFIT, Core
@@ -40,16 +39,11 @@ def reading(*entries: Parameter, name: str = "speed", kind: type = float) -> Age
     """An agent with parameters, which reads one at each step."""
 
     def transition(memory: Read, turn: Turn) -> Read:
-        return (
-            replace(memory, seen=(*memory.seen, turn.parameter(name, kind)))
-            if turn.event
-            else memory
-        )
+        if turn.event is None:
+            return memory
+        return Read((*memory.seen, turn.parameter(name, kind)))
 
-    parameters = Parameters(Entry("server", parameter=entries))
-    return Agent(
-        "server", "idle", Read(), {"idle": Behaviour(transition)}, local=Want, parameters=parameters
-    )
+    return with_parameters(single("server", Read(), transition, local=Want), *entries)
 
 
 def with_parameters(agent: Agent[Any], *entries: Parameter) -> Agent[Any]:
@@ -73,31 +67,21 @@ def reborn(one: Driven, agent: Agent[Any]) -> CoreState:
 
 
 def test_a_paused_agent_takes_nothing_and_then_all_in_its_order() -> None:
-    """Messages, words of its own side and wake-ups wait; a resume takes them, each once."""
+    """Messages, words of its own side and wake-ups wait, and no time is waited for: else a wake-up
+    that is due would be asked for again and again. A resume takes them, each once.
+    """
     one = Driven(recording(said=agree), TO_ASKER)
     told(one, Pause())
-    assert [one.step(request(number, conversation=f"c{number}")).receipts for number in (1, 2)] == [
-        (),
-        (),
-    ]
+    for number in (1, 2):
+        assert one.step(request(number, conversation=f"c{number}")).receipts == ()
     one.state.wakes["alarm"] = one.now - 1
     one.step(Local(Want(1)))
-    assert one.step(Tick()).more is False
+    effects = one.step(Tick())
+    assert (effects.more, effects.wake_at) == (False, None)
     assert one.state.memory.seen == ()
     told(one, Resume(), "2")
     assert one.state.memory.seen == ("Received", "Received", "Local", "Woken")
     assert [receipt.taken for effects in one.out for receipt in effects.receipts] == [1, 2]
-
-
-def test_a_paused_agent_waits_for_no_time_of_its_own() -> None:
-    """Else a wake-up that is due would be asked for again and again."""
-    one = Driven(recording(), TO_ASKER)
-    one.state.wakes["alarm"] = one.now - 1
-    told(one, Pause())
-    assert one.step(Tick()).wake_at is None
-    one.now += 1
-    told(one, Resume(), "2")
-    assert Woken.__name__ in one.state.memory.seen
 
 
 def test_a_pause_outlives_a_restart() -> None:
@@ -112,18 +96,15 @@ def test_a_pause_outlives_a_restart() -> None:
 
 
 def test_an_order_is_journalled_before_it_counts() -> None:
-    """Each has a record; a log line says which it was."""
-    one = Driven(recording(), TO_ASKER)
-    effects = one.step(Ordered(Command("1", Pause())))
-    assert effects.record is not None
-    assert [(line.event, line.fields["order"]) for line in effects.logs] == [("ordered", "pause")]
-
-
-def test_the_record_of_an_agent_that_nobody_ordered_is_as_before() -> None:
-    """So recordings of older runs replay to the same bytes."""
+    """Each has a record; a log line says which it was. The record of an agent that nobody ordered
+    is as before, so recordings of older runs replay to the same bytes.
+    """
     one = Driven(recording(), TO_ASKER)
     assert one.state.settings is UNSET
     assert b"settings" not in one.core.record(one.state)
+    effects = one.step(Ordered(Command("1", Pause())))
+    assert effects.record is not None
+    assert [(line.event, line.fields["order"]) for line in effects.logs] == [("ordered", "pause")]
 
 
 # --- parameters -----------------------------------------------------------------------------------
@@ -139,23 +120,17 @@ def test_a_step_reads_the_default_and_then_what_was_set() -> None:
     assert all(type(value) is float for value in one.state.memory.seen)
 
 
+NUMBER, INTEGER = "it is a number from 0.5 to 4", "it is an integer from 1 to 9"
+
+
 @pytest.mark.parametrize(
     ("order", "why"),
     [
-        (SetParameter("speed", 4.5), "speed of server cannot be 4.5; it is a number from 0.5 to 4"),
-        (
-            SetParameter("speed", "fast"),
-            "speed of server cannot be 'fast'; it is a number from 0.5 to 4",
-        ),
-        (
-            SetParameter("speed", float("nan")),
-            "speed of server cannot be nan; it is a number from 0.5 to 4",
-        ),
-        (SetParameter("tries", 2.5), "tries of server cannot be 2.5; it is an integer from 1 to 9"),
-        (
-            SetParameter("tries", True),
-            "tries of server cannot be True; it is an integer from 1 to 9",
-        ),
+        (SetParameter("speed", 4.5), f"speed of server cannot be 4.5; {NUMBER}"),
+        (SetParameter("speed", "fast"), f"speed of server cannot be 'fast'; {NUMBER}"),
+        (SetParameter("speed", float("nan")), f"speed of server cannot be nan; {NUMBER}"),
+        (SetParameter("tries", 2.5), f"tries of server cannot be 2.5; {INTEGER}"),
+        (SetParameter("tries", True), f"tries of server cannot be True; {INTEGER}"),
         (
             SetParameter("sped", 2.0),
             "agent server has no parameter 'sped'; its parameters: speed, tries",
@@ -177,19 +152,17 @@ def test_a_behaviour_is_told_once_of_a_value_and_of_no_other_order() -> None:
     waits.
     """
     one = Driven(with_parameters(recording(), SPEED), TO_ASKER)
-    for order, id in (
-        (SetParameter("speed", 2.0), "1"),
-        (SetParameter("speed", 2.0), "1"),
-        (SetLevel("info"), "2"),
+    for order, id, obeyed, heard in (
+        (SetParameter("speed", 2.0), "1", True, 1),
+        (SetParameter("speed", 2.0), "1", True, 1),
+        (SetLevel("info"), "2", True, 1),
+        (SetParameter("speed", 9.0), "3", False, 1),
+        (Pause(), "4", True, 1),
+        (SetParameter("speed", 3.0), "5", True, 1),
+        (Resume(), "6", True, 2),
     ):
-        assert told(one, order, id) == ""
-    told(one, SetParameter("speed", 9.0), "3")
-    assert one.state.memory.seen == ("Ordered",)
-    for order, id in ((Pause(), "4"), (SetParameter("speed", 3.0), "5")):
-        told(one, order, id)
-    assert one.state.memory.seen == ("Ordered",)
-    told(one, Resume(), "6")
-    assert one.state.memory.seen == ("Ordered", "Ordered")
+        assert (told(one, order, id) == "") is obeyed
+        assert one.state.memory.seen == ("Ordered",) * heard
 
 
 def test_a_value_outlives_a_restart_and_a_change_of_the_design_where_it_still_fits() -> None:
@@ -205,30 +178,18 @@ def test_a_value_outlives_a_restart_and_a_change_of_the_design_where_it_still_fi
 
 def test_a_behaviour_that_reads_what_is_not_there_is_told_what_is() -> None:
     """Or what it is, where it reads it as another type."""
-    with pytest.raises(
-        BehaviourError, match=r"parameter 'sped' is not in the design.*there are speed"
+    for agent, words in (
+        (reading(SPEED, name="sped"), r"parameter 'sped' is not in the design.*there are speed"),
+        (reading(SPEED, kind=int), r"parameter 'speed' was read as int.*it is float"),
     ):
-        Driven(reading(SPEED, name="sped"), TO_ASKER).step(Local(Want(1)))
-    with pytest.raises(BehaviourError, match=r"parameter 'speed' was read as int.*it is float"):
-        Driven(reading(SPEED, kind=int), TO_ASKER).step(Local(Want(1)))
+        refused(words, agent, TO_ASKER, Local(Want(1)))
 
 
 def test_orders_replay_to_the_same_bytes(tmp_path: Path) -> None:
     """The log of steps has them like any other event."""
-    agent, log = reading(SPEED), steplog.StepLog(tmp_path / "server.steps")
-    core = Core(agent, TO_ASKER)
-    state = core.boot(None)
-    log.boot(state.incarnation, b"", 0.0)
     orders = (SetParameter("speed", 2), Pause(), Resume(), SetParameter("speed", "x"))
-    events = [
-        Local(Want(1)),
-        *(Ordered(Command(str(n), order)) for n, order in enumerate(orders)),
-        Local(Want(2)),
-    ]
-    for event in events:
-        state, effects = core.step(state, event, 1.0)
-        log.write([steplog.noted(state.incarnation, state.soft.step, 1.0, event, effects)])
-    log.close()
-    again = list(steplog.replay(Core(agent, TO_ASKER), steplog.read(tmp_path / "server.steps")))
-    assert len(again) == len(events)
-    assert all(steplog.fingerprint(effects) == step.output for step, effects in again)
+    given = [Ordered(Command(str(number), order)) for number, order in enumerate(orders)]
+    events = (Local(Want(1)), *given, Local(Want(2)))
+    logged(tmp_path / "server.steps", reading(SPEED), (events,))
+    found = steplog.again(Core(reading(SPEED), TO_ASKER), tmp_path / "server.steps")
+    assert (found.steps, found.parted) == (len(events), None)

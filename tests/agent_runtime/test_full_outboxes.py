@@ -7,9 +7,19 @@ import pytest
 from driven import Driven, agree, quiet, request
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toy_agents import RING, Double, Doubled, Order, Want, fleet, ring_agent, ring_wiring, wirings
+from toy_agents import (
+    RING,
+    Doubled,
+    Order,
+    Want,
+    faulty,
+    fleet,
+    ring_agent,
+    ring_wiring,
+    wirings,
+)
 
-from agent_runtime.core.events import Late, Local, Receipted, Tick, Woken
+from agent_runtime.core.events import Late, Local, Receipted, Woken
 from agent_runtime.core.state import Outgoing
 from agent_runtime.core.streams import ANSWERS_BOUND, OUTBOX_BOUND
 from agent_runtime.core.turn import Turn
@@ -21,17 +31,22 @@ LIMIT_S = 300.0
 """Of virtual time; re-sending goes up to every 2 s."""
 
 
-def ring(count: int, *, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
+def ring(count: int, *, seed: int = 0) -> MemoryBus:
     """So many agents."""
     members = RING[:count]
     return fleet(
-        *((ring_agent(me, members), ring_wiring(me, members)) for me in members),
-        seed=seed,
-        faults=faults,
+        *((ring_agent(me, members), ring_wiring(me, members)) for me in members), seed=seed
     )
 
 
-def expect_all_answered(wires: MemoryBus, wanted: tuple[int, ...]) -> None:
+def order(wires: MemoryBus, wanted: range, at_once: int) -> None:
+    """Each is to ask all these, so many in one step."""
+    for first in range(0, len(wanted), at_once):
+        for name in wires.nodes:
+            wires.post(name, Order(tuple(wanted[first : first + at_once])))
+
+
+def expect_all_answered(wires: MemoryBus, wanted: range) -> None:
     """Each question once, in each direction."""
     longest = [0]
 
@@ -40,15 +55,15 @@ def expect_all_answered(wires: MemoryBus, wanted: tuple[int, ...]) -> None:
         if state is not None:
             longest[0] = max(longest[0], *map(len, state.outbox.values()), 0)
 
+    def answered() -> bool:
+        return all(len(wires.memory(name).answers) == len(wanted) for name in wires.nodes)
+
     wires.on_step = look
-    wires.run(
-        lambda: all(len(wires.memory(name).answers) == len(wanted) for name in wires.nodes),
-        limit_s=LIMIT_S,
-    )
+    wires.run(answered, limit_s=LIMIT_S)
     for name in wires.nodes:
         memory = wires.memory(name)
-        assert sorted(memory.answers) == sorted((number, 2 * number) for number in wanted)
-        assert sorted(memory.done) == sorted(wanted)
+        assert sorted(memory.answers) == [(number, 2 * number) for number in wanted]
+        assert sorted(memory.done) == list(wanted)
     assert longest[0] <= ANSWERS_BOUND
 
 
@@ -59,31 +74,21 @@ def test_a_ring_of_questions_ends(count: int, at_once: int) -> None:
     emptied them.
     """
     wires = ring(count)
-    wanted = tuple(range(48))
-    for first in range(0, len(wanted), at_once):
-        for name in wires.nodes:
-            wires.post(name, Order(wanted[first : first + at_once]))
-    expect_all_answered(wires, wanted)
+    order(wires, range(48), at_once)
+    expect_all_answered(wires, range(48))
 
 
 @pytest.mark.parametrize("count", [2, 3])
 def test_a_ring_of_chains_ends(count: int) -> None:
     """Each end of a conversation opens the next one."""
     wires = ring(count)
-    wanted = tuple(range(64))
     for name in wires.nodes:
-        wires.post(name, Order(wanted[:16], rest=wanted[16:]))
-    expect_all_answered(wires, wanted)
+        wires.post(name, Order(tuple(range(16)), rest=tuple(range(16, 64))))
+    expect_all_answered(wires, range(64))
 
 
 @given(
-    faults=st.builds(
-        Faults,
-        loss=st.sampled_from([0.0, 0.3]),
-        duplication=st.sampled_from([0.0, 0.3]),
-        delay=st.sampled_from([0.0, 0.3]),
-        crash=st.sampled_from([0.0, 0.02]),
-    ),
+    faults=faulty(0.3, 0.3, 0.3, 0.02),
     seed=st.integers(0, 2**32),
     count=st.sampled_from([2, 3]),
     at_once=st.integers(1, 16),
@@ -96,27 +101,23 @@ def test_a_ring_of_questions_ends_under_faults(
     has not read.
     """
     wires = ring(count, seed=seed)
-    for first in range(0, 24, at_once):
-        for name in wires.nodes:
-            wires.post(name, Order(tuple(range(first, min(24, first + at_once)))))
+    order(wires, range(24), at_once)
     wires.run(lambda: all(wires.memory(name).asked for name in wires.nodes))
     wires.faults = faults
     wires.run_for(10.0)
     wires.faults = msgspec.structs.replace(faults, crash=0.0)
     wires.run(lambda: at_rest(wires), limit_s=LIMIT_S)
     for name in wires.nodes:
-        memory = wires.memory(name)
-        assert sorted(memory.answers) == [
-            (number, 2 * number) for number in sorted(dict(memory.answers))
-        ]
+        answers = wires.memory(name).answers
+        assert sorted(answers) == [(number, 2 * number) for number in sorted(dict(answers))]
 
 
 def at_rest(wires: MemoryBus) -> bool:
     """Whether all live, and nothing is asked, owed or on its way."""
     states = [node.state for node in wires.nodes.values()]
-    return all(
-        state is not None
-        and not (state.memory.asked or state.memory.owed or state.outbox or state.soft.inbox)
+    return not any(
+        state is None
+        or (state.memory.asked or state.memory.owed or state.outbox or state.soft.inbox)
         for state in states
     )
 
@@ -177,23 +178,16 @@ def test_a_wake_up_and_a_wait_that_is_over_are_held_back_too() -> None:
     """Each opens a conversation; with room again each does, once."""
 
     def said(turn: Turn) -> None:
+        if isinstance(turn.event, Local | Late | Woken):
+            first = isinstance(turn.event, Local) and turn.event.content.number
+            turn.open("server", "request", P.REQUEST, reply_by_s=1.0 if first else None)
         if isinstance(turn.event, Local):
-            turn.open(
-                "server",
-                "request",
-                P.REQUEST,
-                Double(1),
-                reply_by_s=1.0 if turn.event.content.number else None,
-            )
             turn.wake("again", turn.now + 1.0)
-        elif isinstance(turn.event, Late | Woken):
-            turn.open("server", "request", P.REQUEST, Double(2))
 
     one = Driven(quiet(said, name="asker"), wirings()[0])
     for number in range(OUTBOX_BOUND):
         one.step(Local(Want(int(number == 0))))
-    one.now += 2.0
-    effects = one.step(Tick())
+    effects = one.later(one.now + 2.0)
     assert not effects.more
     assert effects.wake_at is not None
     assert effects.wake_at > one.now  # to send again, not for what is held back

@@ -8,10 +8,10 @@ import msgspec
 from driven import Driven, quiet
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from toy_agents import fleet
+from toy_agents import fleet, single
 from toy_observers import Finish, Seen, Topic, wiring
 
-from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Broken, LinkChanged, Local, PeerChanged, Receipted, Received
 from agent_runtime.core.streams import LAST_MESSAGES, RESEND_LAST
 from agent_runtime.core.turn import Turn
@@ -28,14 +28,13 @@ class Ended(msgspec.Struct, frozen=True):
 
 def subscribe(memory: Ended, turn: Turn) -> Ended:
     """Subscribe once the watcher is there, note the end."""
+    over = not turn.conversations("watcher")
     match turn.event:
-        case PeerChanged(agent="watcher", incarnation=int()) if not turn.conversations("watcher"):
+        case PeerChanged(agent="watcher", incarnation=int()) if over:
             turn.open("watcher", "subscribe", P.SUBSCRIBE, Topic())
-            return msgspec.structs.replace(memory, opened=memory.opened + 1)
-        case Received() if not turn.conversations("watcher"):
-            return msgspec.structs.replace(memory, ended=memory.ended + 1)
-        case Broken():
-            return msgspec.structs.replace(memory, ended=memory.ended + 1)
+            return Ended(memory.opened + 1, memory.ended)
+        case Received() | Broken() as event if over or isinstance(event, Broken):
+            return Ended(memory.opened, memory.ended + 1)
     return memory
 
 
@@ -56,16 +55,21 @@ def watcher() -> Agent[Any]:
 
 def knower() -> Agent[Ended]:
     """The subscriber."""
-    return Agent("knower", "knowing", Ended(), {"knowing": Behaviour(subscribe)})
+    return single("knower", Ended(), subscribe)
 
 
 def subscribed() -> Driven:
     """The observed, with one subscription it agreed to."""
     one = Driven(watcher(), wiring("watcher"))
     one.step(PeerChanged("knower", 1))
-    one.hears("knower", "subscribe", P.SUBSCRIBE, Topic(), talk="knower-1-1")
+    subscribing(one, "knower-1-1")
     assert [said.performative for said in one.sends()] == [P.AGREE]
     return one
+
+
+def subscribing(one: Driven, talk: str) -> None:
+    """The knower subscribes."""
+    one.hears("knower", "subscribe", P.SUBSCRIBE, Topic(), talk=talk)
 
 
 def test_a_failure_said_while_the_router_is_away_is_said_when_it_is_back() -> None:
@@ -85,16 +89,12 @@ def test_a_failure_said_while_the_router_is_away_is_said_when_it_is_back() -> No
 
 def test_it_ends_with_its_subscriber() -> None:
     """A subscriber that is gone, or has a new life, knows nothing of that conversation."""
-    for change in (
-        PeerChanged("knower", None),
-        PeerChanged("knower", 2),
-        PeerChanged("knower", 1, "another"),
-    ):
+    for life in ((None,), (2,), (1, "another")):
         one = subscribed()
         one.state = msgspec.structs.replace(one.state, journals={"knower": "old"})
         one.step(Local(Finish()))
         assert one.state.soft.last
-        one.step(change)
+        one.step(PeerChanged("knower", *life))
         assert not one.state.soft.last
 
 
@@ -102,7 +102,7 @@ def test_a_copy_of_the_opening_does_not_open_it_again() -> None:
     """While its last word is on the way."""
     one = subscribed()
     one.step(Local(Finish()))
-    one.hears("knower", "subscribe", P.SUBSCRIBE, Topic(), talk="knower-1-1")
+    subscribing(one, "knower-1-1")
     assert one.sends() == []
     assert not one.state.soft.conversations
 
@@ -122,9 +122,9 @@ def test_a_subscription_of_the_present_life_is_newer_than_all_others() -> None:
     """A subscriber whose journal was lost counts its lives from 1 again."""
     one = subscribed()
     one.step(PeerChanged("knower", 5))
-    one.hears("knower", "subscribe", P.SUBSCRIBE, Topic(), talk="knower-5-9")
+    subscribing(one, "knower-5-9")
     one.step(PeerChanged("knower", 2))
-    one.hears("knower", "subscribe", P.SUBSCRIBE, Topic(), talk="knower-2-1")
+    subscribing(one, "knower-2-1")
     assert [said.performative for said in one.sends()] == [P.AGREE]
 
 
@@ -132,7 +132,7 @@ def test_they_are_bounded() -> None:
     """A subscriber that never receipts fills no memory, and the re-sending gets slow."""
     one = subscribed()
     for number in range(2 * LAST_MESSAGES):
-        one.hears("knower", "subscribe", P.SUBSCRIBE, Topic(), talk=f"knower-1-{number + 2}")
+        subscribing(one, f"knower-1-{number + 2}")
         one.step(Local(Finish()))
     assert len(one.state.soft.last) == LAST_MESSAGES
     assert max(ask.gap for ask in one.state.soft.last.values()) <= RESEND_LAST
@@ -156,13 +156,15 @@ def test_nobody_is_subscribed_for_ever(
     nothing is left.
     """
     agents = ((watcher(), wiring("watcher")), (knower(), wiring("knower")))
-    wires = fleet(
-        *agents, seed=seed, faults=Faults(loss=loss, duplication=duplication, delay=delay)
-    )
-    agreed = lambda: wires.up("watcher") and bool(wires.nodes["watcher"].state.soft.conversations)  # noqa: E731
+    usual = Faults(loss=loss, duplication=duplication, delay=delay)
+    wires = fleet(*agents, seed=seed, faults=usual)
+
+    def agreed() -> bool:
+        return wires.up("watcher") and bool(wires.nodes["watcher"].state.soft.conversations)
+
     wires.run(agreed, limit_s=3600.0)
     wires.run_for(at_s)
-    usual, wires.faults = wires.faults, Faults(loss=1.0 if away_s else loss)
+    wires.faults = Faults(loss=1.0 if away_s else loss)
     wires.post("watcher", Finish())
     wires.run_for(away_s)
     wires.faults = usual

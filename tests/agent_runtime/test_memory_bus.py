@@ -5,9 +5,10 @@ answered once.
 from functools import partial
 
 import pytest
+from driven import message
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toy_agents import LANGUAGES, Double, Want, answers, toys
+from toy_agents import Double, Want, answers, toys
 
 from agent_runtime.core.duplicate_digests import KEPT
 from agent_runtime.core.effects import Effects
@@ -21,17 +22,8 @@ STOLEN = 99
 
 def stolen(number: int) -> Communicate:
     """A thief's request in the asker's name."""
-    return Communicate(
-        performative=P.REQUEST,
-        sender="asker",
-        receiver="server",
-        protocol="request",
-        conversation=f"thief-{number}",
-        id=str(number),
-        reply_with=str(number),
-        language="SUM",
-        content=LANGUAGES.named("SUM").encode(Double(STOLEN)),
-    )
+    labels = {"conversation": f"thief-{number}", "id": str(number), "reply_with": str(number)}
+    return message(P.REQUEST, "asker>server", "request", Double(STOLEN), **labels)
 
 
 def test_requests_are_answered_in_order() -> None:

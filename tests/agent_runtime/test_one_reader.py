@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from queue import Empty
 from types import FrameType
@@ -54,28 +55,41 @@ def test_a_time_that_is_over_is_no_wait(timeout_s: float) -> None:
         OneReaderQueue[int]().get(timeout_s)
 
 
+def writing(
+    queue: OneReaderQueue[tuple[int, int]], counts: Sequence[int]
+) -> list[threading.Thread]:
+    """Threads that put their number and each of so many, started."""
+
+    def put(name: int, count: int) -> None:
+        for number in range(count):
+            queue.put((name, number))
+
+    writers = [threading.Thread(target=put, args=one) for one in enumerate(counts)]
+    for writer in writers:
+        writer.start()
+    return writers
+
+
+def expect_all(got: list[tuple[int, int]], counts: Sequence[int]) -> None:
+    """All that the threads put, each thread's in its order."""
+    for name, count in enumerate(counts):
+        assert [number for who, number in got if who == name] == list(range(count))
+
+
 @pytest.mark.parametrize("timeout_s", [None, 20.0])
 def test_writers_wake_the_reader(timeout_s: float | None) -> None:
     """All that four threads put arrives, each thread's in its order, whoever switches when."""
-    queue, each = OneReaderQueue[tuple[int, int]](), 5_000
+    queue, counts = OneReaderQueue[tuple[int, int]](), [5_000] * 4
     before = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     try:
-        writers = [
-            threading.Thread(
-                target=lambda name=name: [queue.put((name, number)) for number in range(each)]
-            )
-            for name in range(4)
-        ]
-        for writer in writers:
-            writer.start()
-        got = [queue.get(timeout_s) for _ in range(4 * each)]
+        writers = writing(queue, counts)
+        got = [queue.get(timeout_s) for _ in range(sum(counts))]
     finally:
         sys.setswitchinterval(before)
-        for writer in writers:
-            writer.join()
-    for name in range(4):
-        assert [number for who, number in got if who == name] == list(range(each))
+    for writer in writers:
+        writer.join()
+    expect_all(got, counts)
     assert not len(queue)
 
 
@@ -91,24 +105,13 @@ def test_nothing_is_lost_whatever_threads_put_and_however_long_is_waited(
     it did not get.
     """
     queue, got = OneReaderQueue[tuple[int, int]](), list[tuple[int, int]]()
-    writers = [
-        threading.Thread(
-            target=lambda name=name, each=each: [
-                queue.put((name, number)) for number in range(each)
-            ]
-        )
-        for name, each in enumerate(puts)
-    ]
-    for writer in writers:
-        writer.start()
-    turns = itertools.cycle(waits)
+    writers, turns = writing(queue, puts), itertools.cycle(waits)
     while len(got) < sum(puts):
         with suppress(Empty):
             got.append(queue.get(next(turns)))
     for writer in writers:
         writer.join()
-    for name, each in enumerate(puts):
-        assert [number for who, number in got if who == name] == list(range(each))
+    expect_all(got, puts)
     with pytest.raises(Empty):
         queue.get(0.0)
 

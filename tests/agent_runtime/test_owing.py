@@ -2,12 +2,12 @@
 receipted.
 """
 
+from typing import Any
+
 import pytest
-from driven import Driven, recording
+from driven import Driven, message, recording
 from hypothesis import given
 from hypothesis import strategies as st
-from msgspec import Raw
-from msgspec.msgpack import encode as pack
 from toy_agents import asker as doubler
 from toy_agents import wirings
 from toy_observers import Seen, Topic, WhatOf, asker, watcher, wiring
@@ -19,10 +19,9 @@ from agent_runtime.core.events import (
     PeerChanged,
     Receipted,
     Started,
-    Tick,
 )
 from agent_runtime.core.streams import RESEND_FIRST, observation_id, parse_observation
-from fipa_codec.communicate import MOST_DIGITS, Communicate
+from fipa_codec.communicate import MOST_DIGITS
 from fipa_codec.performatives import Performative as P
 
 TO_SERVER = wirings()[0]
@@ -31,28 +30,21 @@ LAST = "all-told"
 
 def subscribe(name: str = "knower-1-1") -> Arrived:
     """The knower's subscription."""
-    return Arrived(
-        Communicate(
-            performative=P.SUBSCRIBE,
-            content=Raw(pack(Topic())),
-            language="OBS",
-            protocol="subscribe",
-            conversation=name,
-            reply_with=name,
-            sender="knower",
-            receiver="watcher",
-            id=name,
-        )
-    )
+    labels = {"conversation": name, "reply_with": name, "id": name}
+    return Arrived(message(P.SUBSCRIBE, "knower>watcher", "subscribe", Topic(), **labels))
 
 
 def ids(one: Driven) -> list[str]:
     """Return the ids of words said in the last step; for words other than observations the
     performative.
     """
-    return [
-        sent.id if sent.performative is P.INFORM else str(sent.performative) for sent in one.sends()
-    ]
+    said = one.sends()
+    return [one.id if one.performative is P.INFORM else str(one.performative) for one in said]
+
+
+def receipted(one: Driven, subject: str) -> Any:
+    """The knower's receipt of the newest observation of this subject."""
+    return one.step(Receipted("knower", subject=subject, version=version(one, subject)))
 
 
 def version(one: Driven, subject: str) -> tuple[int, int]:
@@ -85,8 +77,7 @@ def test_what_is_due_follows_the_agree_at_once() -> None:
 def test_an_agree_is_not_said_again_unasked(observer: Driven) -> None:
     """Only who asks asks again."""
     assert observer.out[0].wake_at is None
-    observer.now += 10.0
-    observer.step(Tick())
+    observer.later(observer.now + 10.0)
     assert ids(observer) == []
 
 
@@ -101,11 +92,10 @@ def test_an_observation_is_sent_until_its_receipt(observer: Driven) -> None:
         before = observer.state.soft.resend
         observer.step(Receipted("knower", subject=subject, version=known))
         assert (ids(observer), observer.state.soft.resend) == ([], before)
-    observer.now += RESEND_FIRST
-    observer.step(Tick())
+    observer.later(observer.now + RESEND_FIRST)
     assert ids(observer) == [observation_id("jar", new)]
     assert observer.state.counts["resent"] == 1
-    assert observer.step(Receipted("knower", subject="jar", version=new)).wake_at is None
+    assert receipted(observer, "jar").wake_at is None
     assert observer.state.due == {}
 
 
@@ -113,35 +103,27 @@ def test_the_last_one_leaves_with_the_receipt_of_the_others(observer: Driven) ->
     """Not before, and at once; a receipt that leaves others due sends nothing."""
     for subject in ("jar", "bowl", LAST):
         observer.step(Local(Seen(subject, 1)))
-    last = version(observer, LAST)
     assert ids(observer) == []
-    observer.step(Receipted("knower", subject="jar", version=version(observer, "jar")))
-    assert ids(observer) == []
-    observer.step(Receipted("knower", subject="bowl", version=version(observer, "bowl")))
-    assert ids(observer) == [observation_id(LAST, last)]
-    observer.step(Receipted("knower", subject=LAST, version=last))
+    for subject, said in (("jar", []), ("bowl", [LAST]), (LAST, [])):
+        told = [observation_id(one, version(observer, one)) for one in said]
+        receipted(observer, subject)
+        assert ids(observer) == told
     assert observer.state.due == {}
 
 
 def test_a_receipt_sends_nothing_that_was_not_waiting(observer: Driven) -> None:
-    """Neither the last one, under way already where nothing else is due, nor what else is."""
+    """Neither the last one, under way already where nothing else is due, nor what else is; a peer
+    that receipts is there, so the wait for the rest, which is on its way, starts anew.
+    """
     observer.step(Local(Seen(LAST, 1)))
     assert ids(observer) == [observation_id(LAST, version(observer, LAST))]
     observer.step(Receipted("knower", taken=7))
     assert ids(observer) == []
     observer.step(Local(Seen("jar", 1)))
     observer.step(Local(Seen("bowl", 1)))
-    observer.step(Receipted("knower", subject="jar", version=version(observer, "jar")))
-    assert ids(observer) == []
-
-
-def test_a_receipt_starts_the_wait_for_the_rest_anew(observer: Driven) -> None:
-    """A peer that receipts is there: the rest is on its way."""
-    observer.step(Local(Seen("jar", 1)))
-    observer.step(Local(Seen("bowl", 1)))
     observer.now += 0.1
-    effects = observer.step(Receipted("knower", subject="jar", version=version(observer, "jar")))
-    assert effects.wake_at == observer.now + RESEND_FIRST
+    assert receipted(observer, "jar").wake_at == observer.now + RESEND_FIRST
+    assert ids(observer) == []
 
 
 def test_only_the_last_receipt_of_observations_settles() -> None:
@@ -193,8 +175,7 @@ def test_what_was_just_said_is_not_said_again_for_a_peer_that_appears(
     effects = one.step(PeerChanged(peer, 1))
     assert one.sends() == []
     assert effects.wake_at == pytest.approx(100.0 + RESEND_FIRST)
-    one.now = 100.0 + RESEND_FIRST
-    one.step(Tick())
+    one.later(100.0 + RESEND_FIRST)
     assert len(one.sends()) == 1
     one.now += 0.05
     assert one.step(PeerChanged(peer, 2)).wake_at == pytest.approx(one.now - 0.05 + RESEND_FIRST)
@@ -207,8 +188,7 @@ def test_what_was_said_long_ago_is_said_at_once_and_the_wait_starts_anew(
     """Only to the peer that appeared."""
     one, peer = waiting
     for _ in range(4):
-        one.now = one.state_wake()
-        one.step(Tick())
+        one.later(one.state_wake())
     one.now += 1.0
     one.step(PeerChanged("somebody", 1))
     assert one.sends() == []
@@ -232,13 +212,10 @@ def test_when_the_router_is_back_all_is_said_at_once(waiting: tuple[Driven, str]
 def test_waits_double_up_to_two_seconds(waiting: tuple[Driven, str]) -> None:
     """A question as a stream."""
     one, _ = waiting
-    gaps = []
-    for _ in range(5):
-        before, one.now = one.now, one.state_wake()
-        gaps.append(round(one.now - before, 6))
-        one.step(Tick())
+    for gap in (0.2, 0.4, 0.8, 1.6, 2.0):
+        assert one.state_wake() - one.now == pytest.approx(gap)
+        one.later(one.state_wake())
         assert len(one.sends()) == 1
-    assert gaps == [0.2, 0.4, 0.8, 1.6, 2.0][: len(gaps)]
     assert sum(one.state.counts.values()) == 5
 
 

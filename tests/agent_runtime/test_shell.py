@@ -10,6 +10,7 @@ from unittest.mock import MagicMock
 import msgspec
 import pytest
 import zenoh
+from driven import World, message
 from toy_observers import Seen, Topic, WhatOf, knower, watcher, wiring
 
 from agent_runtime.core.effects import Receipt
@@ -28,7 +29,7 @@ from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
 
 
-class Order:
+class Order(World):
     """Journal, wire and device of a shell: they write down what they were told, in one list."""
 
     def __init__(self) -> None:
@@ -51,25 +52,11 @@ class Order:
         """The device's."""
         self.done.append("tell")
 
-    at_router = False
-
-    def publish(self, kind: str, data: bytes) -> None:
-        """Heartbeats are none of it."""
-
-    def ping(self, peer: str, channel: bytes, pong: bool = False) -> None:
-        """Pings are none of it."""
-
-    def close(self) -> None:
-        """Nothing to close."""
-
 
 def options(run: Path, wires: Wiring) -> Options:
     """Nobody listens at these endpoints."""
-    return Options(
-        run_dir=run,
-        system="toy",
-        agents=dict.fromkeys((wires.agent, *wires.peers), "tcp/127.0.0.1:1"),
-    )
+    nowhere = dict.fromkeys((wires.agent, *wires.peers), "tcp/127.0.0.1:1")
+    return Options(run_dir=run, system="toy", agents=nowhere)
 
 
 class Stepped:
@@ -105,16 +92,21 @@ def watching(tmp_path: Path):
     one.shell._close()
 
 
-def said(protocol: str, act: P, content: Any, sender: str, receiver: str) -> Communicate:
+def said(protocol: str, act: P, content: Any, way: str, talk: str = "") -> Arrived:
     """An opening of a peer."""
-    talk = Conversation.open(protocol, Role.INITIATOR, id=f"{sender}-1-1", me=sender, peer=receiver)
-    language = wiring(receiver).languages.named("OBS")
-    return talk.send(act, id="1", now=0.0, content=language.encode(content), language="OBS")[1]
+    labels = {"conversation": talk or f"{way.partition('>')[0]}-1-1", "reply_with": "1"}
+    return Arrived(message(act, way, protocol, content, **labels))
+
+
+def subscribed(number: int = 1) -> Arrived:
+    """The knower's subscription."""
+    way, talk = "knower>watcher", f"knower-1-{number}"
+    return said("subscribe", P.SUBSCRIBE, Topic(), way, talk)
 
 
 def test_the_record_comes_before_what_leaves(watching: Stepped) -> None:
     """An observation owed is on the disk before it is sent."""
-    watching.happen(Arrived(said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")))
+    watching.happen(subscribed())
     assert watching.happen(Local(Seen("jar", 1))) == ["record", "inform"]
 
 
@@ -123,57 +115,34 @@ def test_receipts_come_between_record_and_communicates(tmp_path: Path) -> None:
     one = Stepped(knower(), tmp_path)
     one.happen(PeerChanged("watcher", 1))
     (name,) = one.shell._state.soft.conversations
-    language = wiring("knower").languages.named("OBS")
-    talk = Conversation.answering(
-        said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher"), "watcher"
-    )
-    seen = Communicate(
-        performative=P.INFORM,
-        content=language.encode(Seen("jar", 1)),
-        language="OBS",
-        protocol=talk.protocol,
-        conversation=name,
-        sender="watcher",
-        receiver="knower",
-        id="jar@1.1",
-        sent=0.0,
-    )
-    agreed = Communicate(
-        performative=P.AGREE,
-        protocol=talk.protocol,
-        conversation=name,
-        sender="watcher",
-        receiver="knower",
-        id="watcher-1-1",
-        sent=0.0,
+    agreed, seen = (
+        message(act, "watcher>knower", "subscribe", content, conversation=name, id=id, sent=0.0)
+        for act, content, id in ((P.AGREE, None, "w-1"), (P.INFORM, Seen("jar", 1), "jar@1.1"))
     )
     one.happen(Arrived(agreed))
     assert one.happen(Arrived(seen)) == ["record", "receipt"]
-    assert one.happen(Arrived(seen)) == ["receipt"], (
-        "what is in the journal already is receipted again, not written"
-    )
+    assert one.happen(Arrived(seen)) == ["receipt"], "it is in the journal already"
     one.shell._close()
 
 
 def test_a_question_is_answered_without_a_record(tmp_path: Path) -> None:
     """Nothing durable happened, so nothing is synced."""
     one = Stepped(knower(), tmp_path)
-    assert one.happen(Arrived(said("query", P.QUERY_REF, WhatOf("jar"), "asker", "knower"))) == [
-        "inform-ref"
-    ]
+    question = said("query", P.QUERY_REF, WhatOf("jar"), "asker>knower")
+    assert one.happen(question) == ["inform-ref"]
     one.shell._close()
 
 
 def test_every_step_is_in_the_log_and_replays(watching: Stepped, tmp_path: Path) -> None:
     """The log has each event with a hash of what it led to; run again the agent does the same."""
-    watching.happen(Arrived(said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")))
+    watching.happen(subscribed())
     for value in range(5):
         watching.happen(Local(Seen("jar", value)))
-    steps = list(steplog.read(tmp_path / "steps" / "watcher.steps"))
-    assert [step.kind for step in steps] == ["boot", "Started", "Arrived", *["Local"] * 5]
-    again = list(steplog.replay(Core(watcher(), wiring("watcher")), iter(steps)))
-    assert [step.step for step, _ in again] == list(range(1, 8))
-    assert all(steplog.fingerprint(effects) == step.output for step, effects in again)
+    file = tmp_path / "steps" / "watcher.steps"
+    kinds = [step.kind for step in steplog.read(file)]
+    assert kinds == ["boot", "Started", "Arrived", *["Local"] * 5]
+    found = steplog.again(Core(watcher(), wiring("watcher")), file)
+    assert (found.steps, found.parted) == (7, None)
 
 
 def written(run: Path) -> int:
@@ -181,70 +150,65 @@ def written(run: Path) -> int:
     return len(list(steplog.read(run / "steps" / "watcher.steps")))
 
 
+@pytest.fixture
+def serving(watching: Stepped) -> Stepped:
+    """The watcher while it serves, its heartbeat far off."""
+    watching.shell._serving = True
+    watching.shell._beat_at = time.time() + 100.0
+    return watching
+
+
 def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(
-    watching: Stepped, tmp_path: Path
+    serving: Stepped, tmp_path: Path
 ) -> None:
     """Nobody who asks waits for the disk; of many steps without a pause only the last few are not
     written yet.
     """
     before = written(tmp_path)
-    watching.shell._serving = True
-    watching.shell._beat_at = time.time() + 100.0
-    watching.happen(Local(Seen("jar", 0)))
+    serving.happen(Local(Seen("jar", 0)))
     assert written(tmp_path) == before
-    assert watching.shell._next_at() <= time.time() + shell.QUIET_S
-    watching.shell._recorder.write()
+    assert serving.shell._next_at() <= time.time() + shell.QUIET_S
+    serving.shell._recorder.write()
     assert written(tmp_path) == before + 1
     seen = set()
     for value in range(1, 3 * step_recorder.MOST_UNWRITTEN):
-        watching.happen(Local(Seen("jar", value)))
+        serving.happen(Local(Seen("jar", value)))
         seen.add(written(tmp_path))
         assert before + value + 1 - written(tmp_path) < step_recorder.MOST_UNWRITTEN
     assert len(seen) == 3, "written in batches"
 
 
 def test_much_that_was_said_is_written_sooner(
-    watching: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    serving: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Unwritten words are bounded in bytes, too."""
     monkeypatch.setattr(step_recorder, "MOST_SAID", 500)
-    subscribed = said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")
-    watching.shell._serving = True
-    watching.shell._beat_at = time.time() + 100.0
-    watching.happen(Arrived(subscribed))
+    serving.happen(subscribed())
+    serving.shell._wire.send = lambda communicate, after, heard: 400
     before = written(tmp_path)
-    watching.shell._wire.send = lambda communicate, after, heard: 400
-    watching.happen(Local(Seen("jar", 1)))
-    assert written(tmp_path) == before, "400 bytes and a few wait"
-    watching.happen(Local(Seen("jar", 2)))
-    assert written(tmp_path) > before + 1, "800 do not"
-    before = written(tmp_path)
-    watching.happen(Local(Seen("jar", 3)))
-    assert written(tmp_path) == before, "and the next 400 do again"
+    for value, steps in ((1, 0), (2, 3), (3, 3)):  # 400 bytes and a few wait, 800 do not
+        serving.happen(Local(Seen("jar", value)))
+        assert written(tmp_path) == before + steps
 
 
 def test_much_that_was_heard_is_let_go_at_once(
-    watching: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    serving: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its memory is for the next message; the log has it at the next pause."""
-    subscribed = said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")
-    assert isinstance(subscribed.content, msgspec.Raw)
-    monkeypatch.setattr(step_recorder, "MOST_HEARD", len(subscribed.content) + 1)
-    watching.shell._serving = True
-    watching.shell._beat_at = time.time() + 100.0
+    content = subscribed().communicate.content
+    assert isinstance(content, msgspec.Raw)
+    monkeypatch.setattr(step_recorder, "MOST_HEARD", len(content) + 1)
     before = written(tmp_path)
-    watching.happen(Arrived(subscribed))
-    assert len(watching.shell._recorder._unwritten) == 1
-    watching.happen(Arrived(msgspec.structs.replace(subscribed, conversation="knower-1-2")))
-    assert watching.shell._recorder._unwritten == [], "what was heard counts, taken or not"
+    serving.happen(subscribed())
+    assert len(serving.shell._recorder._unwritten) == 1
+    serving.happen(subscribed(2))
+    assert serving.shell._recorder._unwritten == [], "what was heard counts, taken or not"
     assert written(tmp_path) == before
-    assert watching.shell._next_at() <= time.time() + shell.QUIET_S
-    watching.shell._recorder.write()
+    assert serving.shell._next_at() <= time.time() + shell.QUIET_S
+    serving.shell._recorder.write()
     assert written(tmp_path) == before + 2
     for number in range(3, 3 * step_recorder.MOST_UNWRITTEN):
-        watching.happen(
-            Arrived(msgspec.structs.replace(subscribed, conversation=f"knower-1-{number}"))
-        )
+        serving.happen(subscribed(number))
         assert before + number - written(tmp_path) < step_recorder.MOST_UNWRITTEN
 
 
@@ -255,18 +219,15 @@ def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> No
     one.happen(Started(first=True))
     one.happen(Local(Seen("jar", 1)))
     one.shell._close()
-    assert [step.kind for step in steplog.read(tmp_path / "steps" / "watcher.steps")] == [
-        "boot",
-        "Started",
-        "Local",
-    ]
+    steps = [step.kind for step in steplog.read(tmp_path / "steps" / "watcher.steps")]
+    assert steps == ["boot", "Started", "Local"]
 
 
 def test_what_a_step_says_leaves_before_the_step_is_compared_and_written(watching: Stepped) -> None:
     """A peer that waits for an answer waits only for the work it needs."""
     end = watching.shell._core.end
     watching.shell._core.end = lambda *given: watching.order.done.append("end") or end(*given)
-    watching.happen(Arrived(said("subscribe", P.SUBSCRIBE, Topic(), "knower", "watcher")))
+    watching.happen(subscribed())
     assert watching.happen(Local(Seen("jar", 1))) == ["record", "inform", "end"]
 
 

@@ -36,10 +36,7 @@ class Steps:
 
     def rest(self) -> list[Any]:
         """Return the contents of the inbox."""
-        found = []
-        while (item := self.inbox.get(0.0)) is not None:
-            found.append(item)
-        return found
+        return list(iter(lambda: self.inbox.get(0.0), None))
 
 
 @pytest.fixture
@@ -84,7 +81,7 @@ def test_before_it_is_open_and_after_it_is_closed_all_waits_for_the_loop() -> No
 def test_what_is_heard_during_a_step_waits_its_turn(steps: Steps) -> None:
     """The thread that hears never waits for the step of another."""
     steps.then = lambda item: (
-        elsewhere(lambda: steps.floor.put(HEARD, "second")) if item == "first" else None
+        item == "first" and elsewhere(lambda: steps.floor.put(HEARD, "second"))
     )
     steps.floor.put(HEARD, "first")
     assert steps.done == ["first"]
@@ -210,11 +207,11 @@ def test_many_threads_that_hear_keep_their_order_and_lose_nothing(steps: Steps) 
     taken.
     """
     count, writers = 200, 4
-    inside, most = threading.Semaphore(1), []
+    inside, alone = threading.Semaphore(1), []
     over = threading.Event()
 
     def then(item: tuple[int, int]) -> None:
-        most.append(inside.acquire(blocking=False))
+        alone.append(inside.acquire(blocking=False))
         inside.release()
         if len(steps.done) == count * writers:
             over.set()
@@ -231,15 +228,12 @@ def test_many_threads_that_hear_keep_their_order_and_lose_nothing(steps: Steps) 
                     steps.floor.step(item)
 
     steps.then = then
-    threads = [
-        threading.Thread(target=loop),
-        *(threading.Thread(target=hear, args=(n,)) for n in range(writers)),
-    ]
-    for thread in threads:
+    threads = [threading.Thread(target=hear, args=(n,)) for n in range(writers)]
+    for thread in (threads := [threading.Thread(target=loop), *threads]):
         thread.start()
     for thread in threads:
         thread.join(timeout=30.0)
     assert over.is_set()
-    assert all(most)
+    assert all(alone)
     for writer in range(writers):
         assert [number for who, number in steps.done if who == writer] == list(range(count))

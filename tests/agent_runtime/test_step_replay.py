@@ -7,17 +7,16 @@ from typing import Any
 
 import msgspec
 import pytest
-from driven import Seen, recording, request
+from driven import Seen, logged, recording, request
 from msgspec.structs import replace
-from toy_agents import Want, wirings
+from toy_agents import Want, single, wirings
 
-from agent_runtime.core.agent import Agent, Behaviour
-from agent_runtime.core.events import AnyEvent, Local, PeerChanged, Started
+from agent_runtime.core.agent import Agent
+from agent_runtime.core.events import Local, PeerChanged, Started
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
 from agent_runtime.io import cli, shell
-from agent_runtime.io.steplog import HEAD, Again, StepLog, again, digest, fingerprint, noted, read
-from fipa_codec.communicate import encode
+from agent_runtime.io.steplog import HEAD, Again, again, digest, fingerprint, read
 from fipa_codec.performatives import Performative as P
 
 _, TO_ASKER = wirings()
@@ -34,54 +33,31 @@ def answering(turn: Turn) -> None:
         turn.say(turn.event.conversation, P.REFUSE)
 
 
-def logged(
-    path: Path, agent: Agent[Any], lives: tuple[tuple[AnyEvent, ...], ...] = LIVES
-) -> list[bytes]:
-    """Write the log of an agent that lived so; what it said, as on the wire."""
-    core, log, record, said = Core(agent, TO_ASKER), StepLog(path), b"", []
-    for number, events in enumerate(lives, 1):
-        state = core.boot(record or None)
-        log.boot(number, record, 1.0)
-        record = core.record(state)
-        for event in events:
-            state, effects = core.step(state, event, 2.0)
-            log.write([noted(number, state.soft.step, 2.0, event, effects)])
-            record, said = effects.record or record, said + [encode(one) for one in effects.sends]
-    log.close()
-    return said
-
-
 def rerun(agent: Agent[Any], path: Path) -> Again:
     """Run a log again."""
     return again(Core(agent, TO_ASKER), path)
 
 
-def rewritten(path: Path, *left_out: int) -> None:
-    """Leave lines of a log out."""
-    lines = [
-        msgspec.msgpack.encode(one)
-        for number, one in enumerate(read(path))
-        if number not in left_out
-    ]
+def rewritten(path: Path, left_out: int) -> None:
+    """Leave a line of a log out."""
+    lines = [msgspec.msgpack.encode(one) for one in read(path)]
+    del lines[left_out]
     path.write_bytes(b"".join(HEAD.pack(len(line)) + line for line in lines))
 
 
 def test_all_lives_put_out_the_same(tmp_path: Path) -> None:
     """With every communicate, by its digest, and the step that put it out."""
-    said = logged(tmp_path / "a.steps", recording(said=answering))
+    said = logged(tmp_path / "a.steps", recording(said=answering), LIVES)
     found = rerun(recording(said=answering), tmp_path / "a.steps")
     assert (found.lives, found.steps, found.parted) == (2, 6, None)
     assert [one.digest for one in found.said] == [digest(wire) for wire in said]
-    assert (found.said[0].incarnation, found.said[0].step, found.said[0].receiver) == (
-        1,
-        3,
-        "asker",
-    )
+    first = found.said[0]
+    assert (first.incarnation, first.step, first.receiver) == (1, 3, "asker")
 
 
 def test_the_first_step_that_differs_is_named(tmp_path: Path) -> None:
     """With the record before it, and what it puts out now."""
-    logged(tmp_path / "a.steps", recording(said=answering))
+    logged(tmp_path / "a.steps", recording(said=answering), LIVES)
     parted = rerun(recording(), tmp_path / "a.steps").parted
     assert parted is not None
     assert (parted.incarnation, parted.step, parted.kind) == (1, 3, "Arrived")
@@ -99,15 +75,10 @@ def test_a_difference_of_a_later_life_is_found(tmp_path: Path) -> None:
         more = 2 if turn.event == Local(Want(2)) else 1
         return Seen(memory.seen + (type(turn.event).__name__,) * more)
 
-    logged(tmp_path / "a.steps", recording())
-    found = rerun(replace_behaviour(twice), tmp_path / "a.steps")
+    logged(tmp_path / "a.steps", recording(), LIVES)
+    found = rerun(single("server", Seen(), twice, local=Want), tmp_path / "a.steps")
     assert found.parted is not None
     assert (found.steps, found.lives, found.parted.incarnation, found.parted.step) == (5, 2, 2, 2)
-
-
-def replace_behaviour(transition: Any) -> Agent[Seen]:
-    """The same agent with another transition."""
-    return Agent("server", "s", Seen(), {"s": Behaviour(transition)}, local=Want)
 
 
 def test_an_agent_that_fails_now_is_a_difference(tmp_path: Path) -> None:
@@ -116,30 +87,31 @@ def test_an_agent_that_fails_now_is_a_difference(tmp_path: Path) -> None:
     def failing(turn: Turn) -> None:
         raise RuntimeError("no more ideas")
 
-    logged(tmp_path / "a.steps", recording())
+    logged(tmp_path / "a.steps", recording(), LIVES)
     parted = rerun(recording(said=failing), tmp_path / "a.steps").parted
     assert parted is not None
     assert (parted.step, parted.now, parted.error) == (1, None, "no more ideas")
 
 
-@pytest.mark.parametrize("lost", [1, 2, 5])
-def test_a_step_that_the_log_lacks_is_named(tmp_path: Path, lost: int) -> None:
-    """It would look like an agent that does something else."""
+@pytest.mark.parametrize(
+    ("lost", "missing"), [(1, "step 2 of life 1"), (2, "step 3 of life 1"), (5, "step 1 of life 2")]
+)
+def test_a_step_that_the_log_lacks_is_named(tmp_path: Path, lost: int, missing: str) -> None:
+    """It would look like an agent that does something else; 5 is the first line of the second
+    life.
+    """
     path = tmp_path / "a.steps"
-    logged(path, recording())
+    logged(path, recording(), LIVES)
     rewritten(path, lost)
     parted = rerun(recording(), path).parted
     assert parted is not None
-    if lost == 5:  # the first line of the second life
-        assert parted.error == "the log goes on with step 1 of life 2; steps are missing"
-    else:
-        assert parted.error == f"the log goes on with step {lost + 1} of life 1; steps are missing"
+    assert parted.error == f"the log goes on with {missing}; steps are missing"
 
 
 def test_a_tail_that_a_kill_took_is_no_difference(tmp_path: Path) -> None:
     """The next life begins from the journal."""
     path = tmp_path / "a.steps"
-    logged(path, recording(said=answering))
+    logged(path, recording(said=answering), LIVES)
     rewritten(path, 4)
     found = rerun(recording(said=answering), path)
     assert (found.lives, found.steps, found.parted) == (2, 5, None)
@@ -149,7 +121,7 @@ def test_a_service_runs_again_instead_of_serving(
     tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes]
 ) -> None:
     """No router, no journal, no device: only what it prints."""
-    logged(tmp_path / "a.steps", recording())
+    logged(tmp_path / "a.steps", recording(), LIVES)
     run = tmp_path / "run"
 
     def serve(options: Any) -> int:

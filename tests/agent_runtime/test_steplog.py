@@ -50,9 +50,8 @@ def test_what_was_said_to_whom_and_in_which_order_counts(one: int, other: int) -
     """Also where the contents are so much that only their checksums go in."""
     both = saying("x" * one, "y" * other)
     turned = msgspec.structs.replace(both, sends=both.sends[::-1])
-    elsewhere = msgspec.structs.replace(
-        both, sends=tuple(msgspec.structs.replace(s, receiver="b") for s in both.sends)
-    )
+    sends = tuple(msgspec.structs.replace(s, receiver="b") for s in both.sends)
+    elsewhere = msgspec.structs.replace(both, sends=sends)
     found = {fingerprint(effects) for effects in (both, turned, elsewhere, saying("x" * one))}
     assert len(found) == 4
     assert (

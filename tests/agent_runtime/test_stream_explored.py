@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import msgspec
 import pytest
-from toy_agents import LANGUAGES, Double, Doubled, asker, server, wirings
+from driven import message
+from toy_agents import Double, Doubled, asker, server, wirings
 
 from agent_runtime.core import duplicate_digests, reception, sequence_check, streams
 from agent_runtime.core.duplicate_digests import preceding, receipted
@@ -19,7 +20,7 @@ from agent_runtime.core.errors import BehaviourError
 from agent_runtime.core.events import AnyEvent, Arrived, Next, Receipted, Received, Started, Tick
 from agent_runtime.core.state import CoreState, Soft, restored
 from agent_runtime.core.step import Core
-from fipa_codec.communicate import Communicate, encode
+from fipa_codec.communicate import encode
 from fipa_codec.performatives import Performative
 from topdown.prove.engine import UNREACHED, WRONG, Exploration, Move, explore
 
@@ -88,13 +89,11 @@ class Running:
         self.numbers: dict[Any, int] = {None: 0}
         self.taken: dict[tuple[int, int], int] = {}
         self.steps: dict[Any, Stepped] = {}
-        first = [self._first(who) for who in (ASKER, SERVER)]
-        place = Place(
-            (Side(0, first[0], False, False), Side(0, first[1], False, False)), thefts=thefts
-        )
-        words = [stolen(thief, number) for number in range(1, 2 + thefts)]
+        one, other = (Side(0, self._first(who), False, False) for who in (ASKER, SERVER))
+        place = Place((one, other), thefts=thefts)
         self.stolen = [
-            (1 - thief, self._number(("stolen", one.communicate.id), one)) for one in words
+            (1 - thief, self._number(("stolen", number), stolen(thief, number)))
+            for number in range(1, 2 + thefts)
         ]
         for who in (ASKER, SERVER):
             place = self._restored(place, who)
@@ -124,26 +123,16 @@ class Running:
             try:
                 after, effects = self.cores[who].step(self.things[state], event, now)
             except BehaviourError as error:
-                after, effects = (
-                    self.things[state],
-                    Effects(logs=(LogLine(str(error), {}, "error"),)),
-                )
+                after = self.things[state]
+                effects = Effects(logs=(LogLine(str(error), {}, "error"),))
             after = canonical(after)
-            record = self.cores[who].record(after)
-            soft = msgspec.msgpack.encode(
-                [after.soft.inbox, after.soft.resend, after.soft.conversations, after.soft.over]
-            )
-            number = self._number((who, record, soft), after)
-            outputs = [
-                self._on_way(1 - who, output, after)
-                for output in (*effects.receipts, *effects.sends)
-            ]
-            self.steps[key] = (
-                number,
-                self._number(record, record) if effects.record else 0,
-                effects,
-                outputs,
-            )
+            record, soft = self.cores[who].record(after), after.soft
+            kept = [soft.inbox, soft.resend, soft.conversations, soft.over]
+            number = self._number((who, record, msgspec.msgpack.encode(kept)), after)
+            said = (*effects.receipts, *effects.sends)
+            outputs = [self._on_way(1 - who, output, after) for output in said]
+            written = self._number(record, record) if effects.record else 0
+            self.steps[key] = (number, written, effects, outputs)
         return self.steps[key]
 
     def _after(self, place: Place, who: int, event: AnyEvent, *, said: int | None = None) -> Place:
@@ -154,15 +143,14 @@ class Running:
         state, record, effects, outputs = self._step(who, old.state, event)
         stray = out_of_order(self.things[old.state], effects, thief=self.thief)
         side = Side(state, record or old.journal, effects.more, effects.wake_at is not None, stray)
-        sides = (side, place.sides[SERVER]) if who == ASKER else (place.sides[ASKER], side)
-        return place._replace(sides=sides, way=crowded(place.way, outputs[:said], self.room))
+        way = crowded(place.way, outputs[:said], self.room)
+        return placed(place, who, side)._replace(way=way)
 
     def _on_way(self, to: int, output: Any, state: CoreState) -> tuple[int, int]:
         names = JOURNALS[1 - to], JOURNALS[to]
         if isinstance(output, Receipt):
-            return to, self._number(
-                ("receipt", to, output), receipted(NAMES[1 - to], output, *names)
-            )
+            came = receipted(NAMES[1 - to], output, *names)
+            return to, self._number(("receipt", to, output), came)
         behind = preceding(state, output)
         return to, self._number((encode(output), behind), Arrived(output, *names, *behind))
 
@@ -171,9 +159,8 @@ class Running:
         state = canonical(self.cores[who].boot(journal))
         number = self._number((who, "boot", self.cores[who].record(state)), state)
         side = Side(number, place.sides[who].journal, False, False)
-        sides = (side, place.sides[SERVER]) if who == ASKER else (place.sides[ASKER], side)
         first = place.sides[who].journal == self.numbers["first", who]
-        return self._after(place._replace(sides=sides), who, Started(first=first))
+        return self._after(placed(place, who, side), who, Started(first=first))
 
     # --- the model --------------------------------------------------------------------------------
 
@@ -206,44 +193,32 @@ class Running:
         if effects.record is not None:
             for said in range(len(effects.receipts) + len(effects.sends)):
                 dead = self._restored(self._after(place, who, event, said=said), who)
-                yield Move(
-                    NAMES[who],
-                    f"{what}, dies after {said} outputs and is restored",
-                    dead,
-                    fault=True,
-                )
+                dies = f"{what}, dies after {said} outputs and is restored"
+                yield Move(NAMES[who], dies, dead, fault=True)
 
     def at_rest(self, place: Place) -> bool:
         """All answered, nothing kept to be sent again, nothing on its way."""
         states = [self.things[side.state] for side in place.sides]
-        quiet = not place.way and not any(
-            side.more or state.outbox for side, state in zip(place.sides, states, strict=True)
-        )
-        return quiet and len(states[ASKER].memory.answers) == len(self.wanted)
+        busy = any(side.more for side in place.sides) or any(state.outbox for state in states)
+        answered = len(states[ASKER].memory.answers) == len(self.wanted)
+        return answered and not place.way and not busy
 
     def wrong(self, place: Place) -> str:
         """Effects once and in order; receipts for what is journalled only; nothing out of
         sequence.
         """
-        memories = [self.things[side.state].memory for side in place.sides]
-        done = tuple(one for one in memories[SERVER].done if one != STOLEN)
+        asking, serving = (self.things[side.state].memory for side in place.sides)
+        done = tuple(one for one in serving.done if one != STOLEN)
         if done != self.wanted[: len(done)]:
-            return f"the server worked on {memories[SERVER].done}"
-        if (
-            memories[ASKER].answers
-            != tuple((n, 2 * n) for n in self.wanted)[: len(memories[ASKER].answers)]
-        ):
-            return f"the asker was answered {memories[ASKER].answers}"
+            return f"the server worked on {serving.done}"
+        if asking.answers != tuple((n, 2 * n) for n in self.wanted)[: len(asking.answers)]:
+            return f"the asker was answered {asking.answers}"
         for to, number in place.way:
             event = self.things[number]
             if isinstance(event, Receipted) and event.taken > self._journalled(place, 1 - to):
                 return f"{NAMES[1 - to]} receipted {event.taken}, and has not journalled it"
-        strays = [
-            f"{name}: {side.stray}"
-            for name, side in zip(NAMES, place.sides, strict=True)
-            if side.stray
-        ]
-        return ", ".join(strays)
+        strays = zip(NAMES, (side.stray for side in place.sides), strict=True)
+        return ", ".join(f"{name}: {stray}" for name, stray in strays if stray)
 
     def _journalled(self, place: Place, who: int) -> int:
         number = place.sides[who].journal
@@ -258,6 +233,12 @@ class Running:
         return {
             name: f"{state.state} {state.memory}" for name, state in zip(NAMES, states, strict=True)
         }
+
+
+def placed(place: Place, who: int, side: Side) -> Place:
+    """The place with another state of one agent."""
+    asker, server = place.sides
+    return place._replace(sides=(side, server) if who == ASKER else (asker, side))
 
 
 def crowded(
@@ -283,23 +264,11 @@ def canonical(state: CoreState) -> CoreState:
 
 def stolen(who: int, number: int) -> Arrived:
     """A thief's word in an agent's name, under this number."""
-    said = (
-        (Performative.REQUEST, Double(STOLEN))
-        if who == ASKER
-        else (Performative.INFORM, Doubled(STOLEN))
-    )
-    word = Communicate(
-        performative=said[0],
-        sender=NAMES[who],
-        receiver=NAMES[1 - who],
-        protocol="request",
-        conversation=f"thief-{number}",
-        id=str(number),
-        reply_with=str(number),
-        language="SUM",
-        content=LANGUAGES.named("SUM").encode(said[1]),
-    )
-    return Arrived(word, JOURNALS[who], JOURNALS[1 - who])
+    asks = (Performative.REQUEST, Double(STOLEN)), (Performative.INFORM, Doubled(STOLEN))
+    act, content = asks[who]
+    labels = {"conversation": f"thief-{number}", "id": str(number), "reply_with": str(number)}
+    said = message(act, f"{NAMES[who]}>{NAMES[1 - who]}", "request", content, **labels)
+    return Arrived(said, JOURNALS[who], JOURNALS[1 - who])
 
 
 def out_of_order(before: CoreState, effects: Effects, *, thief: bool) -> str:
@@ -317,27 +286,20 @@ def out_of_order(before: CoreState, effects: Effects, *, thief: bool) -> str:
 
 def of_a_thief(line: LogLine) -> bool:
     """Whether a line tells of a thief, or of what only the thief said."""
-    return line.event == "another speaker" or str(line.fields.get("conversation")).startswith(
-        "thief"
-    )
+    talk = str(line.fields.get("conversation"))
+    return line.event == "another speaker" or talk.startswith("thief")
 
 
 def words(event: Any) -> str:
     """An event on its way."""
     if isinstance(event, Receipted):
-        return f"receipt {event.taken}" + (
-            f", {event.refused.hex()} refused" if event.refused else ""
-        )
+        refused = f", {event.refused.hex()} refused" if event.refused else ""
+        return f"receipt {event.taken}{refused}"
     return f"{event.communicate.performative} {event.communicate.id}"
 
 
 def explored(
-    wanted: tuple[int, ...] = WANTED,
-    *,
-    room: int = 2,
-    thefts: int = 0,
-    thief: int = ASKER,
-    **limits: Any,
+    wanted: tuple[int, ...], *, room: int = 2, thefts: int = 0, thief: int = ASKER, **limits: Any
 ) -> Exploration:
     """Everything that can happen."""
     return explore(Running(wanted, room, thefts, thief), **limits)
@@ -347,56 +309,35 @@ def test_soft_state_is_all_in_the_key() -> None:
     """State lost in a death is told apart by its inbox, re-sending, open and finished
     conversations, or is not used here.
     """
-    used = {"inbox", "resend", "conversations", "over"}
-    unused = {
-        "step",
-        "up",
-        "full",
-        "held",
-        "asks",
-        "peers",
-        "parameters",
-        "answer",
-        "last",
-        "renumbered",
-        "untold",
-    }
-    assert set(Soft.__struct_fields__) == used | unused
+    used = "inbox resend conversations over"
+    unused = "step up full held asks peers parameters answer last renumbered untold"
+    assert set(Soft.__struct_fields__) == {*used.split(), *unused.split()}
 
 
-def test_one_request_under_any_faults() -> None:
-    """Worked on once, answered, receipted only when journalled, nothing out of sequence; rest in
-    reach from all.
-    """
-    found = explored((1,))
-    assert found.holds, str(found.findings)
+LONG = (pytest.mark.long, pytest.mark.timeout(900))
 
 
-@pytest.mark.parametrize("thief", [ASKER, SERVER])
-def test_one_request_beside_a_thief_under_any_faults(thief: int) -> None:
-    """A thief says a word in an agent's name, whenever, under whatever number: the agent's own are
-    taken once, too.
-    """
-    found = explored((1,), room=1, thefts=1, thief=thief)
-    assert found.holds, str(found.findings)
-
-
-@pytest.mark.long
-@pytest.mark.timeout(900)
-@pytest.mark.parametrize("thief", [ASKER, SERVER])
-@pytest.mark.parametrize(("wanted", "room", "thefts"), [((1,), 2, 1), (WANTED, 1, 1), ((1,), 1, 2)])
-def test_requests_beside_a_thief_under_any_faults(
+@pytest.mark.parametrize(
+    ("wanted", "room", "thefts", "thief"),
+    [
+        ((1,), 2, 0, ASKER),
+        *(((1,), 1, 1, thief) for thief in (ASKER, SERVER)),
+        pytest.param(WANTED, 2, 0, ASKER, marks=LONG),
+        *(
+            pytest.param(wanted, room, thefts, thief, marks=LONG)
+            for wanted, room, thefts in (((1,), 2, 1), (WANTED, 1, 1), ((1,), 1, 2))
+            for thief in (ASKER, SERVER)
+        ),
+    ],
+)
+def test_requests_under_any_faults(
     wanted: tuple[int, ...], room: int, thefts: int, thief: int
 ) -> None:
-    """With more on the way, more wanted, more stolen."""
+    """Worked on once, in order, answered, receipted only when journalled, nothing out of sequence;
+    rest in reach from all. A thief may say a word in an agent's name, whenever, under whatever
+    number: the agent's own are taken once, too.
+    """
     found = explored(wanted, room=room, thefts=thefts, thief=thief)
-    assert found.holds, str(found.findings)
-
-
-@pytest.mark.long
-def test_two_requests_under_any_faults() -> None:
-    """In order, too."""
-    found = explored()
     assert found.holds, str(found.findings)
 
 
@@ -452,19 +393,11 @@ def gaps_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     admit = reception._admit_durable
 
     def spoilt(state: Any, out: Any, wiring: Any, link: Any, arrived: Any) -> None:
-        communicate = arrived.communicate
-        number = int(communicate.id)
-        if number > state.taken.get(communicate.sender, 0) and not state.soft.inbox:
-            word = reception.digest_of(communicate)
-            reception._wait(
-                state,
-                wiring,
-                link,
-                communicate,
-                peer=communicate.sender,
-                number=number,
-                digest=word,
-            )
+        said = arrived.communicate
+        number = int(said.id)
+        if number > state.taken.get(said.sender, 0) and not state.soft.inbox:
+            how = {"peer": said.sender, "number": number, "digest": reception.digest_of(said)}
+            reception._wait(state, wiring, link, said, **how)
         else:
             admit(state, out, wiring, link, arrived)
 

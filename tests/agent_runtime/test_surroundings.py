@@ -5,6 +5,7 @@ import json
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
@@ -19,34 +20,37 @@ from agent_runtime.io.options import Options
 from agent_runtime.io.zenoh_wire import KNOWN_KEYS, ZenohWire
 
 
+def read(file: Path) -> list[dict[str, Any]]:
+    """The lines of a log."""
+    return [json.loads(line) for line in file.read_text().splitlines()]
+
+
 def test_a_log_line_is_json_in_the_file_and_short_on_the_console(tmp_path: Path) -> None:
     """The file has every line with its fields; the console what the level asks for, conversation
     last.
     """
-    console = io.StringIO()
-    log = Log("ta", "info", tmp_path / "logs" / "ta.jsonl", console)
+    console, file = io.StringIO(), tmp_path / "logs" / "ta.jsonl"
+    log = Log("ta", "info", file, console)
     log.write("sent", performative="inform", peer="co", bytes=None, conversation="co-1-4")
     log.write("detail", "debug", x=1)
     log.write("garbled", "warning", why="no communicate")
     log.close()
-    lines = [json.loads(line) for line in (tmp_path / "logs" / "ta.jsonl").read_text().splitlines()]
+    lines = read(file)
     assert [line["event"] for line in lines] == ["sent", "detail", "garbled"]
     assert all(line["agent"] == "ta" and line["t"] > 0 for line in lines)
     assert lines[0]["conversation"] == "co-1-4"
-    shown = console.getvalue().splitlines()
-    assert shown[0].split(maxsplit=1)[1] == "ta     sent performative=inform peer=co co-1-4"
-    assert len(shown) == 2
-    assert "! garbled" in shown[1]
+    first, second = console.getvalue().splitlines()
+    assert first.split(maxsplit=1)[1] == "ta     sent performative=inform peer=co co-1-4"
+    assert "! garbled" in second
 
 
 def test_the_inbox_is_bounded_for_each_sender_and_class() -> None:
     """Beyond its bound a sender's is dropped and counted, others' is not; the own side's never;
-    taking makes room.
+    taking makes room. With no entry, also for a time in the past: None at once.
     """
-    inbox = Inbox()
-    taken = [
-        inbox.put(Class.STREAM, number, "a") for number in range(BOUNDS[Class.STREAM].waiting + 2)
-    ]
+    inbox, most = Inbox(), BOUNDS[Class.STREAM].waiting
+    assert inbox.get(-5.0) is None
+    taken = [inbox.put(Class.STREAM, number, "a") for number in range(most + 2)]
     assert taken.count(False) == 2
     assert inbox.dropped == {"stream of a": 2}
     assert inbox.put(Class.STREAM, "b's", "b")
@@ -106,15 +110,14 @@ def test_a_flood_of_reproaches_is_told_as_a_sum(tmp_path: Path) -> None:
     """The first of each kind singly, the rest as a number; what reproaches nobody, and other kinds,
     are all there.
     """
-    file = tmp_path / "ta.jsonl"
-    log = Log("ta", "warning", file, io.StringIO())
+    log = Log("ta", "warning", tmp_path / "ta.jsonl", io.StringIO())
     for number in range(10_000):
         log.write("forged", "warning", key="roco/x", why=str(number))
     log.write("forged", "warning", key="roco/y")
     for number in range(100):
         log.write("sent", peer="co", id=str(number))
     log.close()
-    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    lines = read(tmp_path / "ta.jsonl")
     told = Counter(line["event"] for line in lines)
     assert told == {"forged": SINGLY + 1, "sent": 100, MORE: 1}
     assert f"… {10_000 - SINGLY:,} more of this kind from roco/x in 10 s" in lines[-1]["why"]
@@ -126,25 +129,14 @@ def test_a_log_takes_bounded_space(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     """
     monkeypatch.setattr(logs, "MOST_BYTES", 10_000)
     file = tmp_path / "ta.jsonl"
-    for start in range(2):
+    for count in (60, 60, 1000):
         log = Log("ta", "error", file)
-        for number in range(60):
-            log.write("sent", id=f"{start}-{number}")
+        for number in range(count):
+            log.write("sent", id=str(number))
         log.close()
-    log = Log("ta", "error", file)
-    for number in range(1000):
-        log.write("sent", id=str(number))
-    lines = (logs.before(file).read_bytes() + file.read_bytes()).decode().splitlines()
-    log.close()
     assert sum(one.stat().st_size for one in tmp_path.iterdir()) < 21_000
-    assert [json.loads(line)["id"] for line in lines][-100:] == [
-        str(number) for number in range(900, 1000)
-    ]
-
-
-def test_an_empty_inbox_gives_none_in_time() -> None:
-    """No entry, also for a time in the past: None at once."""
-    assert Inbox().get(-5.0) is None
+    ids = [line["id"] for line in (*read(logs.before(file)), *read(file))]
+    assert ids[-100:] == [str(number) for number in range(900, 1000)]
 
 
 def test_what_comes_on_a_key_is_classed_by_its_link_and_strangers_fill_no_memory() -> None:
@@ -156,17 +148,16 @@ def test_what_comes_on_a_key_is_classed_by_its_link_and_strangers_fill_no_memory
         (link,) = to_asker.links
         inbox = Inbox()
         wire = ZenohWire(MagicMock(), to_asker, 1, inbox)
-        key = f"roco/toy/{link.channel}/{link.peer}/{to_asker.agent}/{link.protocol}/"
+
+        def hear(peer: str, protocol: str, act: str, wire: Any = wire, link: Any = link) -> None:
+            key = f"roco/toy/{link.channel}/{peer}/server/{protocol}/{act}"
+            wire._on_communicate(MagicMock(key_expr=key, attachment=None))
+
         for act in ("request", "request", *map(str, range(KNOWN_KEYS + 5))):
-            wire._on_communicate(MagicMock(key_expr=key + act, attachment=None))
+            hear(link.peer, link.protocol, act)
         assert set(inbox._lanes) == {(kind, link.peer)}
         assert len(wire._known) == KNOWN_KEYS
-        wire._on_communicate(
-            MagicMock(
-                key_expr=f"roco/toy/{link.channel}/stranger/{to_asker.agent}/x/request",
-                attachment=None,
-            )
-        )
+        hear("stranger", "x", "request")
         assert inbox._lanes[Class.VOLATILE, "stranger"]
 
 
@@ -190,23 +181,13 @@ def test_defaults_variables_and_options() -> None:
     assert parsed([]) == (0, Options())
     variables = {"ROCO_SYSTEM": "robot1", "ROCO_SPEED": "max", "ROCO_SEED": "7", "ROCO_SCENE": ""}
     assert parsed([], variables) == (0, Options(system="robot1", speed="max", seed=7))
-    status, options = parsed(
-        ["--system", "robot2", "--run-dir", "r", "--scene", "s.toml"], variables
-    )
-    assert (status, options) == (
-        0,
-        Options(system="robot2", speed="max", seed=7, run_dir=Path("r"), scene=Path("s.toml")),
-    )
+    words = ["--system", "robot2", "--run-dir", "r", "--scene", "s.toml"]
+    given = {"run_dir": Path("r"), "scene": Path("s.toml")}
+    assert parsed(words, variables) == (0, Options(system="robot2", speed="max", seed=7, **given))
 
 
-@pytest.mark.parametrize(
-    "arguments", [["--speed", "fast"], ["--seed", "x"], ["--nothing"], ["--log-level", "loud"]]
-)
-def test_a_wrong_option_is_status_2(arguments: list[str]) -> None:
-    """Status 2 is one that no supervisor retries."""
-    assert parsed(arguments) == (2, None)
-
-
-def test_the_status_is_the_services() -> None:
-    """The result of serve is the exit status of the process."""
+def test_a_wrong_option_is_status_2() -> None:
+    """Status 2 is one that no supervisor retries; else the status is what the service returns."""
+    for words in (["--speed", "fast"], ["--seed", "x"], ["--nothing"], ["--log-level", "loud"]):
+        assert parsed(words) == (2, None), words
     assert CliRunner().invoke(cli.app("x", "A service.", lambda options: 3), []).exit_code == 3

@@ -4,35 +4,28 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from driven import Driven, quiet, recording, request
-from msgspec import Raw
-from msgspec.msgpack import encode as pack
+from driven import Driven, agree, ask, quiet, recording, refused, request
 from msgspec.structs import replace
 from toy_agents import LANGUAGES, Double, Want, wirings
 from toy_observers import Seen, Topic, WhatOf
 from toy_observers import wiring as observers
 
 from agent_runtime.core.effects import Deed
-from agent_runtime.core.errors import AgentTableError, BehaviourError
+from agent_runtime.core.errors import AgentTableError
 from agent_runtime.core.events import (
-    Arrived,
     Garbled,
     Late,
     LinkChanged,
     Local,
     PeerChanged,
     Receipted,
-    Received,
     Started,
-    Tick,
 )
 from agent_runtime.core.step import LATE_AFTER, Core
 from agent_runtime.core.streams import OUTBOX_BOUND
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Wiring
-from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
-from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
@@ -45,6 +38,13 @@ def opened(turn: Turn, *, reply_by_s: float | None = 5.0) -> str:
     return turn.open("server", "request", P.REQUEST, Double(1), reply_by_s=reply_by_s)
 
 
+def asking(said: Any = ask, **how: Any) -> Driven:
+    """The asker, after a word of its own side."""
+    one = Driven(quiet(said, name="asker", **how), TO_SERVER)
+    one.step(Local(Want(1)))
+    return one
+
+
 def joined(turn: Turn) -> None:
     """A conversation with whoever answers."""
     turn.join(Conversation.open("request", Role.INITIATOR, id="x-1", me="asker", peer=""))
@@ -52,13 +52,8 @@ def joined(turn: Turn) -> None:
 
 def observing(to: str, subject: str, name: str = "watcher") -> Driven:
     """One that owes an observation at each word of its own side."""
-    return Driven(
-        quiet(lambda turn: turn.observe(to, subject, Seen("x", 1)), name=name), observers(name)
-    )
-
-
-def nothing(turn: Turn) -> None:
-    """Says nothing."""
+    agent = quiet(lambda turn: turn.observe(to, subject, Seen("x", 1)), name=name)
+    return Driven(agent, observers(name))
 
 
 # --- what is kept ---------------------------------------------------------------------------------
@@ -67,7 +62,7 @@ def nothing(turn: Turn) -> None:
 @pytest.mark.parametrize(
     ("said", "durable"),
     [
-        (nothing, False),
+        (lambda turn: None, False),
         (lambda turn: turn.tell(Want(1)), False),
         (lambda turn: turn.log("x"), False),
         (lambda turn: turn.keep(), True),
@@ -77,28 +72,13 @@ def nothing(turn: Turn) -> None:
     ],
 )
 def test_what_others_count_on_has_a_record(said: Callable[[Turn], Any], durable: bool) -> None:
-    """A memory that stays as it is costs none."""
-    one = Driven(quiet(said, name="asker"), TO_SERVER)
-    assert (one.step(Local(Want(1))).record is not None) is durable
-
-
-def test_an_observation_owed_has_a_record() -> None:
-    """Though nobody is subscribed."""
-    one = Driven(
-        quiet(lambda turn: turn.observe("knower", "jar", Seen("jar", 1)), name="watcher"),
-        observers("watcher"),
-    )
-    assert one.step(Local(Want(1))).record is not None
-
-
-def test_that_a_durable_one_is_late_has_a_record() -> None:
-    """It is told once, over all lives."""
-    one = Driven(
-        quiet(lambda turn: isinstance(turn.event, Local) and opened(turn), name="asker"), TO_SERVER
-    )
-    one.step(Local(Want(1)))
-    one.now = 106.0
-    assert one.step(Tick()).record is not None
+    """A memory that stays as it is costs none; an observation owed has one though nobody is
+    subscribed, and so has, once over all lives, that a durable one is late.
+    """
+    assert (asking(said).out[0].record is not None) is durable
+    assert observing("knower", "jar").step(Local(Want(1))).record is not None
+    one = asking()
+    assert one.later(106.0).record is not None
     assert one.state.counts["late"] == 1
 
 
@@ -118,15 +98,11 @@ def test_late_comes_again_for_what_was_said_with_a_new_time() -> None:
     """And the peer is told by when."""
     one = Driven(recording(said=cancels, name="asker"), TO_SERVER)
     one.step(Local(Want(1)))
-    one.now = 106.0
-    one.step(Tick())
+    one.later(106.0)
     assert [(sent.performative, sent.reply_by) for sent in one.sends()][-1] == (P.CANCEL, 111.0)
-    one.now = 110.9
-    one.step(Tick())
-    assert one.state.memory.seen.count("Late") == 1
-    one.now = 111.1
-    one.step(Tick())
-    assert one.state.memory.seen.count("Late") == 2
+    for now, count in ((110.9, 1), (111.1, 2)):
+        one.later(now)
+        assert one.state.memory.seen.count("Late") == count
 
 
 def test_what_is_past_and_not_taken_asks_for_no_tick() -> None:
@@ -135,8 +111,7 @@ def test_what_is_past_and_not_taken_asks_for_no_tick() -> None:
     one = Driven(recording(said=cancels, name="asker", takes=takes), TO_SERVER)
     one.step(Local(Want(1)))
     one.step(LinkChanged(False))
-    one.now = 105.0 + LATE_AFTER
-    assert one.step(Tick()).wake_at is None
+    assert one.later(105.0 + LATE_AFTER).wake_at is None
 
 
 @pytest.mark.parametrize(("peer", "late"), [("", 0), ("server", 1)])
@@ -147,19 +122,36 @@ def test_late_comes_for_a_conversation_that_was_joined_with_a_peer(peer: str, la
     said = lambda turn: isinstance(turn.event, Local) and turn.join(talk)  # noqa: E731
     one = Driven(recording(said=said, name="asker"), TO_SERVER)
     one.step(Local(Want(1)))
-    one.now = 104.0
-    one.step(Tick())
+    one.later(104.0)
     assert one.state.memory.seen.count("Late") == late
 
 
 # --- what is refused ------------------------------------------------------------------------------
 
 
-def test_a_durable_conversation_is_not_dropped() -> None:
-    """It ends by its protocol."""
-    one = Driven(quiet(lambda turn: turn.drop(opened(turn)), name="asker"), TO_SERVER)
-    with pytest.raises(BehaviourError, match="dropped durable"):
-        one.step(Local(Want(1)))
+def observe(to: str, subject: str) -> Callable[[Turn], Any]:
+    """Owes an observation."""
+    return lambda turn: turn.observe(to, subject, Seen("x", 1))
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "words"),
+    [
+        ("asker", lambda turn: turn.drop(opened(turn)), "dropped durable"),
+        # a subject is a word of printable ASCII
+        *(
+            ("watcher", observe("knower", one), "subject")
+            for one in ("", " ", "a jar", "jar\n", "ü")
+        ),
+        # neither a stranger, nor a peer of another kind of link is owed observations
+        ("watcher", observe("asker", "jar"), "latest-value"),
+        ("asker", observe("knower", "jar"), "latest-value"),
+    ],
+)
+def test_what_is_none_of_its_acts_is_refused(name: str, said: Any, words: str) -> None:
+    """A durable conversation ends by its protocol; only a subscriber is owed observations."""
+    wires = TO_SERVER if words == "dropped durable" else observers(name)
+    refused(words, quiet(said, name=name), wires, Local(Want(1)))
 
 
 def test_a_volatile_one_that_is_dropped_is_not_asked_again() -> None:
@@ -168,28 +160,8 @@ def test_a_volatile_one_that_is_dropped_is_not_asked_again() -> None:
     one = Driven(quiet(said, name="asker"), observers("asker"))
     assert one.step(Local(Want(1))).wake_at is None
     assert one.state.soft.conversations == {}
-    one.now += 10.0
-    one.step(Tick())
+    one.later(one.now + 10.0)
     assert one.sends() == []
-
-
-@pytest.mark.parametrize("subject", ["", " ", "a jar", "jar\n", "Krüge"])
-def test_a_subject_is_a_word(subject: str) -> None:
-    """Of printable ASCII."""
-    one = Driven(
-        quiet(lambda turn: turn.observe("knower", subject, Seen("x", 1)), name="watcher"),
-        observers("watcher"),
-    )
-    with pytest.raises(BehaviourError, match="subject"):
-        one.step(Local(Want(1)))
-
-
-@pytest.mark.parametrize(("agent", "to"), [("watcher", "asker"), ("asker", "knower")])
-def test_only_a_subscriber_is_owed_observations(agent: str, to: str) -> None:
-    """Neither a stranger, nor a peer of another kind of link."""
-    one = observing(to, "jar", agent)
-    with pytest.raises(BehaviourError, match="latest-value"):
-        one.step(Local(Want(1)))
 
 
 def test_an_agent_is_bound_to_its_own_wiring() -> None:
@@ -198,21 +170,23 @@ def test_an_agent_is_bound_to_its_own_wiring() -> None:
         Core(recording(name="server"), TO_SERVER)
 
 
+def replace_links(side: Wiring, **fields: str) -> Wiring:
+    """The wiring with other links."""
+    links = tuple(replace(link, **fields) for link in side.links)
+    return Wiring("toy", side.agent, links, LANGUAGES)
+
+
 def test_the_ontology_of_a_link_is_said() -> None:
     """With each communicate."""
-    links = tuple(replace(link, ontology="sums") for link in TO_SERVER.links)
-    one = Driven(quiet(opened, name="asker"), Wiring("toy", "asker", links, LANGUAGES))
+    one = Driven(quiet(opened, name="asker"), replace_links(TO_SERVER, ontology="sums"))
     one.step(Local(Want(1)))
     assert [sent.ontology for sent in one.sends()] == ["sums"]
 
 
 def test_an_answer_to_nothing_that_was_asked_is_refused() -> None:
     """in_reply_to is said as it was given."""
-    one = Driven(
-        quiet(lambda turn: turn.say("asker-1-1", P.AGREE, in_reply_to="nothing")), TO_ASKER
-    )
-    with pytest.raises(LocalProtocolError, match="nothing"):
-        one.step(request(1))
+    said = lambda turn: turn.say("asker-1-1", P.AGREE, in_reply_to="nothing")  # noqa: E731
+    refused("nothing", quiet(said), TO_ASKER, request(1))
 
 
 # --- what a turn shows ----------------------------------------------------------------------------
@@ -231,25 +205,12 @@ def test_conversations_are_found_by_peer_and_protocol() -> None:
 
     one = Driven(recording(said=said, name="knower"), observers("knower"))
     one.step(PeerChanged("watcher", 1))
-    raw = Raw(pack(WhatOf("jar")))
-    ask = Communicate(
-        performative=P.QUERY_REF,
-        content=raw,
-        language="OBS",
-        protocol="query",
-        conversation="q",
-        id="q",
-    )
-    one.step(Arrived(replace(ask, sender="asker", receiver="knower", reply_with="q")))
+    one.hears("asker", "query", P.QUERY_REF, WhatOf("jar"), talk="q")
     mine, theirs = ["watcher"], ["asker"]
     assert {place: talks for place, talks in found.items() if talks} == {
         ("", ""): mine + theirs,
-        ("", "subscribe"): mine,
-        ("", "query"): theirs,
-        ("watcher", ""): mine,
-        ("watcher", "subscribe"): mine,
-        ("asker", ""): theirs,
-        ("asker", "query"): theirs,
+        **dict.fromkeys([("", "subscribe"), ("watcher", ""), ("watcher", "subscribe")], mine),
+        **dict.fromkeys([("", "query"), ("asker", ""), ("asker", "query")], theirs),
     }
 
 
@@ -278,20 +239,14 @@ def test_a_wake_up_that_is_unwanted_does_not_come() -> None:
 
 def test_a_line_names_the_conversation_it_is_about() -> None:
     """That of the message, none of a word of the own side."""
-    one = Driven(
-        quiet(
-            lambda turn: (
-                turn.log("x"),
-                isinstance(turn.event, Received) and turn.say("c", P.AGREE),
-            )
-        ),
-        TO_ASKER,
-    )
+
+    def said(turn: Turn) -> None:
+        turn.log("x")
+        agree(turn)
+
+    one = Driven(quiet(said), TO_ASKER)
     lines = [*one.step(request(1, conversation="c")).logs, *one.step(Local(Want(1))).logs]
-    assert [line.fields for line in lines if line.event == "x"] == [
-        {"conversation": "c"},
-        {"conversation": ""},
-    ]
+    assert [line.fields["conversation"] for line in lines if line.event == "x"] == ["c", ""]
 
 
 # --- what reaches a behaviour ---------------------------------------------------------------------
@@ -315,11 +270,8 @@ def test_bytes_that_are_nothing_are_counted(forged: bool, counted: str) -> None:
 
 def test_a_start_says_again_what_was_not_receipted() -> None:
     """At once, not when it would have been due in the life before."""
-    one = Driven(
-        quiet(lambda turn: isinstance(turn.event, Local) and opened(turn), name="asker"), TO_SERVER
-    )
-    record = one.step(Local(Want(1))).record
-    one.state = one.core.boot(record)
+    one = asking()
+    one.state = one.core.boot(one.out[0].record)
     one.now += 0.01
     one.step(Started(first=False))
     assert [sent.id for sent in one.sends()] == ["1"]
@@ -327,14 +279,8 @@ def test_a_start_says_again_what_was_not_receipted() -> None:
 
 def test_a_full_outbox_is_said_once_each_time_it_fills() -> None:
     """However often it is looked at."""
-    one = Driven(
-        quiet(
-            lambda turn: isinstance(turn.event, Local) and opened(turn, reply_by_s=None),
-            name="asker",
-        ),
-        TO_SERVER,
-    )
-    for _ in range(OUTBOX_BOUND):
+    one = asking(lambda turn: isinstance(turn.event, Local) and opened(turn, reply_by_s=None))
+    for _ in range(OUTBOX_BOUND - 1):
         one.step(Local(Want(1)))
     lines = [line.event for _ in range(3) for line in one.step(Local(Want(1))).logs]
     assert lines == ["outbox full"]
@@ -346,28 +292,16 @@ def test_a_full_outbox_is_said_once_each_time_it_fills() -> None:
 
 def test_a_deed_is_told_in_the_words_of_the_design() -> None:
     """State, event and whom it is about, what was taken, what was said."""
-
-    def said(turn: Turn) -> None:
-        if isinstance(turn.event, Received):
-            turn.say(turn.event.conversation, P.AGREE)
-
-    to_asker, to_server = (
-        Wiring(
-            "toy", side.agent, tuple(replace(link, use="deal") for link in side.links), LANGUAGES
-        )
-        for side in (TO_ASKER, TO_SERVER)
-    )
-    one = Driven(quiet(said), to_asker)
-    taken = ("deal", P.REQUEST, Kind.PLAIN)
-    agreed = ("deal", P.AGREE, Kind.PLAIN)
-    assert one.step(request(1)).deed == Deed("s", "Received", taken, (agreed,), "s")
-    assert one.step(PeerChanged("asker", 1)).deed == Deed("s", "PeerChanged asker", None, (), "s")
-    assert one.step(PeerChanged("asker", None)).deed == Deed("s", "PeerChanged", None, (), "s")
-    wrong = request(2, performative=P.INFORM)
-    assert one.step(wrong).deed == Deed("s", "Broken deal", None, (), "s")
-    asking = Driven(
-        quiet(lambda turn: isinstance(turn.event, Local) and opened(turn), name="asker"), to_server
-    )
-    asking.step(Local(Want(1)))
-    asking.now = 106.0
-    assert asking.step(Tick()).deed == Deed("s", "Late deal", None, (), "s")
+    to_asker, to_server = (replace_links(side, use="deal") for side in (TO_ASKER, TO_SERVER))
+    one = Driven(quiet(agree), to_asker)
+    taken, agreed = (("deal", act, Kind.PLAIN) for act in (P.REQUEST, P.AGREE))
+    for event, deed in (
+        (request(1), Deed("s", "Received", taken, (agreed,), "s")),
+        (PeerChanged("asker", 1), Deed("s", "PeerChanged asker", None, (), "s")),
+        (PeerChanged("asker", None), Deed("s", "PeerChanged", None, (), "s")),
+        (request(2, performative=P.INFORM), Deed("s", "Broken deal", None, (), "s")),
+    ):
+        assert one.step(event).deed == deed
+    late = Driven(quiet(ask, name="asker"), to_server)
+    late.step(Local(Want(1)))
+    assert late.later(106.0).deed == Deed("s", "Late deal", None, (), "s")

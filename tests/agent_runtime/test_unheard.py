@@ -1,21 +1,14 @@
 """Messages that nobody receives are reported after a while, and no more once they are received."""
 
 import pytest
+from driven import message
 from toy_agents import asker, wirings
 
 from agent_runtime.core.peers import PATIENCE_S, Peers, Unheard, Watch, unheard_text
 from agent_runtime.core.state import Ask, CoreState, Outgoing, fresh
-from fipa_codec.communicate import Communicate
-from fipa_codec.performatives import Performative
+from fipa_codec.performatives import Performative as P
 
-ONE = Communicate(
-    performative=Performative.REQUEST,
-    protocol="request",
-    conversation="c",
-    sender="asker",
-    receiver="server",
-    id="1",
-)
+ONE = message(P.REQUEST, "asker>server", "request", conversation="c")
 SAID, PINGED, ASKED = (PATIENCE_S[what] for what in ("said", "pinged", "asked"))
 NOBODY: frozenset[tuple[str, bytes]] = frozenset()
 
@@ -78,14 +71,10 @@ def test_nobody_is_suspected_who_is_not_there(watch: Watch, peers: Peers, change
 
 def test_a_channel_without_an_answered_ping_is_told(watch: Watch, peers: Peers) -> None:
     """That is why the agent is not ready."""
-    pings = {("server", b"T1")}
+    pings, one = {("server", b"T1")}, Unheard("server", "T1", "pinged", 10.0)
     assert watch.look(saying(), pings, peers, 10.0) == []
-    assert watch.look(saying(), pings, peers, 10.0 + PINGED) == [
-        (Unheard("server", "T1", "pinged", 10.0), True)
-    ]
-    assert watch.look(saying(), NOBODY, peers, 30.0) == [
-        (Unheard("server", "T1", "pinged", 10.0), False)
-    ]
+    assert watch.look(saying(), pings, peers, 10.0 + PINGED) == [(one, True)]
+    assert watch.look(saying(), NOBODY, peers, 30.0) == [(one, False)]
 
 
 def test_a_question_without_an_answer_is_told_late(watch: Watch, peers: Peers) -> None:
@@ -113,11 +102,9 @@ def test_who_receipts_but_does_not_take_it_yet_hears(watch: Watch, peers: Peers)
     """A peer may wait with a message that is not its turn; it says how far it is, and that is a
     sign of life enough.
     """
-    for second in range(60):
+    for second in range(61):
         assert watch.look(saying(1), NOBODY, peers, float(second)) == []
         if second % 2:
             watch.receipted("server")
-    assert watch.look(saying(1), NOBODY, peers, 60.0) == []
-    assert watch.look(saying(1), NOBODY, peers, 60.0 + SAID) == [
-        (Unheard("server", "T1", "said", 60.0), True)
-    ]
+    one = Unheard("server", "T1", "said", 60.0)
+    assert watch.look(saying(1), NOBODY, peers, 60.0 + SAID) == [(one, True)]

@@ -10,6 +10,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
+from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent, Arc, Behaviour
 from agent_runtime.core.events import Broken, Late, Local, Received, Started, Woken
@@ -52,14 +54,13 @@ def wired(
     """The wiring of an agent in a system with these uses and one language of its own."""
     silent, links = next(name for name in languages.names if name != REASON.name), []
     for initiator, participant, channel, protocol, delivery in uses:
-        if agent == initiator:
-            links.append(
-                Link(participant, channel, protocol, Role.INITIATOR, delivery, silent=silent)
-            )
-        elif agent == participant:
-            links.append(
-                Link(initiator, channel, protocol, Role.PARTICIPANT, delivery, silent=silent)
-            )
+        sides = {
+            initiator: (participant, Role.INITIATOR),
+            participant: (initiator, Role.PARTICIPANT),
+        }
+        if agent in sides:
+            peer, role = sides[agent]
+            links.append(Link(peer, channel, protocol, role, delivery, silent=silent))
     return Wiring(system, agent, tuple(links), languages)
 
 
@@ -69,6 +70,14 @@ def wirings(
     """The asker's and the server's side of one channel."""
     use = ("asker", "server", "T1", protocol, delivery)
     return wired("asker", [use]), wired("server", [use])
+
+
+def single(
+    name: str, memory: Any, transition: Any, *, takes: Any = None, state: str = "s", **more: Any
+) -> Agent[Any]:
+    """An agent of one state that never ends."""
+    behaviour = Behaviour(transition, takes=takes) if takes else Behaviour(transition)
+    return Agent(name, state, memory, {state: behaviour}, **more)
 
 
 def fleet(
@@ -96,7 +105,7 @@ class AskerMemory(msgspec.Struct, frozen=True):
 def collect(memory: AskerMemory, turn: Turn) -> AskerMemory:
     """Behaviour of `idle`: take the words of the person."""
     if isinstance(turn.event, Local) and isinstance(turn.event.content, Want):
-        return msgspec.structs.replace(memory, wanted=(*memory.wanted, turn.event.content.number))
+        return replace(memory, wanted=(*memory.wanted, turn.event.content.number))
     return memory
 
 
@@ -107,18 +116,18 @@ def ask(memory: AskerMemory, turn: Turn) -> AskerMemory:
             name = turn.open(
                 "server", "request", Performative.REQUEST, Double(memory.wanted[0]), reply_by_s=5.0
             )
-            return msgspec.structs.replace(memory, asking=name)
+            return replace(memory, asking=name)
         case Received(content=Doubled(number=number)):
-            return msgspec.structs.replace(
+            return replace(
                 memory,
                 asking="",
                 wanted=memory.wanted[1:],
                 answers=(*memory.answers, (memory.wanted[0], number)),
             )
         case Broken():
-            return msgspec.structs.replace(memory, asking="")  # it is asked again
+            return replace(memory, asking="")  # it is asked again
         case Late():
-            return msgspec.structs.replace(memory, late=memory.late + 1)
+            return replace(memory, late=memory.late + 1)
         case _:
             return memory
 
@@ -162,9 +171,7 @@ def serve(memory: ServerMemory, turn: Turn) -> ServerMemory:
         case Received(content=Double(number=number)) as received:
             turn.say(received.conversation, Performative.AGREE)
             turn.wake(received.conversation, turn.now + 0.1)
-            return msgspec.structs.replace(
-                memory, agreed=(*memory.agreed, (received.conversation, number))
-            )
+            return replace(memory, agreed=(*memory.agreed, (received.conversation, number)))
         case Started(first=False):
             return memory  # wake-ups survive
         case _:
@@ -185,12 +192,7 @@ def answer_due(memory: ServerMemory, turn: Turn) -> ServerMemory:
 
 def server() -> Agent[ServerMemory]:
     """One state that never ends."""
-    return Agent(
-        name="server",
-        start="serving",
-        memory=ServerMemory(),
-        behaviours={"serving": Behaviour(serve)},
-    )
+    return single("server", ServerMemory(), serve, state="serving")
 
 
 def toys(*wanted: int, seed: int = 0, faults: Faults | None = None) -> MemoryBus:
@@ -202,11 +204,6 @@ def answers(wires: MemoryBus) -> tuple[tuple[int, int], ...]:
     """The asker's answers so far."""
     found: tuple[tuple[int, int], ...] = wires.memory("asker").answers
     return found
-
-
-def nobody(*_: Any) -> bool:
-    """Takes nothing."""
-    return False
 
 
 # --- a ring: each asks its successor to double numbers, all at once, and doubles those of its
@@ -243,40 +240,28 @@ class Mutual(msgspec.Struct, frozen=True):
 
 def live(memory: Mutual, turn: Turn, successor: str, protocol: str) -> Mutual:
     """Ask what a person wants, agree to what is asked, and answer when its time has come."""
+
+    def asked(*numbers: int) -> dict[str, int]:
+        return {turn.open(successor, protocol, Performative.REQUEST, Double(n)): n for n in numbers}
+
     match turn.event:
         case Local(content=Order(numbers=numbers, rest=rest)):
-            opened = {
-                turn.open(successor, protocol, Performative.REQUEST, Double(number)): number
-                for number in numbers
-            }
-            return msgspec.structs.replace(
-                memory, asked=memory.asked | opened, rest=memory.rest + rest
-            )
+            return replace(memory, asked=memory.asked | asked(*numbers), rest=memory.rest + rest)
         case Received(content=Double(number=number), conversation=name):
             turn.say(name, Performative.AGREE)
             turn.wake(name, turn.now + WORK_S)
-            return msgspec.structs.replace(memory, owed=memory.owed | {name: number})
+            return replace(memory, owed=memory.owed | {name: number})
         case Woken(name=name) if name in memory.owed and turn.holds(name):
             turn.say(name, Performative.INFORM, Doubled(2 * memory.owed[name]))
-            return msgspec.structs.replace(
-                memory, owed=without(memory.owed, name), done=(*memory.done, memory.owed[name])
-            )
+            done = (*memory.done, memory.owed[name])
+            return replace(memory, owed=without(memory.owed, name), done=done)
         case Received(content=Doubled(number=number), conversation=name):
-            answer, asked = (memory.asked[name], number), without(memory.asked, name)
-            asked |= {
-                turn.open(successor, protocol, Performative.REQUEST, Double(one)): one
-                for one in memory.rest[:1]
-            }
-            return msgspec.structs.replace(
-                memory, asked=asked, rest=memory.rest[1:], answers=(*memory.answers, answer)
-            )
+            answers = (*memory.answers, (memory.asked[name], number))
+            now = without(memory.asked, name) | asked(*memory.rest[:1])
+            return replace(memory, asked=now, rest=memory.rest[1:], answers=answers)
         case Broken(conversation=name):
-            return msgspec.structs.replace(
-                memory,
-                asked=without(memory.asked, name),
-                owed=without(memory.owed, name),
-                broken=(*memory.broken, name),
-            )
+            left = {"asked": without(memory.asked, name), "owed": without(memory.owed, name)}
+            return replace(memory, **left, broken=(*memory.broken, name))
         case _:
             return memory
 
@@ -289,9 +274,8 @@ def without(table: dict[str, int], name: str) -> dict[str, int]:
 def ring_agent(me: str, ring: Sequence[str]) -> Agent[Mutual]:
     """One state that takes everything."""
     successor, protocol = ring[(ring.index(me) + 1) % len(ring)], protocol_of(me)
-    behaviour = Behaviour[Mutual](lambda memory, turn: live(memory, turn, successor, protocol))
-    return Agent(
-        name=me, start="living", memory=Mutual(), behaviours={"living": behaviour}, local=Order
+    return single(
+        me, Mutual(), lambda memory, turn: live(memory, turn, successor, protocol), local=Order
     )
 
 
@@ -308,3 +292,10 @@ def ring_wiring(me: str, ring: Sequence[str]) -> Wiring:
     return wired(
         me, [(one, other, "T1", protocol_of(one), Delivery.DURABLE) for one, other in pairs]
     )
+
+
+def faulty(loss: float, duplication: float, delay: float, crash: float) -> Any:
+    """Strategy: each of these faults of the wires may be there or not."""
+    shares = {"loss": loss, "duplication": duplication, "delay": delay, "crash": crash}
+    kinds = {name: st.sampled_from([0.0, share]) for name, share in shares.items()}
+    return st.builds(Faults, **kinds)

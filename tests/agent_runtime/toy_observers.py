@@ -6,9 +6,9 @@ can be asked.
 
 import msgspec
 from msgspec.structs import replace
-from toy_agents import wired
+from toy_agents import single, wired
 
-from agent_runtime.core.agent import Agent, Behaviour
+from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Broken, Late, Local, PeerChanged, Received, Settled, Started
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery, Wiring
@@ -82,9 +82,7 @@ def watch(memory: WatcherMemory, turn: Turn) -> WatcherMemory:
 
 def watcher() -> Agent[WatcherMemory]:
     """The observing agent."""
-    return Agent(
-        "watcher", "watching", WatcherMemory(), {"watching": Behaviour(watch)}, local=Seen | Finish
-    )
+    return single("watcher", WatcherMemory(), watch, local=Seen | Finish)
 
 
 class Subscription(msgspec.Struct, frozen=True):
@@ -114,17 +112,14 @@ def know(memory: KnowerMemory, turn: Turn) -> KnowerMemory:
             store = dict(memory.store) | {seen.subject: seen.value}
             return replace(memory, store=tuple(store.items()), history=(*memory.history, seen))
         case Received(content=WhatOf(subject=subject)) as received:
-            turn.say(
-                received.conversation,
-                Performative.INFORM_REF,
-                Known(dict(memory.store).get(subject, -1)),
-            )
+            known = Known(dict(memory.store).get(subject, -1))
+            turn.say(received.conversation, Performative.INFORM_REF, known)
     return memory
 
 
 def knower() -> Agent[KnowerMemory]:
     """The knowing agent."""
-    return Agent("knower", "knowing", KnowerMemory(), {"knowing": Behaviour(know)})
+    return single("knower", KnowerMemory(), know)
 
 
 class AskerMemory(msgspec.Struct, frozen=True):
@@ -151,4 +146,4 @@ def question(memory: AskerMemory, turn: Turn) -> AskerMemory:
 
 def asker() -> Agent[AskerMemory]:
     """The asking agent."""
-    return Agent("asker", "asking", AskerMemory(), {"asking": Behaviour(question)}, local=WhatOf)
+    return single("asker", AskerMemory(), question, local=WhatOf)

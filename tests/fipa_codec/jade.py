@@ -50,31 +50,27 @@ def as_jade(message: AclMessage) -> str:
         addresses = f" :addresses (sequence {' '.join(one.addresses)} )" if one.addresses else ""
         return f"( agent-identifier :name {one.name} {addresses})"
 
-    def several(name: str, aids: tuple[Aid, ...]) -> list[str]:
-        return [f" :{name}  (set {' '.join(map(aid, aids))} )"] if aids else []
+    def several(aids: tuple[Aid, ...]) -> str:
+        return f"(set {' '.join(map(aid, aids))} )" if aids else ""
+
+    def expressions(*fields: str) -> dict[str, str]:
+        found = {field: getattr(message, field) for field in fields}
+        return {f"  :{name}": f"{expression(text)} " for name, text in found.items() if text}
 
     content = message.content.strip(WHITE) if isinstance(message.content, str) else ""
-    expressions = ("reply_with", "in_reply_to", "encoding", "language", "ontology")
-    return "\n".join(
-        [
-            f"({message.performative.upper()}",
-            *([f" :sender  {aid(message.sender)}"] if message.sender else []),
-            *several("receiver", message.receiver),
-            *several("reply-to", message.reply_to),
-            *([f" :content  {quoted(content)} "] if content else []),
-            *_expressions(message, *expressions),
-            *([f"  :reply-by  {print_date(message.reply_by)} "] if message.reply_by else []),
-            *([f"  :protocol  {message.protocol} "] if message.protocol else []),
-            *_expressions(message, "conversation_id"),
-            *(f"  :{name} {expression(text)}" for name, text in message.user.items() if text),
-            ")",
-        ]
-    )
-
-
-def _expressions(message: AclMessage, *fields: str) -> list[str]:
-    found = ((field.replace("_", "-"), getattr(message, field)) for field in fields)
-    return [f"  :{name}  {expression(text)} " for name, text in found if text]
+    parts = {
+        " :sender": aid(message.sender) if message.sender else "",
+        " :receiver": several(message.receiver),
+        " :reply_to": several(message.reply_to),
+        " :content": f"{quoted(content)} " if content else "",
+        **expressions("reply_with", "in_reply_to", "encoding", "language", "ontology"),
+        "  :reply_by": f"{print_date(message.reply_by)} " if message.reply_by else "",
+        "  :protocol": f"{message.protocol} " if message.protocol else "",
+        **expressions("conversation_id"),
+    }
+    standard = [f"{name.replace('_', '-')}  {text}" for name, text in parts.items() if text]
+    own = [f"  :{name} {expression(text)}" for name, text in message.user.items() if text]
+    return "\n".join([f"({message.performative.upper()}", *standard, *own, ")"])
 
 
 # --- its initiators -------------------------------------------------------------------------------
@@ -93,12 +89,8 @@ class Initiator:
     def __init__(
         self, protocol: str, opening: P, responders: tuple[Aid, ...], reply_by: At | None = None
     ) -> None:
-        self.protocol, self.opening, self.responders, self.reply_by = (
-            protocol,
-            opening,
-            responders,
-            reply_by,
-        )
+        self.protocol, self.opening = protocol, opening
+        self.responders, self.reply_by = responders, reply_by
         self.clock_ms = 1_763_900_000_000
         self.sessions: dict[str, str] = {}
         self.heard: dict[str, list[P]] = {one.name: [] for one in responders}
@@ -116,18 +108,9 @@ class Initiator:
 
     def says(self, act: P, to: Aid, **fields: object) -> str:
         """Text of one message."""
-        return as_jade(
-            AclMessage(
-                performative=act,
-                sender=ME,
-                receiver=(to,),
-                content="(go)",
-                language="fipa-sl0",
-                protocol=self.protocol,
-                conversation_id="C12_1763900000000",
-                **fields,
-            )
-        )
+        fields |= {"content": "(go)", "language": "fipa-sl0", "protocol": self.protocol}
+        fields |= {"conversation_id": "C12_1763900000000", "receiver": (to,)}
+        return as_jade(AclMessage(performative=act, sender=ME, **fields))
 
     def hears(self, text: bytes) -> None:
         """Take a text, if it is of a session and in sequence there."""
@@ -205,12 +188,12 @@ class ContractNetInitiator(Initiator):
         self.takes = self.results
         proposed = [one for one in self.responders if self.heard[one.name] == [P.PROPOSE]]
         accepted = [one for one in proposed if one.name in self.chosen]
-        return [
-            (one.name, self.begins(P.ACCEPT_PROPOSAL, one, accepted.index(one)))
-            if one in accepted
-            else (
-                one.name,
-                self.says(P.REJECT_PROPOSAL, one, reply_with=f"{ME.name}{self.clock_ms}"),
-            )
-            for one in proposed
-        ]
+        label = f"{ME.name}{self.clock_ms}"
+        texts = {
+            one.name: self.begins(P.ACCEPT_PROPOSAL, one, number)
+            for number, one in enumerate(accepted)
+        }
+        for one in proposed:
+            if one not in accepted:
+                texts[one.name] = self.says(P.REJECT_PROPOSAL, one, reply_with=label)
+        return list(texts.items())

@@ -35,51 +35,30 @@ def test_a_legal_text_is_read_to_what_it_means(drawn):
 def test_a_legal_expression_is_read_everywhere(drawn):
     """In each parameter that has one, and in a user-defined one."""
     text, meaning = drawn
-    for name in (
+    for field in (
         "language",
         "encoding",
         "ontology",
-        "conversation-id",
-        "reply-with",
-        "in-reply-to",
+        "conversation_id",
+        "reply_with",
+        "in_reply_to",
     ):
-        message = parse(f"(inform :{name} {text} :X-end {text})")
-        assert getattr(message, name.replace("-", "_")) == meaning
+        message = parse(f"(inform :{field.replace('_', '-')} {text} :X-end {text})")
+        assert getattr(message, field) == meaning
         assert message.user == {"X-end": meaning}
 
 
-def cut(data, at, end, _):
-    """Without a part."""
-    return data[:at] + data[end:]
-
-
-def doubled(data, at, end, _):
-    """A part twice."""
-    return data[:end] + data[at:]
-
-
-def moved(data, at, end, _):
-    """A part at the end."""
-    return data[:at] + data[end:] + data[at:end]
-
-
-def overwritten(data, at, _, byte):
-    """Another byte."""
-    return data[:at] + byte + data[at + 1 :]
-
-
-def grown(data, at, end, _):
-    """A part many times, so that what is not linear shows."""
-    return data[:at] + data[at:end] * 500 + data[end:]
-
-
+CHANGE = (
+    lambda data, at, end, _: data[:at] + data[end:],  # without a part
+    lambda data, at, end, _: data[:end] + data[at:],  # a part twice
+    lambda data, at, end, _: data[:at] + data[end:] + data[at:end],  # a part at the end
+    *[lambda data, at, _, byte: data[:at] + byte + data[at + 1 :]] * 2,  # another byte
+    # a part many times, so that what is not linear shows
+    lambda data, at, end, _: data[:at] + data[at:end] * 500 + data[end:],
+)
+BYTES = [bytes([one]) for one in b'"\\#:()9-@ T\xff\x00']
 CHANGES = st.tuples(
-    st.sampled_from([cut, doubled, moved, overwritten, overwritten, grown]),
-    st.integers(0, 400),
-    st.integers(0, 20),
-    st.sampled_from(
-        [b'"', b"\\", b"#", b":", b"(", b")", b"9", b"-", b"@", b" ", b"T", b"\xff", b"\x00"]
-    ),
+    st.sampled_from(CHANGE), st.integers(0, 400), st.integers(0, 20), st.sampled_from(BYTES)
 )
 
 

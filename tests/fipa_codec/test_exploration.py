@@ -41,23 +41,23 @@ def test_whatever_may_cross_needs_a_row():
     """
     asks, answers = REQUEST.tables[INITIATOR], QUERY.tables[PARTICIPANT]
     ended = asks.with_rows(Row(S.CANCELLING, RECEIVE, P.INFORM, Kind.PLAIN, S.DONE))
+    again = QUERY.with_tables(participant=answers.without(S.DONE, RECEIVE, P.QUERY_REF))
+    assert_missing(again, "participant in state done has no row for query-ref")
     progress = asks.without(S.CANCELLING, RECEIVE, P.INFORM, Kind.PROGRESS)
-    cases = [
-        (
-            REQUEST.with_tables(initiator=ended),
-            "initiator in state done has no row for failure[cancel]",
+    for table, missing in (
+        (ended, "initiator in state done has no row for failure[cancel]"),
+        (progress, "has no row for inform[progress]"),
+        *(
+            (asks.without(S.CANCELLING_ASKED, RECEIVE, act), f"has no row for {act}")
+            for act in (P.AGREE, P.REFUSE, P.FAILURE, P.INFORM)
         ),
-        (REQUEST.with_tables(initiator=progress), "has no row for inform[progress]"),
-        (
-            QUERY.with_tables(participant=answers.without(S.DONE, RECEIVE, P.QUERY_REF)),
-            "participant in state done has no row for query-ref",
-        ),
-    ]
-    for act in (P.AGREE, P.REFUSE, P.FAILURE, P.INFORM):
-        table = asks.without(S.CANCELLING_ASKED, RECEIVE, act)
-        cases.append((REQUEST.with_tables(initiator=table), f"has no row for {act}"))
-    for protocol, text in cases:
-        assert any(text in found.text for found in explore(protocol).unspecified), text
+    ):
+        assert_missing(REQUEST.with_tables(initiator=table), missing)
+
+
+def assert_missing(protocol, text):
+    """Check that a reception without a row is found."""
+    assert any(text in found.text for found in explore(protocol).unspecified), text
 
 
 def test_a_free_step_does_not_count_as_a_way_to_the_end():
@@ -94,13 +94,12 @@ def test_protocols_are_known_by_name_and_alias():
     assert named("fipa-request") is FIPA_REQUEST
     with pytest.raises(LocalProtocolError, match=r"known are .*query.*subscribe"):
         named("small-talk")
+    other, same = (
+        Protocol("request", **{role.value: table for role, table in one.tables.items()})
+        for one in (FIPA_REQUEST, REQUEST)
+    )
     with pytest.raises(LocalProtocolError, match="'request' is already another protocol"):
-        register(
-            Protocol(
-                "request", **{role.value: table for role, table in FIPA_REQUEST.tables.items()}
-            )
-        )
+        register(other)
     # A module that is read under two names is one system; the first protocol stays.
-    same = Protocol("request", **{role.value: table for role, table in REQUEST.tables.items()})
     assert register(same) is same
     assert named("request") is REQUEST

@@ -65,14 +65,8 @@ class Ours:
         assert self.talk is not None
         self.count += 1
         content = msgspec.Raw(msgspec.msgpack.encode(f"(({act} {kind or 'plain'}))"))
-        self.talk, said = self.talk.send(
-            act,
-            id=f"{self.name}-{self.count}",
-            now=NOW,
-            content=content,
-            language="fipa-sl0",
-            kind=kind,
-        )
+        words = {"content": content, "language": "fipa-sl0", "kind": kind}
+        self.talk, said = self.talk.send(act, id=f"{self.name}-{self.count}", now=NOW, **words)
         self.judged(Role.PARTICIPANT, said, kind)
         text = render(to_acl(said, names=self.names, profile=self.profile))
         assert from_acl(parse(text), NOW, names=self.names, profile=self.profile) == said
@@ -130,10 +124,8 @@ def test_progress_would_be_taken_for_the_result() -> None:
     """The book's request has none for this reason: the paper's is not for a peer of another
     platform.
     """
-    ann, jade = (
-        Ours("ann", Profile.PAPER),
-        AchieveREInitiator("fipa-request", P.REQUEST, aids("ann")),
-    )
+    ann = Ours("ann", Profile.PAPER)
+    jade = AchieveREInitiator("fipa-request", P.REQUEST, aids("ann"))
     meet(jade, ann)
     for act, kind in ((P.AGREE, Kind.PLAIN), (P.INFORM, Kind.PROGRESS), (P.INFORM, Kind.PLAIN)):
         jade.hears(ann.says(act, kind))
@@ -202,10 +194,8 @@ class Subscribed:
     """
 
     def __init__(self) -> None:
-        self.ann, self.jade = (
-            Ours("ann"),
-            SubscriptionInitiator("fipa-subscribe", P.SUBSCRIBE, aids("ann")),
-        )
+        self.ann = Ours("ann")
+        self.jade = SubscriptionInitiator("fipa-subscribe", P.SUBSCRIBE, aids("ann"))
         self.wire: list[bytes] = []
         meet(self.jade, self.ann)
 

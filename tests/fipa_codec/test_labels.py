@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fipa_codec.communicate import Communicate, decode
+from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import MOST_HEARD, Conversation
-from fipa_codec.errors import LocalProtocolError, MalformedError, RemoteProtocolError
+from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
@@ -35,49 +35,44 @@ def opened(protocol: str, act: P, label: str) -> Conversation:
 
 
 def test_a_contractor_answers_the_accept() -> None:
-    """ContractNetInitiator puts a new reply-with on the accept and looks for the result by it."""
+    """ContractNetInitiator puts a new reply-with on the accept and looks for the result by it. The
+    label of the cfp was heard, too; one that nobody said is an error.
+    """
     side, _ = opened("cfp", P.CFP, "R1").send(P.PROPOSE, id="1", now=1.0)
     side = side.receive(foreign("cfp", P.ACCEPT_PROPOSAL, "R2"))
-    side, result = side.send(P.INFORM, id="2", now=2.0)
-    assert (side.state, result.in_reply_to) == ("done", "R2")
-
-
-def test_a_result_may_still_answer_the_call() -> None:
-    """The label of the cfp was heard, too; one that nobody said is an error."""
-    side, _ = opened("cfp", P.CFP, "R1").send(P.PROPOSE, id="1", now=1.0)
-    side = side.receive(foreign("cfp", P.ACCEPT_PROPOSAL, "R2"))
-    assert side.send(P.INFORM, id="2", now=2.0, in_reply_to="R1")[1].in_reply_to == "R1"
+    for answers, label in ({}, "R2"), ({"in_reply_to": "R1"}, "R1"):
+        done, result = side.send(P.INFORM, id="2", now=2.0, **answers)
+        assert (done.state, result.in_reply_to) == ("done", label)
     with pytest.raises(LocalProtocolError, match="'R9' is not a message"):
         side.send(P.INFORM, id="2", now=2.0, in_reply_to="R9")
 
 
+def opening(protocol: str, act: P) -> tuple[Conversation, Communicate]:
+    """Our side after its own opening, and that."""
+    side = Conversation.open(protocol, Role.INITIATOR, id="C1", me=ME, peer=PEER)
+    return side.send(act, id="1", now=1.0)
+
+
 def test_an_initiator_answers_the_proposal() -> None:
-    """A proposal with a reply-with of its own is accepted under it."""
-    side = Conversation.open("cfp", Role.INITIATOR, id="C1", me=ME, peer=PEER)
-    side, call = side.send(P.CFP, id="1", now=1.0)
-    side = side.receive(foreign("cfp", P.PROPOSE, "R7", call.reply_with))
+    """A proposal with a reply-with of its own is accepted under it; an award of the second round
+    does not answer the proposal of the first.
+    """
+    side, call = opening("icfp", P.CFP)
+    side = side.receive(foreign("icfp", P.PROPOSE, "R7", call.reply_with))
     assert side.send(P.ACCEPT_PROPOSAL, id="2", now=2.0)[1].in_reply_to == "R7"
-
-
-def test_the_newest_label_is_answered() -> None:
-    """A message of the peer without one changes nothing; an older one can be named."""
-    side = Conversation.open("subscribe", Role.INITIATOR, id="C1", me=ME, peer=PEER)
-    side, asked = side.send(P.SUBSCRIBE, id="1", now=1.0)
-    for label in ("R7", "R8", ""):
-        side = side.receive(foreign("subscribe", P.INFORM, label, asked.reply_with))
-    assert side.send(P.NOT_UNDERSTOOD, id="2", now=2.0)[1].in_reply_to == "R8"
-    assert side.send(P.NOT_UNDERSTOOD, id="2", now=2.0, in_reply_to="R7")[1].in_reply_to == "R7"
-
-
-def test_a_new_round_forgets_the_labels_of_the_one_before() -> None:
-    """An award of the second round does not answer the proposal of the first."""
-    side = Conversation.open("icfp", Role.INITIATOR, id="C1", me=ME, peer=PEER)
-    side, first = side.send(P.CFP, id="1", now=1.0)
-    side = side.receive(foreign("icfp", P.PROPOSE, "R7", first.reply_with))
     side, second = side.send(P.CFP, id="2", now=2.0)
     assert side.heard == ()
     side = side.receive(foreign("icfp", P.PROPOSE, "", second.reply_with))
     assert side.send(P.ACCEPT_PROPOSAL, id="3", now=3.0)[1].in_reply_to == ""
+
+
+def test_the_newest_label_is_answered() -> None:
+    """A message of the peer without one changes nothing; an older one can be named."""
+    side, asked = opening("subscribe", P.SUBSCRIBE)
+    for label in ("R7", "R8", ""):
+        side = side.receive(foreign("subscribe", P.INFORM, label, asked.reply_with))
+    assert side.send(P.NOT_UNDERSTOOD, id="2", now=2.0)[1].in_reply_to == "R8"
+    assert side.send(P.NOT_UNDERSTOOD, id="2", now=2.0, in_reply_to="R7")[1].in_reply_to == "R7"
 
 
 def test_a_cancel_may_carry_the_label_of_its_subscribe() -> None:
@@ -101,14 +96,6 @@ def test_a_request_goes_on_beside_a_cancel_of_the_same_label() -> None:
     assert done.state == "too-late"
     stopped, _ = side.send(P.INFORM, id="2", now=2.0, kind=Kind.CANCEL)
     assert stopped.state == "cancelled"
-
-
-def test_a_second_cancel_with_the_same_label_is_a_copy() -> None:
-    """After the first one failed a new one has a label of its own."""
-    side = opened("cfp", P.CFP, "R1").receive(foreign("cfp", P.CANCEL, "R5"))
-    side, _ = side.send(P.FAILURE, id="1", now=1.0, kind=Kind.CANCEL)
-    with pytest.raises(RemoteProtocolError, match="this is a copy"):
-        side.receive(foreign("cfp", P.CANCEL, "R5"))
 
 
 @pytest.mark.parametrize("label", ["R1", ""])
@@ -140,32 +127,22 @@ def test_a_late_cancel_without_a_label_is_answered() -> None:
 @given(st.lists(st.integers(0, 99), max_size=3 * MOST_HEARD))
 def test_labels_of_a_long_subscription_are_bounded(numbers: list[int]) -> None:
     """The newest ones can be answered; memory does not grow with the subscription."""
-    side = Conversation.open("subscribe", Role.INITIATOR, id="C1", me=ME, peer=PEER)
-    side, asked = side.send(P.SUBSCRIBE, id="1", now=1.0)
+    side, asked = opening("subscribe", P.SUBSCRIBE)
     labels = [f"R{number}" for number in numbers]
     for label in labels:
         side = side.receive(foreign("subscribe", P.INFORM, label, asked.reply_with))
     assert side.heard == tuple(labels[-MOST_HEARD:])
 
 
-@pytest.mark.parametrize("act", ["propose", P.PROPOSE])
-def test_the_name_of_an_act_is_that_act(act: str) -> None:
-    """Coerced, so that nothing works by half."""
-    side, said = opened("cfp", P.CFP, "R1").send(act, id="1", now=1.0)  # type: ignore[arg-type]
-    assert (side.state, type(said.performative)) == ("offered", P)
-
-
-def test_what_is_not_an_act_is_refused() -> None:
-    """Sent or received, with what would have been right."""
+def test_the_name_of_an_act_is_that_act() -> None:
+    """Coerced, so that nothing works by half; what is no act is refused, sent or received, with
+    what would have been right.
+    """
     side = opened("cfp", P.CFP, "R1")
+    for act in ("propose", P.PROPOSE):
+        offered, said = side.send(act, id="1", now=1.0)  # type: ignore[arg-type]
+        assert (offered.state, type(said.performative)) == ("offered", P)
     with pytest.raises(LocalProtocolError, match="must be one of accept-proposal, agree"):
         side.send("offer", id="1", now=1.0)  # type: ignore[arg-type]
     with pytest.raises(LocalProtocolError, match="must be a Performative"):
         side.receive(foreign("cfp", "cancel"))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("data", [None, 5, "text", [1]])
-def test_what_is_not_bytes_is_malformed(data: object) -> None:
-    """Not a TypeError."""
-    with pytest.raises(MalformedError):
-        decode(data)  # type: ignore[arg-type]

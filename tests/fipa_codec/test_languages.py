@@ -14,7 +14,7 @@ from fipa_codec.communicate import (
 )
 from fipa_codec.errors import ContentError, LocalProtocolError
 from fipa_codec.languages import REASON, Kind, Language, Languages, Reason
-from fipa_codec.performatives import Performative
+from fipa_codec.performatives import Performative as P
 
 
 class Leaf(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
@@ -133,16 +133,16 @@ def test_too_long_content_is_a_local_error():
     frame = len(TREES.encode(Leaf(1.0, ("x" * 100_000,)))) - 100_000
     most = TREES.encode(Leaf(1.0, ("x" * (MAX_CONTENT_BYTES - frame),)))
     word, label = "w" * 64, "l" * LONGEST_LABEL
-    words = dict.fromkeys(("language", "ontology", "protocol", "sender", "receiver"), word)
+    fields = dict.fromkeys(("language", "ontology", "protocol", "sender", "receiver"), word)
     labels = dict.fromkeys(("reply_with", "in_reply_to", "conversation", "id"), label)
-    act = max(Performative, key=len)
-    one = Communicate(performative=act, content=most, reply_by=1.5e9, sent=1.5e9, **words, **labels)
+    act = max(P, key=len)
+    one = Communicate(
+        performative=act, content=most, reply_by=1.5e9, sent=1.5e9, **fields, **labels
+    )
     assert len(most) == MAX_CONTENT_BYTES
     assert len(encode_strictly(one)) <= MAX_BYTES
-    with pytest.raises(
-        LocalProtocolError,
-        match=f"{MAX_CONTENT_BYTES + 1} bytes in TREES, at most {MAX_CONTENT_BYTES}",
-    ):
+    words = f"{MAX_CONTENT_BYTES + 1} bytes in TREES, at most {MAX_CONTENT_BYTES}"
+    with pytest.raises(LocalProtocolError, match=words):
         TREES.encode(Leaf(1.0, ("x" * (MAX_CONTENT_BYTES - frame + 1),)))
 
 
@@ -150,24 +150,21 @@ def test_read_decodes_by_the_named_language():
     """`Languages.read` returns content and kind; without content None and PLAIN, even without a
     language.
     """
-    known = Languages([TREES])
-    leaf = Communicate(
-        performative=Performative.INFORM, language="TREES", content=TREES.encode(Leaf(1.0))
-    )
-    assert known.read(leaf) == (Leaf(1.0), Kind.PROGRESS)
-    assert known.read(Communicate(performative=Performative.CONFIRM, language="TREES")) == (
-        None,
-        Kind.PLAIN,
-    )
-    assert known.read(Communicate(performative=Performative.CANCEL)) == (None, Kind.PLAIN)
+    for act, fields, read in (
+        (P.INFORM, {"language": "TREES", "content": TREES.encode(Leaf(1.0))}, LEAF),
+        (P.CONFIRM, {"language": "TREES"}, (None, Kind.PLAIN)),
+        (P.CANCEL, {}, (None, Kind.PLAIN)),
+    ):
+        assert Languages([TREES]).read(Communicate(performative=act, **fields)) == read
+
+
+LEAF = Leaf(1.0), Kind.PROGRESS
 
 
 @pytest.mark.parametrize("language", ["", "LATIN"])
 def test_content_in_an_unknown_language_is_a_typed_error(language):
     """The error has the known languages."""
-    message = Communicate(
-        performative=Performative.INFORM, language=language, content=msgspec.Raw(b"\xc0")
-    )
+    message = Communicate(performative=P.INFORM, language=language, content=msgspec.Raw(b"\xc0"))
     with pytest.raises(ContentError) as caught:
         Languages([TREES]).read(message)
     assert caught.value.field == "language"

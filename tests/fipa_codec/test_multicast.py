@@ -16,13 +16,8 @@ from fipa_codec.tables import SEND, Role
 
 CROWD = ("a", "b", "c")
 REPLY_BY = 10.0
-OPENINGS = {
-    "cfp": P.CFP,
-    "icfp": P.CFP,
-    "propose": P.PROPOSE,
-    "subscribe": P.SUBSCRIBE,
-    "request": P.REQUEST,
-    "request-when": P.REQUEST_WHEN,
+OPENINGS = dict.fromkeys(("cfp", "icfp"), P.CFP) | {
+    act: P(act) for act in ("propose", "subscribe", "request", "request-when")
 }
 
 
@@ -109,11 +104,17 @@ def test_a_silent_participant_keeps_nobody_waiting():
     assert not Call("cfp", reply_by=None).group.over(1e9)
 
 
+def offered(protocol, *peers):
+    """A call that these have answered with a proposal."""
+    call = Call(protocol)
+    for peer in peers:
+        call.answer(peer, P.PROPOSE)
+    return call
+
+
 def test_several_awards_and_the_others_rejected():
     """Two of three proposals are accepted at once; each award has its own outcome."""
-    call = Call("cfp")
-    for peer in CROWD:
-        call.answer(peer, P.PROPOSE)
+    call = offered("cfp", *CROWD)
     assert call.group.offers == CROWD
     told = call.group.award("a", "c")
     assert told == (("a", P.ACCEPT_PROPOSAL), ("c", P.ACCEPT_PROPOSAL), ("b", P.REJECT_PROPOSAL))
@@ -165,11 +166,9 @@ def test_late_answer_elsewhere_counts_as_failed():
 
 def test_new_round_is_for_participants_with_proposals():
     """The chosen ones get a cfp with its own reply-by, other proposals are rejected, the silent get
-    no message.
+    no message. Late in one round is not late in the next.
     """
-    call = Call("icfp")
-    call.answer("a", P.PROPOSE)
-    call.answer("b", P.PROPOSE)
+    call = offered("icfp", "a", "b")
     told = call.group.call_again("a")
     assert told == (("a", P.CFP), ("b", P.REJECT_PROPOSAL))
     call.reply_by = 20.0
@@ -177,18 +176,9 @@ def test_new_round_is_for_participants_with_proposals():
     assert call.group.awaited(15.0) == ("a",)
     assert call.group.silent(15.0) == ("c",)
     call.answer("a", P.PROPOSE, now=20.0)
+    assert call.group.offers == ("a",)
     call.tell(call.group.award("a"), now=21.0)
     assert call.outcomes(21.0) == ["", "rejected", "refused"]
-
-
-def test_late_in_one_round_is_not_late_in_the_next():
-    """Each round has its own reply-by."""
-    call = Call("icfp")
-    call.answer("a", P.PROPOSE)
-    call.reply_by = 20.0
-    call.tell(call.group.call_again("a"))
-    call.answer("a", P.PROPOSE, now=15.0)
-    assert call.group.offers == ("a",)
 
 
 @pytest.mark.parametrize(
@@ -202,8 +192,7 @@ def test_late_in_one_round_is_not_late_in_the_next():
 )
 def test_illegal_rounds_are_local_errors(protocol, chosen, word):
     """The error says what is allowed."""
-    call = Call(protocol)
-    call.answer("a", P.PROPOSE)
+    call = offered(protocol, "a")
     with pytest.raises(LocalProtocolError, match=word):
         call.group.call_again(*chosen)
 
@@ -211,9 +200,7 @@ def test_illegal_rounds_are_local_errors(protocol, chosen, word):
 @pytest.mark.parametrize("end", [None, P.INFORM, P.FAILURE])
 def test_no_new_round_after_an_award(end):
     """Not even after the awarded act has ended."""
-    call = Call("icfp")
-    call.answer("a", P.PROPOSE)
-    call.answer("b", P.PROPOSE)
+    call = offered("icfp", "a", "b")
     call.tell(call.group.award("a")[:1])
     if end:
         call.answer("a", end)

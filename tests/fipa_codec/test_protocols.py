@@ -202,10 +202,8 @@ def test_not_understood_ends_it_at_any_point():
         for name, story in STORIES
         for cut in range(1, len(story.words) + 1)
     }
-    each_row(
-        ((*one, who) for one in begun for who in Role if not any("!" in word for word in one[1])),
-        complains,
-    )
+    rows = ((*one, who) for one in begun for who in Role if not any("!" in word for word in one[1]))
+    each_row(rows, complains)
 
 
 def complains(name: str, words: tuple[str, ...], who: Role) -> None:

@@ -10,6 +10,7 @@ from topdown.model.design import Design
 from topdown.model.machines import Machine, machines
 from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG, Exploration, explore
 from topdown.prove.fleet import Faults, Flat, Fleet
+from topdown.prove.verify import Verdict, tasks
 
 HEAD = """
 [system]
@@ -34,18 +35,13 @@ name = "L"
 name = "none"
 entries = []
 """
+TENDERED = "propose refuse inform failure"
 USES = {
     "switch": ("request", True, False, "request cancel", "agree refuse inform failure"),
     "later": ("request-when", True, False, "request-when cancel", "agree refuse inform failure"),
     "ask": ("query", False, False, "query-ref", "inform failure"),
     "watch": ("subscribe", False, True, "subscribe cancel", "agree refuse inform failure"),
-    "tender": (
-        "cfp",
-        False,
-        False,
-        "cfp accept-proposal reject-proposal",
-        "propose refuse inform failure",
-    ),
+    "tender": ("cfp", False, False, "cfp accept-proposal reject-proposal", TENDERED),
 }
 """name -> (protocol, durable, latest, what hand says, what lamp says)."""
 Rows = Iterable[str]
@@ -57,8 +53,8 @@ def text(hand: Rows, lamp: Rows, *uses: str, more: str = "", hand_more: str = ""
     """A design file with these rows, one TOML table each, over these uses (none: `switch`)."""
     parts = [HEAD, *(_use(name) for name in uses or ("switch",))]
     parts += [
-        _agent("hand", "idle waiting asking", hand, hand_more),
-        _agent("lamp", "idle busy lit", lamp, ""),
+        agent("hand", "idle waiting asking", hand, hand_more),
+        agent("lamp", "idle busy lit", lamp),
     ]
     return "\n".join((*parts, more))
 
@@ -89,34 +85,60 @@ def found(made: Design, most: int = 0, **wish: object) -> Exploration:
 
 def _use(name: str) -> str:
     follows, durable, latest, hand, lamp = USES[name]
-    lines = [
-        "[[protocol]]",
-        f'name = "{name}"',
-        'channel = "C1"',
-        f'follows = "{follows}"',
-        'initiator = "hand"',
-    ]
-    lines += [
-        'participant = "lamp"',
-        f"durable = {str(durable).lower()}",
-        f"latest = {str(latest).lower()}",
-    ]
-    said = [*(("hand", act) for act in hand.split()), *(("lamp", act) for act in lamp.split())]
+    words = {"hand": hand, "lamp": lamp}
+    return use(name, follows, words, durable=durable, latest=latest)
+
+
+def use(
+    name: str, follows: str, words: dict[str, str], *, durable: bool = True, latest: bool = False
+) -> str:
+    """A use on channel C1; `words`: the acts of each side, the initiator first."""
+    one, other = words
     messages = ", ".join(
-        f'{{ sender = "{who}", performative = "{act}", language = "L" }}' for who, act in said
+        f'{{ sender = "{who}", performative = "{act}", language = "L" }}'
+        for who, acts in words.items()
+        for act in acts.split()
     )
-    return "\n".join([*lines, f"message = [{messages}]"])
+    return f"""
+[[protocol]]
+name = "{name}"
+channel = "C1"
+follows = "{follows}"
+initiator = "{one}"
+participant = "{other}"
+durable = {str(durable).lower()}
+latest = {str(latest).lower()}
+message = [{messages}]
+"""
 
 
-def _agent(name: str, states: str, rows: Rows, more: str) -> str:
+def agent(name: str, states: str, rows: Rows, more: str = "", talks: Iterable[str] = ()) -> str:
+    """Its entry; `talks`: the uses that each state talks in, by its place."""
+    talked = [f", talks = [{_list(one)}]" for one in talks] or [""] * len(states.split())
     listed = ", ".join(
-        f'{{ name = "{state}", behaviour = "b", terminal = "t" }}' for state in states.split()
+        f'{{ name = "{state}", behaviour = "b", terminal = "t"{uses} }}'
+        for state, uses in zip(states.split(), talked, strict=True)
     )
-    told = ",\n  ".join(rows)
-    return (
-        f'[[agent]]\nname = "{name}"\ninitial = "idle"\nstate = [{listed}]\nrow = [\n '
-        f" {told}\n]\n{more}"
-    )
+    return f"""
+[[agent]]
+name = "{name}"
+initial = "idle"
+state = [{listed}]
+row = [{", ".join(rows)}]
+{more}"""
+
+
+def _list(words: str) -> str:
+    return ", ".join(f'"{word.strip()}"' for word in words.split(",") if word.strip())
+
+
+def row(states: str, on: str, **words: str) -> str:
+    """A row of these states, as the file has it; lists with commas."""
+    parts = [f"in = [{_list(states)}]", f'on = "{on}"']
+    for field, told in words.items():
+        single = field in ("to", "moves", "then")
+        parts.append(f'{field} = "{told}"' if single else f"{field} = [{_list(told)}]")
+    return "{ " + ", ".join(parts) + " }"
 
 
 HAND = (
@@ -132,16 +154,10 @@ HAND = (
 )
 """Wants light, may regret it, and takes whatever comes of it."""
 LAMP = (
-    (
-        '{ in = ["idle"], on = "switch request", say = ["switch agree"], moves = "switch", to ='
-        ' "busy" }'
-    ),
+    row("idle", "switch request", say="switch agree", moves="switch", to="busy"),
     '{ in = ["idle"], on = "switch request", say = ["switch refuse"] }',
     '{ in = ["busy"], on = "switch cancel", say = ["switch inform[cancel]"], to = "idle" }',
-    (
-        '{ in = ["busy"], on = "own lit", when = ["switch agreed"], say = ["switch inform"], to ='
-        ' "idle" }'
-    ),
+    row("busy", "own lit", when="switch agreed", say="switch inform", to="idle"),
 )
 """Shines, or not; a cancel that comes too late is the runtime's to answer."""
 
@@ -222,3 +238,26 @@ def watching(
 ) -> Design:
     """The lamp tells what became of it, and rests only when the hand knows."""
     return design(hand, lamp, "watch", more=more)
+
+
+def steps(model: Fleet, state: Flat, *words: str) -> Flat:
+    """The state after moves whose labels hold these words."""
+    for one in words:
+        state = next(there for _, what, there, _, _ in model.moves(state) if one in what)
+    return state
+
+
+def verdicts(made: Design, **wish: object) -> list[Verdict]:
+    """All of its proof obligations, worked out."""
+    return [task.run(None) for task in tasks(made, **wish)]  # type: ignore[arg-type]
+
+
+SLOW = (
+    '{ in = ["idle"], on = "ask query-ref", to = "busy" }',
+    '{ in = ["busy"], on = "own thought", say = ["ask inform"], to = "idle" }',
+)
+"""A lamp that thinks before it answers."""
+BORED = '{ in = ["asking"], on = "own bored", drop = ["ask"], to = "idle" }'
+FLICKERS = row("busy", "own flicker", when="switch agreed", say="switch inform[progress]")
+TOLD = '{ in = ["waiting"], on = "switch inform[progress]" }'
+"""Progress of the lamp, without end, and the hand's row for it."""

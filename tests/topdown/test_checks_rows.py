@@ -48,35 +48,18 @@ def test_rows_that_fit_have_no_findings() -> None:
     assert check(design(*ROWS)) == ()
 
 
+REGRET = '  { in = ["ordering"], on = "person regret", say = ["order cancel"] },\n'
+AGREED = '  { in = ["driving"], on = "drive agree" },\n'
+REFUSED = ', { in = ["idle"], on = "drive refuse" }'
 SPOILT = (
     ('on = "order agree" }', 'on = "order agre" }', Kind.BAD_ROW, "'agre'"),
     ('to = "ordering" }', 'to = "odering" }', Kind.BAD_ROW, "no state 'odering'"),
     ('then = "arrived" }', 'then = "gone" }', Kind.BAD_ROW, "no choice 'gone'"),
     ('on = "late ask"', 'on = "late aks"', Kind.BAD_ROW, "'aks'"),
-    (
-        '  { in = ["ordering"], on = "person regret", say = ["order cancel"] },\n',
-        "",
-        Kind.RECEIVED_NOT_SENT,
-        "says",
-    ),
-    (
-        '  { in = ["driving"], on = "drive agree" },\n',
-        "",
-        Kind.SENT_NOT_RECEIVED,
-        "no row of nav takes it",
-    ),
-    (
-        'say = ["order inform"], to',
-        'say = ["order inform", "order refuse"], to',
-        Kind.SENT_NOT_RECEIVED,
-        "says order",
-    ),
-    (
-        '"drive agree" }',
-        '"drive agree" }, { in = ["idle"], on = "drive refuse" }',
-        Kind.RECEIVED_NOT_SENT,
-        "",
-    ),
+    (REGRET, "", Kind.RECEIVED_NOT_SENT, "says"),
+    (AGREED, "", Kind.SENT_NOT_RECEIVED, "no row of nav takes it"),
+    ('inform"], to', 'inform", "order refuse"], to', Kind.SENT_NOT_RECEIVED, "says order"),
+    ('"drive agree" }', '"drive agree" }' + REFUSED, Kind.RECEIVED_NOT_SENT, ""),
 )
 
 
@@ -99,9 +82,6 @@ def test_a_row_leads_where_arcs_lead() -> None:
 
 def test_a_ruling_answers_for_a_message_without_a_row() -> None:
     """It says why it is listed all the same."""
-    gone: Change = ('  { in = ["ordering"], on = "person regret", say = ["order cancel"] },\n', "")
-    ruled: Change = (
-        'performative = "cancel", language = "WAY", bytes = 100',
-        'performative = "cancel", language = "WAY", bytes = 100, ruling = "no hurry"',
-    )
-    assert check(design(*ROWS, gone, ruled)) == ()
+    cancel = 'performative = "cancel", language = "WAY", bytes = 100'
+    ruled: Change = (cancel, f'{cancel}, ruling = "no hurry"')
+    assert check(design(*ROWS, (REGRET, ""), ruled)) == ()

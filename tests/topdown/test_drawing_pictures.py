@@ -31,31 +31,24 @@ def designed(count: int, joins: list[tuple[int, int]], texts: list[str], agents:
         )
         for number in range(count - 1)
     ]
-    channels = tuple(
-        elements.NewChannel(f"C{number}", (names[a], names[b]), texts[a])
-        for number, (a, b) in enumerate(joins, start=1)
-    )
+    ends = [(names[a], names[b]) for a, b in joins]
+    channels = [
+        elements.NewChannel(f"C{number}", pair, texts[join[0]])
+        for number, (pair, join) in enumerate(zip(ends, joins, strict=True), 1)
+    ]
+    uses = [
+        elements.Protocol(f"p{number}", f"C{number}", "request", *pair, True, ())
+        for number, pair in enumerate(ends, 1)
+    ]
+    wanted = [elements.Requirement(id=f"R{n}", text=texts[n]) for n in range(count)]
     return Design(
         elements.DesignFile(
             system=elements.System(name="any", root="root", key=""),
-            requirement=tuple(
-                elements.Requirement(id=f"R{number}", text=texts[number]) for number in range(count)
-            ),
-            step=(*steps, elements.Step(requirements=(), channels=channels)),
+            requirement=tuple(wanted),
+            step=(*steps, elements.Step(requirements=(), channels=tuple(channels))),
             language=(),
             interface=(),
-            protocol=tuple(
-                elements.Protocol(
-                    name=f"p{number}",
-                    channel=c.id,
-                    follows="request",
-                    initiator=c.between[0],
-                    participant=c.between[1],
-                    durable=True,
-                    message=(),
-                )
-                for number, c in enumerate(channels)
-            ),
+            protocol=tuple(uses),
             agent=tuple(elements.Agent(name=name) for name in names[:agents]),
         )
     )
@@ -103,18 +96,25 @@ def inside(canvas: Canvas) -> bool:
     )
 
 
-def lines(canvas: Canvas, css: str) -> list[list[tuple[float, float]]]:
+def lines(canvas: Canvas, css: str) -> list[list[tuple[float, ...]]]:
     """The points of the lines of a class, read from the SVG."""
-    found = []
-    for element in ElementTree.fromstring(canvas.svg()).iter():
-        if element.tag.endswith("polyline") and css in element.get("class", "").split():
-            found.append(
-                [tuple(map(float, p.split(","))) for p in element.get("points", "").split()]
-            )
-    return found  # type: ignore[return-value]
+    return [
+        [tuple(map(float, point.split(","))) for point in element.get("points", "").split()]
+        for element in ElementTree.fromstring(canvas.svg()).iter()
+        if element.tag.endswith("polyline") and css in element.get("class", "").split()
+    ]
 
 
-def through(line: list[tuple[float, float]], box: Box) -> bool:
+def drawn(canvas: Canvas, css: str, gap: float) -> list[list[tuple[float, ...]]]:
+    """The lines of a class, in a picture in which boxes are apart and no line passes one."""
+    found = lines(canvas, css)
+    assert not overlapping(canvas.boxes, gap)
+    assert inside(canvas)
+    assert not [line for line in found for box in canvas.boxes if through(line, box)]
+    return found
+
+
+def through(line: list[tuple[float, ...]], box: Box) -> bool:
     """Whether a line comes more than 2 px into a box: what is left of it between the box's
     edges.
     """
@@ -141,11 +141,7 @@ def test_agents_of_a_system_do_not_overlap(design: Design) -> None:
     """
     canvas = system.draw(design)
     assert len(canvas.boxes) == len(design.decomposition.last.groups)
-    assert not overlapping(canvas.boxes, 20)
-    assert inside(canvas)
-    drawn = lines(canvas, "channel")
-    assert len(drawn) == len(design.channels)
-    assert not [line for line in drawn for box in canvas.boxes if through(line, box)]
+    assert len(drawn(canvas, "channel", 20)) == len(design.channels)
     assert all(f">{name}<" in canvas.svg() for name in design.channels)
     assert not overlapping(canvas.labels)
 
@@ -162,12 +158,7 @@ def test_a_tree_shows_every_group_and_channel_of_its_step(
     canvas = decomposition.draw(design, step)
     divided = sum(entry.divide is not None for entry in design.file.step[:step])
     assert len(canvas.boxes) == divided + len(stage.groups)
-    assert not overlapping(canvas.boxes, 4)
-    assert inside(canvas)
-    assert len(lines(canvas, "channel")) == len(stage.channels)
-    assert not [
-        line for line in lines(canvas, "channel") for box in canvas.boxes if through(line, box)
-    ]
+    assert len(drawn(canvas, "channel", 4)) == len(stage.channels)
 
 
 @given(agents())
@@ -177,14 +168,11 @@ def test_a_machine_shows_every_state_and_arc(agent: elements.Agent) -> None:
     """
     canvas = machines.draw(agent)
     assert len(canvas.boxes) == len(agent.state)
-    assert not overlapping(canvas.boxes, 10)
-    assert inside(canvas)
-    drawn = lines(canvas, "edge")
-    assert len(drawn) == len(agent.arc) + 1  # and the one to the initial state
-    assert not [line for line in drawn for box in canvas.boxes if through(line, box)]
+    found = drawn(canvas, "edge", 10)
+    assert len(found) == len(agent.arc) + 1  # and the one to the initial state
     assert not overlapping(canvas.labels)
     # no two upright parts of arcs share a place
-    upright = [(a, b) for line in drawn for a, b in pairwise(line) if a[0] == b[0] and a[1] != b[1]]
+    upright = [(a, b) for line in found for a, b in pairwise(line) if a[0] == b[0] and a[1] != b[1]]
     spans = [(a[0], *sorted((a[1], b[1]))) for a, b in upright]
     assert not [
         (s, t) for s, t in combinations(spans, 2) if s[0] == t[0] and s[1] < t[2] and t[1] < s[2]
@@ -232,17 +220,13 @@ def test_spans_of_one_track_are_apart(spans: list[tuple[int, int]]) -> None:
 
 
 def test_names_are_escaped() -> None:
-    """Text that looks like markup is shown as it is written."""
+    """Text that looks like markup is shown as it is written, also in an attribute."""
     evil = designed(3, [(0, 1)], ["</text><script>\"&'", "b", "c"], 3)
     tree = decomposition.requirements_section(evil, 80).parts[0].canvas  # type: ignore[union-attr]
-    for drawn in (system.draw(evil), decomposition.draw(evil, 2), tree):
-        root = ElementTree.fromstring(drawn.svg())
+    for picture in (system.draw(evil), decomposition.draw(evil, 2), tree):
+        root = ElementTree.fromstring(picture.svg())
         assert not [element for element in root.iter() if element.tag.endswith("script")]
         assert "<script>" in "".join(root.itertext())
-
-
-def test_a_title_is_escaped() -> None:
-    """It stands in an attribute."""
     assert ElementTree.fromstring(Canvas('a "b" <c>&').svg()).get("aria-label") == 'a "b" <c>&'
 
 

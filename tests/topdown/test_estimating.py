@@ -2,30 +2,29 @@
 
 import pytest
 from measured_runs import run
-from spoiling import design
+from spoiling import Change, design
 
-from topdown.check.estimate import estimate, measure, recorded_as_estimate
-from topdown.check.recorded import Observation, Observed
+from topdown.check.estimate import UseEstimate, estimate, measure, recorded_as_estimate
+from topdown.check.recorded import Observed
 
 AGREE = '"base", performative = "agree", language = "WAY", bytes = 100'
 
 
+def by_use(*changes: Change) -> dict[str, UseEstimate]:
+    """The estimate of each use."""
+    return {one.use: one for one in estimate(design(*changes)).uses}
+
+
 def test_conversations_multiply_down_the_uses() -> None:
-    """2 orders, 3 drives and 10 questions in each."""
-    found = {one.use: one for one in estimate(design()).uses}
-    assert {name: one.conversations for name, one in found.items()} == {
-        "order": 2,
-        "drive": 6,
-        "ask": 20,
-        "tell_place": 2,
-    }
-    assert found["ask"].load.communicates == 40
-    assert found["ask"].load.bytes == 20 * (100 + 500)
-
-
-def test_a_message_may_be_counted_per_conversation_of_another_use() -> None:
-    """A place is told for each drive, though the conversation is one for each order."""
-    found = {one.use: one for one in estimate(design()).uses}
+    """2 orders, 3 drives and 10 questions in each; a place is told for each drive, though the
+    conversation is one for each order. The most is what budgets allow.
+    """
+    found = by_use()
+    counts = {name: one.conversations for name, one in found.items()}
+    assert counts == {"order": 2, "drive": 6, "ask": 20, "tell_place": 2}
+    ask = found["ask"].load
+    assert (ask.communicates, ask.bytes) == (40, 20 * (100 + 500))
+    assert ask.most_bytes == 20 * (200 + 900)
     assert found["tell_place"].load.bytes == 6 * (400 + 50)
 
 
@@ -46,24 +45,18 @@ def test_bandwidth_is_bytes_over_the_time_it_goes_on() -> None:
     assert (found.narrowest, found.slowest) == ("C4", "drive")
 
 
-def test_the_most_is_what_budgets_allow() -> None:
-    """The same counts with the largest sizes."""
-    found = {one.use: one for one in estimate(design()).uses}
-    assert found["ask"].load.most_bytes == 20 * (200 + 900)
-
-
 def test_an_answer_that_is_the_result_takes_as_long_as_the_conversation() -> None:
     """Of a drive the inform is the answer; an order is answered at once by its agree."""
-    found = {one.use: one for one in estimate(design()).uses}
-    assert found["drive"].latency_s == 8.0
-    assert found["ask"].latency_s == 0.05
+    found = by_use()
+    assert (found["drive"].latency_s, found["ask"].latency_s) == (8.0, 0.05)
 
 
 def test_uses_without_figures_are_named_and_counted_once() -> None:
-    """One conversation within each order."""
-    found = estimate(design(("per = 10\n", "")))
-    assert found.missing == ("ask",)
-    assert {one.use: one.conversations for one in found.uses}["ask"] == 2
+    """One conversation within each order. `per = 0` is a figure."""
+    assert estimate(design(("per = 10\n", ""))).missing == ("ask",)
+    assert by_use(("per = 10\n", ""))["ask"].conversations == 2
+    assert estimate(design(("per = 10\n", "per = 0\n"))).missing == ()
+    assert by_use(("per = 10\n", "per = 0\n"))["ask"].load.bytes == 0
 
 
 def test_without_counts_the_shortest_conversation_is_counted_with_its_budgets() -> None:
@@ -81,16 +74,9 @@ def test_without_counts_the_shortest_conversation_is_counted_with_its_budgets() 
         ('content = ["Driven"], bytes = 300, typical_bytes = 100, count = 1',
          'content = ["Driven"], bytes = 300'),
     ]  # fmt: skip
-    drive = {one.use: one for one in estimate(design(*silent)).uses}["drive"]
+    drive = by_use(*silent)["drive"]
     assert estimate(design(*silent)).missing == ("drive",)
     assert (drive.load.communicates, drive.load.bytes) == (6 * 2, 6 * (200 + 300))
-
-
-def test_what_nobody_opens_counts_nothing() -> None:
-    """`per = 0` is a figure."""
-    found = estimate(design(("per = 10\n", "per = 0\n")))
-    assert found.missing == ()
-    assert {one.use: one.load.bytes for one in found.uses}["ask"] == 0
 
 
 def test_cause_and_effect_in_a_circle_end() -> None:
@@ -127,5 +113,4 @@ def test_a_wrong_estimate_shows_its_error() -> None:
 
 def test_nothing_recorded_is_no_error() -> None:
     """A share of nothing is not known."""
-    some: tuple[Observation, ...] = ()
-    assert all(one.error is None for one in measure(design(), estimate(design()), Observed(some)))
+    assert all(one.error is None for one in measure(design(), estimate(design()), Observed(())))

@@ -78,23 +78,31 @@ def request() -> Followed:
     followed = Followed(protocols.REQUEST, durable=True)
     assert followed.take(Role.INITIATOR, TableMessage(Performative.REQUEST, label="1"))
     assert followed.take(Role.PARTICIPANT, TableMessage(Performative.AGREE, answers="1"))
+    assert followed.states == ("agreed", "agreed"), "where the rows lead once all was taken"
     return followed
 
 
-def test_states_are_those_after_all_was_taken() -> None:
-    """Both roles stand where their rows lead."""
-    assert request().states == ("agreed", "agreed")
+SUBSCRIBE = TableMessage(Performative.SUBSCRIBE, label="1")
+AGREE = TableMessage(Performative.AGREE, answers="1")
+REFUSE = TableMessage(Performative.REFUSE, answers="1")
+
+
+def subscribed(answer: TableMessage = AGREE) -> Followed:
+    """A soft subscription that was answered."""
+    followed = Followed(protocols.SUBSCRIBE, durable=False)
+    assert followed.take(Role.INITIATOR, SUBSCRIBE)
+    assert followed.take(Role.PARTICIPANT, answer)
+    return followed
 
 
 def test_a_cancel_may_cross_the_result_but_not_follow_its_own_answer() -> None:
     """Both merges of a crossing are kept, until what is said next tells which it was."""
     cancel = TableMessage(Performative.CANCEL, label="2")
+    failed = TableMessage(Performative.FAILURE, (Kind.CANCEL,), answers="2")
     crossed = request()
     assert crossed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM))
     assert crossed.take(Role.INITIATOR, cancel)  # it had not taken the result yet
-    assert crossed.take(
-        Role.PARTICIPANT, TableMessage(Performative.FAILURE, (Kind.CANCEL,), answers="2")
-    )
+    assert crossed.take(Role.PARTICIPANT, failed)
     assert crossed.states == ("settled", "settled")
     assert not crossed.take(Role.INITIATOR, cancel)
 
@@ -103,9 +111,9 @@ def test_an_answer_was_said_after_what_it_answers() -> None:
     """By its label; without one, the cancel might still be on its way when the result is said."""
     followed = request()
     assert followed.take(Role.INITIATOR, TableMessage(Performative.CANCEL, label="2"))
-    plain, named = TableMessage(Performative.AGREE), TableMessage(Performative.AGREE, answers="2")
-    assert not followed.take(Role.PARTICIPANT, named)
-    assert not followed.take(Role.PARTICIPANT, plain)  # it was said already
+    for answers in ("2", ""):  # without a label: it was said already
+        again = TableMessage(Performative.AGREE, answers=answers)
+        assert not followed.take(Role.PARTICIPANT, again)
 
 
 def test_not_understood_ends_it_at_any_point() -> None:
@@ -121,28 +129,22 @@ def test_not_understood_ends_it_at_any_point() -> None:
 def test_a_question_asked_again_may_be_answered_again() -> None:
     """Each copy once: no journal numbers them."""
     query = TableMessage(Performative.QUERY_REF, label="1")
+    answer = TableMessage(Performative.INFORM_REF, answers="1")
     followed = Followed(protocols.QUERY, durable=False)
     assert followed.take(Role.INITIATOR, query)
-    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM_REF, answers="1"))
-    assert not followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM_REF, answers="1"))
+    assert [followed.take(Role.PARTICIPANT, answer) for _ in range(2)] == [True, False]
     followed.repeat(Role.INITIATOR, query)
-    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM_REF, answers="1"))
+    assert followed.take(Role.PARTICIPANT, answer)
 
 
 def test_what_is_soft_is_forgotten_when_it_ends() -> None:
     """A subscription that was refused and is asked for again may be agreed to: whoever refused has
     forgotten it.
     """
-    subscribe, agree = (
-        TableMessage(Performative.SUBSCRIBE, label="1"),
-        TableMessage(Performative.AGREE, answers="1"),
-    )
-    followed = Followed(protocols.SUBSCRIBE, durable=False)
-    assert followed.take(Role.INITIATOR, subscribe)
-    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.REFUSE, answers="1"))
-    assert not followed.take(Role.PARTICIPANT, agree)
-    followed.repeat(Role.INITIATOR, subscribe)
-    assert followed.take(Role.PARTICIPANT, agree)
+    followed = subscribed(REFUSE)
+    assert not followed.take(Role.PARTICIPANT, AGREE)
+    followed.repeat(Role.INITIATOR, SUBSCRIBE)
+    assert followed.take(Role.PARTICIPANT, AGREE)
 
 
 @pytest.mark.parametrize("dies", [True, False])
@@ -150,22 +152,35 @@ def test_a_death_forgets_what_is_soft(dies: bool) -> None:
     """The side that lives says once more that it agreed; the side that died may also refuse, having
     forgotten it.
     """
-    subscribe = TableMessage(Performative.SUBSCRIBE, label="1")
-    followed = Followed(protocols.SUBSCRIBE, durable=False)
-    assert followed.take(Role.INITIATOR, subscribe)
-    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.AGREE, answers="1"))
+    followed = subscribed()
     if dies:
         followed.sides[Role.PARTICIPANT].forget()
-    followed.repeat(Role.INITIATOR, subscribe)
-    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.REFUSE, answers="1")) == dies
+    followed.repeat(Role.INITIATOR, SUBSCRIBE)
+    assert followed.take(Role.PARTICIPANT, REFUSE) == dies
 
 
 def test_a_long_subscription_costs_no_more_than_a_short_one() -> None:
     """However many informs come by, only the newest are kept as not taken yet."""
-    followed = Followed(protocols.SUBSCRIBE, durable=False)
-    assert followed.take(Role.INITIATOR, TableMessage(Performative.SUBSCRIBE, label="1"))
-    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.AGREE, answers="1"))
+    followed = subscribed()
     for _ in range(10 * WINDOW):
         assert followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM))
     assert len(followed.sides[Role.INITIATOR]._ahead) <= WINDOW
     assert followed.take(Role.INITIATOR, TableMessage(Performative.CANCEL, label="2"))
+
+
+def test_a_doubtful_opening_does_not_spoil_what_follows() -> None:
+    """One repeated under a wrong label was judged; the right one is still right after it."""
+    followed = subscribed()
+    followed.doubt(Role.INITIATOR, TableMessage(Performative.SUBSCRIBE, label="R9"))
+    assert not followed.mislabelled(Role.INITIATOR, Performative.SUBSCRIBE, "1")
+
+
+def test_a_doubtful_round_may_have_begun_or_not() -> None:
+    """A proposal to either is not a fault of the bidder."""
+    followed = Followed(protocols.ICFP, durable=True)
+    assert followed.take(Role.INITIATOR, TableMessage(Performative.CFP, label="R1"))
+    assert followed.take(Role.PARTICIPANT, TableMessage(Performative.PROPOSE, answers="R1"))
+    followed.doubt(Role.INITIATOR, TableMessage(Performative.CFP, label="R2"))
+    for answers in ("R1", "R2"):
+        read = followed.read(Role.PARTICIPANT, Performative.PROPOSE, "", answers, (Kind.PLAIN,))
+        assert not isinstance(read, str)

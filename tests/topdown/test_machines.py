@@ -3,7 +3,7 @@ one that is wrong.
 """
 
 import pytest
-from small import HAND, LAMP, design, machine
+from small import HAND, LAMP, design, machine, row
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
@@ -25,44 +25,27 @@ def test_each_cause_is_read() -> None:
         ("person wish", Event(Cause.PERSON, "wish")),
         ("restart", Event(Cause.RESTART)),
     ):
-        (row,) = machine("hand", [f'{{ in = ["idle"], on = "{on}" }}']).rows
-        assert (row.event, row.say, row.to, row.when, row.several) == (event, (), "", (), False)
+        (one,) = machine("hand", [row("idle", on)]).rows
+        assert (one.event, one.say, one.to, one.when, one.several) == (event, (), "", (), False)
 
 
 def test_every_field_of_a_row_is_kept() -> None:
     """As the file has it."""
-    (row,) = machine(
-        "lamp",
-        [
-            '{ in = ["idle", "lit"], on = "own done", say = ["switch agree", "switch inform"], may'
-            ' = ["switch failure"], drop = ["ask"], when = ["switch asked|agreed", "watch'
-            ' settled"], owes = ["watch"], moves = "switch", waits = ["switch"], to = "busy",'
-            " several = true }"
-        ],
-        "switch",
-        "ask",
-        "watch",
-    ).rows
-    assert row.number == 1
-    assert row.states == {"idle", "lit"}
-    assert row.say == (
-        ProtocolAct("switch", P.AGREE, Kind.PLAIN),
-        ProtocolAct("switch", P.INFORM, Kind.PLAIN),
+    lists = {"say": "switch agree, switch inform", "may": "switch failure", "drop": "ask"}
+    lists |= {"when": "switch asked|agreed, watch settled", "owes": "watch", "waits": "switch"}
+    told = row("idle, lit", "own done", **lists, moves="switch", to="busy")
+    told = told.replace(" }", ", several = true }")
+    (one,) = machine("lamp", [told], "switch", "ask", "watch").rows
+    assert (one.number, one.states) == (1, {"idle", "lit"})
+    agree, inform, failure = (
+        ProtocolAct("switch", act, Kind.PLAIN) for act in (P.AGREE, P.INFORM, P.FAILURE)
     )
-    assert row.may == (ProtocolAct("switch", P.FAILURE, Kind.PLAIN),)
-    assert row.when == (
-        Guard("switch", frozenset({"asked", "agreed"})),
-        Guard("watch", frozenset({"settled"})),
-    )
-    assert row.waits == ("switch",)
-    assert (row.drop, row.owes, row.moves, row.to, row.several) == (
-        ("ask",),
-        ("watch",),
-        "switch",
-        "busy",
-        True,
-    )
-    assert str(row) == "row 1 (on own done say switch agree, switch inform, to busy)"
+    assert (one.say, one.may) == ((agree, inform), (failure,))
+    asked = Guard("switch", frozenset({"asked", "agreed"}))
+    assert one.when == (asked, Guard("watch", frozenset({"settled"})))
+    assert (one.drop, one.owes, one.waits) == (("ask",), ("watch",), ("switch",))
+    assert (one.moves, one.to, one.several) == ("switch", "busy", True)
+    assert str(one) == "row 1 (on own done say switch agree, switch inform, to busy)"
 
 
 CHOICE = (
@@ -75,95 +58,48 @@ def test_a_choice_makes_a_row_of_each_of_its_ways() -> None:
     """Its words stand behind the row's, its guards hold besides, its state counts if it names one;
     the number stays.
     """
-    row = (
-        '{ in = ["idle"], on = "person wish", say = ["switch request"], when = ["switch none"], to'
-        ' = "waiting", then = "next" }'
-    )
-    made = machine("hand", ['{ in = ["idle"], on = "own bored" }', row], choice=CHOICE)
+    words = {"say": "switch request", "when": "switch none", "to": "waiting", "then": "next"}
+    rows = ['{ in = ["idle"], on = "own bored" }', row("idle", "person wish", **words)]
+    made = machine("hand", rows, choice=CHOICE)
     assert [one.number for one in made.rows] == [1, 2, 2, 2]
     first, second, third = made.rows[1:]
     assert [str(said) for said in first.say] == ["switch request", "switch cancel"]
     assert (first.to, second.to, third.to) == ("idle", "waiting", "waiting")
     assert [len(one.when) for one in (first, second, third)] == [1, 2, 2]
-    assert third.when == (
-        Guard("switch", frozenset({"none"})),
-        Guard("switch", frozenset({"asked"})),
-    )
+    assert third.when == tuple(Guard("switch", frozenset({one})) for one in ("none", "asked"))
 
 
 def test_a_row_that_cannot_be_read_is_named() -> None:
     """File, agent and number, what is wrong, and what there is."""
-    for row, wrong, right in (
-        ('{ in = ["idel"], on = "restart" }', "no state 'idel'", "there are asking, idle, waiting"),
-        ('{ in = ["idle"], on = "restart", to = "wating" }', "no state 'wating'", "waiting"),
-        ('{ in = ["idle"], on = "restart", then = "next" }', "no choice 'next'", "there are none"),
-        (
-            '{ in = ["idle"], on = "swich agree" }',
-            "no protocol 'swich'",
-            "there are ask, switch, watch",
-        ),
-        (
-            '{ in = ["idle"], on = "switch agrees" }',
-            "'agrees'",
-            'write "USE act" or "USE act[kind]"',
-        ),
-        ('{ in = ["idle"], on = "switch" }', "'switch': ", 'write "USE act"'),
-        ('{ in = ["idle"], on = "restart now" }', "no protocol 'restart'", "switch"),
-        ('{ in = ["idle"], on = "late swich" }', "no protocol 'swich'", "switch"),
-        ('{ in = ["idle"], on = "back lump" }', "no agent 'lump'", "there are hand, lamp"),
-        (
-            '{ in = ["idle"], on = "restart", say = ["swich request"] }',
-            "no protocol 'swich'",
-            "switch",
-        ),
-        (
-            '{ in = ["idle"], on = "restart", say = ["switch inform[last]"] }',
-            "guard words",
-            "USE act[kind]",
-        ),
-        ('{ in = ["idle"], on = "restart", may = ["switch say"] }', "'say'", "USE act[kind]"),
-        (
-            '{ in = ["idle"], on = "restart", drop = ["asks"] }',
-            "no volatile protocol to drop 'asks'",
-            "ask, watch",
-        ),
-        (
-            '{ in = ["idle"], on = "restart", drop = ["switch"] }',
-            "no volatile protocol to drop 'switch'",
-            "ask, watch",
-        ),
-        (
-            '{ in = ["idle"], on = "restart", owes = ["switch"] }',
-            "no latest protocol",
-            "there are none",
-        ),
-        (
-            '{ in = ["idle"], on = "restart", owes = ["watch"] }',
-            "no latest protocol",
-            "there are none",
-        ),
-        ('{ in = ["idle"], on = "restart", moves = "lift" }', "no protocol 'lift'", "switch"),
-        ('{ in = ["idle"], on = "restart", waits = ["lift"] }', "no protocol 'lift'", "switch"),
-        (
-            '{ in = ["idle"], on = "restart", when = ["swich none"] }',
-            "no protocol 'swich'",
-            "switch",
-        ),
-        (
-            '{ in = ["idle"], on = "restart", when = ["switch asked|gone"] }',
-            "no state of switch 'gone'",
-            "cancelling",
-        ),
-        (
-            '{ in = ["idle"], on = "restart", when = ["switch"] }',
-            "no state of switch ''",
-            "settled",
-        ),
+    for told, wrong, right in (
+        ('in = ["idel"], on = "restart"', "no state 'idel'", "there are asking, idle, waiting"),
+        ('on = "swich agree"', "no protocol 'swich'", "there are ask, switch, watch"),
+        ('on = "switch agrees"', "'agrees'", 'write "USE act" or "USE act[kind]"'),
+        ('on = "switch"', "'switch': ", 'write "USE act"'),
+        ('on = "restart now"', "no protocol 'restart'", "switch"),
+        ('on = "late swich"', "no protocol 'swich'", "switch"),
+        ('on = "back lump"', "no agent 'lump'", "there are hand, lamp"),
+        ('to = "wating"', "no state 'wating'", "waiting"),
+        ('then = "next"', "no choice 'next'", "there are none"),
+        ('say = ["swich request"]', "no protocol 'swich'", "switch"),
+        ('say = ["switch inform[last]"]', "guard words", "USE act[kind]"),
+        ('may = ["switch say"]', "'say'", "USE act[kind]"),
+        ('drop = ["asks"]', "no volatile protocol to drop 'asks'", "ask, watch"),
+        ('drop = ["switch"]', "no volatile protocol to drop 'switch'", "ask, watch"),
+        ('owes = ["switch"]', "no latest protocol", "there are none"),
+        ('owes = ["watch"]', "no latest protocol", "there are none"),
+        ('moves = "lift"', "no protocol 'lift'", "switch"),
+        ('waits = ["lift"]', "no protocol 'lift'", "switch"),
+        ('when = ["swich none"]', "no protocol 'swich'", "switch"),
+        ('when = ["switch asked|gone"]', "no state of switch 'gone'", "cancelling"),
+        ('when = ["switch"]', "no state of switch ''", "settled"),
     ):
+        words = told if "on = " in told else f'on = "restart", {told}'
+        whole = words if words.startswith("in") else f'in = ["idle"], {words}'
         with pytest.raises(DesignError) as caught:
-            machine("hand", [WISH, row], "switch", "ask", "watch")
-        assert wrong in caught.value.wrong, row
-        assert right in caught.value.right, row
+            machine("hand", [WISH, f"{{ {whole} }}"], "switch", "ask", "watch")
+        assert wrong in caught.value.wrong, told
+        assert right in caught.value.right, told
         assert (caught.value.field, caught.value.file) == ("agent hand, row 2", "small.toml")
 
 
@@ -176,8 +112,8 @@ def test_a_way_of_a_choice_that_cannot_be_read_is_named_by_its_row() -> None:
 
 def test_only_who_is_subscribed_to_owes() -> None:
     """The lamp publishes, so it may owe; the hand may not (above)."""
-    (row,) = machine("lamp", ['{ in = ["idle"], on = "own lit", owes = ["watch"] }'], "watch").rows
-    assert row.owes == ("watch",)
+    (one,) = machine("lamp", [row("idle", "own lit", owes="watch")], "watch").rows
+    assert one.owes == ("watch",)
 
 
 def test_a_guard_names_states_of_the_own_side() -> None:
@@ -189,19 +125,11 @@ def test_a_guard_names_states_of_the_own_side() -> None:
 def test_both_sides_of_a_use() -> None:
     """Each side knows the opener and the delivery."""
     both = machines(design(HAND, LAMP, "switch", "watch"))
-    assert {
-        name: (one.uses["watch"].role, one.uses["watch"].peer) for name, one in both.items()
-    } == {
-        "hand": (Role.INITIATOR, "lamp"),
-        "lamp": (Role.PARTICIPANT, "hand"),
-    }
-    switch, watch = both["hand"].uses["switch"], both["hand"].uses["watch"]
-    assert (switch.durable, switch.latest, watch.durable, watch.latest) == (
-        True,
-        False,
-        False,
-        True,
-    )
+    sides = {name: one.uses["watch"] for name, one in both.items()}
+    assert (sides["hand"].role, sides["hand"].peer) == (Role.INITIATOR, "lamp")
+    assert (sides["lamp"].role, sides["lamp"].peer) == (Role.PARTICIPANT, "hand")
+    uses = [both["hand"].uses[name] for name in ("switch", "watch")]
+    assert [(use.durable, use.latest) for use in uses] == [(True, False), (False, True)]
 
 
 def test_what_is_taken_where() -> None:
@@ -217,11 +145,7 @@ def test_what_is_taken_where() -> None:
 
 def test_where_it_waits_and_rests() -> None:
     """States that rows name, and the first; it rests in the first if nothing else is said."""
-    rows = [
-        '{ in = ["busy"], on = "own lit" }',
-        '{ in = ["busy"], on = "switch cancel", to = "lit" }',
-    ]
-    lamp = machine("lamp", rows)
+    lamp = machine("lamp", [row("busy", "own lit"), row("busy", "switch cancel", to="lit")])
     assert lamp.waits == {"idle", "busy", "lit"}
     assert lamp.rest == {"idle"}
     rests = machines(design(HAND, LAMP, hand_more='rest = ["waiting", "asking"]'))["hand"]
@@ -230,13 +154,9 @@ def test_where_it_waits_and_rests() -> None:
 
 def test_what_needs_no_message() -> None:
     """Everything but what is taken, by state."""
-    hand = machine("hand", HAND)
-    assert {
-        state: [row.event.name for row in rows] for state, rows in hand.spontaneous.items()
-    } == {
-        "idle": ["wish"],
-        "waiting": ["regret"],
-    }
+    found = machine("hand", HAND).spontaneous.items()
+    names = {state: [one.event.name for one in rows] for state, rows in found}
+    assert names == {"idle": ["wish"], "waiting": ["regret"]}
 
 
 def test_words_for_people() -> None:
@@ -250,13 +170,9 @@ def test_a_word_of_guards_is_no_state_of_a_protocol() -> None:
     """Request has a state "settled", request-when "waiting": a guard of that name once held for it,
     too.
     """
-    (row,) = machine(
-        "lamp",
-        ['{ in = ["busy"], on = "own lit", when = ["later waiting|served|asked|none"] }'],
-        "later",
-    ).rows
-    assert row.when[0].states == {"asked", "none"}
-    (row,) = machine(
-        "hand", ['{ in = ["idle"], on = "restart", when = ["switch settled|done|unsettled"] }']
-    ).rows
-    assert row.when[0].states == {"done"}
+    for agent, use, words, states in (
+        ("lamp", "later", "waiting|served|asked|none", {"asked", "none"}),
+        ("hand", "switch", "settled|done|unsettled", {"done"}),
+    ):
+        (one,) = machine(agent, [row("idle", "restart", when=f"{use} {words}")], use).rows
+        assert one.when[0].states == states

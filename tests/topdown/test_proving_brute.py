@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterator
 
 import pytest
-from small import design, fleet, found
+from small import design, fleet, found, row
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
@@ -14,37 +14,27 @@ from fipa_codec.protocols import REQUEST
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Table
 from topdown.model.design import Design
 from topdown.prove.engine import explore
+from topdown.prove.fleet import Flat
 from topdown.prove.pairs import explore_use
 
 
-def general(role: Role, use: str = "switch") -> tuple[str, ...]:
+def general(role: Role) -> tuple[str, ...]:
     """Rows of an agent in one state that does all that its table of `request` allows, but for
     progress.
     """
     table = REQUEST.tables[role]
     rows: dict[str, None] = {}
-    for row in table:
-        if row.kind is Kind.PROGRESS or (row.state == START and row.performative is P.CANCEL):
+    for one in table:
+        if one.kind is Kind.PROGRESS or (one.state == START and one.performative is P.CANCEL):
             continue
-        if row.way is SEND and row.state not in table.urgent:
-            cause = "person" if row.performative in (P.REQUEST, P.CANCEL) else "own"
-            rows[
-                f'{{ in = ["idle"], on = "{cause} {row.performative}{row.kind}", say = ["{use}'
-                f' {row.word}"] }}'
-            ] = None
-        elif row.way is RECEIVE and row.to not in table.urgent:
-            rows[f'{{ in = ["idle"], on = "{use} {row.word}" }}'] = None
-    crossed = (
-        f'say = ["{use} inform", "{use} failure[cancel]"]',
-        f'say = ["{use} failure", "{use} failure[cancel]"]',
-    )
-    if role is Role.PARTICIPANT:
-        rows |= dict.fromkeys(f'{{ in = ["idle"], on = "own crossed", {one} }}' for one in crossed)
-        refused = (
-            f'{{ in = ["idle"], on = "own crossed", say = ["{use} refuse", "{use}'
-            ' failure[cancel]"] }'
-        )
-        rows[refused] = None
+        if one.way is SEND and one.state not in table.urgent:
+            cause = "person" if one.performative in (P.REQUEST, P.CANCEL) else "own"
+            event = f"{cause} {one.performative}{one.kind}"
+            rows[row("idle", event, say=f"switch {one.word}")] = None
+        elif one.way is RECEIVE and one.to not in table.urgent:
+            rows[row("idle", f"switch {one.word}")] = None
+    for act in ("inform", "failure", "refuse") if role is Role.PARTICIPANT else ():
+        rows[row("idle", "own crossed", say=f"switch {act}, switch failure[cancel]")] = None
     return tuple(rows)
 
 
@@ -69,17 +59,17 @@ def walked(protocol: Protocol = REQUEST) -> set[Walk]:
 
 
 def _stepped(here: Walk, side: int, table: Table) -> Iterator[Walk]:
-    for row in table:
-        if row.state != (here[side] or START) or row.kind is Kind.PROGRESS:
+    for one in table:
+        if one.state != (here[side] or START) or one.kind is Kind.PROGRESS:
             continue
         queues = [here[2], here[3]]
-        if row.way is RECEIVE:
-            if not queues[side] or queues[side][0] != (row.performative, row.kind):
+        if one.way is RECEIVE:
+            if not queues[side] or queues[side][0] != (one.performative, one.kind):
                 continue
             queues[side] = queues[side][1:]
         else:
-            queues[1 - side] = (*queues[1 - side], (row.performative, row.kind))
-        yield from _settled(here, side, table, str(row.to), queues)
+            queues[1 - side] = (*queues[1 - side], (one.performative, one.kind))
+        yield from _settled(here, side, table, str(one.to), queues)
 
 
 def _settled(
@@ -110,17 +100,14 @@ def test_the_model_has_the_states_that_the_tables_have() -> None:
     result = explore(model, keep=True)
     assert result.holds, str(result.findings[0])
     slots = [model.parts.queue_of[pair] for pair in (("lamp", "hand"), ("hand", "lamp"))]
-    met = {
-        (
-            *(model.parts.local(number, state[number]).talks[0] for number in (0, 1)),
-            *(
-                tuple((said.act, said.kind) for said in model.parts.queues.values[state[slot]])
-                for slot in slots
-            ),
-        )
-        for state in result.reached
-    }
-    assert met == walked()
+
+    def met(state: Flat) -> Walk:
+        one, other = (model.parts.local(number, state[number]).talks[0] for number in (0, 1))
+        queues = (model.parts.queues.values[state[slot]] for slot in slots)
+        mine, theirs = (tuple((said.act, said.kind) for said in queue) for queue in queues)
+        return one, other, mine, theirs
+
+    assert set(map(met, result.reached)) == walked()
 
 
 SPOILT = [
@@ -140,10 +127,10 @@ def test_a_spoilt_table_fails_here_and_in_layer_2(monkeypatch: pytest.MonkeyPatc
     has ended is forgotten.
     """
     made, tables = general_design(), REQUEST.tables
-    for role, row in SPOILT:
-        monkeypatch.setattr(REQUEST, "tables", {**tables, role: tables[role].without(*row[:4])})
+    for role, spoilt in SPOILT:
+        less = {**tables, role: tables[role].without(*spoilt[:4])}
+        monkeypatch.setattr(REQUEST, "tables", less)
         pair, composed = explore_use(made, "switch", 0).exploration.findings, found(made).findings
-        remembered = (
-            role is Role.PARTICIPANT and row.way is RECEIVE and row.state in tables[role].ended
-        )
-        assert bool(pair) == (bool(composed) or remembered), (role, row, pair, composed)
+        ended = spoilt.way is RECEIVE and spoilt.state in tables[role].ended
+        remembered = role is Role.PARTICIPANT and ended
+        assert bool(pair) == (bool(composed) or remembered), (role, spoilt, pair, composed)

@@ -93,29 +93,22 @@ def test_finds_exactly_what_a_plain_search_finds_by_a_shortest_way(arcs, rest, b
     }
 
 
+def plain(*arcs):
+    """Fair arcs without a fault."""
+    return [(here, there, True, False) for here, there in arcs]
+
+
 def test_a_trace_can_be_followed_from_the_start():
     """Each step is a move of the state before it."""
-    graph = Graph(
-        [(0, 1, True, False), (1, 2, True, False), (0, 3, True, False), (3, 0, True, False)]
-    )
-    (finding,) = explore(graph).findings
+    (finding,) = explore(Graph(plain((0, 1), (1, 2), (0, 3), (3, 0)))).findings
     assert [step.after["it"] for step in finding.trace] == ["1", "2"]
     assert finding.start == {"it": "0"}
     assert str(finding).splitlines()[1].split() == ["1.", "it:", "to", "1"]
 
 
-def test_only_fair_moves_lead_to_rest():
-    """The one way home is somebody's free choice, or a fault: rest is out of reach, though nobody
-    is stuck.
-    """
-    for fair, fault in ((False, False), (True, True)):
-        graph = Graph([(0, 1, True, False), (1, 1, True, False), (1, 0, fair, fault)])
-        assert [finding.kind for finding in explore(graph).findings] == [UNREACHED]
-
-
 def test_a_search_that_stops_early_says_what_is_open():
     """At a count of states, at a time, and at its first finding."""
-    chain = Graph([(n, n + 1, True, False) for n in range(5000)], rest=(5000,))
+    chain = Graph(plain(*((n, n + 1) for n in range(5000))), rest=(5000,))
     for limits in ({"most_states": 100}, {"seconds": 0.0001}):
         found = explore(chain, **limits)
         assert not found.complete
@@ -129,49 +122,35 @@ def test_a_search_that_stops_early_finds_only_what_the_whole_search_finds(arcs, 
     """Parts not looked at count as good: findings are true ones, and no trace is longer than need
     be.
     """
+    graph = Graph(arcs, rest)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("topdown.prove.engine.LOOK_AT_CLOCK", 1)
-        early = explore(Graph(arcs, rest), most_states=most, first=False)
-    whole = {
-        finding.kind: len(finding.trace)
-        for finding in explore(Graph(arcs, rest), first=False).findings
-    }
+        early = explore(graph, most_states=most, first=False)
+    whole = {one.kind: len(one.trace) for one in explore(graph, first=False).findings}
     for finding in early.findings:
         assert finding.kind in whole
         assert len(finding.trace) >= whole[finding.kind]
-        assert finding.kind != UNREACHED or not rest_in_reach(
-            Graph(arcs, rest), int(_last(finding))
-        )
-
-
-def _last(finding):
-    return finding.trace[-1].after["it"] if finding.trace else finding.start["it"]
+        last = finding.trace[-1].after if finding.trace else finding.start
+        assert finding.kind != UNREACHED or not rest_in_reach(graph, int(last["it"]))
 
 
 def test_a_search_that_stops_early_finds_what_lies_within():
     """Two steps from the start nothing leads to rest, whatever the rest of a long chain is like."""
-    chain = [(n, n + 1, True, False) for n in range(10, 5000)]
-    graph = Graph(
-        [
-            (0, 1, True, False),
-            (1, 2, True, False),
-            (2, 2, True, False),
-            (0, 10, True, False),
-            *chain,
-        ]
-    )
-    graph.rest = {5000}
+    chain = [(n, n + 1) for n in range(10, 5000)]
+    graph = Graph(plain((0, 1), (1, 2), (2, 2), (0, 10), *chain), rest=(5000,))
     (found,) = explore(graph, most_states=100).findings
     assert (found.kind, len(found.trace)) == (UNREACHED, 1)
     assert found.trace[-1].after["it"] == "1"
+
+
+RING = Graph(plain((0, 1), (1, 0)))
 
 
 def test_time_is_that_of_the_processor(monkeypatch):
     """A search that has to wait for its turn is not stopped for it."""
     wall = count(step=100.0)
     monkeypatch.setattr("topdown.prove.engine.time.perf_counter", lambda: next(wall))
-    ring = Graph([(0, 1, True, False), (1, 0, True, False)])
-    found = explore(ring, seconds=50.0)
+    found = explore(RING, seconds=50.0)
     assert found.holds
     assert found.seconds >= 100.0
 
@@ -192,6 +171,5 @@ def test_progress_is_told_while_it_runs(monkeypatch):
 
 def test_states_are_handed_out_where_asked_for():
     """Else they are not kept."""
-    graph = Graph([(0, 1, True, False), (1, 0, True, False)])
-    assert set(explore(graph, keep=True).reached) == {0, 1}
-    assert not explore(graph).reached
+    assert set(explore(RING, keep=True).reached) == {0, 1}
+    assert not explore(RING).reached

@@ -91,28 +91,22 @@ takes = st.builds(
 @given(st.lists(commands | takes, max_size=6))
 def test_commands_do_what_their_words_say(table):
     """Against a reading of the words one by one, in every state that is reached."""
-    cleared_and_sent = [c for c in table if any(isinstance(e, Clear) for e in c.effects)]
-    table = [
-        c
-        for c in table
-        if c not in cleared_and_sent or not any(isinstance(e, Send) for e in c.effects)
-    ]
+    table = [c for c in table if not {Clear, Send} <= {type(effect) for effect in c.effects}]
     net = Net("any", VARIABLES, QUEUES, tuple(table), ((),), lifelines=("A", "B"))
     model = NetModel(net)
-    for state in explore(model, first=False, keep=True).reached:
+
+    def named(state):
         a, b, q = state
-        named = {"a": "xyz"[a], "b": "xyz"[b], "q": ["mn"[word] for word in q]}
+        return {"a": "xyz"[a], "b": "xyz"[b], "q": ["mn"[word] for word in q]}
+
+    for state in explore(model, first=False, keep=True).reached:
         expected = {
             repr(after)
             for command in table
-            if all(holds(guard, named) for guard in command.guards)
-            and (after := changed(command.effects, named))
+            if all(holds(guard, named(state)) for guard in command.guards)
+            and (after := changed(command.effects, named(state)))
         }
-        found = set()
-        for move in model.moves(state):
-            a, b, q = move[2]
-            found.add(repr({"a": "xyz"[a], "b": "xyz"[b], "q": ["mn"[word] for word in q]}))
-        assert found == expected
+        assert {repr(named(move[2])) for move in model.moves(state)} == expected
 
 
 def net_of(*commands, rest=((),), wrong=()):

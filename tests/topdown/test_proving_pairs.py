@@ -9,11 +9,10 @@ import pytest
 
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation
-from fipa_codec.errors import RemoteProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import CFP, ICFP, PROTOCOLS, QUERY, REQUEST, SUBSCRIBE, State
-from fipa_codec.tables import RECEIVE, SEND, Protocol, Role, Row
+from fipa_codec.tables import RECEIVE, SEND, Role, Row
 from topdown.model.design import Design, load
 from topdown.model.elements import Division, Split, Step
 from topdown.prove.durable import durable_pair
@@ -38,23 +37,30 @@ def story(finding):
     return [f"{step.who} {step.what}" for step in finding.trace]
 
 
+def first(initiator=None, participant=None, protocol=REQUEST, roles=None, **how):
+    """The first finding of a durable pair with other tables."""
+    spoilt = protocol.with_tables(initiator=initiator, participant=participant)
+    return explored(durable_pair(spoilt, roles or Players("hi", "co"), faults=0, **how)).findings[0]
+
+
+def volatile(protocol, asker="km", server="ta", faults=1, **how):
+    """The first finding of a volatile pair."""
+    return explored(volatile_pair(protocol, Players(asker, server), faults=faults, **how)).findings[
+        0
+    ]
+
+
+@pytest.mark.parametrize("faults", [1, pytest.param(2, marks=pytest.mark.long)])
 @pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
-def test_durable_pairs_hold(protocol):
+def test_durable_pairs_hold(protocol, faults):
     """No deadlock, no reception without a row, every conversation ends or rests; so over ideal
-    queues, with fewer states.
+    queues, with fewer states. With two faults there are some hundred thousand.
     """
-    found = explored(durable_pair(protocol, faults=1))
+    found = explored(durable_pair(protocol, faults=faults))
     assert found.holds, str(found.findings[0])
     ideal = explored(ideal_pair(protocol))
     assert ideal.holds, str(ideal.findings[0])
     assert ideal.states < found.states
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("protocol", PROTOCOLS, ids=lambda p: p.name)
-def test_durable_pairs_hold_with_two_faults(protocol):
-    """Some hundred thousand states."""
-    assert explored(durable_pair(protocol, faults=2)).holds
 
 
 def test_questions_hold_whatever_is_lost():
@@ -81,8 +87,8 @@ def test_another_round_is_no_repetition():
     rounds = explored(durable_pair(ICFP, faults=0))
     assert rounds.holds
     assert rounds.states > explored(durable_pair(CFP, faults=0)).states
-    deaf = ICFP.with_tables(participant=ICFP.tables[SERVER].without(State.OFFERED, RECEIVE, P.CFP))
-    finding = explored(durable_pair(deaf, faults=0)).findings[0]
+    deaf = ICFP.tables[SERVER].without(State.OFFERED, RECEIVE, P.CFP)
+    finding = first(participant=deaf, protocol=ICFP)
     assert finding.kind == UNREACHED
     assert [step.split()[1] for step in story(finding)].count("cfp") >= 2
 
@@ -90,22 +96,19 @@ def test_another_round_is_no_repetition():
 # --- naive variants of tables ---------------------------------------------------------------------
 
 
-def request_without_late_failures():
-    """The participant takes a cancel that came too late, and says nothing."""
-    server = REQUEST.tables[SERVER]
-    for state, after in (
-        ("start", State.REFUSED),
-        *((s, s) for s in (State.DONE, State.FAILED, State.REFUSED)),
-    ):
+def silent(server, ends):
+    """A participant that takes a cancel which came too late, and says nothing; `ends`: (state,
+    after it).
+    """
+    for state, after in ends:
         server = server.with_rows(Row(state, RECEIVE, P.CANCEL, PLAIN, after))
-    return REQUEST.with_tables(participant=server)
+    return server
 
 
 def test_no_failure_in_reply_to_a_late_cancel_leaves_the_initiator_waiting():
     """Without any fault: request, cancel, refuse, and the cancel is absorbed."""
-    finding = explored(
-        durable_pair(request_without_late_failures(), Players("hi", "co"), faults=0)
-    ).findings[0]
+    ends = [("start", State.REFUSED), *((s, s) for s in (State.DONE, State.FAILED, State.REFUSED))]
+    finding = first(participant=silent(REQUEST.tables[SERVER], ends))
     assert finding.kind == UNREACHED
     assert finding.trace[-1].after["hi"] in (State.OVERTAKEN, State.CANCELLING_ASKED)
     assert {step.split()[1] for step in story(finding)} >= {"request", "cancel"}
@@ -113,19 +116,14 @@ def test_no_failure_in_reply_to_a_late_cancel_leaves_the_initiator_waiting():
 
 
 def test_a_cancel_that_crosses_the_end_must_be_taken():
-    """The participant has ended; its row for the cancel is missing."""
+    """The participant has ended; its row for the cancel is missing. The runtime forgets what has
+    ended: the row of an unknown conversation is needed as well.
+    """
     for state in (State.DONE, State.REFUSED, State.FAILED):
-        server = REQUEST.tables[SERVER].without(state, RECEIVE, P.CANCEL)
-        net = durable_pair(REQUEST.with_tables(participant=server), Players("hi", "co"), faults=0)
-        finding = explored(net).findings[0]
+        finding = first(participant=REQUEST.tables[SERVER].without(state, RECEIVE, P.CANCEL))
         assert (finding.kind, finding.text) == (WRONG, f"co in state {state} has no row for cancel")
         assert len(finding.trace) == 5
-
-
-def test_a_cancel_of_a_forgotten_conversation_must_be_taken():
-    """The runtime forgets what has ended: the row of an unknown conversation is needed as well."""
-    server = REQUEST.tables[SERVER].without(State.START, RECEIVE, P.CANCEL)
-    finding = explored(durable_pair(REQUEST.with_tables(participant=server), faults=0)).findings[0]
+    finding = first(participant=REQUEST.tables[SERVER].without(State.START, RECEIVE, P.CANCEL))
     assert finding.kind == WRONG
     assert "its conversation forgotten, has no row for cancel" in finding.text
 
@@ -137,67 +135,54 @@ def test_an_answer_that_never_comes_is_found():
     server = REQUEST.tables[SERVER]
     for answer in (P.INFORM, P.FAILURE):
         server = server.without(State.AGREED, SEND, answer)
-    finding = explored(
-        durable_pair(REQUEST.with_tables(participant=server), Players("a", "b"), faults=0)
-    ).findings[0]
+    finding = first(participant=server)
     assert finding.kind == UNREACHED
-    assert story(finding)[-1] == "b agree -> a"
+    assert story(finding)[-1] == "co agree -> hi"
 
 
 def test_agents_that_fill_their_outboxes_with_news_can_block_each_other():
     """Both are full and take nothing: why news leaves room for the answers that are owed."""
-    rows = REQUEST.tables[SERVER].with_rows(
-        Row(State.AGREED, SEND, P.INFORM, Kind.PROGRESS, State.AGREED)
-    )
     chatty = REQUEST.with_tables(
         initiator=REQUEST.tables[ASKER].with_rows(
             Row(State.AGREED, RECEIVE, P.INFORM, Kind.PROGRESS, "owing"),
             Row("owing", SEND, P.CONFIRM, PLAIN, State.AGREED),
         ),
-        participant=rows.with_rows(Row(State.AGREED, RECEIVE, P.CONFIRM, PLAIN, State.AGREED)),
+        participant=REQUEST.tables[SERVER].with_rows(
+            Row(State.AGREED, SEND, P.INFORM, Kind.PROGRESS, State.AGREED),
+            Row(State.AGREED, RECEIVE, P.CONFIRM, PLAIN, State.AGREED),
+        ),
     )
-    assert DEADLOCK in {
-        finding.kind for finding in explored(durable_pair(chatty, faults=0, eager=True)).findings
-    }
+    found = explored(durable_pair(chatty, faults=0, eager=True)).findings
+    assert DEADLOCK in {finding.kind for finding in found}
 
 
 # --- naive variants of the delivery ---------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("rules", "kind", "last"),
-    [
-        (Rules(renews=False), UNREACHED, "ta dies and is restored"),
-        (Rules(keeps_due=False), WRONG, "ta dies and is restored"),
-    ],
+    ("rules", "kind"),
+    [(Rules(renews=False), UNREACHED), (Rules(keeps_due=False), WRONG)],
     ids=["not renewed", "due in RAM"],
 )
-def test_subscriptions_fail_without_their_rules(rules, kind, last):
+def test_subscriptions_fail_without_their_rules(rules, kind):
     """One death of the publisher is enough."""
-    net = volatile_pair(subscription(), Players("km", "ta"), faults=1, latest=True, rules=rules)
-    finding = explored(net).findings[0]
+    finding = volatile(subscription(), latest=True, rules=rules)
     assert finding.kind == kind
-    assert story(finding)[-1] == last
+    assert story(finding)[-1] == "ta dies and is restored"
     assert (kind == WRONG) == (finding.text == NOT_HELD)
 
 
 def test_a_question_that_is_not_asked_again_waits_for_ever():
     """One death of the server."""
-    rules = Rules(asks_again=False)
-    finding = explored(volatile_pair(QUERY, Players("pl", "km"), faults=1, rules=rules)).findings[0]
-    assert (
-        story(finding) == ["pl query-if -> km", "km dies and is restored"]
-        or finding.kind == DEADLOCK
-    )
+    finding = volatile(QUERY, "pl", "km", rules=Rules(asks_again=False))
+    deaths = ["pl query-if -> km", "km dies and is restored"]
+    assert story(finding) == deaths or finding.kind == DEADLOCK
     assert len(finding.trace) == 2
 
 
 def test_a_cancel_that_is_not_asked_till_the_end_may_be_lost():
     """A word that crosses it is not an answer to it."""
-    rules = Rules(cancels_till_over=False)
-    finding = explored(
-        volatile_pair(SUBSCRIBE, Players("km", "ta"), faults=1, rules=rules)
-    ).findings[0]
+    finding = volatile(SUBSCRIBE, rules=Rules(cancels_till_over=False))
     assert story(finding)[-1] == "wire loses cancel of km"
 
 
@@ -205,14 +190,10 @@ def test_a_publisher_that_refuses_may_take_a_late_copy():
     """Asked again on the way, it has forgotten its refuse and agrees: a subscription that nobody
     holds.
     """
-    finding = explored(
-        volatile_pair(subscription("refuse"), Players("km", "ta"), faults=0, latest=True)
-    ).findings[0]
+    finding = volatile(subscription("refuse"), faults=0, latest=True)
     assert finding.kind == UNREACHED
-    assert (finding.trace[-1].after["km"], finding.trace[-1].after["ta"]) == (
-        State.REFUSED,
-        State.LIVE,
-    )
+    last = finding.trace[-1].after
+    assert (last["km"], last["ta"]) == (State.REFUSED, State.LIVE)
 
 
 def test_what_needs_a_durable_stream_is_told_where_it_is_volatile():
@@ -229,29 +210,25 @@ def test_what_needs_a_durable_stream_is_told_where_it_is_volatile():
 
 
 def test_a_design_is_verified_by_channel():
-    """The lamp: one durable request, with the acts that its use lists."""
+    """The lamp: one durable request, with the acts that its use lists. No verdict where the search
+    stopped.
+    """
     result = explore_use(LAMP, "switch", 1)
     assert result.holds
     assert (result.use, result.channel, result.delivery) == ("switch", "C1", "durable")
-    assert {row.word for row in spoken(LAMP, "switch").tables[SERVER] if row.way is SEND} == {
-        "inform"
-    }
-
-
-def test_a_limit_says_what_is_open():
-    """No verdict where the search stopped."""
-    result = explore_use(LAMP, "switch", 2, most_states=100)
-    assert not result.holds
-    assert "not looked at" in result.exploration.unproven
+    sends = [row.word for row in spoken(LAMP, "switch").tables[SERVER] if row.way is SEND]
+    assert set(sends) == {"inform"}
+    stopped = explore_use(LAMP, "switch", 2, most_states=100)
+    assert not stopped.holds
+    assert "not looked at" in stopped.exploration.unproven
 
 
 def test_states_that_nobody_comes_to_are_named(monkeypatch):
     """A cancel that the use lists, and that the initiator's table has no place for."""
     request = LAMP.file.protocol[0].message[0]
     cancel = msgspec.structs.replace(request, performative=P.CANCEL, content=())
-    use = msgspec.structs.replace(
-        LAMP.file.protocol[0], message=(*LAMP.file.protocol[0].message, cancel)
-    )
+    (use,) = LAMP.file.protocol
+    use = msgspec.structs.replace(use, message=(*use.message, cancel))
     design = Design(msgspec.structs.replace(LAMP.file, protocol=(use,)))
     assert not explore_use(design, "switch", 0).unreached
     asker = REQUEST.tables[ASKER].without(State.ASKED, SEND, P.CANCEL)
@@ -260,20 +237,14 @@ def test_states_that_nobody_comes_to_are_named(monkeypatch):
 
 
 def test_channels_of_a_step():
-    """The lamp's one step makes its one channel."""
+    """The lamp's one step makes its one channel. One that is split later is verified by its parts:
+    step 1 made it, step 2 split it, and both steps touch both parts.
+    """
     assert changed_channels(LAMP, 1) == ("C1",)
     with pytest.raises(IndexError, match="steps 1 to 1"):
         changed_channels(LAMP, 2)
-
-
-def test_a_channel_that_is_split_later_is_verified_by_its_parts():
-    """Step 1 made it, step 2 split it: both steps touch both parts."""
-    step = Step(
-        requirements=("R1",),
-        divide=Division("lamp", ("bulb", "base")),
-        split=(Split("C1", ("C2", "C3")),),
-        tasks=(),
-    )
+    halves = Division("lamp", ("bulb", "base"))
+    step = Step(requirements=("R1",), divide=halves, split=(Split("C1", ("C2", "C3")),), tasks=())
     design = Design(msgspec.structs.replace(LAMP.file, step=(*LAMP.file.step, step)))
     assert set(changed_channels(design, 1)) == set(changed_channels(design, 2)) == {"C2", "C3"}
 
@@ -283,26 +254,13 @@ def test_a_channel_that_is_split_later_is_verified_by_its_parts():
 
 def conversation_takes_cancel_when_done():
     """Whether a running conversation of `request`, participant, takes a cancel after its inform."""
-
-    def say(performative, number):
-        return Communicate(
-            performative=performative,
-            protocol="request",
-            conversation="c",
-            sender="hi",
-            receiver="co",
-            id=str(number),
-            reply_with=str(number),
-            sent=0.0,
-        )
-
-    talk = Conversation.answering(say(P.REQUEST, 1), "co").receive(say(P.REQUEST, 1))
-    talk, _ = talk.send(P.INFORM, id="1", now=0.0)
-    try:
-        talk.receive(say(P.CANCEL, 2))
-    except RemoteProtocolError:
-        return False
-    return True
+    fields = {"protocol": "request", "conversation": "c", "sender": "hi", "receiver": "co"}
+    ask, cancel = (
+        Communicate(performative=act, reply_with=str(act), **fields)
+        for act in (P.REQUEST, P.CANCEL)
+    )
+    talk = Conversation.answering(ask, "co").receive(ask)
+    return talk.send(P.INFORM, id="1", now=0.0)[0].takes(cancel)
 
 
 def test_a_mutated_row_changes_the_verdict_and_the_running_conversation(monkeypatch):
@@ -312,20 +270,8 @@ def test_a_mutated_row_changes_the_verdict_and_the_running_conversation(monkeypa
     mutated = REQUEST.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL)
     monkeypatch.setattr(REQUEST, "tables", {**REQUEST.tables, SERVER: mutated})
     assert not conversation_takes_cancel_when_done()
-    assert (
-        explored(durable_pair(REQUEST, faults=0))
-        .findings[0]
-        .text.endswith("in state done has no row for cancel")
-    )
-
-
-def test_a_mutated_row_of_a_design_changes_its_verdict(monkeypatch):
-    """The explored rows are those of the design's own file."""
-    assert isinstance(LAMP.tables["request"], Protocol)
-    server = REQUEST.tables[SERVER].without(State.ASKED, SEND, P.INFORM)
-    monkeypatch.setattr(REQUEST, "tables", {**REQUEST.tables, SERVER: server})
-    result = explore_use(LAMP, "switch", 0)
-    assert not result.holds
+    (finding, *_) = explored(durable_pair(REQUEST, faults=0)).findings
+    assert finding.text.endswith("in state done has no row for cancel")
 
 
 # --- ideal queues ---------------------------------------------------------------------------------
@@ -336,16 +282,12 @@ def test_ideal_queues_and_explicit_streams_agree_about_spoilt_tables():
     small = restricted(
         REQUEST, {ASKER: {"request", "cancel"}, SERVER: {"refuse", "agree", "inform", "failure"}}
     )
-    missing = small.with_tables(
-        participant=small.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL)
-    )
-    silent = small.tables[SERVER]
-    for state in (State.START, State.DONE, State.REFUSED):
-        silent = silent.with_rows(Row(state, RECEIVE, P.CANCEL, PLAIN, State.DONE))
-    for protocol, kind in ((missing, WRONG), (small.with_tables(participant=silent), UNREACHED)):
-        ideal, explicit = (
-            explored(net).findings[0]
-            for net in (ideal_pair(protocol), durable_pair(protocol, faults=0))
-        )
+    server = small.tables[SERVER]
+    ends = [(state, State.DONE) for state in (State.START, State.DONE, State.REFUSED)]
+    missing = server.without(State.DONE, RECEIVE, P.CANCEL)
+    for table, kind in ((missing, WRONG), (silent(server, ends), UNREACHED)):
+        protocol = small.with_tables(participant=table)
+        nets = ideal_pair(protocol), durable_pair(protocol, faults=0)
+        ideal, explicit = (explored(net).findings[0] for net in nets)
         assert (ideal.kind, ideal.text) == (explicit.kind, explicit.text)
         assert ideal.kind == kind

@@ -12,38 +12,29 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import QUERY, REQUEST, SUBSCRIBE, State
 from fipa_codec.tables import RECEIVE, Role, Row
+from topdown.prove import net
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import DEADLOCK, WRONG, explore
-from topdown.prove.net import (
-    Clear,
-    Command,
-    Copy,
-    Empty,
-    Full,
-    Head,
-    Net,
-    NetModel,
-    Queue,
-    Send,
-    Set,
-    Take,
-    Variable,
-    is_,
-)
-from topdown.prove.net import Wrong as Never
+from topdown.prove.net import NetModel, is_
 from topdown.prove.promela import promela
 from topdown.prove.roles import restricted
 from topdown.prove.volatile import Rules, volatile_pair
 
 ASKER, SERVER = Role.INITIATOR, Role.PARTICIPANT
 SMALL = restricted(REQUEST, {ASKER: {"request", "cancel"}, SERVER: {"agree", "inform", "refuse"}})
+REFERRED = restricted(QUERY, {ASKER: {"query-ref"}, SERVER: {"inform", "refuse"}})
+NOT_ASKED_AGAIN, IN_RAM = Rules(asks_again=False), Rules(keeps_due=False)
 WATCH = restricted(SUBSCRIBE, {ASKER: {"subscribe"}, SERVER: {"agree", "inform"}})
+
+
+def spoilt(server):
+    """The small request with another table of the server's."""
+    return durable_pair(SMALL.with_tables(participant=server), faults=0)
 
 
 def spoilt_by_a_missing_row():
     """The cancel that crosses the inform has no row."""
-    server = SMALL.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL)
-    return durable_pair(SMALL.with_tables(participant=server), faults=0)
+    return spoilt(SMALL.tables[SERVER].without(State.DONE, RECEIVE, P.CANCEL))
 
 
 def spoilt_by_silence():
@@ -51,49 +42,33 @@ def spoilt_by_silence():
     server = SMALL.tables[SERVER]
     for state in (State.START, State.DONE, State.REFUSED):
         server = server.with_rows(Row(state, RECEIVE, P.CANCEL, Kind.PLAIN, State.DONE))
-    return durable_pair(SMALL.with_tables(participant=server), faults=0)
+    return spoilt(server)
 
 
 def with_queues(room):
     """Everything that a net may say: two who talk over queues, and never is B served twice."""
+    idle, busy, off, empty = is_("a", "idle"), is_("a", "busy"), is_("b", "off"), net.Empty("to b")
+    ask, stop = net.Send("to b", "ask"), net.Send("to b", "stop")
+    asked = net.Head("to b", frozenset({"ask"}))
+    stopped = net.Head("to b", frozenset({"stop", "halt"}))
+    serve = (net.Take("to b"), net.Copy("last", "b"), net.Set("b", "on"))
     commands = (
-        Command(
-            "A", "asks", (is_("a", "idle"), Empty("to b")), (Send("to b", "ask"), Set("a", "busy"))
-        ),
-        Command("A", "asks again", (is_("a", "busy"),), (Send("to b", "ask"),)),
-        Command(
-            "A", "cancels", (is_("a", "busy"), Full("to b")), (Clear("to b"), Send("to b", "stop"))
-        ),
-        Command(
-            "B",
-            "serves",
-            (Head("to b", frozenset({"ask"})),),
-            (Take("to b"), Copy("last", "b"), Set("b", "on")),
-        ),
-        Command(
-            "B",
-            "stops",
-            (Head("to b", frozenset({"stop", "halt"})),),
-            (Take("to b"), Set("b", "off")),
-        ),
-        Command(
-            "A", "rests", (is_("a", "busy"), is_("b", "off"), Empty("to b")), (Set("a", "idle"),)
-        ),
+        net.Command("A", "asks", (idle, empty), (ask, net.Set("a", "busy"))),
+        net.Command("A", "asks again", (busy,), (ask,)),
+        net.Command("A", "cancels", (busy, net.Full("to b")), (net.Clear("to b"), stop)),
+        net.Command("B", "serves", (asked,), serve),
+        net.Command("B", "stops", (stopped,), (net.Take("to b"), net.Set("b", "off"))),
+        net.Command("A", "rests", (busy, off, empty), (net.Set("a", "idle"),)),
     )
-    variables = (
-        Variable("a", ("idle", "busy")),
-        Variable("b", ("off", "on")),
-        Variable("last", ("off", "on")),
-    )
-    queues = (Queue("to b", ("ask", "stop", "halt"), room),)
-    never = (Never("twice", (is_("last", "on"), is_("a", "idle"))),)
-    return Net("queues", variables, queues, commands, ((is_("a", "idle"), Empty("to b")),), never)
+    states = (("a", ("idle", "busy")), ("b", ("off", "on")), ("last", ("off", "on")))
+    variables = tuple(net.Variable(*one) for one in states)
+    queues = (net.Queue("to b", ("ask", "stop", "halt"), room),)
+    never = (net.Wrong("twice", (is_("last", "on"), idle)),)
+    return net.Net("queues", variables, queues, commands, ((idle, empty),), never)
 
 
 MODELS = {
-    "query": lambda: durable_pair(
-        restricted(QUERY, {ASKER: {"query-ref"}, SERVER: {"inform", "refuse"}}), faults=1
-    ),
+    "query": lambda: durable_pair(REFERRED, faults=1),
     "request": lambda: durable_pair(SMALL, faults=0),
     "request, a fault": lambda: durable_pair(SMALL, faults=1),
     "question": lambda: volatile_pair(QUERY, faults=1),
@@ -102,12 +77,8 @@ MODELS = {
     "long queues": lambda: with_queues(4),
     "spoilt: a row is missing": spoilt_by_a_missing_row,
     "spoilt: silence": spoilt_by_silence,
-    "spoilt: not asked again": lambda: volatile_pair(
-        QUERY, faults=1, rules=Rules(asks_again=False)
-    ),
-    "spoilt: due in RAM": lambda: volatile_pair(
-        WATCH, faults=1, latest=True, rules=Rules(keeps_due=False)
-    ),
+    "spoilt: not asked again": lambda: volatile_pair(QUERY, faults=1, rules=NOT_ASKED_AGAIN),
+    "spoilt: due in RAM": lambda: volatile_pair(WATCH, faults=1, latest=True, rules=IN_RAM),
 }
 
 
@@ -141,12 +112,12 @@ def verified(text, folder):
 @pytest.mark.parametrize("name", MODELS)
 def test_spin_agrees(name, tmp_path):
     """States and verdict; in nets with faults a deadlock is an assertion as well."""
-    net = MODELS[name]()
-    stored, violated, ended = verified(promela(net), tmp_path)
-    found = explore(NetModel(net), first=False)
+    made = MODELS[name]()
+    stored, violated, ended = verified(promela(made), tmp_path)
+    found = explore(NetModel(made), first=False)
     kinds = {finding.kind for finding in found.findings}
     assert stored == found.states
-    if any(command.fault for command in net.commands):
+    if any(command.fault for command in made.commands):
         assert violated == bool(kinds & {WRONG, DEADLOCK})
         assert not ended
     else:

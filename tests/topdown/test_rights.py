@@ -74,16 +74,12 @@ def test_only_an_owner_writes_its_signals(design: Design) -> None:
     """Each process that puts or lives on a signal is named in it as its owner, and is among the
     writers.
     """
-    for family in families(design, "s"):
-        if not family.act:
-            writers = {
-                one.identity
-                for one in rights(design, "s")
-                if one.key == family.key and one.action in (Action.PUT, Action.TOKEN)
-            }
-            assert writers == {family.owner}
-            assert family.owner in design.signals[family.what].writers
-            assert family.owner in family.key.split("/")
+    found = rights(design, "s")
+    for family in (one for one in families(design, "s") if not one.act):
+        writes = [one for one in found if one.action in (Action.PUT, Action.TOKEN)]
+        assert {one.identity for one in writes if one.key == family.key} == {family.owner}
+        assert family.owner in design.signals[family.what].writers
+        assert family.owner in family.key.split("/")
 
 
 def test_an_agent_hears_receipts_of_its_own_peers_alone() -> None:
@@ -129,20 +125,18 @@ def test_whatever_may_be_heard_may_be_listened_to(design: Design) -> None:
 
     An agent's ears are its own alone.
     """
-    config = access_control(design, "s")
+    keys = {rule["id"]: rule["key_exprs"] for rule in access_control(design, "s")["rules"]}
     mine = {one.key for one in families(design, "s") if routed(design, one)}
     for one in rights(design, "s"):
         word = {"subscribe": "listens", "watch": "looks"}.get(one.action)
         if word is not None and one.key in mine:
-            (rule,) = (rule for rule in config["rules"] if rule["id"] == f"{one.identity} {word}")
-            assert any(includes(key, one.key) for key in rule["key_exprs"]), one
+            wide = keys[f"{one.identity} {word}"]
+            assert any(includes(key, one.key) for key in wide), one
     for agent in design.agents:
-        (rule,) = (rule for rule in config["rules"] if rule["id"] == f"{agent} listens")
         for other in design.rules.values():
-            if other.receiver != agent:
-                assert not any(
-                    includes(key, design.key_of("s", other)) for key in rule["key_exprs"]
-                )
+            key = design.key_of("s", other)
+            heard = any(includes(wide, key) for wide in keys[f"{agent} listens"])
+            assert not heard or other.receiver == agent
 
 
 def test_the_page_has_the_matrix_of_the_design() -> None:
@@ -154,18 +148,10 @@ def test_the_page_has_the_matrix_of_the_design() -> None:
 
 def test_a_writer_with_a_reach_writes_to_no_other_peers() -> None:
     """The page orders ta, and may put nothing else; the operator orders all."""
-    mine = {
-        one.key
-        for one in rights(DESIGN, "s")
-        if one.identity == "page" and one.action == Action.PUT
-    }
-    assert mine == {"roco/s/_/control/page/ta"}
-    orders = {
-        one.key
-        for one in rights(DESIGN, "s")
-        if one.identity == "operator" and one.action == Action.PUT
-    }
-    assert orders == {f"roco/s/_/control/operator/{agent}" for agent in DESIGN.agents}
+    for identity, agents in (("page", {"ta"}), ("operator", set(DESIGN.agents))):
+        puts = [one for one in rights(DESIGN, "s") if one.action == Action.PUT]
+        mine = {one.key for one in puts if one.identity == identity}
+        assert mine == {f"roco/s/_/control/{identity}/{agent}" for agent in agents}
 
 
 @pytest.mark.parametrize(
@@ -175,6 +161,5 @@ def test_a_reach_of_nobody_is_found(pair: tuple[str, str], wrong: str) -> None:
     """Else a slip of the pen would let the writer reach all."""
     signals = tuple(replace(one, reach=(pair,)) if one.reach else one for one in DESIGN.file.signal)
     found = check(Design(replace(DESIGN.file, signal=signals), DESIGN.path))
-    assert [
-        re.search(wrong, one.wrong) is not None for one in found if one.where == "signal control"
-    ] == [True]
+    (one,) = (one for one in found if one.where == "signal control")
+    assert re.search(wrong, one.wrong)

@@ -70,14 +70,12 @@ def test_a_new_project_runs_at_once(tmp_path):
 @pytest.mark.process
 def test_what_is_made_is_formatted_and_without_lint(projects):
     """ruff has nothing to say."""
-    ruff = shutil.which(
-        "ruff", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    )
+    places = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    ruff = shutil.which("ruff", path=places)
     assert ruff is not None, "ruff is among the dev packages"
     for words in (["check"], ["format", "--check"]):
-        done = subprocess.run(
-            [ruff, *words, "--no-cache", "."], cwd=projects, capture_output=True, text=True
-        )
+        command = [ruff, *words, "--no-cache", "."]
+        done = subprocess.run(command, cwd=projects, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -86,13 +84,19 @@ def test_the_smallest_design_is_sound():
     assert check(Design(loading.read(smallest("tiny")), "tiny")) == ()
 
 
-def test_a_second_time_changes_nothing(tmp_path):
+@pytest.fixture
+def tiny(tmp_path):
+    """A project of the smallest design, and its file with the behaviours."""
+    scaffold(smallest("tiny"), tmp_path)
+    return tmp_path / "tiny" / "doer" / "behaviours.py"
+
+
+def test_a_second_time_changes_nothing(tiny, tmp_path):
     """Everything is as it was."""
-    first = scaffold(smallest("tiny"), tmp_path)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     again = scaffold(smallest("tiny"), tmp_path)
     assert (again.written, again.kept, again.left) == ((), (), ())
-    assert set(again.same) == set(first.written)
+    assert {tmp_path / path for path in again.same} | {tmp_path / MANIFEST} == before.keys()
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
@@ -103,28 +107,24 @@ def grown(text: str) -> str:
     )
 
 
-def test_what_the_user_changed_is_kept_and_the_rest_is_made_anew(tmp_path):
+def test_what_the_user_changed_is_kept_and_the_rest_is_made_anew(tiny, tmp_path):
     """The changed file stays as it is, byte for byte, and the name it lacks is told; the rest is
     rewritten.
     """
-    scaffold(smallest("tiny"), tmp_path)
-    mine = tmp_path / "tiny" / "doer" / "behaviours.py"
-    mine.write_text(mine.read_text().replace("# to fill in", "# filled in"))
-    before = mine.read_bytes()
+    tiny.write_text(tiny.read_text().replace("# to fill in", "# filled in"))
+    before = tiny.read_bytes()
     outcome = scaffold(grown(smallest("tiny")), tmp_path)
-    assert mine.read_bytes() == before
-    assert [(kept.path, kept.missing) for kept in outcome.kept] == [
-        ("tiny/doer/behaviours.py", ("work",))
-    ]
+    assert tiny.read_bytes() == before
+    kept = [(one.path, one.missing) for one in outcome.kept]
+    assert kept == [("tiny/doer/behaviours.py", ("work",))]
     assert outcome.written == ("tiny/design.toml",)
 
 
-def test_an_untouched_stub_follows_the_design(tmp_path):
+def test_an_untouched_stub_follows_the_design(tiny, tmp_path):
     """Nobody wrote in it, so it is rewritten."""
-    scaffold(smallest("tiny"), tmp_path)
     outcome = scaffold(grown(smallest("tiny")), tmp_path)
     assert set(outcome.written) == {"tiny/design.toml", "tiny/doer/behaviours.py"}
-    assert "def work(" in (tmp_path / "tiny" / "doer" / "behaviours.py").read_text()
+    assert "def work(" in tiny.read_text()
 
 
 def test_a_file_that_was_there_before_is_kept(tmp_path):
@@ -135,21 +135,19 @@ def test_a_file_that_was_there_before_is_kept(tmp_path):
     assert (tmp_path / "README.md").read_text() == "mine"
 
 
-def test_without_its_manifest_nothing_is_overwritten(tmp_path):
+def test_without_its_manifest_nothing_is_overwritten(tiny, tmp_path):
     """Lost or unreadable: every file that differs counts as changed."""
-    scaffold(smallest("tiny"), tmp_path)
     (tmp_path / MANIFEST).write_text("{")
     with pytest.raises(ScaffoldError, match="was changed"):
         scaffold(grown(smallest("tiny")), tmp_path)
-    assert "def work(" not in (tmp_path / "tiny" / "doer" / "behaviours.py").read_text()
+    assert "def work(" not in tiny.read_text()
 
 
-def test_what_the_design_no_longer_makes_is_left_and_told(tmp_path):
+def test_what_the_design_no_longer_makes_is_left_and_told(tiny, tmp_path):
     """Files of an agent that was renamed stay."""
-    scaffold(smallest("tiny"), tmp_path)
     outcome = scaffold(smallest("tiny").replace("doer", "maker"), tmp_path)
     assert "tiny/doer/behaviours.py" in outcome.left
-    assert (tmp_path / "tiny" / "doer" / "behaviours.py").exists()
+    assert tiny.exists()
 
 
 def test_a_design_that_cannot_be_a_project_is_refused_before_anything_is_written(tmp_path):
@@ -181,17 +179,13 @@ def test_compose_has_a_service_for_each_agent_router_and_monitor(name, projects)
     services = yaml.safe_load((projects / name / "compose.yaml").read_text())["services"]
     agents = Design(loading.read(DESIGNS[name]()), name).agents
     assert set(services) == {"router", "monitor", *agents}
-    assert {one["labels"]["robot-companion.system"] for one in services.values()} == {
-        Path(name).stem
-    }
+    assert {one["labels"]["robot-companion.system"] for one in services.values()} == {name}
     for agent in agents:
         package, _, module = services[agent]["command"][-1].partition(".")
         assert (projects / name / package / module / "__main__.py").exists()
         told = services[agent]["environment"]
-        assert (told["ROCO_CONNECT"], told["ROCO_LISTEN"]) == (
-            "tcp/router:7447",
-            "tcp/0.0.0.0:7448",
-        )
+        assert told["ROCO_CONNECT"] == "tcp/router:7447"
+        assert told["ROCO_LISTEN"] == "tcp/0.0.0.0:7448"
         assert endpoints(told["ROCO_AGENTS"]) == {one: f"tcp/{one}:7448" for one in agents}
         assert services[agent]["depends_on"] == ["router", "monitor"]
 

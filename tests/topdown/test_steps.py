@@ -4,17 +4,22 @@ the design's.
 
 from typing import NamedTuple
 
-from small import HAND, LAMP, design
+from small import HAND, LAMP, design, row
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from topdown.judge.steps import Steps
 
 Act = tuple[str, P, Kind]
-REQUEST, AGREE = ("switch", P.REQUEST, Kind.PLAIN), ("switch", P.AGREE, Kind.PLAIN)
-INFORM, CANCEL = ("switch", P.INFORM, Kind.PLAIN), ("switch", P.CANCEL, Kind.PLAIN)
-QUERY, ANSWER = ("ask", P.QUERY_REF, Kind.PLAIN), ("ask", P.INFORM, Kind.PLAIN)
-SUBSCRIBE = ("watch", P.SUBSCRIBE, Kind.PLAIN)
+
+
+def act(use: str, performative: P) -> Act:
+    """A message of a use."""
+    return use, performative, Kind.PLAIN
+
+
+REQUEST, AGREE, FAILURE = (act("switch", one) for one in (P.REQUEST, P.AGREE, P.FAILURE))
+INFORM, CANCEL = act("switch", P.INFORM), act("switch", P.CANCEL)
 
 
 class Step(NamedTuple):
@@ -57,19 +62,15 @@ def test_a_step_that_follows_a_row_is_one_of_the_design() -> None:
 
 def test_a_step_that_follows_none_is_named() -> None:
     """With what it did and the rows there are."""
+    nothing = "in idle on switch cancel said nothing, then idle; rows for it: none"
+    agreed = "said switch agree, then idle; rows for it: row 1"
     for step, words in (
-        (
-            took("idle", REQUEST, AGREE, after="idle"),
-            "said switch agree, then idle; rows for it: row 1",
-        ),
+        (took("idle", REQUEST, AGREE, after="idle"), agreed),
         (took("idle", REQUEST, after="busy"), "said nothing, then busy"),
         (took("idle", REQUEST, AGREE, AGREE, after="busy"), "said switch agree, switch agree"),
         (took("idle", REQUEST, INFORM, after="busy"), "said switch inform"),
         (took("busy", REQUEST, AGREE), "rows for it: none"),
-        (
-            took("idle", CANCEL),
-            "in idle on switch cancel said nothing, then idle; rows for it: none",
-        ),
+        (took("idle", CANCEL), nothing),
         (did("idle", "Local", INFORM), "in idle on Local said switch inform"),
         (did("busy", "Tick", after="idle"), "rows for it: none"),
     ):
@@ -79,15 +80,15 @@ def test_a_step_that_follows_none_is_named() -> None:
 
 def test_words_come_in_their_order_and_others_only_if_they_may() -> None:
     """Optional words of a row stand anywhere, any number of times."""
-    steps = lamp(
-        '{ in = ["idle"], on = "switch request", say = ["switch agree", "switch inform"], may ='
-        ' ["switch failure"] }'
-    )
-    failure = ("switch", P.FAILURE, Kind.PLAIN)
-    assert not steps.why_not(took("idle", REQUEST, AGREE, INFORM))
-    assert not steps.why_not(took("idle", REQUEST, failure, AGREE, failure, failure, INFORM))
-    assert steps.why_not(took("idle", REQUEST, INFORM, AGREE))
-    assert steps.why_not(took("idle", REQUEST, AGREE, failure))
+    said = "switch agree, switch inform"
+    steps = lamp(row("idle", "switch request", say=said, may="switch failure"))
+    for words, fits in (
+        ((AGREE, INFORM), True),
+        ((FAILURE, AGREE, FAILURE, FAILURE, INFORM), True),
+        ((INFORM, AGREE), False),
+        ((AGREE, FAILURE), False),
+    ):
+        assert (steps.why_not(took("idle", REQUEST, *words)) == "") is fits, words
 
 
 EVENTS = {
@@ -97,16 +98,8 @@ EVENTS = {
     "own bored": ["PeerChanged lamp", "Woken", "Local", "Settled"],
     "person wish": ["Local"],
 }
-WORDS = [
-    "Started",
-    "Late switch",
-    "Late ask",
-    "PeerChanged lamp",
-    "PeerChanged other",
-    "Woken",
-    "Local",
-    "Settled",
-]
+WORDS = ("Started", "Late switch", "Late ask", "PeerChanged lamp", "PeerChanged other", "Woken",
+         "Local", "Settled")  # fmt: skip
 
 
 def test_which_events_a_row_may_be_for() -> None:
@@ -121,20 +114,21 @@ def test_which_events_a_row_may_be_for() -> None:
 def test_what_is_due_decides_between_rows() -> None:
     """Of a step's surroundings that alone can be seen."""
     steps = lamp(
-        '{ in = ["idle"], on = "own lit", when = ["watch settled"], to = "busy" }',
-        '{ in = ["idle"], on = "own lit", when = ["watch unsettled"], to = "lit" }',
+        row("idle", "own lit", when="watch settled", to="busy"),
+        row("idle", "own lit", when="watch unsettled", to="lit"),
     )
-    assert not steps.why_not(did("idle", "Woken", after="busy"))
-    assert not steps.why_not(did("idle", "Woken", after="lit", owed=("hand",)))
-    assert steps.why_not(did("idle", "Woken", after="busy", owed=("hand",)))
-    assert steps.why_not(did("idle", "Woken", after="lit"))
-    assert not steps.why_not(did("idle", "Woken", after="busy", owed=("somebody",)))
-
-
-def test_a_guard_with_a_choice_may_hold_by_what_is_not_seen() -> None:
-    """One of its words is enough, and conversations' states are not seen."""
+    for after, owed, fits in (
+        ("busy", (), True),
+        ("lit", ("hand",), True),
+        ("busy", ("hand",), False),
+        ("lit", (), False),
+        ("busy", ("somebody",), True),
+    ):
+        step = did("idle", "Woken", after=after, owed=owed)
+        assert (steps.why_not(step) == "") is fits, step
+    # a guard with a choice may hold by what is not seen: conversations' states are not
     for words in ("settled|unsettled", "live|settled", "none|unsettled", "live"):
-        steps = lamp(f'{{ in = ["idle"], on = "own lit", when = ["watch {words}"], to = "busy" }}')
+        steps = lamp(row("idle", "own lit", when=f"watch {words}", to="busy"))
         for owed in ((), ("hand",)):
             assert not steps.why_not(did("idle", "Woken", after="busy", owed=owed)), words
 
@@ -150,7 +144,7 @@ def test_after_a_death_or_a_wait_nothing_is_less_than_a_row_that_applies_always(
     """The proof relies on it: what was lost is asked again. A guard, or a conversation's table, may
     say otherwise.
     """
-    for row, due in (
+    for does, due in (
         ('say = ["ask query-ref"]', True),
         ('say = ["watch subscribe"], to = "asking"', True),
         ('to = "asking"', True),
@@ -162,17 +156,16 @@ def test_after_a_death_or_a_wait_nothing_is_less_than_a_row_that_applies_always(
         ('may = ["ask query-ref"]', False),
     ):
         for event, cause in (("Started", "restart"), ("Late ask", "late ask")):
-            steps = hand(f'{{ in = ["idle"], on = "{cause}", {row} }}')
-            assert bool(steps.why_not(did("idle", event))) is due, (event, row)
+            steps = hand(f'{{ in = ["idle"], on = "{cause}", {does} }}')
+            assert bool(steps.why_not(did("idle", event))) is due, (event, does)
             assert not steps.why_not(did("idle", "Late watch"))
 
 
 def test_what_is_outside_the_proof_is_not_compared() -> None:
     """A complaint, a conversation that broke, a state in which it does not wait."""
-    complaint = ("switch", P.NOT_UNDERSTOOD, Kind.PLAIN)
-    assert not lamp().why_not(took("idle", complaint, INFORM, after="busy"))
-    assert not lamp().why_not(did("idle", "Broken switch", INFORM, after="busy"))
-    assert not lamp().why_not(did("lit", "Woken", INFORM, after="busy"))
+    assert not lamp().why_not(took("idle", act("switch", P.NOT_UNDERSTOOD), INFORM, after="busy"))
+    for before, event in (("idle", "Broken switch"), ("lit", "Woken")):
+        assert not lamp().why_not(did(before, event, INFORM, after="busy"))
     assert lamp().why_not(did("idle", "Woken", INFORM, after="busy"))
 
 

@@ -2,18 +2,9 @@
 
 import pytest
 import spoiling
-from small import ANSWERER, ASKER, HAND, LAMP, design, fleet, questions, watching
+from small import ANSWERER, ASKER, FLICKERS, HAND, LAMP, TOLD, design, questions, verdicts, watching
 
-from fipa_codec.languages import Kind
-from fipa_codec.performatives import Performative as P
-from topdown.model.design import Design
-from topdown.model.machines import ProtocolAct
-from topdown.prove.verify import Verdict, tasks
-
-
-def verdicts(made: Design, **wish: object) -> list[Verdict]:
-    """All, worked out."""
-    return [task.run(None) for task in tasks(made, **wish)]  # type: ignore[arg-type]
+from topdown.prove.verify import tasks
 
 
 def test_all_that_is_to_be_proven_comes_in_order() -> None:
@@ -29,11 +20,7 @@ def test_all_that_is_to_be_proven_comes_in_order() -> None:
         (3, "all agents"),
         (3, "lamp dies for good"),
     ]
-
-
-def test_a_volatile_design_needs_no_stream() -> None:
-    """Nothing of it is durable."""
-    assert [task.layer for task in tasks(questions())] == [2, 3, 3]
+    assert [task.layer for task in tasks(questions())] == [2, 3, 3], "nothing of it is durable"
 
 
 def test_how_many_faults() -> None:
@@ -70,13 +57,10 @@ def test_gone_is_about_who_talks_to_people() -> None:
 
 def test_what_a_limit_leaves_open_is_said() -> None:
     """No verdict, though nothing was found."""
-    *_, last = verdicts(watching(), layers=(3,), seconds=1e-9, faults=2)
-    assert not last.holds
-    assert not last.findings
-    assert "stopped at the limit of 1e-09 CPU seconds" in last.open[0]
-    pair = verdicts(watching(), layers=(2,), seconds=1e-9)[0]
-    assert not pair.holds
-    assert "stopped at the limit of 1e-09 CPU seconds" in pair.open[0]
+    for layer, wish in ((3, {"faults": 2}), (2, {})):
+        one = verdicts(watching(), layers=(layer,), seconds=1e-9, **wish)[-1]
+        assert (one.holds, one.findings) == (False, ())
+        assert "stopped at the limit of 1e-09 CPU seconds" in one.open[0]
 
 
 def test_agents_without_rows_are_not_composed() -> None:
@@ -97,21 +81,8 @@ def test_rows_not_needed_are_notes_of_the_last_verdict() -> None:
 
 def test_a_word_left_out_wrongly_is_open() -> None:
     """The progress would stand in the way in a state that has no row for it."""
-    chatty = (
-        '{ in = ["busy"], on = "own flicker", when = ["switch agreed"], say = ["switch'
-        ' inform[progress]"] }'
-    )
-    deaf = '{ in = ["idle"], on = "switch inform[progress]" }'
-    hand = (*HAND, deaf)
-    last = verdicts(design(hand, (*LAMP, chatty)), layers=(3,))[-1]
+    deaf = TOLD.replace("waiting", "idle")
+    last = verdicts(design((*HAND, deaf), (*LAMP, FLICKERS)), layers=(3,))[-1]
     assert not last.findings
     assert last.open[0].endswith("switch inform[progress] is not without effect")
     assert not last.holds
-
-
-def test_silent_words_are_of_the_design() -> None:
-    """The model of each design has its own."""
-    told = '{ in = ["waiting"], on = "switch inform[progress]" }'
-    assert fleet(design((*HAND, told), LAMP)).parts.silent == {
-        ProtocolAct("switch", P.INFORM, Kind.PROGRESS)
-    }

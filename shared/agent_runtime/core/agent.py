@@ -104,20 +104,17 @@ class Agent(Generic[M]):
     def __post_init__(self) -> None:
         states = ", ".join(sorted(self.behaviours))
         if self.start not in self.behaviours:
-            raise AgentTableError(
-                self.name, f"start state {self.start!r} has no behaviour", f"states are {states}"
-            )
+            where = f"start state {self.start!r} has no behaviour"
+            raise AgentTableError(self.name, where, f"states are {states}")
         for arc in self.arcs:
             for state in (arc.source, arc.target):
                 if state not in self.behaviours:
-                    raise AgentTableError(
-                        self.name, f"arc {arc} names {state!r}", f"states are {states}"
-                    )
+                    where = f"arc {arc} names {state!r}"
+                    raise AgentTableError(self.name, where, f"states are {states}")
             if arc.when and arc.when not in self.conditions:
                 known = ", ".join(sorted(self.conditions)) or "none"
-                raise AgentTableError(
-                    self.name, f"arc {arc} has an unbound condition", f"bound are {known}"
-                )
+                where = f"arc {arc} has an unbound condition"
+                raise AgentTableError(self.name, where, f"bound are {known}")
 
     def next_state(self, state: str, memory: M) -> str | None:
         """The target of the first arc that may be taken; None if there is none."""
@@ -150,10 +147,8 @@ def decline(turn: Turn, why: str) -> Performative | None:
         return None
     talk = turn.conversation(event.conversation)
     for act in NOES:
-        kind = next(
-            (k for k in (Kind.PLAIN, Kind.CANCEL) if talk.table.find(talk.state, SEND, act, k)),
-            None,
-        )
+        kinds = (Kind.PLAIN, Kind.CANCEL)
+        kind = next((k for k in kinds if talk.table.find(talk.state, SEND, act, k)), None)
         # With the reason, or without content where the design has none there.
         for content in (Reason(why), None) if kind is not None else ():
             with suppress(LocalProtocolError):

@@ -150,7 +150,5 @@ def _silent(name: str, use: elements.Protocol) -> str:
     content.
     """
     mine = [message for message in use.message if message.sender == name]
-    return next(
-        (message.language for message in (*mine, *use.message) if not message.content),
-        mine[0].language,
-    )
+    bare = (message.language for message in (*mine, *use.message) if not message.content)
+    return next(bare, mine[0].language)

@@ -113,20 +113,13 @@ def _known(state: CoreState, arrived: Arrived, waiting: Sequence[Waiting]) -> bo
 
 def taken_before(state: CoreState, out: Out, communicate: Communicate, number: int) -> None:
     """Receipt a copy of what was taken; refuse another message under the number of one."""
-    peer, digest, kept = (
-        communicate.sender,
-        digest_of(communicate),
-        state.recent.get(communicate.sender, ()),
-    )
+    peer, digest = communicate.sender, digest_of(communicate)
+    kept = state.recent.get(peer, ())
     copy, unknown = (number, digest) in kept, len(kept) == KEPT and number < kept[0][0]
     if copy or unknown:
         state.count("taken before")
-        out.log(
-            "taken before",
-            sender=peer,
-            id=communicate.id,
-            conversation=communicate.conversation[:LONGEST_LABEL],
-        )
+        conversation = communicate.conversation[:LONGEST_LABEL]
+        out.log("taken before", sender=peer, id=communicate.id, conversation=conversation)
     else:
         tell(state, out, communicate, "was taken")
     if copy:

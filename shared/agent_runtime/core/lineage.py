@@ -47,9 +47,8 @@ def fits(state: CoreState, out: Out, peer: str, journal: str, believed: str) -> 
     if journal == known and believed == state.journal:
         return True
     if ANOTHER not in state.counts:
-        out.log(
-            ANOTHER, peer=peer, why=f"{peer} means another journal than this one; it is not taken"
-        )
+        why = f"{peer} means another journal than this one; it is not taken"
+        out.log(ANOTHER, peer=peer, why=why)
     state.count(ANOTHER)
     return False
 

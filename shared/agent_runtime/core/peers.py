@@ -181,9 +181,8 @@ WHY = "perhaps the rules of {peer} deny it, or {peer} hangs"
 
 def unheard_text(agent: str, one: Unheard, now: float) -> str:
     """A sentence for people: sender, receiver, duration, possible cause."""
-    said = _TEXTS[one.what].format(
-        agent=agent, peer=one.peer, channel=one.channel, s=max(0.0, now - one.since)
-    )
+    s = max(0.0, now - one.since)
+    said = _TEXTS[one.what].format(agent=agent, peer=one.peer, channel=one.channel, s=s)
     return f"{said}: {WHY.format(peer=one.peer)}"
 
 
@@ -214,21 +213,16 @@ class Watch:
         waits: dict[tuple[str, str, str], tuple[object, float]] = {}
         for peer, channel, what, mark in self._waiting(state, unanswered) if peers.up else ():
             if peer in peers.alive:
-                sign = (
-                    peers.alive[peer],
-                    mark,
-                    self._receipts.get(peer) if what == "said" else None,
-                )
+                receipts = self._receipts.get(peer) if what == "said" else None
+                sign = (peers.alive[peer], mark, receipts)
                 last = self._waits.get((peer, channel, what))
                 waits[peer, channel, what] = (
                     last if last is not None and last[0] == sign else (sign, now)
                 )
         self._waits = waits
-        self.now = tuple(
-            Unheard(*place, since)
-            for place, (_, since) in waits.items()
-            if now - since >= PATIENCE_S[place[2]]
-        )
+        begun = ((place, since) for place, (_, since) in waits.items())
+        late = ((place, since) for place, since in begun if now - since >= PATIENCE_S[place[2]])
+        self.now = tuple(Unheard(*place, since) for place, since in late)
         still = {(one.peer, one.channel, one.what) for one in self.now}
         fresh = [(one, True) for one in self.now if (one.peer, one.channel, one.what) not in before]
         return fresh + [(one, False) for place, one in before.items() if place not in still]

@@ -131,15 +131,8 @@ def _admit_durable(
         # the sender learns that it is heard, though not its turn
         out.receipts.append(receipt(state, peer))
     elif len(waiting) < HELD_OF_STREAM and follows(state, arrived, waiting, number, last):
-        _wait(
-            state,
-            wiring,
-            link,
-            communicate,
-            peer=peer,
-            number=number,
-            digest=digest_of(communicate),
-        )
+        digest = digest_of(communicate)
+        _wait(state, wiring, link, communicate, peer=peer, number=number, digest=digest)
     else:
         state.count("gap")
         if not waiting and too_far(state, arrived, number, last):
@@ -170,11 +163,8 @@ def _admit_volatile(
     state: CoreState, out: Out, wiring: Wiring, link: Link, communicate: Communicate
 ) -> None:
     inbox, peer = state.soft.inbox, communicate.sender
-    waiting = [
-        one
-        for one in inbox
-        if one.peer == peer and isinstance(one.event, Arrived) and not one.number
-    ]
+    volatile = (one for one in inbox if isinstance(one.event, Arrived) and not one.number)
+    waiting = [one for one in volatile if one.peer == peer]
     same = [one for one in waiting if one.event.communicate.id == communicate.id]
     if any(one.event.communicate.conversation == communicate.conversation for one in same):
         state.count("waiting already")
@@ -215,10 +205,9 @@ def _wait(
         link.require_heard(communicate.performative, name)
     except RemoteProtocolError as error:
         content, kind, fault = None, Kind.PLAIN, error
-    _queue(
-        state,
-        Waiting(Arrived(communicate), link=link, content=content, kind=kind, fault=fault, **place),
-    )
+    event = Arrived(communicate)
+    waiting = Waiting(event, link=link, content=content, kind=kind, fault=fault, **place)
+    _queue(state, waiting)
 
 
 # --- Renumbering: a sender whose numbers another used for its messages sends its own again, under
@@ -265,10 +254,8 @@ def _another_taken(one: Outgoing, event: Receipted) -> bool:
     on.
     """
     if event.refused:
-        return (
-            digest_of(one.communicate) == event.refused
-            and not event.taken < one.number <= event.taken + JUMP
-        )
+        near = event.taken < one.number <= event.taken + JUMP
+        return not near and digest_of(one.communicate) == event.refused
     return one.number == event.taken
 
 
@@ -377,9 +364,8 @@ def note(
         case Next():
             pass
         case _:
-            raise BehaviourError(
-                agent.name, state.state, f"was stepped with {event!r}", "that is the core's own"
-            )
+            wrong = f"was stepped with {event!r}"
+            raise BehaviourError(agent.name, state.state, wrong, "that is the core's own")
 
 
 def _arrive(wiring: Wiring, state: CoreState, out: Out, event: Arrived, now: float) -> None:

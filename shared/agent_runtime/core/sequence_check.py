@@ -90,15 +90,11 @@ def _judge_new(state: CoreState, waiting: Waiting, communicate: Communicate) -> 
     if waiting.fault is not None:
         return Verdict(What.REFUSE, error=waiting.fault)
     if opening and (communicate.sender, communicate.conversation) in state.soft.over:
-        return Verdict(
-            What.DROP,
-            error=RemoteProtocolError("conversation", "has ended; its last word was said"),
-        )
+        error = RemoteProtocolError("conversation", "has ended; its last word was said")
+        return Verdict(What.DROP, error=error)
     if opening and link.delivery is _LATEST and _outlived(state, communicate):
-        return Verdict(
-            What.DROP,
-            error=RemoteProtocolError("conversation", "a newer subscription took its place"),
-        )
+        error = RemoteProtocolError("conversation", "a newer subscription took its place")
+        return Verdict(What.DROP, error=error)
     try:
         talk = Conversation.answering(communicate, state.agent).receive(communicate, waiting.kind)
     except RemoteProtocolError as error:
@@ -120,11 +116,8 @@ def _outlived(state: CoreState, communicate: Communicate) -> bool:
         incarnation, counter = age(name) or (0, 0)
         return incarnation == alive, incarnation, counter
 
-    held = (
-        held.conversation.id
-        for held in state.soft.conversations.values()
-        if _same_subscriber(held, communicate)
-    )
+    every = state.soft.conversations.values()
+    held = (one.conversation.id for one in every if _same_subscriber(one, communicate))
     return any(rank(name) > rank(communicate.conversation) for name in held)
 
 

@@ -51,12 +51,8 @@ KNOWN_DEEDS = 1024
 ones.
 """
 # Before Python 3.12 a member found by its class takes 0.1 us.
-_DURABLE, _TAKE, _INITIATOR, _COMPLAINT = (
-    Delivery.DURABLE,
-    What.TAKE,
-    Role.INITIATOR,
-    Performative.NOT_UNDERSTOOD,
-)
+_DURABLE, _TAKE, _INITIATOR = Delivery.DURABLE, What.TAKE, Role.INITIATOR
+_COMPLAINT = Performative.NOT_UNDERSTOOD
 
 
 # --- Choice of the next event: from the inbox, wake-ups, late and lost conversations; and when to
@@ -99,11 +95,8 @@ class Choices:
         if soft.inbox and (choice := self._find_waiting(state)) is not None:
             return choice
         if state.wakes:
-            due = [
-                (at, name)
-                for name, at in state.wakes.items()
-                if at <= now and wake_key(name) not in soft.held
-            ]
+            past = ((at, name) for name, at in state.wakes.items() if at <= now)
+            due = [(at, name) for at, name in past if wake_key(name) not in soft.held]
             if due:
                 return Choice(wake=min(due)[1])
         takes = self.agent.behaviours[state.state].takes
@@ -190,9 +183,8 @@ class Core(Generic[M]):
 
     def __init__(self, agent: Agent[M], wiring: Wiring) -> None:
         if agent.name != wiring.agent:
-            raise AgentTableError(
-                agent.name, f"is wired as {wiring.agent!r}", "give it its own wiring"
-            )
+            where = f"is wired as {wiring.agent!r}"
+            raise AgentTableError(agent.name, where, "give it its own wiring")
         self.agent, self.wiring = agent, wiring
         self._designed: set[Deed] = set()
         self._choices = Choices(agent)
@@ -203,9 +195,8 @@ class Core(Generic[M]):
                 "memory is a msgspec Struct whose fields, but for `soft`, msgspec encodes and"
                 " decodes"
             )
-            raise AgentTableError(
-                agent.name, f"its memory cannot be journalled: {error}", hint
-            ) from error
+            where = f"its memory cannot be journalled: {error}"
+            raise AgentTableError(agent.name, where, hint) from error
 
     def first(self, journal: str) -> bytes:
         """The record that a new journal of this name begins with."""
@@ -219,15 +210,11 @@ class Core(Generic[M]):
             state = fresh(self.agent) if record is None else restored(self.agent, record)
         except UNREADABLE as error:
             hint = "it is of another version, or damaged: start a new run, or move the journal away"
-            raise AgentTableError(
-                self.agent.name, f"its journal cannot be read: {error}", hint
-            ) from error
+            agent = self.agent.name
+            raise AgentTableError(agent, f"its journal cannot be read: {error}", hint) from error
         if state.agent != self.agent.name or state.state not in self.agent.behaviours:
-            raise AgentTableError(
-                self.agent.name,
-                f"the journal is of agent {state.agent!r} in state {state.state!r}",
-                "use its own journal",
-            )
+            where = f"the journal is of agent {state.agent!r} in state {state.state!r}"
+            raise AgentTableError(self.agent.name, where, "use its own journal")
         state.incarnation += 1
         state.soft.parameters, unfit = control.values(state.now_set, self.agent.parameters)
         for _ in unfit:
@@ -301,10 +288,8 @@ class Core(Generic[M]):
                     replace(one, held=True) if one is held else one for one in soft.inbox
                 )
             else:
-                soft.held |= {
-                    choice.lost
-                    or (wake_key(choice.wake) if choice.late is None else choice.late.key)
-                }
+                late = wake_key(choice.wake) if choice.late is None else choice.late.key
+                soft.held |= {choice.lost or late}
         return state, out
 
     def _take(self, state: CoreState, out: Out, choice: Choice, now: float) -> None:
@@ -371,27 +356,16 @@ class Core(Generic[M]):
                 return
             target = self.agent.next_state(state.state, state.memory)
             if target is None:
-                arcs = ", ".join(
-                    f"{a.when or 'always'} -> {a.target}"
-                    for a in self.agent.arcs
-                    if a.source == state.state
-                )
-                raise BehaviourError(
-                    self.agent.name,
-                    state.state,
-                    "ended, and no arc may be taken",
-                    f"arcs: {arcs or 'none'}",
-                )
+                leading = (arc for arc in self.agent.arcs if arc.source == state.state)
+                arcs = ", ".join(f"{arc.when or 'always'} -> {arc.target}" for arc in leading)
+                what = "ended, and no arc may be taken"
+                raise BehaviourError(self.agent.name, state.state, what, f"arcs: {arcs or 'none'}")
             out.log("state", old=state.state, new=target, conversation=conversation_of(event))
             state.state = target
             behaviour = self.agent.behaviours[state.state]
             state.memory = behaviour.transition(state.memory, turn)
-        raise BehaviourError(
-            self.agent.name,
-            state.state,
-            f"entered {CHAIN_BOUND} states in one step",
-            "some state must wait for an event",
-        )
+        agent, what = self.agent.name, f"entered {CHAIN_BOUND} states in one step"
+        raise BehaviourError(agent, state.state, what, "some state must wait for an event")
 
     def _check_owed(self, before: CoreState, state: CoreState) -> None:
         """Raise where a message that the protocol demands in the same step was not said."""
@@ -407,6 +381,5 @@ class Core(Generic[M]):
                         f"took a message in {talk.id} ({talk.protocol}, {talk.state}) and owes its"
                         " answer"
                     )
-                    raise BehaviourError(
-                        self.agent.name, state.state, what, f"say {wanted} in the same step"
-                    )
+                    agent = self.agent.name
+                    raise BehaviourError(agent, state.state, what, f"say {wanted} in the same step")

@@ -218,10 +218,8 @@ def flush(
     for table in (state.soft.asks, state.soft.last):
         for name, one in list(table.items()):
             if one.communicate.receiver == peer:
-                last, fresh = (
-                    one.at - one.gap,
-                    not force and now - (one.at - one.gap) < RESEND_FIRST,
-                )
+                last = one.at - one.gap
+                fresh = not force and now - last < RESEND_FIRST
                 if not fresh:
                     send(state, out, one.communicate)
                 table[name] = Ask(
@@ -260,10 +258,8 @@ def say_last(state: CoreState, out: Out, communicate: Communicate, now: float) -
         state.count("last word given up")
         del last[next(iter(last))]
     last[communicate.id] = Ask(communicate, now + RESEND_FIRST, RESEND_FIRST)
-    state.soft.over = (
-        *state.soft.over[1 - LAST_MESSAGES :],
-        (communicate.receiver, communicate.conversation),
-    )
+    ended = (communicate.receiver, communicate.conversation)
+    state.soft.over = (*state.soft.over[1 - LAST_MESSAGES :], ended)
     send(state, out, communicate)
 
 

@@ -100,14 +100,8 @@ class Turn(msgspec.Struct, eq=False):
                 raise LocalProtocolError(
                     "protocol", f"{protocol} with {peer!r} is not durable; open it with one peer"
                 )
-        return Multicast.opened(
-            [
-                self._open(
-                    name, peer, protocol, performative, content, reply_by_s, parent, several=True
-                )
-                for peer in to
-            ]
-        )
+        said = (protocol, performative, content, reply_by_s, parent)
+        return Multicast.opened([self._open(name, peer, *said, several=True) for peer in to])
 
     def join(self, talk: Conversation) -> None:
         """Take part in a conversation that was opened for this agent by another (recruiting:
@@ -220,17 +214,12 @@ class Turn(msgspec.Struct, eq=False):
             )
         language = self._wiring.language(content)
         self._state.counter += 1
-        due = Due(
-            (self._state.incarnation, self._state.counter),
-            language.name,
-            language.encode(content),
-            last,
-        )
+        version = (self._state.incarnation, self._state.counter)
+        due = Due(version, language.name, language.encode(content), last)
         streams.observed(self._state, self._out, to, subject, due, self.now)
         if not (last and streams.last_waits(self._state, to)):
-            streams.send_observation(
-                self._state, self._out, self._wiring, to, subject, due, self.now
-            )
+            state = self._state
+            streams.send_observation(state, self._out, self._wiring, to, subject, due, self.now)
 
     @property
     def due(self) -> tuple[tuple[str, str], ...]:
@@ -351,14 +340,8 @@ class Turn(msgspec.Struct, eq=False):
         )
         use_kind = held.conversation.kind_of(performative, communicate.in_reply_to, kind)
         self._out.said.append((link.use, performative, use_kind))
-        dispatch(
-            self._state,
-            self._out,
-            self._wiring,
-            replace(held, conversation=talk),
-            communicate,
-            self.now,
-        )
+        state, out = self._state, self._out
+        dispatch(state, out, self._wiring, replace(held, conversation=talk), communicate, self.now)
         return talk
 
     def _held(self, conversation: str, to: str = "") -> Held:

@@ -63,11 +63,8 @@ class Link(msgspec.Struct, frozen=True):
         """Raise LocalProtocolError if the interface lacks this act, or this content for it
         (LANGUAGE.Class or "").
         """
-        wrong = (
-            None
-            if content in self.says.get(performative, ())
-            else _misfit(self.says, performative, content)
-        )
+        fits = content in self.says.get(performative, ())
+        wrong = None if fits else _misfit(self.says, performative, content)
         if wrong is not None:
             raise LocalProtocolError(
                 wrong[0], f"{self.protocol} with {self.peer!r} on {self.channel}: {wrong[1]}"
@@ -77,11 +74,8 @@ class Link(msgspec.Struct, frozen=True):
         """Raise ContentError likewise, for messages of the peer, and where an opening lacks its
         content.
         """
-        wrong = (
-            None
-            if content in self.hears.get(performative, ())
-            else _misfit(self.hears, performative, content)
-        )
+        fits = content in self.hears.get(performative, ())
+        wrong = None if fits else _misfit(self.hears, performative, content)
         wrong = wrong if wrong or content else self._lacking(performative)
         if wrong is not None:
             raise ContentError(
@@ -107,10 +101,8 @@ def _misfit(
     if act not in table:
         return "performative", f"{act} is not in the design; there are {', '.join(sorted(table))}"
     if content and content not in table[act]:
-        return (
-            "content",
-            f"{act} does not carry {content}; it carries {', '.join(table[act]) or 'nothing'}",
-        )
+        carried = ", ".join(table[act]) or "nothing"
+        return "content", f"{act} does not carry {content}; it carries {carried}"
     return None
 
 
@@ -141,11 +133,8 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
     @cached_property
     def _by_class(self) -> dict[type, tuple[Language, str]]:
         named = [self.languages.named(name) for name in self.languages.names]
-        return {
-            kind: (language, f"{language.name}.{kind.__name__}")
-            for language in named
-            for kind in language.classes
-        }
+        kinds = ((language, kind) for language in named for kind in language.classes)
+        return {kind: (spoken, f"{spoken.name}.{kind.__name__}") for spoken, kind in kinds}
 
     @cached_property
     def peers(self) -> tuple[str, ...]:
@@ -181,14 +170,9 @@ class Wiring(msgspec.Struct, frozen=True, dict=True):
     def key(self, communicate: Communicate) -> str:
         """The key expression on which this agent puts a communicate."""
         link = self.required(communicate.receiver, communicate.protocol)
-        return communicate_key(
-            self.system,
-            link.channel,
-            self.agent,
-            link.peer,
-            link.protocol,
-            communicate.performative,
-        )
+        system, channel = self.system, link.channel
+        performative = communicate.performative
+        return communicate_key(system, channel, self.agent, link.peer, link.protocol, performative)
 
     @cached_property
     def groups(self) -> frozenset[str]:

@@ -141,6 +141,5 @@ def write(run: Path, whole: Heartbeat, short: Heartbeat) -> None:
             write_whole(ready, str(whole.incarnation).encode())
     except OSError:
         with suppress(OSError):
-            overwrite(
-                file, msgspec.json.encode(msgspec.structs.replace(short, counts={}, parameters={}))
-            )
+            data = msgspec.json.encode(msgspec.structs.replace(short, counts={}, parameters={}))
+            overwrite(file, data)

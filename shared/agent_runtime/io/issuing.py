@@ -104,9 +104,8 @@ def certify(
     """
     key = ec.generate_private_key(ec.SECP256R1())
     uses = ([_SERVER, _CLIENT] if joins else [_SERVER]) if hosts else [_CLIENT]
-    builder = _builder(
-        name or identity, issuer.name, key.public_key(), issuer.key.public_key(), begin, end
-    )
+    subject = name or identity
+    builder = _builder(subject, issuer.name, key.public_key(), issuer.key.public_key(), begin, end)
     builder = builder.add_extension(
         x509.BasicConstraints(ca=False, path_length=None), critical=True
     )
@@ -117,9 +116,8 @@ def certify(
             x509.SubjectAlternativeName([host(name) for name in hosts]), critical=False
         )
     signed = builder.sign(issuer.key, hashes.SHA256())
-    write_secret(
-        certificate_file(folder, identity), signed.public_bytes(serialization.Encoding.PEM)
-    )
+    path = certificate_file(folder, identity)
+    write_secret(path, signed.public_bytes(serialization.Encoding.PEM))
     private = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
@@ -270,19 +268,10 @@ def _make(
         publish(seat.folder, issuer, rights if routes else None)
         listening = hosts if routes or seat.name in links else ()
         if seat.name in links:
-            write_secret(
-                links_file(seat.folder, seat.identity), msgspec.json.encode(links[seat.name])
-            )
-        certify(
-            seat.folder,
-            issuer,
-            seat.identity,
-            begin,
-            end,
-            listening,
-            name=seat.name,
-            joins=seat.name in links,
-        )
+            path = links_file(seat.folder, seat.identity)
+            write_secret(path, msgspec.json.encode(links[seat.name]))
+        identity, joins = seat.identity, seat.name in links
+        certify(seat.folder, issuer, identity, begin, end, listening, name=seat.name, joins=joins)
     return end
 
 

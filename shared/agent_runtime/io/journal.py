@@ -151,9 +151,8 @@ def looked_through(path: Path, data: bytes) -> Scan:
         return scan(data) if data.startswith(MAGIC) else Scan(0, None, 0)
     other = version(data)
     if other is None:
-        raise JournalError(
-            path, "this file is not a journal", "move it away or choose another run folder"
-        )
+        what = "this file is not a journal"
+        raise JournalError(path, what, "move it away or choose another run folder")
     what = f"it is of format {other}, this version of the software reads format {VERSION}"
     hint = (
         "use the version that wrote it, or delete it: the agent then begins with an empty memory,"
@@ -177,9 +176,8 @@ class Journal:
             found = looked_through(path, path.read_bytes() if path.exists() else b"")
             if found.damaged:
                 what = f"the record at byte {found.damaged[0]} is damaged, and whole ones follow it"
-                raise JournalError(
-                    path, what, f"look at the disk; then: roco agent repair {path.stem}"
-                )
+                hint = f"look at the disk; then: roco agent repair {path.stem}"
+                raise JournalError(path, what, hint)
             self.last = found.last
             self._rewrite(self.last)
         except BaseException:

@@ -373,9 +373,8 @@ class Joining:
         self._options, self._join, self._told = options, join, told
         self._tls = client_tls(options.keys, name) if options.keys else None
         self._ended = threading.Event()
-        self._thread = threading.Thread(
-            target=self._try, args=(self._ended.is_set,), name="join", daemon=True
-        )
+        args = (self._ended.is_set,)
+        self._thread = threading.Thread(target=self._try, args=args, name="join", daemon=True)
         once = iter((False, True))
         if not self._try(lambda: next(once)):
             self._thread.start()

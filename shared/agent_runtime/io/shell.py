@@ -238,14 +238,9 @@ class Shell:
         if session is None:
             return
         state = self._state
-        self._wire = ZenohWire(
-            session,
-            self._core.wiring,
-            state.incarnation,
-            self._step_lock,
-            state.journal,
-            self._steps.path,
-        )
+        wiring, incarnation = self._core.wiring, state.incarnation
+        inbox = self._step_lock
+        self._wire = ZenohWire(session, wiring, incarnation, inbox, state.journal, self._steps.path)
 
         def router_away(why: str) -> None:
             self.log.write("no router", level="warning", at=self._options.connect, why=why)
@@ -256,9 +251,8 @@ class Shell:
         if self._maker is not None:
             self._device = self._maker(DevicePort(self._step_lock, self._wire))
         first = self._state.incarnation == 1
-        self.log.write(
-            "started", incarnation=self._state.incarnation, state=self._state.state, first=first
-        )
+        incarnation = self._state.incarnation
+        self.log.write("started", incarnation=incarnation, state=self._state.state, first=first)
         self._happen(Started(first))
         # Objects made so far stay: no collection need look at them again (34 ms each in km, at
         # times amid an answer). Those that steps leave are freed without one: a question took 1.43
@@ -276,9 +270,8 @@ class Shell:
                 if isinstance(item, Failed):
                     raise item.error
                 if self._disk.events:
-                    self._disk.wait_for_room(
-                        self._happen, self._beat, lambda: self._stop is not None
-                    )
+                    happen = self._happen
+                    self._disk.wait_for_room(happen, self._beat, lambda: self._stop is not None)
                 if item is not None:
                     self._step_lock.step(item)
                 self._on_time()
@@ -416,9 +409,8 @@ class Shell:
     def _changed(self, change: PeerChanged | LinkChanged) -> None:
         if isinstance(change, PeerChanged):
             level = "info" if change.incarnation is not None else "warning"
-            self.log.write(
-                "peer", level=level, peer=change.agent, incarnation=change.incarnation or "gone"
-            )
+            peer = change.agent
+            self.log.write("peer", level=level, peer=peer, incarnation=change.incarnation or "gone")
             self._ping_all()
         self._happen(change)
 
@@ -454,11 +446,8 @@ class Shell:
             following = Next() if effects.more else None
             self._quiet_at = now + QUIET_S
             if after.journal != before.journal:
-                raise JournalError(
-                    self._journal.path,
-                    "its end was lost",
-                    "the agent goes on under another name of it",
-                )
+                hint = "the agent goes on under another name of it"
+                raise JournalError(self._journal.path, "its end was lost", hint)
         if self._recorder.full or not self._serving:
             self._recorder.write()
 

@@ -333,13 +333,8 @@ class ZenohWire:
         """Put a part of the log, behind everything else."""
         if self._tools is not None and not self._tools.is_closed():
             key = service_key(self._wiring.system, LOG_PART, self._wiring.agent)
-            put(
-                self._tools,
-                key,
-                data,
-                priority=zenoh.Priority.BACKGROUND,
-                congestion_control=_BLOCK,
-            )
+            priority = zenoh.Priority.BACKGROUND
+            put(self._tools, key, data, priority=priority, congestion_control=_BLOCK)
 
     # --- in: on Zenoh's threads -------------------------------------------------------------------
 

@@ -241,14 +241,12 @@ class MemoryBus:
             busy = any(node.device.busy for node in self.nodes.values())
             later = not self._agenda or self._agenda[0][0] > self.now
             try:
-                agent, boot, content, delay_s = self.posted.get(
-                    patience_s if busy and later else 0.0
-                )
+                timeout_s = patience_s if busy and later else 0.0
+                agent, boot, content, delay_s = self.posted.get(timeout_s)
             except Empty:
                 if busy and later and any(node.device.busy for node in self.nodes.values()):
-                    raise Quiet(
-                        f"a device said nothing for {patience_s} s", self.now, self._states()
-                    ) from None
+                    why = f"a device said nothing for {patience_s} s"
+                    raise Quiet(why, self.now, self._states()) from None
                 return
             if boot == self.nodes[agent].boots:
                 self.post(agent, content, delay_s)

@@ -227,9 +227,8 @@ def to_acl(
         return message
     text, encoding = write(communicate.content, form)
     jade = {JADE_ENCODING: JADE_BASE64} if encoding == MSGPACK_BASE64 else {}
-    return msgspec.structs.replace(
-        message, content=text, encoding=encoding, user=message.user | jade
-    )
+    user = message.user | jade
+    return msgspec.structs.replace(message, content=text, encoding=encoding, user=user)
 
 
 def from_acl(

@@ -151,9 +151,8 @@ def read_date(match: re.Match[bytes], zone: timezone) -> At | After:
         return After(-ms if match["sign"] == b"-" else ms)
     year, month, day, hour, minute, second, ms = fields
     try:
-        moment = datetime(
-            year, month, day, hour, minute, second, ms * 1000, tzinfo=UTC if match["zone"] else zone
-        )
+        tzinfo = UTC if match["zone"] else zone
+        moment = datetime(year, month, day, hour, minute, second, ms * 1000, tzinfo=tzinfo)
     except ValueError as error:
         raise ValueError(f"a time of the calendar ({error})") from error
     unix_ms = (moment - EPOCH) // MILLISECOND

@@ -176,9 +176,8 @@ class Scanner:
         begin, length = match.end(), int(match[1] or b"0")
         left = len(self.data) - begin
         if length > left:
-            raise self.wrong(
-                f"at most {left} bytes, the rest of the text", found=f"a string of {length} bytes"
-            )
+            found = f"a string of {length} bytes"
+            raise self.wrong(f"at most {left} bytes, the rest of the text", found=found)
         self.at = begin + length
         return self.data[begin : self.at], begin
 
@@ -208,16 +207,14 @@ class Scanner:
         """
         self.items += 1
         if self.items > MAX_ITEMS:
-            raise self.wrong(
-                f"at most {MAX_ITEMS} parameters and members", found=f"number {self.items}"
-            )
+            found = f"number {self.items}"
+            raise self.wrong(f"at most {MAX_ITEMS} parameters and members", found=found)
 
     def deeper(self, depth: int) -> None:
         """Raise AclSyntaxError at the depth limit."""
         if depth >= MAX_DEPTH:
-            raise self.wrong(
-                f"at most {MAX_DEPTH} levels of parentheses", found=f"level {depth + 1}"
-            )
+            found = f"level {depth + 1}"
+            raise self.wrong(f"at most {MAX_DEPTH} levels of parentheses", found=found)
 
     def ends_here(self, at: int) -> bool:
         """Whether white space, a parenthesis, a parameter or the end of the text is at `at`."""
@@ -249,9 +246,8 @@ def parse(data: str | bytes, *, zone: timezone = UTC) -> AclMessage:
         data = _utf8(data)
     if len(data) > MAX_ACL_BYTES:
         found = f"{len(data)} bytes"
-        raise AclSyntaxError(
-            "message", data, MAX_ACL_BYTES, found, f"at most {MAX_ACL_BYTES} bytes"
-        )
+        expected = f"at most {MAX_ACL_BYTES} bytes"
+        raise AclSyntaxError("message", data, MAX_ACL_BYTES, found, expected)
     return _Reader(data, zone).message()
 
 
@@ -260,9 +256,8 @@ def _utf8(text: str) -> bytes:
         return text.encode()
     except UnicodeEncodeError as error:
         data, offset = text.encode(errors="replace"), len(text[: error.start].encode())
-        raise AclSyntaxError(
-            "message", data, offset, "half a surrogate pair", "text that UTF-8 can encode"
-        ) from error
+        expected = "text that UTF-8 can encode"
+        raise AclSyntaxError("message", data, offset, "half a surrogate pair", expected) from error
 
 
 class _Reader(Scanner):

@@ -33,9 +33,8 @@ def sums(design: Design, counts: Counts, where: str = "run") -> Iterator[Finding
     for (sender, receiver), count in counts.items():
         if count and frozenset((sender, receiver)) not in pairs:
             wrong = f"{count} communicates from {sender} to {receiver}, and no channel joins them"
-            yield Finding(
-                Kind.NO_CHANNEL, where, wrong, "give them a channel, or send it another way"
-            )
+            right = "give them a channel, or send it another way"
+            yield Finding(Kind.NO_CHANNEL, where, wrong, right)
     for channel in design.channels.values():
         uses = [use for use in design.file.protocol if use.channel == channel.id]
         yield from _directions(where, channel.ends, counts, uses)
@@ -49,16 +48,10 @@ def _directions(
     """Directions with messages in the design and none in the run, though the peer did talk."""
     for sender, receiver in (ends, ends[::-1]):
         acts = sorted({m.performative for use in uses for m in use.message if m.sender == sender})
-        if (
-            (acts or not uses)
-            and not counts.get((sender, receiver))
-            and counts.get((receiver, sender))
-        ):
-            said = (
-                f"which says {', '.join(acts)} in the design"
-                if acts
-                else "although a channel joins them"
-            )
+        heard, told = counts.get((sender, receiver)), counts.get((receiver, sender))
+        if (acts or not uses) and told and not heard:
+            listed_acts = f"which says {', '.join(acts)} in the design"
+            said = listed_acts if acts else "although a channel joins them"
             wrong = f"{receiver} is never told anything by {sender}, {said}"
             right = f"{counts[receiver, sender]} went the other way"
             yield Finding(Kind.NEVER_HEARD, where, wrong, right)
@@ -140,10 +133,6 @@ def _cheapest(protocol: Protocol, walked: Walked, sign: int) -> float:
                     return -math.inf
     # Both roles ended, nothing on its way; the beginning is not a conversation.
     ended = {role: protocol.tables[role].ended for role in Role}
-    complete = (
-        cost
-        for here, cost in least.items()
-        if all(here.state(role) in ended[role] for role in Role)
-        and not (here.to_initiator or here.to_participant)
-    )
-    return min(complete, default=-math.inf)
+    quiet = (here for here in least if not (here.to_initiator or here.to_participant))
+    complete = (here for here in quiet if all(here.state(role) in ended[role] for role in Role))
+    return min((least[here] for here in complete), default=-math.inf)

@@ -23,12 +23,8 @@ def _languages(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[
         right = f"languages with one are {', '.join(sorted(known))}"
         yield Finding(Kind.CODE, f"language {name}", "has no module", right)
     for name in sorted(known.keys() - set(declared)):
-        yield Finding(
-            Kind.CODE,
-            f"language {name}",
-            "is not in the design",
-            f"the design has {', '.join(declared)}",
-        )
+        wrong = "is not in the design"
+        yield Finding(Kind.CODE, f"language {name}", wrong, f"the design has {', '.join(declared)}")
     for interface in design.file.interface:
         for entry in interface.entries:
             for name in (*entry.arguments, *entry.answers):
@@ -51,22 +47,13 @@ def check_queries(
     declared = Counter(argument for entry in entries for argument in entry.arguments)
     wanted = frozenset(f"{language}.{kind}" for kind in kinds)
     foreign = f"{language} has no such query class"
-    return (
-        *(_not_asked(name) for name in sorted(wanted - declared.keys())),
-        *(
-            Finding(Kind.NOT_SUPPORTED, name, foreign, "define the class or drop the entry")
-            for name in sorted(declared.keys() - wanted)
-        ),
-        *(
-            Finding(
-                Kind.TWICE,
-                name,
-                "several interface entries ask it",
-                "one entry for each query class",
-            )
-            for name in sorted(name for name, count in declared.items() if count > 1)
-        ),
-    )
+    wrong, right = "several interface entries ask it", "one entry for each query class"
+    found = [_not_asked(name) for name in sorted(wanted - declared.keys())]
+    for name in sorted(declared.keys() - wanted):
+        drop = "define the class or drop the entry"
+        found.append(Finding(Kind.NOT_SUPPORTED, name, foreign, drop))
+    several = sorted(name for name, count in declared.items() if count > 1)
+    return (*found, *(Finding(Kind.TWICE, name, wrong, right) for name in several))
 
 
 def check_supported(design: Design, agent: str, kinds: Iterable[str]) -> tuple[Finding, ...]:
@@ -75,22 +62,13 @@ def check_supported(design: Design, agent: str, kinds: Iterable[str]) -> tuple[F
     code that nobody can ask.
     """
     uses = [use for use in design.file.protocol if use.participant == agent]
-    offered = {
-        name for use in uses for entry in design.entries(use.name) for name in entry.arguments
-    }
-    supported = frozenset(kinds)
-    return (
-        *(
-            Finding(
-                Kind.NOT_SUPPORTED,
-                f"agent {agent}, {name}",
-                "is declared, and no code answers it",
-                "answer it",
-            )
-            for name in sorted(offered - supported)
-        ),
-        *(_not_asked(name) for name in sorted(supported - offered)),
-    )
+    entries = (entry for use in uses for entry in design.entries(use.name))
+    offered, supported = {name for entry in entries for name in entry.arguments}, frozenset(kinds)
+    found = []
+    for name in sorted(offered - supported):
+        where, wrong = f"agent {agent}, {name}", "is declared, and no code answers it"
+        found.append(Finding(Kind.NOT_SUPPORTED, where, wrong, "answer it"))
+    return (*found, *(_not_asked(name) for name in sorted(supported - offered)))
 
 
 def _not_asked(name: str) -> Finding:
@@ -102,19 +80,14 @@ def _class(where: str, name: str, known: Mapping[str, frozenset[str]]) -> Iterat
     language, _, word = name.partition(".")
     if word not in known.get(language, frozenset()):
         ways = ", ".join(sorted(known.get(language, frozenset()))) or f"no language {language!r}"
-        yield Finding(
-            Kind.CODE, where, f"{language!r} has no class {word!r}", f"its classes are {ways}"
-        )
+        wrong = f"{language!r} has no class {word!r}"
+        yield Finding(Kind.CODE, where, wrong, f"its classes are {ways}")
 
 
 def _unsaid_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
     """Classes of the languages that no message of the design carries."""
-    said = {
-        name
-        for use in design.file.protocol
-        for message in use.message
-        for name in design.contents(use, message)
-    }
+    messages = ((use, message) for use in design.file.protocol for message in use.message)
+    said = {name for use, message in messages for name in design.contents(use, message)}
     for language in sorted(entry.name for entry in design.file.language):
         for word in sorted(known.get(language, frozenset())):
             if f"{language}.{word}" not in said:
@@ -122,6 +95,5 @@ def _unsaid_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iter
                     "list it as content of a message or in an entry of an interface, or drop the"
                     " class"
                 )
-                yield Finding(
-                    Kind.UNUSED, f"language {language}", f"no message carries {word}", right
-                )
+                where = f"language {language}"
+                yield Finding(Kind.UNUSED, where, f"no message carries {word}", right)

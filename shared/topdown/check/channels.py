@@ -24,9 +24,8 @@ def findings(design: Design) -> Iterator[Finding]:
         first = pairs.setdefault(frozenset(channel.ends), channel.id)
         if first != channel.id:
             right = f"one channel for each pair: complement {first}"
-            yield Finding(
-                Kind.SECOND_CHANNEL, where, f"joins two groups that have {first}", right, at
-            )
+            wrong = f"joins two groups that have {first}"
+            yield Finding(Kind.SECOND_CHANNEL, where, wrong, right, at)
         elif channel.id not in used and channel.id not in doubtful:
             yield Finding(Kind.SILENT_CHANNEL, where, "carries no protocol", "give it one", at)
     for index, use in enumerate(design.file.protocol):
@@ -40,13 +39,8 @@ def _ends(design: Design, index: int, use: elements.Protocol) -> Iterator[Findin
     if channel is None:
         if not design.decomposition.astray:
             right = f"one of {', '.join(design.channels)}"
-            yield Finding(
-                Kind.UNKNOWN_CHANNEL,
-                where,
-                f"channel {use.channel!r} is not there",
-                right,
-                (*at, "channel"),
-            )
+            wrong = f"channel {use.channel!r} is not there"
+            yield Finding(Kind.UNKNOWN_CHANNEL, where, wrong, right, (*at, "channel"))
         return
     if use.channel not in design.decomposition.doubtful:
         for role, agent in (("initiator", use.initiator), ("participant", use.participant)):
@@ -55,55 +49,37 @@ def _ends(design: Design, index: int, use: elements.Protocol) -> Iterator[Findin
                 right = f"they are {' and '.join(channel.ends)}"
                 yield Finding(Kind.NO_END, where, wrong, right, (*at, role))
         if use.initiator == use.participant:
-            yield Finding(
-                Kind.NO_END, where, f"{use.initiator} talks with itself", "name both ends", at
-            )
+            wrong = f"{use.initiator} talks with itself"
+            yield Finding(Kind.NO_END, where, wrong, "name both ends", at)
     for number, message in enumerate(use.message):
         if message.sender not in (use.initiator, use.participant, *channel.ends):
-            said, place = (
-                f"{where}, {message.sender} {message.performative}",
-                (*at, "message", number, "sender"),
-            )
+            said = f"{where}, {message.sender} {message.performative}"
+            place = (*at, "message", number, "sender")
             right = f"{use.initiator} or {use.participant}"
-            yield Finding(
-                Kind.NO_END, said, f"sender {message.sender!r} is not an end of it", right, place
-            )
+            wrong = f"sender {message.sender!r} is not an end of it"
+            yield Finding(Kind.NO_END, said, wrong, right, place)
 
 
 def _signals(design: Design) -> Iterator[Finding]:
     if AGENTS in design.agents:
         wrong, right = f"{AGENTS!r} stands for every agent in a [[signal]]", "give it another name"
-        yield Finding(
-            Kind.TWICE,
-            f"agent {AGENTS}",
-            wrong,
-            right,
-            ("agent", list(design.agents).index(AGENTS)),
-        )
+        where = f"agent {AGENTS}"
+        yield Finding(Kind.TWICE, where, wrong, right, ("agent", list(design.agents).index(AGENTS)))
     for index, entry in enumerate(design.file.signal):
         signal = design.with_agents(entry)
         if "{system}" not in signal.key or "{owner}" not in signal.key:
             wrong = f"its key {signal.key!r} lacks system or owner"
             right = "name {system} and {owner} in it"
-            yield Finding(
-                Kind.NO_OWNER, f"signal {signal.kind}", wrong, right, ("signal", index, "key")
-            )
+            where = f"signal {signal.kind}"
+            yield Finding(Kind.NO_OWNER, where, wrong, right, ("signal", index, "key"))
         for number, pair in enumerate(signal.reach):
-            for name, kind, known in zip(
-                pair, ("writer", "reader"), (signal.writers, signal.readers), strict=True
-            ):
+            ends = (("writer", signal.writers), ("reader", signal.readers))
+            for name, (kind, known) in zip(pair, ends, strict=True):
                 if name not in known:
-                    wrong, right = (
-                        f"reach names {name!r}, which is no {kind} of it",
-                        f"one of {', '.join(known)}",
-                    )
-                    yield Finding(
-                        Kind.UNDEFINED,
-                        f"signal {signal.kind}",
-                        wrong,
-                        right,
-                        ("signal", index, "reach", number),
-                    )
+                    wrong = f"reach names {name!r}, which is no {kind} of it"
+                    right = f"one of {', '.join(known)}"
+                    place = ("signal", index, "reach", number)
+                    yield Finding(Kind.UNDEFINED, f"signal {signal.kind}", wrong, right, place)
 
 
 # --- The form of messages: one form for each act, a budget for each, no act that FIPA says is never
@@ -120,9 +96,8 @@ def form_findings(design: Design) -> Iterator[Finding]:
         at: Path_ = ("protocol", index)
         if use.latency_s <= 0:
             right = "say `latency_s`, what an answer should need at most"
-            yield Finding(
-                Kind.NO_BUDGET, f"protocol {use.name}", "has no latency budget", right, at
-            )
+            where = f"protocol {use.name}"
+            yield Finding(Kind.NO_BUDGET, where, "has no latency budget", right, at)
         for number, message in enumerate(use.message):
             yield from _message(use, message, use.message[:number], (*at, "message", number))
 
@@ -134,30 +109,23 @@ def _message(
     at: Path_,
 ) -> Iterator[Finding]:
     where = f"protocol {use.name}, {message.sender} {message.performative}"
-    same = [
-        one
-        for one in before
-        if (one.sender, one.performative) == (message.sender, message.performative)
-    ]
+    act = (message.sender, message.performative)
+    same = [one for one in before if (one.sender, one.performative) == act]
     for other in same[:1]:
         if other.language != message.language:
             wrong = f"is written in {other.language} and in {message.language}"
-            yield Finding(
-                Kind.TWO_FORMS, where, wrong, "one language for each act of a protocol", at
-            )
+            right = "one language for each act of a protocol"
+            yield Finding(Kind.TWO_FORMS, where, wrong, right, at)
         elif bool(other.content) != bool(message.content):
-            yield Finding(
-                Kind.TWO_FORMS, where, "is said with content and without", "one or the other", at
-            )
+            wrong = "is said with content and without"
+            yield Finding(Kind.TWO_FORMS, where, wrong, "one or the other", at)
     if message.performative in MACRO and not (message.ruling or use.ruling) and not same:
         right = "answer with inform, or give the entry a ruling"
-        yield Finding(
-            Kind.MACRO_ACT, where, "FIPA makes it a macro act, which is never performed", right, at
-        )
+        wrong = "FIPA makes it a macro act, which is never performed"
+        yield Finding(Kind.MACRO_ACT, where, wrong, right, at)
     if message.bytes <= 0:
-        yield Finding(
-            Kind.NO_BUDGET, where, "has no size budget", "say `bytes`, the largest size", at
-        )
+        wrong = "has no size budget"
+        yield Finding(Kind.NO_BUDGET, where, wrong, "say `bytes`, the largest size", at)
 
 
 # --- Interfaces and messages agree: every entry can be asked and answered, and what opens a
@@ -169,12 +137,8 @@ def interface_findings(design: Design) -> Iterator[Finding]:
     for index, use in enumerate(design.file.protocol):
         at: Path_ = ("protocol", index)
         yield from _stars(use, at)
-        entries = [
-            e
-            for name in use.interface
-            if name in design.interfaces
-            for e in design.interfaces[name].entries
-        ]
+        offered = (design.interfaces[name] for name in use.interface if name in design.interfaces)
+        entries = [entry for interface in offered for entry in interface.entries]
         asked, answered = _sayable(design, use)
         for entry in entries:
             yield from _entry(use, entry, asked, answered, at)
@@ -187,19 +151,11 @@ def _stars(use: elements.Protocol, at: Path_) -> Iterator[Finding]:
         for name in message.content:
             if name.startswith("*") and name[1:] not in use.interface:
                 where = f"protocol {use.name}, {message.sender} {message.performative}"
-                right = (
-                    f"one of {', '.join(use.interface)}"
-                    if use.interface
-                    else "the protocol names no interface"
-                )
+                known = f"one of {', '.join(use.interface)}"
+                right = known if use.interface else "the protocol names no interface"
                 place = (*at, "message", number, "content")
-                yield Finding(
-                    Kind.UNDEFINED,
-                    where,
-                    f"{name} is not an interface of the protocol",
-                    right,
-                    place,
-                )
+                wrong = f"{name} is not an interface of the protocol"
+                yield Finding(Kind.UNDEFINED, where, wrong, right, place)
 
 
 def _entry(
@@ -244,10 +200,8 @@ def _sayable(
     asked: set[tuple[Performative, str]] = set()
     answered: set[str] = set()
     for message in use.message:
-        known = all(
-            not name.startswith("*") or name[1:] in design.interfaces for name in message.content
-        )
-        contents = design.contents(use, message) if known else ()
+        sets = {name[1:] for name in message.content if name.startswith("*")}
+        contents = design.contents(use, message) if sets <= design.interfaces.keys() else ()
         if message.sender == use.initiator:
             asked |= {(message.performative, name) for name in contents or ("",)}
         else:

@@ -49,32 +49,11 @@ _NESTED = {
     "step": ("channels", "new channel"),
 }
 # fields whose order means nothing
-_SETS = frozenset(
-    {
-        "content",
-        "talks",
-        "interface",
-        "writers",
-        "readers",
-        "recorders",
-        "requirements",
-        "evidence",
-        "rest",
-        "performatives",
-        "protocols",
-        "languages",
-        "ontologies",
-        "classes",
-        "in",
-        "agents",
-        "groups",
-        "confirmed",
-        "ended",
-        "urgent",
-        "resting",
-        "answer",
-    }
+_UNORDERED = (
+    "content talks interface writers readers recorders requirements evidence rest performatives"
+    " protocols languages ontologies classes in agents groups confirmed ended urgent resting answer"
 )
+_SETS = frozenset(_UNORDERED.split())
 
 
 def diff(old: Design, new: Design) -> tuple[Change, ...]:
@@ -139,17 +118,13 @@ def _add(found: Entries, kind: str, outer: str, entry: Any) -> None:
 def _name(kind: str, entry: Any) -> str:
     if kind == "message":
         return f"{entry['sender']} {entry['performative']}"
-    return (
-        str(entry[1])
-        if kind == "entry"
-        else next(str(entry[field]) for field in _NAMES if field in entry)
-    )
+    if kind == "entry":
+        return str(entry[1])
+    return next(str(entry[field]) for field in _NAMES if field in entry)
 
 
 def _plain(entry: dict[str, Any]) -> dict[str, str]:
-    return {
-        field: _value_text(value, field) for field, value in entry.items() if field not in _NAMES
-    }
+    return {name: _value_text(value, name) for name, value in entry.items() if name not in _NAMES}
 
 
 def _arcs(arcs: list[dict[str, Any]]) -> dict[str, str]:
@@ -157,25 +132,21 @@ def _arcs(arcs: list[dict[str, Any]]) -> dict[str, str]:
     found: dict[str, str] = {}
     for arc in arcs:
         words = f"{arc['target']}{' when ' + arc['when'] if arc['when'] else ''}"
-        found[arc["source"]] = (
-            f"{found[arc['source']]}, {words}" if arc["source"] in found else words
-        )
+        before = found.get(arc["source"])
+        found[arc["source"]] = f"{before}, {words}" if before is not None else words
     return found
 
 
 def _derived(design: Design) -> Entries:
     found: Entries = {}
     for channel in design.channels.values():
-        found["channel", channel.id] = {
-            "ends": " and ".join(sorted(channel.ends)),
-            "transmits": "; ".join(channel.transmits),
-        }
+        ends, transmits = " and ".join(sorted(channel.ends)), "; ".join(channel.transmits)
+        found["channel", channel.id] = {"ends": ends, "transmits": transmits}
     for group in design.decomposition.last.groups:
         found["group", group] = {"task": design.decomposition.tasks.get(group, "")}
     for rule in design.rules.values():
-        found["rule", f"{rule.sender} to {rule.receiver}: {rule.protocol} {rule.performative}"] = (
-            _rule(rule)
-        )
+        name = f"{rule.sender} to {rule.receiver}: {rule.protocol} {rule.performative}"
+        found["rule", name] = _rule(rule)
     return found
 
 
@@ -198,10 +169,8 @@ def _value_text(value: Any, field: str = "") -> str:
         said = {name: some for name, some in value.items() if some not in ("", [], None, False)}
         return ", ".join(f"{name} {_value_text(some, name)}" for name, some in said.items())
     if isinstance(value, list):
-        words = [
-            f"[{_value_text(some)}]" if isinstance(some, list) else _value_text(some)
-            for some in value
-        ]
+        listed = ((_value_text(some), isinstance(some, list)) for some in value)
+        words = [f"[{text}]" if inner else text for text, inner in listed]
         return ", ".join(sorted(words) if field in _SETS else words)
     if isinstance(value, bool):
         return str(value).lower()

@@ -70,9 +70,8 @@ class Estimate(msgspec.Struct, frozen=True):
     @property
     def narrowest(self) -> str:
         """The channel that carries most while it is busy; "" where nothing is known."""
-        busy = {
-            name: load.busy_bit_s for name, load in self.channels.items() if load.busy_bit_s > 0
-        }
+        every = ((name, load.busy_bit_s) for name, load in self.channels.items())
+        busy = {name: rate for name, rate in every if rate > 0}
         return max(busy, key=lambda name: busy[name], default="")
 
     @property
@@ -103,12 +102,8 @@ class _Model:
     def estimate(self) -> Estimate:
         uses = tuple(self._use(use) for use in self.uses.values())
         missing = tuple(use.name for use in self.uses.values() if _lacks_figures(use))
-        return Estimate(
-            self.seconds,
-            {name: _channel(name, uses, self.seconds) for name in self.design.channels},
-            uses,
-            missing,
-        )
+        channels = {name: _channel(name, uses, self.seconds) for name in self.design.channels}
+        return Estimate(self.seconds, channels, uses, missing)
 
     def _conversations(self, name: str, below: tuple[str, ...]) -> float:
         use = self.uses.get(name)
@@ -126,16 +121,11 @@ class _Model:
 
     def _said(self, use: elements.Protocol) -> list[tuple[elements.Message, float]]:
         """Each message and how often it is said in all."""
-        counts = (
-            [message.count or 0.0 for message in use.message]
-            if _has_counts(use)
-            else self._shortest(use)
-        )
+        given = [message.count or 0.0 for message in use.message]
+        counts = given if _has_counts(use) else self._shortest(use)
         opened = [self.opened.get(message.each or use.name, 0.0) for message in use.message]
-        return [
-            (message, count * times)
-            for message, count, times in zip(use.message, counts, opened, strict=True)
-        ]
+        times = (count * often for count, often in zip(counts, opened, strict=True))
+        return list(zip(use.message, times, strict=True))
 
     def _shortest(self, use: elements.Protocol) -> list[float]:
         """The count of each message in the shortest conversation; an act that is listed twice
@@ -144,32 +134,22 @@ class _Model:
         table = self.design.tables.get(use.follows)
         steps = shortest(restricted(table, listed(use))) if table else ()
         ends = {Role.INITIATOR: use.initiator, Role.PARTICIPANT: use.participant}
-        said = Counter(
-            (ends[step.role], step.row.performative) for step in steps if step.row.way is Way.SEND
-        )
-        return [
-            float(said.pop((message.sender, message.performative), 0)) for message in use.message
-        ]
+        sent = (step for step in steps if step.row.way is Way.SEND)
+        said = Counter((ends[step.role], step.row.performative) for step in sent)
+        return [float(said.pop((one.sender, one.performative), 0)) for one in use.message]
 
     def _use(self, use: elements.Protocol) -> UseEstimate:
         said = self._said(use)
         count = total(times for _, times in said)
         size = total(times * (message.typical_bytes or message.bytes) for message, times in said)
         most = total(times * message.bytes for message, times in said)
-        return UseEstimate(
-            use=use.name,
-            channel=use.channel,
-            conversations=self.opened[use.name],
-            seconds=self.took[use.name],
-            latency_s=self.took[use.name] if use.answer else use.typical_latency_s,
-            budget_s=use.latency_s,
-            share=0.0
-            if not self.seconds or use.alongside
-            else self.opened[use.name] * use.typical_s / self.seconds,
-            load=Load(
-                count, size, most, _rate(size, self.seconds), _rate(size, self._going_on(use))
-            ),
-        )
+        rates = (_rate(size, self.seconds), _rate(size, self._going_on(use)))
+        opened, took = self.opened[use.name], self.took[use.name]
+        latency_s = took if use.answer else use.typical_latency_s
+        counted = self.seconds and not use.alongside
+        share = opened * use.typical_s / self.seconds if counted else 0.0
+        times = (opened, took, latency_s, use.latency_s, share)
+        return UseEstimate(use.name, use.channel, *times, Load(count, size, most, *rates))
 
     def _going_on(self, use: elements.Protocol) -> float:
         """The duration of the uses within which this one's conversations are opened [s]."""
@@ -183,13 +163,10 @@ def _channel(name: str, uses: Iterable[UseEstimate], seconds: float) -> Load:
     """The load of a channel: that of its uses."""
     loads = [one.load for one in uses if one.channel == name]
     size = total(load.bytes for load in loads)
-    return Load(
-        communicates=total(load.communicates for load in loads),
-        bytes=size,
-        most_bytes=total(load.most_bytes for load in loads),
-        mean_bit_s=_rate(size, seconds),
-        busy_bit_s=max((load.busy_bit_s for load in loads), default=0.0),
-    )
+    count = total(load.communicates for load in loads)
+    most = total(load.most_bytes for load in loads)
+    busy = max((load.busy_bit_s for load in loads), default=0.0)
+    return Load(count, size, most, _rate(size, seconds), busy)
 
 
 def total(some: Iterable[float]) -> float:
@@ -265,12 +242,8 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
         if (use := use_of(design, one)) is not None:
             heard[use.name].append(one)
     spans = {name: _spans(some) for name, some in heard.items()}
-    roots = [
-        use.name
-        for use in design.file.protocol
-        if not use.within and not use.alongside and use.name in spans
-    ]
-    seconds = total(total(spans[name]) for name in roots)
+    roots = (use for use in design.file.protocol if not use.within and not use.alongside)
+    seconds = total(total(spans[use.name]) for use in roots if use.name in spans)
     answered = answers(design, run.communicates)
     uses = []
     for use in design.file.protocol:
@@ -278,21 +251,12 @@ def recorded_as_estimate(design: Design, run: Observed) -> Estimate:
         size = sum(one.bytes for one in some)
         took = [one.latency_s for one in answered.get(use.name, ()) if one.latency_s is not None]
         around = total(spans.get(use.within, [])) if use.within else seconds
-        uses.append(
-            UseEstimate(
-                use=use.name,
-                channel=use.channel,
-                conversations=len(answered.get(use.name, ())),
-                seconds=total(took_s) / len(took_s) if took_s else 0.0,
-                latency_s=median(took) if took else 0.0,
-                budget_s=use.latency_s,
-                share=0.0,
-                load=Load(len(some), size, 0.0, _rate(size, seconds), _rate(size, around)),
-            )
-        )
-    return Estimate(
-        seconds, {name: _channel(name, uses, seconds) for name in design.channels}, tuple(uses), ()
-    )
+        load = Load(len(some), size, 0.0, _rate(size, seconds), _rate(size, around))
+        mean, middle = total(took_s) / (len(took_s) or 1), median(took) if took else 0.0
+        times = (len(answered.get(use.name, ())), mean, middle, use.latency_s, 0.0)
+        uses.append(UseEstimate(use.name, use.channel, *times, load))
+    channels = {name: _channel(name, uses, seconds) for name in design.channels}
+    return Estimate(seconds, channels, tuple(uses), ())
 
 
 def _spans(some: Iterable[Observation]) -> list[float]:

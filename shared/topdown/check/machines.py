@@ -41,9 +41,8 @@ def _names(agent: elements.Agent, at: Path_) -> Iterator[Finding]:
         for end in (arc.source, arc.target):
             if end not in states:
                 wrong = f"state {end!r} is not there"
-                yield Finding(
-                    Kind.UNDEFINED, f"agent {agent.name}, arc", wrong, right, (*at, "arc", number)
-                )
+                where = f"agent {agent.name}, arc"
+                yield Finding(Kind.UNDEFINED, where, wrong, right, (*at, "arc", number))
     for name in agent.rest:
         if name not in states:
             wrong = f"state {name!r} is not there"
@@ -66,10 +65,8 @@ def _states(agent: elements.Agent, at: Path_) -> Iterator[Finding]:
             right = "end its arcs with one that has no condition"
             yield Finding(Kind.NO_WAY_OUT, where, "may have no way out", right, place)
         elif labels.index("") != len(labels) - 1:
-            wrong, right = (
-                "has arcs behind one that is always taken",
-                "put the arc without a condition last",
-            )
+            wrong = "has arcs behind one that is always taken"
+            right = "put the arc without a condition last"
             yield Finding(Kind.DEAD_ARC, where, wrong, right, place)
 
 
@@ -77,21 +74,17 @@ def _talks(design: Design, agent: elements.Agent, at: Path_) -> Iterator[Finding
     """A state talks in protocols of its agent only; every protocol of the agent has a state that
     does.
     """
-    own = {
-        use.name for use in design.file.protocol if agent.name in (use.initiator, use.participant)
-    }
+    ends = {use.name: (use.initiator, use.participant) for use in design.file.protocol}
+    own = {name for name, pair in ends.items() if agent.name in pair}
     talked: set[str] = set()
     for number, state in enumerate(agent.state):
         for name in state.talks:
             if name not in own and name not in talked:
-                where, right = (
-                    f"agent {agent.name}, state {state.name}",
-                    f"its protocols are {', '.join(sorted(own))}",
-                )
+                where = f"agent {agent.name}, state {state.name}"
+                right = f"its protocols are {', '.join(sorted(own))}"
                 place = (*at, "state", number)
-                yield Finding(
-                    Kind.UNDEFINED, where, f"talks in {name!r}, which it has not", right, place
-                )
+                wrong = f"talks in {name!r}, which it has not"
+                yield Finding(Kind.UNDEFINED, where, wrong, right, place)
             talked.add(name)
     for name in sorted(own - talked):
         right = "name it under `talks` of a state"
@@ -187,13 +180,8 @@ def _declared(
             one = used[word]
             where = f"protocol {one.use.name}, {one.sender} {one.act}"
             wrong = f"{agent} does not declare that it {way} {word}"
-            yield Finding(
-                lacking,
-                where,
-                wrong,
-                f"its {way}.{field} are {', '.join(declared) or 'none'}",
-                one.at,
-            )
+            right = f"its {way}.{field} are {', '.join(declared) or 'none'}"
+            yield Finding(lacking, where, wrong, right, one.at)
         for word in declared:
             if word not in used and word != ALWAYS:
                 right = f"they have {', '.join(sorted(used)) or 'none'}"
@@ -213,16 +201,11 @@ def row_findings(design: Design) -> Iterator[Finding]:
         try:
             compiled[agent.name] = Machine(design, agent.name)
         except DesignError as error:
-            yield Finding(
-                Kind.BAD_ROW, error.field, error.wrong, error.right, ("agent", index, "row")
-            )
+            where = error.field
+            yield Finding(Kind.BAD_ROW, where, error.wrong, error.right, ("agent", index, "row"))
     heard = tuple(messages(design))
-    said = {
-        _act(word)
-        for machine in compiled.values()
-        for row in machine.rows
-        for word in _acts_of(row)
-    }
+    rows = (row for machine in compiled.values() for row in machine.rows)
+    said = {_act(word) for row in rows for word in _acts_of(row)}
     spoken = {one.use.name for one in heard if one.sender == one.use.initiator and _of(one) in said}
     for index, agent in enumerate(design.file.agent):
         machine = compiled.get(agent.name)
@@ -240,17 +223,10 @@ def _led(agent: elements.Agent, machine: Machine, index: int) -> Iterator[Findin
             pair = (state, row.to)
             if row.to and pair not in told and row.to not in reachable(agent, state):
                 told.add(pair)
-                where, at = (
-                    f"agent {agent.name}, row {row.number}",
-                    ("agent", index, "row", row.number - 1),
-                )
-                yield Finding(
-                    Kind.BAD_ROW,
-                    where,
-                    f"no arcs lead from {state} to {row.to}",
-                    "give it an arc",
-                    at,
-                )
+                where = f"agent {agent.name}, row {row.number}"
+                at = ("agent", index, "row", row.number - 1)
+                wrong = f"no arcs lead from {state} to {row.to}"
+                yield Finding(Kind.BAD_ROW, where, wrong, "give it an arc", at)
 
 
 def _ends(
@@ -267,13 +243,11 @@ def _ends(
         where = f"protocol {one.use.name}, {one.sender} {one.act}"
         right = "give it a row, or drop the message"
         if one.sender == agent.name and _of(one) not in says:
-            yield Finding(
-                Kind.RECEIVED_NOT_SENT, where, f"no row of {agent.name} says it", right, one.at
-            )
+            wrong = f"no row of {agent.name} says it"
+            yield Finding(Kind.RECEIVED_NOT_SENT, where, wrong, right, one.at)
         if one.receiver == agent.name and _of(one) not in takes:
-            yield Finding(
-                Kind.SENT_NOT_RECEIVED, where, f"no row of {agent.name} takes it", right, one.at
-            )
+            wrong = f"no row of {agent.name} takes it"
+            yield Finding(Kind.SENT_NOT_RECEIVED, where, wrong, right, one.at)
 
 
 def _unlisted(
@@ -294,13 +268,8 @@ def _unlisted(
                 key = (row.number, *_act(word))
                 if _act(word) not in known and word.act != ALWAYS and key not in told:
                     told.add(key)
-                    yield Finding(
-                        kind,
-                        where,
-                        f"{verb} {word.use} {word.act}, which no message lists",
-                        "list it",
-                        at,
-                    )
+                    wrong = f"{verb} {word.use} {word.act}, which no message lists"
+                    yield Finding(kind, where, wrong, "list it", at)
 
 
 def _acts_of(row: Row) -> list[ProtocolAct]:
@@ -311,11 +280,9 @@ def _acts_of(row: Row) -> list[ProtocolAct]:
 
 def _taken(row: Row) -> list[ProtocolAct]:
     event = row.event
-    return (
-        [ProtocolAct(event.name, event.act, event.kind)]
-        if event.cause is Cause.TAKE and event.act is not None
-        else []
-    )
+    if event.cause is not Cause.TAKE or event.act is None:
+        return []
+    return [ProtocolAct(event.name, event.act, event.kind)]
 
 
 def _act(word: ProtocolAct) -> tuple[str, Performative]:
@@ -337,25 +304,16 @@ SIGNAL = "control"
 
 def parameter_findings(design: Design) -> Iterator[Finding]:
     """Parameters that nobody could set, or that no value fits."""
-    readers = {
-        name
-        for signal in design.signals.values()
-        if signal.kind == SIGNAL
-        for name in signal.readers
-    }
+    signals = (signal for signal in design.signals.values() if signal.kind == SIGNAL)
+    readers = {name for signal in signals for name in signal.readers}
     for index, agent in enumerate(design.file.agent):
         if agent.parameter and agent.name not in readers:
             wrong = (
                 f"has parameters, but reads no [[signal]] of kind {SIGNAL!r}, so nobody can set"
                 " them"
             )
-            yield Finding(
-                Kind.PARAMETER,
-                f"agent {agent.name}",
-                wrong,
-                "name it among the readers",
-                ("agent", index),
-            )
+            right = "name it among the readers"
+            yield Finding(Kind.PARAMETER, f"agent {agent.name}", wrong, right, ("agent", index))
         for number, entry in enumerate(agent.parameter):
             yield from _parameter(agent, entry, ("agent", index, "parameter", number))
 
@@ -364,31 +322,20 @@ def _parameter(agent: elements.Agent, entry: elements.Parameter, at: Path_) -> I
     where = f"agent {agent.name}, parameter {entry.name}"
     least, most = entry.least, entry.most
     if (least is not None or most is not None) and entry.type not in COUNTABLE:
-        yield Finding(
-            Kind.PARAMETER,
-            where,
-            f"a {entry.type.value} has bounds",
-            "leave least and most out",
-            at,
-        )
+        wrong = f"a {entry.type.value} has bounds"
+        yield Finding(Kind.PARAMETER, where, wrong, "leave least and most out", at)
         return
     if least is not None and most is not None and least > most:
-        yield Finding(
-            Kind.PARAMETER, where, f"least {least:g} is above most {most:g}", "exchange them", at
-        )
+        wrong = f"least {least:g} is above most {most:g}"
+        yield Finding(Kind.PARAMETER, where, wrong, "exchange them", at)
         return
     for field, values in (("default", (entry.default,)), ("choices", entry.choices)):
         for value in values:
             try:
                 Parameters(agent).fitted(entry.name, value)
             except ParameterError as error:
-                yield Finding(
-                    Kind.PARAMETER,
-                    where,
-                    f"{field} is {value!r}",
-                    f"it must be {error.right}",
-                    (*at, field),
-                )
+                right = f"it must be {error.right}"
+                yield Finding(Kind.PARAMETER, where, f"{field} is {value!r}", right, (*at, field))
                 return
 
 
@@ -419,11 +366,8 @@ def wait_findings(design: Design) -> Iterator[Finding]:
     """Each smallest set of agents once, with the states of the first way found."""
     sets: dict[frozenset[str], tuple[Waiting, ...]] = {}
     candidates = {agent.name: tuple(_waitings(design, agent)) for agent in design.file.agent}
-    talks = {
-        (agent.name, state.name): set(state.talks)
-        for agent in design.file.agent
-        for state in agent.state
-    }
+    states = ((agent.name, state) for agent in design.file.agent for state in agent.state)
+    talks = {(name, state.name): set(state.talks) for name, state in states}
     for agent in candidates:
         for first in candidates[agent]:
             found = _closed({agent: first}, candidates, talks)
@@ -439,11 +383,8 @@ def _waitings(design: Design, agent: elements.Agent) -> Iterator[Waiting]:
     rest = agent.rest or (agent.initial,)
     for state in agent.state:
         uses = [design.protocols[name] for name in state.talks if name in design.protocols]
-        peers = {
-            use.name: use.participant if use.initiator == agent.name else use.initiator
-            for use in uses
-        }
         opens = frozenset(use.name for use in uses if use.initiator == agent.name)
+        peers = {u.name: u.participant if u.name in opens else u.initiator for u in uses}
         if opens and state.name not in rest:
             yield Waiting(agent.name, state.name, peers, opens)
 
@@ -473,13 +414,11 @@ def _closed(
 
 
 def _finding(design: Design, waiting: tuple[Waiting, ...]) -> Finding:
-    who = ", ".join(
-        f"{one.agent} in {one.state} for {' and '.join(sorted(set(one.peers.values())))}"
-        for one in waiting
-    )
-    heard = " or ".join(
-        sorted(f"{peer} {use}" for one in waiting for use, peer in one.peers.items())
-    )
+    peers = [" and ".join(sorted(set(one.peers.values()))) for one in waiting]
+    each = zip(waiting, peers, strict=True)
+    who = ", ".join(f"{one.agent} in {one.state} for {names}" for one, names in each)
+    asked = (f"{peer} {use}" for one in waiting for use, peer in one.peers.items())
+    heard = " or ".join(sorted(asked))
     index = next(i for i, agent in enumerate(design.file.agent) if agent.name == waiting[0].agent)
     wrong = f"may wait for each other for ever (closed set of deaf states): {who}"
     right = f"let one of these states talk in what the other waits for: {heard}"

@@ -23,13 +23,8 @@ def twice(design: Design) -> Iterator[Finding]:
             if name in kind.names[:index]:
                 where = f"{kind.word} {name}"
                 count = kind.names.count(name)
-                yield Finding(
-                    Kind.TWICE,
-                    where,
-                    f"is defined {count} times",
-                    "every name once",
-                    (*kind.at, index),
-                )
+                wrong = f"is defined {count} times"
+                yield Finding(Kind.TWICE, where, wrong, "every name once", (*kind.at, index))
 
 
 def _kinds(design: Design) -> Iterator[Named]:
@@ -44,11 +39,8 @@ def _kinds(design: Design) -> Iterator[Named]:
     yield Named("group", ("group",), tuple(entry.name for entry in file.group))
     yield Named("signal", ("signal",), tuple(entry.kind for entry in file.signal))
     for index, agent in enumerate(file.agent):
-        yield Named(
-            f"agent {agent.name}, state",
-            ("agent", index, "state"),
-            tuple(state.name for state in agent.state),
-        )
+        states = tuple(state.name for state in agent.state)
+        yield Named(f"agent {agent.name}, state", ("agent", index, "state"), states)
         own = tuple(one.name for one in agent.parameter)
         yield Named(f"agent {agent.name}, parameter", ("agent", index, "parameter"), own)
     for index, entry in enumerate(file.interface):
@@ -81,9 +73,8 @@ def _unused(
     for index, name in enumerate(defined):
         if name not in used:
             right = "name it in a protocol or drop it"
-            yield Finding(
-                Kind.UNUSED, f"{kind} {name}", "no protocol uses it", right, (kind, index)
-            )
+            where = f"{kind} {name}"
+            yield Finding(Kind.UNUSED, where, "no protocol uses it", right, (kind, index))
 
 
 def _undefined(design: Design) -> Iterator[Finding]:
@@ -100,19 +91,14 @@ def _undefined(design: Design) -> Iterator[Finding]:
         for number, message in enumerate(use.message):
             if message.language not in languages:
                 said = f"{where}, {message.sender} {message.performative}"
-                yield _missing(
-                    "language",
-                    message.language,
-                    languages,
-                    said,
-                    (*at, "message", number, "language"),
-                )
+                place: Path_ = (*at, "message", number, "language")
+                yield _missing("language", message.language, languages, said, place)
     for index, interface in enumerate(design.file.interface):
         for row, entry in enumerate(interface.entries):
             for name in (*entry.arguments, *entry.answers):
                 if name.partition(".")[0] not in languages:
                     said = f"interface {interface.name}, {entry.name}"
-                    place: Path_ = ("interface", index, "entries", row)
+                    place = ("interface", index, "entries", row)
                     yield _missing("language", name.partition(".")[0], languages, said, place)
 
 
@@ -132,25 +118,15 @@ def _content_types(design: Design) -> Iterator[Finding]:
         said.add(name)
         if language in listed and word not in listed[language]:
             right = f"its classes are {', '.join(listed[language])}"
-            yield Finding(
-                Kind.UNDEFINED,
-                where,
-                f"language {language} has no content type {word!r}",
-                right,
-                at,
-            )
+            wrong = f"language {language} has no content type {word!r}"
+            yield Finding(Kind.UNDEFINED, where, wrong, right, at)
     for index, entry in enumerate(design.file.language):
         for word in entry.classes:
             if f"{entry.name}.{word}" not in said:
                 right = "list it as content or drop it"
                 where = f"language {entry.name}"
-                yield Finding(
-                    Kind.UNUSED,
-                    where,
-                    f"no message carries {word}",
-                    right,
-                    ("language", index, "classes"),
-                )
+                wrong = f"no message carries {word}"
+                yield Finding(Kind.UNUSED, where, wrong, right, ("language", index, "classes"))
 
 
 def _classes_said(design: Design) -> Iterator[tuple[str, str, Path_]]:
@@ -159,16 +135,10 @@ def _classes_said(design: Design) -> Iterator[tuple[str, str, Path_]]:
         for number, message in enumerate(use.message):
             for name in (name for name in message.content if not name.startswith("*")):
                 where = f"protocol {use.name}, {message.sender} {message.performative}"
-                yield (
-                    where,
-                    f"{message.language}.{name}",
-                    ("protocol", index, "message", number, "content"),
-                )
+                at: Path_ = ("protocol", index, "message", number, "content")
+                yield where, f"{message.language}.{name}", at
     for index, interface in enumerate(design.file.interface):
         for row, entry in enumerate(interface.entries):
             for name in (*entry.arguments, *entry.answers):
-                yield (
-                    f"interface {interface.name}, {entry.name}",
-                    name,
-                    ("interface", index, "entries", row),
-                )
+                at = ("interface", index, "entries", row)
+                yield f"interface {interface.name}, {entry.name}", name, at

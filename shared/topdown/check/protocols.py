@@ -32,21 +32,13 @@ def findings(design: Design) -> Iterator[Finding]:
         if protocol is None:
             known = ", ".join(sorted(design.tables)) or "none so far"
             right = f"follow a protocol of FIPA, or a [[table]] of the design; it follows {known}"
-            yield Finding(
-                Kind.UNDEFINED,
-                where,
-                f"table {use.follows!r} is not there",
-                right,
-                (*at, "follows"),
-            )
+            wrong = f"table {use.follows!r} is not there"
+            yield Finding(Kind.UNDEFINED, where, wrong, right, (*at, "follows"))
         else:
             yield from _follows(use, protocol, at)
             # a conversation that is not durable lives on asking again
-            opens = [
-                row
-                for row in protocol.tables[Role.INITIATOR]
-                if row.performative in protocol.openings
-            ]
+            rows = protocol.tables[Role.INITIATOR]
+            opens = [row for row in rows if row.performative in protocol.openings]
             if not use.durable and not any(
                 row.way is Way.SEND and row.state == row.to for row in opens
             ):
@@ -72,9 +64,8 @@ def _own_table(name: str, protocol: Protocol, at: Path_) -> Iterator[Finding]:
         for word in sorted(taken - sent):
             right = f"give the {role} a row that sends it"
             wrong = f"the {role.other} receives {word}, which the {role} never sends"
-            yield Finding(
-                Kind.RECEIVED_NOT_SENT, f"table {name}", wrong, right, (*at, str(role.other))
-            )
+            where = f"table {name}"
+            yield Finding(Kind.RECEIVED_NOT_SENT, where, wrong, right, (*at, str(role.other)))
 
 
 def _follows(use: elements.Protocol, protocol: Protocol, at: Path_) -> Iterator[Finding]:
@@ -104,9 +95,8 @@ def restricted(protocol: Protocol, said: dict[Role, set[Performative]]) -> Proto
 
     def kept(role: Role) -> Table:
         table = protocol.tables[role]
-        return table.only(
-            row for row in table if row.way is Way.RECEIVE or row.performative in said[role]
-        )
+        rows = (row for row in table if row.way is Way.RECEIVE or row.performative in said[role])
+        return table.only(rows)
 
     return protocol.with_tables(initiator=kept(Role.INITIATOR), participant=kept(Role.PARTICIPANT))
 
@@ -118,14 +108,11 @@ def _without_row(use: elements.Protocol, protocol: Protocol, at: Path_) -> Itera
         role = Role.INITIATOR if message.sender == use.initiator else Role.PARTICIPANT
         rows = {row.performative for row in protocol.tables[role] if row.way is Way.SEND}
         if message.performative not in rows:
-            where, right = (
-                f"protocol {use.name}, {message.sender}",
-                f"its rows are {', '.join(sorted(rows))}",
-            )
+            where = f"protocol {use.name}, {message.sender}"
+            right = f"its rows are {', '.join(sorted(rows))}"
             wrong = f"{use.follows} has no row for {message.performative}"
-            yield Finding(
-                Kind.NO_ROW, where, wrong, right, (*at, "message", number, "performative")
-            )
+            place = (*at, "message", number, "performative")
+            yield Finding(Kind.NO_ROW, where, wrong, right, place)
 
 
 def _never_said(
@@ -146,13 +133,8 @@ def _never_said(
                 f"{act} is listed, but no conversation reaches a state where it may be said"
                 f" ({states})"
             )
-            yield Finding(
-                Kind.NEVER_SAID,
-                f"protocol {use.name}, {end}",
-                wrong,
-                "list what leads there, or drop it",
-                at,
-            )
+            where = f"protocol {use.name}, {end}"
+            yield Finding(Kind.NEVER_SAID, where, wrong, "list what leads there, or drop it", at)
 
 
 def _no_end(
@@ -168,9 +150,8 @@ def _no_end(
     if walked.unspecified:
         first = walked.unspecified[0]
         right = "give the table a row that takes it there"
-        yield Finding(
-            Kind.SENT_NOT_RECEIVED, where, f"after {_way(first.steps)}: {first.text}", right, at
-        )
+        wrong = f"after {_way(first.steps)}: {first.text}"
+        yield Finding(Kind.SENT_NOT_RECEIVED, where, wrong, right, at)
         return  # that the end is out of reach follows
     told: set[tuple[Role, str]] = set()
     for found in walked.stuck:
@@ -190,9 +171,8 @@ def _no_end(
                 )
                 yield Finding(Kind.NO_WAY_TO_THE_END, where, wrong, f"list one of {acts}", at)
     if walked.stuck and not told:
-        yield Finding(
-            Kind.NO_WAY_TO_THE_END, where, walked.stuck[0].text, "list what leads on from there", at
-        )
+        wrong = walked.stuck[0].text
+        yield Finding(Kind.NO_WAY_TO_THE_END, where, wrong, "list what leads on from there", at)
 
 
 def _way(steps: tuple[object, ...]) -> str:

@@ -74,9 +74,8 @@ def _answered(use: elements.Protocol, heard: list[Observation]) -> Iterator[Answ
     if opening is None:
         return
     replies = (one for one in heard if one.sender == use.participant and one.at >= opening.at)
-    answer = next(
-        (one for one in replies if not use.answer or one.performative in use.answer), None
-    )
+    answers = (one for one in replies if not use.answer or one.performative in use.answer)
+    answer = next(answers, None)
     yield Answered(opening, None if answer is None else answer.at - opening.at)
 
 
@@ -91,13 +90,8 @@ def counts(said: Iterable[Observation]) -> Counter[tuple[str, str]]:
 def findings(design: Design, run: Observed) -> tuple[Finding, ...]:
     """All findings of one run."""
     said = run.communicates
-    parts = (
-        _strange(design, said),
-        _sizes(design, said),
-        _latencies(design, said),
-        sums(design, counts(said)),
-    )
-    return tuple(finding for part in parts for finding in part)
+    own = (finding for part in (_strange, _sizes, _latencies) for finding in part(design, said))
+    return (*own, *sums(design, counts(said)))
 
 
 def _strange(design: Design, said: Iterable[Observation]) -> Iterator[Finding]:
@@ -135,11 +129,8 @@ def _sizes(design: Design, said: Iterable[Observation]) -> Iterator[Finding]:
 def _latencies(design: Design, said: Iterable[Observation]) -> Iterator[Finding]:
     for name, answered in answers(design, said).items():
         budget = design.protocols[name].latency_s
-        late = [
-            one.latency_s
-            for one in answered
-            if one.latency_s is not None and 0 < budget < one.latency_s
-        ]
+        latencies = (one.latency_s for one in answered if one.latency_s is not None)
+        late = [latency for latency in latencies if 0 < budget < latency]
         if late:
             wrong = (
                 f"{len(late)} of {len(answered)} answers took more than {budget:g} s, the longest"
@@ -150,7 +141,4 @@ def _latencies(design: Design, said: Iterable[Observation]) -> Iterator[Finding]
 
 
 def _place(design: Design, use: str) -> tuple[str | int, ...]:
-    return (
-        "protocol",
-        next(i for i, entry in enumerate(design.file.protocol) if entry.name == use),
-    )
+    return "protocol", [entry.name for entry in design.file.protocol].index(use)

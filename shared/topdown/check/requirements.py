@@ -108,26 +108,15 @@ def trace(
 def _traced(
     design: Design, leaf: elements.Requirement, run: Observed | None, exists: Exists | None
 ) -> Traced:
-    steps = [
-        (n, step)
-        for n, step in enumerate(design.file.step, start=1)
-        if leaf.id in step.requirements
-    ]
-    groups = tuple(
-        dict.fromkeys(group for number, step in steps for group in _groups(design, number, step))
-    )
-    channels = tuple(dict.fromkeys(name for _, step in steps for name in channels_of(step)))
-    return Traced(
-        id=leaf.id,
-        text=leaf.text,
-        steps=tuple(number for number, _ in steps),
-        groups=groups,
-        agents=tuple(
-            dict.fromkeys(agent for group in groups for agent in descendants(design, group))
-        ),
-        channels=channels,
-        evidence=tuple(_looked_for(design, evidence(word), run, exists) for word in leaf.evidence),
-    )
+    numbered = enumerate(design.file.step, start=1)
+    steps = {number: step for number, step in numbered if leaf.id in step.requirements}
+    found = (group for number, step in steps.items() for group in _groups(design, number, step))
+    groups = tuple(dict.fromkeys(found))
+    agents = dict.fromkeys(agent for group in groups for agent in descendants(design, group))
+    channels = dict.fromkeys(name for step in steps.values() for name in channels_of(step))
+    shown = tuple(_looked_for(design, evidence(word), run, exists) for word in leaf.evidence)
+    made = (tuple(steps), groups, tuple(agents), tuple(channels), shown)
+    return Traced(leaf.id, leaf.text, *made)
 
 
 def _groups(design: Design, number: int, step: elements.Step) -> Iterator[str]:
@@ -170,9 +159,8 @@ def _looked_for(
         if exists is None:
             return one
         path, _, name = one.name.partition("::")
-        return msgspec.structs.replace(
-            one, shown=Shown.SEEN if exists(path, name) else Shown.MISSING
-        )
+        shown = Shown.SEEN if exists(path, name) else Shown.MISSING
+        return msgspec.structs.replace(one, shown=shown)
     if run is None:
         return one
     count = run.events.count(one.name) if one.kind == "event" else 0
@@ -187,11 +175,8 @@ def _looked_for(
 
 def known(design: Design, wanted: EvidenceMessage) -> bool:
     """Whether the design has such a communicate at all."""
-    rules = [
-        rule
-        for rule in design.rules.values()
-        if rule.use == wanted.use and rule.performative == wanted.act
-    ]
+    uses = (rule for rule in design.rules.values() if rule.use == wanted.use)
+    rules = [rule for rule in uses if rule.performative == wanted.act]
     acts = {str(act) for act in Performative}
     fits = any(not wanted.content or wanted.content in rule.contents for rule in rules)
     return wanted.act in acts and fits
@@ -210,45 +195,28 @@ def findings(design: Design) -> Iterator[Finding]:
     for index, (name, parent) in enumerate(parents.items()):
         where, at = f"requirement {name}", ("requirement", index)
         if parent and parent not in parents:
-            yield Finding(
-                Kind.UNDEFINED,
-                where,
-                f"its parent {parent!r} is not there",
-                listed,
-                (*at, "parent"),
-            )
+            wrong = f"its parent {parent!r} is not there"
+            yield Finding(Kind.UNDEFINED, where, wrong, listed, (*at, "parent"))
         elif _circular(name, parents):
-            yield Finding(
-                Kind.NO_TREE,
-                where,
-                "is its own ancestor",
-                "requirements form a tree",
-                (*at, "parent"),
-            )
+            wrong = "is its own ancestor"
+            yield Finding(Kind.NO_TREE, where, wrong, "requirements form a tree", (*at, "parent"))
     handled: dict[str, int] = {}
     for index, step in enumerate(design.file.step):
         for name in step.requirements:
             where, place = f"step {index + 1}", ("step", index, "requirements")
             if name not in parents:
-                yield Finding(
-                    Kind.UNDEFINED, where, f"requirement {name!r} is not there", listed, place
-                )
+                wrong = f"requirement {name!r} is not there"
+                yield Finding(Kind.UNDEFINED, where, wrong, listed, place)
             elif name in handled:
                 wrong = f"requirement {name} is handled by step {handled[name]} already"
-                yield Finding(
-                    Kind.COVERED_TWICE, where, wrong, "each requirement in one step", place
-                )
+                right = "each requirement in one step"
+                yield Finding(Kind.COVERED_TWICE, where, wrong, right, place)
             handled.setdefault(name, index + 1)
     for index, name in enumerate(parents):
         if name not in handled:
             right = "the method stops when all are processed: name it in a step"
-            yield Finding(
-                Kind.NOT_COVERED,
-                f"requirement {name}",
-                "no step handles it",
-                right,
-                ("requirement", index),
-            )
+            where, at = f"requirement {name}", ("requirement", index)
+            yield Finding(Kind.NOT_COVERED, where, "no step handles it", right, at)
     yield from _evidence(design)
 
 
@@ -266,9 +234,8 @@ def _evidence(design: Design) -> Iterator[Finding]:
                 continue
             if strange:
                 right = "name a protocol, an act and a class that a message lists"
-                yield Finding(
-                    Kind.NO_EVIDENCE, where, f"no message of the design is {one.name!r}", right, at
-                )
+                wrong = f"no message of the design is {one.name!r}"
+                yield Finding(Kind.NO_EVIDENCE, where, wrong, right, at)
 
 
 def _circular(name: str, parents: Mapping[str, str]) -> bool:
@@ -310,13 +277,8 @@ def _tasks(design: Design) -> Iterator[Finding]:
             if group not in halves:
                 wrong = f"a task is given to {group!r}, which is not a half"
                 right = f"halves are {' and '.join(halves) or 'none in this step'}"
-                yield Finding(
-                    Kind.NEVER_INTRODUCED,
-                    f"step {index + 1}",
-                    wrong,
-                    right,
-                    ("step", index, "tasks"),
-                )
+                where = f"step {index + 1}"
+                yield Finding(Kind.NEVER_INTRODUCED, where, wrong, right, ("step", index, "tasks"))
 
 
 def _stops(design: Design) -> Iterator[Finding]:
@@ -330,23 +292,16 @@ def _stops(design: Design) -> Iterator[Finding]:
                 f"group {step.divide.group!r} is divided although step {stopped[step.divide.group]}"
                 " stopped there"
             )
-            yield Finding(
-                Kind.STOP, where, wrong, "drop the stop decision or the division", (*at, "divide")
-            )
+            right = "drop the stop decision or the division"
+            yield Finding(Kind.STOP, where, wrong, right, (*at, "divide"))
         for stop in step.stop:
             if stop.group not in stages[index + 1].groups:
                 right = f"groups are {', '.join(stages[index + 1].groups)}"
-                yield Finding(
-                    Kind.STOP,
-                    where,
-                    f"stops at {stop.group!r}, which is not a group",
-                    right,
-                    (*at, "stop"),
-                )
+                wrong = f"stops at {stop.group!r}, which is not a group"
+                yield Finding(Kind.STOP, where, wrong, right, (*at, "stop"))
             stopped.setdefault(stop.group, index + 1)
-    for group in (
-        design.decomposition.last.groups if stopped and not design.decomposition.astray else ()
-    ):
+    told = stopped and not design.decomposition.astray
+    for group in design.decomposition.last.groups if told else ():
         if group not in stopped:
             right = "say under `stop` why it is divided no further, as for the others"
             yield Finding(Kind.STOP, f"group {group}", "has no stop decision", right)
@@ -359,36 +314,20 @@ def _left(design: Design) -> Iterator[Finding]:
     for group in groups:
         if group not in design.agents and group not in staying:
             right = "give it an agent entry, or a group entry that says it stays a group"
-            yield Finding(
-                Kind.LEFT_OVER, f"group {group}", "is divided no further and is not an agent", right
-            )
+            where = f"group {group}"
+            yield Finding(Kind.LEFT_OVER, where, "is divided no further and is not an agent", right)
     listed = f"groups are {', '.join(groups)}"
     for index, agent in enumerate(design.agents):
         if agent not in groups:
-            yield Finding(
-                Kind.NEVER_INTRODUCED,
-                f"agent {agent}",
-                "no step ends in this group",
-                listed,
-                ("agent", index),
-            )
+            wrong = "no step ends in this group"
+            yield Finding(Kind.NEVER_INTRODUCED, f"agent {agent}", wrong, listed, ("agent", index))
     for name, index in staying.items():
         if name not in groups:
-            yield Finding(
-                Kind.NEVER_INTRODUCED,
-                f"group {name}",
-                "no step ends in it",
-                listed,
-                ("group", index),
-            )
+            wrong = "no step ends in it"
+            yield Finding(Kind.NEVER_INTRODUCED, f"group {name}", wrong, listed, ("group", index))
         elif name in design.agents:
-            yield Finding(
-                Kind.TWICE,
-                f"group {name}",
-                "is an agent as well",
-                "an agent or a group",
-                ("group", index),
-            )
+            where, wrong = f"group {name}", "is an agent as well"
+            yield Finding(Kind.TWICE, where, wrong, "an agent or a group", ("group", index))
 
 
 def outcome_findings(design: Design) -> Iterator[Finding]:
@@ -400,9 +339,8 @@ def outcome_findings(design: Design) -> Iterator[Finding]:
         return
     where = outcome.where
     yield from _missing_or_extra(where, "agents", outcome.agents, design.agents)
-    yield from _missing_or_extra(
-        where, "groups", outcome.groups, [entry.name for entry in design.file.group]
-    )
+    groups = [entry.name for entry in design.file.group]
+    yield from _missing_or_extra(where, "groups", outcome.groups, groups)
     stated = {channel.id: channel for channel in outcome.channels}
     if not design.decomposition.astray:
         for channel in stated.values():
@@ -422,9 +360,8 @@ def _missing_or_extra(
         right = f"{what} are {', '.join(known) or 'none'}"
         yield Finding(Kind.OUTCOME, where, f"lists {name} among the {what}", right, ("outcome",))
     for name in missing:
-        yield Finding(
-            Kind.OUTCOME, where, f"leaves {name} out of the {what}", "list it", ("outcome",)
-        )
+        wrong = f"leaves {name} out of the {what}"
+        yield Finding(Kind.OUTCOME, where, wrong, "list it", ("outcome",))
 
 
 def _stated(design: Design, where: str, stated: elements.StatedChannel) -> Iterator[Finding]:
@@ -434,17 +371,13 @@ def _stated(design: Design, where: str, stated: elements.StatedChannel) -> Itera
     ):
         return
     ends = " and ".join(stated.between)
-    same = [
-        channel.id
-        for channel in design.channels.values()
-        if set(channel.ends) == set(stated.between)
-    ]
+    between = set(stated.between)
+    same = [one.id for one in design.channels.values() if set(one.ends) == between]
     if same:
         wrong = f"calls the channel of {ends} {stated.id}"
         right = f"the steps made it {same[0]}: numbers never change"
         yield Finding(Kind.RENUMBERED, where, wrong, right, ("outcome", "channels"))
     else:
         right = f"{known.id} joins {' and '.join(known.ends)}" if known else "no step makes it"
-        yield Finding(
-            Kind.OUTCOME, where, f"has {stated.id} between {ends}", right, ("outcome", "channels")
-        )
+        wrong = f"has {stated.id} between {ends}"
+        yield Finding(Kind.OUTCOME, where, wrong, right, ("outcome", "channels"))

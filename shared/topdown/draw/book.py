@@ -2,6 +2,7 @@
 from.
 """
 
+import re
 from collections.abc import Callable
 from enum import StrEnum
 from html import escape
@@ -22,14 +23,10 @@ def page(title: str, lead: str, sections: tuple[Section, ...]) -> str:
     blocks = []  # links to all sections and to the figures in them
     for section in sections:
         figures = [part for part in section.parts if isinstance(part, Figure)]
-        links = "".join(
-            f'<a href="#{_name(f.name)}">{escape(f.caption.split(":")[0])}</a>' for f in figures
-        )
-        links = links if len(figures) > 1 else ""
-        blocks.append(
-            "<div><a"
-            f' href="#{section.what}"><strong>{escape(section.title)}</strong></a>{links}</div>'
-        )
+        found = [(_name(f.name), escape(f.caption.split(":")[0])) for f in figures]
+        links = "".join(f'<a href="#{name}">{words}</a>' for name, words in found if found[1:])
+        head = f'<a href="#{section.what}"><strong>{escape(section.title)}</strong></a>'
+        blocks.append(f"<div>{head}{links}</div>")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<meta name="viewport"'
         ' content="width=device-width, initial-scale=1">\n<meta name="color-scheme" content="light'
@@ -42,34 +39,25 @@ def page(title: str, lead: str, sections: tuple[Section, ...]) -> str:
 
 def _name(name: str) -> str:
     """A name as it may stand in an address."""
-    return "figure-" + "".join(
-        c if c.isascii() and (c.isalnum() or c in "-_") else f"-{ord(c):x}-" for c in name
-    )
+    return "figure-" + re.sub("[^A-Za-z0-9_-]", lambda found: f"-{ord(found[0]):x}-", name)
 
 
 def _section(section: Section) -> str:
     blocks = [_part(part) for part in section.parts]
     if section.paired:
-        blocks = [
-            f'<div class="pair"><div>{a}</div><div>{b}</div></div>\n'
-            for a, b in zip(*[iter(blocks)] * 2, strict=True)
-        ]
-    parts = "".join(blocks)
-    head = (
-        f'<h2 id="{section.what}">{escape(section.title)}</h2>\n<p'
-        f' class="lead">{escape(section.lead)}</p>\n'
-    )
-    return f"<section>\n{head}{parts}</section>\n"
+        pairs = zip(*[iter(blocks)] * 2, strict=True)
+        blocks = [f'<div class="pair"><div>{a}</div><div>{b}</div></div>\n' for a, b in pairs]
+    head = f'<h2 id="{section.what}">{escape(section.title)}</h2>'
+    lead = f'<p class="lead">{escape(section.lead)}</p>'
+    return f"<section>\n{head}\n{lead}\n{''.join(blocks)}</section>\n"
 
 
 def _part(part: Grid | Figure) -> str:
     notes = "".join(f'<p class="note">{escape(note)}</p>\n' for note in part.notes)
     if isinstance(part, Figure):
         caption = f"<figcaption>{escape(part.caption)}</figcaption>"
-        return (
-            "<figure"
-            f' id="{_name(part.name)}">{caption}\n{part.canvas.svg(alone=False)}</figure>\n{notes}'
-        )
+        figure = f"{caption}\n{part.canvas.svg(alone=False)}"
+        return f'<figure id="{_name(part.name)}">{figure}</figure>\n{notes}'
     if part.folded or part.detail:
         table = _table(part, titled=False)
         return f"<details><summary>{escape(part.title)}</summary>\n{table}{notes}</details>\n"

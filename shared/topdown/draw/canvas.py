@@ -6,10 +6,11 @@ Arrow heads are polygons and nothing has an id, so that any number of drawings c
 page.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import combinations
 from math import fsum, hypot
+from pathlib import Path
 from string import Template
 from typing import NamedTuple
 
@@ -41,45 +42,11 @@ DARK = {
     "warm": "#f2a766",
 }
 
-_DRAWING = Template("""
-.drawing .ground{fill:$paper}
-.drawing text{fill:$ink}
-.drawing .quiet{fill:$muted}
-.drawing .marked{fill:$accent}
-.drawing .alert{fill:$warm}
-.drawing .box{fill:$fill;stroke:$line}
-.drawing .gone{fill:$dim;stroke:$line}
-.drawing .fresh{fill:$fill;stroke:$accent;stroke-width:2.5}
-.drawing .group{fill:$fill;stroke:$ink;stroke-dasharray:6 3}
-.drawing .inner{fill:$paper;stroke:$line}
-.drawing .patch{fill:$paper}
-.drawing .frame{fill:none;stroke:$line}
-.drawing .tab{fill:$dim;stroke:$line}
-.drawing .dot{fill:$ink;stroke:$ink}
-.drawing .port{fill:$paper;stroke:$accent}
-.drawing .port.full{fill:$accent}
-.drawing text.knock{fill:$paper}
-.drawing .edge{fill:none;stroke:$ink;stroke-width:1.4}
-.drawing .thin{fill:none;stroke:$line}
-.drawing .life{fill:none;stroke:$line;stroke-dasharray:4 4}
-.drawing .channel{fill:none;stroke:$accent;stroke-width:1.8}
-.drawing .channel.dashed{stroke-dasharray:7 4}
-.drawing .new{stroke-width:3}
-.drawing .head{fill:$ink}
-.drawing .channelhead{fill:$accent}
-""")
+_DRAWING, _PAGE, _LAYOUT = (
+    Template(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+    for name in ("drawing.css", "page.css", "layout.css")
+)
 
-_PAGE = Template("""
-body{background:$paper;color:$ink}
-a{color:$accent}
-h1,h2,h3,nav{border-color:$dim}
-caption,figcaption,.note,.lead,nav b,footer{color:$muted}
-th,td{border-color:$dim}
-thead th{color:$muted}
-tbody tr:hover td,tbody tr:hover th{background:$fill}
-code,details{background:$fill}
-figure{border-color:$dim}
-""")
 
 SHAPES = f""".drawing text{{font-family:{FONT};font-size:13px}}
 .drawing .strong{{font-weight:bold}}
@@ -87,67 +54,21 @@ SHAPES = f""".drawing text{{font-family:{FONT};font-size:13px}}
 .drawing .large{{font-size:15px}}
 """
 
-LAYOUT = f"""html{{font:15px/1.5 {FONT}}}
-body{{margin:0 auto;max-width:1180px;padding:0 20px 60px}}
-h1{{margin:32px 0 4px;font-size:28px}}
-h2{{margin:48px 0 8px;padding-top:14px;border-top:2px solid;font-size:21px}}
-h3{{margin:26px 0 6px;font-size:16px}}
-p{{margin:6px 0;max-width:80ch}}
-nav{{margin:20px 0;padding:12px 0;border-top:1px solid;border-bottom:1px solid;columns:3 240px}}
-nav div{{break-inside:avoid;margin:0 0 10px}}
-nav b,nav a{{display:block}}
-.wide{{overflow-x:auto;margin:10px 0}}
-table{{border-collapse:collapse;font-size:14px}}
-caption{{text-align:left;padding:4px 0;font-weight:bold}}
-th,td{{text-align:left;vertical-align:top;padding:4px 18px 4px 0;border-bottom:1px solid}}
-thead th{{font-size:12px;white-space:nowrap}}
-tbody th{{white-space:nowrap}}
-td{{min-width:3em;max-width:52ch;overflow-wrap:anywhere}}
-figure{{width:fit-content;max-width:100%;box-sizing:border-box;margin:14px 0;padding:12px;
-border:1px solid;border-radius:6px;overflow-x:auto}}
-figure svg{{display:block;max-width:100%;height:auto}}
-.pair{{display:flex;flex-wrap:wrap;gap:0 32px;align-items:flex-start;margin:18px 0 30px}}
-.pair>div{{flex:0 1 auto;min-width:0;max-width:100%}}
-.pair td{{max-width:38ch}}
-.pair p{{max-width:58ch}}
-figcaption{{padding:0 0 8px;font-size:14px}}
-.note{{font-size:13px}}
-details{{margin:8px 0;padding:6px 12px;border-radius:6px;font-size:14px}}
-summary{{cursor:pointer}}
-footer{{margin-top:60px;font-size:13px}}
-"""
-
-PRINT = """@media print{
-html{font-size:11px}
-body{max-width:none;padding:0}
-h2{break-after:avoid}
-h3,caption,figcaption{break-after:avoid}
-figure,tr{break-inside:avoid}
-figure{overflow:visible;border:0;padding:0}
-.wide{overflow:visible}
-figure svg{max-height:23cm;width:auto;min-width:0!important}
-.pair figure svg{max-height:8cm}
-nav a{text-decoration:none}
-}
-"""
-
 
 def drawing_rules() -> str:
     """CSS of a drawing that stands alone."""
-    dark = _DRAWING.substitute(DARK)
-    return (
-        f"{SHAPES}{_DRAWING.substitute(LIGHT).strip()}\n@media (prefers-color-scheme:"
-        f" dark){{{dark}}}\n"
-    )
+    light, dark = _DRAWING.substitute(LIGHT), _DRAWING.substitute(DARK)
+    return f"{SHAPES}{light}@media (prefers-color-scheme: dark){{\n{dark}}}\n"
 
 
 def page_rules() -> str:
     """CSS of the page and of all drawings in it; paper is always light."""
-    light = (_PAGE.substitute(LIGHT) + _DRAWING.substitute(LIGHT)).strip()
-    dark = _PAGE.substitute(DARK) + _DRAWING.substitute(DARK)
+    light, dark = (
+        _PAGE.substitute(shades) + _DRAWING.substitute(shades) for shades in (LIGHT, DARK)
+    )
     return (
-        f"{LAYOUT}{SHAPES}{light}\n@media screen and (prefers-color-scheme:"
-        f" dark){{{dark}}}\n{PRINT}"
+        f"{_LAYOUT.substitute(font=FONT)}{SHAPES}{light}"
+        f"@media screen and (prefers-color-scheme: dark){{\n{dark}}}\n"
     )
 
 
@@ -187,12 +108,8 @@ class Box(NamedTuple):
 
     def meets(self, other: "Box", gap: float = 0.0) -> bool:
         """Whether two rectangles overlap, or come closer than `gap`."""
-        return (
-            self.x < other.right + gap
-            and other.x < self.right + gap
-            and self.y < other.bottom + gap
-            and other.y < self.bottom + gap
-        )
+        beside = self.x >= other.right + gap or other.x >= self.right + gap
+        return not (beside or self.y >= other.bottom + gap or other.y >= self.bottom + gap)
 
 
 def size_of(css: str) -> float:
@@ -235,11 +152,9 @@ class Canvas:
         """The visible rectangle: everything drawn and a margin."""
         if not self._extent:
             return Box(0, 0, 2 * MARGIN, 2 * MARGIN)
-        left, top = min(b.x for b in self._extent) - MARGIN, min(b.y for b in self._extent) - MARGIN
-        right, bottom = (
-            max(b.right for b in self._extent) + MARGIN,
-            max(b.bottom for b in self._extent) + MARGIN,
-        )
+        left, top = (min(box[side] for box in self._extent) - MARGIN for side in (0, 1))
+        right = max(box.right for box in self._extent) + MARGIN
+        bottom = max(box.bottom for box in self._extent) + MARGIN
         return Box(left, top, right - left, bottom - top)
 
     def put_under(self, other: "Canvas") -> None:
@@ -277,20 +192,15 @@ class Canvas:
         (x0, y0), (x1, y1) = points[-2:]
         length = hypot(x1 - x0, y1 - y0) or 1.0
         ux, uy = (x1 - x0) / length, (y1 - y0) / length
-        corners = [
-            (x1, y1),
-            *((x1 - 10 * ux - s * 4.5 * uy, y1 - 10 * uy + s * 4.5 * ux) for s in (1, -1)),
-        ]
-        path = " ".join(f"{_number(x)},{_number(y)}" for x, y in corners)
+        back = ((x1 - 10 * ux - s * 4.5 * uy, y1 - 10 * uy + s * 4.5 * ux) for s in (1, -1))
+        path = " ".join(f"{_number(x)},{_number(y)}" for x, y in ((x1, y1), *back))
         self._items.append(f'<polygon class="{head}" points="{path}"/>')
 
     def words(self, at: Point, words: str, css: str = "", anchor: str = "start") -> Box:
         """Words with their base line at a point; `anchor`: start, middle or end. The rectangle they
         take.
         """
-        width, size = width_of(words, css), size_of(css)
-        left = at[0] - {"start": 0.0, "middle": width / 2, "end": width}[anchor]
-        taken = Box(left, at[1] - size, width, 1.2 * size)
+        taken = _room(at, words, css, anchor)
         self._extent.append(taken)
         self.labels.append(taken)
         x, y = (_number(value) for value in at)
@@ -299,11 +209,17 @@ class Canvas:
         self._items.append(f'<text{dress} x="{x}" y="{y}"{place}>{escape(words)}</text>')
         return taken
 
+    def column(
+        self, at: Point, lines: Iterable[str], pitch: float, css: str = "", anchor: str = "start"
+    ) -> None:
+        """Lines of words below each other, the first at a point."""
+        for number, line in enumerate(lines):
+            self.words((at[0], at[1] + pitch * number), line, css, anchor)
+
     def patched(self, at: Point, words: str, css: str = "", anchor: str = "start") -> Box:
         """Words on a patch of ground, so that lines behind do not disturb."""
-        width, size = width_of(words, css), size_of(css)
-        left = at[0] - {"start": 0.0, "middle": width / 2, "end": width}[anchor]
-        self.box(Box(left - 3, at[1] - size, width + 6, 1.3 * size), "patch", 2, solid=False)
+        x, y, width, _ = _room(at, words, css, anchor)
+        self.box(Box(x - 3, y, width + 6, 1.3 * size_of(css)), "patch", 2, solid=False)
         return self.words(at, words, css, anchor)
 
     def svg(self, alone: bool = True) -> str:
@@ -325,6 +241,13 @@ class Canvas:
             + "\n".join(self._items)
             + "\n</svg>\n"
         )
+
+
+def _room(at: Point, words: str, css: str, anchor: str) -> Box:
+    """The rectangle of words."""
+    width, size = width_of(words, css), size_of(css)
+    left = at[0] - {"start": 0.0, "middle": width / 2, "end": width}[anchor]
+    return Box(left, at[1] - size, width, 1.2 * size)
 
 
 def _number(value: float) -> str:
@@ -359,7 +282,7 @@ def placed(names: Sequence[str], pairs: Sequence[Pair]) -> dict[str, Cell]:
         found += [here, below + above, above[::-1] + below[::-1], below[::-1] + above[::-1]]
     # of equals, the first names should stand first
     best = min(
-        found, key=lambda seating: (_cost(seating, pairs), [seating.index(name) for name in names])
+        found, key=lambda seats: (_cost(seats, pairs), [seats.index(name) for name in names])
     )
     return {name: cell for name, cell in _cells(best).items() if name}
 

@@ -3,14 +3,14 @@ agents, channels.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from itertools import product
 
 import msgspec
 
 from topdown.check.requirements import channels_of, descendants
 from topdown.draw.canvas import Box, Canvas, spread, tracks, width_of, wrapped
-from topdown.draw.document import Figure, Grid, Section, hung, listed, rulings
+from topdown.draw.document import Figure, Grid, Section, listed, outline, rulings
 from topdown.model.decomposition import Channel, Stage
 from topdown.model.design import Design
 from topdown.model.elements import Requirement, Step
@@ -44,34 +44,19 @@ class Covered(msgspec.Struct, frozen=True):
 
 def requirements_section(design: Design, width: int) -> Section:
     """The tree, and the table of what covers it."""
-    tree = covered(design)
-    rows = tuple(
-        (
-            c.id,
-            c.text,
-            listed([str(step) for step in c.steps], "none"),
-            listed(c.groups),
-            listed(c.agents),
-            listed(c.channels),
-        )
-        for c in tree
-    )
+    tree, title = covered(design), "What covers each requirement"
+    rows = []
+    for c in tree:
+        steps = listed([str(step) for step in c.steps], "none")
+        rows.append((c.id, c.text, steps, listed(c.groups), listed(c.agents), listed(c.channels)))
+    head = ("id", "requirement", "steps", "groups", "agents within", "channels")
     notes = rulings(*((entry.id, entry.ruling) for entry in design.file.requirement))
-    grid = Grid(
-        "What covers each requirement",
-        ("id", "requirement", "steps", "groups", "agents within", "channels"),
-        rows,
-    )
-    figure = Figure(
-        "requirements",
-        "The requirement tree",
-        _draw(design, tree),
-        _plain(tree, width),
-        tree,
-        notes,
-    )
+    words = "\n".join(outline([(c.depth, f"{c.id}  {c.text}  [{c.by}]") for c in tree], width))
+    caption, picture = "The requirement tree", _draw(design, tree)
+    figure = Figure("requirements", caption, picture, words, tree, notes)
     lead = "What the system is for, from the general to the detailed, and the steps that see to it."
-    return Section("requirements", "Requirements", lead, (figure, grid, *_evidence(tree)))
+    parts: list[Grid | Figure] = [figure, Grid(title, head, tuple(rows)), *_evidence(tree)]
+    return Section("requirements", "Requirements", lead, tuple(parts))
 
 
 def _evidence(tree: tuple[Covered, ...]) -> tuple[Grid, ...]:
@@ -91,25 +76,13 @@ def covered(design: Design) -> tuple[Covered, ...]:
     """All requirements in the order of the tree."""
     final, found = design.decomposition.last.groups, []
     for entry, depth in _walk(design.file.requirement, "", 0):
-        steps = [
-            (n, step)
-            for n, step in enumerate(design.file.step, start=1)
-            if entry.id in step.requirements
-        ]
-        groups = [group for _, step in steps if step.divide for group in step.divide.into]
-        agents = (leaf for group in groups for leaf in descendants(design, group) if leaf in final)
-        found.append(
-            Covered(
-                entry.id,
-                entry.text,
-                depth,
-                tuple(number for number, _ in steps),
-                tuple(groups),
-                tuple(dict.fromkeys(agents)),
-                tuple(dict.fromkeys(name for _, step in steps for name in channels_of(step))),
-                entry.evidence,
-            )
-        )
+        numbered = enumerate(design.file.step, start=1)
+        steps = {number: step for number, step in numbered if entry.id in step.requirements}
+        groups = [g for step in steps.values() if step.divide for g in step.divide.into]
+        leaves = (leaf for group in groups for leaf in descendants(design, group) if leaf in final)
+        channels = (name for step in steps.values() for name in channels_of(step))
+        made = (tuple(groups), tuple(dict.fromkeys(leaves)), tuple(dict.fromkeys(channels)))
+        found.append(Covered(entry.id, entry.text, depth, tuple(steps), *made, entry.evidence))
     return tuple(found)
 
 
@@ -124,62 +97,27 @@ def _walk(
                 yield from _walk(entries, entry.id, depth + 1)
 
 
-def _plain(tree: tuple[Covered, ...], width: int) -> str:
-    lines: list[str] = []
-    for index, entry in enumerate(tree):
-        bars = "".join(
-            "│  " if _follows(tree, index, depth) else "   " for depth in range(1, entry.depth)
-        )
-        corner = ("├─ " if _follows(tree, index, entry.depth) else "└─ ") if entry.depth else ""
-        below = bars + (
-            ("│  " if _follows(tree, index, entry.depth) else "   ") if entry.depth else ""
-        )
-        below += "│  " if _follows(tree, index, entry.depth + 1) else "   "
-        lines += hung(f"{bars}{corner}", f"{entry.id}  {entry.text}  [{entry.by}]", width, below)
-    return "\n".join(lines)
-
-
-def _follows(tree: tuple[Covered, ...], index: int, depth: int) -> bool:
-    """Whether a branch at this depth goes on below."""
-    for entry in tree[index + 1 :]:
-        if entry.depth <= depth:
-            return entry.depth == depth
-    return False
-
-
 def _draw(design: Design, tree: tuple[Covered, ...]) -> Canvas:
     canvas = Canvas(f"The requirement tree of {design.file.system.name}")
     texts = [wrapped(entry.text, WORDS) or [""] for entry in tree]
-    ids = [width_of(entry.id, "strong") for entry in tree]
-    wide = [max(width_of(line) for line in lines) for lines in texts]
-    across = max(
-        (e.depth * INDENT + i + w + 34 for e, i, w in zip(tree, ids, wide, strict=True)), default=0
-    )
+    across = 0.0
+    for entry, lines in zip(tree, texts, strict=True):
+        words = width_of(entry.id, "strong") + max(map(width_of, lines))
+        across = max(across, entry.depth * INDENT + words + 34)
     y, below = 0.0, dict[int, float]()
-    for entry, lines, id_width in zip(tree, texts, ids, strict=True):
+    for entry, lines in zip(tree, texts, strict=True):
         x, height = entry.depth * INDENT, 12 + 17.0 * len(lines)
         if entry.depth:
-            elbow = x - INDENT + 12
-            canvas.line(
-                [(elbow, below[entry.depth - 1]), (elbow, y + height / 2), (x, y + height / 2)],
-                "thin",
-            )
+            elbow, middle = x - INDENT + 12, y + height / 2
+            canvas.line([(elbow, below[entry.depth - 1]), (elbow, middle), (x, middle)], "thin")
         canvas.box(Box(x, y, across - x, height), "box" if entry.steps else "gone")
         canvas.words((x + 10, y + 19), entry.id, "strong")
-        for number, line in enumerate(lines):
-            canvas.words((x + 20 + id_width, y + 19 + 17 * number), line)
-        canvas.words(
-            (across + 14, y + height / 2 + 4),
-            entry.by,
-            "small marked" if entry.steps else "small alert",
-        )
+        canvas.column((x + 20 + width_of(entry.id, "strong"), y + 19), lines, 17)
+        css = "small marked" if entry.steps else "small alert"
+        canvas.words((across + 14, y + height / 2 + 4), entry.by, css)
         below[entry.depth] = y + height
         y += height + 9
     return canvas
-
-
-# --- The decomposition tree with its channels after any step (the paper's Figure 6, and the
-# pictures of Tables 1 and 2)
 
 
 # --- The decomposition tree with its channels after any step (the paper's Figure 6, and the
@@ -214,23 +152,16 @@ def grown(design: Design, step: int) -> Node:
     short, at each step alike.
     """
     names = tuple(dict.fromkeys(entry.divide.group for entry in design.file.step if entry.divide))
-    turns = (
-        list(product((False, True), repeat=len(names)))
-        if len(names) <= FLIPPED
-        else [(False,) * len(names)]
-    )
+    some = (False, True) if len(names) <= FLIPPED else (False,)
     last, channels = len(design.file.step), design.decomposition.last.channels
 
     def length(turn: tuple[bool, ...]) -> int:
-        place = {
-            node.name: index
-            for index, node in enumerate(as_filed(design, last, names, turn).fringe)
-        }
+        fringe = as_filed(design, last, names, turn).fringe
+        place = {node.name: index for index, node in enumerate(fringe)}
         ends = (channel.ends for channel in channels)
         return sum(abs(place[a] - place[b]) ** 2 for a, b in ends if a in place and b in place)
 
-    best = min(turns, key=length)
-    return as_filed(design, step, names, best)
+    return as_filed(design, step, names, min(product(some, repeat=len(names)), key=length))
 
 
 def as_filed(
@@ -243,41 +174,32 @@ def as_filed(
     for number, entry in enumerate(design.file.step[:step], start=1):
         if entry.divide:
             divided.setdefault(entry.divide.group, (number, entry.divide.into))
-    return _node(design.file.system.root, divided, dict(zip(names, turn, strict=True)), ())
+    turned = dict(zip(names, turn, strict=True))
 
+    def node(name: str, above: tuple[str, ...]) -> Node:
+        if name not in divided or name in above:
+            return Node(name, 0, ())
+        number, halves = divided[name]
+        order = reversed(halves) if turned.get(name) else halves
+        return Node(name, number, tuple(node(half, (*above, name)) for half in order))
 
-def _node(
-    name: str,
-    divided: Mapping[str, tuple[int, tuple[str, str]]],
-    turned: Mapping[str, bool],
-    above: tuple[str, ...],
-) -> Node:
-    if name not in divided or name in above:
-        return Node(name, 0, ())
-    number, halves = divided[name]
-    order = reversed(halves) if turned.get(name) else halves
-    return Node(name, number, tuple(_node(half, divided, turned, (*above, name)) for half in order))
+    return node(design.file.system.root, ())
 
 
 def plain(design: Design, step: int, width: int) -> str:
     """The tree and the channels as text."""
     stage = design.decomposition.stages[step]
-    tasks = design.decomposition.tasks
-    lines: list[str] = []
 
-    def write(node: Node, before: str, corner: str, below: str) -> None:
+    def told(node: Node, depth: int) -> Iterator[tuple[int, str]]:
         channels = ", ".join(channel.id for channel in stage.channels if node.name in channel.ends)
-        note = f"divided in step {node.step}" if node.step else tasks.get(node.name, "")
+        task = design.decomposition.tasks.get(node.name, "")
+        note = f"divided in step {node.step}" if node.step else task
         mark = f"  [{channels}]" if channels else ""
-        under = below + ("│  " if node.halves else "   ")
-        lines.extend(
-            hung(before + corner, f"{node.name}{mark}  {note}".rstrip(), width, before + under)
-        )
-        for number, half in enumerate(node.halves):
-            last = number == len(node.halves) - 1
-            write(half, before + below, "└─ " if last else "├─ ", "   " if last else "│  ")
+        yield depth, f"{node.name}{mark}  {note}".rstrip()
+        for half in node.halves:
+            yield from told(half, depth + 1)
 
-    write(as_filed(design, step), "", "", "")
+    lines = outline([*told(as_filed(design, step), 0)], width)
     for channel in stage.channels:
         new = "  new" if channel.born == step else ""
         lines.append(f"{channel.id}: {channel.ends[0]} ┄┄ {channel.ends[1]}{new}")
@@ -294,20 +216,18 @@ class _Drawing:
         name = design.file.system.name
         self.canvas = Canvas(f"{name}: groups and channels after step {step}")
         self.stage: Stage = design.decomposition.stages[step]
-        self.step, self.tasks = step, design.decomposition.tasks
         self.before: Stage = design.decomposition.stages[max(0, step - 1)]
+        self.step, tasks = step, design.decomposition.tasks
         tree = grown(design, step)
-        self.words = {
-            leaf.name: wrapped(self.tasks.get(leaf.name, ""), 132, "small") for leaf in tree.fringe
-        }
+        names = [leaf.name for leaf in tree.fringe]
+        self.words = {name: wrapped(tasks.get(name, ""), 132, "small") for name in names}
         self.height = 30 + 14.0 * max(len(lines) for lines in self.words.values())
         self.base = tree.depth * LEVEL
         self.boxes: dict[str, Box] = {}
         x = 0.0
-        for leaf in tree.fringe:
-            box = Box(x, self.base, self._width(leaf.name), self.height)
-            self.boxes[leaf.name] = box
-            x = box.right + GAP
+        for name in names:
+            self.boxes[name] = Box(x, self.base, self._width(name), self.height)
+            x = self.boxes[name].right + GAP
         self._node(tree, 0)
         self._channels()
 
@@ -334,13 +254,10 @@ class _Drawing:
 
     def _leaf(self, node: Node) -> None:
         box = self.boxes[node.name]
-        new = node.name not in self.before.groups
+        x, new = box.middle[0], node.name not in self.before.groups
         self.canvas.box(box, "fresh" if new else "box")
-        self.canvas.words((box.middle[0], box.y + 19), node.name, "strong", "middle")
-        for number, line in enumerate(self.words[node.name]):
-            self.canvas.words(
-                (box.middle[0], box.y + 35 + 14 * number), line, "small quiet", "middle"
-            )
+        self.canvas.words((x, box.y + 19), node.name, "strong", "middle")
+        self.canvas.column((x, box.y + 35), self.words[node.name], 14, "small quiet", "middle")
 
     def _channels(self) -> None:
         """Channels whose ends are there, shortest on top; ports of a group turn to where its
@@ -358,14 +275,11 @@ class _Drawing:
             before = [c.transmits for c in self.before.channels if c.id == channel.id]
             grown = any(transmits != channel.transmits for transmits in before)
             news = "new" if channel.born == self.step else "more" if grown else ""
-            new = " new" if news else ""
-            self.canvas.line(
-                [(low, bottom), (low, y), (high, y), (high, bottom)], f"channel dashed{new}"
-            )
+            css = f"channel dashed{' new' if news else ''}"
+            self.canvas.line([(low, bottom), (low, y), (high, y), (high, bottom)], css)
             words = f"{channel.id} {news}".strip()
-            self.canvas.patched(
-                (_free(low, high, words, upright), y + 4), words, "strong small marked", "middle"
-            )
+            at = (_free(low, high, words, upright), y + 4)
+            self.canvas.patched(at, words, "strong small marked", "middle")
 
     def _port(self, shown: list[Channel], channel: Channel, end: str) -> float:
         box = self.boxes[end]
@@ -382,12 +296,8 @@ def _free(low: float, high: float, words: str, upright: list[float]) -> float:
     middle = (low + high) / 2
     room = max(0.0, (high - low) / 2 - half)
     places = [middle + sign * room * part / 6 for part in range(6) for sign in (1, -1)]
-    clear = (
-        x
-        for x in places
-        if all(abs(x - other) > half for other in upright if other not in (low, high))
-    )
-    return next(clear, middle)
+    others = [x for x in upright if x not in (low, high)]
+    return next((x for x in places if all(abs(x - o) > half for o in others)), middle)
 
 
 # --- The steps of the decomposition, each as the paper's Tables 1 and 2 summarize it --------------
@@ -409,17 +319,17 @@ def steps_section(design: Design, step: int | None, width: int) -> Section:
 def tree_section(design: Design, step: int | None, width: int) -> Section:
     """The tree after a step (none: the last one)."""
     number = _checked(design, len(design.file.step) if step is None else step)
-    stage = design.decomposition.stages[number]
-    rows = tuple(
-        (c.id, "-".join(c.ends), str(c.born), "; ".join(c.transmits)) for c in stage.channels
-    )
     lead = "Groups that were divided stand above, the fringe below; broken lines are channels."
-    grid = Grid(
-        f"Channels after step {number}", ("channel", "between", "since step", "transmits"), rows
-    )
-    return Section(
-        "tree", "Decomposition tree", lead, (_figure(design, number, width, "tree"), grid)
-    )
+    stage = design.decomposition.stages[number]
+    channels = channels_grid(f"Channels after step {number}", stage.channels)
+    figure = _figure(design, number, width, "tree")
+    return Section("tree", "Decomposition tree", lead, (figure, channels))
+
+
+def channels_grid(title: str, channels: Iterable[Channel]) -> Grid:
+    """Channels with their ends and what they are for."""
+    rows = ((c.id, "-".join(c.ends), str(c.born), "; ".join(c.transmits)) for c in channels)
+    return Grid(title, ("channel", "between", "since step", "transmits"), tuple(rows))
 
 
 def _checked(design: Design, step: int) -> int:
@@ -441,24 +351,17 @@ def _table(design: Design, number: int) -> Grid:
         return Grid("Step 0", ("", ""), (("Groups", design.file.system.root),))
     step, stages = design.file.step[number - 1], design.decomposition.stages
     rows = tuple(_rows(design, step, stages[number - 1], stages[number]))
-    slips = (
-        f"cannot be carried out: {s.wrong} ({s.right})"
-        for s in design.decomposition.slips
-        if s.step == number
-    )
-    return Grid(f"Step {number}", ("", ""), rows, (*slips, *rulings(("ruling", step.ruling))))
+    slips = [s for s in design.decomposition.slips if s.step == number]
+    notes = (f"cannot be carried out: {s.wrong} ({s.right})" for s in slips)
+    return Grid(f"Step {number}", ("", ""), rows, (*notes, *rulings(("ruling", step.ruling))))
 
 
 def _rows(design: Design, step: Step, before: Stage, after: Stage) -> Iterator[tuple[str, str]]:
     texts = {entry.id: entry.text for entry in design.file.requirement}
-    yield (
-        "Requirements",
-        "; ".join(f"{name} {texts.get(name, '')}".strip() for name in step.requirements) or "-",
-    )
-    yield (
-        "Division",
-        f"{step.divide.group} := <{', '.join(step.divide.into)}>" if step.divide else "-",
-    )
+    handled = (f"{name} {texts.get(name, '')}".strip() for name in step.requirements)
+    yield "Requirements", "; ".join(handled) or "-"
+    cut = step.divide
+    yield "Division", f"{cut.group} := <{', '.join(cut.into)}>" if cut else "-"
     for task in step.tasks:
         yield f"Tasks of {task.group}", task.text
     old = {channel.id: channel for channel in before.channels}
@@ -490,8 +393,10 @@ def _at(channels: dict[str, Channel], name: str) -> str:
 
 def natural(name: str) -> tuple[tuple[int, str], ...]:
     """For sorting: C2 before C10."""
-    return tuple(
-        (int(part), "") if part.isdigit() else (0, part)
-        for part in re.split(r"(\d+)", name)
-        if part
-    )
+    parts = filter(None, re.split(r"(\d+)", name))
+    return tuple((int(part), "") if part.isdigit() else (0, part) for part in parts)
+
+
+def in_order(channels: Iterable[Channel]) -> list[Channel]:
+    """Channels by their names."""
+    return sorted(channels, key=lambda channel: natural(channel.id))

@@ -4,6 +4,7 @@ format.
 
 import re
 import textwrap
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
@@ -78,10 +79,9 @@ def written(sections: tuple[Section, ...], width: int = WIDTH, long: bool = Fals
     """
     told = []
     for section in sections:
-        head = [section.title.upper(), *textwrap.wrap(section.lead, width, break_on_hyphens=False)]
-        told.append(
-            "\n\n".join(["\n".join(head), *(_part(part, width, long) for part in section.parts)])
-        )
+        lead = textwrap.wrap(section.lead, width, break_on_hyphens=False)
+        parts = (_part(part, width, long) for part in section.parts)
+        told.append("\n\n".join(["\n".join([section.title.upper(), *lead]), *parts]))
     return "\n\n\n".join(told) + "\n"
 
 
@@ -92,16 +92,28 @@ def _part(part: Grid | Figure, width: int, long: bool) -> str:
         body = f"{part.title}: {len(part.rows)} rows, not shown here"
     else:
         body = table(part, width)
-    return "\n".join(
-        [body, *(line for note in part.notes for line in hung("  * ", note, width, "    "))]
-    )
+    notes = (line for note in part.notes for line in hung("  * ", note, width, "    "))
+    return "\n".join([body, *notes])
 
 
 def hung(before: str, words: str, width: int, below: str) -> list[str]:
     """Words in lines of at most `width`: the first behind `before`, the others behind `below`."""
-    return textwrap.wrap(
-        words, width, initial_indent=before, subsequent_indent=below, break_on_hyphens=False
-    ) or [before.rstrip()]
+    how = textwrap.TextWrapper(width, before, below, break_on_hyphens=False)
+    return how.wrap(words) or [before.rstrip()]
+
+
+def outline(tree: Sequence[tuple[int, str]], width: int) -> list[str]:
+    """A tree as text: the depth and the words of each entry, with bars where branches go on."""
+    lines: list[str] = []
+    for index, (depth, words) in enumerate(tree):
+        after = [deep for deep, _ in tree[index + 1 :]]
+        ahead = [
+            next((n for n in after if n <= level), 0) == level for level in range(1, depth + 2)
+        ]
+        bars = ["│  " if goes_on else "   " for goes_on in ahead]
+        corner = ("├─ " if ahead[-2] else "└─ ") if depth else ""
+        lines += hung("".join(bars[:-2]) + corner, words, width, "".join(bars))
+    return lines
 
 
 def table(grid: Grid, width: int = WIDTH) -> str:
@@ -125,10 +137,8 @@ def column_widths(cells: list[tuple[str, ...]], width: int) -> list[int]:
     space = width - GAP * (len(columns) - 1)
     words = [[word for text in column for word in text.split()] for column in columns]
     whole = [max(map(len, column), default=0) for column in words]
-    pieces = [
-        max((len(p) for word in column for p in _PIECES.findall(word)), default=0)
-        for column in words
-    ]
+    parts = [[p for word in column for p in _PIECES.findall(word)] for column in words]
+    pieces = [max(map(len, column), default=0) for column in parts]
     for floor in (whole, pieces, [LEAST] * len(columns)):
         while sum(widths) > space:
             loose = [index for index, wide in enumerate(widths) if wide > max(floor[index], LEAST)]
@@ -144,10 +154,7 @@ def cell(words: str, width: int) -> list[str]:
     """
     lines = [""]
     for word in words.split():
-        pieces = (
-            [word] if len(word) <= width else [piece for piece in _PIECES.findall(word) if piece]
-        )
-        for number, piece in enumerate(pieces):
+        for number, piece in enumerate(_PIECES.findall(word) if len(word) > width else [word]):
             joined = f"{lines[-1]} {piece}" if lines[-1] and not number else f"{lines[-1]}{piece}"
             if len(joined) <= width:
                 lines[-1] = joined
@@ -160,9 +167,5 @@ def _row(row: tuple[str, ...], widths: list[int]) -> list[str]:
     wrapped = [cell(text, wide) for text, wide in zip(row, widths, strict=True)]
     height = max(len(lines) for lines in wrapped)
     filled = [lines + [""] * (height - len(lines)) for lines in wrapped]
-    return [
-        (" " * GAP)
-        .join(line.ljust(wide) for line, wide in zip(lines, widths, strict=True))
-        .rstrip()
-        for lines in zip(*filled, strict=True)
-    ]
+    beside = [[line.ljust(w) for line in lines] for lines, w in zip(filled, widths, strict=True)]
+    return [(" " * GAP).join(lines).rstrip() for lines in zip(*beside, strict=True)]

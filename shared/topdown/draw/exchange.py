@@ -135,10 +135,8 @@ def exchange(protocol: Protocol, sayable: Sayable | None = None) -> Exchange:
     used = {(e.sender, e.sent) for edges in meeting.values() for e in edges}
     used |= {(e.sender.other, e.taken) for edges in meeting.values() for e in edges}
     rows = ((role, row) for role, table in protocol.tables.items() for row in table)
-    unused = tuple(
-        (role, row) for role, row in rows if (role, row) not in used and spoken(role, row, sayable)
-    )
-    return Exchange(_Writer(protocol, meeting).parts(), unused)
+    unused = (found for found in rows if found not in used and spoken(*found, sayable))
+    return Exchange(_Writer(protocol, meeting).parts(), tuple(unused))
 
 
 class _Writer:
@@ -146,9 +144,8 @@ class _Writer:
 
     def __init__(self, protocol: Protocol, meeting: Meeting) -> None:
         self.protocol, self.meeting = protocol, meeting
-        self.main = {
-            place: tuple(e for e in edges if not e.interrupts) for place, edges in meeting.items()
-        }
+        places = meeting.items()
+        self.main = {place: tuple(e for e in here if not e.interrupts) for place, here in places}
         self.written: set[Place] = set()
         self.referred: set[Place] = set()
         self.marks: dict[Remark, Place] = {}
@@ -158,18 +155,16 @@ class _Writer:
         return tuple(self._marked(parts))
 
     def _interruptions(self) -> Iterator[Part]:
-        targets: dict[tuple[tuple[Role, str], Place], list[Edge]] = {}
-        sources: dict[tuple[tuple[Role, str], Place], list[Place]] = {}
+        found: dict[tuple[tuple[Role, str], Place], list[tuple[Place, Edge]]] = {}
         for place, edges in self.meeting.items():
             for edge in edges:
                 if edge.interrupts:
-                    targets.setdefault((edge.said, edge.to), []).append(edge)
-                    sources.setdefault((edge.said, edge.to), []).append(place)
-        self.referred |= {place for places in sources.values() for place in places}
+                    found.setdefault((edge.said, edge.to), []).append((place, edge))
+        self.referred |= {place for sources in found.values() for place, _ in sources}
         whiles: dict[tuple[Part, ...], list[Place]] = {}
-        for (said, place), found in targets.items():
-            after = (*_sendings(found[:1]), *self._line(place, ()))
-            whiles.setdefault(after, []).extend(sources[said, place])
+        for (_, place), sources in found.items():
+            after = (*_sendings([sources[0][1]]), *self._line(place, ()))
+            whiles.setdefault(after, []).extend(source for source, _ in sources)
         for after, places in whiles.items():
             yield Frame("opt", f"while {' or '.join(name_of(place) for place in places)}", (after,))
 
@@ -177,10 +172,8 @@ class _Writer:
         """The parts that follow a place, up to the end or the innermost head of a loop."""
         if place in heads:
             return [] if place == heads[-1] else [self._reference(place)]
-        if place in self.written and not self._short(place):
-            return [self._reference(place)]
         if place in self.written:
-            return self._short_line(place)
+            return self._short_line(place) if self._short(place) else [self._reference(place)]
         first, place = self._before_the_choice(place, heads)
         self.written.add(place)
         parts: list[Part] = [*first, self._mark(place)]
@@ -221,28 +214,20 @@ class _Writer:
 
     def _either(self, groups: list[list[Edge]], heads: tuple[Place, ...]) -> list[Part]:
         """One of several things is said, each with what follows."""
+        line: list[list[Part]] = []
         shortcut = self._shortcut(groups, heads)
         if shortcut is not None:
-            detour, others = shortcut
+            detour, groups = shortcut
             place = detour[0].to
             self.written.add(place)
-            loops = [e for e in self.main[place] if e.to == place]
-            inside = (*heads, place)
-            again = (
-                [Frame("loop", "", (tuple(self._either(_grouped(loops), inside)),))]
-                if loops
-                else []
-            )
+            step: list[Part] = [*_sendings(detour), self._mark(place)]
+            if loops := [e for e in self.main[place] if e.to == place]:
+                inside = self._either(_grouped(loops), (*heads, place))
+                step.append(Frame("loop", "", (tuple(inside),)))
             rest = self._either(_grouped([e for e in self.main[place] if e.to != place]), heads)
-            line: list[Part] = [
-                Frame("opt", "", ((*_sendings(detour), self._mark(place), *again),)),
-                *rest,
-            ]
-            return _alternatives([line, *(self._branch(group, heads) for group in others)])
-        return _alternatives([self._branch(group, heads) for group in groups])
-
-    def _branch(self, group: list[Edge], heads: tuple[Place, ...]) -> list[Part]:
-        return [*_sendings(group), *self._line(group[0].to, heads)]
+            line = [[Frame("opt", "", (tuple(step),)), *rest]]
+        branches = ([*_sendings(group), *self._line(group[0].to, heads)] for group in groups)
+        return _alternatives([*line, *branches])
 
     def _shortcut(
         self, groups: list[list[Edge]], heads: tuple[Place, ...]
@@ -259,11 +244,8 @@ class _Writer:
             onward = {(e.said, e.to) for e in self.main[place] if e.to != place}
             known = place in self.written or place in heads or self._rests(place)
             if not known and onward and onward <= offered - {(e.said, e.to) for e in group}:
-                return group, [
-                    g
-                    for g in groups
-                    if g is not group and not {(e.said, e.to) for e in g} <= onward
-                ]
+                others = [g for g in groups if g is not group]
+                return group, [g for g in others if not {(e.said, e.to) for e in g} <= onward]
         return None
 
     def _returns(self, place: Place, head: Place, heads: tuple[Place, ...]) -> bool:
@@ -283,9 +265,8 @@ class _Writer:
 
     def _rests(self, place: Place) -> bool:
         tables = (self.protocol.tables[role] for role in (Role.INITIATOR, Role.PARTICIPANT))
-        return all(
-            state in table.ended | table.resting for state, table in zip(place, tables, strict=True)
-        )
+        ends = (table.ended | table.resting for table in tables)
+        return all(state in still for state, still in zip(place, ends, strict=True))
 
     def _short(self, place: Place) -> bool:
         """Whether what follows is one or two messages without a choice."""
@@ -316,11 +297,7 @@ class _Writer:
             if isinstance(part, Frame):
                 branches = (tuple(self._marked(branch)) for branch in part.branches)
                 yield Frame(part.kind, part.title, tuple(branches))
-            elif (
-                not isinstance(part, Remark)
-                or part not in self.marks
-                or self.marks[part] in self.referred
-            ):
+            elif isinstance(part, Sending) or self.marks.get(part) in {None, *self.referred}:
                 yield part
 
 
@@ -341,11 +318,8 @@ def _sendings(edges: list[Edge]) -> tuple[Sending, ...]:
 
 
 def _alternatives(branches: list[list[Part]]) -> list[Part]:
-    return (
-        branches[0]
-        if len(branches) == 1
-        else [Frame("alt", "", tuple(tuple(branch) for branch in branches))]
-    )
+    alternatives: list[Part] = [Frame("alt", "", tuple(map(tuple, branches)))]
+    return branches[0] if len(branches) == 1 else alternatives
 
 
 def _or_else(parts: list[Part], other: Part) -> list[Part]:

@@ -36,84 +36,55 @@ def _parts(agent: Agent) -> tuple[Grid | Figure, ...]:
     caption = f"{agent.name}: {agent.text}" if agent.text else agent.name
     longest = max(len(state.name) for state in agent.state)
     labels = ((arc, label_of(agent, arc)) for arc in agent.arc)
-    arcs = "\n".join(
-        f"{a.source.rjust(longest)} ──{f' {label} ' if label else ''}──▶ {a.target}"
-        for a, label in labels
-    )
-    figure = Figure(
-        f"machine-{agent.name}",
-        caption,
-        draw(agent),
-        arcs,
-        agent,
-        rulings((agent.name, agent.ruling)),
-    )
+    told = ((arc, f" {label} " if label else "") for arc, label in labels)
+    arcs = "\n".join(f"{a.source.rjust(longest)} ──{label}──▶ {a.target}" for a, label in told)
+    notes = rulings((agent.name, agent.ruling))
+    figure = Figure(f"machine-{agent.name}", caption, draw(agent), arcs, agent, notes)
     rows = (*([_events(agent)] if agent.row else []), *([_choices(agent)] if agent.choice else []))
     return (figure, _states(agent), _sense(agent), *rows)
 
 
 def _states(agent: Agent) -> Grid:
     """The states with their behaviours, as in the paper's Tables 3 to 6."""
-    rows = tuple(
-        (
-            f"{state.name} (initial)" if state.name == agent.initial else state.name,
-            state.behaviour,
-            state.terminal,
-            state.error or "-",
-        )
-        for state in agent.state
-    )
+    rows = []
+    for state in agent.state:
+        initial = " (initial)" if state.name == agent.initial else ""
+        what = (state.behaviour, state.terminal, state.error or "-")
+        rows.append((f"{state.name}{initial}", *what))
     notes = rulings(*((f"{arc.source} to {arc.target}", arc.ruling) for arc in agent.arc))
-    return Grid(f"{agent.name}: states", ("state", "behaviour", "until", "or error"), rows, notes)
+    head = ("state", "behaviour", "until", "or error")
+    return Grid(f"{agent.name}: states", head, tuple(rows), notes)
 
 
 def _sense(agent: Agent) -> Grid:
     """The purpose of the states, and the protocols in which they act."""
     rows = tuple((state.name, listed(state.talks), state.text) for state in agent.state)
     notes = rulings(*((state.name, state.ruling) for state in agent.state))
-    return Grid(
-        f"{agent.name}: what is done there", ("state", "talks in", "what it does"), rows, notes
-    )
+    head = ("state", "talks in", "what it does")
+    return Grid(f"{agent.name}: what is done there", head, rows, notes)
 
 
 def _events(agent: Agent) -> Grid:
     """The agent's conversational behaviour: its rows."""
-    rows = tuple(
-        (
-            listed(row.in_),
-            row.on,
-            "; ".join(row.when) or "-",
-            "; ".join(
-                (
-                    *row.say,
-                    *(f"perhaps {said}" for said in row.may),
-                    *([f"then {row.then}"] if row.then else []),
-                )
-            )
-            or "-",
-            row.to or "the same",
-        )
-        for row in agent.row
-    )
+    rows = []
+    for row in agent.row:
+        then = [f"then {row.then}"] if row.then else []
+        says = "; ".join([*row.say, *(f"perhaps {said}" for said in row.may), *then])
+        when = "; ".join(row.when) or "-"
+        rows.append((listed(row.in_), row.on, when, says or "-", row.to or "the same"))
     head = ("in", "at", "if then", "says", "waits next in")
-    return Grid(f"{agent.name}: what it says at which event", head, rows, detail=True)
+    return Grid(f"{agent.name}: what it says at which event", head, tuple(rows), detail=True)
 
 
 def _choices(agent: Agent) -> Grid:
     """The ways to go on that rows share."""
-    rows = tuple(
-        (
-            choice.name,
-            "; ".join(way.when) or "-",
-            "; ".join(way.say) or "-",
-            way.to or "as the row says",
-        )
-        for choice in agent.choice
-        for way in choice.ways
-    )
+    rows = []
+    for choice, way in ((c, way) for c in agent.choice for way in c.ways):
+        when, says = "; ".join(way.when) or "-", "; ".join(way.say) or "-"
+        rows.append((choice.name, when, says, way.to or "as the row says"))
     notes = tuple(f"{choice.name}: {choice.text}" for choice in agent.choice if choice.text)
     head = ("then", "one of: if then", "says", "waits next in")
-    return Grid(f"{agent.name}: ways to go on", head, rows, notes, detail=True)
+    return Grid(f"{agent.name}: ways to go on", head, tuple(rows), notes, detail=True)
 
 
 def label_of(agent: Agent, arc: Arc) -> str:
@@ -148,18 +119,12 @@ class _Drawing:
         self.states = [*initial, *(state for state in agent.state if state.name != agent.initial)]
         self.rank = {state.name: number for number, state in enumerate(self.states)}
         known = [arc for arc in agent.arc if arc.source in self.rank and arc.target in self.rank]
-        nearest = {
-            (arc.source, arc.target): arc for arc in reversed(known) if self._steps(arc) == 1
-        }
-        self.straight = list(nearest.values())
+        near = (arc for arc in reversed(known) if self._steps(arc) == 1)
+        self.straight = list({(arc.source, arc.target): arc for arc in near}.values())
         straight = {id(arc) for arc in self.straight}  # two arcs may be equal
-        self.sides = (
-            Side(1, [arc for arc in known if self._steps(arc) >= 0 and id(arc) not in straight]),
-            Side(-1, [arc for arc in known if self._steps(arc) < 0]),
-        )
-        lines = [
-            line for state in self.states for line in ((state.name, "strong"), *self._lines(state))
-        ]
+        down = [arc for arc in known if self._steps(arc) >= 0 and id(arc) not in straight]
+        self.sides = (Side(1, down), Side(-1, [arc for arc in known if self._steps(arc) < 0]))
+        lines = [line for s in self.states for line in ((s.name, "strong"), *self._lines(s))]
         self.width = max(150.0, *(width_of(*line) + 32 for line in lines))
         self.boxes: dict[str, Box] = {}
         y = 0.0
@@ -203,12 +168,10 @@ class _Drawing:
         out = [arc for arc in side.arcs if arc.source == state.name != arc.target]
         into = [arc for arc in side.arcs if arc.target == state.name != arc.source]
         first, then = (into, out) if side.sign > 0 else (out, into)
-        ordered = [
-            *sorted(first, key=lambda arc: abs(self._steps(arc))),
-            *sorted(then, key=lambda arc: -abs(self._steps(arc))),
-        ]
         looping = [(arc, leaves) for arc in loops for leaves in (True, False)]
-        return [*looping, *((arc, arc.source == state.name) for arc in ordered)]
+        near = sorted(first, key=lambda arc: abs(self._steps(arc)))
+        far = sorted(then, key=lambda arc: -abs(self._steps(arc)))
+        return [*looping, *((arc, arc.source == state.name) for arc in near + far)]
 
     def _port(self, name: str, side: Side, arc: Arc, leaves: bool) -> Point:
         box = self.boxes[name]
@@ -218,14 +181,12 @@ class _Drawing:
         return (box.right if side.sign > 0 else box.x), y
 
     def _side(self, side: Side) -> None:
-        ports = [
-            (self._port(arc.source, side, arc, True), self._port(arc.target, side, arc, False))
-            for arc in side.arcs
-        ]
+        starts = [self._port(arc.source, side, arc, True) for arc in side.arcs]
+        tips = [self._port(arc.target, side, arc, False) for arc in side.arcs]
         labels = [label_of(self.agent, arc) for arc in side.arcs]
         zone = max((width_of(label, "small") for label in labels), default=0.0) + 26
-        found = tracks([(a[1], b[1]) for a, b in ports])
-        for (start, end), label, track in zip(ports, labels, found, strict=True):
+        found = tracks([(a[1], b[1]) for a, b in zip(starts, tips, strict=True)])
+        for start, end, label, track in zip(starts, tips, labels, found, strict=True):
             x = start[0] + side.sign * (zone + TRACK * track)
             self.canvas.arrow([start, (x, start[1]), (x, end[1]), end])
             anchor = "start" if side.sign > 0 else "end"

@@ -5,7 +5,7 @@ rows behind it.
 from collections.abc import Mapping
 
 from fipa_codec.performatives import Performative
-from fipa_codec.tables import Protocol, Role, Row, Way
+from fipa_codec.tables import Protocol, Role, Way
 from topdown.draw import exchange as exchanges
 from topdown.draw import sequence
 from topdown.draw.canvas import Canvas
@@ -30,26 +30,18 @@ def section(design: Design, wanted: str | None, width: int) -> Section:
     with its roles.
     """
     uses = [use for use in design.file.protocol if wanted in (None, use.name, use.follows)]
-    about = {
-        entry.name: (" ".join(entry.text.split()),) for entry in design.file.table if entry.text
-    }
-    parts = [
-        part
-        for use in uses
-        for part in _use(use, design.tables.get(use.follows), about.get(use.follows, ()), width)
-    ]
+    parts: list[Grid | Figure] = []
+    for use in uses:
+        texts = (entry.text for entry in design.file.table if entry.name == use.follows)
+        about = tuple(" ".join(text.split()) for text in texts if text)
+        parts += _use(use, design.tables.get(use.follows), about, width)
     if not uses:
         table = design.own_tables.get(wanted or "") or fipa_table(wanted or "")
         if table is None:
             raise NoSuchEntry("protocol", str(wanted), sorted({*design.protocols, *design.tables}))
         found = exchange(table)
-        figure = _figure(
-            f"protocol-{table.name}",
-            diagram(found, f"{table.name}, by its table"),
-            found,
-            width,
-            (ALWAYS,),
-        )
+        shown = diagram(found, f"{table.name}, by its table")
+        figure = _figure(f"protocol-{table.name}", shown, found, width, (ALWAYS,))
         parts = [figure, _rows(f"The rows of {table.name}", table, found, None)]
     lead = (
         "Who may say what, in which order. alt: one of these; loop: any number of times; opt: once"
@@ -63,15 +55,11 @@ def _use(
 ) -> list[Grid | Figure]:
     parts: list[Grid | Figure] = []
     if protocol is not None:
-        sayable = {
-            role: frozenset(m.performative for m in use.message if m.sender == name)
-            for role, name in ((Role.INITIATOR, use.initiator), (Role.PARTICIPANT, use.participant))
-        }
-        found = exchange(protocol, sayable)
         cast = (use.initiator, use.participant)
-        caption = (
-            f"{use.name}: {use.follows} on {use.channel}, {use.initiator} asks {use.participant}"
-        )
+        said = (frozenset(m.performative for m in use.message if m.sender == n) for n in cast)
+        sayable = dict(zip((Role.INITIATOR, Role.PARTICIPANT), said, strict=True))
+        found = exchange(protocol, sayable)
+        caption = f"{use.name}: {use.follows} on {use.channel}, {cast[0]} asks {cast[1]}"
         notes = (*about, ALWAYS, *rulings((use.name, use.ruling)))
         shown = diagram(found, caption, cast, _carried(use))
         parts.append(_figure(f"protocol-{use.name}", shown, found, width, notes))
@@ -91,9 +79,8 @@ def draw(protocol: Protocol) -> Canvas:
 def _figure(
     name: str, shown: sequence.Diagram, found: Exchange, width: int, notes: tuple[str, ...]
 ) -> Figure:
-    return Figure(
-        name, shown.title, sequence.draw(shown), sequence.plain(shown, width), found.parts, notes
-    )
+    text = sequence.plain(shown, width)
+    return Figure(name, shown.title, sequence.draw(shown), text, found.parts, notes)
 
 
 def diagram(
@@ -152,46 +139,24 @@ def _contents(message: Message) -> tuple[str, ...]:
 
 def _messages(use: Use) -> Grid:
     """The communicates <V, Z, L, O, I> in detail."""
-    rows = tuple(
-        (
-            f"{m.sender} → {use.participant if m.sender == use.initiator else use.initiator}",
-            m.performative.value,
-            m.language,
-            listed(_contents(m), "none"),
-            use.ontology or "-",
-            size(m.bytes),
-        )
-        for m in use.message
-    )
+    rows = []
+    for m in use.message:
+        to = use.participant if m.sender == use.initiator else use.initiator
+        words = (m.performative.value, m.language, listed(_contents(m), "none"))
+        rows.append((f"{m.sender} → {to}", *words, use.ontology or "-", size(m.bytes)))
     within = f" (answer within {seconds(use.latency_s)})" if use.latency_s else ""
-    title = f"{use.name}: messages{within}"
     notes = rulings(*((f"{m.sender} {m.performative}", m.ruling) for m in use.message))
-    return Grid(
-        title,
-        ("from → to", "performative", "language", "content", "ontology", "at most"),
-        rows,
-        notes,
-    )
+    head = ("from → to", "performative", "language", "content", "ontology", "at most")
+    return Grid(f"{use.name}: messages{within}", head, tuple(rows), notes)
 
 
 def _rows(title: str, protocol: Protocol, found: Exchange, sayable: Sayable | None) -> Grid:
     """The table itself; rows the diagram does not show are marked."""
-    crossing = frozenset(found.crossing)
-
-    def seen(role: Role, row: Row) -> str:
-        if not spoken(role, row, sayable):
-            return "not said in this use"
-        return "if messages cross or come twice" if (role, row) in crossing else "yes"
-
-    rows = tuple(
-        (
-            role.value,
-            row.state,
-            f"{'says' if row.way is Way.SEND else 'takes'} {row.word}",
-            row.to,
-            seen(role, row),
-        )
-        for role, table in protocol.tables.items()
-        for row in table
-    )
-    return Grid(title, ("role", "state", "act", "next state", "in the diagram"), rows, detail=True)
+    rows = []
+    for role, row in ((role, row) for role, table in protocol.tables.items() for row in table):
+        seen = "if messages cross or come twice" if (role, row) in found.crossing else "yes"
+        seen = seen if spoken(role, row, sayable) else "not said in this use"
+        act = f"{'says' if row.way is Way.SEND else 'takes'} {row.word}"
+        rows.append((role.value, row.state, act, row.to, seen))
+    head = ("role", "state", "act", "next state", "in the diagram")
+    return Grid(title, head, tuple(rows), detail=True)

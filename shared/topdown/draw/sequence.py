@@ -87,11 +87,8 @@ class _Drawing:
         half = max([42.0, *(width_of(name, "strong large") / 2 + 14 for name in names)])
         timed = any(isinstance(row, Arrow) and row.at is not None for row in diagram.rows)
         self.left = TIME if timed else 0.0
-        gap = max(
-            LEAST_OF_TWO if len(names) == 2 else LEAST,
-            2 * half + 6,
-            self._widest(diagram.rows) + 40,
-        )
+        least = LEAST_OF_TWO if len(names) == 2 else LEAST
+        gap = max(least, 2 * half + 6, self._widest(diagram.rows) + 40)
         first = self.left + half + STEP * _depth(diagram.rows)
         self.at = {name: first + number * gap for number, name in enumerate(names)}
         self.ends = min(self.at.values(), default=first), max(self.at.values(), default=first)
@@ -110,10 +107,7 @@ class _Drawing:
             if isinstance(row, Arrow):
                 widths += [width_of(row.label, "strong"), width_of(_detail(row), "small")]
             elif isinstance(row, Frame):
-                widths += [
-                    width_of(row.title, "small") + 60,
-                    *(self._widest(branch) for branch in row.branches),
-                ]
+                widths += [width_of(row.title, "small") + 60, *map(self._widest, row.branches)]
         return max(widths)
 
     def _rows(self, rows: Sequence[Row], depth: int) -> None:
@@ -123,17 +117,14 @@ class _Drawing:
             elif isinstance(row, Frame):
                 self._frame(row, depth)
             else:
-                self.y += 20
-                self.canvas.patched(
-                    ((self.ends[0] + self.ends[1]) / 2, self.y), row.text, "small quiet", "middle"
-                )
-                self.y += 4
+                middle = ((self.ends[0] + self.ends[1]) / 2, self.y + 20)
+                self.canvas.patched(middle, row.text, "small quiet", "middle")
+                self.y += 24
 
     def _arrow(self, row: Arrow) -> None:
         joined = row.sender in self.at and row.receiver in self.at and row.sender != row.receiver
-        start, tip = (
-            (self.at[row.sender], self.at[row.receiver]) if joined else (self.ends[0], self.ends[0])
-        )
+        start, tip = (self.at.get(row.sender, 0), self.at.get(row.receiver, 0))
+        start, tip = (start, tip) if joined else (self.ends[0], self.ends[0])
         middle, anchor = (start + tip) / 2, "middle" if joined else "start"
         self.y += 26
         if row.at is not None:
@@ -230,9 +221,8 @@ def _lines(rows: Sequence[Row], columns: Columns, bars: str, gutter: int) -> lis
         else:
             title = textwrap.wrap(f"[{row.title}]", columns.width - 4) if row.title else [""]
             for number, branch in enumerate(row.branches):
-                between(
-                    f"{bars}├ or" if number else f"{bars}┌ {row.kind}", [""] if number else title
-                )
+                opening, words = ("├ or", [""]) if number else (f"┌ {row.kind}", title)
+                between(f"{bars}{opening}", words)
                 lines += _lines(branch, columns, f"{bars}│ ", gutter)
             between(f"{bars}└", [""])
     return lines

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 import msgspec
 
 from topdown.draw.canvas import Box, Canvas, Point, placed, spread, tracks, width_of, wrapped
-from topdown.draw.decomposition import natural
+from topdown.draw.decomposition import channels_grid, in_order, natural
 from topdown.draw.document import Figure, Grid, Section, hung, listed
 from topdown.model.decomposition import Channel
 from topdown.model.design import Design, Rule
@@ -32,19 +32,23 @@ class Join(msgspec.Struct, frozen=True):
     @property
     def width(self) -> float:
         """The width of its label [px]."""
-        return (
-            max(
-                width_of(self.label[0], "strong"),
-                *(width_of(line, "small") for line in self.label[1:]),
-                0.0,
-            )
-            + 8
-        )
+        head, *uses = self.label
+        return max(width_of(head, "strong"), *(width_of(use, "small") for use in uses), 0.0) + 8
 
     @property
     def height(self) -> float:
         """The height of its label [px]."""
         return LINE * len(self.label) + 6
+
+    @property
+    def beside(self) -> bool:
+        """Between two boxes of one row."""
+        return self.sides[0] in ("left", "right")
+
+    @property
+    def around(self) -> bool:
+        """Outside around the boxes between its ends."""
+        return self.sides[0] == self.sides[1]
 
 
 def system_section(design: Design, width: int) -> Section:
@@ -53,24 +57,20 @@ def system_section(design: Design, width: int) -> Section:
         "The agents, their control subsystems and buffers, and the channels between them with their"
         " protocols."
     )
-    name = design.file.system.name
     note = (
         "x: input buffer T_x, y: output buffer T_y of the control subsystem; a → b: a asks, b"
         " serves."
     )
-    figure = Figure(
-        "system", f"The system {name}", draw(design), _plain(design, width), None, (note,)
-    )
+    caption = f"The system {design.file.system.name}"
+    figure = Figure("system", caption, draw(design), _plain(design, width), None, (note,))
     return Section("system", "The system", lead, (figure,))
 
 
 def labels(design: Design, channel: Channel) -> tuple[str, ...]:
     """The label of a channel: its id, and who asks whom in which protocol."""
     uses = (use for use in design.file.protocol if use.channel == channel.id)
-    return (
-        channel.id,
-        *dict.fromkeys(f"{use.follows}: {use.initiator} → {use.participant}" for use in uses),
-    )
+    told = (f"{use.follows}: {use.initiator} → {use.participant}" for use in uses)
+    return channel.id, *dict.fromkeys(told)
 
 
 def task_of(design: Design, group: str) -> str:
@@ -87,7 +87,7 @@ def _plain(design: Design, width: int) -> str:
         kind = "agent" if group in design.agents else "group of agents"
         lines += hung("", f"[{group}] {kind}: {task_of(design, group)}".rstrip(": "), width, "  ")
         channels = (c for c in design.channels.values() if group in c.ends)
-        for channel in sorted(channels, key=lambda c: natural(c.id)):
+        for channel in in_order(channels):
             head, *uses = labels(design, channel)
             words = f"{head} ┄ [{channel.other(group)}]  {'; '.join(uses)}"
             lines += hung("  ", words, width, "     ")
@@ -104,32 +104,23 @@ class _Drawing:
         self.design = design
         self.canvas = Canvas(f"Agents and channels of {design.file.system.name}")
         groups = design.decomposition.last.groups
-        channels = sorted(design.channels.values(), key=lambda c: natural(c.id))
-        shown = [
-            c for c in channels if all(end in groups for end in c.ends) and c.ends[0] != c.ends[1]
-        ]
+        channels = (c for c in in_order(design.channels.values()) if c.ends[0] != c.ends[1])
+        shown = [c for c in channels if all(end in groups for end in c.ends)]
         self.cells = placed(groups, [c.ends for c in shown])
         self.joins = [Join(c, labels(design, c), self._sides(c)) for c in shown]
-        self.words = {
-            group: wrapped(task_of(self.design, group), INNER - 2 * PORT - 24, "small")
-            for group in groups
-        }
-        widest = max(
-            (width_of(line, "small") for lines in self.words.values() for line in lines),
-            default=0.0,
-        )
+        room = INNER - 2 * PORT - 24
+        self.words = {g: wrapped(task_of(design, g), room, "small") for g in groups}
+        found = (width_of(line, "small") for lines in self.words.values() for line in lines)
+        widest = max(found, default=0.0)
         ports = (PAIR * self._most(group, ("top", "bottom")) + 20 for group in groups)
         # a word longer than a line is not broken
         self.width = max(INNER, widest + 2 * PORT + 24, *ports)
-        beside = max((j.height for j in self.joins if j.sides[0] in ("left", "right")), default=0.0)
+        beside = max((j.height for j in self.joins if j.beside), default=0.0)
         high = max(self._most(group, ("left", "right")) for group in groups)
         lines = max(len(words) for words in self.words.values())
         self.height = max(118.0 + 14 * lines, (max(beside, PAIR) + 10) * high + 20)
-        self.pitch = self.width + max(
-            [80.0, *(j.width + 44 for j in self.joins if self._is_beside(j))]
-        )
-        outside = [j for j in self.joins if self._is_around(j)]
-        self.lane = max((j.height for j in outside), default=0.0) + 10
+        self.pitch = self.width + max([80.0, *(j.width + 44 for j in self.joins if j.beside)])
+        self.lane = max((j.height for j in self.joins if j.around), default=0.0) + 10
         self._place()
         for group in groups:
             self._box(group)
@@ -144,12 +135,6 @@ class _Drawing:
             return ("right", "left") if column < other_column else ("left", "right")
         return ("top", "top") if row == 0 else ("bottom", "bottom")
 
-    def _is_beside(self, join: Join) -> bool:
-        return join.sides[0] in ("left", "right")
-
-    def _is_around(self, join: Join) -> bool:
-        return join.sides[0] == join.sides[1]
-
     def _at(self, group: str, side: str) -> list[Join]:
         """The channels at one side of a group, from left to right by where they lead."""
         here = [j for j in self.joins if (group, side) in zip(j.channel.ends, j.sides, strict=True)]
@@ -158,7 +143,7 @@ class _Drawing:
         def order(join: Join) -> tuple[float, str]:
             other = self.cells[join.channel.other(group)][1] - mine
             # lines around nest: of those to one side, the farther one starts nearer to the middle
-            return (1 / other if self._is_around(join) else float(other)), join.channel.id
+            return (1 / other if join.around else float(other)), join.channel.id
 
         return sorted(here, key=order)
 
@@ -169,20 +154,17 @@ class _Drawing:
         """Boxes, with the corridor as high as the labels in it need."""
         corridor = 96.0
         while True:
-            self.boxes = {
-                group: Box(
-                    column * self.pitch, row * (self.height + corridor), self.width, self.height
-                )
-                for group, (row, column) in self.cells.items()
-            }
+            down, size = self.height + corridor, (self.width, self.height)
+            cells = self.cells.items()
+            self.boxes = {group: Box(c * self.pitch, r * down, *size) for group, (r, c) in cells}
             spots = self._spots()
             if spots is not None or corridor > 3000:
                 break
             corridor += 24
         for join in self.joins:
             self.canvas.line(self._path(join), "channel")
-        for join in self.joins:
-            if (spots or {}).get(join.channel.id) is not None and spots:
+        if spots is not None:
+            for join in self.joins:
                 self._label(join, spots[join.channel.id])
 
     def _port(self, join: Join, end: int) -> Point:
@@ -197,12 +179,12 @@ class _Drawing:
 
     def _path(self, join: Join) -> list[Point]:
         one, other = self._port(join, 0), self._port(join, 1)
-        if self._is_beside(join):  # both boxes may have another number of channels there
+        if join.beside:  # both boxes may have another number of channels there
             y = (one[1] + other[1]) / 2
             return [(one[0], y), (other[0], y)] if one[1] == other[1] else [one, other]
-        if not self._is_around(join):
+        if not join.around:
             return [one, other]
-        outside = [j for j in self.joins if j.sides == join.sides and self._is_around(j)]
+        outside = [j for j in self.joins if j.sides == join.sides and j.around]
         spans = [(self._port(j, 0)[0], self._port(j, 1)[0]) for j in outside]
         track = tracks(spans)[outside.index(join)]
         away = 20 + join.height / 2 + self.lane * track
@@ -215,11 +197,9 @@ class _Drawing:
         """
         taken = list(self.boxes.values())
         found: dict[str, Point] = {}
-        for join in sorted(
-            self.joins, key=lambda j: (not self._is_beside(j), not self._is_around(j))
-        ):
+        for join in sorted(self.joins, key=lambda j: (not j.beside, not j.around)):
             path = self._path(join)
-            a, b = (path[1], path[2]) if self._is_around(join) else (path[0], path[-1])
+            a, b = (path[1], path[2]) if join.around else (path[0], path[-1])
             for part in (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82):
                 x, y = a[0] + (b[0] - a[0]) * part, a[1] + (b[1] - a[1]) * part
                 spot = Box(x - join.width / 2, y - join.height / 2, join.width, join.height)
@@ -232,14 +212,11 @@ class _Drawing:
         return found
 
     def _label(self, join: Join, middle: Point) -> None:
-        x, y = middle
-        top = y - join.height / 2
-        self.canvas.box(
-            Box(x - join.width / 2, top, join.width, join.height), "patch", 3, solid=False
-        )
+        x, top = middle[0], middle[1] - join.height / 2
+        box = Box(x - join.width / 2, top, join.width, join.height)
+        self.canvas.box(box, "patch", 3, solid=False)
         self.canvas.words((x, top + 14), join.label[0], "strong marked", "middle")
-        for number, line in enumerate(join.label[1:], start=1):
-            self.canvas.words((x, top + 14 + LINE * number), line, "small", "middle")
+        self.canvas.column((x, top + 14 + LINE), join.label[1:], LINE, "small", "middle")
 
     def _box(self, group: str) -> None:
         box = self.boxes[group]
@@ -247,11 +224,9 @@ class _Drawing:
         self.canvas.box(box, "box" if agent else "group", 8)
         x = box.middle[0]
         self.canvas.words((x, box.y + 40), group, "strong large", "middle")
-        self.canvas.words(
-            (x, box.y + 55), "agent" if agent else "group of agents", "small quiet", "middle"
-        )
-        for number, line in enumerate(self.words[group]):
-            self.canvas.words((x, box.y + 72 + 14 * number), line, "small", "middle")
+        kind = "agent" if agent else "group of agents"
+        self.canvas.words((x, box.y + 55), kind, "small quiet", "middle")
+        self.canvas.column((x, box.y + 72), self.words[group], 14, "small", "middle")
         if agent:
             inner = Box(box.x + 26, box.bottom - 50, box.width - 52, 28)
             self.canvas.box(inner, "inner", 4, solid=False)
@@ -267,11 +242,10 @@ class _Drawing:
                     corner = (x if side == "left" else x - PORT, y + shift)
                 else:
                     corner = (x + shift, y if side == "top" else y - PORT)
-                self.canvas.box(
-                    Box(*corner, PORT, PORT), f"port{' full' if number else ''}", 2, solid=False
-                )
-                css = "small strong knock" if number else "small strong"
-                self.canvas.words((corner[0] + PORT / 2, corner[1] + 11), letter, css, "middle")
+                square, text = ("port full", " knock") if number else ("port", "")
+                self.canvas.box(Box(*corner, PORT, PORT), square, 2, solid=False)
+                middle = (corner[0] + PORT / 2, corner[1] + 11)
+                self.canvas.words(middle, letter, f"small strong{text}", "middle")
 
 
 # --- Tables of the channels: their ends and protocols, buffers at both ends, and each agent's
@@ -297,48 +271,25 @@ def seconds(value: float) -> str:
 
 def channels_section(design: Design) -> Section:
     """Channels, the protocols on them, the budgets of their messages."""
-    channels = sorted(design.channels.values(), key=lambda channel: natural(channel.id))
     uses = sorted(design.file.protocol, key=lambda use: (natural(use.channel), use.name))
-    plain = tuple((c.id, "-".join(c.ends), str(c.born), "; ".join(c.transmits)) for c in channels)
-
-    def languages(use: Protocol) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(message.language for message in use.message if message.language))
-
-    service = tuple(
-        (
-            u.channel,
-            u.name,
-            u.follows,
-            u.initiator,
-            u.participant,
-            listed(languages(u)),
-            u.ontology or "-",
-        )
-        for u in uses
-    )
-    budgets = tuple(_budget(design, use) for use in uses)
+    service = []
+    for use in uses:
+        languages = dict.fromkeys(message.language for message in use.message if message.language)
+        ends = (use.follows, use.initiator, use.participant)
+        service.append((use.channel, use.name, *ends, listed([*languages]), use.ontology or "-"))
+    title = "Direction of service, protocols, languages, ontologies"
+    head = ("channel", "use", "protocol", "asks", "serves", "languages", "ontology")
+    costs = ("channel", "use", "delivery", "largest asked", "largest answered", "answer within")
     grids = (
-        Grid("Channels", ("channel", "between", "since step", "transmits"), plain),
-        Grid(
-            "Direction of service, protocols, languages, ontologies",
-            ("channel", "use", "protocol", "asks", "serves", "languages", "ontology"),
-            service,
-        ),
-        Grid(
-            "Delivery and budgets",
-            ("channel", "use", "delivery", "largest asked", "largest answered", "answer within"),
-            budgets,
-        ),
+        channels_grid("Channels", in_order(design.channels.values())),
+        Grid(title, head, tuple(service)),
+        Grid("Delivery and budgets", costs, tuple(_budget(use) for use in uses)),
     )
-    return Section(
-        "channels",
-        "Channels",
-        "Who is joined to whom, who asks and who serves, in which words.",
-        grids,
-    )
+    lead = "Who is joined to whom, who asks and who serves, in which words."
+    return Section("channels", "Channels", lead, grids)
 
 
-def _budget(design: Design, use: Protocol) -> tuple[str, ...]:
+def _budget(use: Protocol) -> tuple[str, ...]:
     """The costs of one use of a protocol."""
     asked = max((m.bytes for m in use.message if m.sender == use.initiator), default=0)
     answered = max((m.bytes for m in use.message if m.sender == use.participant), default=0)
@@ -349,7 +300,7 @@ def _budget(design: Design, use: Protocol) -> tuple[str, ...]:
 def buffers(design: Design) -> Section:
     """The four buffers of each channel: T_x (input) and T_y (output) at both ends."""
     rows: list[tuple[str, ...]] = []
-    for channel in sorted(design.channels.values(), key=lambda c: natural(c.id)):
+    for channel in in_order(design.channels.values()):
         for end in channel.ends:
             peer = channel.other(end)
             into = _acts(r for r in design.rules.values() if (r.sender, r.receiver) == (peer, end))
@@ -368,10 +319,8 @@ def _acts(rules: Iterable[Rule]) -> str:
     acts: dict[str, list[str]] = {}
     for rule in rules:
         acts.setdefault(rule.protocol, []).append(rule.performative.value)
-    return (
-        "; ".join(f"{protocol}: {', '.join(sorted(found))}" for protocol, found in acts.items())
-        or "-"
-    )
+    told = (f"{protocol}: {', '.join(sorted(found))}" for protocol, found in acts.items())
+    return "; ".join(told) or "-"
 
 
 def interfaces(design: Design, agent: str | None) -> Section:
@@ -384,32 +333,22 @@ def interfaces(design: Design, agent: str | None) -> Section:
 
 def _interface(design: Design, name: str) -> Iterator[Grid]:
     side = design.side(name)
-    rows = (
-        ("performatives", listed(sorted(side.sends)), listed(sorted(side.receives))),
-        ("languages", listed(sorted(side.languages_sent)), listed(sorted(side.languages_received))),
-        (
-            "ontologies",
-            listed(sorted(side.ontologies_sent)),
-            listed(sorted(side.ontologies_received)),
-        ),
+    sets: tuple[tuple[str, Iterable[str], Iterable[str]], ...] = (
+        ("performatives", side.sends, side.receives),
+        ("languages", side.languages_sent, side.languages_received),
+        ("ontologies", side.ontologies_sent, side.ontologies_received),
     )
+    rows = tuple((kind, listed(sorted(out)), listed(sorted(into))) for kind, out, into in sets)
     yield Grid(f"{name}: sets", ("", "sends", "receives"), rows)
     uses = [use for use in design.file.protocol if name in (use.initiator, use.participant)]
     for title, mine in (("answers", True), ("asks", False)):
-        entries = tuple(
-            (
-                use.name,
-                use.initiator if mine else use.participant,
-                entry.performative.value,
-                entry.name,
-                listed(entry.arguments),
-                " | ".join(entry.answers) or "-",
-            )
-            for use in uses
-            if (use.participant == name) is mine
-            for entry in design.entries(use.name)
-        )
-        peer = "of" if mine else "from"
+        entries: list[tuple[str, ...]] = []
+        for use in (use for use in uses if (use.participant == name) is mine):
+            peer = use.initiator if mine else use.participant
+            for entry in design.entries(use.name):
+                told = (listed(entry.arguments), " | ".join(entry.answers) or "-")
+                entries.append((use.name, peer, entry.performative.value, entry.name, *told))
         if entries:
-            head = ("use", peer, "performative", "name", "arguments", "answer")
-            yield Grid(f"{name} {title}", head, entries, folded=len(entries) > 8)
+            who = "of" if mine else "from"
+            head = ("use", who, "performative", "name", "arguments", "answer")
+            yield Grid(f"{name} {title}", head, tuple(entries), folded=len(entries) > 8)

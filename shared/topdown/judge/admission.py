@@ -102,9 +102,8 @@ class Admission:
             what = f" with {name}" if name else ""
             why = f"{size} B; the design allows {one.performative}{what} {most} B"
             faults.append(Fault(Verdict.OVER_BUDGET, why))
-        return Admitted(
-            rule, rule.channel, UNKNOWN_KINDS if kind is None else (kind,), tuple(faults)
-        )
+        channel = rule.channel
+        return Admitted(rule, channel, UNKNOWN_KINDS if kind is None else (kind,), tuple(faults))
 
     def _no_rule(self, one: Communicate) -> str:
         for agent in (one.sender, one.receiver):

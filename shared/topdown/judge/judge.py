@@ -145,9 +145,8 @@ class Judge:
         # its journal is lost: it numbers from 1 again
         if before is not None and (another or incarnation < before):
             self._copies.forget(agent)
-            self._lose(
-                [talk for talk in self._talks if agent in talk.agents], self._streams.forget(agent)
-            )
+            entries = self._streams.forget(agent)
+            self._lose([talk for talk in self._talks if agent in talk.agents], entries)
         elif before is not None and incarnation > before:
             self._reborn(agent)
         return self._told()
@@ -206,9 +205,8 @@ class Judge:
                 f"its id is {one.id!r}, not the number of a durable stream",
             )
             return
-        ready = self._streams.put(
-            pair, number, entry, first=1 if one.sender in self._whole else None
-        )
+        first = 1 if one.sender in self._whole else None
+        ready = self._streams.put(pair, number, entry, first=first)
         if ready is None:
             self._pass_over(entry, "said before anything of this stream was heard")
         elif not ready:
@@ -307,11 +305,8 @@ class Judge:
             (one.receiver, one.sender), one.in_reply_to
         ):
             self._whole.difference_update(talk.agents)
-            self._lose(
-                [talk],
-                [],
-                f"number {one.in_reply_to} of {one.receiver}, which it answers, was not heard",
-            )
+            why = f"number {one.in_reply_to} of {one.receiver}, which it answers, was not heard"
+            self._lose([talk], [], why)
             return
         if talk.followed is None:
             whole = self._whole.issuperset(talk.agents) and not entry.doubtful

@@ -25,9 +25,8 @@ class Channel(msgspec.Struct, frozen=True):
     def moved(self, old: str, new: str) -> "Channel":
         """The same channel with one end at another group."""
         first, second = self.ends
-        return msgspec.structs.replace(
-            self, ends=(new if first == old else first, new if second == old else second)
-        )
+        ends = (new if first == old else first, new if second == old else second)
+        return msgspec.structs.replace(self, ends=ends)
 
     def other(self, end: str) -> str:
         """The other end."""
@@ -135,20 +134,12 @@ class _Walk:
             self._slip(Kind.DIVIDED_TWICE, wrong, known, "divide")
             return halves
         if group not in self.groups:
-            self._slip(
-                Kind.NEVER_INTRODUCED,
-                f"group {group!r} is not there to be divided",
-                known,
-                "divide",
-            )
+            kind = Kind.NEVER_INTRODUCED
+            self._slip(kind, f"group {group!r} is not there to be divided", known, "divide")
         for half in halves:
             if half in self.groups or half in self.divided or halves.count(half) > 1:
-                self._slip(
-                    Kind.TWICE,
-                    f"group {half!r} exists already",
-                    "a half takes a name never used",
-                    "divide",
-                )
+                wrong = f"group {half!r} exists already"
+                self._slip(Kind.TWICE, wrong, "a half takes a name never used", "divide")
         self.divided[group] = self.number
         self.groups = tuple(dict.fromkeys((*(g for g in self.groups if g != group), *halves)))
         return halves
@@ -171,12 +162,8 @@ class _Walk:
                 if self.astray:
                     continue  # the division itself is the fault
                 right = "reallocate the divided group's end to one of its halves"
-                self._slip(
-                    Kind.MOVED_WRONGLY,
-                    f"{move.channel} cannot go to {move.to!r}",
-                    right,
-                    "reallocate",
-                )
+                kind = Kind.MOVED_WRONGLY
+                self._slip(kind, f"{move.channel} cannot go to {move.to!r}", right, "reallocate")
                 continue
             self.channels[move.channel] = channel.moved(old, move.to)
             if all(end in self.groups for end in self.channels[move.channel].ends):
@@ -255,20 +242,12 @@ class _Walk:
                     " takes its place"
                 )
                 self.doubtful.add(heirs[0])
-                self._slip(
-                    Kind.RENUMBERED,
-                    wrong,
-                    f"reallocate {channel.id}: numbers never change",
-                    "channels",
-                )
+                right = f"reallocate {channel.id}: numbers never change"
+                self._slip(Kind.RENUMBERED, wrong, right, "channels")
                 continue
             wrong = f"channel {channel.id} ends at {group!r}, which is divided and so not a group"
-            self._slip(
-                Kind.NOT_REALLOCATED,
-                wrong,
-                f"reallocate it to {halves[0]} or {halves[1]}, or split it",
-                "divide",
-            )
+            right = f"reallocate it to {halves[0]} or {halves[1]}, or split it"
+            self._slip(Kind.NOT_REALLOCATED, wrong, right, "divide")
 
     def _create(self, new: NewChannel) -> None:
         if new.id in self.channels or new.id in self.retired:
@@ -287,8 +266,7 @@ class _Walk:
                 wrong = f"channel {new.id} ends at {end!r}, which is not a group"
                 self._slip(Kind.NEVER_INTRODUCED, wrong, known, "channels")
             else:
-                self._slip(
-                    Kind.ONE_END, f"channel {new.id} joins {end!r} with itself", known, "channels"
-                )
+                kind = Kind.ONE_END
+                self._slip(kind, f"channel {new.id} joins {end!r} with itself", known, "channels")
                 break
         self.channels[new.id] = Channel(new.id, new.between, (new.transmits,), self.number)

@@ -191,11 +191,8 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         rule = self.rules.get(key)
         if rule is None:
             known = sorted(p for s, r, i, p in self.rules if (s, r, i) == key[:3])
-            raise NoSuchEntry(
-                f"message {message.sender}->{message.receiver} in {message.protocol}",
-                message.performative,
-                known,
-            )
+            kind = f"message {message.sender}->{message.receiver} in {message.protocol}"
+            raise NoSuchEntry(kind, message.performative, known)
         return rule
 
     def key(self, system: str, message: Addressed) -> str:

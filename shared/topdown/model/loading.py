@@ -43,9 +43,8 @@ def text_of(path: Path) -> str:
         return data.decode()
     except UnicodeDecodeError as error:
         wrong = f"byte {data[error.start]:02x} is not UTF-8"
-        raise DesignError(
-            str(path), data.count(b"\n", 0, error.start) + 1, "(file)", wrong, _TOML
-        ) from error
+        file, line = str(path), data.count(b"\n", 0, error.start) + 1
+        raise DesignError(file, line, "(file)", wrong, _TOML) from error
 
 
 def read(text: str, name: str = "design.toml") -> elements.DesignFile:

@@ -31,50 +31,39 @@ def groups(design: Design) -> tuple[str, ...]:
     either.
     """
     known = {group.name for group in design.file.group}
-    ends = dict.fromkeys(
-        end for use in design.file.protocol for end in (use.initiator, use.participant)
-    )
-    found = tuple(end for end in ends if end not in design.agents)
-    for end in found:
-        if end not in known:
-            where = next(
-                use.name for use in design.file.protocol if end in (use.initiator, use.participant)
-            )
-            right = (
-                f"agents are {', '.join(design.agents) or 'none'}, groups"
-                f" {', '.join(sorted(known)) or 'none'}"
-            )
-            raise DesignError(
-                design.path or "design.toml",
-                None,
-                f"protocol {where}",
-                f"{end!r} is neither an agent nor a group",
-                f"{right}; give it an [[agent]] or a [[group]]",
-            )
-    return found
+    found: dict[str, None] = {}
+    for use in design.file.protocol:
+        for end in (use.initiator, use.participant):
+            if end not in design.agents:
+                found[end] = None
+                if end not in known:
+                    agents, names = ", ".join(design.agents), ", ".join(sorted(known))
+                    raise DesignError(
+                        design.path or "design.toml",
+                        None,
+                        f"protocol {use.name}",
+                        f"{end!r} is neither an agent nor a group",
+                        f"agents are {agents or 'none'}, groups {names or 'none'}; give it an"
+                        " [[agent]] or a [[group]]",
+                    )
+    return tuple(found)
 
 
 def composed(design: Design) -> Design:
     """The design with an agent for each of its groups; the same one where none is at an end of a
     use.
     """
-    names = groups(design)
-    if not names:
+    made = [_agent(design, name) for name in groups(design)]
+    if not made:
         return design
-    made = tuple(_agent(design, name) for name in names)
-    return Design(
-        replace(design.file, agent=(*design.file.agent, *made)),
-        design.path,
-        design.text,
-        design.folder,
-    )
+    file = replace(design.file, agent=(*design.file.agent, *made))
+    return Design(file, design.path, design.text, design.folder)
 
 
 def _agent(design: Design, group: str) -> elements.Agent:
     uses = [use for use in design.file.protocol if group in (use.initiator, use.participant)]
-    ends = [
-        _End(use, group, design.tables[use.follows]) for use in uses if use.follows in design.tables
-    ]
+    tables = design.tables
+    ends = [_End(use, group, tables[use.follows]) for use in uses if use.follows in tables]
     rows = (*(row for end in ends for row in end.rows()), *_renewals(ends))
     state = elements.State(ANYTHING, "chaos", "never", talks=tuple(end.use.name for end in ends))
     return elements.Agent(name=group, initial=ANYTHING, state=(state,), row=rows)
@@ -104,20 +93,14 @@ class _End:
             # what is observed before the answer to a subscription is sent after it: that is an
             # observation made later
             told = "|".join(("none", *sorted(map(str, self.table.resting))))
-            yield elements.Row(
-                in_=(ANYTHING,),
-                on=CHOOSES,
-                owes=(self.use.name,),
-                when=(f"{self.use.name} {told}",),
-            )
+            when = (f"{self.use.name} {told}",)
+            yield elements.Row((ANYTHING,), CHOOSES, owes=(self.use.name,), when=when)
         if self.role is Role.INITIATOR and not self.use.durable:
-            yield elements.Row(in_=(ANYTHING,), on=f"late {self.use.name}")
+            yield elements.Row((ANYTHING,), f"late {self.use.name}")
 
     def openings(self) -> tuple[ProtocolAct, ...]:
         """The words that begin a conversation."""
-        return tuple(
-            self._word(row) for row in self.table.allowed(START, SEND) if self._may_say(row)
-        )
+        return tuple(map(self._word, filter(self._may_say, self.table.allowed(START, SEND))))
 
     def _taken(self) -> Iterator[elements.Row]:
         """Each word of the peer, with each way to say what is owed for it in the same step."""

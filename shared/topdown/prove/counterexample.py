@@ -8,6 +8,7 @@ its lifeline; states stand where they change.
 import re
 import textwrap
 from collections.abc import Iterator, Mapping
+from itertools import zip_longest
 from typing import NamedTuple
 
 from topdown.prove.engine import Finding, Step
@@ -35,10 +36,9 @@ def parts(step: Step, lifelines: list[str]) -> Iterator[Part]:
         match = _ARROW.fullmatch(piece)
         if match and match["peer"] in lifelines and match["peer"] != step.who:
             text, way, peer = match["text"], match["way"], match["peer"]
-            beside = abs(lifelines.index(peer) - lifelines.index(step.who)) == 1
-            yield Part(
-                text if beside else f"{text} {'to' if way == '->' else 'from'} {peer}", way, peer
-            )
+            if abs(lifelines.index(peer) - lifelines.index(step.who)) != 1:
+                text += f" {'to' if way == '->' else 'from'} {peer}"
+            yield Part(text, way, peer)
         else:
             own.append(piece)
     if own:
@@ -69,9 +69,8 @@ class _Sheet:
         """Half an arrow, or an event."""
         here = self.places[who]
         if not part.way:
-            for number, line in enumerate(
-                textwrap.wrap(part.text, max(self.width - here - 2, 12)) or [""]
-            ):
+            lines = textwrap.wrap(part.text, max(self.width - here - 2, 12)) or [""]
+            for number, line in enumerate(lines):
                 self.line([(here, ("| " if number else "* ") + line)])
             return
         right = self.places[part.peer] > here
@@ -79,26 +78,16 @@ class _Sheet:
         arrow = f"--{part.text if len(part.text) <= room else part.text[: room - 1] + '…'}--"
         leaves = part.way == "->"
         tail = f"{arrow}>" if leaves == right else f"<{arrow}"
-        if right:
-            self.line([(here, f"o{tail}")])
-        else:
-            self.line([(here - len(tail), f"{tail}o")])
+        self.line([(here, f"o{tail}") if right else (here - len(tail), f"{tail}o")])
 
     def states(self, states: Mapping[str, str]) -> None:
         """The new states, each at its lifeline, in brackets."""
-        wrapped = {
-            name: textwrap.wrap(f"[{state}]", self.column - 2)
-            for name, state in states.items()
-            if state
-        }
-        for number in range(max(map(len, wrapped.values()), default=0)):
-            shown = {name: lines[number] for name, lines in wrapped.items() if number < len(lines)}
-            self.line(
-                [
-                    (self.places[name] + (0 if number == 0 else 1), text)
-                    for name, text in shown.items()
-                ]
-            )
+        room = self.column - 2
+        wrapped = [textwrap.wrap(f"[{state}]", room) if state else [] for state in states.values()]
+        places = [self.places[name] for name in states]
+        for number, row in enumerate(zip_longest(*wrapped, fillvalue="")):
+            indent = 1 if number else 0
+            self.line([(at + indent, text) for at, text in zip(places, row, strict=True) if text])
 
 
 def as_text(finding: Finding, width: int = 100) -> str:
@@ -115,8 +104,6 @@ def as_text(finding: Finding, width: int = 100) -> str:
         for part in parts(step, names):
             sheet.part(step.who, part)
         sheet.lines[first] = f"{number:>3}" + sheet.lines[first][3:]
-        sheet.states(
-            {name: state for name, state in step.after.items() if before.get(name) != state}
-        )
+        sheet.states({who: now for who, now in step.after.items() if before.get(who) != now})
         before = step.after
     return "\n".join(sheet.lines)

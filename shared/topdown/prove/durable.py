@@ -10,8 +10,8 @@ after the other, is a finite net. The net may do more than the streams, never le
 from collections.abc import Iterator
 
 from fipa_codec.tables import SEND, START, Protocol, Role, Row
-from topdown.prove.net import Command, Copy, Effect, Guard, Net, Variable, Wrong, is_
-from topdown.prove.roles import WRONG, Pair, Players, to
+from topdown.prove.net import Command, Copy, Effect, Guard, Net, Variable, is_
+from topdown.prove.roles import WRONG, Pair, Players, fault, spoilt_copies, to
 
 BOUND = 3
 """Unreceipted messages at which a sender is held back; the explored fleet held 5 at most, a
@@ -95,13 +95,10 @@ class _Direction:
         """The next word in its turn is taken from a copy, and receipted."""
         for place, cell in enumerate(self.cells):
             for copies in (1, 2):
-                guards = (
-                    is_(self.taken, str(place)),
-                    is_(self.copies[place], str(copies)),
-                    is_(cell, word),
-                )
+                there = is_(self.copies[place], str(copies)), is_(cell, word)
                 gone = to(cell, TAKEN), to(self.copies[place], copies - 1)
-                yield guards, (to(self.taken, place + 1), *gone, to(self.receipts[place], "yes"))
+                effects = to(self.taken, place + 1), *gone, to(self.receipts[place], "yes")
+                yield (is_(self.taken, str(place)), *there), effects
 
     def wire(self) -> Iterator[Command]:
         """Copies of what was taken before, receipts that arrive, sending again."""
@@ -109,16 +106,9 @@ class _Direction:
             for place in range(taken):
                 for copies in (1, 2):
                     had = is_(self.taken, str(taken)), is_(self.copies[place], str(copies))
-                    effects = (
-                        to(self.copies[place], copies - 1),
-                        to(self.receipts[taken - 1], "yes"),
-                    )
-                    yield Command(
-                        self.peer,
-                        f"had {place + 1} before, receipts again <- {self.me}",
-                        had,
-                        effects,
-                    )
+                    gone = to(self.copies[place], copies - 1)
+                    what = f"had {place + 1} before, receipts again <- {self.me}"
+                    yield Command(self.peer, what, had, (gone, to(self.receipts[taken - 1], "yes")))
             for receipted in range(1, taken + 1):
                 guards = is_(self.taken, str(taken)), is_(self.receipts[receipted - 1], "yes")
                 words = f"receipt for {receipted} <- {self.peer}"
@@ -140,14 +130,10 @@ class _Direction:
     def faults(self) -> Iterator[Command]:
         """Loss and duplication of a copy, loss of a receipt."""
         for place, copies in enumerate(self.copies):
-            words = f"{place + 1} of {self.me}"
-            for before, after, verb in ((1, 0, "loses"), (2, 1, "loses"), (1, 2, "doubles")):
-                yield _fault(
-                    "wire", f"{verb} {words}", (is_(copies, str(before)),), (to(copies, after),)
-                )
-            receipt = self.receipts[place]
-            text = f"loses the receipt for {words}"
-            yield _fault("wire", text, (is_(receipt, "yes"),), (to(receipt, "no"),))
+            words, receipt = f"{place + 1} of {self.me}", self.receipts[place]
+            yield from spoilt_copies(copies, words)
+            lost = (is_(receipt, "yes"),), (to(receipt, "no"),)
+            yield fault("wire", f"loses the receipt for {words}", *lost)
 
     def nothing_arrives(self) -> tuple[Effect, ...]:
         """All copies are gone."""
@@ -156,10 +142,6 @@ class _Direction:
     def no_receipt_arrives(self) -> tuple[Effect, ...]:
         """All receipts are gone."""
         return tuple(to(receipt, "no") for receipt in self.receipts)
-
-
-def _fault(who: str, what: str, guards: tuple[Guard, ...], effects: tuple[Effect, ...]) -> Command:
-    return Command(who, what, guards, effects, fair=False, fault=True)
 
 
 class _Streams:
@@ -186,11 +168,8 @@ class _Streams:
         me, stream, opens = self.pair.players.named(role), self.out[role], row.state == START
         here = is_(me, *self.pair.sources(role, row) if opens else (str(row.state),))
         news = row.to == row.state and not self.eager
-        room = (
-            stream.room(1 + self._owed(role, row.to))
-            if str(row.state) not in self.pair.tables[role].urgent
-            else ()
-        )
+        answers = str(row.state) in self.pair.tables[role].urgent
+        room = () if answers else stream.room(1 + self._owed(role, row.to))
         what, fair = f"{row.word} -> {stream.peer}", not (row.free or opens)
         for place, (guards, effects) in enumerate(stream.issue(row.word)):
             if not (news and place):
@@ -203,9 +182,8 @@ class _Streams:
         table = self.pair.tables[role]
         if state not in table.urgent or not most:
             return 0
-        return 1 + max(
-            (self._owed(role, row.to, most - 1) for row in table.allowed(state, SEND)), default=0
-        )
+        rows = table.allowed(state, SEND)
+        return 1 + max((self._owed(role, row.to, most - 1) for row in rows), default=0)
 
     def _take(self, role: Role, row: Row, states: frozenset[str]) -> Iterator[Command]:
         me, stream = self.pair.players.named(role), self.out[role.other]
@@ -216,17 +194,13 @@ class _Streams:
 
     def _wrong(self, role: Role) -> Iterator[Command]:
         """Yield receptions without a row, and answers that are owed while the queue has no room."""
-        me, stream, table = (
-            self.pair.players.named(role),
-            self.out[role.other],
-            self.pair.tables[role],
-        )
+        me, stream = self.pair.players.named(role), self.out[role.other]
         for state, word, forgotten in self.pair.untaken(role):
             text = self._text(self.pair.wrong_words(role, state, word, forgotten))
             for guards, _ in stream.take(word):
-                yield Command(
-                    me, f"{word} <- {stream.me}", (is_(me, state), *guards), (to(WRONG, text),)
-                )
+                heard = (is_(me, state), *guards)
+                yield Command(me, f"{word} <- {stream.me}", heard, (to(WRONG, text),))
+        table = self.pair.tables[role]
         if table.urgent:
             text = self._text(f"{me} has to answer at once, and its outbox is full")
             last = self.out[role]
@@ -244,21 +218,15 @@ class _Streams:
         me, mine, others = self.pair.players.named(role), self.out[role], self.out[role.other]
         waited = (*others.nothing_arrives(), *mine.no_receipt_arrives())
         unsent = (*mine.nothing_arrives(), *others.no_receipt_arrives())
-        yield _fault(me, "dies and is restored, its output was sent", (), waited)
-        yield _fault(me, "dies and is restored, its output was not sent", (), (*waited, *unsent))
+        yield fault(me, "dies and is restored, its output was sent", (), waited)
+        yield fault(me, "dies and is restored, its output was not sent", (), (*waited, *unsent))
 
     def net(self) -> Net:
         """Variables, commands, rest and wrong."""
         commands = tuple(self.commands())
-        roles = tuple(self.pair.state(role) for role in Role)
         streams = tuple(variable for role in Role for variable in self.out[role].variables())
-        wrong = Variable(WRONG, ("", *dict.fromkeys(self.texts)))
         empty = tuple(is_(self.out[role].cells[0], NONE) for role in Role)
-        rest = tuple((*states, *empty) for states in self.pair.at_rest())
-        wrongs = tuple(Wrong(text, (is_(WRONG, text),)) for text in wrong.values[1:])
-        players = self.pair.players
-        name = f"{self.pair.protocol.name} {players.initiator} {players.participant}"
-        return Net(name, (*roles, *streams, wrong), (), commands, rest, wrongs, tuple(players))
+        return self.pair.net(commands, self.texts, empty, streams)
 
 
 def durable_pair(

@@ -87,10 +87,8 @@ class Finding(NamedTuple):
     start: Mapping[str, str]
 
     def __str__(self) -> str:
-        steps = (
-            f"{number:3}. {step.who}: {step.what}"
-            for number, step in enumerate(self.trace, start=1)
-        )
+        numbered = enumerate(self.trace, start=1)
+        steps = (f"{number:3}. {step.who}: {step.what}" for number, step in numbered)
         return "\n".join((f"{self.kind}: {self.text}", *steps))
 
 
@@ -298,9 +296,7 @@ class _Walk:
         states = {n: state for n, state in enumerate(self.numbers) if n in wanted}
         way.reverse()
         steps = []
-        for one, other in pairwise(way):
-            who, what, *_ = next(
-                move for move in self.model.moves(states[one]) if move[2] == states[other]
-            )
-            steps.append(Step(who, what, self.model.describe(states[other])))
+        for here, there in ((states[one], states[other]) for one, other in pairwise(way)):
+            who, what, *_ = next(move for move in self.model.moves(here) if move[2] == there)
+            steps.append(Step(who, what, self.model.describe(there)))
         return Finding(kind, text, tuple(steps), self.model.describe(self.model.start))

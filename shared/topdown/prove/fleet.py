@@ -63,9 +63,8 @@ class Fleet:
         whole = composed(design)
         self.parts = Parts(whole, parts or machines(whole))
         self.names, self.count = self.parts.names, len(self.parts.names)
-        self.inbound = [
-            (slot, self.parts.place[to]) for (_, to), slot in self.parts.queue_of.items()
-        ]
+        queues = self.parts.queue_of.items()
+        self.inbound = [(slot, self.parts.place[to]) for (_, to), slot in queues]
         self.waiting = [self.parts.place[name] for name in self.faults.waiting]
         self.soft = [Soft(self.parts, use) for use in self.parts.soft]
         self.used: set[tuple[str, int]] = set()
@@ -94,14 +93,9 @@ class Fleet:
         """All that can happen; a group says nothing while a queue of its is full, as the runtime
         does.
         """
-        if not self.groups:
-            return self._moves(state)
-        return (
-            move
-            for move in self._moves(state)
-            if move[0] not in self.groups
-            or not (isinstance(move[2][0], str) and move[2][0].startswith(OVERFULL))
-        )
+        for move in self._moves(state):
+            if move[0] not in self.groups or not str(move[2][0]).startswith(OVERFULL):
+                yield move
 
     def _moves(self, state: Flat) -> Iterator[Found]:
         faulty, parts, gone = state[-1] != 0, self.parts, self.faults.gone
@@ -111,16 +105,8 @@ class Fleet:
                 if ready.late and not (self._is_gone(state) if gone else faulty):
                     continue
                 there = self._after(list(state), state, number, ready)
-                if ready.late and gone:
-                    yield name, ready.label, there, True, False
-                else:
-                    yield (
-                        name,
-                        ready.label,
-                        self._less(there) if ready.fault else there,
-                        ready.fair,
-                        ready.fault,
-                    )
+                fair, fault = (True, False) if ready.late and gone else (ready.fair, ready.fault)
+                yield name, ready.label, self._less(there) if fault else there, fair, fault
         for slot, number in self.inbound:
             if state[slot]:
                 yield from self._from_queue(state, slot, number)
@@ -147,9 +133,8 @@ class Fleet:
             return state[0]
         for slot, number in self.inbound:
             if state[slot]:
-                found = self.parts.outcomes(
-                    number, state[number], self.parts.queues.values[state[slot]][0]
-                )
+                said = self.parts.queues.values[state[slot]][0]
+                found = self.parts.outcomes(number, state[number], said)
                 if isinstance(found, str):
                     return found
         return ""
@@ -158,10 +143,10 @@ class Fleet:
         """Each agent's state, with its open conversations."""
         if isinstance(state[0], str):
             return {}
-        numbered = enumerate(zip(self.names, self.parts.agents, strict=True))
+        parts = self.parts
         return {
-            name: _local_text(agent, self.parts.local(number, state[number]))
-            for number, (name, agent) in numbered
+            name: _local_text(parts.agents[number], parts.local(number, state[number]))
+            for number, name in enumerate(self.names)
         }
 
     def _all_rest(self, state: Flat) -> bool:
@@ -184,13 +169,8 @@ class Fleet:
             for ready in found:
                 after = list(state)
                 after[slot] = rest
-                yield (
-                    self.names[number],
-                    ready.label,
-                    self._after(after, state, number, ready),
-                    True,
-                    False,
-                )
+                there = self._after(after, state, number, ready)
+                yield self.names[number], ready.label, there, True, False
 
     def _from_net(self, state: Flat, soft: Soft, faulty: bool) -> Iterator[Found]:
         for who, what, ends, number, ready, fault, wrong in soft.turns(self._ends(state, soft)):
@@ -213,26 +193,22 @@ class Fleet:
             for ready in self.parts.unasked(number, state[number], RESTART):
                 there = self._after(list(state), state, number, ready)
                 if not isinstance(there[0], str):
-                    told = (
-                        self.parts.with_news(other, there[other], name)
-                        for other in range(self.count)
-                    )
+                    heard = enumerate(there[: self.count])
+                    told = (self.parts.with_news(other, local, name) for other, local in heard)
                     there = (*told, *there[self.count :])
                 if there != state:
                     yield name, ready.label, self._less(there), False, True
 
     def _less(self, state: Flat) -> Flat:
         """One fault less may come."""
-        return (
-            (*state[:-1], state[-1] - 1) if isinstance(state[-1], int) and state[-1] > 0 else state
-        )
+        counted = isinstance(state[-1], int) and state[-1] > 0
+        return (*state[:-1], state[-1] - 1) if counted else state
 
     def _after(self, after: list[Any], before: Flat, number: int, ready: Ready) -> Flat:
         """The state after an outcome of an agent."""
         if ready.again:
-            return (
-                f"{self.names[number]} begins an act twice in one conversation of {ready.again}",
-            )
+            twice = f"begins an act twice in one conversation of {ready.again}"
+            return (f"{self.names[number]} {twice}",)
         for rule in ready.rules:
             if rule.broken(self.parts, before):
                 return (f"{rule.name}: {rule.text}",)
@@ -254,11 +230,10 @@ class Fleet:
         """States reached in which a word that was left out would have changed something; none if
         all is well.
         """
+        agents = zip(self.names, self.parts.agents, self.parts.locals, strict=True)
         return tuple(
             f"{name} in {_local_text(agent, local)}: {said} is not without effect"
-            for name, agent, met in zip(
-                self.names, self.parts.agents, self.parts.locals, strict=True
-            )
+            for name, agent, met in agents
             for said in sorted(self.parts.silent)
             if said.use in agent.index
             for local in met.values
@@ -270,35 +245,32 @@ class Fleet:
         wrong.
         """
         found = []
-        for name, agent in zip(self.names, self.parts.agents, strict=True):
-            # what takes a silent word is not needed either
-            silent = {Event(Cause.TAKE, *said) for said in self.parts.silent}
-            quiet = {row.number for row in agent.machine.rows if row.event in silent}
-            for number, row in enumerate(
-                agent.machine.entry.row if name not in self.groups else (), start=1
-            ):
+        # what takes a silent word is not needed either
+        silent = {Event(Cause.TAKE, *said) for said in self.parts.silent}
+        for machine in self._machines():
+            name = machine.agent
+            quiet = {row.number for row in machine.rows if row.event in silent}
+            for number, row in enumerate(machine.entry.row, start=1):
                 if not row.several and number not in quiet and (name, number) not in self.used:
-                    found.append(
-                        f"row never used: {name} {number} (in {'|'.join(row.in_)} on {row.on})"
-                    )
+                    where = f"in {'|'.join(row.in_)} on {row.on}"
+                    found.append(f"row never used: {name} {number} ({where})")
         return tuple(found)
 
     def endless(self) -> tuple[str, ...]:
         """The words that may fill a queue and are not in the model; of how many wait nothing is
         proven.
         """
-        machines = [
-            agent.machine for agent in self.parts.agents if agent.machine.agent not in self.groups
-        ]
-        return tuple(
-            dict.fromkeys(told for one in machines for told in endless(one, self.parts.silent))
-        )
+        told = (words for one in self._machines() for words in endless(one, self.parts.silent))
+        return tuple(dict.fromkeys(told))
+
+    def _machines(self) -> list[Machine]:
+        """Those that the design has, without groups."""
+        machines = (agent.machine for agent in self.parts.agents)
+        return [one for one in machines if one.agent not in self.groups]
 
 
 def _local_text(agent: Agent, local: Local) -> str:
     """A local state in words."""
-    talks = [
-        f"{use.name}: {talk}" for use, talk in zip(agent.uses, local.talks, strict=True) if talk
-    ]
-    owed = [f"owes {use}" for use in sorted(local.owed)]
-    return "; ".join((local.state, *talks, *owed))
+    talks = zip(agent.uses, local.talks, strict=True)
+    told = [f"{use.name}: {talk}" for use, talk in talks if talk]
+    return "; ".join((local.state, *told, *(f"owes {use}" for use in sorted(local.owed))))

@@ -94,9 +94,8 @@ class Agent:
     @property
     def watched(self) -> frozenset[str]:
         """Peers whose coming back some row answers."""
-        return frozenset(
-            row.event.name for row in self.machine.rows if row.event.cause is Cause.BACK
-        )
+        events = (row.event for row in self.machine.rows)
+        return frozenset(event.name for event in events if event.cause is Cause.BACK)
 
     def talk(self, local: Local, use: str) -> str:
         """State of the conversation of a use, "" where none is open."""
@@ -124,32 +123,21 @@ class Agent:
             if table.find(START, RECEIVE, said.act, said.kind) is None:
                 return f"{self.machine.agent} knows no conversation of {said.use} and got {said}"
             # the runtime answers a cancel of what has ended as the table says
-            effects = tuple(
-                Effect("say", use.name, answer) for answer in self.late_answers(use.name)
-            )
-            return (Outcome(local, effects, f"{said} <- {use.peer}, too late", 0),)
+            said_late = (Effect("say", use.name, one) for one in self.late_answers(use.name))
+            return (Outcome(local, tuple(said_late), f"{said} <- {use.peer}, too late", 0),)
         named = self.machine.by_event.get((local.state, Event(Cause.TAKE, *said)), ())
         rows = [row for row in named if not row.several]
+        who = f"{self.machine.agent} in {local.state}"
         if not rows:
-            several = (
-                f"only rows for several at a time of {self.machine.agent} in {local.state} take"
-                f" {said}"
-            )
-            return several if named else None
+            return f"only rows for several at a time of {who} take {said}" if named else None
         found = table.find(talk or START, RECEIVE, said.act, said.kind)
         if found is None:
-            return Stray(
-                f"{self.machine.agent} in {local.state} has {said.use} in {talk or NONE} and got"
-                f" {said}"
-            )
+            return Stray(f"{who} has {said.use} in {talk or NONE} and got {said}")
         after = self.with_talk(local, said.use, str(found.to))
         outcomes = tuple(self._apply(after, rows))
         if not outcomes:
             state = {u.name: t for u, t in zip(self.uses, after.talks, strict=True) if t}
-            return (
-                f"no row of {self.machine.agent} in {local.state} applies to {said}; its"
-                f" conversations: {state}"
-            )
+            return f"no row of {who} applies to {said}; its conversations: {state}"
         return outcomes
 
     def late_answers(self, name: str) -> tuple[ProtocolAct, ...]:
@@ -159,9 +147,8 @@ class Agent:
         use = self.machine.uses[name]
         table = use.protocol.tables[use.role]
         taken = table.find(START, RECEIVE, Performative.CANCEL)
-        owed = (
-            table.allowed(taken.to, SEND) if taken is not None and taken.to in table.urgent else ()
-        )
+        answers = taken is not None and taken.to in table.urgent
+        owed = table.allowed(taken.to, SEND) if taken is not None and answers else ()
         return tuple(ProtocolAct(name, row.performative, row.kind) for row in owed[:1])
 
     def _spontaneous(self, local: Local) -> tuple[tuple[Outcome, Event], ...]:
@@ -174,11 +161,8 @@ class Agent:
             if row.several or event.cause is Cause.RESTART or not self._happens(local, event):
                 continue
             gives_up = event.cause is Cause.LATE and not self.machine.uses[event.name].durable
-            after = (
-                local._replace(news=local.news - {event.name})
-                if event.cause is Cause.BACK
-                else local
-            )
+            heard = {event.name} if event.cause is Cause.BACK else set()
+            after = local._replace(news=local.news - heard)
             after = self.with_talk(after, event.name, "") if gives_up else after
             closed = (Effect("close", event.name),) if gives_up else ()
             for outcome in self._apply(after, [row]):
@@ -187,9 +171,8 @@ class Agent:
         # news are told once: where no row answers them, they change nothing
         for peer in sorted(local.news - answered):
             after = local._replace(news=local.news - {peer})
-            found.append(
-                (Outcome(after, (), f"news of {peer} is dropped", 0), Event(Cause.BACK, peer))
-            )
+            dropped = Outcome(after, (), f"news of {peer} is dropped", 0)
+            found.append((dropped, Event(Cause.BACK, peer)))
         return tuple(found)
 
     def _happens(self, local: Local, event: Event) -> bool:
@@ -205,9 +188,8 @@ class Agent:
         applies.
         """
         closed = tuple(Effect("close", use.name) for use in self.uses if not use.durable)
-        talks = tuple(
-            talk if use.durable else "" for use, talk in zip(self.uses, local.talks, strict=True)
-        )
+        held = zip(self.uses, local.talks, strict=True)
+        talks = tuple(talk if use.durable else "" for use, talk in held)
         after = local._replace(talks=talks, news=self.watched)
         rows = self.machine.by_event.get((local.state, Event(Cause.RESTART)), ())
         outcomes = tuple(self._apply(after, [row for row in rows if not row.several]))
@@ -221,19 +203,14 @@ class Agent:
         """Whether a silent word, where it may come, would change this state after all, or would not
         be taken.
         """
-        use = self.machine.uses[said.use]
-        talk = self.talk(local, said.use)
-        if (
-            not talk
-            or use.protocol.tables[use.role].find(talk, RECEIVE, said.act, said.kind) is None
-        ):
+        use, talk = self.machine.uses[said.use], self.talk(local, said.use)
+        table = use.protocol.tables[use.role]
+        if not talk or table.find(talk, RECEIVE, said.act, said.kind) is None:
             return False
         found = self.take(local, said)
-        return (
-            found is None
-            or isinstance(found, str)
-            or any(one.there != local or one.effects for one in found)
-        )
+        if found is None or isinstance(found, str):
+            return True
+        return any(one.there != local or one.effects for one in found)
 
     def gone(self) -> Outcome:
         """Dead for good."""
@@ -269,9 +246,8 @@ class Agent:
             local = local._replace(waiting=local.waiting.union(row.waits))
             ended, closing = self._forget_ended(local)
             if ended is not None:
-                yield Outcome(
-                    ended, (*effects, *said, *closing), self.label(row), row.number, again
-                )
+                done = (*effects, *said, *closing)
+                yield Outcome(ended, done, self.label(row), row.number, again)
 
     def _holds(self, local: Local, guard: Guard) -> bool:
         talk = self.talk(local, guard.use) or NONE
@@ -309,10 +285,8 @@ class Agent:
             if talk and talk in table.urgent:
                 return None, []
             if talk and talk in table.ended:
-                local = self.with_talk(local, use.name, "")
-                local = local._replace(
-                    begun=local.begun - {use.name}, waiting=local.waiting - {use.name}
-                )
+                begun, waiting = local.begun - {use.name}, local.waiting - {use.name}
+                local = self.with_talk(local, use.name, "")._replace(begun=begun, waiting=waiting)
                 if not use.durable:
                     effects.append(Effect("close", use.name))
         return local, effects

@@ -26,7 +26,7 @@ faults is fault commands without a counter, a bounded one a variable that they c
 agents, files.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -208,11 +208,8 @@ def is_(variable: str, *values: str) -> Is:
 
 
 def _check(place: str, part: Guard | Effect, known: Mapping[str, Variable | Queue]) -> None:
-    thing, wanted, words = (
-        known.get(part[0]),
-        Variable if isinstance(part, Is | Set | Copy) else Queue,
-        _values(part),
-    )
+    thing, words = known.get(part[0]), _values(part)
+    wanted = Variable if isinstance(part, Is | Set | Copy) else Queue
     if not isinstance(thing, wanted):
         names = ", ".join(name for name, one in known.items() if isinstance(one, wanted))
         raise NetError(f"{place}: {part[0]!r} is no {wanted.__name__.lower()}; there are {names}")
@@ -224,9 +221,8 @@ def _check(place: str, part: Guard | Effect, known: Mapping[str, Variable | Queu
                 f"{place}: {part.source!r} is no variable with the domain of {part.variable!r}"
             )
     elif not words <= set(domain):
-        raise NetError(
-            f"{place}: {', '.join(sorted(words - set(domain)))} is not in {thing.name!r}: {domain}"
-        )
+        strange = ", ".join(sorted(words - set(domain)))
+        raise NetError(f"{place}: {strange} is not in {thing.name!r}: {domain}")
 
 
 def _values(part: Guard | Effect) -> frozenset[str]:
@@ -288,13 +284,8 @@ def _compiled(net: Net) -> dict[str, Any]:
     """The three functions, from source made of the net's own table."""
     cells = {thing.name: f"v{place}" for place, thing in enumerate(net.things)}
     unpack = f"    {', '.join(cells.values())}, = s\n"
-    source = [
-        "def moves(s):\n",
-        unpack,
-        "    out = []\n",
-        *_commands(net, cells),
-        "    return out\n",
-    ]
+    source = ["def moves(s):\n", unpack, "    out = []\n", *_commands(net, cells)]
+    source += ["    return out\n"]
     source += ["def at_rest(s):\n", unpack, f"    return {_any(net, net.rest, cells)}\n"]
     source += ["def wrong(s):\n", unpack]
     for wrong in net.wrong:
@@ -336,31 +327,23 @@ def _commands(net: Net, cells: Cells) -> list[str]:
     """The body of `moves`."""
     known, tree = net.by_name, _Tree()
     for command in net.commands:
-        conditions = [_guard(guard, known, cells) for guard in command.guards] + _room(
-            net, command, cells
-        )
+        conditions = [_guard(guard, known, cells) for guard in command.guards]
+        conditions += [f"len({cells[name]}) <= {most}" for name, most in rooms(net, command)]
         there = _after(net, command.effects, cells)
         move = f"({command.who!r}, {command.what!r}, {there}, {command.fair}, {command.fault})"
         tree.add(conditions, move)
     return tree.lines("    ")
 
 
-def _room(net: Net, command: Command, cells: Cells) -> list[str]:
-    """Conditions that every queue has room for what is sent into it."""
-    conditions = []
+def rooms(net: Net, command: Command) -> Iterator[tuple[str, int]]:
+    """Yield the queues that must have room for what a command sends, and how many words may be in
+    each.
+    """
     for queue in net.queues:
-        more = sum(
-            isinstance(effect, Send) and effect.queue == queue.name for effect in command.effects
-        )
-        less = sum(
-            isinstance(effect, Take) and effect.queue == queue.name for effect in command.effects
-        )
-        cleared = any(
-            isinstance(effect, Clear) and effect.queue == queue.name for effect in command.effects
-        )
-        if more > less and not cleared:
-            conditions.append(f"len({cells[queue.name]}) <= {queue.capacity - more + less}")
-    return conditions
+        mine = [type(effect) for effect in command.effects if effect[0] == queue.name]
+        more = mine.count(Send) - mine.count(Take)
+        if more > 0 and Clear not in mine:
+            yield queue.name, queue.capacity - more
 
 
 def _any(net: Net, alternatives: tuple[tuple[Guard, ...], ...], cells: Cells) -> str:
@@ -378,9 +361,8 @@ def _guard(guard: Guard, known: Mapping[str, Any], cells: Cells) -> str:
         case Is(name, values):
             return _one_of(cell, [known[name].values.index(value) for value in values])
         case Head(name, words):
-            return f"{cell} and " + _one_of(
-                f"{cell}[0]", [known[name].words.index(word) for word in words]
-            )
+            numbers = [known[name].words.index(word) for word in words]
+            return f"{cell} and {_one_of(f'{cell}[0]', numbers)}"
         case Empty():
             return f"not {cell}"
         case Full(name):
@@ -388,9 +370,9 @@ def _guard(guard: Guard, known: Mapping[str, Any], cells: Cells) -> str:
 
 
 def _one_of(cell: str, numbers: list[int]) -> str:
-    return (
-        f"{cell} == {numbers[0]}" if len(numbers) == 1 else f"{cell} in {tuple(sorted(numbers))!r}"
-    )
+    if len(numbers) == 1:
+        return f"{cell} == {numbers[0]}"
+    return f"{cell} in {tuple(sorted(numbers))!r}"
 
 
 def _after(net: Net, effects: tuple[Effect, ...], cells: Cells) -> str:
@@ -406,10 +388,8 @@ def _after(net: Net, effects: tuple[Effect, ...], cells: Cells) -> str:
             case Take(name):
                 now[name] = f"{now[name]}[1:]"
             case Send(name, word):
-                now[name] = (
-                    f"({now[name]} +"
-                    f" ({'' if not isinstance(thing, Queue) else thing.words.index(word)},))"
-                )
+                place = thing.words.index(word) if isinstance(thing, Queue) else ""
+                now[name] = f"({now[name]} + ({place},))"
             case Clear(name):
                 now[name] = "()"
     return f"({', '.join(now[name] for name in cells)},)"

@@ -8,6 +8,7 @@ rows, the acts that the use lists. Nothing here knows a particular system.
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import SEND, START, Protocol, Role
 from topdown.model import elements
@@ -15,19 +16,7 @@ from topdown.model.design import Design
 from topdown.model.machines import Machine
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import Exploration, explore
-from topdown.prove.net import (
-    Command,
-    Empty,
-    Head,
-    Net,
-    NetModel,
-    Queue,
-    Send,
-    Take,
-    Variable,
-    Wrong,
-    is_,
-)
+from topdown.prove.net import Command, Empty, Head, Net, NetModel, Queue, Send, Take, is_
 from topdown.prove.roles import WRONG, Pair, Players, reachable, restricted, to
 from topdown.prove.volatile import volatile_pair
 
@@ -48,13 +37,8 @@ def ideal_pair(
     texts: list[str] = []
     commands = tuple(command for role in Role for command in _commands(pair, role, texts))
     queues = tuple(Queue(_queue(pair, role), pair.words(role), capacity) for role in Role)
-    wrong = Variable(WRONG, ("", *dict.fromkeys(texts)))
     empty = tuple(Empty(queue.name) for queue in queues)
-    rest = tuple((*states, *empty) for states in pair.at_rest())
-    wrongs = tuple(Wrong(text, (is_(WRONG, text),)) for text in wrong.values[1:])
-    states = tuple(pair.state(role) for role in Role)
-    name = f"{protocol.name} {pair.players.initiator} {pair.players.participant}"
-    return Net(name, (*states, wrong), queues, commands, rest, wrongs, tuple(pair.players))
+    return pair.net(commands, texts, empty, queues=queues)
 
 
 def _queue(pair: Pair, sender: Role) -> str:
@@ -111,9 +95,8 @@ def explore_use(
     model = NetModel(net_of(design, use, faults))
     found = explore(model, seconds=seconds, most_states=most_states, first=False, keep=True)
     unreached = _unreached(model, protocol, Players(entry.initiator, entry.participant), found)
-    return PairResult(
-        use, entry.channel, delivery(entry), faults, found._replace(reached=()), unreached
-    )
+    found = found._replace(reached=())
+    return PairResult(use, entry.channel, delivery(entry), faults, found, unreached)
 
 
 def net_of(design: Design, use: str, faults: int | None = 1, *, ideal: bool = False) -> Net:
@@ -152,37 +135,26 @@ def _acts_of(
 ) -> frozenset[str]:
     agent = use.initiator if role is Role.INITIATOR else use.participant
     rows = Machine(design, agent).rows if agent in design.agents else ()
-    sends = [row for row in protocol.tables[role] if row.way is SEND]
-    said = {
-        (word.act, word.kind)
-        for row in rows
-        for word in (*row.say, *row.may)
-        if word.use == use.name
-    }
-    owed = any(use.name in row.owes for row in rows)
-    listed = {message.performative for message in use.message if message.sender == agent}
-    if said or owed:
-        return frozenset(
-            row.word
-            for row in sends
-            if (row.performative, row.kind) in said
-            or (owed and row.performative is Performative.INFORM)
-        )
-    return frozenset(row.word for row in sends if row.performative in listed)
+    words = {word for row in rows for word in (*row.say, *row.may) if word.use == use.name}
+    said = {(word.act, word.kind) for word in words}
+    if any(use.name in row.owes for row in rows):
+        said |= {(Performative.INFORM, kind) for kind in Kind}
+    if not said:  # no rows: the acts that the use lists
+        listed = {message.performative for message in use.message if message.sender == agent}
+        said = {(act, kind) for act in listed for kind in Kind}
+    sends = (row for row in protocol.tables[role] if row.way is SEND)
+    return frozenset(row.word for row in sends if (row.performative, row.kind) in said)
 
 
 def _unreached(
     model: NetModel, protocol: Protocol, players: Players, found: Exploration
 ) -> tuple[str, ...]:
-    if not found.holds:
-        return ()
-    seen = {role: {state[number] for state in found.reached} for number, role in enumerate(Role)}
-    values = {role: model.net.variables[number].values for number, role in enumerate(Role)}
     return tuple(
         f"{players.named(role)} {value}"
-        for role in Role
-        for number, value in enumerate(values[role])
-        if number not in seen[role] and value in _of_rows(protocol, role)
+        for place, role in enumerate(Role if found.holds else ())
+        for seen in [{state[place] for state in found.reached}]
+        for number, value in enumerate(model.net.variables[place].values)
+        if number not in seen and value in _of_rows(protocol, role)
     )
 
 

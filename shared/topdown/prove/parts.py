@@ -84,16 +84,11 @@ class _Rule(References):
     def _while(self, text: str) -> While:
         agent, _, rest = text.partition(" ")
         what, _, words = rest.partition(" ")
-        if (
-            agent not in self.place
-            or not words
-            or what not in (IN, OWES, *self.machines[agent].uses)
-        ):
-            right = (
-                'write "AGENT in STATE|STATE", "AGENT owes USE" or "AGENT USE STATE|STATE"; agents'
-                " are "
-            )
-            raise self.error(f"{text!r} is no condition", right + ", ".join(self.place))
+        known = (IN, OWES, *self.machines[agent].uses) if agent in self.place else ()
+        if not words or what not in known:
+            right = 'write "AGENT in STATE|STATE", "AGENT owes USE" or "AGENT USE STATE|STATE"'
+            agents = f"; agents are {', '.join(self.place)}"
+            raise self.error(f"{text!r} is no condition", right + agents)
         for word in words.split("|"):
             self.among(f"word in {text!r}:", word, self._known(self.machines[agent], what))
         return While(self.place[agent], what, frozenset(words.split("|")))
@@ -102,11 +97,8 @@ class _Rule(References):
         if what == IN:
             return {state.name for state in machine.entry.state}
         if what == OWES:
-            return {
-                use.name
-                for use in machine.uses.values()
-                if use.latest and use.role is Role.PARTICIPANT
-            }
+            told = (use for use in machine.uses.values() if use.role is Role.PARTICIPANT)
+            return {use.name for use in told if use.latest}
         use = machine.uses[what]
         return {*map(str, use.protocol.tables[use.role].states), NONE}
 
@@ -146,24 +138,16 @@ def endless(machine: Machine, silent: Collection[ProtocolAct]) -> Iterator[str]:
         for said in dict.fromkeys((*(word for word in row.say if word in silent), *row.may)):
             use = machine.uses[said.use]
             if use.durable:
-                states = "|".join(sorted(row.states))
-                told = (
-                    f"how many `{said}` of {machine.agent} wait for {use.peer}: in {states} on"
-                    f" {row.event} it may be"
-                )
-                yield (
-                    f"{told} said over and over (row {row.number}); a full outbox holds"
-                    f" {machine.agent} back"
-                )
+                told = f"how many `{said}` of {machine.agent} wait for {use.peer}"
+                where = f"in {'|'.join(sorted(row.states))} on {row.event}"
+                again = f"it may be said over and over (row {row.number})"
+                yield f"{told}: {where} {again}; a full outbox holds {machine.agent} back"
 
 
 def _free_loops(machine: Machine) -> Iterator[Row]:
     """Rows without a message from whose next state such rows lead back to a state of theirs."""
-    free = [
-        row
-        for row in machine.rows
-        if row.event.cause in (Cause.OWN, Cause.PERSON) and not row.several
-    ]
+    unasked = (row for row in machine.rows if row.event.cause in (Cause.OWN, Cause.PERSON))
+    free = [row for row in unasked if not row.several]
     leads = {
         state: {row.to or state for row in free if state in row.states} for state in machine.waits
     }
@@ -198,11 +182,8 @@ def _is_silent(machine: Machine, said: ProtocolAct, silent: set[ProtocolAct]) ->
     rows = [row for row in machine.rows if row.event == event and not row.several]
     use = machine.uses[said.use]
     table = use.protocol.tables[use.role]
-    taken = [
-        row
-        for row in table
-        if row.way is RECEIVE and (row.performative, row.kind) == (said.act, said.kind)
-    ]
+    word = (RECEIVE, said.act, said.kind)
+    taken = [row for row in table if (row.way, row.performative, row.kind) == word]
     return (
         bool(rows)
         and not any(row.to or row.owes or row.waits or row.drop or row.moves for row in rows)
@@ -340,16 +321,13 @@ class Parts:
         self.locals = [Numbered(agent.start) for agent in self.agents]
         self.queues, self.nets = Numbered(()), Numbered(Net())
         count = len(self.agents)
-        self.queue_of = {
-            pair: count + number for number, pair in enumerate(sorted(_pairs(self.agents)))
-        }
-        soft = [
-            use for use in design.file.protocol if not use.durable and use.follows in design.tables
-        ]
-        first = count + len(self.queue_of)
-        self.net_of = {use.name: first + number for number, use in enumerate(soft)}
-        self.soft = soft
-        self.size = first + len(soft) + 1
+        pairs = sorted(_pairs(self.agents))
+        self.queue_of = {pair: number for number, pair in enumerate(pairs, start=count)}
+        known = (use for use in design.file.protocol if use.follows in design.tables)
+        self.soft = [use for use in known if not use.durable]
+        first = count + len(pairs)
+        self.net_of = {use.name: number for number, use in enumerate(self.soft, start=first)}
+        self.size = first + len(self.soft) + 1
         self._found: dict[tuple[int, int, Any], Any] = {}
         self._changes: dict[tuple[int, int, str, str], int] = {}
         self._nets: dict[tuple[int, int, ProtocolAct | None], int] = {}
@@ -433,16 +411,11 @@ class Parts:
     def _outcomes(self, number: int, local: Local, what: Any) -> "tuple[Ready, ...] | str | None":
         agent = self.agents[number]
         if what == OWN:
-            return tuple(
-                self._ready(number, outcome, event.cause)
-                for outcome, event in agent.spontaneous(local)
-            )
-        if what == RESTART:
-            return tuple(
-                self._ready(number, outcome, Cause.RESTART) for outcome in agent.restarted(local)
-            )
-        if what == GONE:
-            return (self._ready(number, agent.gone(), Cause.RESTART),)
+            unasked = agent.spontaneous(local)
+            return tuple(self._ready(number, outcome, event.cause) for outcome, event in unasked)
+        if what in (RESTART, GONE):
+            dead = agent.restarted(local) if what == RESTART else (agent.gone(),)
+            return tuple(self._ready(number, outcome, Cause.RESTART) for outcome in dead)
         found = agent.take(local, what)
         if found is None or isinstance(found, str):
             return found
@@ -452,6 +425,7 @@ class Parts:
         agent = self.agents[number]
         said = {effect.said for effect in outcome.effects}
         late = cause is Cause.LATE
+        rules = (rule for rule in self.rules if rule.agent == agent.machine.agent)
         return Ready(
             there=self.locals[number](outcome.there),
             effects=tuple(self._effect(agent, effect) for effect in outcome.effects),
@@ -460,11 +434,7 @@ class Parts:
             fault=late or cause is Cause.RESTART,
             late=late,
             again=outcome.again,
-            rules=tuple(
-                rule
-                for rule in self.rules
-                if rule.agent == agent.machine.agent and rule.says & said
-            ),
+            rules=tuple(rule for rule in rules if rule.says & said),
             row=outcome.row,
         )
 

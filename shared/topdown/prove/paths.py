@@ -77,14 +77,9 @@ class Follower:
     def _shows_nothing(self, agent: str, deed: Done) -> bool:
         """A step that the model leaves out: a silent word, a complaint, nothing said or changed."""
         if deed.took is None:
-            return (
-                not deed.said
-                and deed.before == deed.after
-                and not deed.event.startswith(("Started", "PeerChanged"))
-            )
-        return (
-            ProtocolAct(*deed.took) in self.fleet.parts.silent or deed.took[1] == "not-understood"
-        )
+            return _is_quiet(deed) and not deed.event.startswith(("Started", "PeerChanged"))
+        silent = self.fleet.parts.silent
+        return ProtocolAct(*deed.took) in silent or deed.took[1] == "not-understood"
 
     def _after(self, agent: str, deed: Done) -> set[Flat]:
         """All states the model may be in after the step, with as few moves in between as need
@@ -110,14 +105,9 @@ class Follower:
         steps = self.steps[agent]
         rows = steps.fitting(deed)
         said = [ProtocolAct(*one) for one in deed.said] if rows else []
-        asked = [
-            one.use for one in said if all(one in row.may and one not in row.say for row in rows)
-        ]
-        for use in (
-            *asked,
-            *{use for row in rows for use in row.drop},
-            *self._given_up(steps, deed),
-        ):
+        besides = [one for one in said if all(one in r.may and one not in r.say for r in rows)]
+        dropped = {use for row in rows for use in row.drop}
+        for use in (*(one.use for one in besides), *dropped, *self._given_up(steps, deed)):
             if not steps.uses[use].durable:
                 self.aside[use, steps.uses[use].peer] += 1
 
@@ -125,13 +115,10 @@ class Follower:
         """Uses whose question nobody waits for any more: the wait is over, or who asked has
         died.
         """
-        asks = [
-            use for use in steps.uses.values() if use.role is Role.INITIATOR and not use.durable
-        ]
+        uses = steps.uses.values()
+        asks = [use.name for use in uses if use.role is Role.INITIATOR and not use.durable]
         word, _, about = deed.event.partition(" ")
-        return [
-            use.name for use in asks if word == "Started" or (word == "Late" and about == use.name)
-        ]
+        return [use for use in asks if word == "Started" or (word == "Late" and about == use)]
 
     def _unasked(self, agent: str, deed: Done) -> set[Flat]:
         """Such a question is answered, or its answer taken: nothing else may change."""
@@ -148,10 +135,8 @@ class Follower:
             if who != agent or isinstance(there[0], str):
                 continue
             plain = what.removesuffix(" (a copy)").removesuffix("; its receipt is lost")
-            if (
-                self.fleet.parts.local(number, there[number]).state == deed.after
-                and plain in labels
-            ):
+            after = self.fleet.parts.local(number, there[number]).state
+            if after == deed.after and plain in labels:
                 yield there
 
     def _hidden(self, state: Flat) -> Iterator[Flat]:
@@ -173,13 +158,10 @@ class Follower:
         changes nothing.
         """
         if deed.took is None:
-            return (
-                deed.event.startswith(("PeerChanged", "Started"))
-                and deed.before == deed.after
-                and not deed.said
-            )
-        return (
-            self.steps[agent].uses[deed.took[0]].latest
-            and not deed.said
-            and deed.before == deed.after
-        )
+            return _is_quiet(deed) and deed.event.startswith(("PeerChanged", "Started"))
+        return _is_quiet(deed) and self.steps[agent].uses[deed.took[0]].latest
+
+
+def _is_quiet(deed: Done) -> bool:
+    """Nothing is said, and its state stays."""
+    return not deed.said and deed.before == deed.after

@@ -27,6 +27,7 @@ from topdown.prove.net import (
     Set,
     Take,
     Variable,
+    rooms,
 )
 
 Names = Mapping[str, str]
@@ -69,18 +70,14 @@ def _process(net: Net, names: Names) -> Iterator[str]:
     yield "active proctype net() {"
     yield "  do"
     for wrong in net.wrong:
-        yield (
-            f"  :: d_step {{ {_all(net, wrong.guards, names)} -> assert(false) }} /*"
-            f" {_comment(wrong.text)} */"
-        )
+        step = f"{{ {_all(net, wrong.guards, names)} -> assert(false) }}"
+        yield f"  :: d_step {step} /* {_comment(wrong.text)} */"
     yield "  :: d_step { REST && !WRONG -> skip }"
     for command in net.commands:
         effects = "; ".join(_effect(net, effect, names) for effect in command.effects) or "skip"
         words = _comment(f"{command.who}: {command.what}")
-        yield (
-            f"  :: d_step {{ !WRONG && {_condition(net, command, names)} -> {effects} }} /*"
-            f" {words} */"
-        )
+        step = f"{{ !WRONG && {_condition(net, command, names)} -> {effects} }}"
+        yield f"  :: d_step {step} /* {words} */"
     if any(command.fault for command in net.commands):
         able = [_condition(net, command, names) for command in net.commands if not command.fault]
         # spin ends a statement at a line that could be one
@@ -93,14 +90,7 @@ def _process(net: Net, names: Names) -> Iterator[str]:
 
 def _condition(net: Net, command: Command, names: Names) -> str:
     """Guards of a command, and room for what it sends."""
-    room = []
-    for queue in net.queues:
-        mine = [effect for effect in command.effects if effect[0] == queue.name]
-        more = sum(isinstance(effect, Send) for effect in mine) - sum(
-            isinstance(effect, Take) for effect in mine
-        )
-        if more > 0 and not any(isinstance(effect, Clear) for effect in mine):
-            room.append(f"len({names[queue.name]}) <= {queue.capacity - more}")
+    room = [f"len({names[name]}) <= {most}" for name, most in rooms(net, command)]
     return " && ".join([_all(net, command.guards, names), *room])
 
 
@@ -109,10 +99,9 @@ def _any(net: Net, alternatives: tuple[tuple[Guard, ...], ...], names: Names) ->
 
 
 def _all(net: Net, guards: tuple[Guard, ...], names: Names) -> str:
-    return (
-        " && ".join(_guard(net.by_name[guard[0]], guard, names[guard[0]]) for guard in guards)
-        or "true"
-    )
+    known = net.by_name
+    conditions = (_guard(known[guard[0]], guard, names[guard[0]]) for guard in guards)
+    return " && ".join(conditions) or "true"
 
 
 def _guard(thing: Variable | Queue, guard: Guard, name: str) -> str:

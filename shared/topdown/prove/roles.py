@@ -11,8 +11,9 @@ from typing import NamedTuple
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
-from topdown.prove.net import Effect, Guard, Set, Variable, is_
+from topdown.prove.net import Command, Effect, Guard, Net, Queue, Set, Variable, Wrong, is_
 
+CANCEL = Performative.CANCEL
 WRONG = "wrong"
 """Variable of a net: what is wrong, "" for nothing."""
 
@@ -103,18 +104,12 @@ class Pair:
                         yield str(state), row.word, False
                 elif here is None:
                     yield str(state), row.word, False
-                elif (
-                    state in table.ended
-                    and unknown is None
-                    and row.performative is Performative.CANCEL
-                ):
+                elif state in table.ended and unknown is None and row.performative is CANCEL:
                     yield str(state), row.word, True
 
     def wrong_words(self, role: Role, state: str, word: str, forgotten: bool) -> str:
         """In words the row that is missing."""
-        where = (
-            f"in state {state}, its conversation forgotten," if forgotten else f"in state {state}"
-        )
+        where = f"in state {state}" + (", its conversation forgotten," if forgotten else "")
         return f"{self.players.named(role)} {where} has no row for {word}"
 
     def at_rest(self) -> tuple[tuple[Guard, ...], ...]:
@@ -126,10 +121,43 @@ class Pair:
             return (over,)
         return over, tuple(is_(self.players.named(role), *resting[role]) for role in roles)
 
+    @property
+    def name(self) -> str:
+        """Of a net of it."""
+        return f"{self.protocol.name} {self.players.initiator} {self.players.participant}"
+
+    def net(
+        self,
+        commands: tuple[Command, ...],
+        texts: list[str],
+        empty: tuple[Guard, ...],
+        variables: tuple[Variable, ...] = (),
+        queues: tuple[Queue, ...] = (),
+    ) -> Net:
+        """The net of these commands, some of which set WRONG to one of `texts`; at rest is what is
+        `empty` and neither role waits in.
+        """
+        wrong = Variable(WRONG, ("", *dict.fromkeys(texts)))
+        everything = (*(self.state(role) for role in Role), *variables, wrong)
+        rest = tuple((*states, *empty) for states in self.at_rest())
+        wrongs = tuple(Wrong(text, (is_(WRONG, text),)) for text in wrong.values[1:])
+        return Net(self.name, everything, queues, commands, rest, wrongs, tuple(self.players))
+
 
 def to(variable: str, value: object) -> Effect:
     """The effect, shorter to write."""
     return Set(variable, str(value))
+
+
+def fault(who: str, what: str, guards: tuple[Guard, ...], effects: tuple[Effect, ...]) -> Command:
+    """A fault of the surroundings."""
+    return Command(who, what, guards, effects, fair=False, fault=True)
+
+
+def spoilt_copies(name: str, words: str) -> Iterator[Command]:
+    """Yield the loss and the duplication of what a variable counts copies of."""
+    for before, after, verb in ((1, 0, "loses"), (2, 1, "loses"), (1, 2, "doubles")):
+        yield fault("wire", f"{verb} {words}", (is_(name, str(before)),), (to(name, after),))
 
 
 def reachable(table: Table) -> Table:
@@ -150,15 +178,12 @@ def restricted(protocol: Protocol, says: Mapping[Role, Collection[str]]) -> Prot
     Answers to a cancel stay: the runtime gives them by itself where the cancel came too late.
     """
 
-    def kept(row: Row, speaker: Role) -> bool:
+    def kept(row: Row, role: Role) -> bool:
+        speaker = role if row.way is SEND else role.other
         return row.word in says[speaker] or row.kind is Kind.CANCEL
 
-    def table(role: Role) -> Table:
-        old = protocol.tables[role]
-        return reachable(
-            old.only(row for row in old if kept(row, role if row.way is SEND else role.other))
-        )
-
-    return protocol.with_tables(
-        initiator=table(Role.INITIATOR), participant=table(Role.PARTICIPANT)
-    )
+    tables = {
+        role.value: reachable(table.only(row for row in table if kept(row, role)))
+        for role, table in protocol.tables.items()
+    }
+    return protocol.with_tables(**tables)

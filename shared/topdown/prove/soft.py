@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
-from fipa_codec.tables import RECEIVE, SEND, START, Role, Table
+from fipa_codec.tables import RECEIVE, SEND, START, Role, Row, Table
 from topdown.model import elements
 from topdown.model.machines import ProtocolAct
 from topdown.prove.local import Stray
@@ -52,18 +52,14 @@ class Soft:
         asker, server = tables[Role.INITIATOR], tables[Role.PARTICIPANT]
         said = {message.performative for message in use.message}
         opening = [row for row in asker.allowed(START, SEND) if row.performative in said]
-        self.openings = {
-            str(row.to): ProtocolAct(use.name, row.performative, row.kind) for row in opening
-        }
+        self.openings = {str(row.to): _act(use.name, row) for row in opening}
         self.asks = {**_repeated(use.name, asker), **self.openings}
-        self.outward = {
-            ProtocolAct(use.name, row.performative, row.kind) for row in asker if row.way is SEND
-        }
+        self.outward = {_act(use.name, row) for row in asker if row.way is SEND}
         self.unanswered = {str(row.to) for row in server.allowed(START, RECEIVE)}
         self.resting = server.resting
         self.late = parts.agents[self.server].late_answers(use.name)
         self.answers = {
-            str(row.to): ProtocolAct(use.name, row.performative, row.kind)
+            str(row.to): _act(use.name, row)
             for state in self.unanswered
             for row in reversed(server.allowed(state, SEND))
         }
@@ -80,11 +76,8 @@ class Soft:
         """All that may happen in this use, faults as well."""
         found = self._turns.get(ends)
         if found is None:
-            found = self._turns[ends] = (
-                *self._taken(ends),
-                *self.by_itself(ends),
-                *self._lost(ends),
-            )
+            found = (*self._taken(ends), *self.by_itself(ends), *self._lost(ends))
+            self._turns[ends] = found
         return found
 
     def _with(self, ends: Ends, net: Net) -> Ends:
@@ -114,19 +107,15 @@ class Soft:
         if talk and net.current:
             answer, after = self.answers.get(talk), net.taken(said)
             after = after if answer is None else after.added(answer)
-            yield Turn(
-                self.parts.names[self.server], f"{said}: asked again", self._with(ends, after)
-            )
+            name = self.parts.names[self.server]
+            yield Turn(name, f"{said}: asked again", self._with(ends, after))
             return
         local = self.parts.without_talk(self.server, ends.server, self.use)
         forgot = ends._replace(server=local)
         for turn in self._heard(forgot, net, said, self.server, local):
-            accepted = (
-                self.parts.net(turn.ends.net).accepted()
-                if turn.ready
-                else self.parts.net(turn.ends.net)
-            )
-            yield turn._replace(ends=self._with(turn.ends, accepted))
+            after = self.parts.net(turn.ends.net)
+            after = after.accepted() if turn.ready else after
+            yield turn._replace(ends=self._with(turn.ends, after))
 
     def _unknown(self, ends: Ends, net: Net, said: ProtocolAct) -> Turn:
         """A word in a conversation that the participant does not hold: a cancel is answered as the
@@ -137,9 +126,8 @@ class Soft:
             return Turn(name, f"{said} is dropped", self._with(ends, after))
         for answer in self.late:
             after = after.added(answer)
-        return Turn(
-            name, f"{said} <- {self.parts.names[self.asker]}, too late", self._with(ends, after)
-        )
+        what = f"{said} <- {self.parts.names[self.asker]}, too late"
+        return Turn(name, what, self._with(ends, after))
 
     def _heard(
         self, ends: Ends, net: Net, said: ProtocolAct, number: int, local: int
@@ -158,10 +146,8 @@ class Soft:
         """The newest observation is taken, and nothing more is owed; or (a fault) its receipt is
         lost.
         """
-        found, name = (
-            self.parts.outcomes(self.asker, ends.asker, self.news),
-            self.parts.names[self.asker],
-        )
+        found = self.parts.outcomes(self.asker, ends.asker, self.news)
+        name = self.parts.names[self.asker]
         if isinstance(found, Stray):
             yield Turn(name, f"{self.news} is dropped", self._with(ends, net.taken(self.news)))
         elif isinstance(found, str):
@@ -169,10 +155,8 @@ class Soft:
         for ready in found if isinstance(found, tuple) else ():
             paid = ends._replace(server=self.parts.without_debt(self.server, ends.server, self.use))
             yield Turn(name, ready.label, self._with(paid, net.known(self.news)), self.asker, ready)
-            lost = f"{ready.label}; its receipt is lost"
-            yield Turn(
-                name, lost, self._with(ends, net.taken(self.news)), self.asker, ready, fault=True
-            )
+            lost, unpaid = f"{ready.label}; its receipt is lost", net.taken(self.news)
+            yield Turn(name, lost, self._with(ends, unpaid), self.asker, ready, fault=True)
 
     # --- by itself --------------------------------------------------------------------------------
 
@@ -185,14 +169,9 @@ class Soft:
         if asked is not None and not net.words and (not thinks or asked.act is Performative.CANCEL):
             what = f"{asked} -> {names[self.server]}, again"
             yield Turn(names[self.asker], what, self._with(ends, net.added(asked)))
-        owed = self.use in self.parts.local(self.server, ends.server).owed
-        if (
-            self.latest
-            and owed
-            and net.current
-            and served in self.resting
-            and self.news not in net.words
-        ):
+        owed = self.latest and self.use in self.parts.local(self.server, ends.server).owed
+        heard = net.current and served in self.resting
+        if owed and heard and self.news not in net.words:
             what = f"{self.news} -> {names[self.asker]}, again"
             yield Turn(names[self.server], what, self._with(ends, net.added(self.news)))
 
@@ -214,4 +193,8 @@ def _repeated(use: str, asker: Table) -> dict[str, ProtocolAct]:
             if row.kind is not Kind.CANCEL and row.to not in asker.ended and row.to not in found:
                 found[str(row.to)] = cancel._replace(to=row.to)
                 waiting.append(found[str(row.to)])
-    return {state: ProtocolAct(use, row.performative, row.kind) for state, row in found.items()}
+    return {state: _act(use, row) for state, row in found.items()}
+
+
+def _act(use: str, row: Row) -> ProtocolAct:
+    return ProtocolAct(use, row.performative, row.kind)

@@ -109,21 +109,14 @@ class Stream:
         if effects != tuple(range(1, len(effects) + 1)):
             return f"message {effects[-1]} was taken before the one it follows"
         if len(effects) > state.kept:
-            return (
-                f"message {effects[-1]} was taken, and its sender's journal knows of no such"
-                " decision"
-            )
+            unknown = "was taken, and its sender's journal knows of no such decision"
+            return f"message {effects[-1]} {unknown}"
         if state.counter != state.issued and state.phase is not Phase.IDLE:
-            return (
-                f"message {state.issued} goes out under number {state.counter}, which was given"
-                " before"
-            )
+            again = f"goes out under number {state.counter}, which was given before"
+            return f"message {state.issued} {again}"
         lost = [number for number in range(1, state.kept + 1) if self._lost(state, number)]
-        return (
-            f"message {lost[0]} is lost: in no outbox and not on the way, or thought taken"
-            if lost
-            else ""
-        )
+        where = "is lost: in no outbox and not on the way, or thought taken"
+        return f"message {lost[0]} {where}" if lost else ""
 
     def describe(self, state: Place) -> dict[str, str]:
         """RAM and disk of both sides, and what is on its way."""
@@ -150,37 +143,35 @@ class Stream:
                 yield self._sent(state, state.counter, Phase.SAID)
             case Phase.RUN | Phase.SAID:
                 after = Phase.IDLE if sends_first else Phase.RECORDED
-                yield Move(
-                    SENDER,
-                    "record",
-                    state._replace(phase=after, kept=state.issued, kept_low=state.low),
-                )
+                kept = state._replace(phase=after, kept=state.issued, kept_low=state.low)
+                yield Move(SENDER, "record", kept)
             case Phase.RECORDED:
                 yield self._sent(state, state.counter, Phase.IDLE)
 
     def _idle_sender(self, state: Place) -> Iterator[Move]:
         if state.issued < self.messages:
-            run = state._replace(
-                phase=Phase.RUN, issued=state.issued + 1, counter=state.counter + 1
-            )
-            yield Move(SENDER, f"issue {run.issued}", run)
+            issued, counter = state.issued + 1, state.counter + 1
+            run = state._replace(phase=Phase.RUN, issued=issued, counter=counter)
+            yield Move(SENDER, f"issue {issued}", run)
         if self.variant is not Variant.NO_RESENDING:
             for number in range(state.low + 1, state.issued + 1):
                 if len(state.copies) < self.copies:
                     yield self._sent(state, number, Phase.IDLE, "send again")
         for receipt in state.receipts:
-            after = state._replace(
-                low=max(state.low, receipt), receipts=_less(state.receipts, receipt)
-            )
+            left = _less(state.receipts, receipt)
+            after = state._replace(low=max(state.low, receipt), receipts=left)
             yield Move(SENDER, f"receipt {receipt} <- {RECEIVER}", after)
 
     def _sent(self, state: Place, number: int, phase: Phase, verb: str = "send") -> Move:
         """Put a copy on the wire; where there is no room it is lost at once."""
-        copies = (*state.copies, number) if len(state.copies) < self.copies else state.copies
-        copies = copies if self.fifo else tuple(sorted(copies))
-        return Move(
-            SENDER, f"{verb} {number} -> {RECEIVER}", state._replace(phase=phase, copies=copies)
-        )
+        room = len(state.copies) < self.copies
+        copies = self._with(state, number) if room else state.copies
+        after = state._replace(phase=phase, copies=copies)
+        return Move(SENDER, f"{verb} {number} -> {RECEIVER}", after)
+
+    def _with(self, state: Place, number: int) -> tuple[int, ...]:
+        copies = (*state.copies, number)
+        return copies if self.fifo else tuple(sorted(copies))
 
     # --- the receiver -----------------------------------------------------------------------------
 
@@ -196,67 +187,47 @@ class Stream:
                 yield self._recorded(state)
 
     def _take(self, state: Place) -> Iterator[Move]:
+        any_order = self.variant is Variant.ANY_ORDER
         for number in state.copies[:1] if self.fifo else dict.fromkeys(state.copies):
             rest, verb = state._replace(copies=_less(state.copies, number)), f"{number} <- {SENDER}"
-            new = (
-                number not in state.effects
-                if self.variant is Variant.ANY_ORDER
-                else number == state.last + 1
-            )
-            if new:
-                yield Move(
-                    RECEIVER,
-                    f"take {verb}",
-                    rest._replace(taking=Phase.RUN, now=number, last=number),
-                )
-            elif number <= state.last or self.variant is Variant.ANY_ORDER:
+            if number not in state.effects if any_order else number == state.last + 1:
+                taken = rest._replace(taking=Phase.RUN, now=number, last=number)
+                yield Move(RECEIVER, f"take {verb}", taken)
+            elif number <= state.last or any_order:
                 yield Move(RECEIVER, f"had {verb}", rest._replace(taking=Phase.RECORDED))
             else:
                 yield Move(RECEIVER, f"too early, drop {verb}", rest)
 
     def _recorded(self, state: Place) -> Move:
-        both = state._replace(mark=state.last, effects=(*state.effects, state.now), now=0)
+        half, mark = state._replace(taking=Phase.HALF), state.last
+        effects = (*state.effects, state.now)
         match self.variant, state.taking:
             case Variant.MARK_THEN_EFFECT, Phase.RUN:
-                return Move(
-                    RECEIVER, "record the mark", state._replace(taking=Phase.HALF, mark=state.last)
-                )
+                return Move(RECEIVER, "record the mark", half._replace(mark=mark))
             case Variant.EFFECT_THEN_MARK, Phase.RUN:
-                half = state._replace(taking=Phase.HALF, effects=both.effects)
-                return Move(RECEIVER, "record the effect", half)
+                return Move(RECEIVER, "record the effect", half._replace(effects=effects))
             case Variant.EFFECT_THEN_MARK, Phase.HALF:
-                after = state._replace(taking=Phase.RECORDED, mark=state.last, now=0)
+                after = state._replace(taking=Phase.RECORDED, mark=mark, now=0)
                 return Move(RECEIVER, "record the mark", after)
-            case _, Phase.SAID:
-                return Move(RECEIVER, "record", both._replace(taking=Phase.IDLE))
-            case _:
-                return Move(RECEIVER, "record", both._replace(taking=Phase.RECORDED))
+        taking = Phase.IDLE if state.taking is Phase.SAID else Phase.RECORDED
+        both = state._replace(taking=taking, mark=mark, effects=effects, now=0)
+        return Move(RECEIVER, "record", both)
 
     def _receipted(self, state: Place, after: Phase) -> Move:
         receipts = tuple(sorted({*state.receipts, state.last}))
         receipts = receipts if len(receipts) <= self.copies else state.receipts
-        return Move(
-            RECEIVER,
-            f"receipt {state.last} -> {SENDER}",
-            state._replace(taking=after, receipts=receipts),
-            True,
-        )
+        there = state._replace(taking=after, receipts=receipts)
+        return Move(RECEIVER, f"receipt {state.last} -> {SENDER}", there, True)
 
     # --- the wire ---------------------------------------------------------------------------------
 
     def _wire(self, state: Place) -> Iterator[Move]:
         for number in dict.fromkeys(state.copies):
-            yield Move(
-                WIRE,
-                f"loses {number}",
-                state._replace(copies=_less(state.copies, number)),
-                fault=True,
-            )
+            lost = state._replace(copies=_less(state.copies, number))
+            yield Move(WIRE, f"loses {number}", lost, fault=True)
             if len(state.copies) < self.copies:
-                twice = (
-                    (*state.copies, number) if self.fifo else tuple(sorted((*state.copies, number)))
-                )
-                yield Move(WIRE, f"doubles {number}", state._replace(copies=twice), fault=True)
+                twice = state._replace(copies=self._with(state, number))
+                yield Move(WIRE, f"doubles {number}", twice, fault=True)
         for receipt in state.receipts:
             lost = state._replace(receipts=_less(state.receipts, receipt))
             yield Move(WIRE, f"loses receipt {receipt}", lost, fault=True)

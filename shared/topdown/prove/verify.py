@@ -85,9 +85,8 @@ class Act:
         """Of agent and loop, then the deaths of each."""
         yield from self._agent(state)
         if state.slot is Phase.WANTED:
-            yield Move(
-                LOOP, "begins the act", state._replace(slot=Phase.RUNS, begun=state.begun + 1)
-            )
+            runs = state._replace(slot=Phase.RUNS, begun=state.begun + 1)
+            yield Move(LOOP, "begins the act", runs)
         elif state.slot is Phase.RUNS:
             yield Move(LOOP, "ends the act", state._replace(slot=Phase.DONE, ended=True))
         yield Move(AGENT, "dies and comes back", self._restored(state), fault=True)
@@ -112,17 +111,11 @@ class Act:
     def _agent(self, state: Place) -> Iterator[Move]:
         match state.agent:
             case At.IDLE if self.variant is Variant.MOVES_FIRST:
-                yield Move(
-                    AGENT,
-                    "takes the request; act -> loop",
-                    state._replace(agent=At.COMMANDED, slot=Phase.WANTED),
-                )
+                begun = state._replace(agent=At.COMMANDED, slot=Phase.WANTED)
+                yield Move(AGENT, "takes the request; act -> loop", begun)
             case At.IDLE:
-                yield Move(
-                    AGENT,
-                    "takes the request, records the intent",
-                    _recorded(state, At.INTENDS, INTENT),
-                )
+                intends = _recorded(state, At.INTENDS, INTENT)
+                yield Move(AGENT, "takes the request, records the intent", intends)
             case At.COMMANDED:
                 yield Move(AGENT, "records the intent", _recorded(state, At.WAITS, INTENT))
             case At.INTENDS:
@@ -130,9 +123,8 @@ class Act:
             case At.WAITS if state.slot is Phase.DONE:
                 yield Move(AGENT, "done <- loop; records it", _recorded(state, At.KNOWS, DONE))
             case At.WAITS if state.slot is Phase.EMPTY:
-                yield Move(
-                    AGENT, "finds a new loop; records unknown", _recorded(state, At.KNOWS, UNKNOWN)
-                )
+                knows = _recorded(state, At.KNOWS, UNKNOWN)
+                yield Move(AGENT, "finds a new loop; records unknown", knows)
             case At.KNOWS:
                 yield Move(AGENT, f"reports {state.journal}", state._replace(agent=At.TOLD))
 
@@ -214,37 +206,42 @@ def tasks(
     IndexError, ValueError.
     """
     channels = None if step is None else changed_channels(design, step)
-    if 1 in layers and step is None and any(use.durable for use in design.file.protocol):
-        yield Task(1, "durable stream", lambda _: _micro("durable stream", explore_stream()))
-    if (
-        1 in layers
-        and step is None
-        and any(row.moves for agent in design.file.agent for row in agent.row)
-    ):
-        yield Task(1, "physical act", lambda _: _micro("physical act", explore_act()))
+    if 1 in layers and step is None:
+        if any(use.durable for use in design.file.protocol):
+            yield _micro("durable stream", explore_stream)
+        if any(row.moves for agent in design.file.agent for row in agent.row):
+            yield _micro("physical act", explore_act)
     if 2 in layers:
         for use in design.file.protocol:
             if use.follows in design.tables and (channels is None or use.channel in channels):
                 yield Task(2, f"{use.channel} {use.name}", _pair(design, use.name, faults, seconds))
     if 3 in layers and step is None:
-        most = ANY if faults is None else faults
-        started = Faults(0, boot=True)
-        if not skip_start:
-            yield Task(
-                3, "all agents, starting", _fleet(design, "all agents, starting", started, seconds)
-            )
-        yield Task(3, "all agents", _fleet(design, "all agents", Faults(most), seconds))
+        wishes = {} if skip_start else {"all agents, starting": Faults(0, boot=True)}
+        wishes["all agents"] = Faults(ANY if faults is None else faults)
         for name in gone:
-            wish = Faults(0, gone=name, waiting=waiting(design, name))
-            yield Task(
-                3, f"{name} dies for good", _fleet(design, f"{name} dies for good", wish, seconds)
-            )
+            dead = Faults(0, gone=name, waiting=waiting(design, name))
+            wishes[f"{name} dies for good"] = dead
+        for what, wish in wishes.items():
+            yield Task(3, what, _fleet(design, what, wish, seconds))
 
 
-def _micro(what: str, found: Exploration) -> Verdict:
-    return Verdict(
-        1, what, None, found.states, found.edges, found.seconds, found.findings, _open(found)
-    )
+def _verdict(
+    layer: int,
+    what: str,
+    faults: int | None,
+    found: Exploration,
+    *loud: str,
+    notes: tuple[str, ...] = (),
+    beyond: tuple[str, ...] = (),
+) -> Verdict:
+    """What an exploration says; `loud`: what else is open where nothing was found."""
+    unproven = (found.unproven,) if found.unproven and not found.findings else ()
+    counts = found.states, found.edges, found.seconds
+    return Verdict(layer, what, faults, *counts, found.findings, (*unproven, *loud), notes, beyond)
+
+
+def _micro(what: str, explored: Callable[[], Exploration]) -> Task:
+    return Task(1, what, lambda _: _verdict(1, what, None, explored()))
 
 
 def _pair(
@@ -252,22 +249,9 @@ def _pair(
 ) -> Callable[[Progress | None], Verdict]:
     def run(progress: Progress | None) -> Verdict:
         result = explore_use(design, use, faults, seconds=seconds)
-        found, notes = (
-            result.exploration,
-            tuple(f"never reached: {state}" for state in result.unreached),
-        )
+        notes = tuple(f"never reached: {state}" for state in result.unreached)
         what = f"{result.channel} {use}"
-        return Verdict(
-            2,
-            what,
-            faults,
-            found.states,
-            found.edges,
-            found.seconds,
-            found.findings,
-            _open(found),
-            notes,
-        )
+        return _verdict(2, what, faults, result.exploration, notes=notes)
 
     return run
 
@@ -286,25 +270,9 @@ def _fleet(
         loud = fleet.not_silent() if not found.findings else ()
         whole = not (faults.gone or faults.boot or found.findings)
         notes, beyond = (fleet.unused(), fleet.endless()) if whole else ((), ())
-        opened = (*_open(found), *loud)
-        return Verdict(
-            3,
-            what,
-            most,
-            found.states,
-            found.edges,
-            found.seconds,
-            found.findings,
-            opened,
-            notes,
-            beyond,
-        )
+        return _verdict(3, what, most, found, *loud, notes=notes, beyond=beyond)
 
     return run
-
-
-def _open(found: Exploration) -> tuple[str, ...]:
-    return (found.unproven,) if found.unproven and not found.findings else ()
 
 
 def waiting(design: Design, gone: str) -> tuple[str, ...]:
@@ -313,11 +281,8 @@ def waiting(design: Design, gone: str) -> tuple[str, ...]:
     talk to `gone` alone.
     """
     composed(design).agent(gone)
-    told = [
-        one.name
-        for one in design.file.agent
-        if any(row.on.startswith("person ") for row in one.row)
-    ]
+    agents = design.file.agent
+    told = [one.name for one in agents if any(row.on.startswith("person ") for row in one.row)]
     left = tuple(name for name in told or design.agents if name != gone)
     if not left:
         wrong = (

@@ -16,7 +16,7 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row
 from topdown.prove.net import Command, Effect, Guard, Net, Variable, Wrong, is_
-from topdown.prove.roles import Pair, Players, to
+from topdown.prove.roles import Pair, Players, fault, spoilt_copies, to
 
 NOTHING = "-"
 ASKED, SAID = "asks again", "last said"
@@ -82,18 +82,15 @@ class _Volatile:
 
     def spoken(self, role: Role) -> tuple[str, ...]:
         """Words that travel as such: all but observations."""
-        observed = (
-            {Performative.INFORM.value} if self.latest and role is Role.PARTICIPANT else set()
-        )
-        return tuple(word for word in self.pair.words(role) if word not in observed)
+        observed = Performative.INFORM if self.latest and role is Role.PARTICIPANT else ""
+        return tuple(word for word in self.pair.words(role) if word != observed)
 
     def variables(self) -> Iterator[Variable]:
         """States, words on their way, what is said again, observations."""
         yield from (self.pair.state(role) for role in Role)
         for role in Role:
-            yield from (
-                Variable(self.on_way(role, word), ("0", "1", "2")) for word in self.spoken(role)
-            )
+            for word in self.spoken(role):
+                yield Variable(self.on_way(role, word), ("0", "1", "2"))
         yield Variable(ASKED, (NOTHING, *self.spoken(Role.INITIATOR)))
         yield Variable(SAID, (NOTHING, *self.spoken(Role.PARTICIPANT)))
         if self.lives:
@@ -121,13 +118,8 @@ class _Volatile:
         """
         words = (to(self.on_way(role, word), 0) for role in Role for word in self.spoken(role))
         arriving = (to(ARRIVING, "no"),) if self.latest else ()
-        ends = (
-            to(self.initiator, START),
-            to(self.participant, START),
-            to(ASKED, NOTHING),
-            to(SAID, NOTHING),
-        )
-        return (*words, *arriving, *ends)
+        ends = to(self.initiator, START), to(self.participant, START)
+        return (*words, *arriving, *ends, to(ASKED, NOTHING), to(SAID, NOTHING))
 
     def said(self, role: Role, word: str, state: str) -> tuple[Effect, ...]:
         """A word goes on its way, and is remembered for the next asking."""
@@ -153,37 +145,28 @@ class _Volatile:
                     none, said = is_(me, *self.pair.over(role)), (*self.forgotten(), *said)
                     yield Command(me, f"{row.word} -> {peer}", (none,), said, fair=False)
                 elif row.word in self.spoken(role):
-                    yield Command(
-                        me, f"{row.word} -> {peer}", (is_(me, row.state),), said, fair=not row.free
-                    )
+                    here = (is_(me, row.state),)
+                    yield Command(me, f"{row.word} -> {peer}", here, said, fair=not row.free)
             yield from self._taken(role)
             yield from self._words_lost(role)
         yield from self._again()
         yield from self._deaths()
         over = self.pair.over(Role.INITIATOR) | self.first.resting
         waits = is_(self.initiator, *sorted(str(state) for state in self.first.states - over))
-        yield Command(
-            self.initiator, "gives up: reply-by has passed", (waits,), self.forgotten(), False, True
-        )
+        yield fault(self.initiator, "gives up: reply-by has passed", (waits,), self.forgotten())
         if self.latest:
             yield from self._observations()
 
     def _taken(self, role: Role) -> Iterator[Command]:
         """Take what has a row; answer an opening again that is asked again; drop the rest."""
-        me, peer, table = (
-            self.pair.players.named(role),
-            self.pair.players.named(role.other),
-            self.pair.tables[role],
-        )
-        for row in self.pair.spoken(role.other):
-            if row.word not in self.spoken(role.other):
-                continue
+        me, peer = self.pair.players.named(role), self.pair.players.named(role.other)
+        table, travels = self.pair.tables[role], self.spoken(role.other)
+        for row in (one for one in self.pair.spoken(role.other) if one.word in travels):
             for state in sorted(table.states - table.urgent):
                 what, effects = self._reaction(role, str(state), row)
                 for guard, gone in self._arrives(role, row.word):
-                    yield Command(
-                        me, f"{what} <- {peer}", (is_(me, str(state)), guard), (gone, *effects)
-                    )
+                    here = is_(me, str(state)), guard
+                    yield Command(me, f"{what} <- {peer}", here, (gone, *effects))
 
     def _reaction(self, role: Role, state: str, word: Row) -> tuple[str, tuple[Effect, ...]]:
         me, table = self.pair.players.named(role), self.pair.tables[role]
@@ -200,21 +183,15 @@ class _Volatile:
         """The initiator stops asking when anything comes; when it has cancelled, only when all is
         over.
         """
-        cancelling = (
-            state in self.cancelling
-            and after not in self.first.ended
-            and self.rules.cancels_till_over
-        )
-        return (to(ASKED, NOTHING),) if role is Role.INITIATOR and not cancelling else ()
+        cancelling = state in self.cancelling and after not in self.first.ended
+        keeps = cancelling and self.rules.cancels_till_over
+        return (to(ASKED, NOTHING),) if role is Role.INITIATOR and not keeps else ()
 
     @cached_property
     def cancelling(self) -> frozenset[str]:
         """States of the initiator after its cancel."""
-        waiting = [
-            row.to
-            for row in self.first
-            if row.way is SEND and row.performative is Performative.CANCEL
-        ]
+        sends = (row for row in self.first if row.way is SEND)
+        waiting = [row.to for row in sends if row.performative is Performative.CANCEL]
         found: set[str] = set()
         while waiting:
             state = str(waiting.pop())
@@ -237,109 +214,78 @@ class _Volatile:
                 for guard, gone in self._arrives(Role.PARTICIPANT, opening):
                     once_more = is_(self.participant, *held), is_(SAID, word), guard
                     again = gone, to(self.on_way(Role.PARTICIPANT, word), 1)
-                    yield Command(
-                        self.participant, f"{word} again -> {self.initiator}", once_more, again
-                    )
+                    what = f"{word} again -> {self.initiator}"
+                    yield Command(self.participant, what, once_more, again)
 
     def _words_lost(self, role: Role) -> Iterator[Command]:
         for word in self.spoken(role):
-            name = self.on_way(role, word)
-            for before, after, verb in ((1, 0, "loses"), (2, 1, "loses"), (1, 2, "doubles")):
-                guards, effects = (is_(name, str(before)),), (to(name, after),)
-                yield Command(
-                    "wire",
-                    f"{verb} {word} of {self.pair.players.named(role)}",
-                    guards,
-                    effects,
-                    False,
-                    True,
-                )
+            words = f"{word} of {self.pair.players.named(role)}"
+            yield from spoilt_copies(self.on_way(role, word), words)
 
     def _deaths(self) -> Iterator[Command]:
         """Either side dies and is restored without its soft state; the other side sees another
         incarnation.
         """
         mine = (*self.forgotten(), *((to(RECEIPT, "no"),) if self.latest else ()))
-        yield Command(self.initiator, "dies and is restored", (), mine, False, True)
+        yield fault(self.initiator, "dies and is restored", (), mine)
         came_back = (to("back", "yes"),) if self.lives else ()
         due = () if self.rules.keeps_due or not self.latest else (to(DUE, "no"),)
         lost = (*self.gone(*Role), to(self.participant, START), to(SAID, NOTHING), *came_back, *due)
-        yield Command(self.participant, "dies and is restored", (), lost, False, True)
+        yield fault(self.participant, "dies and is restored", (), lost)
         if self.lives:
-            states = sorted(
-                str(state) for state in self.first.states - self.pair.over(Role.INITIATOR)
-            )
-            yield from self._renewed(states)
-            over = is_(self.initiator, *self.pair.over(Role.INITIATOR))
-            yield Command(
-                self.initiator, "sees it is back", (is_("back", "yes"), over), (to("back", "no"),)
-            )
+            over = self.pair.over(Role.INITIATOR)
+            yield from self._renewed(sorted(str(state) for state in self.first.states - over))
+            seen = is_("back", "yes"), is_(self.initiator, *over)
+            yield Command(self.initiator, "sees it is back", seen, (to("back", "no"),))
 
     def _renewed(self, states: list[str]) -> Iterator[Command]:
         """Renew an open conversation of a kind that may rest with the new incarnation."""
+        guards = is_("back", "yes"), is_(self.initiator, *states)
         for row in self.first.allowed(START, SEND) if self.rules.renews else ():
             opened = to(self.initiator, row.to), *self.said(Role.INITIATOR, row.word, row.to)
             effects = (*self.forgotten(), to("back", "no"), *opened)
-            guards = is_("back", "yes"), is_(self.initiator, *states)
-            yield Command(
-                self.initiator,
-                f"sees it is back: {row.word} -> {self.participant}",
-                guards,
-                effects,
-            )
+            what = f"sees it is back: {row.word} -> {self.participant}"
+            yield Command(self.initiator, what, guards, effects)
 
     # --- observations -----------------------------------------------------------------------------
 
     def _observations(self) -> Iterator[Command]:
         """Something is seen, sent while there is a subscription, held, receipted."""
+        asker, server = self.initiator, self.participant
         seen = to(DUE, "yes"), to(HELD, "no"), to(ARRIVING, "no"), to(RECEIPT, "no")
-        yield Command(self.participant, "sees something new", (), seen, fair=False)
-        inform = f"inform -> {self.initiator}"
+        yield Command(server, "sees something new", (), seen, fair=False)
         owed = is_(DUE, "yes"), is_(ARRIVING, "no"), is_(RECEIPT, "no")
         for row in self.second:
             if row.way is SEND and row.word == Performative.INFORM:
-                sends = is_(self.participant, str(row.state)), *owed
-                yield Command(
-                    self.participant,
-                    inform,
-                    sends,
-                    (to(ARRIVING, "yes"), to(self.participant, row.to)),
-                )
+                sent = to(ARRIVING, "yes"), to(server, row.to)
+                yield Command(server, f"inform -> {asker}", (is_(server, row.state), *owed), sent)
         for state in sorted(self.first.states - self.first.urgent):
             row_in = self.first.find(state, RECEIVE, Performative.INFORM, Kind.PLAIN)
-            here = is_(self.initiator, str(state)), is_(ARRIVING, "yes")
+            here = is_(asker, str(state)), is_(ARRIVING, "yes")
             if row_in is None or state in self.pair.over(Role.INITIATOR):
-                yield Command(self.initiator, "inform, dropped", here, (to(ARRIVING, "no"),))
+                yield Command(asker, "inform, dropped", here, (to(ARRIVING, "no"),))
             else:
-                effects = to(self.initiator, row_in.to), to(ARRIVING, "no"), to(HELD, "yes")
-                answered = self._answered(Role.INITIATOR, str(state), row_in.to)
-                what = f"inform, receipted <- {self.participant}"
-                yield Command(self.initiator, what, here, (*effects, *answered, to(RECEIPT, "yes")))
+                effects = to(asker, row_in.to), to(ARRIVING, "no"), to(HELD, "yes")
+                answered = (*self._answered(Role.INITIATOR, str(state), row_in.to),)
+                what = f"inform, receipted <- {server}"
+                yield Command(asker, what, here, (*effects, *answered, to(RECEIPT, "yes")))
         settled = to(RECEIPT, "no"), to(DUE, "no")
-        yield Command(
-            self.participant, f"receipt <- {self.initiator}", (is_(RECEIPT, "yes"),), settled
-        )
+        yield Command(server, f"receipt <- {asker}", (is_(RECEIPT, "yes"),), settled)
         for name in (ARRIVING, RECEIPT):
-            yield Command(
-                "wire", f"loses the {name}", (is_(name, "yes"),), (to(name, "no"),), False, True
-            )
+            yield fault("wire", f"loses the {name}", (is_(name, "yes"),), (to(name, "no"),))
 
     def net(self) -> Net:
         """Variables, commands, rest and wrong."""
         quiet = [is_(self.on_way(role, word), "0") for role in Role for word in self.spoken(role)]
+        awake = (is_("back", "no"),) if self.lives else ()
         rest = []
         for number, states in enumerate(self.pair.at_rest()):
             settled = (is_(DUE, "no"), is_(RECEIPT, "no")) if self.latest and number else ()
-            awake = (is_("back", "no"),) if self.lives else ()
             rest.append((*states, *quiet, *settled, *awake))
         wrong = (Wrong(NOT_HELD, (is_(DUE, "no"), is_(HELD, "no"))),) if self.latest else ()
-        name, players = (
-            f"{self.pair.protocol.name} {self.initiator} {self.participant}",
-            tuple(self.pair.players),
-        )
-        return Net(
-            name, tuple(self.variables()), (), tuple(self.commands()), tuple(rest), wrong, players
-        )
+        variables, commands = tuple(self.variables()), tuple(self.commands())
+        players = tuple(self.pair.players)
+        return Net(self.pair.name, variables, (), commands, tuple(rest), wrong, players)
 
 
 def volatile_pair(
@@ -353,8 +299,5 @@ def volatile_pair(
     """The net of a protocol whose conversations are volatile (`latest`: with observations), and at
     most `faults` faults (None: any number).
     """
-    return (
-        _Volatile(Pair(protocol, players or Players()), latest, rules or Rules())
-        .net()
-        .counted(faults)
-    )
+    pair = Pair(protocol, players or Players())
+    return _Volatile(pair, latest, rules or Rules()).net().counted(faults)

@@ -62,11 +62,8 @@ def scaffold(
     outcome = write(folder, project_files(design_text, package, file))
     if any(kept.path == f"{package}/design.toml" for kept in outcome.kept):
         target = folder / package / "design.toml"
-        raise ScaffoldError(
-            str(target),
-            f"was changed and differs from {file}",
-            f"make the project of it: --from {target}",
-        )
+        where, wrong = str(target), f"was changed and differs from {file}"
+        raise ScaffoldError(where, wrong, f"make the project of it: --from {target}")
     return outcome
 
 
@@ -75,11 +72,8 @@ def project_files(design_text: str, package: str, file: str = "design.toml") -> 
     design = Design(loading.read(design_text, file), file)
     require_names(design, package)
     if design.file.system.key != KEY:
-        raise ScaffoldError(
-            f"{file}: system.key",
-            f"is {design.file.system.key!r}",
-            f"the runtime's keys are {KEY!r}",
-        )
+        wrong = f"is {design.file.system.key!r}"
+        raise ScaffoldError(f"{file}: system.key", wrong, f"the runtime's keys are {KEY!r}")
     if slips := design.decomposition.slips:
         raise ScaffoldError(f"{file}: step {slips[0].step}", slips[0].wrong, slips[0].right)
     files = {f"{package}/design.toml": design_text}
