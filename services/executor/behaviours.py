@@ -21,9 +21,8 @@ from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.rc import NotDoneKind
 from fipa_codec.performatives import Performative
-from services.executor import local, outgoing_messages
-from services.executor.acting import PATIENCE, follow, logged, lost, over, start
-from services.executor.local import (
+from services.executor import device_messages, outgoing_messages
+from services.executor.device_messages import (
     Brake,
     ByRays,
     Crashed,
@@ -38,7 +37,8 @@ from services.executor.local import (
     Where,
 )
 from services.executor.memory import CONDITIONS, Act, Memory, Soft
-from services.executor.remembered import Remembered
+from services.executor.motion_sequence import PATIENCE, follow, logged, lost, over, start
+from services.executor.situation_record import SituationRecord
 
 RESTARTED = (fact(Kind.ENDED, "ex"),)
 # estimate: the longest computation of a skill, a planned path home, takes some seconds
@@ -56,7 +56,7 @@ def agent() -> Agent[Memory]:
         "report_act": report_act,
     }
     in_any = {name: partial(_told_of_eyes, behave) for name, behave in behaviours.items()}
-    return bind(AgentName.EX, Memory(), in_any, CONDITIONS, local=local.Local)
+    return bind(AgentName.EX, Memory(), in_any, CONDITIONS, local=device_messages.Local)
 
 
 def _told_of_eyes(behave: Transition[Memory], memory: Memory, turn: Turn) -> Memory:
@@ -254,7 +254,7 @@ def _new_world(memory: Memory, felt: Felt) -> Memory:
     """Forget all, and say so: what a hand held and where things were is known of no thing in this
     world.
     """
-    memory = _where(replace(memory, remembered=Remembered()), felt)
+    memory = _where(replace(memory, remembered=SituationRecord()), felt)
     act = _required(memory)
     outcome = rc.NotDone(act.command.key, NotDoneKind.NEW_WORLD, (fact(Kind.NEW_WORLD),))
     return replace(memory, act=replace(act, outcome=outcome))

@@ -23,7 +23,7 @@ from agent_runtime.io.devices import Post
 from agent_runtime.io.one_reader import OneReaderQueue
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import FAULT, Cancel, LookAgain, Mode, Phase, Release
-from services.executor.local import (
+from services.executor.device_messages import (
     Brake,
     Do,
     Felt,

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.one_reader import OneReaderQueue
 from companion.skills.situation import Neck, Sight
-from services.executor.local import Array
-from services.executor.looks import Blind, Saw, See
+from services.executor.device_messages import Array
+from services.executor.eye_messages import Blind, Saw, See
 from services.executor.renderer import ENTRY, Renderer
 from velma.kinematics.frames import pose_of
 from velma.kinematics.robot import Robot

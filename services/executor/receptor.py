@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion.skills.situation import Neck, Sight
-from services.executor.looks import uncertainty
+from services.executor.eye_messages import uncertainty
 from velma import names
 from velma.eyes import content
 from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH

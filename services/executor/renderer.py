@@ -16,7 +16,7 @@ import msgspec
 from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.worker import Worker
 from companion.telemetry import Picture
-from services.executor.looks import Blind, Saw, See, Show
+from services.executor.eye_messages import Blind, Saw, See, Show
 from velma.model.scene import Scene
 
 ENTRY = "services.executor.renderer_process:serve"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from agent_runtime.io.worker import Link
 from companion.telemetry import Found, Picture
-from services.executor.looks import SHRINK, Saw, See, Show, SightedObject, uncertainty
+from services.executor.eye_messages import SHRINK, Saw, See, Show, SightedObject, uncertainty
 from velma.eyes import health
 from velma.eyes.content import Content
 from velma.eyes.fit import View

@@ -20,8 +20,7 @@ from companion.skills.performing import perform
 from companion.skills.situation import Eye, Held, Neck, Sight, Situation, beginning
 from companion.skills.skill import Asked, Sensed
 from services.executor import simulation
-from services.executor.acting import duration
-from services.executor.local import (
+from services.executor.device_messages import (
     Array,
     Brake,
     ByRays,
@@ -36,9 +35,10 @@ from services.executor.local import (
     ToSkill,
     scene_of,
 )
-from services.executor.looks import Blind, Saw, See
+from services.executor.eye_messages import Blind, Saw, See
+from services.executor.motion_sequence import duration
 from services.executor.pixel_receptor import PixelReceptor
-from services.executor.remembered import Holding, Remembered
+from services.executor.situation_record import Holding, SituationRecord
 from velma import names
 from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
@@ -62,7 +62,7 @@ class Stage:
             PixelReceptor(ask, self.robot) if by_pixels else simulation.receptor(self._scene)
         )
 
-    def situation(self, kept: Remembered, felt: Felt) -> Situation:
+    def situation(self, kept: SituationRecord, felt: Felt) -> Situation:
         """Return what ex knows at the start of an act."""
         here = beginning(self.robot, dict(self.things), self.markers)
         here.stand(felt.setpoint(), felt.head, felt.fingers, felt.time)
@@ -116,7 +116,7 @@ class Stage:
             return self.eye.look(world, neck)
 
 
-def remembered(here: Situation, epoch: str) -> Remembered:
+def remembered(here: Situation, epoch: str) -> SituationRecord:
     """Return a situation as plain data; `epoch` names its world."""
     seen = {
         name: rs.Seen(
@@ -144,7 +144,7 @@ def remembered(here: Situation, epoch: str) -> Remembered:
     fingers = {Side(side): float(angle) for side, angle in here.fingers.items()}
     head = (float(here.head[0]), float(here.head[1]))
     q, time = tuple(float(x) for x in here.q), float(here.time)
-    return Remembered(
+    return SituationRecord(
         q,
         head,
         fingers,
@@ -193,7 +193,7 @@ def _act(link: Link, words: AgentMessages, stage: Stage, word: Perform) -> ToSki
     here = stage.situation(word.remembered, word.felt)
     work = perform(here, word.command)
 
-    def kept() -> Remembered:
+    def kept() -> SituationRecord:
         return remembered(here, word.felt.epoch)
 
     def told(asked: Asked) -> Move | GoOn | Brake:

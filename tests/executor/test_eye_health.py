@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from companion.look_around import POINTS
 from companion.skills.motions import aim
 from companion.skills.situation import Neck
-from services.executor.looks import Saw
+from services.executor.eye_messages import Saw
 from services.executor.renderer_process import Sighted
 from velma import names
 from velma.eyes import health

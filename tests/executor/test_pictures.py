@@ -15,8 +15,8 @@ import pytest
 from companion.skills.motions import aim
 from companion.telemetry import PICTURE_S, Picture, decoded
 from services.executor import telemetry
-from services.executor.local import Setup
-from services.executor.looks import SHRINK
+from services.executor.device_messages import Setup
+from services.executor.eye_messages import SHRINK
 from services.executor.telemetry import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
 from velma import names
 from velma.eyes.lens import HEIGHT, WIDTH

@@ -12,7 +12,7 @@ import pytest
 
 from companion.telemetry import Picture
 from services.executor import renderer
-from services.executor.looks import Blind, Saw, See, Show
+from services.executor.eye_messages import Blind, Saw, See, Show
 from services.executor.renderer import Renderer
 from services.executor.renderer_process import Renderer as Child
 from velma.kinematics.robot import Robot

@@ -13,9 +13,9 @@ import pytest
 from companion.languages import rc
 from companion.skills.loop_messages import Phase
 from services.executor import skill_device
-from services.executor.local import Drop, Ended, Feel, Felt, Move, Perform, Setup
-from services.executor.remembered import Remembered
+from services.executor.device_messages import Drop, Ended, Feel, Felt, Move, Perform, Setup
 from services.executor.renderer import Renderer
+from services.executor.situation_record import SituationRecord
 from services.executor.skill_device import SkillDevice
 from velma.model.scene import load
 from velma.names import START
@@ -26,7 +26,7 @@ WITHIN_S = 120.0
 FELT = Felt(
     q=START.tobytes(), measured=START.tobytes(), head=(0.0, 0.0), time=0.0, ended=str(Phase.DONE)
 )
-REMEMBERED = Remembered(q=tuple(START.tolist()))
+REMEMBERED = SituationRecord(q=tuple(START.tolist()))
 
 
 def look(number: int) -> Perform:

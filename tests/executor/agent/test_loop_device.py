@@ -14,7 +14,18 @@ import pytest
 from companion.languages.facts import Kind, fact
 from companion.skills.loop_messages import FAULT, Mode, Phase, Release, motion
 from services.executor import loop_device
-from services.executor.local import Brake, Do, Felt, GoOn, Halt, Lost, Moved, Passing, Stands, Where
+from services.executor.device_messages import (
+    Brake,
+    Do,
+    Felt,
+    GoOn,
+    Halt,
+    Lost,
+    Moved,
+    Passing,
+    Stands,
+    Where,
+)
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.process import LoopProcess, Speed

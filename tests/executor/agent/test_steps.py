@@ -20,7 +20,7 @@ from companion.skills.loop_messages import motion
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
 from services.executor.behaviours import SKILL_WITHIN_S
-from services.executor.local import (
+from services.executor.device_messages import (
     Brake,
     Crashed,
     Do,
@@ -39,13 +39,13 @@ from services.executor.local import (
     Stands,
     Where,
 )
-from services.executor.remembered import Holding, Remembered
+from services.executor.situation_record import Holding, SituationRecord
 
 Q = np.linspace(0.0, 1.4, 15)
 FELT = Felt(q=Q.tobytes(), measured=Q.tobytes(), head=(0.1, 0.2), time=5.0)
 MOVE = rc.MoveJoint("m1", Side.LEFT, ((0.0,) * 8,), 0.3)
-KEPT = Remembered(q=(1.0,) * 15, time=7.0)
-HOLDING = Remembered(
+KEPT = SituationRecord(q=(1.0,) * 15, time=7.0)
+HOLDING = SituationRecord(
     q=(1.0,) * 15,
     held={Side.LEFT: Holding("jar_1", "g", Pose((0, 0, 0), (1, 0, 0, 0)), 0.3)},
     epoch="one",
@@ -288,7 +288,7 @@ def test_in_another_world_everything_is_forgotten_once(lost: bool) -> None:
     one.step(Local(Stands(1, ELSEWHERE)))
     ((_, _, outcome),) = said(one)[-1:]
     assert (outcome.kind, outcome.body, outcome.held) == ("new-world", None, {})
-    assert one.state.memory.remembered == Remembered(
+    assert one.state.memory.remembered == SituationRecord(
         tuple(Q + 1), (0.1, 0.2), time=5.0, epoch="another"
     )
     ask(one, msgspec.structs.replace(MOVE, key="m2"), "t2")

@@ -9,7 +9,7 @@ from agent_runtime.core.turn import Turn
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import KNOT_S, Motion, Phase
-from services.executor.local import (
+from services.executor.device_messages import (
     Brake,
     Crashed,
     Do,
