@@ -53,10 +53,8 @@ class Stage:
         """`tell` takes the word that its eyes are others now; `ask` waits for a look by pixels."""
         self._scene, self._tell = scene_of(setup), tell
         self.robot = Robot()
-        self.things, self.markers = (
-            simulation.model_names(self._scene),
-            simulation.markers(self._scene),
-        )
+        self.things = simulation.model_names(self._scene)
+        self.markers = simulation.markers(self._scene)
         by_pixels = setup.eyes is Eyes.PIXELS
         self.eye: Eye = (
             PixelReceptor(ask, self.robot) if by_pixels else simulation.receptor(self._scene)

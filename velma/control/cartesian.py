@@ -173,16 +173,12 @@ class _Law:
 
     def __init__(self, built: ctypes.CDLL, record: Record) -> None:
         self._record, self._part, self._at = record, record.part, record.at
-        self._inertia, self._design, self._torque = (
-            built.law_inertia,
-            built.law_damping,
-            built.law_torque,
-        )
-        self._inertia.restype, self._design.restype, self._torque.restype = (
-            ctypes.c_int,
-            ctypes.c_int,
-            None,
-        )
+        self._inertia = built.law_inertia
+        self._design = built.law_damping
+        self._torque = built.law_torque
+        self._inertia.restype = ctypes.c_int
+        self._design.restype = ctypes.c_int
+        self._torque.restype = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _law, (self._record,)
@@ -200,12 +196,10 @@ class _Law:
         """
         part = self._part
         part["mass"][:], part["jacobian"][:] = terms.mass, terms.jacobian
-        part["error"][:], part["slip"][:], part["stray"][:], part["wrench"][:] = (
-            error,
-            slip,
-            stray,
-            wrench,
-        )
+        part["error"][:] = error
+        part["slip"][:] = slip
+        part["stray"][:] = stray
+        part["wrench"][:] = wrench
         if not self._inertia(self._at):
             raise np.linalg.LinAlgError(_NO_INVERSE)
 

@@ -72,11 +72,9 @@ class Wrists:
 
     def _set_constants(self) -> None:
         part = self._part
-        part["sign"][:], part["up"][:], part["point"][:] = (
-            SENSOR_TO_GRIP,
-            (0.0, 0.0, GRAVITY),
-            POINT_M,
-        )
+        part["sign"][:] = SENSOR_TO_GRIP
+        part["up"][:] = (0.0, 0.0, GRAVITY)
+        part["point"][:] = POINT_M
         part["rate"][:] = 1.0 / (self._period_s * self._period_s)
         part["gain"][:] = 1.0 - math.exp(-2.0 * math.pi * CUTOFF_HZ * self._period_s)
 

@@ -108,10 +108,8 @@ class Eyes:
         at = {one.number: found[one.number] for one in markers}
         main = largest(at)
         starts = poses(view, self._of[name][main], at[main])
-        corners, pixels = (
-            np.concatenate([one.corners for one in markers]),
-            np.concatenate(list(at.values())),
-        )
+        corners = np.concatenate([one.corners for one in markers])
+        pixels = np.concatenate(list(at.values()))
         stands = fit(view, corners, pixels, starts[0], upright=True)
         best, tipped = stands, False
         if name not in self._furniture and (stands is None or stands.rms_px > TIPPED_PX):

@@ -261,12 +261,10 @@ class PlainChecks:
     ) -> None:
         """Of coal's shapes, the pairs (2, m)."""
         self.solids, self.pairs = solids, pairs
-        self._model, self._data, self._angle, self._columns = (
-            model,
-            model.createData(),
-            angle,
-            columns,
-        )
+        self._model = model
+        self._data = model.createData()
+        self._angle = angle
+        self._columns = columns
         self._shapes = pin.GeometryModel()
         for shape in solids:
             self._shapes.addGeometryObject(pin.GeometryObject("", 0, 0, pin.SE3.Identity(), shape))
@@ -653,10 +651,8 @@ class World:
 
     def _built(self) -> Near | PlainChecks:
         """Return checks of all shapes, with every pair that may be compared."""
-        groups, solids = (
-            list(self._body.groups),
-            [one.geometry for one in self._body.shapes.geometryObjects],
-        )
+        groups = list(self._body.groups)
+        solids = [one.geometry for one in self._body.shapes.geometryObjects]
         for name, thing in self._things.items():
             thing.geometries = range(len(groups), len(groups) + len(thing.shapes))
             groups += [name] * len(thing.shapes)

@@ -142,13 +142,11 @@ class ArmGeometry:
         wrist = self.T_world_torso.inverse() * target * self.T_grip_wrist
         cos, sin = np.cos(torso), np.sin(torso)
         unturn = np.zeros((len(torso), 3, 3))
-        unturn[:, 0, 0], unturn[:, 0, 1], unturn[:, 1, 0], unturn[:, 1, 1], unturn[:, 2, 2] = (
-            cos,
-            sin,
-            -sin,
-            cos,
-            1.0,
-        )
+        unturn[:, 0, 0] = cos
+        unturn[:, 0, 1] = sin
+        unturn[:, 1, 0] = -sin
+        unturn[:, 1, 1] = cos
+        unturn[:, 2, 2] = 1.0
         to_shoulder = self.T_torso_shoulder.rotation.T
         way = (unturn @ wrist.translation - self.T_torso_shoulder.translation) @ to_shoulder.T
         goal = to_shoulder @ unturn @ wrist.rotation

@@ -267,10 +267,8 @@ class _Task:
         """Return seconds (n - 1,) that joints and tool need for each step of a path (n, 8), without
         accelerations.
         """
-        compiled, speed = (
-            self.robot.chain[self.side],
-            JOINT_FRACTION * self.robot.speed[self.columns],
-        )
+        compiled = self.robot.chain[self.side]
+        speed = JOINT_FRACTION * self.robot.speed[self.columns]
         if compiled is not None:
             return compiled.times(self.start, path, self.columns, self.tool_speed, speed)
         moved = (
@@ -414,12 +412,8 @@ def _bounds(task: _Task, ends: Array, wander: float) -> tuple[Array, Array]:
     """Return the bounds of the trees: inside the limits, the torso `wander` beyond the ends (2,
     8).
     """
-    lower, upper = (
-        task.robot.lower[task.columns] + _INSIDE,
-        task.robot.upper[task.columns] - _INSIDE,
-    )
-    lower[0], upper[0] = (
-        max(-_TORSO, ends[:, 0].min() - wander),
-        min(_TORSO, ends[:, 0].max() + wander),
-    )
+    lower = task.robot.lower[task.columns] + _INSIDE
+    upper = task.robot.upper[task.columns] - _INSIDE
+    lower[0] = max(-_TORSO, ends[:, 0].min() - wander)
+    upper[0] = min(_TORSO, ends[:, 0].max() + wander)
     return np.minimum(lower, ends.min(axis=0)), np.maximum(upper, ends.max(axis=0))

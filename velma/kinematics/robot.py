@@ -86,10 +86,8 @@ class Chain:
 
     def track(self, postures: Array) -> Array:
         """Return the positions (n, 3) [m] of the frame in postures (n, 15)."""
-        given, places = (
-            np.ascontiguousarray(postures, dtype=np.float64),
-            np.empty((len(postures), 3)),
-        )
+        given = np.ascontiguousarray(postures, dtype=np.float64)
+        places = np.empty((len(postures), 3))
         self._track(self._itself, given.ctypes.data, len(given), places.ctypes.data)
         return places
 

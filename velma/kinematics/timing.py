@@ -57,12 +57,10 @@ def _speeds(lengths: Array, slopes: Array) -> Array:
     if n == 2:
         return np.repeat(slopes, 2, axis=0)
     # A tridiagonal system: lower, diagonal and upper (n,), right (n, m).
-    lower, diagonal, upper, right = (
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros((n, slopes.shape[1])),
-    )
+    lower = np.zeros(n)
+    diagonal = np.zeros(n)
+    upper = np.zeros(n)
+    right = np.zeros((n, slopes.shape[1]))
     lower[1:-1], upper[1:-1] = lengths[1:], lengths[:-1]
     diagonal[1:-1] = 2.0 * (lengths[:-1] + lengths[1:])
     right[1:-1] = 3.0 * (lengths[1:, None] * slopes[:-1] + lengths[:-1, None] * slopes[1:])

@@ -237,8 +237,6 @@ class Orders:
             stamp = None
         ordered = self.going_on if stamp == self._seen else read(self._path) if stamp else ()
         now, self._seen = time.time(), stamp
-        before, self.going_on = (
-            self.going_on,
-            tuple(one for one in ordered if not (one.until and one.until < now)),
-        )
+        before = self.going_on
+        self.going_on = tuple(one for one in ordered if not (one.until and one.until < now))
         return self.going_on != before

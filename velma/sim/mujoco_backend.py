@@ -357,11 +357,9 @@ class MujocoBackend:
         state, locked, work, wrist, before, asleep = (self._saved[part] for part in self._parts)
         mujoco.mj_getState(self.model, self.data, state, STATE)
         asleep[:] = self.data.tree_asleep
-        locked[:], work[:], wrist[:] = (
-            self._locked,
-            self._work,
-            self.data.sensordata[self._wrist.ravel()],
-        )
+        locked[:] = self._locked
+        work[:] = self._work
+        wrist[:] = self.data.sensordata[self._wrist.ravel()]
         before[:] = self._before.ravel()
         return self._saved.tobytes()
 

@@ -200,10 +200,8 @@ class LoopCore:
     ) -> None:
         self.backend = backend
         self.dynamics = dynamics or Dynamics(ROBOT_XML)
-        self.impedance, self._hold_gains = (
-            CartesianImpedance(gains),
-            ranges.checked(hold or JointGains()),
-        )
+        self.impedance = CartesianImpedance(gains)
+        self._hold_gains = ranges.checked(hold or JointGains())
         self._error = cartesian.error()
         self._terms: Terms | None = None
         self.command = no_command()
@@ -215,11 +213,9 @@ class LoopCore:
         self.grips = GripWatch(backend.period_s)
         self.fingers.start_from(self.state)
         self._sent = _servos(self.command)  # of head and hands, as they were sent last
-        self._head_target, self._head_goal, self._head_speed = (
-            self.state.head.copy(),
-            self.state.head.copy(),
-            0.0,
-        )
+        self._head_target = self.state.head.copy()
+        self._head_goal = self.state.head.copy()
+        self._head_speed = 0.0
         self.mode, self._dwell, self._release, self._fast = Mode.MOTION, 0, False, 0
         # by a person, who has not released the robot: it holds also after a fault
         self.stopped = False
@@ -272,10 +268,8 @@ class LoopCore:
         return None
 
     def _look(self, goal: HeadGoal) -> None:
-        self._head_goal, self._head_speed = (
-            joint.reachable(np.array((goal.pan, goal.tilt))),
-            goal.speed,
-        )
+        self._head_goal = joint.reachable(np.array((goal.pan, goal.tilt)))
+        self._head_speed = goal.speed
 
     def cancel(self, key: str | None = None) -> None:
         """Bring the running motion (only if it has this key) smoothly to rest."""

@@ -39,10 +39,8 @@ class Fingers:
         self.spread, self._spread_goal = np.zeros(2), np.zeros(2)
         self.locked = np.zeros(2)
         self.touched = np.zeros((2, 3), dtype=bool)
-        self._pushing, self._stalling = (
-            np.zeros((2, 3), dtype=np.intp),
-            np.zeros((2, 3), dtype=np.intp),
-        )
+        self._pushing = np.zeros((2, 3), dtype=np.intp)
+        self._stalling = np.zeros((2, 3), dtype=np.intp)
         self._activity = [Activity.REST, Activity.REST]
         self._closing: list[Close | None] = [None, None]
         self._left_s = [0.0, 0.0]
@@ -133,10 +131,8 @@ class Fingers:
             self._feel(row, state, close)
             if self.touched[row].all():
                 self._goal[row] = np.clip(self.motor[row] + close.squeeze, 0.0, FINGER_UPPER)
-                self._activity[row], self._left_s[row] = (
-                    Activity.SQUEEZING,
-                    close.squeeze / close.speed + close.settle_s,
-                )
+                self._activity[row] = Activity.SQUEEZING
+                self._left_s[row] = close.squeeze / close.speed + close.settle_s
             elif (self.touched[row] | arrived).all():
                 self._activity[row] = Activity.REST  # a finger met nothing: no grip to squeeze
         else:

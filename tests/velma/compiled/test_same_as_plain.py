@@ -476,11 +476,9 @@ def test_torques_are_the_same(seed, some_weight):
     """At any posture, for any errors, over the cycles between two damping designs, to rounding of
     the inverses.
     """
-    rng, ours, theirs = (
-        np.random.default_rng(seed),
-        CartesianImpedance(),
-        without(cartesian, CartesianImpedance),
-    )
+    rng = np.random.default_rng(seed)
+    ours = CartesianImpedance()
+    theirs = without(cartesian, CartesianImpedance)
     assert (ours._law is None, theirs._law is None) == (False, True)
     for q in postures(seed, 6):
         terms = DYNAMICS.terms(q)
@@ -535,11 +533,9 @@ def test_errors_are_the_same(seed, angle):
 @given(seeds, st.integers(1, 80), st.lists(st.integers(0, 79), max_size=2))
 def test_wrists_feel_the_same(seed, cycles, restarts):
     """Over many cycles of any readings, with restarts; what they keep is the same, too."""
-    rng, ours, theirs = (
-        np.random.default_rng(seed),
-        Wrists(0.002),
-        without(grip, lambda: Wrists(0.002)),
-    )
+    rng = np.random.default_rng(seed)
+    ours = Wrists(0.002)
+    theirs = without(grip, lambda: Wrists(0.002))
     assert (ours._feel is None, theirs._feel is None) == (False, True)
     for k in range(cycles):
         rotation = np.stack([pin.exp3(rng.normal(size=3)) for _ in range(2)])

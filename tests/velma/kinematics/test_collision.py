@@ -247,12 +247,10 @@ def test_what_is_between_the_eye_and_a_point_hides_it(
     """A ball on the line; not one beside it, nor one behind the point. The thing itself hides
     nothing of it.
     """
-    world, q, eye, point = (
-        World(robot),
-        np.array(names.START),
-        np.array([0.2, 0.0, 1.7]),
-        np.array([0.8, 0.0, 1.1]),
-    )
+    world = World(robot)
+    q = np.array(names.START)
+    eye = np.array([0.2, 0.0, 1.7])
+    point = np.array([0.8, 0.0, 1.1])
     world.put("bowl", [Box((0.1, 0.1, 0.1))], standing(point))
     assert not world.hidden(q, eye, [point], "bowl")
     world.put("ball", [Sphere(0.05)], standing(at))

@@ -73,10 +73,8 @@ def test_closed_leaves_cover_what_is_behind_them() -> None:
     edges = []
     for name, model in (("door_1", Model.DOOR_LEFT), ("door_2", Model.DOOR_RIGHT)):
         panel = objects()[model]["parts"]["panel"]
-        middle, half = (
-            in_cabinet(CLOSED, name).act(np.array(panel["xyz"])),
-            np.array(panel["box"]) / 2,
-        )
+        middle = in_cabinet(CLOSED, name).act(np.array(panel["xyz"]))
+        half = np.array(panel["box"]) / 2
         assert middle[2] + half[2] == pytest.approx(
             boards["top"]["xyz"][2] - boards["top"]["box"][2] / 2
         )

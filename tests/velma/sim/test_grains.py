@@ -42,10 +42,8 @@ def alone(spin: bool) -> mujoco.MjModel:
 def put(model: mujoco.MjModel, data: mujoco.MjData, name: str, at: np.ndarray) -> None:
     """Put a grain somewhere: sliding ones count from where they begin."""
     body = model.body(name)
-    first, free = (
-        model.jnt_qposadr[body.jntadr[0]],
-        model.jnt_type[body.jntadr[0]] == mujoco.mjtJoint.mjJNT_FREE,
-    )
+    first = model.jnt_qposadr[body.jntadr[0]]
+    free = model.jnt_type[body.jntadr[0]] == mujoco.mjtJoint.mjJNT_FREE
     data.qpos[first : first + 3] = at if free else at - body.pos
 
 
