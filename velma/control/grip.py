@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velma.compiled import library
-from velma.control.cartesian import GRAVITY, CartesianGains
-from velma.control.record import Record
+from velma.control.cartesian import GRAVITY, CartesianGains, Record
 
 Array = NDArray[np.float64]
 

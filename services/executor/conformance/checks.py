@@ -24,7 +24,7 @@ from services.executor.loop.act import BRAKE_S
 from services.executor.loop.core import DAMPING_CYCLES, LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.process import GONE_TURNS, LATE_TURNS, LoopProcess, Speed
-from velma.control import damping
+from velma.control import safety
 from velma.names import (
     BODY,
     DISTAL_UPPER,
@@ -560,10 +560,10 @@ def stop_kept(subject: Subject) -> Measured:
         obeyed = core.mode is Mode.STOPPED and failed and core.begin(rising(core)) is not None
         core.release()
         count = 0
-        while core.mode is Mode.STOPPED and count < 2 * damping.DWELL_CYCLES:
+        while core.mode is Mode.STOPPED and count < 2 * safety.DWELL_CYCLES:
             cycles(core, subject, 1)
             count += 1
-    return max(0, damping.DWELL_CYCLES - count) + (not obeyed), f"left after {count} cycles"
+    return max(0, safety.DWELL_CYCLES - count) + (not obeyed), f"left after {count} cycles"
 
 
 def stop_waits(subject: Subject) -> Measured:

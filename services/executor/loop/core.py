@@ -34,7 +34,7 @@ from services.executor.loop.act import Act, Verdict
 from services.executor.loop.fingers import Fingers
 from services.executor.loop.grip_watch import GripWatch
 from velma import names, ranges
-from velma.control import cartesian, damping, joint, limits
+from velma.control import cartesian, joint, safety
 from velma.control.cartesian import CartesianGains, CartesianImpedance
 from velma.control.dynamics import Dynamics, Terms
 from velma.control.joint import JointGains
@@ -141,7 +141,7 @@ def impossible(state: State) -> str:
     """Return why no robot can be in this state, with joint and reading; "" for a possible state."""
     # In every cycle: plain numbers take a third of the time of small arrays. NaN fails each
     # comparison.
-    slow = all(-damping.FASTEST <= v <= damping.FASTEST for v in state.v.tolist())
+    slow = all(-safety.FASTEST <= v <= safety.FASTEST for v in state.v.tolist())
     if slow and all(
         least <= q <= most for q, (least, most) in zip(state.q.tolist(), _RANGES, strict=True)
     ):
@@ -149,10 +149,10 @@ def impossible(state: State) -> str:
     if not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
         return "a joint measurement is not a finite number"
     fastest = int(np.argmax(np.abs(state.v)))
-    if abs(state.v[fastest]) > damping.FASTEST:
+    if abs(state.v[fastest]) > safety.FASTEST:
         return (
             f"{BODY[fastest]} is measured at {state.v[fastest]:.3g} rad/s, at most"
-            f" {damping.FASTEST:g} is possible"
+            f" {safety.FASTEST:g} is possible"
         )
     farthest = int(np.argmax(np.maximum(LOWER - state.q, state.q - UPPER)))
     possible = f"{_LEAST[farthest]:.2f} to {_MOST[farthest]:.2f}"
@@ -359,7 +359,7 @@ class LoopCore:
         else:
             self._mend()
             tau = self._blamed(_impossible_servo(servos), tau)
-        if not limits.is_accepted(tau):
+        if not safety.is_accepted(tau):
             tau = self._cut(tau)
         self.command.tau[:] = tau
         try:
@@ -373,8 +373,8 @@ class LoopCore:
             self._mend()
             self._fault(Fault("the torque of the control law is not a finite number"))
             tau = self._safe()
-        self.saturated += not limits.is_accepted(tau)
-        return limits.accepted(tau)
+        self.saturated += not safety.is_accepted(tau)
+        return safety.accepted(tau)
 
     def _blamed(self, why: str, tau: Array) -> Array:
         """Return the safe torque after a fault of head or hands; in a safe mode, the joints stay in
@@ -400,7 +400,7 @@ class LoopCore:
         """Return damping with the weight of what the hands hold, if that can be known: nothing else
         moves a joint.
         """
-        tau = damping.torque(self.state.v)
+        tau = safety.damping_torque(self.state.v)
         with suppress(Exception):  # the model may be what has failed
             if self.payloads.mass.any():
                 if not impossible(self.state):
@@ -410,7 +410,7 @@ class LoopCore:
                         terms.rotation, self.payloads.mass, self.payloads.lever
                     )
                     held = tau + terms.jacobian.T @ wrench
-                    return limits.accepted(held) if np.isfinite(held).all() else tau
+                    return safety.accepted(held) if np.isfinite(held).all() else tau
         return tau
 
     def _check(self, state: State) -> None:
@@ -427,7 +427,7 @@ class LoopCore:
         if self.mode is Mode.DAMPING and self._dwell >= DAMPING_CYCLES:
             self.mode = Mode.STOPPED if self.stopped else Mode.HOLD
             self.setpoint = state.q.copy()
-        elif self.mode is not Mode.MOTION and self._release and self._dwell >= damping.DWELL_CYCLES:
+        elif self.mode is not Mode.MOTION and self._release and self._dwell >= safety.DWELL_CYCLES:
             self.mode, self._release = Mode.MOTION, False
             self.impedance.renew()
 
@@ -449,7 +449,7 @@ class LoopCore:
     def _control(self, state: State) -> Array:
         dt = self.backend.period_s
         if self._head_target.tolist() != self._head_goal.tolist():
-            self._head_target = joint.advance(
+            self._head_target = joint.advance_head(
                 self._head_target, self._head_goal, self._head_speed, dt
             )
         self.command.head[:] = self._head_target

@@ -25,7 +25,7 @@ from companion.skills.loop_messages import (
     motion,
 )
 from services.executor.loop.core import BEYOND, DAMPING_CYCLES, LoopCore, impossible
-from velma.control import damping
+from velma.control import safety
 from velma.control.joint import JointGains
 from velma.errors import MotionError
 from velma.names import BODY, LOWER, START, TORQUE, UPPER
@@ -285,7 +285,7 @@ def test_a_law_without_an_answer_is_a_fault(core):
     core.impedance.torque = lambda *_: np.full(15, np.nan)
     cycles(core, 1)
     assert (core.mode, core.report.phase, core.faults) == (Mode.DAMPING, Phase.FAILED, 1)
-    np.testing.assert_allclose(core.backend.taus[-1], damping.torque(core.state.v), atol=0.5)
+    np.testing.assert_allclose(core.backend.taus[-1], safety.damping_torque(core.state.v), atol=0.5)
     assert np.isfinite(core.backend.taus[-1]).all()
 
 
@@ -319,7 +319,7 @@ def test_after_a_fault_damping_becomes_hold_and_hold_waits_for_a_release(core):
     cycles(core, DAMPING_CYCLES + 1)
     assert core.mode is Mode.HOLD
     assert core.begin(motion("up", rise(core))).why == (fact(Kind.HELD_STILL, "hold"),)
-    cycles(core, 2 * damping.DWELL_CYCLES)
+    cycles(core, 2 * safety.DWELL_CYCLES)
     assert core.mode is Mode.HOLD
     core.release()
     cycles(core, 1)
@@ -334,7 +334,7 @@ def test_a_release_before_the_dwell_is_granted_after_it(core):
     core.stop()
     assert core.report.phase is Phase.FAILED
     core.release()
-    cycles(core, damping.DWELL_CYCLES - 1)
+    cycles(core, safety.DWELL_CYCLES - 1)
     assert core.mode is Mode.STOPPED
     cycles(core, 2)
     assert core.mode is Mode.MOTION
@@ -397,7 +397,7 @@ def test_time_has_to_go_on_while_something_is_to_happen(core):
     assert (core.mode, core.busy) == (Mode.HOLD, False)
     core.release()
     assert core.busy is True
-    cycles(core, damping.DWELL_CYCLES)
+    cycles(core, safety.DWELL_CYCLES)
     assert (core.mode, core.busy) == (Mode.MOTION, False)
 
 
@@ -407,7 +407,7 @@ def test_what_is_just_possible_is_no_fault(core):
     """
     state = core.state
     ends = (("q", -1.0, (LOWER - BEYOND)[3]), ("q", 1.0, (UPPER + BEYOND)[3]))
-    for name, way, limit in (("v", -1.0, -damping.FASTEST), ("v", 1.0, damping.FASTEST), *ends):
+    for name, way, limit in (("v", -1.0, -safety.FASTEST), ("v", 1.0, safety.FASTEST), *ends):
         values = getattr(state, name)
         before, values[3] = values[3], limit
         assert impossible(state) == ""

@@ -10,7 +10,7 @@ from grips import DYNAMICS, JAR_POSTURE, lever, raised, standing
 
 from companion.skills.loop_messages import Close, HeadGoal, Mode, Move, Payload, Phase, motion
 from services.executor.loop.core import FAST_CYCLES, TOO_FAST, LoopCore
-from velma.control import damping
+from velma.control import safety
 from velma.model import scene
 from velma.names import BODY, SIDES
 from velma.sim.mock_backend import MockBackend
@@ -171,7 +171,7 @@ class Fast(MockBackend):
         self.joint, self.speed, self.left = joint, speed, cycles
 
     def step(self, command):
-        self.damped = damping.torque(self._state.v)
+        self.damped = safety.damping_torque(self._state.v)
         super().step(command)
         if self.left > 0:
             self._state.v[self.joint] = self.speed

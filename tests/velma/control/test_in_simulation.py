@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from velma.control import cartesian, joint, limits
+from velma.control import cartesian, joint, safety
 from velma.control.cartesian import CartesianGains, CartesianImpedance
 from velma.control.dynamics import Dynamics
 from velma.control.joint import JointGains
@@ -50,7 +50,7 @@ class Bench:
             tau = self.impedance.torque(
                 terms, self.error, state.v - self.speed, stray, np.zeros(12)
             )
-        self.command.tau[:] = limits.accepted(tau)
+        self.command.tau[:] = safety.accepted(tau)
         self.largest = np.maximum(self.largest, np.abs(self.command.tau))
         self.robot.data.xfrc_applied[self.body] = self.wrench
         self.robot.step(self.command)
@@ -180,8 +180,8 @@ def test_no_torque_leaves_the_accepted_range():
     bench = Bench()
     bench.goal = START.copy()
     bench.run(0.5)
-    assert (bench.largest <= limits.TORQUE).all()
-    assert (bench.largest == limits.TORQUE).any()
+    assert (bench.largest <= safety.TORQUE).all()
+    assert (bench.largest == safety.TORQUE).any()
 
 
 def test_joint_hold_feels_its_stiffness():
