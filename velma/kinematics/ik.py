@@ -13,13 +13,12 @@ from functools import lru_cache
 from itertools import product
 from typing import Any
 
-import eigenpy
 import numpy as np
 import pinocchio as pin
 
 from velma import names
 from velma.compiled import library
-from velma.kinematics.robot import Limits, Robot, between
+from velma.kinematics.robot import Limits, Robot
 from velma.names import Array, Columns
 
 # --- Inverse kinematics of Velma's arm in closed form: all postures of a grip pose, for many elbows
@@ -239,15 +238,6 @@ class PathBlocked(Exception):
         )
 
 
-def _step(jacobian: Array, error: Array) -> Array:
-    """Damped least squares: J^T (J J^T + damping)^-1 error, shortened to `_LARGEST_TURN`."""
-    square = jacobian @ jacobian.T
-    square.ravel()[::7] += _DAMPING
-    change = eigenpy.LLT(square).solve(error) @ jacobian
-    largest = max(change.max(), -change.min())
-    return np.asarray(change if largest <= _LARGEST_TURN else change * (_LARGEST_TURN / largest))
-
-
 def solve(
     robot: Robot,
     side: str,
@@ -267,28 +257,7 @@ def solve(
     columns = names.COLUMNS[side] if columns is None else columns
     if not all(map(math.isfinite, q.tolist())):
         return None
-    compiled = robot.chain[side]
-    if compiled is not None:
-        return compiled.solve(target, q, _limits(robot, tuple(columns), iterations, tolerance))
-    lower, upper = robot.lower[columns] + _STAY_INSIDE, robot.upper[columns] - _STAY_INSIDE
-    model, data, frame = robot.model, robot.data, robot.frame[side]
-    near, turned = tolerance
-    goal, goal_rotation = target.translation, target.rotation
-    error, q = np.empty(6), q.copy()
-    for _ in range(iterations):
-        pin.computeJointJacobians(model, data, q)
-        here = pin.updateFramePlacement(model, data, frame)
-        error[:3] = goal - here.translation
-        error[3:] = pin.log3(goal_rotation @ here.rotation.T)
-        size = np.abs(error)
-        if size[:3].max() < near and size[3:].max() < turned:
-            return q
-        jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).take(
-            columns, 1
-        )
-        change = _step(jacobian, np.minimum(np.maximum(error, -_LARGEST_ERROR), _LARGEST_ERROR))
-        q[columns] = np.minimum(np.maximum(q.take(columns) + change, lower), upper)
-    return None
+    return robot.chain[side].solve(target, q, _limits(robot, tuple(columns), iterations, tolerance))
 
 
 @lru_cache(maxsize=64)
@@ -321,12 +290,8 @@ def line(
     length = float(np.linalg.norm(target.translation - start.translation))
     turn = float(np.linalg.norm(pin.log3(target.rotation @ start.rotation.T)))
     count = max(2, int(max(length / step, turn / 0.06)))
-    compiled = robot.chain[side]
-    if compiled is not None:
-        limits = _limits(robot, tuple(columns.tolist()), _ON_A_LINE, _TOLERANCE)
-        solved, jumps = compiled.line(start, target, count, q, limits, _JUMP)
-    else:
-        solved, jumps = _solved_line(robot, side, between(start, target, count), q, columns)
+    limits = _limits(robot, tuple(columns.tolist()), _ON_A_LINE, _TOLERANCE)
+    solved, jumps = robot.chain[side].line(start, target, count, q, limits, _JUMP)
     path = [q]
     for following in solved[: len(solved) - jumps]:
         if accept is not None and not accept(following):
@@ -337,23 +302,6 @@ def line(
     if len(path) <= count:
         raise PathBlocked("reach", path[-1], (len(path) - 1) / count)
     return path
-
-
-def _solved_line(
-    robot: Robot, side: str, poses: list[Any], q: Array, columns: Columns
-) -> tuple[list[Array], bool]:
-    """Return a posture for each pose, up to one that is not found, or jumps from the one before;
-    whether one does.
-    """
-    path = [q]
-    for pose in poses:
-        following = solve(robot, side, pose, path[-1], columns=columns, iterations=_ON_A_LINE)
-        if following is None:
-            break
-        path.append(following)
-        if np.abs(following - path[-2]).max() > _JUMP:
-            return path[1:], True
-    return path[1:], False
 
 
 def _inside(polygon: Array, x: Array, y: Array) -> Any:

@@ -267,16 +267,9 @@ class _Task:
         """Return seconds (n - 1,) that joints and tool need for each step of a path (n, 8), without
         accelerations.
         """
-        compiled = self.robot.chain[self.side]
         speed = JOINT_FRACTION * self.robot.speed[self.columns]
-        if compiled is not None:
-            return compiled.times(self.start, path, self.columns, self.tool_speed, speed)
-        moved = (
-            np.linalg.norm(np.diff(self.robot.track(self.wholes(path), self.side), axis=0), axis=1)
-            / self.tool_speed
-        )
-        turned = np.abs(np.diff(path, axis=0)) / speed
-        return np.asarray(np.maximum(moved, turned.max(axis=1)))
+        chain = self.robot.chain[self.side]
+        return chain.times(self.start, path, self.columns, self.tool_speed, speed)
 
     def timed(self, path: Array) -> Trajectory:
         """Return the timed motion along a path (n, 8)."""
