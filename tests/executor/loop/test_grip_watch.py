@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from grips import BOWL_POSTURE, JAR_POSTURE, at, lever, raised, standing
+from grips import BOWL_POSTURE, JAR_GRIP, JAR_POSTURE, at, lever, raised, standing
 
 from companion.languages.facts import Kind
 from companion.skills.loop_messages import Close, Open, Payload, Phase, motion
@@ -18,13 +18,7 @@ from velma.sim.mock_backend import MockBackend
 from velma.sim.truth import TruthReader
 
 GRASPS = {
-    "jar_1": (
-        JAR_POSTURE,
-        1,
-        0.52,
-        Close(squeeze=math.radians(40), upto=2.0, speed=0.6, settle_s=0.6),
-        0.2,
-    ),
+    "jar_1": (JAR_POSTURE, 1, 0.52, JAR_GRIP, 0.2),
     "bowl_1": (BOWL_POSTURE, 0, math.radians(60), Close(squeeze=math.radians(0.8)), 0.3),
 }
 SPARE_KG = 0.12

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from grips import DYNAMICS, JAR_POSTURE, lever, raised, standing
+from grips import DYNAMICS, jar_gripped, lever, raised
 
-from companion.skills.loop_messages import Close, HeadGoal, Mode, Move, Payload, Phase, motion
+from companion.skills.loop_messages import HeadGoal, Mode, Move, Payload, Phase, motion
 from services.executor.loop.core import FAST_CYCLES, TOO_FAST, LoopCore
 from velma.control import safety
 from velma.model import scene
@@ -56,12 +56,7 @@ def grips(core):
 @pytest.fixture(scope="module")
 def carrying():
     """A loop that holds the jar 3 cm above its shelf, and all that is needed to return to this."""
-    core, truth = standing(JAR_POSTURE, 1, 0.52)
-    core.run(
-        motion(
-            "close", core.setpoint, until="touch", left=Close(math.radians(40), upto=2.0, speed=0.6)
-        )
-    )
+    core, truth = jar_gripped()
     payload = Payload(JAR_KG, lever(core, truth, 1, "jar_1"))
     core.run(motion("lift", raised(core.setpoint, 1, 0.03), payload_left=payload, settle_s=0.5))
     assert core.report.phase is Phase.DONE
