@@ -1,6 +1,38 @@
-"""Makes the double of a robot and what else several folders here need importable."""
+"""Makes helpers, doubles and the example importable; the loop's clock, moved by the test."""
 
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parent))
+import pytest
+
+from services.executor.loop import process, timing
+
+HERE = Path(__file__).parent
+OTHERS = (
+    HERE.parent / "fleet",
+    HERE.parent / "agent_runtime",
+    HERE.parents[1] / "examples/point_mass",
+)
+sys.path[:0] = [str(one) for one in (HERE, HERE / "loop", HERE / "conformance", *OTHERS)]
+
+
+class Clock:
+    """A clock that only sleep and the test move."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.now += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """In place of the module `time`, in the loop's process and its pacer."""
+    clock = Clock()
+    monkeypatch.setattr(process, "time", clock)
+    monkeypatch.setattr(timing, "time", clock)
+    return clock

@@ -64,6 +64,8 @@ def idle(felt: Felt = FELT) -> Driven:
     one.step(Started())
     assert one.tells == [Halt(0)]
     one.step(Local(Stands(0, felt)))
+    kept = one.state.memory.remembered
+    assert (kept.q, kept.head, kept.time) == (tuple(Q), felt.head, felt.time)
     return one
 
 
@@ -126,12 +128,6 @@ def said(one: Driven) -> list[tuple[P, str, Any]]:
     ]
 
 
-def test_ex_knows_where_its_robot_stands() -> None:
-    """Set-points, head and time, as the loop says them."""
-    kept = idle().state.memory.remembered
-    assert (kept.q, kept.head, kept.time) == (tuple(Q), (0.1, 0.2), 5.0)
-
-
 def test_acts_are_counted() -> None:
     """Words of one act are not news of the next."""
     one = idle()
@@ -171,33 +167,24 @@ def test_words_of_another_act_change_nothing() -> None:
         one = state()
         memory, place = one.state.memory, one.state.state
         one.step(Local(word))
-        assert (one.state.memory, one.state.state, one.tells, one.sends()) == (
-            memory,
-            place,
-            [],
-            [],
-        ), (name, word)
+        found = one.state.memory, one.state.state, one.tells, one.sends()
+        assert found == (memory, place, [], []), (name, word)
 
 
 def test_a_second_act_and_a_subscription_are_refused_in_every_state() -> None:
-    """The act under way goes on."""
-    for name, state in STATES.items():
+    """The act under way goes on. At rest a subscription is refused, too: no readings are given out
+    yet.
+    """
+    for name, state in (*STATES.items(), ("idle", idle)):
         one = state()
         place = one.state.state
-        ask(one, rc.Look("l1", ((1.0, 0.0, 1.0),)), "t2")
-        assert said(one) == [
-            (P.REFUSE, "t2", rc.NotDone("l1", "busy", (fact(Kind.BUSY, "ex"),)))
-        ], name
+        if state is not idle:
+            ask(one, rc.Look("l1", ((1.0, 0.0, 1.0),)), "t2")
+            busy = rc.NotDone("l1", "busy", (fact(Kind.BUSY, "ex"),))
+            assert said(one) == [(P.REFUSE, "t2", busy)], name
         one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
         assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")], name
         assert one.state.state == place, name
-
-
-def test_a_subscription_is_refused_at_rest() -> None:
-    """No readings are given out yet."""
-    one = idle()
-    one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
-    assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")]
 
 
 @pytest.mark.parametrize(
@@ -263,12 +250,8 @@ def test_a_skill_that_ends_without_a_motion_is_the_outcome() -> None:
     one.step(Local(Ended(1, DONE, KEPT)))
     assert said(one) == [(P.INFORM, "t1", DONE)]
     memory = one.state.memory
-    assert (memory.act, memory.last, memory.remembered, memory.soft.felt) == (
-        None,
-        "m1",
-        KEPT,
-        None,
-    )
+    found = memory.act, memory.last, memory.remembered, memory.soft.felt
+    assert found == (None, "m1", KEPT, None)
 
 
 ELSEWHERE = msgspec.structs.replace(FELT, epoch="another", q=(Q + 1).tobytes())
@@ -296,24 +279,20 @@ def test_in_another_world_everything_is_forgotten_once(lost: bool) -> None:
     assert isinstance(one.tells[-1], Perform)
 
 
-def test_after_a_loss_the_outcome_is_unknown_once_the_robot_stands() -> None:
-    """It stands where the loop says."""
+@pytest.mark.parametrize(("cancelled", "answer"), [(False, P.FAILURE), (True, P.INFORM)])
+def test_after_a_loss_the_outcome_is_unknown_once_the_robot_stands(
+    cancelled: bool, answer: P
+) -> None:
+    """It stands where the loop says. After a cancel the outcome comes in reply to that."""
     one = halting()
     assert one.state.wakes == {}
+    if cancelled:
+        cancel(one, "t1")
+        assert (one.state.state, said(one)) == ("stopping", [])
     one.step(Local(Stands(1, FELT)))
     ((act, _, outcome),) = said(one)
-    assert (act, outcome.kind, outcome.why) == (P.FAILURE, "unknown", NO_LOOP)
+    assert (act, outcome.kind, outcome.why) == (answer, "unknown", NO_LOOP)
     assert one.state.memory.remembered.q == tuple(Q)
-
-
-def test_a_cancel_while_it_is_brought_to_rest_is_answered_with_the_outcome() -> None:
-    """In reply to the cancel."""
-    one = halting()
-    cancel(one, "t1")
-    assert (one.state.state, said(one)) == ("stopping", [])
-    one.step(Local(Stands(1, FELT)))
-    ((act, _, outcome),) = said(one)
-    assert (act, outcome.kind) == (P.INFORM, "unknown")
 
 
 @pytest.mark.parametrize(

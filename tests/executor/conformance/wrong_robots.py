@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from doubles import RobotDouble, copied
 from msgspec.structs import replace
-from robot_double import RobotDouble, copied
 
 from velma.sim.mock_backend import MockBackend
 

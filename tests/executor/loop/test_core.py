@@ -7,10 +7,10 @@ import itertools
 import msgspec
 import numpy as np
 import pytest
+from doubles import RobotDouble, reading, stays, throws
 from grips import DYNAMICS
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from robot_double import RobotDouble, reading, stays, throws
 
 from companion.languages.facts import Kind, fact
 from companion.skills.loop_messages import (

@@ -1,6 +1,11 @@
-"""The one double of a robot in these tests: MockBackend, with hooks where a test changes it."""
+"""The doubles of these tests: a robot, which is MockBackend with hooks where a test changes it, and
+the agent to which a device posts.
+"""
 
+import threading
+import time
 from collections.abc import Callable
+from queue import Queue
 from typing import Any, NoReturn
 
 import msgspec
@@ -72,3 +77,31 @@ def all_finite(_: RobotDouble, command: Command) -> Command:
     """A hook for `asked`: a command with what is no number fails the test."""
     assert all(np.isfinite(getattr(command, name)).all() for name in command.__struct_fields__)
     return command
+
+
+WITHIN_S = 120.0  # a child may have the lowest priority: on a busy machine it starts in a minute
+
+
+class PostDouble:
+    """Takes what a device posts, and what it publishes for people."""
+
+    def __init__(self) -> None:
+        self.words, self.published = Queue[Any](), Queue[tuple[str, bytes]]()
+
+    def __call__(self, content: object, delay_s: float = 0.0) -> None:
+        self.words.put(content)
+
+    def publish(self, kind: str, data: bytes) -> None:
+        self.published.put((kind, data))
+
+    def next(self) -> Any:
+        """What is posted next."""
+        return self.words.get(timeout=WITHIN_S)
+
+
+def eventually(there: Callable[[], object], within_s: float = WITHIN_S) -> bool:
+    """Whether it is true before long; other threads run meanwhile."""
+    end, waiting = time.monotonic() + within_s, threading.Event()
+    while not there() and time.monotonic() < end:
+        waiting.wait(0.005)
+    return bool(there())
