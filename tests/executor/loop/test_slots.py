@@ -46,27 +46,6 @@ def test_a_writer_that_died_in_the_middle_is_seen_and_survived(slot):
     assert slot.read() == (4, b"again")
 
 
-def test_no_reader_sees_half_a_record(slot):
-    """Another process writes records of one letter each; every record read has its letter and its
-    length.
-    """
-    record = [bytes([65 + k % 26]) * (1 + 37 * k % 3000) for k in range(20000)]
-    child = os.fork()
-    if child == 0:
-        for bytes_ in record:
-            slot.write(bytes_)
-        os._exit(0)
-    seen = set()
-    while os.waitpid(child, os.WNOHANG) == (0, 0):
-        found = slot.read()
-        if found is not None:
-            k = found[0] // 2 - 1
-            assert found[1] == record[k]
-            seen.add(k)
-    assert seen
-    assert slot.read() == (2 * len(record), record[-1])
-
-
 def test_a_loop_finds_what_the_agent_sends_once(path):
     """Numbered, in order, the newest of what was not taken."""
     loop = LoopLink(path)
