@@ -10,14 +10,13 @@ import cv2
 import numpy as np
 import pytest
 from doubles import WITHIN_S, PostDouble, eventually
+from simulated import look_at
 
-from companion.skills.motions import aim
 from companion.telemetry import PICTURE_S, Picture, decoded
 from services.executor import telemetry
 from services.executor.device_messages import Setup
 from services.executor.eye_messages import SHRINK
 from services.executor.telemetry import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
-from velma import names
 from velma.eyes.lens import HEIGHT, WIDTH
 from velma.eyes.pictures import smaller
 from velma.model.scene import load
@@ -87,9 +86,8 @@ def test_markers_that_are_found_in_it_are_told(screen: Screen, eye: Pictures) ->
     """
     jar = load().find("jar_1")
     assert jar is not None
-    goal, world, model = aim(0.0, jar.xyz), WORLD.copy(), compiled(load())
-    for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
-        world[model.joint(name).qposadr[0]] = angle
+    world = WORLD.copy()
+    look_at(compiled(load()), world, jar.xyz)
     assert eye.offer(0.0, world, now=100.0)
     found = screen.next()
     assert {one.thing for one in found.markers} >= {"jar_1", "bowl_1", "cabinet_2"}

@@ -6,21 +6,19 @@ import os
 import signal
 from collections.abc import Iterator
 
-import mujoco
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from simulated import look_at, placed
 
 from agent_runtime.core.errors import WorkerError
 from companion.eyes import VARIABLE, Eyes, eyes
 from companion.look_around import POINTS
-from companion.skills.motions import aim
 from companion.skills.situation import Eye, Neck, Sight
 from services.executor import renderer
 from services.executor.pixel_receptor import OwnPixelReceptor
 from services.executor.receptor import Receptor
 from services.executor.simulation import receptor
-from velma import names
 from velma.model.scene import Scene, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 
@@ -33,17 +31,13 @@ Point = tuple[float, float, float]
 
 def turned(point: Point) -> tuple[np.ndarray, Neck]:
     """The state with the head on a point, and its joints."""
-    qpos, goal = BACKEND.configuration().copy(), aim(0.0, point)
-    for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
-        qpos[BACKEND.model.joint(name).qposadr[0]] = angle
-    return qpos, (0.0, goal.pan, goal.tilt)
+    qpos = BACKEND.configuration().copy()
+    return qpos, look_at(BACKEND.model, qpos, point)
 
 
 def place(name: str) -> np.ndarray:
     """Where a thing is."""
-    data = mujoco.MjData(BACKEND.model)
-    data.qpos[:] = BACKEND.configuration()
-    mujoco.mj_kinematics(BACKEND.model, data)
+    data = placed(BACKEND.model, BACKEND.configuration())
     return np.asarray(data.body(name).xpos.copy())
 
 

@@ -3,14 +3,13 @@ never nothing.
 """
 
 import msgspec
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from simulated import look_at, placed, put
 
-from companion.skills.motions import aim
 from companion.skills.situation import Sight
 from services.executor.receptor import FARTHEST_M, LEAST_M, TURN_NOISE, Receptor
 from velma import names
@@ -43,16 +42,12 @@ class Place:
 
     def turn(self, point: tuple[float, float, float]) -> "Place":
         """The head to a point."""
-        goal = aim(0.0, point)
-        for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
-            self.qpos[self.model.joint(name).qposadr[0]] = angle
+        look_at(self.model, self.qpos, point)
         return self
 
     def put(self, name: str, pose: pin.SE3) -> None:
         """A thing that can move goes there."""
-        x, y, z, w = pin.SE3ToXYZQUAT(pose)[3:]
-        start = self.model.jnt_qposadr[self.model.body(name).jntadr[0]]
-        self.qpos[start : start + 7] = [*pose.translation, w, x, y, z]
+        put(self.model, self.qpos, name, pose)
 
     def seen(self) -> dict[str, Sight]:
         """Return the sights of a new eye at its first look."""
@@ -92,9 +87,7 @@ def test_what_is_too_far_or_too_near_is_not_seen() -> None:
     """
     place = Place((jar(OPEN),)).turn(OPEN)
     eye = place.model.body(names.CAMERA_BODY)
-    data = mujoco.MjData(place.model)
-    data.qpos[:] = place.qpos
-    mujoco.mj_kinematics(place.model, data)
+    data = placed(place.model, place.qpos)
     forwards = data.xmat[eye.id].reshape(3, 3)[:, 2]
     for distance, seen in (
         (0.25, False),
