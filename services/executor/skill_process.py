@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
+import pinocchio as pin
 
 from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.worker import Link
@@ -74,11 +75,8 @@ class Stage:
             here.set_fingers(str(side), angle)
         for side, one in kept.held.items():
             steady = None if one.steady is None else transform(one.steady)
-            inside = transform(one.pose)
-            here.take(
-                str(side),
-                Held(one.object, one.grasp, inside, one.mass, steady, one.apart, one.slipped),
-            )
+            held = one.object, one.grasp, transform(one.pose), one.mass
+            here.take(str(side), Held(*held, steady, one.apart, one.slipped))
         here.unfinished, here.ill = dict(kept.unfinished), kept.ill
         here.placed = dict(kept.placed)
         here.put = {name: here.seen[name] for name in kept.placed}
@@ -118,42 +116,27 @@ def remembered(here: Situation, epoch: str) -> SituationRecord:
     """Return a situation as plain data; `epoch` names its world."""
     seen = {
         name: rs.Seen(
-            name,
-            here.models[name],
-            Pose(*xyz_quat(pose)),
-            here.time,
-            here.contents.get(name),
+            name, here.models[name], _pose(pose), here.time, here.contents.get(name),
             here.uncertain.get(name),
         )
         for name, pose in here.seen.items()
-    }
-    held = {
-        Side(side): Holding(
-            one.object,
-            one.grasp,
-            Pose(*xyz_quat(one.T_grip_object)),
-            one.mass,
-            None if one.steady is None else Pose(*xyz_quat(one.steady)),
-            one.apart,
-            one.slipped,
-        )
-        for side, one in here.held.items()
-    }
+    }  # fmt: skip
+    held = {Side(side): _holding(one) for side, one in here.held.items()}
     fingers = {Side(side): float(angle) for side, angle in here.fingers.items()}
     head = (float(here.head[0]), float(here.head[1]))
     q, time = tuple(float(x) for x in here.q), float(here.time)
-    return SituationRecord(
-        q,
-        head,
-        fingers,
-        seen,
-        held,
-        dict(here.placed),
-        dict(here.unfinished),
-        time,
-        epoch,
-        here.ill,
-    )
+    placed, unfinished = dict(here.placed), dict(here.unfinished)
+    return SituationRecord(q, head, fingers, seen, held, placed, unfinished, time, epoch, here.ill)
+
+
+def _pose(transform: pin.SE3) -> Pose:
+    return Pose(*xyz_quat(transform))
+
+
+def _holding(one: Held) -> Holding:
+    steady = None if one.steady is None else _pose(one.steady)
+    inside = _pose(one.T_grip_object)
+    return Holding(one.object, one.grasp, inside, one.mass, steady, one.apart, one.slipped)
 
 
 def serve(link: Link) -> None:

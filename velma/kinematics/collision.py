@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
-from velma.compiled import library
+from velma.compiled import fields, library
 from velma.errors import VelmaError
 from velma.kinematics.frames import transform
 from velma.kinematics.robot import Robot, axis, body_frame
@@ -38,30 +38,19 @@ _MOST = 64  # joints; as in near.c
 class _Near(ctypes.Structure):
     """As in near.c."""
 
-    _fields_ = (
-        *((name, ctypes.c_int) for name in ("joints", "shapes", "bodies")),
-        *(
-            (name, ctypes.c_void_p)
-            for name in ("parent", "placed", "axis", "column", "angle", "used", "joint")
-        ),
-        *(
-            (name, ctypes.c_void_p)
-            for name in ("on", "mounted", "moved", "at", "half", "kind", "body")
-        ),
-        *((name, ctypes.c_void_p) for name in ("box", "body_box")),
+    _fields_ = fields(
+        (ctypes.c_int, "joints shapes bodies"),
+        (ctypes.c_void_p, "parent placed axis column angle used joint"),
+        (ctypes.c_void_p, "on mounted moved at half kind body box body_box"),
     )
 
 
 class _Among(ctypes.Structure):
     """As in near.c."""
 
-    _fields_ = (
-        *((name, ctypes.c_int) for name in ("pairs", "body_pairs")),
-        *(
-            (name, ctypes.c_void_p)
-            for name in ("first_body", "second_body", "start", "first", "second", "number")
-        ),
-        ("found", ctypes.c_void_p),
+    _fields_ = fields(
+        (ctypes.c_int, "pairs body_pairs"),
+        (ctypes.c_void_p, "first_body second_body start first second number found"),
     )
 
 
@@ -131,19 +120,11 @@ class Near:
         half = np.array([_half(shape) for shape in solids])
         kind = np.array([_KINDS.get(type(shape), 0) for shape in solids], dtype=np.uint8)
         joints = len(tree.parent)
-        self._kept = (
-            *(
-                tree.parent,
-                tree.placed,
-                tree.axis,
-                tree.column,
-                angle,
-                np.full(joints, np.nan),
-                np.empty((joints, 12)),
-            ),
-            *(self._on, self._mounted, self._moved, self._at, half, kind, bodies.astype(np.int32)),
-            *(np.empty((count, 6)), np.empty((most, 6))),
-        )
+        hinges = tree.parent, tree.placed, tree.axis, tree.column, angle
+        posed = np.full(joints, np.nan), np.empty((joints, 12))
+        mounted = self._on, self._mounted, self._moved, self._at, half, kind
+        boxes = np.empty((count, 6)), np.empty((most, 6))
+        self._kept = (*hinges, *posed, *mounted, bodies.astype(np.int32), *boxes)
         near = _Near(joints, count, most, *(array.ctypes.data for array in self._kept))
         self._itself, self._left = ctypes.byref(near), ctypes.c_int()
         self._given = np.empty(15)
@@ -151,21 +132,12 @@ class Near:
         self._one = self._given.ctypes.data, 1, 1, ctypes.byref(self._left)
         self._first, self._pairs = built.near_first, built.near_pairs
         address, number = ctypes.c_void_p, ctypes.c_double
-        self._first.argtypes = [
-            address,
-            address,
-            number,
-            address,
-            ctypes.c_int,
-            ctypes.c_int,
-            address,
-        ]
         self._pairs.argtypes = [address, address, number, address]
+        self._first.argtypes = [*self._pairs.argtypes, ctypes.c_int, ctypes.c_int, address]
         of = np.sort(bodies[pairs], axis=0)
         order = np.lexsort(of)
-        self._sorted = np.concatenate((of, pairs, [np.arange(len(order))])).astype(np.int32)[
-            :, order
-        ]
+        rows = np.concatenate((of, pairs, [np.arange(len(order))]))
+        self._sorted = rows.astype(np.int32)[:, order]
 
     def among(self, wanted: Array) -> Among:
         """Return those of the pairs that are `wanted` (m,)."""
@@ -174,13 +146,8 @@ class Near:
         begins[1:] = (one_body[1:] != one_body[:-1]) | (other_body[1:] != other_body[:-1])
         start = np.append(np.flatnonzero(begins), len(begins)).astype(np.int32)
         found = np.empty(len(begins) + len(start), dtype=np.int32)
-        arrays = (
-            one_body[begins],
-            other_body[begins],
-            start,
-            *map(np.ascontiguousarray, pairs),
-            found,
-        )
+        both = one_body[begins], other_body[begins]
+        arrays = (*both, start, *map(np.ascontiguousarray, pairs), found)
         among = _Among(len(begins), len(start) - 1, *(array.ctypes.data for array in arrays))
         return Among(ctypes.byref(among), found, arrays)
 
@@ -581,15 +548,13 @@ class World:
     def inside(self, shape: Any, pose: Any) -> set[str]:
         """Return the things at rest that reach into a shape at T_world_shape."""
         room, there = solid(shape), _placed(pose)
-        request = coal.CollisionRequest()
+        request, found = coal.CollisionRequest(), coal.CollisionResult()
         return {
             name
             for name, thing in self._things.items()
             if thing.side is None
             and any(
-                coal.collide(
-                    room, there, part, _placed(thing.pose * at), request, coal.CollisionResult()
-                )
+                coal.collide(room, there, part, _placed(thing.pose * at), request, found)
                 for part, at in zip(thing.solids, thing.at, strict=True)
             )
         }

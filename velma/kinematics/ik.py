@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
-from velma.compiled import library
+from velma.compiled import fields, library
 from velma.kinematics.robot import Limits, Robot
 from velma.names import Array, Columns
 
@@ -67,21 +67,17 @@ def _cross(a: Array, b: Array) -> Array:
 class _Arm(ctypes.Structure):
     """As in arm.c."""
 
-    _fields_ = (
-        ("upper", ctypes.c_double),
-        ("fore", ctypes.c_double),
-        ("shoulder", ctypes.c_double * 12),
-    )
+    _fields_ = fields((ctypes.c_double, "upper fore"), (ctypes.c_double * 12, "shoulder"))
 
 
 class _Wanted(ctypes.Structure):
     """As in arm.c."""
 
-    _fields_ = (
-        *((name, ctypes.c_void_p) for name in ("lower", "upper")),
-        *((name, ctypes.c_double) for name in ("margin", "torso")),
-        *((name, ctypes.c_int) for name in ("corners", "column")),
-        ("polygon", ctypes.c_void_p),
+    _fields_ = fields(
+        (ctypes.c_void_p, "lower upper"),
+        (ctypes.c_double, "margin torso"),
+        (ctypes.c_int, "corners column"),
+        (ctypes.c_void_p, "polygon"),
     )
 
 
@@ -95,10 +91,8 @@ class Wanted:
         self, lower: Array, upper: Array, margin: float, torso: float, polygon: Array, column: int
     ) -> None:
         self._arrays = [np.array(one, dtype=np.float64) for one in (lower, upper, polygon)]
-        pointers = [array.ctypes.data for array in self._arrays]
-        self.itself = _Wanted(
-            pointers[0], pointers[1], margin, torso, len(polygon), column, pointers[2]
-        )
+        least, most, corners = (array.ctypes.data for array in self._arrays)
+        self.itself = _Wanted(least, most, margin, torso, len(polygon), column, corners)
 
 
 def _numbers(pose: Any) -> Any:

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
-from velma.compiled import library
+from velma.compiled import fields, library
 from velma.names import Array, Columns
 
 # --- Torso and one arm, as chain.c of velma.compiled computes with them and as Pinocchio does. Must
@@ -29,22 +29,16 @@ _WORLD_AXES = pin.LOCAL_WORLD_ALIGNED
 class _Chain(ctypes.Structure):
     """As in chain.c."""
 
-    _fields_ = (
-        ("joints", ctypes.c_int),
-        *((name, ctypes.c_void_p) for name in ("placed", "axis", "column")),
-    )
+    _fields_ = fields((ctypes.c_int, "joints"), (ctypes.c_void_p, "placed axis column"))
 
 
 class _Limits(ctypes.Structure):
     """As in chain.c."""
 
-    _fields_ = (
-        ("iterations", ctypes.c_int),
-        *(
-            (name, ctypes.c_double)
-            for name in ("near", "turned", "damping", "largest_turn", "largest_error")
-        ),
-        *((name, ctypes.c_void_p) for name in ("lower", "upper", "moves")),
+    _fields_ = fields(
+        (ctypes.c_int, "iterations"),
+        (ctypes.c_double, "near turned damping largest_turn largest_error"),
+        (ctypes.c_void_p, "lower upper moves"),
     )
 
 
@@ -159,21 +153,15 @@ class Chain:
 def _declared(built: ctypes.CDLL) -> tuple[Any, ...]:
     """Return the library's functions of a chain."""
     address, count, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
-    calls = (
-        built.chain_track,
-        built.chain_solve,
-        built.chain_times,
-        built.chain_upward,
-        built.chain_line,
-    )
-    track, solve, times, upward, line = calls
+    track, solve, times = built.chain_track, built.chain_solve, built.chain_times
+    upward, line = built.chain_upward, built.chain_line
     track.argtypes, track.restype = [address, address, count, address], None
     solve.argtypes, solve.restype = [address, address, address, address], count
     times.argtypes = [address, address, address, count, count, address, number, address, address]
     upward.argtypes = [address, address, count, address, address]
     line.argtypes = [address, address, address, address, count, number, address, address, address]
     times.restype, upward.restype, line.restype = None, None, count
-    return calls
+    return track, solve, times, upward, line
 
 
 class PlainChain:
