@@ -219,7 +219,7 @@ def _half(shape: Any) -> Array:
 
 
 class PlainChecks:
-    """As `near.Near`, slower. `angle` (n,) [rad]: of all joints; `columns` (15,): those of a
+    """As Near, slower. `angle` (n,) [rad]: of all joints; `columns` (15,): those of a
     posture among them.
     """
 

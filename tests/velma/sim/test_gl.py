@@ -15,14 +15,8 @@ from velma.sim import gl
 pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).resolve().parents[3]
-NAMING = (
-    "README.md",
-    "docs/eyes.md",
-    "docs/deploy.md",
-    "scripts/errors.toml",
-    "deploy/Dockerfile",
-    "deploy/make-base",
-)
+NAMING = ("README.md", "docs/eyes.md", "docs/deploy.md", "scripts/errors.toml",
+          "deploy/Dockerfile", "deploy/make-base")  # fmt: skip
 
 
 @pytest.fixture
@@ -48,9 +42,8 @@ def test_where_all_libraries_are_here_one_draws() -> None:
 @pytest.mark.usefixtures("no_opengl")
 def test_libraries_that_cannot_be_loaded_are_named() -> None:
     """Both of them, and all packages of Debian."""
-    with pytest.raises(
-        GlError, match=r"libEGL\.so\.1: file too .* \S*libOSMesa\.so\.8: file too"
-    ) as told:
+    both = r"libEGL\.so\.1: file too .* \S*libOSMesa\.so\.8: file too"
+    with pytest.raises(GlError, match=both) as told:
         gl.required()
     assert GlError.PACKAGES in gl.lost()
     assert str(told.value) == gl.lost()
