@@ -113,11 +113,8 @@ class Eyes:
         stands = fit(view, corners, pixels, starts[0], upright=True)
         best, tipped = stands, False
         if name not in self._furniture and (stands is None or stands.rms_px > TIPPED_PX):
-            leaning = [
-                one
-                for start in starts
-                if (one := fit(view, corners, pixels, start, upright=False)) is not None
-            ]
+            fits = (fit(view, corners, pixels, start, upright=False) for start in starts)
+            leaning = (one for one in fits if one is not None)
             lies = min(leaning, key=lambda one: one.rms_px, default=None)
             tipped = lies is not None and (
                 stands is None or lies.rms_px < TIPPED_SHARE * stands.rms_px

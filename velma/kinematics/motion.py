@@ -151,9 +151,8 @@ def shortened(path: Array, allowed: Allowed, cost: Cost, rng: np.random.Generato
         if last - first < 2:
             continue
         piece = path[first : last + 1]
-        straight = (
-            _one_joint(piece, rng) if rng.random() < _ONE_JOINT else dense(piece[[0, -1]], STEP)
-        )
+        alone = rng.random() < _ONE_JOINT
+        straight = _one_joint(piece, rng) if alone else dense(piece[[0, -1]], STEP)
         new = cost(straight)
         if new.sum() < costs[first:last].sum() - _GAIN and clear(allowed, straight[1:-1]):
             path = np.concatenate((path[:first], straight, path[last + 1 :]))
@@ -199,11 +198,9 @@ CHECK_S = 0.04  # between checked states of the timed motion (trial runs)
 SPARE_M = 0.002  # additional distance during the search, used up by rounding (estimate)
 _INSIDE = 0.02  # rad: trees stay this far inside the limits
 _TORSO = 1.3  # rad: trees keep the torso away from its limit
-_WANDER = (
-    # rad: how far beyond its ends first trees turn the torso, which is four times slower than an
-    # arm (estimate)
-    0.4
-)
+# rad: how far beyond its ends first trees turn the torso, which is four times slower than an arm
+# (estimate)
+_WANDER = 0.4
 
 
 @dataclass(frozen=True)
@@ -351,9 +348,8 @@ def _quickest(
             task.world.margin = margin
         spared = task.world.margin
         for number, way in enumerate(_ways(task, iterations, seed, attempts)):
-            short = shortened(
-                way, task.all_allowed, task.cost, np.random.default_rng([seed, number])
-            )
+            rng = np.random.default_rng([seed, number])
+            short = shortened(way, task.all_allowed, task.cost, rng)
             task.world.margin = margin
             found = _in_time(task, short)
             task.world.margin = spared

@@ -84,19 +84,15 @@ def coming_back(subject: Subject) -> Measured:
             robot.backend.step(robot.command)
             robot.backend.observe()
             took.append(time.monotonic() - began)
-    return (
-        sorted(took)[-3],
-        f"of 200 cycles, the two longest left out; the longest {max(took):.3f} s",
-    )
+    told = f"of 200 cycles, the two longest left out; the longest {max(took):.3f} s"
+    return sorted(took)[-3], told
 
 
 def passing(subject: Subject) -> Measured:
     """The largest difference between a step of the state's time and the period [s]."""
     with bench(subject) as robot:
-        told = [
-            float(robot.backend.observe().time),
-            *(float(state.time) for state in robot.steps(1.0)),
-        ]
+        told = [float(robot.backend.observe().time)]
+        told += [float(state.time) for state in robot.steps(1.0)]
         off = np.abs(np.diff(told) - robot.backend.period_s)
     k = int(np.argmax(off))
     return float(off[k]), f"cycle {k}: from {told[k]:.6f} s to {told[k + 1]:.6f} s"
@@ -611,11 +607,8 @@ def turning(subject: Subject) -> Iterator[tuple[LoopProcess, Listening, Path]]:
         core = subject.core(heard, dynamics=dynamics())
         speed = Speed.REAL if subject.paced else Speed.MAX
         pacer = subject.pacer(robot.backend.period_s)
-        yield (
-            subject.process(core, LoopLink(path), speed=speed, truth=None, pacer=pacer),
-            heard,
-            path,
-        )
+        loop = subject.process(core, LoopLink(path), speed=speed, truth=None, pacer=pacer)
+        yield loop, heard, path
 
 
 def stop_file(subject: Subject) -> Measured:

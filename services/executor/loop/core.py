@@ -180,11 +180,8 @@ def _not_followed(joints: Array, most: float) -> Facts:
     worst = int(joints.argmax())
     # The impedance moves the other joints of an arm for one that sticks: which one sticks is not
     # known.
-    return (
-        (fact(Kind.NOT_FOLLOWED, BODY[worst].rsplit("_", 2)[0], joints[worst]),)
-        if joints[worst] > most
-        else ()
-    )
+    part = BODY[worst].rsplit("_", 2)[0]
+    return (fact(Kind.NOT_FOLLOWED, part, joints[worst]),) if joints[worst] > most else ()
 
 
 class LoopCore:
@@ -246,10 +243,8 @@ class LoopCore:
             )
             return Refusal((fact(Kind.BUSY, "loop"),), running)
         if self.mode is not Mode.MOTION:
-            return Refusal(
-                (fact(Kind.HELD_STILL, self.mode),),
-                f"the robot is in mode {self.mode}; release it first",
-            )
+            held = f"the robot is in mode {self.mode}; release it first"
+            return Refusal((fact(Kind.HELD_STILL, self.mode),), held)
         try:
             asked = checked(asked)
             act = Act(asked, self.setpoint, self.state.time)
@@ -508,9 +503,8 @@ class LoopCore:
         if off := _not_followed(joints, JOINT_OFF):
             return off
         for row, (side, command) in enumerate(zip(names.SIDES, asked.hands(), strict=True)):
-            away, turned = (
-                float(np.linalg.norm(error[at : at + 3])) for at in (6 * row, 6 * row + 3)
-            )
+            parts = error[6 * row : 6 * row + 6].reshape(2, 3)
+            away, turned = (float(np.linalg.norm(part)) for part in parts)
             if away > HAND_OFF_M or turned > HAND_OFF:
                 return (fact(Kind.HAND_OFF, side, away, turned),)
             if isinstance(command, Move):

@@ -135,11 +135,8 @@ class LoopFile:
         size, magic = os.fstat(file).st_size, os.pread(file, len(MAGIC), 0)
         if size != _layout()[1] or magic != MAGIC:
             os.close(file)
-            raise SlotError(
-                str(path),
-                f"{size} bytes beginning {magic!r}",
-                f"{_layout()[1]} bytes beginning {MAGIC!r}",
-            )
+            expected = f"{_layout()[1]} bytes beginning {MAGIC!r}"
+            raise SlotError(str(path), f"{size} bytes beginning {magic!r}", expected)
         return cls(path, file)
 
     @property

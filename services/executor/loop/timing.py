@@ -44,9 +44,8 @@ class Histogram:
         upto = np.cumsum(self._bins)
         out = {}
         for name, share in (("p50", 0.5), ("p99", 0.99), ("p999", 0.999)):
-            out[name] = min(
-                self._max, float(BIN_US * (1 + np.searchsorted(upto, share * self._count)))
-            )
+            edge = float(BIN_US * (1 + np.searchsorted(upto, share * self._count)))
+            out[name] = min(self._max, edge)
         out["max"] = self._max
         return out
 
