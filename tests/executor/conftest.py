@@ -8,12 +8,9 @@ import pytest
 from services.executor.loop import process, timing
 
 HERE = Path(__file__).parent
-OTHERS = (
-    HERE.parent / "fleet",
-    HERE.parent / "agent_runtime",
-    HERE.parents[1] / "examples/point_mass",
-)
-sys.path[:0] = [str(one) for one in (HERE, HERE / "loop", HERE / "conformance", *OTHERS)]
+OTHERS = ("loop", "conformance", "../velma", "../fleet", "../agent_runtime")
+sys.path[:0] = [str(HERE), *(str((HERE / one).resolve()) for one in OTHERS)]
+sys.path.append(str(HERE.parents[1] / "examples" / "point_mass"))
 
 
 class Clock:
