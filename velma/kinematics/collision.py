@@ -393,10 +393,13 @@ def _body(robot: Robot) -> _Body:
 
 
 class World:
-    """The robot among things. Not thread-safe; q (15,) [rad], poses T_world_thing, `margin` [m]."""
+    """The robot among things. Not thread-safe; q (15,) [rad], poses T_world_thing.
+
+    `margin`: distance [m] below which shapes count as touching; may be changed at any time.
+    """
 
     def __init__(self, robot: Robot, margin: float = MARGIN) -> None:
-        self._margin = margin
+        self.margin = margin
         self.checks = 0  # states checked so far
         self._body = _body(robot)
         model = self._body.model
@@ -411,15 +414,6 @@ class World:
         self._allowed: tuple[tuple[str, str], ...] = ()
         self._checks: Near | PlainChecks | None = None  # None after things were added or removed
         self._fresh = False  # whether the compared pairs agree with what is held and allowed
-
-    @property
-    def margin(self) -> float:
-        """Distance [m] below which shapes count as touching; may be changed at any time."""
-        return self._margin
-
-    @margin.setter
-    def margin(self, margin: float) -> None:
-        self._margin = margin
 
     # --- things -----------------------------------------------------------------------------------
     def put(self, name: str, shapes: Sequence[Any], pose: Any, kind: Kind = "furniture") -> None:
@@ -497,13 +491,13 @@ class World:
     def free(self, q: Array) -> bool:
         """Whether nothing comes nearer to anything than the margin, at q (15,), which is finite."""
         self.checks += 1
-        return self._current().free(self._compares, self._margin, q)
+        return self._current().free(self._compares, self.margin, q)
 
     def first_free(self, postures: Array) -> int | None:
         """Return the number of the first posture (n, 15) that is free, as `free` says; None if none
         is.
         """
-        found = self._current().first(self._compares, self._margin, postures, True)
+        found = self._current().first(self._compares, self.margin, postures, True)
         self.checks += min(found + 1, len(postures))
         return found if found < len(postures) else None
 
@@ -511,7 +505,7 @@ class World:
         """Whether all postures (n, 15) are free, as `free` says; none is looked at after one that
         is not.
         """
-        found = self._current().first(self._compares, self._margin, postures, False)
+        found = self._current().first(self._compares, self.margin, postures, False)
         self.checks += min(found + 1, len(postures))
         return found == len(postures)
 
@@ -521,10 +515,10 @@ class World:
         """
         checks = self._current()
         nearest: dict[tuple[str, str], float] = {}
-        for k in checks.close(self._compares, self._margin, q):
+        for k in checks.close(self._compares, self.margin, q):
             first, second = (int(shape) for shape in self._numbered[:, k])
             pair = checks.solids[first], checks.at(first), checks.solids[second], checks.at(second)
-            if nearer(*pair, self._margin):
+            if nearer(*pair, self.margin):
                 key = (self._called(first), self._called(second))
                 nearest[key] = min(distance(*pair), nearest.get(key, np.inf))
         return sorted(((a, b, d) for (a, b), d in nearest.items()), key=lambda found: found[2])
@@ -536,7 +530,7 @@ class World:
         Neither the head nor that thing itself hides any.
         """
         checks = self._current()
-        checks.close(self._compares, self._margin, q)
+        checks.close(self._compares, self.margin, q)
         joints = [geometry.parentJoint for geometry in self._body.shapes.geometryObjects]
         others = [
             (checks.solids[k], checks.at(k))

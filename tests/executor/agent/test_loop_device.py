@@ -30,7 +30,7 @@ from services.executor.device_messages import (
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.process import LoopProcess, Speed
-from services.executor.loop.slots import Counters
+from services.executor.loop.slots import Counter
 from services.executor.loop.timing import Pacer
 from services.executor.loop_device import LoopDevice
 from velma.sim.mock_backend import MockBackend
@@ -168,9 +168,9 @@ def test_a_look_may_take_long(
     monkeypatch.setattr(loop_device, "SILENT_S", 0.05)
     reach.moves(reach.where(), 0.5, look_every_s=0.3)
     reach.gives(Passing)
-    beats = Counters(AgentLink(turned.path).file.slots["beat"], 1)
-    first = beats.read()[0]
-    until(lambda: beats.read()[0] > first + 20)
+    beats = Counter(AgentLink(turned.path).file.slots["beat"])
+    first = beats.read()
+    until(lambda: beats.read() > first + 20)
     assert reach.post.words.empty()
     reach.tell(GoOn(1, "a", 60.0))
     reach.gives(Moved)

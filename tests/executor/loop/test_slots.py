@@ -9,7 +9,7 @@ import pytest
 from companion.skills.loop_messages import Cancel, Release, motion
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.memory import _begun
-from services.executor.loop.slots import Counters, LoopFile, Slot
+from services.executor.loop.slots import Counter, LoopFile, Slot
 from velma.errors import SlotError
 from velma.names import START
 
@@ -96,14 +96,12 @@ def test_what_is_no_slot_file_is_refused(path):
         LoopFile.open(path)
 
 
-def test_counters_count(slot):
-    """Each by itself."""
-    counters = Counters(slot, 2)
-    assert counters.read() == (0, 0)
-    counters.add(1)
-    counters.add(1)
-    counters.add(0)
-    assert counters.read() == (1, 2)
+def test_a_counter_counts(slot):
+    counter = Counter(slot)
+    assert counter.read() == 0
+    counter.add()
+    counter.add()
+    assert counter.read() == 2
 
 
 @pytest.mark.parametrize("make", [LoopFile.create, lambda path: _begun(path, bytes(32))])
