@@ -108,12 +108,9 @@ def test_a_key_is_begun_once(scene: Scene) -> None:
     assert scene.last.why == (fact(Kind.BEGUN_BEFORE),)
 
 
-DEATHS = [
-    (point, looks, step)
-    for point in Point
-    for looks, first in ((False, 1), (True, 5))
-    for step in range(first, first + 11)
-]
+FIRST = ((False, 1), (True, 5))
+STEPS = [(looks, step) for looks, first in FIRST for step in range(first, first + 11)]
+DEATHS = [(point, *row) for point in Point for row in STEPS]
 
 
 def test_a_death_in_an_act(some: Callable[[Sequence[Any], int], list[Any]]) -> None:

@@ -3,7 +3,6 @@ of another act.
 """
 
 import itertools
-from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -101,12 +100,7 @@ def halting() -> Driven:
     return one
 
 
-STATES: dict[str, Callable[[], Driven]] = {
-    "preparing": preparing,
-    "acting": acting,
-    "stopping": stopping,
-    "halting": halting,
-}
+STATES = (preparing, acting, stopping, halting)
 
 
 def ask(one: Driven, command: rc.Command, talk: str) -> None:
@@ -163,28 +157,28 @@ OF_ANOTHER_ACT = (
 
 def test_words_of_another_act_change_nothing() -> None:
     """Words of a killed worker are ignored, in every state."""
-    for (name, state), word in itertools.product(STATES.items(), OF_ANOTHER_ACT):
+    for state, word in itertools.product(STATES, OF_ANOTHER_ACT):
         one = state()
         memory, place = one.state.memory, one.state.state
         one.step(Local(word))
         found = one.state.memory, one.state.state, one.tells, one.sends()
-        assert found == (memory, place, [], []), (name, word)
+        assert found == (memory, place, [], []), (state, word)
 
 
 def test_a_second_act_and_a_subscription_are_refused_in_every_state() -> None:
     """The act under way goes on. At rest a subscription is refused, too: no readings are given out
     yet.
     """
-    for name, state in (*STATES.items(), ("idle", idle)):
+    for state in (*STATES, idle):
         one = state()
         place = one.state.state
         if state is not idle:
             ask(one, rc.Look("l1", ((1.0, 0.0, 1.0),)), "t2")
             busy = rc.NotDone("l1", "busy", (fact(Kind.BUSY, "ex"),))
-            assert said(one) == [(P.REFUSE, "t2", busy)], name
+            assert said(one) == [(P.REFUSE, "t2", busy)], state
         one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
-        assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")], name
-        assert one.state.state == place, name
+        assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")], state
+        assert one.state.state == place, state
 
 
 @pytest.mark.parametrize(
@@ -211,19 +205,19 @@ def test_an_act_whose_skill_gives_no_motion_is_interrupted(event: Event, why: Fa
     assert one.state.wakes == {}
 
 
-@pytest.mark.parametrize("state", [acting, stopping])
-@pytest.mark.parametrize("answer", [GoOn(1, "m1", 0.25), Brake(1, "m1")])
-def test_a_look_at_a_motion_is_the_skills(state: Callable[[], Driven], answer: Any) -> None:
+def test_a_look_at_a_motion_is_the_skills() -> None:
     """It gets what the loop felt, and its answer is the loop's; nothing is written into ex's memory
     by that.
     """
-    one = state()
-    memory = one.state.memory
-    one.step(Local(Passing(1, FELT)))
-    assert one.tells == [Glance(1, FELT)]
-    one.step(Local(answer))
-    assert one.tells == [answer]
-    assert one.state.memory == memory
+    answers = (GoOn(1, "m1", 0.25), Brake(1, "m1"))
+    for state, answer in itertools.product((acting, stopping), answers):
+        one = state()
+        memory = one.state.memory
+        one.step(Local(Passing(1, FELT)))
+        assert one.tells == [Glance(1, FELT)]
+        one.step(Local(answer))
+        assert one.tells == [answer]
+        assert one.state.memory == memory
 
 
 def ended(phase: str) -> Felt:
@@ -295,16 +289,14 @@ def test_after_a_loss_the_outcome_is_unknown_once_the_robot_stands(
     assert one.state.memory.remembered.q == tuple(Q)
 
 
-@pytest.mark.parametrize(
-    ("state", "why"), [("stopping", (fact(Kind.ENDED, "ex"),)), ("halting", NO_LOOP)]
-)
-def test_a_restart_while_it_stops_brings_the_robot_to_rest(state: str, why: Facts) -> None:
+def test_a_restart_while_it_stops_brings_the_robot_to_rest() -> None:
     """The reason of the unknown outcome is the one known first."""
-    one = STATES[state]()
-    one.step(Started(first=False))
-    assert one.tells == [Drop(1), Halt(1)]
-    one.step(Local(Stands(1, FELT)))
-    assert said(one)[0][2].why == why
+    for state, why in ((stopping, (fact(Kind.ENDED, "ex"),)), (halting, NO_LOOP)):
+        one = state()
+        one.step(Started(first=False))
+        assert one.tells == [Drop(1), Halt(1)]
+        one.step(Local(Stands(1, FELT)))
+        assert said(one)[0][2].why == why
 
 
 def test_a_loop_lost_while_it_stops_is_halted() -> None:

@@ -70,7 +70,7 @@ def test_nobody_comes(jar):
     assert jar.grip.pull == 0.0
 
 
-KNOCKS = [(Kind.KNOCKED, size) for size in (20.0, 40.0, -30.0)]
+KNOCKS = [(Kind.KNOCKED, size) for size in (40.0, -30.0)]
 
 
 @pytest.mark.parametrize(("kind", "size"), [*KNOCKS, (Kind.PULLED, 3.5), (Kind.PULLED, -10.0)])

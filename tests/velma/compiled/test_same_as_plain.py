@@ -38,20 +38,13 @@ seeds = st.integers(0, 2**32 - 1)
 sides = st.sampled_from(names.SIDES)
 poses = st.builds(
     lambda x, y, z, yaw: standing((x, y, z), yaw),
-    st.floats(0.2, 1.0),
-    st.floats(-0.8, 0.8),
-    st.floats(0.4, 1.6),
-    st.floats(-3.0, 3.0),
+    *(st.floats(*ends) for ends in ((0.2, 1.0), (-0.8, 0.8), (0.4, 1.6), (-3.0, 3.0))),
 )
 sizes = st.floats(0.02, 0.4)
-shapes = st.one_of(
-    st.builds(Sphere, sizes),
-    st.builds(Cylinder, sizes, sizes),
-    st.builds(Box, st.tuples(sizes, sizes, sizes)),
-)
-things = st.lists(
-    st.tuples(shapes, poses, st.sampled_from(["furniture", "object"])), min_size=1, max_size=5
-)
+solids = (st.builds(Sphere, sizes), st.builds(Cylinder, sizes, sizes))
+shapes = st.one_of(*solids, st.builds(Box, st.tuples(sizes, sizes, sizes)))
+kinds = st.sampled_from(["furniture", "object"])
+things = st.lists(st.tuples(shapes, poses, kinds), min_size=1, max_size=5)
 
 
 def without(module: object, make: Callable[[], Any]) -> Any:

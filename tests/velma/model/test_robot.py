@@ -130,11 +130,8 @@ def test_names_repeat_the_numbers(numbers, both):
         [model.joint(name).range for name in names.HEAD],
         np.stack([names.HEAD_LOWER, names.HEAD_UPPER], 1),
     )
-    speeds = {
-        body["joint"]["name"]: body["joint"]["speed"]
-        for body in build.bodies(numbers)
-        if "joint" in body
-    }
+    joints = [body["joint"] for body in build.bodies(numbers) if "joint" in body]
+    speeds = {joint["name"]: joint["speed"] for joint in joints}
     np.testing.assert_array_equal([speeds[name] for name in names.BODY], names.SPEED)
     torque = numbers["limits"]["accepted_torque"]
     np.testing.assert_array_equal([torque["torso"], *torque["arm"], *torque["arm"]], names.TORQUE)
