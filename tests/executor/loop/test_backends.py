@@ -76,7 +76,7 @@ def test_a_back_end_of_ones_own_runs_in_the_loop(lab):
         np.testing.assert_allclose(seen(agent).q, start, atol=1e-9)
         agent.send(motion("turn", start + np.linspace(0.0, 0.05, 50)[:, None] ** 2))
         done = ("turn", Phase.DONE)
-        until(lambda: agent.beat() or (told(agent).key, told(agent).phase) == done)
+        until(lambda: agent.beat() or (report(agent).key, report(agent).phase) == done)
         beat = lab / "loop.heartbeat.json"
         assert msgspec.json.decode(beat.read_bytes())["pid"] == child.pid
         os.utime(beat, (1.0, 1.0))
@@ -90,7 +90,7 @@ def test_a_back_end_of_ones_own_runs_in_the_loop(lab):
     assert (lab / "closed").read_text() == cycles.split()[0]
 
 
-def told(agent):
+def report(agent):
     return agent.told().report
 
 
