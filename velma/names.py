@@ -78,29 +78,12 @@ SPREAD_UPPER = 3.141593  # rad
 
 # Corners of the region of (wrist joint 5, wrist joint 6) without collision of hand and forearm,
 # rad, shape (16, 2).
-WRIST_POLYGON: dict[str, Array] = {
-    "right": np.array(
-        [
-            (0.65, -2.9),
-            (1.79, -2.91),
-            (1.78, -1.43),
-            (0.77, -1.39),
-            (0.36, -1.0),
-            (-0.15, -0.26),
-            (0.35, 0.41),
-            (0.8, 0.94),
-            (1.8, 1.01),
-            (1.81, 2.88),
-            (-0.4, 2.89),
-            (-0.81, 2.27),
-            (-1.82, 2.29),
-            (-1.83, -1.66),
-            (-0.84, -1.73),
-            (-0.42, -2.09),
-        ]
-    )
-}
-WRIST_POLYGON["left"] = -WRIST_POLYGON["right"]
+_RIGHT_POLYGON = np.array([
+    (0.65, -2.9), (1.79, -2.91), (1.78, -1.43), (0.77, -1.39), (0.36, -1.0), (-0.15, -0.26),
+    (0.35, 0.41), (0.8, 0.94), (1.8, 1.01), (1.81, 2.88), (-0.4, 2.89), (-0.81, 2.27),
+    (-1.82, 2.29), (-1.83, -1.66), (-0.84, -1.73), (-0.42, -2.09),
+])  # fmt: skip
+WRIST_POLYGON: dict[str, Array] = {"right": _RIGHT_POLYGON, "left": -_RIGHT_POLYGON}
 
 
 class JointsDiffer(ValueError):

@@ -98,11 +98,8 @@ def joints(field: str, path: Any, *, start: Array | None = None, slack: float = 
     except (TypeError, ValueError) as error:  # of points of different lengths
         raise MotionError(field, error, f"n x {len(BODY)} joint positions") from None
     if points.ndim != 2 or points.shape[1] != len(BODY) or not len(points):
-        raise MotionError(
-            field,
-            f"of shape {points.shape}",
-            f"n x {len(BODY)} joint positions, at least one posture",
-        )
+        expected = f"n x {len(BODY)} joint positions, at least one posture"
+        raise MotionError(field, f"of shape {points.shape}", expected)
     low, high = points.min(axis=0), points.max(axis=0)  # NaN if one of them is
     least, most = LOWER - slack, UPPER + slack
     begin = points[0] if start is None else start

@@ -15,7 +15,7 @@ from companion.design import AgentName
 from companion.eyes import VARIABLE, eyes
 from companion.run_files import SLOTS_FILE
 from services.executor.behaviours import agent
-from services.executor.local import Brake, Do, GoOn, Halt, Perform, Setup, Where
+from services.executor.device_messages import Brake, Do, GoOn, Halt, Perform, Setup, Where
 from services.executor.loop_device import LoopDevice
 from services.executor.skill_device import SkillDevice
 from services.executor.telemetry import Pictures, Telemetry

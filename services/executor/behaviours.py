@@ -21,9 +21,8 @@ from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.rc import NotDoneKind
 from fipa_codec.performatives import Performative
-from services.executor import local, outgoing_messages
-from services.executor.acting import PATIENCE, follow, logged, lost, over, start
-from services.executor.local import (
+from services.executor import device_messages, outgoing_messages
+from services.executor.device_messages import (
     Brake,
     ByRays,
     Crashed,
@@ -38,7 +37,8 @@ from services.executor.local import (
     Where,
 )
 from services.executor.memory import CONDITIONS, Act, Memory, Soft
-from services.executor.remembered import Remembered
+from services.executor.motion_sequence import PATIENCE, follow, heard, logged, lost, over, start
+from services.executor.situation_record import SituationRecord
 
 RESTARTED = (fact(Kind.ENDED, "ex"),)
 # estimate: the longest computation of a skill, a planned path home, takes some seconds
@@ -56,7 +56,7 @@ def agent() -> Agent[Memory]:
         "report_act": report_act,
     }
     in_any = {name: partial(_told_of_eyes, behave) for name, behave in behaviours.items()}
-    return bind(AgentName.EX, Memory(), in_any, CONDITIONS, local=local.Local)
+    return bind(AgentName.EX, Memory(), in_any, CONDITIONS, local=device_messages.Local)
 
 
 def _told_of_eyes(behave: Transition[Memory], memory: Memory, turn: Turn) -> Memory:
@@ -123,32 +123,28 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
     there.
     """
     act = _required(memory)
-    match turn.event:
-        case None | Started():
-            turn.wake(PATIENCE, turn.now + SKILL_WITHIN_S)
-            turn.tell(Where(memory.number))
-        case Local(content=Stands(number=number, felt=felt)) if (
-            number == memory.number and _elsewhere(memory, felt)
-        ):
+    match heard(memory, turn):
+        case Stands(felt=felt) if _elsewhere(memory, felt):
             return _new_world(memory, felt)
-        case Local(content=Stands(number=number, felt=felt)) if number == memory.number:
+        case Stands(number=number, felt=felt):
             turn.tell(Perform(number, act.command, memory.remembered, felt))
             return replace(memory, soft=replace(memory.soft, felt=felt))
-        case Local(content=Move(number=number) as move) if number == memory.number:
+        case Move() as move:
             outgoing_messages.agree(turn, act, move.expected)
             act = replace(act, begun=True)
             soft = replace(memory.soft, motion=move.motion)
             return replace(memory, act=act, remembered=move.remembered, soft=soft)
-        case Local(content=Ended(number=number) as end) if number == memory.number:
+        case Ended() as end:
             return over(memory, turn, end)
-        case Local(content=Lost(number=number) as loss) if number == memory.number:
-            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, logged(turn, loss))
-        case Local(content=Crashed() as crash):
-            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, logged(turn, crash))
+        case Lost() | Crashed() as end:
+            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, logged(turn, end))
+    match turn.event:
+        case None | Started():
+            turn.wake(PATIENCE, turn.now + SKILL_WITHIN_S)
+            turn.tell(Where(memory.number))
         case Woken(name=name) if name == PATIENCE:
-            return _given_up(
-                memory, turn, NotDoneKind.INTERRUPTED, (fact(Kind.NO_MOTION_FOUND, SKILL_WITHIN_S),)
-            )
+            why = (fact(Kind.NO_MOTION_FOUND, SKILL_WITHIN_S),)
+            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, why)
         case Received() | Broken() as event if _called_off(act, event):
             memory = replace(memory, act=replace(act, cancelling=True))
             return _given_up(memory, turn, NotDoneKind.CANCELLED, (fact(Kind.CANCELLED),))
@@ -254,7 +250,7 @@ def _new_world(memory: Memory, felt: Felt) -> Memory:
     """Forget all, and say so: what a hand held and where things were is known of no thing in this
     world.
     """
-    memory = _where(replace(memory, remembered=Remembered()), felt)
+    memory = _where(replace(memory, remembered=SituationRecord()), felt)
     act = _required(memory)
     outcome = rc.NotDone(act.command.key, NotDoneKind.NEW_WORLD, (fact(Kind.NEW_WORLD),))
     return replace(memory, act=replace(act, outcome=outcome))

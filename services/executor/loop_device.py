@@ -23,7 +23,7 @@ from agent_runtime.io.devices import Post
 from agent_runtime.io.one_reader import OneReaderQueue
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import FAULT, Cancel, LookAgain, Mode, Phase, Release
-from services.executor.local import (
+from services.executor.device_messages import (
     Brake,
     Do,
     Felt,
@@ -128,38 +128,29 @@ class LoopDevice:
 
     def _carry_out(self, word: Do) -> bool:
         link = self._reach()
+
+        def moved(ended: Phase, why: Facts, text: str) -> bool:
+            self._post(Moved(word.number, _felt(_state(link), link.told(), ended, why, text)))
+            return True
+
         try:
             sent = self._command(link, word.motion)
         except SlotError as error:
-            refused = (fact(Kind.MOTION_REFUSED, "knots"),)
-            self._post(
-                Moved(
-                    word.number, _felt(_state(link), link.told(), Phase.FAILED, refused, str(error))
-                )
-            )
-            return True
+            return moved(Phase.FAILED, (fact(Kind.MOTION_REFUSED, "knots"),), str(error))
         cycles, alike, self._looking = -1, 0, False
         while True:
             told, state = link.told(), _state(link)
             if told.refusal and told.taken == sent:
-                refusal = told.refusal
-                self._post(
-                    Moved(word.number, _felt(state, told, Phase.FAILED, refusal.why, refusal.text))
-                )
-                return True
+                return moved(Phase.FAILED, told.refusal.why, told.refusal.text)
             if told.taken >= sent and told.report.phase is not Phase.RUNNING:
-                state, why = _state(link), told.report.why
-                text = state.last_fault if why == FAULT else ""
-                self._post(Moved(word.number, _felt(state, told, told.report.phase, why, text)))
-                return True
+                why = told.report.why
+                return moved(told.report.phase, why, state.last_fault if why == FAULT else "")
             if told.look and not self._looking:
                 self._looking = True
                 self._post(Passing(word.number, _felt(_state(link), told, told.report.phase)))
             # Simulated time may stand still until the look is answered.
-            cycles, alike = (
-                state.cycles,
-                alike + 1 if state.cycles == cycles and not self._looking else 0,
-            )
+            alike = alike + 1 if state.cycles == cycles and not self._looking else 0
+            cycles = state.cycles
             if link.file.replaced or alike * BEAT_S > SILENT_S:
                 raise Gone(Kind.ENDED, "the loop ended in the middle of a motion")
             link.beat()

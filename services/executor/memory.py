@@ -8,8 +8,8 @@ from companion.acts import AnyAct
 from companion.languages import rc
 from companion.languages.facts import Facts
 from companion.skills.loop_messages import Motion
-from services.executor.local import Felt
-from services.executor.remembered import Remembered
+from services.executor.device_messages import Felt
+from services.executor.situation_record import SituationRecord
 
 
 class Act(msgspec.Struct, frozen=True):
@@ -44,7 +44,7 @@ class Memory(msgspec.Struct, frozen=True):
     number: int = 0
     last: str = ""
     act: Act | None = None
-    remembered: Remembered = Remembered()
+    remembered: SituationRecord = SituationRecord()
     soft: Soft = Soft()
 
 

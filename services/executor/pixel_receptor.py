@@ -9,8 +9,8 @@ from collections.abc import Callable
 from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.one_reader import OneReaderQueue
 from companion.skills.situation import Neck, Sight
-from services.executor.local import Array
-from services.executor.looks import Blind, Saw, See
+from services.executor.device_messages import Array
+from services.executor.eye_messages import Blind, Saw, See, SightedObject
 from services.executor.renderer import ENTRY, Renderer
 from velma.kinematics.frames import pose_of
 from velma.kinematics.robot import Robot
@@ -40,19 +40,15 @@ class PixelReceptor:
         if isinstance(saw, Blind):
             raise WorkerError(ENTRY, f"does not see: {saw.reason}", "start with --eyes rays")
         self.wrong, self.off = saw.wrong, saw.off
-        return [
-            Sight(
-                one.name,
-                pose_of(one.rotation, one.position),
-                one.content,
-                one.uncertainty,
-                one.whole,
-            )
-            for one in saw.things
-        ]
+        return [_sight(one) for one in saw.things]
 
     def close(self) -> None:
         """Nothing to close: the child is another's."""
+
+
+def _sight(one: SightedObject) -> Sight:
+    pose = pose_of(one.rotation, one.position)
+    return Sight(one.name, pose, one.content, one.uncertainty, one.whole)
 
 
 class OwnPixelReceptor(PixelReceptor):

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from companion.skills.situation import Neck, Sight
-from services.executor.looks import uncertainty
+from services.executor.eye_messages import uncertainty
 from velma import names
 from velma.eyes import content
 from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH
@@ -60,11 +60,9 @@ class Receptor:
         self._grains = frozenset(
             n for n in range(model.nbody) if model.body(n).name.startswith(GRAIN)
         )
-        self._largest, self._seed, self._looks = (
-            np.array([noise.position] * 2 + [noise.height]),
-            noise.seed,
-            0,
-        )
+        self._largest = np.array([noise.position] * 2 + [noise.height])
+        self._seed = noise.seed
+        self._looks = 0
         self._outliers = noise.outliers
         constant = np.random.default_rng([noise.seed, *b"bias"]).uniform(
             -noise.bias, noise.bias, (len(things), 3)

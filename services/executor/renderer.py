@@ -11,12 +11,10 @@ import time
 from collections.abc import Callable
 from queue import Empty
 
-import msgspec
-
 from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.worker import Worker
 from companion.telemetry import Picture
-from services.executor.looks import Blind, Saw, See, Show
+from services.executor.eye_messages import Blind, Saw, See, Show
 from velma.model.scene import Scene
 
 ENTRY = "services.executor.renderer_process:serve"
@@ -26,19 +24,6 @@ REST_S = 60.0
 """Without a look or a picture, until the child is ended; estimate: a task rests for less between
 its motions.
 """
-
-
-class _Look(msgspec.Struct, frozen=True):
-    see: See
-    answer: Callable[[Saw | Blind], None]
-
-
-class _Start(msgspec.Struct, frozen=True):
-    """Be ready for a look."""
-
-
-class _Again(msgspec.Struct, frozen=True):
-    """Start with a new child."""
 
 
 class Renderer:
@@ -53,7 +38,7 @@ class Renderer:
         ended: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._scene, self._seen, self._ended = scene, seen, ended
-        self._asked = OneReaderQueue[_Look | Show | _Start | _Again | None]()
+        self._asked = OneReaderQueue[Callable[[], object] | None]()
         self._answers = OneReaderQueue[Saw | str]()
         self._child: Worker | None = None
         self._thread = threading.Thread(target=self._serve, name="renderer", daemon=True)
@@ -67,19 +52,19 @@ class Renderer:
 
     def look(self, see: See, answer: Callable[[Saw | Blind], None]) -> None:
         """Have it look; `answer` gets what it saw, on another thread. Never waits."""
-        self._asked.put(_Look(see, answer))
+        self._asked.put(lambda: answer(self._looked(see)))
 
     def show(self, show: Show) -> None:
         """Have it make a picture for people. Never waits."""
-        self._asked.put(show)
+        self._asked.put(lambda: self._running().tell(show))
 
     def start(self) -> None:
         """Have it ready for a look. Never waits."""
-        self._asked.put(_Start())
+        self._asked.put(self._running)
 
     def again(self) -> None:
         """Have the child replaced when it is needed next. Never waits."""
-        self._asked.put(_Again())
+        self._asked.put(self._end)
 
     def close(self) -> None:
         """End the child."""
@@ -97,17 +82,9 @@ class Renderer:
             except Empty:
                 self._end()
                 continue
-            match asked:
-                case None:
-                    return self._end()
-                case _Look(see=see, answer=answer):
-                    answer(self._looked(see))
-                case Show():
-                    self._running().tell(asked)
-                case _Start():
-                    self._running()
-                case _Again():
-                    self._end()
+            if asked is None:
+                return self._end()
+            asked()
 
     def _looked(self, see: See) -> Saw | Blind:
         """Return what the child sees, or why none does."""

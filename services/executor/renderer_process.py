@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from agent_runtime.io.worker import Link
 from companion.telemetry import Found, Picture
-from services.executor.looks import SHRINK, Saw, See, Show, SightedObject, uncertainty
+from services.executor.eye_messages import SHRINK, Saw, See, Show, SightedObject, uncertainty
 from velma.eyes import health
 from velma.eyes.content import Content
 from velma.eyes.fit import View
@@ -102,11 +102,8 @@ class Sighted:
         )
         if told.wrong or told.off > health.MOST_OFF:
             return Saw(number, (), told.wrong, told.off)
-        return Saw(
-            number,
-            tuple(_sighted(one, self._eyes.content(one, pixels, view)) for one in bodies),
-            off=told.off,
-        )
+        contents = (self._eyes.content(one, pixels, view) for one in bodies)
+        return Saw(number, tuple(map(_sighted, bodies, contents)), off=told.off)
 
 
 def _sighted(seen: Seen, content: Content | None) -> SightedObject:
@@ -117,9 +114,5 @@ def _sighted(seen: Seen, content: Content | None) -> SightedObject:
 
 def scaled(eyes: Eyes, markers: Mapping[int, Array]) -> tuple[Found, ...]:
     """Return markers with corners (4, 2) in the robot's picture, for the smaller one of people."""
-    return tuple(
-        Found(
-            eyes.owner(number), number, tuple(((corners.ravel() + 0.5) / SHRINK).round(2).tolist())
-        )
-        for number, corners in markers.items()
-    )
+    at = {n: ((corners.ravel() + 0.5) / SHRINK).round(2).tolist() for n, corners in markers.items()}
+    return tuple(Found(eyes.owner(number), number, tuple(where)) for number, where in at.items())

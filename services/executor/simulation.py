@@ -16,7 +16,7 @@ from companion.skills.loop_messages import Cancel, LookAgain, Motion, Phase
 from companion.skills.performing import Performance
 from companion.skills.situation import Eye
 from companion.skills.skill import Asked, Sensed
-from services.executor.local import Array
+from services.executor.device_messages import Array
 from services.executor.loop.core import LoopCore
 from services.executor.pixel_receptor import OwnPixelReceptor
 from services.executor.receptor import Receptor

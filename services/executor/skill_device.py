@@ -9,8 +9,17 @@ from msgspec.structs import replace
 from agent_runtime.io.devices import Post
 from agent_runtime.io.worker import Worker
 from companion.eyes import Eyes
-from services.executor.local import ByRays, Crashed, Drop, Feel, FromSkill, Glance, Perform, Setup
-from services.executor.looks import See
+from services.executor.device_messages import (
+    ByRays,
+    Crashed,
+    Drop,
+    Feel,
+    FromSkill,
+    Glance,
+    Perform,
+    Setup,
+)
+from services.executor.eye_messages import See
 from services.executor.renderer import Renderer
 
 ENTRY = "services.executor.skill_process:serve"

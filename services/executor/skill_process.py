@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
+import pinocchio as pin
 
 from agent_runtime.core.errors import WorkerError
 from agent_runtime.io.worker import Link
@@ -20,8 +21,7 @@ from companion.skills.performing import perform
 from companion.skills.situation import Eye, Held, Neck, Sight, Situation, beginning
 from companion.skills.skill import Asked, Sensed
 from services.executor import simulation
-from services.executor.acting import duration
-from services.executor.local import (
+from services.executor.device_messages import (
     Array,
     Brake,
     ByRays,
@@ -36,9 +36,10 @@ from services.executor.local import (
     ToSkill,
     scene_of,
 )
-from services.executor.looks import Blind, Saw, See
+from services.executor.eye_messages import Blind, Saw, See
+from services.executor.motion_sequence import duration
 from services.executor.pixel_receptor import PixelReceptor
-from services.executor.remembered import Holding, Remembered
+from services.executor.situation_record import Holding, SituationRecord
 from velma import names
 from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
@@ -53,16 +54,14 @@ class Stage:
         """`tell` takes the word that its eyes are others now; `ask` waits for a look by pixels."""
         self._scene, self._tell = scene_of(setup), tell
         self.robot = Robot()
-        self.things, self.markers = (
-            simulation.model_names(self._scene),
-            simulation.markers(self._scene),
-        )
+        self.things = simulation.model_names(self._scene)
+        self.markers = simulation.markers(self._scene)
         by_pixels = setup.eyes is Eyes.PIXELS
         self.eye: Eye = (
             PixelReceptor(ask, self.robot) if by_pixels else simulation.receptor(self._scene)
         )
 
-    def situation(self, kept: Remembered, felt: Felt) -> Situation:
+    def situation(self, kept: SituationRecord, felt: Felt) -> Situation:
         """Return what ex knows at the start of an act."""
         here = beginning(self.robot, dict(self.things), self.markers)
         here.stand(felt.setpoint(), felt.head, felt.fingers, felt.time)
@@ -76,11 +75,8 @@ class Stage:
             here.set_fingers(str(side), angle)
         for side, one in kept.held.items():
             steady = None if one.steady is None else transform(one.steady)
-            inside = transform(one.pose)
-            here.take(
-                str(side),
-                Held(one.object, one.grasp, inside, one.mass, steady, one.apart, one.slipped),
-            )
+            held = one.object, one.grasp, transform(one.pose), one.mass
+            here.take(str(side), Held(*held, steady, one.apart, one.slipped))
         here.unfinished, here.ill = dict(kept.unfinished), kept.ill
         here.placed = dict(kept.placed)
         here.put = {name: here.seen[name] for name in kept.placed}
@@ -116,46 +112,31 @@ class Stage:
             return self.eye.look(world, neck)
 
 
-def remembered(here: Situation, epoch: str) -> Remembered:
+def remembered(here: Situation, epoch: str) -> SituationRecord:
     """Return a situation as plain data; `epoch` names its world."""
     seen = {
         name: rs.Seen(
-            name,
-            here.models[name],
-            Pose(*xyz_quat(pose)),
-            here.time,
-            here.contents.get(name),
+            name, here.models[name], _pose(pose), here.time, here.contents.get(name),
             here.uncertain.get(name),
         )
         for name, pose in here.seen.items()
-    }
-    held = {
-        Side(side): Holding(
-            one.object,
-            one.grasp,
-            Pose(*xyz_quat(one.T_grip_object)),
-            one.mass,
-            None if one.steady is None else Pose(*xyz_quat(one.steady)),
-            one.apart,
-            one.slipped,
-        )
-        for side, one in here.held.items()
-    }
+    }  # fmt: skip
+    held = {Side(side): _holding(one) for side, one in here.held.items()}
     fingers = {Side(side): float(angle) for side, angle in here.fingers.items()}
     head = (float(here.head[0]), float(here.head[1]))
     q, time = tuple(float(x) for x in here.q), float(here.time)
-    return Remembered(
-        q,
-        head,
-        fingers,
-        seen,
-        held,
-        dict(here.placed),
-        dict(here.unfinished),
-        time,
-        epoch,
-        here.ill,
-    )
+    placed, unfinished = dict(here.placed), dict(here.unfinished)
+    return SituationRecord(q, head, fingers, seen, held, placed, unfinished, time, epoch, here.ill)
+
+
+def _pose(transform: pin.SE3) -> Pose:
+    return Pose(*xyz_quat(transform))
+
+
+def _holding(one: Held) -> Holding:
+    steady = None if one.steady is None else _pose(one.steady)
+    inside = _pose(one.T_grip_object)
+    return Holding(one.object, one.grasp, inside, one.mass, steady, one.apart, one.slipped)
 
 
 def serve(link: Link) -> None:
@@ -193,7 +174,7 @@ def _act(link: Link, words: AgentMessages, stage: Stage, word: Perform) -> ToSki
     here = stage.situation(word.remembered, word.felt)
     work = perform(here, word.command)
 
-    def kept() -> Remembered:
+    def kept() -> SituationRecord:
         return remembered(here, word.felt.epoch)
 
     def told(asked: Asked) -> Move | GoOn | Brake:

@@ -18,8 +18,8 @@ import numpy as np
 from agent_runtime.io.devices import Post
 from companion.skills.loop_messages import Phase
 from companion.telemetry import PICTURE_S, RATE_HZ, Lateness, Picture, RobotState
-from services.executor.local import Array, Setup, scene_of
-from services.executor.looks import Show
+from services.executor.device_messages import Array, Setup, scene_of
+from services.executor.eye_messages import Show
 from services.executor.loop.link import AgentLink, LoopAnswer, LoopState, Timing, reopened
 from services.executor.renderer import Renderer
 from velma.errors import SlotError

@@ -3,12 +3,11 @@
 from pathlib import Path
 
 import pytest
+from simulated import look_at
 
 from companion.eyes import Eyes
 from companion.look_around import POINTS
-from companion.skills.motions import aim
 from services.executor.simulation import receptor
-from velma import names
 from velma.model.scene import load
 from velma.sim import disturbances
 from velma.sim.disturbances import Disturbance, Kind, Of
@@ -24,10 +23,8 @@ def test_a_black_camera_shows_nothing_until_it_is_well_again(
     file = tmp_path / "disturbances.json"
     monkeypatch.setenv(disturbances.VARIABLE, str(file))
     backend, eye = MujocoBackend(load()), receptor(load(), Eyes.PIXELS)
-    goal = aim(0.0, POINTS[0])
-    qpos, neck = backend.configuration().copy(), (0.0, goal.pan, goal.tilt)
-    for name, angle in zip(names.HEAD, neck[1:], strict=True):
-        qpos[backend.model.joint(name).qposadr[0]] = angle
+    qpos = backend.configuration().copy()
+    neck = look_at(backend.model, qpos, POINTS[0])
     try:
         well = {sight.name for sight in eye.look(qpos, neck)}
         disturbances.write(file, (Disturbance("a", Of.CAMERA, Kind.BLACK),))

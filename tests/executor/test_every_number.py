@@ -2,15 +2,17 @@
 field, before anything moves. Fields are read from the types, so that a new one is drawn as well.
 """
 
+import itertools
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
 import pytest
+from doubles import RobotDouble, all_finite
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -42,7 +44,6 @@ from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 from velma.model.build import ROBOT_XML
 from velma.names import BODY, COLUMNS, LOWER, SIDES, START, UPPER
-from velma.sim.backend import Command
 from velma.sim.mock_backend import MockBackend
 
 DYNAMICS, ROBOT = Dynamics(ROBOT_XML), Robot()
@@ -63,23 +64,16 @@ def right(kind: Any) -> st.SearchStrategy[Any]:
         return st.sampled_from(parts)
     if origin is tuple:
         many = parts[-1] is ...
-        return (
-            st.lists(right(parts[0]), min_size=1, max_size=3).map(tuple)
-            if many
-            else st.tuples(*map(right, parts))
-        )
+        some = st.lists(right(parts[0]), min_size=1, max_size=3).map(tuple)
+        return some if many else st.tuples(*map(right, parts))
     if parts:  # a union
         return st.one_of(*map(right, parts))
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         hints = get_type_hints(kind, include_extras=True)
         fields = {name: _field(kind, name, hint) for name, hint in hints.items()}
         return st.fixed_dictionaries(fields).map(lambda values: kind(**values))
-    plain = {
-        float: st.floats(-1.0, 1.0),
-        str: st.just("jar_1"),
-        bool: st.booleans(),
-        type(None): st.none(),
-    }
+    plain = {float: st.floats(-1.0, 1.0), str: st.just("jar_1"), bool: st.booleans()}
+    plain[type(None)] = st.none()
     return plain[kind] if kind in plain else st.sampled_from(kind)
 
 
@@ -118,6 +112,13 @@ def leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str |
         yield path
 
 
+def at(value: Any, path: Iterable[str | int]) -> Any:
+    """What is at the end of a way."""
+    for part in path:
+        value = value[part] if isinstance(part, int) else getattr(value, part)
+    return value
+
+
 def changed(value: Any, path: tuple[str | int, ...], new: Any) -> Any:
     """The value with another one at the end of the way."""
     if not path:
@@ -125,9 +126,8 @@ def changed(value: Any, path: tuple[str | int, ...], new: Any) -> Any:
     first, *rest = path
     if isinstance(value, tuple):
         return (*value[:first], changed(value[first], tuple(rest), new), *value[first + 1 :])
-    return msgspec.structs.replace(
-        value, **{first: changed(getattr(value, first), tuple(rest), new)}
-    )
+    inner = changed(getattr(value, first), tuple(rest), new)
+    return msgspec.structs.replace(value, **{first: inner})
 
 
 @st.composite
@@ -138,27 +138,15 @@ def almost(draw: st.DrawFn, kind: Any) -> tuple[Any, str]:
     if not ways or draw(st.integers(0, 5)) == 0:
         return value, ""
     way = draw(st.sampled_from(ways))
-    whole = value
-    for part in way:
-        whole = whole[part] if isinstance(part, int) else getattr(whole, part)
-    odd = draw(
-        st.sampled_from([(), (*whole, math.nan)])
-        if isinstance(whole, tuple)
-        else st.sampled_from(ODD)
-    )
+    whole = at(value, way)
+    odd = draw(st.sampled_from([(), (*whole, math.nan)] if isinstance(whole, tuple) else ODD))
     return changed(value, way, odd), [part for part in way if isinstance(part, str)][-1]
 
 
 def numbers(value: Any) -> list[float]:
     """All numbers in a value."""
-    found = []
-    for way in leaves(value):
-        one = value
-        for part in way:
-            one = one[part] if isinstance(part, int) else getattr(one, part)
-        if not isinstance(one, tuple):
-            found.append(one)
-    return found
+    found = (at(value, way) for way in leaves(value))
+    return [one for one in found if not isinstance(one, tuple)]
 
 
 def complaint(error: type[Exception], call: Callable[[], object]) -> str:
@@ -170,12 +158,9 @@ def complaint(error: type[Exception], call: Callable[[], object]) -> str:
     return ""
 
 
-class Listening(MockBackend):
-    """Looks at every command."""
-
-    def step(self, command: Command) -> None:
-        assert all(np.isfinite(getattr(command, name)).all() for name in command.__struct_fields__)
-        super().step(command)
+def listened(**options: Any) -> LoopCore:
+    """A loop whose every command is looked at."""
+    return LoopCore(RobotDouble(asked=all_finite), dynamics=DYNAMICS, **options)
 
 
 @settings(max_examples=60, deadline=None)
@@ -183,7 +168,7 @@ class Listening(MockBackend):
 def test_a_motion_is_refused_by_its_field_or_ends(drawn: tuple[Motion, str]) -> None:
     """By slot and loop alike. One that is taken ends, with finite commands and without a fault."""
     asked, field = drawn
-    core = LoopCore(Listening(), dynamics=DYNAMICS)
+    core = listened()
     refused = core.begin(asked)
     read = complaint(
         msgspec.ValidationError, lambda: msgspec.convert(msgspec.to_builtins(asked), LoopCommand)
@@ -238,9 +223,7 @@ def test_gains_are_refused_by_their_field(drawn: tuple[Any, str]) -> None:
     gains, field = drawn
     chosen = {"gains" if isinstance(gains, CartesianGains) else "hold": gains}
     made: list[LoopCore] = []
-    why = complaint(
-        MotionError, lambda: made.append(LoopCore(Listening(), dynamics=DYNAMICS, **chosen))
-    )
+    why = complaint(MotionError, lambda: made.append(listened(**chosen)))
     if why:
         assert why.startswith(f"motion: {field}")
         assert field
@@ -267,9 +250,8 @@ def test_a_timed_path_is_refused_by_what_is_wrong(odd: float, what: str, joint: 
         MotionError, lambda: found.append(timing.timed(ROBOT, [np.array(START), goal], **options))
     )
     if why:
-        assert why.startswith(
-            f"motion: {what}: {BODY[joint]}" if what == "path" else f"motion: {what}"
-        )
+        of = f": {BODY[joint]}" if what == "path" else ""
+        assert why.startswith(f"motion: {what}{of}")
     else:
         assert what == "path"
         assert LOWER[joint] <= odd <= UPPER[joint]
@@ -281,7 +263,7 @@ def test_the_slowest_motion_that_may_be_asked_for_ends(monkeypatch: pytest.Monke
     """Before the loop gives up hands or head; with a goal that none can reach it does."""
     slow = Close(ranges.FINGER_UPPER, ranges.FINGER_UPPER, ranges.SLOWEST_JOINT, settle_s=60.0)
     head = HeadGoal(1.57, 1.3, ranges.SLOWEST_JOINT)
-    core = LoopCore(Listening(), dynamics=DYNAMICS)
+    core = listened()
     core.backend.grasped[0] = 2.3
     assert core.run(motion("slow", START, right=slow, head=head, settle_s=60.0)).phase is Phase.DONE
     monkeypatch.setattr(act, "HANDS_S", 1.0)
@@ -294,39 +276,35 @@ def test_the_slowest_motion_that_may_be_asked_for_ends(monkeypatch: pytest.Monke
     assert core.run(motion("next", START, left=Move((1.0, 1.0, 1.0)))).phase is Phase.DONE
 
 
-@pytest.mark.parametrize(
-    ("path", "options", "field"),
-    [
-        ([], {}, "path"),
-        ([START[:14]], {}, "path"),
-        ([START, START[:3]], {}, "path"),
-        ([START, -np.array(START)] * 200, {}, "path"),
-        ([START, -np.array(START)], {"tool_speed": ranges.SLOWEST_TOOL}, "path"),
-        ([START, START], {"tool_speed": 0.0}, "tool_speed"),
-        ([START, START], {"joint_fraction": 1.5}, "joint_fraction"),
-    ],
+PATHS: tuple[tuple[list[Any], dict[str, float], str], ...] = (
+    ([], {}, "path"),
+    ([START[:14]], {}, "path"),
+    ([START, START[:3]], {}, "path"),
+    ([START, -np.array(START)] * 200, {}, "path"),
+    ([START, -np.array(START)], {"tool_speed": ranges.SLOWEST_TOOL}, "path"),
+    ([START, START], {"tool_speed": 0.0}, "tool_speed"),
+    ([START, START], {"joint_fraction": 1.5}, "joint_fraction"),
 )
-def test_a_path_that_is_none_or_takes_too_long_is_refused(
-    path: list[Any], options: dict[str, float], field: str
-) -> None:
+
+
+def test_a_path_that_is_none_or_takes_too_long_is_refused() -> None:
     """Before memory is taken for it."""
-    with pytest.raises(MotionError, match=re.escape(f"motion: {field}")):
-        timing.timed(ROBOT, path, **{"tool_speed": 0.3} | options)
+    for path, options, field in PATHS:
+        with pytest.raises(MotionError, match=re.escape(f"motion: {field}")):
+            timing.timed(ROBOT, path, **{"tool_speed": 0.3} | options)
 
 
 @pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize("beyond", [1e-6, 0.05, 0.3, 10.0, math.nan, math.inf])
-def test_no_goal_beyond_a_joint_is_planned(side: str, beyond: float) -> None:
+def test_no_goal_beyond_a_joint_is_planned(side: str) -> None:
     """Of any joint, at either end, named with what is allowed; nor from a start that is none."""
-    world = World(ROBOT)
-    for joint in COLUMNS[side]:
-        for end, way in ((LOWER, -1.0), (UPPER, 1.0)):
-            goal = np.array(START)
-            goal[joint] = end[joint] + way * beyond
-            with pytest.raises(
-                MotionError, match=rf"goal: {BODY[joint]} is .* rad, expected from -.* to "
-            ):
-                planning.plan(ROBOT, world, side, np.array(START), goal)
+    world, ends = World(ROBOT), ((LOWER, -1.0), (UPPER, 1.0))
+    far = (1e-6, 0.05, 0.3, 10.0, math.nan, math.inf)
+    for joint, (end, way), beyond in itertools.product(COLUMNS[side], ends, far):
+        goal = np.array(START)
+        goal[joint] = end[joint] + way * beyond
+        words = rf"goal: {BODY[joint]} is .* rad, expected from -.* to "
+        with pytest.raises(MotionError, match=words):
+            planning.plan(ROBOT, world, side, np.array(START), goal)
     with pytest.raises(MotionError, match="start: torso_0_joint is nan"):
         planning.plan(ROBOT, world, side, np.full(15, math.nan), np.array(START))
 

@@ -3,18 +3,17 @@ spoilt by the test.
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from simulated import look_at
 
 from companion.look_around import POINTS
-from companion.skills.motions import aim
 from companion.skills.situation import Neck
-from services.executor.looks import Saw
+from services.executor.eye_messages import Saw
 from services.executor.renderer_process import Sighted
-from velma import names
 from velma.eyes import health
 from velma.eyes.fit import View
 from velma.eyes.lens import lens
@@ -42,10 +41,9 @@ class Camera(NamedTuple):
         """The head to a point; the view by joints that are measured with an error (torso, pan,
         tilt).
         """
-        qpos, goal = self.backend.configuration().copy(), aim(0.0, point)
-        for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
-            qpos[self.backend.model.joint(name).qposadr[0]] = angle
-        eye = ROBOT.camera(error[0], goal.pan + error[1], goal.tilt + error[2])
+        qpos = self.backend.configuration().copy()
+        neck = look_at(self.backend.model, qpos, point)
+        eye = ROBOT.camera(*np.add(neck, error))
         return self.photographs.take(qpos, number), View(lens(), eye.rotation, eye.translation)
 
 
@@ -85,9 +83,15 @@ def survey(camera: Camera, sighted: Sighted, first: int, error: Neck = NO_ERROR)
     ]
 
 
-def seen(looks: list[Saw]) -> set[str]:
-    """What some look showed."""
-    return {thing.name for look in looks for thing in look.things}
+def seen(looks: list[Saw]) -> dict[str, np.ndarray]:
+    """What some look showed, and where."""
+    return {thing.name: np.array(thing.position) for look in looks for thing in look.things}
+
+
+def with_moved(name: str, **pose: Any) -> Scene:
+    """The scene with a thing at another pose."""
+    things = [replace(one, **pose) if one.id == name else one for one in SCENE.things]
+    return replace(SCENE, things=tuple(things))
 
 
 def test_good_looks_raise_no_alarm(camera: Camera, sighted: Sighted) -> None:
@@ -95,7 +99,7 @@ def test_good_looks_raise_no_alarm(camera: Camera, sighted: Sighted) -> None:
     looks = [*survey(camera, sighted, 1), *survey(camera, sighted, 4)]
     looks += [sighted.saw(k, *camera.at(POINTS[0], k)) for k in range(7, 12)]
     assert {(look.wrong, look.off) for look in looks} == {("", 0.0)}
-    assert seen(looks) == {thing.id for thing in SCENE.things}
+    assert set(seen(looks)) == {thing.id for thing in SCENE.things}
 
 
 SPOILS: dict[str, Callable[[Pixels], Pixels]] = {
@@ -162,7 +166,7 @@ def test_a_dimmed_picture_shows_the_truth_or_is_dark(camera: Camera) -> None:
             picture, view = camera.at(point, number)
             looks.append(sighted.saw(number, np.rint(share * picture).astype(np.uint8), view))
         assert {look.wrong for look in looks} == ({"dark"} if share < 0.1 else {""})
-        places[share] = {one.name: np.array(one.position) for look in looks for one in look.things}
+        places[share] = seen(looks)
     assert places[0.2].keys() == places[1.0].keys()
     assert not places[0.05]
     assert max(np.linalg.norm(places[0.2][name] - at) for name, at in places[1.0].items()) < 0.006
@@ -176,10 +180,9 @@ def test_an_encoder_of_the_neck_that_is_off_is_told(
     that it is well.
     """
     survey(camera, sighted, 1)
-    error = [0.0, 0.0, 0.0]
-    error[joint] = OFF
-    looks = survey(camera, sighted, 4, (error[0], error[1], error[2]))
-    looks.append(sighted.saw(7, *camera.at((2.0, 0.0, 3.5), 7, (error[0], error[1], error[2]))))
+    error = tuple(OFF * np.eye(3)[joint])
+    looks = survey(camera, sighted, 4, error)
+    looks.append(sighted.saw(7, *camera.at((2.0, 0.0, 3.5), 7, error)))
     assert [look.off for look in looks] == pytest.approx([OFF] * 4, rel=0.1)
     assert not seen(looks)
     assert [look.off for look in survey(camera, sighted, 8)] == [0.0] * 3
@@ -193,15 +196,13 @@ def test_a_small_offset_is_told_and_seen_with(camera: Camera, sighted: Sighted) 
     assert seen(looks)
 
 
-MOVED = {
-    "away": (0.05, 0.0, 0.0),
-    "aside": (0.0, 0.05, 0.0),
-    "turned": (0.0, 0.0, 0.05),
-}
+MOVED = {"away": (0.05, 0.0, 0.0), "aside": (0.0, 0.05, 0.0), "turned": (0.0, 0.0, 0.05)}
 
 
-@pytest.mark.parametrize("name", ["cabinet_2", "table_1", "table_2"])
-@pytest.mark.parametrize("way", MOVED)
+PIECES = [*(("cabinet_2", way) for way in MOVED), ("table_1", "aside"), ("table_2", "away")]
+
+
+@pytest.mark.parametrize(("name", "way"), PIECES)
 def test_furniture_that_was_moved_is_no_encoder(
     camera: Camera, camera_of: Callable[[Scene], Camera], sighted: Sighted, name: str, way: str
 ) -> None:
@@ -210,26 +211,18 @@ def test_furniture_that_was_moved_is_no_encoder(
 
     An encoder that is off then is told by its new place.
     """
-    before = {
-        one.name: np.array(one.position)
-        for look in survey(camera, sighted, 1)
-        for one in look.things
-    }
+    before = seen(survey(camera, sighted, 1))
     x, y, turn = MOVED[way]
-    things = tuple(
-        replace(one, xyz=(one.xyz[0] + x, one.xyz[1] + y, one.xyz[2]), yaw=one.yaw + turn)
-        if one.id == name
-        else one
-        for one in SCENE.things
-    )
-    moved = camera_of(replace(SCENE, things=things))
+    one = SCENE.find(name)
+    assert one is not None
+    at = (one.xyz[0] + x, one.xyz[1] + y, one.xyz[2])
+    moved = camera_of(with_moved(name, xyz=at, yaw=one.yaw + turn))
     looks = survey(moved, sighted, 4)
     assert [look.off for look in looks] == [0.0] * 3
-    now = {one.name: np.array(one.position) for look in looks for one in look.things}
-    assert np.linalg.norm(now[name] - before[name]) == pytest.approx(np.hypot(x, y), abs=0.006)
-    assert [look.off for look in survey(moved, sighted, 7, (0.0, OFF, 0.0))] == pytest.approx(
-        [OFF] * 3, rel=0.1
-    )
+    shift = np.linalg.norm(seen(looks)[name] - before[name])
+    assert shift == pytest.approx(np.hypot(x, y), abs=0.006)
+    off = [look.off for look in survey(moved, sighted, 7, (0.0, OFF, 0.0))]
+    assert off == pytest.approx([OFF] * 3, rel=0.1)
 
 
 def test_furniture_that_was_moved_about_the_robot_is_no_encoder(
@@ -237,24 +230,14 @@ def test_furniture_that_was_moved_about_the_robot_is_no_encoder(
 ) -> None:
     """As an encoder would have it, but the cabinet in the same picture stands still."""
     survey(camera, sighted, 1)
-    cos, sin = np.cos(OFF), np.sin(OFF)
-    things = tuple(
-        replace(
-            one,
-            xyz=(
-                cos * one.xyz[0] - sin * one.xyz[1],
-                sin * one.xyz[0] + cos * one.xyz[1],
-                one.xyz[2],
-            ),
-            yaw=one.yaw + OFF,
-        )
-        if one.id == "table_2"
-        else one
-        for one in SCENE.things
-    )
-    look = sighted.saw(4, *camera_of(replace(SCENE, things=things)).at(POINTS[2], 4))
+    table, cos, sin = SCENE.find("table_2"), np.cos(OFF), np.sin(OFF)
+    assert table is not None
+    x, y, z = table.xyz
+    at = (cos * x - sin * y, sin * x + cos * y, z)
+    turned = camera_of(with_moved("table_2", xyz=at, yaw=table.yaw + OFF))
+    look = sighted.saw(4, *turned.at(POINTS[2], 4))
     assert look.off == 0.0
-    assert {"cabinet_2", "table_2"} <= seen([look])
+    assert {"cabinet_2", "table_2"} <= set(seen([look]))
 
 
 def test_the_camera_turns_about_the_pivot() -> None:

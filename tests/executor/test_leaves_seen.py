@@ -7,10 +7,10 @@ import mujoco
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from simulated import look_at
 
 from companion.eyes import Eyes
 from companion.look_around import POINTS
-from companion.skills.motions import aim
 from companion.skills.situation import Eye, Sight
 from services.executor.simulation import receptor
 from velma import names
@@ -34,10 +34,8 @@ def looked(eye: Eye, open_by: tuple[float, float]) -> dict[str, Sight]:
     for (name, sign), angle in zip(OPENS.items(), open_by, strict=True):
         qpos[MODEL.joint(name).qposadr[0]] = sign * angle
     for point in POINTS:
-        goal = aim(0.0, point)
-        for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
-            qpos[MODEL.joint(name).qposadr[0]] = angle
-        seen |= {one.name: one for one in eye.look(qpos.copy(), (0.0, goal.pan, goal.tilt))}
+        neck = look_at(MODEL, qpos, point)
+        seen |= {one.name: one for one in eye.look(qpos.copy(), neck)}
     return seen
 
 

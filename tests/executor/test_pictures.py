@@ -4,21 +4,19 @@ replaced.
 
 import os
 import signal
-import threading
-import time
 from collections.abc import Iterator
 
 import cv2
 import numpy as np
 import pytest
+from doubles import WITHIN_S, PostDouble, eventually
+from simulated import look_at
 
-from companion.skills.motions import aim
 from companion.telemetry import PICTURE_S, Picture, decoded
 from services.executor import telemetry
-from services.executor.local import Setup
-from services.executor.looks import SHRINK
+from services.executor.device_messages import Setup
+from services.executor.eye_messages import SHRINK
 from services.executor.telemetry import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
-from velma import names
 from velma.eyes.lens import HEIGHT, WIDTH
 from velma.eyes.pictures import smaller
 from velma.model.scene import load
@@ -29,30 +27,18 @@ from velma.sim.photographs import marked
 pytestmark = [pytest.mark.process, pytest.mark.timeout(250)]
 
 WORLD = MujocoBackend(load()).configuration().copy()
-WITHIN_S = 120.0  # the child has the lowest priority: on a busy machine its start takes a minute
 
 
-class Screen:
-    """Takes what is published."""
-
-    def __init__(self) -> None:
-        self.found: list[tuple[str, bytes]] = []
-        self.come = threading.Semaphore(0)
-
-    def __call__(self, content: object, delay_s: float = 0.0) -> None:
-        raise AssertionError("nothing of this is for the agent")
-
-    def publish(self, kind: str, data: bytes) -> None:
-        self.found.append((kind, data))
-        self.come.release()
+class Screen(PostDouble):
+    """Takes the pictures that are published; nothing of this is for the agent."""
 
     def next(self) -> Picture:
         """The next picture."""
-        assert self.come.acquire(timeout=WITHIN_S)
-        kind, data = self.found[-1]
-        picture = decoded(data)
+        kind, self.last = self.published.get(timeout=WITHIN_S)
+        picture = decoded(self.last)
         assert kind == "telemetry"
         assert isinstance(picture, Picture)
+        assert self.words.empty()
         return picture
 
 
@@ -100,9 +86,8 @@ def test_markers_that_are_found_in_it_are_told(screen: Screen, eye: Pictures) ->
     """
     jar = load().find("jar_1")
     assert jar is not None
-    goal, world, model = aim(0.0, jar.xyz), WORLD.copy(), compiled(load())
-    for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
-        world[model.joint(name).qposadr[0]] = angle
+    world = WORLD.copy()
+    look_at(compiled(load()), world, jar.xyz)
     assert eye.offer(0.0, world, now=100.0)
     found = screen.next()
     assert {one.thing for one in found.markers} >= {"jar_1", "bowl_1", "cabinet_2"}
@@ -128,8 +113,10 @@ def test_only_what_moved_is_looked_at_again(screen: Screen, eye: Pictures) -> No
         assert eye.offer(0.0, world, now=100.0 + after) is begun, after
         if begun:
             screen.next()
-    assert len(screen.found) == 3
-    assert screen.found[-1] == screen.found[-2]
+    before = screen.last
+    screen.next()
+    assert screen.last == before
+    assert screen.published.empty()
 
 
 def test_a_back_end_without_a_world_gets_no_child(eye: Pictures) -> None:
@@ -144,9 +131,7 @@ def test_a_child_that_died_is_replaced_after_a_pause(screen: Screen, eye: Pictur
     assert eye.offer(0.0, WORLD, now=100.0)
     screen.next()
     os.kill(eye.renderer.pid, signal.SIGKILL)
-    end = time.monotonic() + WITHIN_S
-    while not eye._failed and time.monotonic() < end:
-        threading.Event().wait(0.01)
+    assert eventually(lambda: eye._failed)
     assert not eye.offer(1.0, WORLD + 1.0, now=110.0)
     assert not eye.offer(1.0, WORLD + 1.0, now=110.0 + 0.9 * PAUSE_S)
     assert eye.offer(1.0, WORLD, now=110.0 + 1.1 * PAUSE_S)
@@ -163,11 +148,8 @@ def test_a_child_that_hangs_is_killed(screen: Screen, eye: Pictures) -> None:
     assert not eye.offer(2.0, WORLD + 2.0, now=120.0 + 0.9 * LATE_S)
     assert eye.renderer.pid == pid
     assert not eye.offer(2.0, WORLD + 2.0, now=120.0 + 1.1 * LATE_S)
-    end = time.monotonic() + WITHIN_S
-    while eye.renderer.pid and time.monotonic() < end:
-        threading.Event().wait(0.01)
-    assert not eye.renderer.pid
-    assert len(screen.found) == 1
+    assert eventually(lambda: not eye.renderer.pid)
+    assert screen.published.empty()
 
 
 @pytest.mark.usefixtures("no_opengl")
@@ -176,9 +158,7 @@ def test_without_opengl_no_child_is_started_again(
 ) -> None:
     """It ends without a picture, and another one would: that is said once, with its exception."""
     assert eye.offer(0.0, WORLD, now=100.0)
-    end = time.monotonic() + WITHIN_S
-    while not eye._blind and time.monotonic() < end:
-        threading.Event().wait(0.01)
+    assert eventually(lambda: eye._blind)
     assert not eye.renderer.pid
     assert not eye.offer(1.0, WORLD + 1.0, now=100.0 + 10 * PAUSE_S)
     said = capsys.readouterr().err

@@ -2,25 +2,24 @@
 dies is replaced.
 """
 
+import contextlib
 import os
 import signal
 from collections.abc import Iterator
 
-import mujoco
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from simulated import look_at, placed
 
 from agent_runtime.core.errors import WorkerError
 from companion.eyes import VARIABLE, Eyes, eyes
 from companion.look_around import POINTS
-from companion.skills.motions import aim
 from companion.skills.situation import Eye, Neck, Sight
 from services.executor import renderer
 from services.executor.pixel_receptor import OwnPixelReceptor
 from services.executor.receptor import Receptor
 from services.executor.simulation import receptor
-from velma import names
 from velma.model.scene import Scene, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
 
@@ -33,17 +32,13 @@ Point = tuple[float, float, float]
 
 def turned(point: Point) -> tuple[np.ndarray, Neck]:
     """The state with the head on a point, and its joints."""
-    qpos, goal = BACKEND.configuration().copy(), aim(0.0, point)
-    for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
-        qpos[BACKEND.model.joint(name).qposadr[0]] = angle
-    return qpos, (0.0, goal.pan, goal.tilt)
+    qpos = BACKEND.configuration().copy()
+    return qpos, look_at(BACKEND.model, qpos, point)
 
 
 def place(name: str) -> np.ndarray:
     """Where a thing is."""
-    data = mujoco.MjData(BACKEND.model)
-    data.qpos[:] = BACKEND.configuration()
-    mujoco.mj_kinematics(BACKEND.model, data)
+    data = placed(BACKEND.model, BACKEND.configuration())
     return np.asarray(data.body(name).xpos.copy())
 
 
@@ -56,32 +51,30 @@ def off(sights: list[Sight], name: str) -> float:
 @pytest.fixture(scope="module")
 def eye() -> Iterator[Eye]:
     """Eyes for the scene."""
-    made = receptor(SCENE, Eyes.PIXELS)
-    yield made
-    made.close()
+    with contextlib.closing(receptor(SCENE, Eyes.PIXELS)) as made:
+        yield made
+
+
+@pytest.fixture
+def own() -> Iterator[OwnPixelReceptor]:
+    """Eyes of which a test may spoil the child."""
+    with contextlib.closing(OwnPixelReceptor(SCENE)) as made:
+        yield made
 
 
 @pytest.mark.needs_opengl
 def test_the_survey_shows_all_things_near_the_truth(eye: Eye) -> None:
     """The three gazes together; millimetres, not the noise of the eyes by rays, which is not
-    theirs.
+    theirs. The true place is within four of the told deviations, which are millimetres, too.
     """
     seen: dict[str, float] = {}
     for point in POINTS:
-        sights = eye.look(*turned(point))
-        seen |= {one.name: off(sights, one.name) for one in sights}
+        for sight in eye.look(*turned(point)):
+            told, seen[sight.name] = sight.uncertainty, off([sight], sight.name)
+            assert told is not None
+            assert seen[sight.name] < 4 * told.deviation < 0.04
     assert set(seen) == {thing.id for thing in SCENE.things}
     assert max(seen.values()) < 0.006
-
-
-@pytest.mark.needs_opengl
-def test_a_sight_tells_how_far_it_may_be_off(eye: Eye) -> None:
-    """The true place is within four of the told deviations, which are millimetres."""
-    for point in POINTS:
-        for sight in eye.look(*turned(point)):
-            told = sight.uncertainty
-            assert told is not None
-            assert off([sight], sight.name) < 4 * told.deviation < 0.04
 
 
 @pytest.mark.needs_opengl
@@ -108,39 +101,29 @@ def test_each_look_has_its_own_noise(eye: Eye) -> None:
 
 
 @pytest.mark.needs_opengl
-def test_a_child_that_died_is_replaced_within_the_look() -> None:
+def test_a_child_that_died_is_replaced_within_the_look(own: OwnPixelReceptor) -> None:
     """The look gives what it would have given; the next one, too."""
-    made = OwnPixelReceptor(SCENE)
-    try:
-        world, neck = turned(tuple(place("jar_1")))
-        assert off(made.look(world, neck), "jar_1") < 0.006
-        os.kill(made.renderer.pid, signal.SIGKILL)
-        assert off(made.look(world, neck), "jar_1") < 0.006
-    finally:
-        made.close()
+    world, neck = turned(tuple(place("jar_1")))
+    assert off(own.look(world, neck), "jar_1") < 0.006
+    os.kill(own.renderer.pid, signal.SIGKILL)
+    assert off(own.look(world, neck), "jar_1") < 0.006
 
 
-def test_a_child_that_gives_no_answer_ends_in_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_child_that_gives_no_answer_ends_in_an_error(
+    own: OwnPixelReceptor, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Not in waiting for ever."""
     monkeypatch.setattr(renderer, "WITHIN_S", 0.2)
     monkeypatch.setattr(renderer, "ENTRY", "agent_runtime.io.worker:no_such_function")
-    made = OwnPixelReceptor(SCENE)
-    try:
-        with pytest.raises(WorkerError, match="does not see"):
-            made.look(*turned(POINTS[0]))
-    finally:
-        made.close()
+    with pytest.raises(WorkerError, match="does not see"):
+        own.look(*turned(POINTS[0]))
 
 
 @pytest.mark.usefixtures("no_opengl")
-def test_without_opengl_the_look_says_so() -> None:
+def test_without_opengl_the_look_says_so(own: OwnPixelReceptor) -> None:
     """By the exception of the child that could not draw."""
-    made = OwnPixelReceptor(SCENE)
-    try:
-        with pytest.raises(WorkerError, match=r"GlError: .*libEGL\.so\.1: file too short"):
-            made.look(*turned(POINTS[0]))
-    finally:
-        made.close()
+    with pytest.raises(WorkerError, match=r"GlError: .*libEGL\.so\.1: file too short"):
+        own.look(*turned(POINTS[0]))
 
 
 @pytest.mark.needs_opengl
@@ -150,12 +133,9 @@ def test_a_camera_that_is_not_where_the_robot_thinks_errs() -> None:
     """
     noise = replace(SCENE.noise, camera_turn=0.0175)
     askew: Scene = replace(SCENE, noise=noise)
-    made = OwnPixelReceptor(askew)
-    try:
+    with contextlib.closing(OwnPixelReceptor(askew)) as made:
         found = made.look(*turned(tuple(place("jar_1"))))
-        assert 0.003 < off(found, "jar_1") < 0.05
-    finally:
-        made.close()
+    assert 0.003 < off(found, "jar_1") < 0.05
 
 
 def test_eyes_are_chosen_by_name() -> None:

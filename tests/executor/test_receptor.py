@@ -3,14 +3,13 @@ never nothing.
 """
 
 import msgspec
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from simulated import look_at, placed, put
 
-from companion.skills.motions import aim
 from companion.skills.situation import Sight
 from services.executor.receptor import FARTHEST_M, LEAST_M, TURN_NOISE, Receptor
 from velma import names
@@ -43,16 +42,12 @@ class Place:
 
     def turn(self, point: tuple[float, float, float]) -> "Place":
         """The head to a point."""
-        goal = aim(0.0, point)
-        for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
-            self.qpos[self.model.joint(name).qposadr[0]] = angle
+        look_at(self.model, self.qpos, point)
         return self
 
     def put(self, name: str, pose: pin.SE3) -> None:
         """A thing that can move goes there."""
-        x, y, z, w = pin.SE3ToXYZQUAT(pose)[3:]
-        start = self.model.jnt_qposadr[self.model.body(name).jntadr[0]]
-        self.qpos[start : start + 7] = [*pose.translation, w, x, y, z]
+        put(self.model, self.qpos, name, pose)
 
     def seen(self) -> dict[str, Sight]:
         """Return the sights of a new eye at its first look."""
@@ -92,16 +87,10 @@ def test_what_is_too_far_or_too_near_is_not_seen() -> None:
     """
     place = Place((jar(OPEN),)).turn(OPEN)
     eye = place.model.body(names.CAMERA_BODY)
-    data = mujoco.MjData(place.model)
-    data.qpos[:] = place.qpos
-    mujoco.mj_kinematics(place.model, data)
+    data = placed(place.model, place.qpos)
     forwards = data.xmat[eye.id].reshape(3, 3)[:, 2]
-    for distance, seen in (
-        (0.25, False),
-        (0.7, True),
-        (FARTHEST_M - 0.3, True),
-        (FARTHEST_M + 0.3, False),
-    ):
+    rows = ((0.25, False), (0.7, True), (FARTHEST_M - 0.3, True), (FARTHEST_M + 0.3, False))
+    for distance, seen in rows:
         place.put("jar_1", standing(data.xpos[eye.id] + distance * forwards))
         assert ("jar_1" in place.seen()) is seen, distance
 
@@ -164,35 +153,31 @@ def test_the_error_is_small_and_never_nothing(jar_in_sight: Place, seed: int) ->
     assert (found == errors(jar_in_sight.eye(seed), jar_in_sight, 5)).all()
 
 
-def test_the_error_fills_its_range(jar_in_sight: Place) -> None:
-    """Over many looks it comes near both ends, and its mean near zero: uniform, as told."""
+def test_the_error_fills_its_range_and_is_as_large_as_is_told(jar_in_sight: Place) -> None:
+    """Over many looks it comes near both ends, and its mean near zero: uniform, as told. Each sight
+    tells its mean square.
+    """
     found = errors(jar_in_sight.eye(), jar_in_sight, 400)[:, :2]
     assert (found.max(axis=0) > 0.9 * NOISE_M).all()
     assert (found.min(axis=0) < -0.9 * NOISE_M).all()
     assert np.abs(found.mean(axis=0)) == pytest.approx(0.0, abs=0.2 * NOISE_M)
-
-
-def test_the_error_is_as_large_as_is_told(jar_in_sight: Place) -> None:
-    """By its mean square over many looks; each sight tells the same."""
     (told,) = {jar_in_sight.eye().look(jar_in_sight.qpos)[0].uncertainty for _ in range(3)}
     assert told is not None
-    squares = (errors(jar_in_sight.eye(), jar_in_sight, 400)[:, :2] ** 2).mean(axis=0)
+    squares = (found**2).mean(axis=0)
     assert (told.xyz[0], told.xyz[3]) == pytest.approx(tuple(squares + LEAST_M**2), rel=0.15)
     assert told.xyz[5] == pytest.approx(LEAST_M**2)
 
 
 def test_the_turn_is_a_little_off(jar_in_sight: Place) -> None:
-    """By at most a fifth of a degree about each axis."""
+    """By at most a fifth of a degree about each axis. Without noise the place is exact: its error
+    is the scene's, not the receptor's own.
+    """
     eye = jar_in_sight.eye()
     for _ in range(20):
         turn = pin.log3(eye.look(jar_in_sight.qpos)[0].T_world_object.rotation)
         assert 0.0 < np.abs(turn).max() <= TURN_NOISE * (1 + 1e-6)
-
-
-def test_without_noise_the_place_is_exact() -> None:
-    """The error is the scene's, not the receptor's own."""
-    place = Place((jar(OPEN),), Noise(0.0)).turn(OPEN)
-    assert place.seen()["jar_1"].T_world_object.translation == pytest.approx(OPEN)
+    exact = Place((jar(OPEN),), Noise(0.0)).turn(OPEN).seen()["jar_1"]
+    assert exact.T_world_object.translation == pytest.approx(OPEN)
 
 
 def test_heights_and_a_constant_error_are_options() -> None:

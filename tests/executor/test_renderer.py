@@ -2,17 +2,16 @@
 while without.
 """
 
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from queue import Queue
 
 import numpy as np
 import pytest
+from doubles import WITHIN_S, eventually
 
 from companion.telemetry import Picture
 from services.executor import renderer
-from services.executor.looks import Blind, Saw, See, Show
+from services.executor.eye_messages import Blind, Saw, See, Show
 from services.executor.renderer import Renderer
 from services.executor.renderer_process import Renderer as Child
 from velma.kinematics.robot import Robot
@@ -25,7 +24,6 @@ SCENE = load()
 WORLD = MujocoBackend(SCENE).configuration().tobytes()
 EYE = Robot().camera(0.0, 0.0, 0.5)
 PLACE = tuple(EYE.rotation.ravel().tolist()), tuple(EYE.translation.tolist())
-WITHIN_S = 120.0
 
 
 def see(number: int) -> See:
@@ -83,14 +81,6 @@ def made() -> Iterator[Renderer]:
     one = Renderer(lambda: SCENE)
     yield one
     one.close()
-
-
-def eventually(there: Callable[[], object]) -> bool:
-    """Whether it is true before long."""
-    end, waiting = time.monotonic() + WITHIN_S, threading.Event()
-    while not there() and time.monotonic() < end:
-        waiting.wait(0.02)
-    return bool(there())
 
 
 def test_it_runs_from_the_first_look_until_it_has_rested(

@@ -16,7 +16,7 @@ from companion.languages import rc, rs
 from companion.languages.values import Pose
 from companion.skills.loop_messages import Motion, motion
 from companion.tasks.pour.done import Pour
-from services.executor.local import (
+from services.executor.device_messages import (
     Brake,
     Do,
     Drop,
@@ -33,7 +33,7 @@ from services.executor.local import (
     Stands,
     Where,
 )
-from services.executor.remembered import Holding, Remembered
+from services.executor.situation_record import Holding, SituationRecord
 
 REST = np.zeros(15)
 PLACED = Pose((0.8, 0.0, 0.9))
@@ -164,13 +164,13 @@ class Robot:
         yield motion(command.key, KNOTS)
         yield motion(command.key, KNOTS)
 
-    def _sights(self, kept: Remembered) -> Iterator[rs.Seen]:
+    def _sights(self, kept: SituationRecord) -> Iterator[rs.Seen]:
         held = {one.object for one in kept.held.values()}
         for name, pose in self._world.poses.items():
             if name not in held:
                 yield rs.Seen(name, self._world.models[name], pose, self._world.sim_time)
 
-    def _changed(self, command: rc.Command, kept: Remembered) -> Remembered:
+    def _changed(self, command: rc.Command, kept: SituationRecord) -> SituationRecord:
         held = dict(kept.held)
         match command:
             case rc.Grasp(side=side, object=name, grasp=grasp, mass=mass):
@@ -184,7 +184,7 @@ class Robot:
         return replace(kept, q=tuple(float(x) for x in REST), held=held, time=self._world.sim_time)
 
 
-def _posture(kept: Remembered):
+def _posture(kept: SituationRecord):
     posture = kept.posture()
     assert posture is not None
     return posture

@@ -21,7 +21,7 @@ from companion.languages.cmd import TaskReport
 from companion.languages.facts import Facts, Kind, fact, with_reasons
 from companion.languages.values import Pose
 from services.coordinator import outgoing_messages
-from services.executor.local import Ended, Felt, Move, Perform
+from services.executor.device_messages import Ended, Felt, Move, Perform
 from services.knowledge import behaviours as knowledge
 from services.knowledge.observe import observed
 from services.knowledge.scene import Scene

@@ -16,7 +16,7 @@ from companion.eyes import Eyes
 from companion.languages.facts import Facts
 from companion.skills.loop_messages import Phase
 from services.executor.__main__ import RobotDevice
-from services.executor.local import (
+from services.executor.device_messages import (
     Brake,
     Do,
     Felt,

@@ -31,3 +31,8 @@ def library() -> ctypes.CDLL | None:
         return ctypes.CDLL(str(built()))
     except OSError:
         return None
+
+
+def fields(*of_a_type: tuple[type, str]) -> tuple[tuple[str, type], ...]:
+    """Return the fields of a ctypes.Structure by types and names, in the order of the C struct."""
+    return tuple((name, kind) for kind, names in of_a_type for name in names.split())

@@ -25,14 +25,8 @@ def build() -> str:
             "" if target.exists() else "there is no C compiler (Debian: apt install gcc libc6-dev)"
         )
     new = target.with_suffix(f".{os.getpid()}")
-    command = [
-        compiler,
-        *FLAGS,
-        *(str(source) for source in SOURCES if source.suffix == ".c"),
-        "-o",
-        str(new),
-        "-lm",
-    ]
+    sources = (str(source) for source in SOURCES if source.suffix == ".c")
+    command = [compiler, *FLAGS, *sources, "-o", str(new), "-lm"]
     try:
         subprocess.run(command, check=True, capture_output=True, text=True, timeout=WITHIN_S)
         for old in FOLDER.glob("velma-*.so"):

@@ -20,7 +20,7 @@ left), 12-vectors are (right, left).
 
 import ctypes
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import msgspec
@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 from velma import ranges
 from velma.compiled import library
 from velma.control.dynamics import Terms
-from velma.control.record import Record
 from velma.ranges import Cycles, DampingRatio, Stiffness, Viscosity
 
 Array = NDArray[np.float64]
@@ -149,6 +148,35 @@ def null_space(torque: Array, jacobian: Array, through: Array, inertia: Array) -
     return np.asarray(torque - jacobian.T @ (inertia @ (through @ torque)))
 
 
+# --- Memory that is shared with velma.compiled ----------------------------------------------------
+
+
+Shapes = Mapping[str, tuple[int, ...]]
+
+
+class Record:
+    """Memory that C code of velma.compiled and numpy read and write: a struct of doubles.
+
+    `values`: all of it; `part`: arrays of these shapes, in the order of the C struct; `at`: its
+    address.
+    """
+
+    def __init__(self, shapes: Shapes, values: Any = None) -> None:
+        """`values`: of another record of these shapes, which are taken over; None: zeros."""
+        kind = np.dtype([(name, np.float64, shape) for name, shape in shapes.items()])
+        self._shapes = shapes
+        self.values: Any = np.zeros((), kind) if values is None else values
+        self.part: dict[str, Array] = {name: self.values[name] for name in shapes}
+        self.at = ctypes.c_void_p(self.values.ctypes.data)
+
+    def take(self, saved: bytes) -> None:
+        """Take the bytes of another record of these shapes."""
+        self.values[...] = np.frombuffer(saved, dtype=self.values.dtype).reshape(())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Record, (self._shapes, self.values.copy())
+
+
 # --- The same as torque.c and error.c of velma.compiled compute it --------------------------------
 
 _LAW = {
@@ -173,16 +201,12 @@ class _Law:
 
     def __init__(self, built: ctypes.CDLL, record: Record) -> None:
         self._record, self._part, self._at = record, record.part, record.at
-        self._inertia, self._design, self._torque = (
-            built.law_inertia,
-            built.law_damping,
-            built.law_torque,
-        )
-        self._inertia.restype, self._design.restype, self._torque.restype = (
-            ctypes.c_int,
-            ctypes.c_int,
-            None,
-        )
+        self._inertia = built.law_inertia
+        self._design = built.law_damping
+        self._torque = built.law_torque
+        self._inertia.restype = ctypes.c_int
+        self._design.restype = ctypes.c_int
+        self._torque.restype = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _law, (self._record,)
@@ -200,12 +224,10 @@ class _Law:
         """
         part = self._part
         part["mass"][:], part["jacobian"][:] = terms.mass, terms.jacobian
-        part["error"][:], part["slip"][:], part["stray"][:], part["wrench"][:] = (
-            error,
-            slip,
-            stray,
-            wrench,
-        )
+        part["error"][:] = error
+        part["slip"][:] = slip
+        part["stray"][:] = stray
+        part["wrench"][:] = wrench
         if not self._inertia(self._at):
             raise np.linalg.LinAlgError(_NO_INVERSE)
 

@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from velma.compiled import library
-from velma.control.cartesian import GRAVITY, CartesianGains
-from velma.control.record import Record
+from velma.control.cartesian import GRAVITY, CartesianGains, Record
 
 Array = NDArray[np.float64]
 
@@ -72,11 +71,9 @@ class Wrists:
 
     def _set_constants(self) -> None:
         part = self._part
-        part["sign"][:], part["up"][:], part["point"][:] = (
-            SENSOR_TO_GRIP,
-            (0.0, 0.0, GRAVITY),
-            POINT_M,
-        )
+        part["sign"][:] = SENSOR_TO_GRIP
+        part["up"][:] = (0.0, 0.0, GRAVITY)
+        part["point"][:] = POINT_M
         part["rate"][:] = 1.0 / (self._period_s * self._period_s)
         part["gain"][:] = 1.0 - math.exp(-2.0 * math.pi * CUTOFF_HZ * self._period_s)
 

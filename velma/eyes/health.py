@@ -175,12 +175,8 @@ def _together(
     view: View,
 ) -> tuple[Stand, float]:
     """Return how these pieces stand, taken as one body."""
-    seen = [
-        _shown(one, *before[name], found)
-        for name in before
-        for one in markers[name]
-        if one.number in found
-    ]
+    there = [(name, one) for name in before for one in markers[name] if one.number in found]
+    seen = [_shown(one, *before[name], found) for name, one in there]
     if len(seen) < LEAST_MARKERS:
         return Stand.UNTOLD, 0.0
     corners, pixels = (np.concatenate(part) for part in zip(*seen, strict=True))

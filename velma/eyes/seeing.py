@@ -108,18 +108,13 @@ class Eyes:
         at = {one.number: found[one.number] for one in markers}
         main = largest(at)
         starts = poses(view, self._of[name][main], at[main])
-        corners, pixels = (
-            np.concatenate([one.corners for one in markers]),
-            np.concatenate(list(at.values())),
-        )
+        corners = np.concatenate([one.corners for one in markers])
+        pixels = np.concatenate(list(at.values()))
         stands = fit(view, corners, pixels, starts[0], upright=True)
         best, tipped = stands, False
         if name not in self._furniture and (stands is None or stands.rms_px > TIPPED_PX):
-            leaning = [
-                one
-                for start in starts
-                if (one := fit(view, corners, pixels, start, upright=False)) is not None
-            ]
+            fits = (fit(view, corners, pixels, start, upright=False) for start in starts)
+            leaning = (one for one in fits if one is not None)
             lies = min(leaning, key=lambda one: one.rms_px, default=None)
             tipped = lies is not None and (
                 stands is None or lies.rms_px < TIPPED_SHARE * stands.rms_px

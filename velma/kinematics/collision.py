@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from velma import names
-from velma.compiled import library
+from velma.compiled import fields, library
 from velma.errors import VelmaError
 from velma.kinematics.frames import transform
 from velma.kinematics.robot import Robot, axis, body_frame
@@ -38,30 +38,19 @@ _MOST = 64  # joints; as in near.c
 class _Near(ctypes.Structure):
     """As in near.c."""
 
-    _fields_ = (
-        *((name, ctypes.c_int) for name in ("joints", "shapes", "bodies")),
-        *(
-            (name, ctypes.c_void_p)
-            for name in ("parent", "placed", "axis", "column", "angle", "used", "joint")
-        ),
-        *(
-            (name, ctypes.c_void_p)
-            for name in ("on", "mounted", "moved", "at", "half", "kind", "body")
-        ),
-        *((name, ctypes.c_void_p) for name in ("box", "body_box")),
+    _fields_ = fields(
+        (ctypes.c_int, "joints shapes bodies"),
+        (ctypes.c_void_p, "parent placed axis column angle used joint"),
+        (ctypes.c_void_p, "on mounted moved at half kind body box body_box"),
     )
 
 
 class _Among(ctypes.Structure):
     """As in near.c."""
 
-    _fields_ = (
-        *((name, ctypes.c_int) for name in ("pairs", "body_pairs")),
-        *(
-            (name, ctypes.c_void_p)
-            for name in ("first_body", "second_body", "start", "first", "second", "number")
-        ),
-        ("found", ctypes.c_void_p),
+    _fields_ = fields(
+        (ctypes.c_int, "pairs body_pairs"),
+        (ctypes.c_void_p, "first_body second_body start first second number found"),
     )
 
 
@@ -131,19 +120,11 @@ class Near:
         half = np.array([_half(shape) for shape in solids])
         kind = np.array([_KINDS.get(type(shape), 0) for shape in solids], dtype=np.uint8)
         joints = len(tree.parent)
-        self._kept = (
-            *(
-                tree.parent,
-                tree.placed,
-                tree.axis,
-                tree.column,
-                angle,
-                np.full(joints, np.nan),
-                np.empty((joints, 12)),
-            ),
-            *(self._on, self._mounted, self._moved, self._at, half, kind, bodies.astype(np.int32)),
-            *(np.empty((count, 6)), np.empty((most, 6))),
-        )
+        hinges = tree.parent, tree.placed, tree.axis, tree.column, angle
+        posed = np.full(joints, np.nan), np.empty((joints, 12))
+        mounted = self._on, self._mounted, self._moved, self._at, half, kind
+        boxes = np.empty((count, 6)), np.empty((most, 6))
+        self._kept = (*hinges, *posed, *mounted, bodies.astype(np.int32), *boxes)
         near = _Near(joints, count, most, *(array.ctypes.data for array in self._kept))
         self._itself, self._left = ctypes.byref(near), ctypes.c_int()
         self._given = np.empty(15)
@@ -151,21 +132,12 @@ class Near:
         self._one = self._given.ctypes.data, 1, 1, ctypes.byref(self._left)
         self._first, self._pairs = built.near_first, built.near_pairs
         address, number = ctypes.c_void_p, ctypes.c_double
-        self._first.argtypes = [
-            address,
-            address,
-            number,
-            address,
-            ctypes.c_int,
-            ctypes.c_int,
-            address,
-        ]
         self._pairs.argtypes = [address, address, number, address]
+        self._first.argtypes = [*self._pairs.argtypes, ctypes.c_int, ctypes.c_int, address]
         of = np.sort(bodies[pairs], axis=0)
         order = np.lexsort(of)
-        self._sorted = np.concatenate((of, pairs, [np.arange(len(order))])).astype(np.int32)[
-            :, order
-        ]
+        rows = np.concatenate((of, pairs, [np.arange(len(order))]))
+        self._sorted = rows.astype(np.int32)[:, order]
 
     def among(self, wanted: Array) -> Among:
         """Return those of the pairs that are `wanted` (m,)."""
@@ -174,13 +146,8 @@ class Near:
         begins[1:] = (one_body[1:] != one_body[:-1]) | (other_body[1:] != other_body[:-1])
         start = np.append(np.flatnonzero(begins), len(begins)).astype(np.int32)
         found = np.empty(len(begins) + len(start), dtype=np.int32)
-        arrays = (
-            one_body[begins],
-            other_body[begins],
-            start,
-            *map(np.ascontiguousarray, pairs),
-            found,
-        )
+        both = one_body[begins], other_body[begins]
+        arrays = (*both, start, *map(np.ascontiguousarray, pairs), found)
         among = _Among(len(begins), len(start) - 1, *(array.ctypes.data for array in arrays))
         return Among(ctypes.byref(among), found, arrays)
 
@@ -252,7 +219,7 @@ def _half(shape: Any) -> Array:
 
 
 class PlainChecks:
-    """As `near.Near`, slower. `angle` (n,) [rad]: of all joints; `columns` (15,): those of a
+    """As Near, slower. `angle` (n,) [rad]: of all joints; `columns` (15,): those of a
     posture among them.
     """
 
@@ -261,12 +228,10 @@ class PlainChecks:
     ) -> None:
         """Of coal's shapes, the pairs (2, m)."""
         self.solids, self.pairs = solids, pairs
-        self._model, self._data, self._angle, self._columns = (
-            model,
-            model.createData(),
-            angle,
-            columns,
-        )
+        self._model = model
+        self._data = model.createData()
+        self._angle = angle
+        self._columns = columns
         self._shapes = pin.GeometryModel()
         for shape in solids:
             self._shapes.addGeometryObject(pin.GeometryObject("", 0, 0, pin.SE3.Identity(), shape))
@@ -428,10 +393,13 @@ def _body(robot: Robot) -> _Body:
 
 
 class World:
-    """The robot among things. Not thread-safe; q (15,) [rad], poses T_world_thing, `margin` [m]."""
+    """The robot among things. Not thread-safe; q (15,) [rad], poses T_world_thing.
+
+    `margin`: distance [m] below which shapes count as touching; may be changed at any time.
+    """
 
     def __init__(self, robot: Robot, margin: float = MARGIN) -> None:
-        self._margin = margin
+        self.margin = margin
         self.checks = 0  # states checked so far
         self._body = _body(robot)
         model = self._body.model
@@ -446,15 +414,6 @@ class World:
         self._allowed: tuple[tuple[str, str], ...] = ()
         self._checks: Near | PlainChecks | None = None  # None after things were added or removed
         self._fresh = False  # whether the compared pairs agree with what is held and allowed
-
-    @property
-    def margin(self) -> float:
-        """Distance [m] below which shapes count as touching; may be changed at any time."""
-        return self._margin
-
-    @margin.setter
-    def margin(self, margin: float) -> None:
-        self._margin = margin
 
     # --- things -----------------------------------------------------------------------------------
     def put(self, name: str, shapes: Sequence[Any], pose: Any, kind: Kind = "furniture") -> None:
@@ -532,13 +491,13 @@ class World:
     def free(self, q: Array) -> bool:
         """Whether nothing comes nearer to anything than the margin, at q (15,), which is finite."""
         self.checks += 1
-        return self._current().free(self._compares, self._margin, q)
+        return self._current().free(self._compares, self.margin, q)
 
     def first_free(self, postures: Array) -> int | None:
         """Return the number of the first posture (n, 15) that is free, as `free` says; None if none
         is.
         """
-        found = self._current().first(self._compares, self._margin, postures, True)
+        found = self._current().first(self._compares, self.margin, postures, True)
         self.checks += min(found + 1, len(postures))
         return found if found < len(postures) else None
 
@@ -546,7 +505,7 @@ class World:
         """Whether all postures (n, 15) are free, as `free` says; none is looked at after one that
         is not.
         """
-        found = self._current().first(self._compares, self._margin, postures, False)
+        found = self._current().first(self._compares, self.margin, postures, False)
         self.checks += min(found + 1, len(postures))
         return found == len(postures)
 
@@ -556,10 +515,10 @@ class World:
         """
         checks = self._current()
         nearest: dict[tuple[str, str], float] = {}
-        for k in checks.close(self._compares, self._margin, q):
+        for k in checks.close(self._compares, self.margin, q):
             first, second = (int(shape) for shape in self._numbered[:, k])
             pair = checks.solids[first], checks.at(first), checks.solids[second], checks.at(second)
-            if nearer(*pair, self._margin):
+            if nearer(*pair, self.margin):
                 key = (self._called(first), self._called(second))
                 nearest[key] = min(distance(*pair), nearest.get(key, np.inf))
         return sorted(((a, b, d) for (a, b), d in nearest.items()), key=lambda found: found[2])
@@ -571,7 +530,7 @@ class World:
         Neither the head nor that thing itself hides any.
         """
         checks = self._current()
-        checks.close(self._compares, self._margin, q)
+        checks.close(self._compares, self.margin, q)
         joints = [geometry.parentJoint for geometry in self._body.shapes.geometryObjects]
         others = [
             (checks.solids[k], checks.at(k))
@@ -583,15 +542,13 @@ class World:
     def inside(self, shape: Any, pose: Any) -> set[str]:
         """Return the things at rest that reach into a shape at T_world_shape."""
         room, there = solid(shape), _placed(pose)
-        request = coal.CollisionRequest()
+        request, found = coal.CollisionRequest(), coal.CollisionResult()
         return {
             name
             for name, thing in self._things.items()
             if thing.side is None
             and any(
-                coal.collide(
-                    room, there, part, _placed(thing.pose * at), request, coal.CollisionResult()
-                )
+                coal.collide(room, there, part, _placed(thing.pose * at), request, found)
                 for part, at in zip(thing.solids, thing.at, strict=True)
             )
         }
@@ -653,10 +610,8 @@ class World:
 
     def _built(self) -> Near | PlainChecks:
         """Return checks of all shapes, with every pair that may be compared."""
-        groups, solids = (
-            list(self._body.groups),
-            [one.geometry for one in self._body.shapes.geometryObjects],
-        )
+        groups = list(self._body.groups)
+        solids = [one.geometry for one in self._body.shapes.geometryObjects]
         for name, thing in self._things.items():
             thing.geometries = range(len(groups), len(groups) + len(thing.shapes))
             groups += [name] * len(thing.shapes)

@@ -13,13 +13,12 @@ from functools import lru_cache
 from itertools import product
 from typing import Any
 
-import eigenpy
 import numpy as np
 import pinocchio as pin
 
 from velma import names
-from velma.compiled import library
-from velma.kinematics.robot import Limits, Robot, between
+from velma.compiled import fields, library
+from velma.kinematics.robot import Limits, Robot
 from velma.names import Array, Columns
 
 # --- Inverse kinematics of Velma's arm in closed form: all postures of a grip pose, for many elbows
@@ -68,21 +67,17 @@ def _cross(a: Array, b: Array) -> Array:
 class _Arm(ctypes.Structure):
     """As in arm.c."""
 
-    _fields_ = (
-        ("upper", ctypes.c_double),
-        ("fore", ctypes.c_double),
-        ("shoulder", ctypes.c_double * 12),
-    )
+    _fields_ = fields((ctypes.c_double, "upper fore"), (ctypes.c_double * 12, "shoulder"))
 
 
 class _Wanted(ctypes.Structure):
     """As in arm.c."""
 
-    _fields_ = (
-        *((name, ctypes.c_void_p) for name in ("lower", "upper")),
-        *((name, ctypes.c_double) for name in ("margin", "torso")),
-        *((name, ctypes.c_int) for name in ("corners", "column")),
-        ("polygon", ctypes.c_void_p),
+    _fields_ = fields(
+        (ctypes.c_void_p, "lower upper"),
+        (ctypes.c_double, "margin torso"),
+        (ctypes.c_int, "corners column"),
+        (ctypes.c_void_p, "polygon"),
     )
 
 
@@ -96,10 +91,8 @@ class Wanted:
         self, lower: Array, upper: Array, margin: float, torso: float, polygon: Array, column: int
     ) -> None:
         self._arrays = [np.array(one, dtype=np.float64) for one in (lower, upper, polygon)]
-        pointers = [array.ctypes.data for array in self._arrays]
-        self.itself = _Wanted(
-            pointers[0], pointers[1], margin, torso, len(polygon), column, pointers[2]
-        )
+        least, most, corners = (array.ctypes.data for array in self._arrays)
+        self.itself = _Wanted(least, most, margin, torso, len(polygon), column, corners)
 
 
 def _numbers(pose: Any) -> Any:
@@ -142,13 +135,11 @@ class ArmGeometry:
         wrist = self.T_world_torso.inverse() * target * self.T_grip_wrist
         cos, sin = np.cos(torso), np.sin(torso)
         unturn = np.zeros((len(torso), 3, 3))
-        unturn[:, 0, 0], unturn[:, 0, 1], unturn[:, 1, 0], unturn[:, 1, 1], unturn[:, 2, 2] = (
-            cos,
-            sin,
-            -sin,
-            cos,
-            1.0,
-        )
+        unturn[:, 0, 0] = cos
+        unturn[:, 0, 1] = sin
+        unturn[:, 1, 0] = -sin
+        unturn[:, 1, 1] = cos
+        unturn[:, 2, 2] = 1.0
         to_shoulder = self.T_torso_shoulder.rotation.T
         way = (unturn @ wrist.translation - self.T_torso_shoulder.translation) @ to_shoulder.T
         goal = to_shoulder @ unturn @ wrist.rotation
@@ -241,15 +232,6 @@ class PathBlocked(Exception):
         )
 
 
-def _step(jacobian: Array, error: Array) -> Array:
-    """Damped least squares: J^T (J J^T + damping)^-1 error, shortened to `_LARGEST_TURN`."""
-    square = jacobian @ jacobian.T
-    square.ravel()[::7] += _DAMPING
-    change = eigenpy.LLT(square).solve(error) @ jacobian
-    largest = max(change.max(), -change.min())
-    return np.asarray(change if largest <= _LARGEST_TURN else change * (_LARGEST_TURN / largest))
-
-
 def solve(
     robot: Robot,
     side: str,
@@ -269,28 +251,7 @@ def solve(
     columns = names.COLUMNS[side] if columns is None else columns
     if not all(map(math.isfinite, q.tolist())):
         return None
-    compiled = robot.chain[side]
-    if compiled is not None:
-        return compiled.solve(target, q, _limits(robot, tuple(columns), iterations, tolerance))
-    lower, upper = robot.lower[columns] + _STAY_INSIDE, robot.upper[columns] - _STAY_INSIDE
-    model, data, frame = robot.model, robot.data, robot.frame[side]
-    near, turned = tolerance
-    goal, goal_rotation = target.translation, target.rotation
-    error, q = np.empty(6), q.copy()
-    for _ in range(iterations):
-        pin.computeJointJacobians(model, data, q)
-        here = pin.updateFramePlacement(model, data, frame)
-        error[:3] = goal - here.translation
-        error[3:] = pin.log3(goal_rotation @ here.rotation.T)
-        size = np.abs(error)
-        if size[:3].max() < near and size[3:].max() < turned:
-            return q
-        jacobian = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED).take(
-            columns, 1
-        )
-        change = _step(jacobian, np.minimum(np.maximum(error, -_LARGEST_ERROR), _LARGEST_ERROR))
-        q[columns] = np.minimum(np.maximum(q.take(columns) + change, lower), upper)
-    return None
+    return robot.chain[side].solve(target, q, _limits(robot, tuple(columns), iterations, tolerance))
 
 
 @lru_cache(maxsize=64)
@@ -323,12 +284,8 @@ def line(
     length = float(np.linalg.norm(target.translation - start.translation))
     turn = float(np.linalg.norm(pin.log3(target.rotation @ start.rotation.T)))
     count = max(2, int(max(length / step, turn / 0.06)))
-    compiled = robot.chain[side]
-    if compiled is not None:
-        limits = _limits(robot, tuple(columns.tolist()), _ON_A_LINE, _TOLERANCE)
-        solved, jumps = compiled.line(start, target, count, q, limits, _JUMP)
-    else:
-        solved, jumps = _solved_line(robot, side, between(start, target, count), q, columns)
+    limits = _limits(robot, tuple(columns.tolist()), _ON_A_LINE, _TOLERANCE)
+    solved, jumps = robot.chain[side].line(start, target, count, q, limits, _JUMP)
     path = [q]
     for following in solved[: len(solved) - jumps]:
         if accept is not None and not accept(following):
@@ -339,23 +296,6 @@ def line(
     if len(path) <= count:
         raise PathBlocked("reach", path[-1], (len(path) - 1) / count)
     return path
-
-
-def _solved_line(
-    robot: Robot, side: str, poses: list[Any], q: Array, columns: Columns
-) -> tuple[list[Array], bool]:
-    """Return a posture for each pose, up to one that is not found, or jumps from the one before;
-    whether one does.
-    """
-    path = [q]
-    for pose in poses:
-        following = solve(robot, side, pose, path[-1], columns=columns, iterations=_ON_A_LINE)
-        if following is None:
-            break
-        path.append(following)
-        if np.abs(following - path[-2]).max() > _JUMP:
-            return path[1:], True
-    return path[1:], False
 
 
 def _inside(polygon: Array, x: Array, y: Array) -> Any:

@@ -151,9 +151,8 @@ def shortened(path: Array, allowed: Allowed, cost: Cost, rng: np.random.Generato
         if last - first < 2:
             continue
         piece = path[first : last + 1]
-        straight = (
-            _one_joint(piece, rng) if rng.random() < _ONE_JOINT else dense(piece[[0, -1]], STEP)
-        )
+        alone = rng.random() < _ONE_JOINT
+        straight = _one_joint(piece, rng) if alone else dense(piece[[0, -1]], STEP)
         new = cost(straight)
         if new.sum() < costs[first:last].sum() - _GAIN and clear(allowed, straight[1:-1]):
             path = np.concatenate((path[:first], straight, path[last + 1 :]))
@@ -199,11 +198,9 @@ CHECK_S = 0.04  # between checked states of the timed motion (trial runs)
 SPARE_M = 0.002  # additional distance during the search, used up by rounding (estimate)
 _INSIDE = 0.02  # rad: trees stay this far inside the limits
 _TORSO = 1.3  # rad: trees keep the torso away from its limit
-_WANDER = (
-    # rad: how far beyond its ends first trees turn the torso, which is four times slower than an
-    # arm (estimate)
-    0.4
-)
+# rad: how far beyond its ends first trees turn the torso, which is four times slower than an arm
+# (estimate)
+_WANDER = 0.4
 
 
 @dataclass(frozen=True)
@@ -267,18 +264,9 @@ class _Task:
         """Return seconds (n - 1,) that joints and tool need for each step of a path (n, 8), without
         accelerations.
         """
-        compiled, speed = (
-            self.robot.chain[self.side],
-            JOINT_FRACTION * self.robot.speed[self.columns],
-        )
-        if compiled is not None:
-            return compiled.times(self.start, path, self.columns, self.tool_speed, speed)
-        moved = (
-            np.linalg.norm(np.diff(self.robot.track(self.wholes(path), self.side), axis=0), axis=1)
-            / self.tool_speed
-        )
-        turned = np.abs(np.diff(path, axis=0)) / speed
-        return np.asarray(np.maximum(moved, turned.max(axis=1)))
+        speed = JOINT_FRACTION * self.robot.speed[self.columns]
+        chain = self.robot.chain[self.side]
+        return chain.times(self.start, path, self.columns, self.tool_speed, speed)
 
     def timed(self, path: Array) -> Trajectory:
         """Return the timed motion along a path (n, 8)."""
@@ -360,9 +348,8 @@ def _quickest(
             task.world.margin = margin
         spared = task.world.margin
         for number, way in enumerate(_ways(task, iterations, seed, attempts)):
-            short = shortened(
-                way, task.all_allowed, task.cost, np.random.default_rng([seed, number])
-            )
+            rng = np.random.default_rng([seed, number])
+            short = shortened(way, task.all_allowed, task.cost, rng)
             task.world.margin = margin
             found = _in_time(task, short)
             task.world.margin = spared
@@ -414,12 +401,8 @@ def _bounds(task: _Task, ends: Array, wander: float) -> tuple[Array, Array]:
     """Return the bounds of the trees: inside the limits, the torso `wander` beyond the ends (2,
     8).
     """
-    lower, upper = (
-        task.robot.lower[task.columns] + _INSIDE,
-        task.robot.upper[task.columns] - _INSIDE,
-    )
-    lower[0], upper[0] = (
-        max(-_TORSO, ends[:, 0].min() - wander),
-        min(_TORSO, ends[:, 0].max() + wander),
-    )
+    lower = task.robot.lower[task.columns] + _INSIDE
+    upper = task.robot.upper[task.columns] - _INSIDE
+    lower[0] = max(-_TORSO, ends[:, 0].min() - wander)
+    upper[0] = min(_TORSO, ends[:, 0].max() + wander)
     return np.minimum(lower, ends.min(axis=0)), np.maximum(upper, ends.max(axis=0))

@@ -10,39 +10,35 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import eigenpy
 import numpy as np
 import pinocchio as pin
 
 from velma import names
-from velma.compiled import library
+from velma.compiled import fields, library
 from velma.names import Array, Columns
 
-# --- Torso and one arm as chain.c of velma.compiled computes with them. Must not know: scenes,
-# sampling, comfort
+# --- Torso and one arm, as chain.c of velma.compiled computes with them and as Pinocchio does. Must
+# not know: scenes, sampling, comfort
 
 
 _MOST, ALL = 16, 15  # joints; columns of a posture; as in chain.c
+_WORLD_AXES = pin.LOCAL_WORLD_ALIGNED
 
 
 class _Chain(ctypes.Structure):
     """As in chain.c."""
 
-    _fields_ = (
-        ("joints", ctypes.c_int),
-        *((name, ctypes.c_void_p) for name in ("placed", "axis", "column")),
-    )
+    _fields_ = fields((ctypes.c_int, "joints"), (ctypes.c_void_p, "placed axis column"))
 
 
 class _Limits(ctypes.Structure):
     """As in chain.c."""
 
-    _fields_ = (
-        ("iterations", ctypes.c_int),
-        *(
-            (name, ctypes.c_double)
-            for name in ("near", "turned", "damping", "largest_turn", "largest_error")
-        ),
-        *((name, ctypes.c_void_p) for name in ("lower", "upper", "moves")),
+    _fields_ = fields(
+        (ctypes.c_int, "iterations"),
+        (ctypes.c_double, "near turned damping largest_turn largest_error"),
+        (ctypes.c_void_p, "lower upper moves"),
     )
 
 
@@ -56,6 +52,7 @@ class Limits:
     def __init__(self, numbers: Sequence[float], lower: Array, upper: Array, columns: Any) -> None:
         moves = np.zeros(len(lower), dtype=np.uint8)
         moves[columns] = 1
+        self.numbers, self.lower, self.upper, self.columns = numbers, lower, upper, columns
         self._arrays = np.array(lower), np.array(upper), moves
         self.itself = _Limits(*numbers, *(array.ctypes.data for array in self._arrays))
 
@@ -86,10 +83,8 @@ class Chain:
 
     def track(self, postures: Array) -> Array:
         """Return the positions (n, 3) [m] of the frame in postures (n, 15)."""
-        given, places = (
-            np.ascontiguousarray(postures, dtype=np.float64),
-            np.empty((len(postures), 3)),
-        )
+        given = np.ascontiguousarray(postures, dtype=np.float64)
+        places = np.empty((len(postures), 3))
         self._track(self._itself, given.ctypes.data, len(given), places.ctypes.data)
         return places
 
@@ -158,27 +153,94 @@ class Chain:
 def _declared(built: ctypes.CDLL) -> tuple[Any, ...]:
     """Return the library's functions of a chain."""
     address, count, number = ctypes.c_void_p, ctypes.c_int, ctypes.c_double
-    calls = (
-        built.chain_track,
-        built.chain_solve,
-        built.chain_times,
-        built.chain_upward,
-        built.chain_line,
-    )
-    track, solve, times, upward, line = calls
+    track, solve, times = built.chain_track, built.chain_solve, built.chain_times
+    upward, line = built.chain_upward, built.chain_line
     track.argtypes, track.restype = [address, address, count, address], None
     solve.argtypes, solve.restype = [address, address, address, address], count
     times.argtypes = [address, address, address, count, count, address, number, address, address]
     upward.argtypes = [address, address, count, address, address]
     line.argtypes = [address, address, address, address, count, number, address, address, address]
     times.restype, upward.restype, line.restype = None, None, count
-    return calls
+    return track, solve, times, upward, line
 
 
-def chain(model: Any, frame: int) -> Chain | None:
-    """Return the chain to a frame of a model whose joints are hinges, or None without a library."""
+class PlainChain:
+    """As Chain, by Pinocchio, slower."""
+
+    def __init__(self, model: Any, frame: int) -> None:
+        self._model, self._data, self._frame = model, model.createData(), frame
+
+    def _pose(self, q: Array) -> Any:
+        pin.forwardKinematics(self._model, self._data, q)
+        return pin.updateFramePlacement(self._model, self._data, self._frame)
+
+    def track(self, postures: Array) -> Array:
+        """Return the positions (n, 3) [m] of the frame in postures (n, 15)."""
+        places = np.empty((len(postures), 3))
+        for k, q in enumerate(postures):
+            places[k] = self._pose(q).translation
+        return places
+
+    def upward(self, direction: Array) -> Callable[[Array], Array]:
+        """Return the function from postures (n, 15) to the upward parts (n,) of a direction."""
+        return lambda postures: np.array([self._pose(q).rotation[2] @ direction for q in postures])
+
+    def times(
+        self, q: Array, path: Array, columns: Columns, tool_speed: float, speed: Array
+    ) -> Array:
+        """Return the time (n - 1,) [s] of each step of a path (n, m) of some columns of q (15,)."""
+        postures = np.tile(q, (len(path), 1))
+        postures[:, columns] = path
+        moved = np.linalg.norm(np.diff(self.track(postures), axis=0), axis=1) / tool_speed
+        turned = np.abs(np.diff(path, axis=0)) / speed
+        return np.asarray(np.maximum(moved, turned.max(axis=1)))
+
+    def line(
+        self, start: Any, target: Any, count: int, q: Array, limits: Limits, jump: float
+    ) -> tuple[list[Array], bool]:
+        """Return postures near q (15,) on the straight line; whether the last one jumps."""
+        path = [q]
+        for pose in between(start, target, count):
+            following = self.solve(pose, path[-1], limits)
+            if following is None:
+                break
+            path.append(following)
+            if np.abs(following - path[-2]).max() > jump:
+                return path[1:], True
+        return path[1:], False
+
+    def solve(self, target: Any, q: Array, limits: Limits) -> Array | None:
+        """Return a posture near q with the frame at `target`, by damped least squares; None if the
+        iterations do not get there.
+        """
+        iterations, near, turned, damping, largest_turn, largest_error = limits.numbers
+        model, data, columns = self._model, self._data, limits.columns
+        lower, upper = limits.lower[columns], limits.upper[columns]
+        error, q = np.empty(6), q.copy()
+        for _ in range(int(iterations)):
+            pin.computeJointJacobians(model, data, q)
+            here = pin.updateFramePlacement(model, data, self._frame)
+            error[:3] = target.translation - here.translation
+            error[3:] = pin.log3(target.rotation @ here.rotation.T)
+            size = np.abs(error)
+            if size[:3].max() < near and size[3:].max() < turned:
+                return q
+            jacobian = pin.getFrameJacobian(model, data, self._frame, _WORLD_AXES).take(columns, 1)
+            square = jacobian @ jacobian.T
+            square.ravel()[::7] += damping
+            part = np.minimum(np.maximum(error, -largest_error), largest_error)
+            change = eigenpy.LLT(square).solve(part) @ jacobian
+            largest = max(change.max(), -change.min())
+            if largest > largest_turn:
+                change = change * (largest_turn / largest)
+            q[columns] = np.minimum(np.maximum(q.take(columns) + change, lower), upper)
+        return None
+
+
+def chain(model: Any, frame: int) -> Chain | PlainChain:
+    """Return the chain to a frame of a model whose joints are hinges."""
     built = library()
-    return Chain(built, model, frame) if built is not None else None
+    return PlainChain(model, frame) if built is None else Chain(built, model, frame)
 
 
 def axis(joint: Any) -> Array:
@@ -192,7 +254,6 @@ def axis(joint: Any) -> Array:
 
 
 ROBOT_XML = Path(__file__).parents[1] / "model" / "robot.xml"
-_WORLD_AXES = pin.LOCAL_WORLD_ALIGNED
 
 
 class FrameMissing(LookupError):
@@ -245,26 +306,13 @@ class Robot:
 
     def track(self, postures: Array, side: str) -> Array:
         """Return the positions (n, 3) [m] of the grip of `side` in postures (n, 15)."""
-        compiled = self.chain[side]
-        if compiled is not None:
-            return compiled.track(postures)
-        model, data, frame = self.model, self.data, self.frame[side]
-        places = np.empty((len(postures), 3))
-        for k, q in enumerate(postures):
-            pin.forwardKinematics(model, data, q)
-            places[k] = pin.updateFramePlacement(model, data, frame).translation
-        return places
+        return self.chain[side].track(postures)
 
     def upward(self, side: str, direction: Array) -> Callable[[Array], Array]:
         """Return the function from postures (n, 15) to the upward parts (n,) of a direction (3,)
         fixed to a grip.
         """
-        compiled = self.chain[side]
-        if compiled is not None:
-            return compiled.upward(direction)
-        return lambda postures: np.array(
-            [self.grip(q, side).rotation[2] @ direction for q in postures]
-        )
+        return self.chain[side].upward(direction)
 
     def jacobian(self, q: Array, side: str) -> Array:
         """Return J (6, 15): joint speeds [rad/s] to velocity [m/s] and rotation [rad/s] of the

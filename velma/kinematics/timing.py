@@ -57,12 +57,10 @@ def _speeds(lengths: Array, slopes: Array) -> Array:
     if n == 2:
         return np.repeat(slopes, 2, axis=0)
     # A tridiagonal system: lower, diagonal and upper (n,), right (n, m).
-    lower, diagonal, upper, right = (
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros(n),
-        np.zeros((n, slopes.shape[1])),
-    )
+    lower = np.zeros(n)
+    diagonal = np.zeros(n)
+    upper = np.zeros(n)
+    right = np.zeros((n, slopes.shape[1]))
     lower[1:-1], upper[1:-1] = lengths[1:], lengths[:-1]
     diagonal[1:-1] = 2.0 * (lengths[:-1] + lengths[1:])
     right[1:-1] = 3.0 * (lengths[1:, None] * slopes[:-1] + lengths[:-1, None] * slopes[1:])
@@ -134,10 +132,8 @@ class Trajectory:
         place = min(max(t / self.dt, 0.0), len(self.q) - 1.0)
         k = min(int(place), max(len(self.q) - 2, 0))
         share, following = place - k, min(k + 1, len(self.q) - 1)
-        return (
-            (1 - share) * self.q[k] + share * self.q[following],
-            (1 - share) * self.v[k] + share * self.v[following],
-        )
+        q, v = ((1 - share) * rows[k] + share * rows[following] for rows in (self.q, self.v))
+        return q, v
 
 
 def dense(path: Sequence[Array] | Array, step: float = _DENSE) -> Array:
@@ -183,11 +179,8 @@ def timed(
 
 def _check_duration(seconds: float) -> None:
     if not seconds <= ranges.LONGEST_S:
-        raise MotionError(
-            "path",
-            f"of {seconds:.0f} s",
-            f"at most {ranges.LONGEST_S:g} s: make it shorter or faster",
-        )
+        most = f"at most {ranges.LONGEST_S:g} s: make it shorter or faster"
+        raise MotionError("path", f"of {seconds:.0f} s", most)
 
 
 def _fastest(robot: Robot, points: Array, tool_speed: float, speed: Array) -> tuple[Array, Array]:
@@ -215,10 +208,8 @@ def path_speeds(first: Array, second: Array, limit: Array, length: Array, larges
     """
     built, x = library(), np.array(largest, dtype=np.float64)
     if built is not None:
-        given = [
-            np.ascontiguousarray(array, dtype=np.float64)
-            for array in (first, second, limit, length)
-        ]
+        arrays = (first, second, limit, length)
+        given = [np.ascontiguousarray(array, dtype=np.float64) for array in arrays]
         pointers = [ctypes.c_void_p(array.ctypes.data) for array in (*given, x)]
         built.path_speeds(ctypes.c_int(len(x)), ctypes.c_int(len(limit)), *pointers)
         return x
@@ -280,9 +271,8 @@ def _largest_speeds(
     """
     reach = np.zeros(len(grid))  # metres of the faster grip per unit of path
     for side in names.SIDES:
-        per_unit = np.linalg.norm(np.diff(robot.track(postures, side), axis=0), axis=1) / np.diff(
-            grid
-        )
+        way = np.linalg.norm(np.diff(robot.track(postures, side), axis=0), axis=1)
+        per_unit = way / np.diff(grid)
         reach[:-1] = np.maximum(reach[:-1], per_unit)
         reach[1:] = np.maximum(reach[1:], per_unit)
     joints = (speed / np.maximum(tangents, _STILL)).min(axis=1)
@@ -293,8 +283,7 @@ def _averaged(samples: Array, before: Array, after: Array) -> Array:
     """Return moving average (n + 10, 15) of samples (n, 15) with constant values before and
     after.
     """
-    whole = np.concatenate(
-        (np.tile(before, (_AVERAGED + 1, 1)), samples, np.tile(after, (_AVERAGED + 1, 1)))
-    )
+    begin, end = (np.tile(one, (_AVERAGED + 1, 1)) for one in (before, after))
+    whole = np.concatenate((begin, samples, end))
     sums = np.cumsum(np.concatenate((np.zeros((1, whole.shape[1])), whole)), axis=0)
     return np.asarray((sums[_AVERAGED + 1 :] - sums[: -_AVERAGED - 1]) / (_AVERAGED + 1))

@@ -55,13 +55,8 @@ def rod(start: Point, end: Point, radius: float, colour: Colour, kind: str = "ca
 
 # Links of an arm from its shoulder: how far each reaches along z [m], and the radii of both ends of
 # its shell.
-_ARM_SHELLS = {
-    1: (0.13, 0.062),
-    2: (0.15, 0.060),
-    3: (0.15, 0.059),
-    4: (0.15, 0.057),
-    5: (0.14, 0.055),
-}
+_ARM_SHELLS = {1: (0.13, 0.062), 2: (0.15, 0.060), 3: (0.15, 0.059), 4: (0.15, 0.057),
+               5: (0.14, 0.055)}  # fmt: skip
 _TURNING_ABOUT_Y = (2, 4, 6)
 
 
@@ -153,13 +148,8 @@ def dress(elements: Mapping[str, ET.Element]) -> None:
     """Add the looks to the bodies `elements` (name -> element)."""
     for body, parts in LOOKS.items():
         for k, look in enumerate(parts):
-            words = {
-                "name": f"{body}_look_{k}",
-                "class": LOOK_CLASS,
-                "type": look.kind,
-                "rgba": _text(look.colour),
-            }
-            words["size"] = _text(look.size)
+            words = {"name": f"{body}_look_{k}", "class": LOOK_CLASS, "type": look.kind}
+            words |= {"rgba": _text(look.colour), "size": _text(look.size)}
             if look.end is None:
                 words["pos"] = _text(look.start)
             else:
@@ -265,12 +255,8 @@ def _armature(tree: Tree, joint: str) -> float:
     numbers = tree["armature"]
     if "_arm_" in joint:
         return float(numbers["arm"][int(joint.split("_")[2])])
-    for word, kind in (
-        ("torso", "torso"),
-        ("head", "head"),
-        ("KnuckleOne", "spread"),
-        ("Knuckle", "finger"),
-    ):
+    kinds = {"torso": "torso", "head": "head", "KnuckleOne": "spread", "Knuckle": "finger"}
+    for word, kind in kinds.items():  # in this order: the third one has the fourth one in it
         if word in joint:
             return float(numbers[kind])
     raise ValueError(
@@ -328,14 +314,10 @@ def _drives(root: ET.Element, tree: Tree) -> None:
         servo(joint, joint, "head")
     for side in SIDES:
         servo(f"{side}_spread", f"{side}_HandFingerOneKnuckleOneJoint", "spread")
-        for finger in FINGERS:
-            servo(
-                f"{side}_proximal_{finger}", f"{side}_HandFinger{finger}KnuckleTwoJoint", "proximal"
-            )
-        for finger in FINGERS:
-            servo(
-                f"{side}_distal_{finger}", f"{side}_HandFinger{finger}KnuckleThreeJoint", "distal"
-            )
+        for kind, knuckle in (("proximal", "Two"), ("distal", "Three")):
+            for finger in FINGERS:
+                joint = f"{side}_HandFinger{finger}Knuckle{knuckle}Joint"
+                servo(f"{side}_{kind}_{finger}", joint, kind)
 
 
 def robot() -> ET.Element:

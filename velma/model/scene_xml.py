@@ -67,30 +67,17 @@ def _classes(default: ET.Element, contact: Numbers) -> None:
         }
 
     robot, thing = Kind.ARM | Kind.HAND, Kind.WORLD | Kind.HAND | Kind.OBJECT | Kind.ARM
-    furniture = masks(Kind.WORLD, robot | Kind.OBJECT | Kind.GRAIN)
-    add_class(default, "furniture", **furniture, **words("furniture"))
     hidden = {"group": SHAPE_GROUP, "mass": "0"}
-    add_class(default, "jar", **hidden, **masks(Kind.OBJECT, thing), **words("object"))
-    add_class(
-        default, "box", **masks(Kind.OBJECT, thing), material="carton", mass="0", **words("object")
-    )
-    add_class(
-        default, "lid", **masks(Kind.OBJECT, thing), material="steel", mass="0", **words("object")
-    )
-    add_class(default, "inner", **hidden, **masks(Kind.INNER, Kind.GRAIN), **words("inner"))
-    add_class(
-        default,
-        "bowl",
-        **hidden,
-        **masks(Kind.OBJECT | Kind.INNER, thing | Kind.GRAIN),
-        **words("object"),
-    )
-    add_class(
-        default,
-        "grain",
-        **masks(Kind.GRAIN, Kind.GRAIN | Kind.INNER | Kind.WORLD),
-        **words("grain"),
-    )
+    for name, kind, meets, of, more in (
+        ("furniture", Kind.WORLD, robot | Kind.OBJECT | Kind.GRAIN, "furniture", {}),
+        ("jar", Kind.OBJECT, thing, "object", hidden),
+        ("box", Kind.OBJECT, thing, "object", {"material": "carton", "mass": "0"}),
+        ("lid", Kind.OBJECT, thing, "object", {"material": "steel", "mass": "0"}),
+        ("inner", Kind.INNER, Kind.GRAIN, "inner", hidden),
+        ("bowl", Kind.OBJECT | Kind.INNER, thing | Kind.GRAIN, "object", hidden),
+        ("grain", Kind.GRAIN, Kind.GRAIN | Kind.INNER | Kind.WORLD, "grain", {}),
+    ):
+        add_class(default, name, **more, **masks(kind, meets), **words(of))
 
 
 def _body(world: ET.Element, thing: SceneObject, *, free: bool) -> ET.Element:
@@ -225,11 +212,10 @@ def _lid(world: ET.Element, thing: SceneObject) -> None:
 
 
 def _look(body: ET.Element, mesh: str) -> None:
-    for part in surfaces.VESSELS[mesh]:
-        look = {"class": LOOK_CLASS, "mesh": part.mesh, "material": part.material}
-        ET.SubElement(
-            body, "geom", {"name": f"{body.get('name')}_{part.mesh}", "type": "mesh", **look}
-        )
+    part = surfaces.VESSELS[mesh]
+    look = {"class": LOOK_CLASS, "mesh": part.mesh, "material": part.material}
+    name = f"{body.get('name')}_{part.mesh}"
+    ET.SubElement(body, "geom", {"name": name, "type": "mesh", **look})
 
 
 _DRAW = {

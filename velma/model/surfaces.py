@@ -20,41 +20,15 @@ class Part(NamedTuple):
 
 
 # The outlines follow objects.yaml's jar and bowl; a jar of thin glass, a bowl with a rounded rim.
-VESSELS = {
-    "jar": (
-        Part(
-            "jar_glass",
-            "glass",
-            (
-                (0.0, -0.1),
-                (0.036, -0.1),
-                (0.04, -0.096),
-                (0.04, 0.094),
-                (0.0405, 0.1),
-                (0.037, 0.1),
-                (0.037, -0.094),
-                (0.0, -0.094),
-            ),
-        ),
-    ),
-    "bowl": (
-        Part(
-            "bowl_glaze",
-            "glaze",
-            (
-                (0.0, 0.0),
-                (0.056, 0.0),
-                (0.061, 0.004),
-                (0.0995, 0.096),
-                (0.1, 0.099),
-                (0.0975, 0.1005),
-                (0.095, 0.098),
-                (0.056, 0.007),
-                (0.0, 0.006),
-            ),
-        ),
-    ),
-}
+_JAR = (
+    (0.0, -0.1), (0.036, -0.1), (0.04, -0.096), (0.04, 0.094), (0.0405, 0.1), (0.037, 0.1),
+    (0.037, -0.094), (0.0, -0.094),
+)  # fmt: skip
+_BOWL = (
+    (0.0, 0.0), (0.056, 0.0), (0.061, 0.004), (0.0995, 0.096), (0.1, 0.099), (0.0975, 0.1005),
+    (0.095, 0.098), (0.056, 0.007), (0.0, 0.006),
+)  # fmt: skip
+VESSELS = {"jar": Part("jar_glass", "glass", _JAR), "bowl": Part("bowl_glaze", "glaze", _BOWL)}
 
 # rgba, specular, shininess, reflectance. Warm wood, white robot, one strong colour for what
 # matters: the grains.
@@ -83,73 +57,44 @@ def material(model: Model, part: str) -> str:
 def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> None:
     """Add materials, meshes, lights and the floor."""
     asset = ET.SubElement(root, "asset")
-    for name, (rgba, specular, shininess, reflectance) in MATERIALS.items():
-        shine = {
-            "specular": f"{specular:g}",
-            "shininess": f"{shininess:g}",
-            "reflectance": f"{reflectance:g}",
-        }
+    for name, (rgba, *shine) in MATERIALS.items():
+        look = dict(zip(("specular", "shininess", "reflectance"), map(_number, shine), strict=True))
         ET.SubElement(
-            asset, "material", {"name": name, "rgba": " ".join(f"{x:g}" for x in rgba), **shine}
+            asset, "material", {"name": name, "rgba": " ".join(map(_number, rgba)), **look}
         )
-    sky = {
-        "builtin": "gradient",
-        "rgb1": "0.86 0.90 0.94",
-        "rgb2": "0.62 0.68 0.76",
-        "width": "256",
-        "height": "256",
-    }
-    ET.SubElement(asset, "texture", {"name": "sky", "type": "skybox", **sky})
-    tiles = {
-        "builtin": "checker",
-        "rgb1": "0.80 0.80 0.79",
-        "rgb2": "0.76 0.76 0.75",
-        "width": "512",
-        "height": "512",
-    }
-    ET.SubElement(asset, "texture", {"name": "tiles", "type": "2d", **tiles})
+    sky = {"type": "skybox", "builtin": "gradient", "width": "256", "height": "256"}
+    sky |= {"rgb1": "0.86 0.90 0.94", "rgb2": "0.62 0.68 0.76"}
+    tiles = {"type": "2d", "builtin": "checker", "width": "512", "height": "512"}
+    tiles |= {"rgb1": "0.80 0.80 0.79", "rgb2": "0.76 0.76 0.75"}
+    for name, texture in (("sky", sky), ("tiles", tiles)):
+        ET.SubElement(asset, "texture", {"name": name, **texture})
     floor = {"texture": "tiles", "texrepeat": "1.5 1.5", "texuniform": "true", "specular": "0.1"}
     ET.SubElement(asset, "material", {"name": "floor", **floor})
-    for part in (part for parts in VESSELS.values() for part in parts):
+    for part in VESSELS.values():
         ET.SubElement(
             asset, "mesh", {"name": part.mesh, "inertia": "shell", **turned(part.outline)}
         )
     visual = ET.SubElement(root, "visual")
     width, height = offscreen
     ET.SubElement(visual, "global", offwidth=str(width), offheight=str(height))
-    ET.SubElement(
-        visual,
-        "headlight",
-        ambient="0.38 0.38 0.40",
-        diffuse="0.25 0.25 0.25",
-        specular="0.1 0.1 0.1",
-    )
+    light = {"ambient": "0.38 0.38 0.40", "diffuse": "0.25 0.25 0.25", "specular": "0.1 0.1 0.1"}
+    ET.SubElement(visual, "headlight", light)
     ET.SubElement(visual, "quality", shadowsize="8192", offsamples="8")
     ET.SubElement(visual, "map", haze="0.25", fogstart="6", fogend="14", shadowclip="8")
     ET.SubElement(visual, "rgba", haze="0.86 0.90 0.94 1", fog="0.86 0.90 0.94 1")
     ET.SubElement(root, "statistic", center="0.5 0 0.9", extent="2.2")
-    lamp = {
-        "directional": "true",
-        "diffuse": "0.55 0.53 0.50",
-        "specular": "0.25 0.25 0.25",
-        "castshadow": "true",
-    }
-    ET.SubElement(
-        world, "light", {"name": "sun", "pos": "-0.6 0.8 3.2", "dir": "0.35 -0.25 -1", **lamp}
-    )
-    fill = {"directional": "true", "diffuse": "0.22 0.24 0.28", "castshadow": "false"}
-    ET.SubElement(world, "light", {"name": "fill", "pos": "2 -3 3", "dir": "-0.5 0.8 -0.6", **fill})
-    ET.SubElement(
-        world,
-        "geom",
-        {
-            "name": "floor",
-            "type": "plane",
-            "size": "0 0 0.1",
-            "material": "floor",
-            "class": "furniture",
-        },
-    )
+    sun = {"pos": "-0.6 0.8 3.2", "dir": "0.35 -0.25 -1", "castshadow": "true"}
+    sun |= {"diffuse": "0.55 0.53 0.50", "specular": "0.25 0.25 0.25"}
+    fill = {"pos": "2 -3 3", "dir": "-0.5 0.8 -0.6", "castshadow": "false"}
+    fill |= {"diffuse": "0.22 0.24 0.28"}
+    for name, lamp in (("sun", sun), ("fill", fill)):
+        ET.SubElement(world, "light", {"name": name, "directional": "true", **lamp})
+    ground = {"type": "plane", "size": "0 0 0.1", "material": "floor", "class": "furniture"}
+    ET.SubElement(world, "geom", {"name": "floor", **ground})
+
+
+def _number(x: float) -> str:
+    return f"{x:g}"
 
 
 def turned(outline: tuple[tuple[float, float], ...], segments: int = SEGMENTS) -> dict[str, str]:

@@ -74,14 +74,11 @@ _BIAS_N = 3.0  # estimate: six times the largest constant error of the scenes' w
 _DIM = 0.12
 ROWS: dict[Of, dict[Kind, Row]] = {
     Of.WRIST: {
-        Kind.ZERO: Row(),
-        Kind.STUCK: Row(),
-        Kind.NAN: Row(),
+        **dict.fromkeys((Kind.ZERO, Kind.STUCK, Kind.NAN), Row()),
         Kind.BIAS: Row((_BIAS_N,), "N on each axis", 100.0),
     },
     Of.CAMERA: {
-        Kind.BLACK: Row(),
-        Kind.FROZEN: Row(),
+        **dict.fromkeys((Kind.BLACK, Kind.FROZEN), Row()),
         Kind.DIMMED: Row((_DIM,), "share of the light that is left", 1.0),
         Kind.MIRRORED: Row(),
     },
@@ -136,9 +133,7 @@ ON: dict[Of, tuple[str, ...]] = {
     Of.ENCODER: (*BODY, *HEAD),
     Of.JOINT: BODY,
     Of.FINGER: FINGER_NAMES,
-    Of.CAMERA: ("",),
-    Of.HANDS: ("",),
-    Of.GRAINS: ("",),
+    **dict.fromkeys((Of.CAMERA, Of.HANDS, Of.GRAINS), ("",)),
 }
 """What a disturbance can befall; "": all of them, or the only one. Things are known to the
 scene.
@@ -237,8 +232,6 @@ class Orders:
             stamp = None
         ordered = self.going_on if stamp == self._seen else read(self._path) if stamp else ()
         now, self._seen = time.time(), stamp
-        before, self.going_on = (
-            self.going_on,
-            tuple(one for one in ordered if not (one.until and one.until < now)),
-        )
+        before = self.going_on
+        self.going_on = tuple(one for one in ordered if not (one.until and one.until < now))
         return self.going_on != before

@@ -149,10 +149,8 @@ class DisturbedWorld:
                 speed = (by / PUSH_S if share < 1.0 else 0.0) - (now - before) / PERIOD_S
                 force = (STIFF * (wanted - now) + DAMPED * speed) * flat
                 force *= min(1.0, PUSH_N / max(1e-9, float(np.linalg.norm(force))))
-                foot = (
-                    data.xpos[body]
-                    - (_height(self._kind[name]) - LOW_M) * data.xmat[body].reshape(3, 3)[:, 2]
-                )
+                up = data.xmat[body].reshape(3, 3)[:, 2]
+                foot = data.xpos[body] - (_height(self._kind[name]) - LOW_M) * up
                 data.xfrc_applied[body] = (*force, *np.cross(foot - now, force))
                 before = now
                 yield
@@ -190,9 +188,8 @@ class DisturbedWorld:
         mujoco.mju_negQuat(off, data.xquat[body])
         mujoco.mju_mulQuat(off, turn, off.copy())
         mujoco.mju_quat2Vel(angle, off, 1.0)
-        data.xfrc_applied[body, :3] = force * min(
-            1.0, TAKER_N / max(1e-9, float(np.linalg.norm(force)))
-        )
+        force *= min(1.0, TAKER_N / max(1e-9, float(np.linalg.norm(force))))
+        data.xfrc_applied[body, :3] = force
         data.xfrc_applied[body, 3:] = TURNER * angle - TURNER_DAMPED * spin[:3]
 
     def _knock(self, name: str, force: Array) -> Going:
@@ -208,9 +205,8 @@ class DisturbedWorld:
     def _tip(self, name: str, towards: Array) -> Going:
         """Tip a thing over in a direction (3,), of which the horizontal part counts."""
         body, model, data = self._model.body(name).id, self._model, self._data
-        weight = 9.81 * (
-            model.body_mass[body] + sum(model.body(g).mass[0] for g in self._inside(name))
-        )
+        content = sum(model.body(g).mass[0] for g in self._inside(name))
+        weight = 9.81 * (model.body_mass[body] + content)
         x, y, _ = towards / max(1e-9, float(np.linalg.norm(towards[:2])))
         torque = OVER * weight * _foot(self._kind[name]) * np.array([-y, x, 0.0])
         over = math.cos(math.radians(ROLLED_DEG if self._kind[name] is Model.BOWL else FALLEN_DEG))
@@ -225,9 +221,8 @@ class DisturbedWorld:
 
     def _aside(self, name: str) -> Array:
         number = list(self._kind).index(name)
-        return np.array(
-            [ASIDE[0], ASIDE[1] + APART_M * number, _height(self._kind[name]) + STANDS_M]
-        )
+        z = _height(self._kind[name]) + STANDS_M
+        return np.array([ASIDE[0], ASIDE[1] + APART_M * number, z])
 
     def _bringing(self, name: str, at: Array) -> Callable[[], None]:
         return lambda: self._carry(name, at)
@@ -253,19 +248,16 @@ class DisturbedWorld:
         body = self._data.body(name)
         up = body.xmat.reshape(3, 3)[:, 2]
         middle = body.xpos + (0.05 * up if self._kind[name] is Model.BOWL else 0.0)
-        return [
-            g for g in self._grains if np.linalg.norm(self._data.body(g).xpos - middle) < NEAR_M
-        ]
+        at = {name: self._data.body(name).xpos for name in self._grains}
+        return [name for name in self._grains if np.linalg.norm(at[name] - middle) < NEAR_M]
 
     def _shift(self, name: str, by: Array) -> None:
-        self._data.qpos[
-            self._model.jnt_qposadr[self._model.body(name).jntadr[0]] + np.arange(3)
-        ] += by
+        first = self._model.jnt_qposadr[self._model.body(name).jntadr[0]]
+        self._data.qpos[first : first + 3] += by
 
     def _still(self, name: str) -> None:
-        self._data.qvel[self._model.jnt_dofadr[self._model.body(name).jntadr[0]] + np.arange(3)] = (
-            0.0
-        )
+        first = self._model.jnt_dofadr[self._model.body(name).jntadr[0]]
+        self._data.qvel[first : first + 3] = 0.0
 
     # --- furniture --------------------------------------------------------------------------------
 
@@ -300,9 +292,8 @@ class DisturbedWorld:
         """
         model, data, body = self._model, self._data, self._model.body(name).id
         geoms = np.flatnonzero(model.geom_bodyid == body)
-        corners = np.concatenate(
-            [_corners(data.geom_xmat[g], data.geom_xpos[g], model.geom_size[g]) for g in geoms]
-        )
+        boxes = [(data.geom_xmat[g], data.geom_xpos[g], model.geom_size[g]) for g in geoms]
+        corners = np.concatenate([_corners(*box) for box in boxes])
         low, high = corners.min(axis=0), corners.max(axis=0) + np.array([0.0, 0.0, OVER_TOP_M])
         moveable = [one for one, kind in self._kind.items() if kind in MOVEABLE]
         at = {one: data.body(one).xpos for one in (*moveable, *self._grains)}

@@ -114,11 +114,9 @@ def _hide_housing(model: mujoco.MjModel) -> None:
 def _room_view() -> tuple[mujoco.MjvCamera, mujoco.MjvOption]:
     view, option = mujoco.MjvCamera(), mujoco.MjvOption()
     view.type = mujoco.mjtCamera.mjCAMERA_FREE
-    view.lookat[:], view.distance, view.azimuth, view.elevation = (
-        ROOM_AT,
-        ROOM_M,
-        ROOM_AZIMUTH,
-        ROOM_ELEVATION,
-    )
+    view.lookat[:] = ROOM_AT
+    view.distance = ROOM_M
+    view.azimuth = ROOM_AZIMUTH
+    view.elevation = ROOM_ELEVATION
     option.geomgroup[HOUSING_GROUP] = 1
     return view, option

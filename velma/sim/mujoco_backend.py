@@ -68,11 +68,9 @@ def _update() -> Any:
 # simulation at its start
 
 
-MOST_M = (
-    # [m] estimate: a recorded scene is true to some millimetres, and what stands is pressed in by
-    # less than 1
-    0.003
-)
+# [m] estimate: a recorded scene is true to some millimetres, and what stands is pressed in by less
+# than 1
+MOST_M = 0.003
 
 
 def refuse(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -89,17 +87,11 @@ def refuse(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         if not named or any(name.startswith("grain_") for name in (first, second)):
             continue
         other = second if first == named[0] else first
-        around = (
-            other
-            if other in things
-            else ("the floor" if other == "world" else f"the robot ({other})")
-        )
+        part = "the floor" if other == "world" else f"the robot ({other})"
+        around = other if other in things else part
         deep = f"{-1000 * contact.dist:.0f} mm inside {around}"
-        raise SceneError(
-            f"thing {named[0]}",
-            deep,
-            f"things that overlap by at most {1000 * MOST_M:.0f} mm; move one of them",
-        )
+        most = f"things that overlap by at most {1000 * MOST_M:.0f} mm; move one of them"
+        raise SceneError(f"thing {named[0]}", deep, most)
 
 
 # --- Errors of the simulated robot and of what is known of it: the same in the same cycle of a
@@ -205,14 +197,8 @@ class MujocoBackend:
         self._readings, self._world = SpoiledReadings(), DisturbedWorld(model, self.data, scene)
         self.orders = Orders.named()
         self._work = 0.0
-        sizes = [
-            mujoco.mj_stateSize(model, STATE),
-            2,
-            1,
-            self._wrist.size,
-            self._before.size,
-            model.ntree,
-        ]
+        sizes = [mujoco.mj_stateSize(model, STATE), 2, 1]
+        sizes += [self._wrist.size, self._before.size, model.ntree]
         self._saved, ends = np.zeros(sum(sizes)), np.cumsum(sizes)
         self._parts = [
             slice(int(end - size), int(end)) for end, size in zip(ends, sizes, strict=True)
@@ -236,11 +222,10 @@ class MujocoBackend:
         self._spread_servos = drive(tuple(f"{side}_spread" for side in SIDES))
         self._proximal = np.stack([position(PROXIMAL[side]) for side in SIDES])
         self._distal = np.stack([position(DISTAL[side]) for side in SIDES])
-        servos = [
-            [drive(tuple(f"{s}_{kind}_{f}" for f in FINGERS)) for s in SIDES]
+        self._proximal_servos, self._distal_servos = (
+            np.stack([drive(tuple(f"{s}_{kind}_{f}" for f in FINGERS)) for s in SIDES])
             for kind in ("proximal", "distal")
-        ]
-        self._proximal_servos, self._distal_servos = np.stack(servos[0]), np.stack(servos[1])
+        )
         self._stiff_dofs = [speed((*PROXIMAL[side], *SPREAD[side])) for side in SIDES]
         self._distal_dofs = [speed(DISTAL[side]) for side in SIDES]
         firsts = [
@@ -357,11 +342,9 @@ class MujocoBackend:
         state, locked, work, wrist, before, asleep = (self._saved[part] for part in self._parts)
         mujoco.mj_getState(self.model, self.data, state, STATE)
         asleep[:] = self.data.tree_asleep
-        locked[:], work[:], wrist[:] = (
-            self._locked,
-            self._work,
-            self.data.sensordata[self._wrist.ravel()],
-        )
+        locked[:] = self._locked
+        work[:] = self._work
+        wrist[:] = self.data.sensordata[self._wrist.ravel()]
         before[:] = self._before.ravel()
         return self._saved.tobytes()
 

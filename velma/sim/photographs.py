@@ -160,15 +160,11 @@ def _misplace(model: mujoco.MjModel, scene: Scene) -> None:
     """
     noise, camera = scene.noise, model.camera(CAMERA).id
     rng = np.random.default_rng([noise.seed, _MOUNT])
-    turn, off = (
-        noise.camera_turn * rng.uniform(-1, 1, 3),
-        noise.camera_shift * rng.uniform(-1, 1, 3),
-    )
-    quaternion, before, angle = (
-        np.zeros(4),
-        model.cam_quat[camera].copy(),
-        float(np.linalg.norm(turn)),
-    )
+    turn = noise.camera_turn * rng.uniform(-1, 1, 3)
+    off = noise.camera_shift * rng.uniform(-1, 1, 3)
+    quaternion = np.zeros(4)
+    before = model.cam_quat[camera].copy()
+    angle = float(np.linalg.norm(turn))
     mujoco.mju_axisAngle2Quat(quaternion, turn / max(1e-12, angle), angle)
     mujoco.mju_mulQuat(model.cam_quat[camera], quaternion, before)
     model.cam_pos[camera] += off

@@ -18,67 +18,11 @@ from velma.sim.mujoco_backend import MujocoBackend
 
 Vector = tuple[float, float, float]
 
-# --- Forces of the simulated world, for pictures: contacts of robot and things, torques of drives,
-# wrenches at wrists
-# All is read between two steps; nothing here changes the simulation.
-
-
 Flags = NDArray[np.bool_]
 MOST_CONTACTS = 12
 """Largest number told at a time; estimate: two hands with three fingers on two things."""
 LEAST_N = 0.05
 """Weaker forces are not shown; estimate."""
-
-
-class Forces:
-    """Reads `data`. `robot`, `grains`: which bodies (nbody,) are of the robot, and which are
-    grains.
-    """
-
-    def __init__(
-        self, model: mujoco.MjModel, data: mujoco.MjData, robot: Flags, grains: Flags
-    ) -> None:
-        self._model, self._data = model, data
-        self._robot, self._thing = robot, ~robot & ~grains
-        self._motors = np.array([model.actuator(name).id for name in BODY], dtype=np.intp)
-        self._sensors = {side: [f"{side}_{kind}" for kind in WRIST_SENSORS] for side in SIDES}
-
-    def contacts(self) -> tuple[tuple[Vector, Vector], ...]:
-        """Return points where the robot touches a thing and the forces on the thing, world frame,
-        strongest first.
-        """
-        data = self._data
-        bodies = self._model.geom_bodyid[data.contact.geom[: data.ncon]].reshape(-1, 2)
-        robot, thing = self._robot[bodies], self._thing[bodies]
-        found = []
-        for k in np.flatnonzero((robot[:, 0] & thing[:, 1]) | (robot[:, 1] & thing[:, 0]))[
-            : 4 * MOST_CONTACTS
-        ]:
-            force = np.zeros(6)
-            mujoco.mj_contactForce(self._model, data, int(k), force)
-            # The frame's rows are its axes; the force is that on the second body of the pair.
-            on = data.contact.frame[k].reshape(3, 3).T @ force[:3] * (1.0 if thing[k, 1] else -1.0)
-            if (size := float(np.linalg.norm(on))) > LEAST_N:
-                found.append((size, _vector(data.contact.pos[k]), _vector(on)))
-        found.sort(reverse=True)
-        return tuple((at, on) for _, at, on in found[:MOST_CONTACTS])
-
-    def torques(self) -> tuple[float, ...]:
-        """Return the torques of the drives of the body (15,) [Nm], with the weight of the arms."""
-        return tuple(self._data.actuator_force[self._motors].tolist())
-
-    def wrenches(self) -> dict[str, tuple[float, ...]]:
-        """Return by side force [N], torque [Nm] of the arm on the hand in the last step, axes of
-        the wrist sensor.
-        """
-        data = self._data
-        return {
-            side: tuple(x for name in names for x in data.sensor(name).data.tolist())
-            for side, names in self._sensors.items()
-        }
-
-
-# --- The true state of the world, for the report and for tests ------------------------------------
 
 
 Array = NDArray[np.float64]
@@ -135,7 +79,8 @@ class TruthReader:
         self._is_robot = np.array([part != "" for part in parts])
         self._hand = {side: np.array([part == side for part in parts]) for side in SIDES}
         grains = np.isin(np.arange(model.nbody), self._grain_bodies)
-        self._forces = Forces(model, backend.data, self._is_robot, grains)
+        self._is_thing = ~self._is_robot & ~grains
+        self._motors = np.array([model.actuator(name).id for name in BODY], dtype=np.intp)
         self._is_furniture = np.isin(
             np.arange(model.nbody), [self._bodies[thing.id] for thing in scene.of(*FURNITURE)]
         )
@@ -156,9 +101,9 @@ class TruthReader:
             poses={name: self._pose(body) for name, body in self._bodies.items()},
             models=self._models,
             grains_at=tuple((x, y, z) for x, y, z in data.xpos[self._grain_bodies].tolist()),
-            contacts=self._forces.contacts(),
-            torque_Nm=self._forces.torques(),
-            wrench=self._forces.wrenches(),
+            contacts=self._contacts(),
+            torque_Nm=tuple(data.actuator_force[self._motors].tolist()),
+            wrench={side: self._wrench(side) for side in SIDES},
         )
 
     def pose(self, name: str) -> tuple[Array, Array]:
@@ -202,6 +147,30 @@ class TruthReader:
         a, b = self._touching()
         robot, furniture = self._is_robot, self._is_furniture
         return bool(((furniture[a] & robot[b]) | (furniture[b] & robot[a])).any())
+
+    def _contacts(self) -> tuple[tuple[Vector, Vector], ...]:
+        """Return points where the robot touches a thing and the forces on the thing, world frame,
+        strongest first.
+        """
+        data, found = self._backend.data, []
+        bodies = np.stack(self._touching(), axis=1)
+        robot, thing = self._is_robot[bodies], self._is_thing[bodies]
+        both = np.flatnonzero((robot[:, 0] & thing[:, 1]) | (robot[:, 1] & thing[:, 0]))
+        for k in both[: 4 * MOST_CONTACTS]:
+            force = np.zeros(6)
+            mujoco.mj_contactForce(self._backend.model, data, int(k), force)
+            # The frame's rows are its axes; the force is that on the second body of the pair.
+            on = data.contact.frame[k].reshape(3, 3).T @ force[:3] * (1.0 if thing[k, 1] else -1.0)
+            if (size := float(np.linalg.norm(on))) > LEAST_N:
+                found.append((size, _vector(data.contact.pos[k]), _vector(on)))
+        found.sort(reverse=True)
+        return tuple((at, on) for _, at, on in found[:MOST_CONTACTS])
+
+    def _wrench(self, side: str) -> tuple[float, ...]:
+        data = self._backend.data
+        return tuple(
+            x for kind in WRIST_SENSORS for x in data.sensor(f"{side}_{kind}").data.tolist()
+        )
 
     def _touching(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return bodies in contact, (n,) each."""

@@ -24,7 +24,7 @@ from services.executor.loop.act import BRAKE_S
 from services.executor.loop.core import DAMPING_CYCLES, LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, StopLink
 from services.executor.loop.process import GONE_TURNS, LATE_TURNS, LoopProcess, Speed
-from velma.control import damping
+from velma.control import safety
 from velma.names import (
     BODY,
     DISTAL_UPPER,
@@ -84,19 +84,15 @@ def coming_back(subject: Subject) -> Measured:
             robot.backend.step(robot.command)
             robot.backend.observe()
             took.append(time.monotonic() - began)
-    return (
-        sorted(took)[-3],
-        f"of 200 cycles, the two longest left out; the longest {max(took):.3f} s",
-    )
+    told = f"of 200 cycles, the two longest left out; the longest {max(took):.3f} s"
+    return sorted(took)[-3], told
 
 
 def passing(subject: Subject) -> Measured:
     """The largest difference between a step of the state's time and the period [s]."""
     with bench(subject) as robot:
-        told = [
-            float(robot.backend.observe().time),
-            *(float(state.time) for state in robot.steps(1.0)),
-        ]
+        told = [float(robot.backend.observe().time)]
+        told += [float(state.time) for state in robot.steps(1.0)]
         off = np.abs(np.diff(told) - robot.backend.period_s)
     k = int(np.argmax(off))
     return float(off[k]), f"cycle {k}: from {told[k]:.6f} s to {told[k + 1]:.6f} s"
@@ -144,22 +140,45 @@ def memory(subject: Subject) -> Measured:
     return float(max(0, left)), "of Python and NumPy; what a driver in C takes is not seen"
 
 
-class Slow:
-    """A back-end with one late step."""
+class Listening:
+    """A back-end that records the commands of the loop, and the speeds at which they were sent."""
 
-    def __init__(self, backend: Backend, late: int) -> None:
-        self._backend, self._late, self.period_s = backend, late, backend.period_s
+    def __init__(self, backend: Backend) -> None:
+        self._backend, self.period_s = backend, backend.period_s
+        self.taus: list[Array] = []
+        self.speeds: list[Array] = []
 
     def observe(self) -> State:
         """The state."""
         return self._backend.observe()
 
     def step(self, command: Command) -> None:
-        """Pass the command on; one step takes some periods longer."""
-        self._late -= 1
-        if self._late == 0:
-            time.sleep(LATE_PERIODS * self.period_s)
+        """Record the command and pass it on."""
+        self.speeds.append(self._backend.observe().v.copy())
+        self.taus.append(command.tau.copy())
         self._backend.step(command)
+
+    def configuration(self) -> Array:
+        """The coordinates of the world model."""
+        return self._backend.configuration()
+
+    @property
+    def work_J(self) -> float:
+        """Work so far [J]."""
+        return self._backend.work_J
+
+
+class Slow(Listening):
+    """A back-end with one late step."""
+
+    late = 10
+
+    def step(self, command: Command) -> None:
+        """Pass the command on; one step takes some periods longer."""
+        self.late -= 1
+        if self.late == 0:
+            time.sleep(LATE_PERIODS * self.period_s)
+        super().step(command)
 
 
 def late(subject: Subject) -> Measured:
@@ -167,7 +186,7 @@ def late(subject: Subject) -> Measured:
     longer.
     """
     with bench(subject) as robot:
-        slow, pacer = Slow(robot.backend, 10), subject.pacer(robot.backend.period_s)
+        slow, pacer = Slow(robot.backend), subject.pacer(robot.backend.period_s)
         for _ in range(20):
             pacer.wait()
             slow.observe()
@@ -181,14 +200,8 @@ def late(subject: Subject) -> Measured:
 
 # --- Readings: true, up to date, in the right units, order and sign -------------------------------
 
-SHAPES = {
-    "q": (15,),
-    "v": (15,),
-    "head": (2,),
-    "spread": (2,),
-    "proximal": (2, 3),
-    "distal": (2, 3),
-}
+PAIR, HANDS = (2,), (2, 3)
+SHAPES = {"q": (15,), "v": (15,), "head": PAIR, "spread": PAIR, "proximal": HANDS, "distal": HANDS}
 WRIST = (2, 6)
 RANGES: dict[str, tuple[Array | float, Array | float]] = {
     "q": (LOWER, UPPER),
@@ -351,11 +364,8 @@ def hands(subject: Subject) -> Measured:
     with bench(subject) as robot:
         goals = {name: getattr(robot.command, name).copy() for name in FINGERS}
         for row, side in enumerate(SIDES):
-            for name, move, speed in (
-                ("spread", 0.3, 0.7),
-                ("proximal", 0.6, 1.0),
-                ("distal", 0.2, 0.33),
-            ):
+            rows = (("spread", 0.3, 0.7), ("proximal", 0.6, 1.0), ("distal", 0.2, 0.33))
+            for name, move, speed in rows:
                 goals[name][row] += move
                 state = robot.towards(name, goals[name], speed)
             for name, goal in goals.items():
@@ -387,34 +397,6 @@ def work(subject: Subject) -> Measured:
 
 
 # --- Limits: the loop limits its commands, the back-end its joints --------------------------------
-
-
-class Listening:
-    """A back-end that records the commands of the loop, and the speeds at which they were sent."""
-
-    def __init__(self, backend: Backend) -> None:
-        self._backend, self.period_s = backend, backend.period_s
-        self.taus: list[Array] = []
-        self.speeds: list[Array] = []
-
-    def observe(self) -> State:
-        """The state."""
-        return self._backend.observe()
-
-    def step(self, command: Command) -> None:
-        """Record the command and pass it on."""
-        self.speeds.append(self._backend.observe().v.copy())
-        self.taus.append(command.tau.copy())
-        self._backend.step(command)
-
-    def configuration(self) -> Array:
-        """The coordinates of the world model."""
-        return self._backend.configuration()
-
-    @property
-    def work_J(self) -> float:
-        """Work so far [J]."""
-        return self._backend.work_J
 
 
 SERVOS = ("head", "spread", "proximal", "distal")
@@ -560,10 +542,10 @@ def stop_kept(subject: Subject) -> Measured:
         obeyed = core.mode is Mode.STOPPED and failed and core.begin(rising(core)) is not None
         core.release()
         count = 0
-        while core.mode is Mode.STOPPED and count < 2 * damping.DWELL_CYCLES:
+        while core.mode is Mode.STOPPED and count < 2 * safety.DWELL_CYCLES:
             cycles(core, subject, 1)
             count += 1
-    return max(0, damping.DWELL_CYCLES - count) + (not obeyed), f"left after {count} cycles"
+    return max(0, safety.DWELL_CYCLES - count) + (not obeyed), f"left after {count} cycles"
 
 
 def stop_waits(subject: Subject) -> Measured:
@@ -625,11 +607,8 @@ def turning(subject: Subject) -> Iterator[tuple[LoopProcess, Listening, Path]]:
         core = subject.core(heard, dynamics=dynamics())
         speed = Speed.REAL if subject.paced else Speed.MAX
         pacer = subject.pacer(robot.backend.period_s)
-        yield (
-            subject.process(core, LoopLink(path), speed=speed, truth=None, pacer=pacer),
-            heard,
-            path,
-        )
+        loop = subject.process(core, LoopLink(path), speed=speed, truth=None, pacer=pacer)
+        yield loop, heard, path
 
 
 def stop_file(subject: Subject) -> Measured:
@@ -695,16 +674,17 @@ def shown(subject: Subject) -> Measured:
                 break
         state, told = copied(heard.observe()), agent.state()
         assert told is not None
-        pairs = {"q": told.q, "v": told.v, "head": told.head}
-        fingers = [told.fingers(row) for row in (0, 1)]
-        pairs |= {
-            "proximal": np.array([f[0] for f in fingers]),
-            "distal": np.array([f[1] for f in fingers]),
+        proximal, distal = (np.array(both) for both in zip(*map(told.fingers, (0, 1)), strict=True))
+        pairs = {
+            "q": told.q,
+            "v": told.v,
+            "head": told.head,
+            "proximal": proximal,
+            "distal": distal,
         }
         off = {name: float(np.abs(state[name] - value).max()) for name, value in pairs.items()}
-        off["configuration"] = float(
-            np.abs(heard.configuration() - told.configuration).max(initial=0.0)
-        )
+        world = np.abs(heard.configuration() - told.configuration)
+        off["configuration"] = float(world.max(initial=0.0))
         off["work"] = abs(heard.work_J - told.work_J)
     where = max(off, key=lambda name: off[name])
     return off[where], f"{where}, {told.cycles} cycles"

@@ -15,7 +15,7 @@ from services.executor.loop.core import LoopCore
 from services.executor.loop.process import LoopProcess
 from services.executor.loop.slots import Slot
 from services.executor.loop.timing import Pacer
-from velma.control import damping
+from velma.control import safety
 from velma.control.dynamics import Dynamics
 from velma.model.build import ROBOT_XML
 from velma.names import TORQUE
@@ -85,7 +85,7 @@ class Bench:
     def calm(self, seconds: float = 0.4) -> None:
         """Brake all body joints by viscous damping, then release the torque."""
         for state in self.steps(seconds):
-            self.command.tau[:] = damping.torque(state.v)
+            self.command.tau[:] = safety.damping_torque(state.v)
         self.command.tau[:] = 0.0
 
     def towards(self, name: str, goal: Array, speed: float, settle_s: float = 0.5) -> State:

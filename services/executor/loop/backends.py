@@ -71,9 +71,7 @@ def _checked(name: str, make: Callable[[], Backend]) -> Backend:
         kind = f"it made a {type(made).__name__} without {', '.join(missing)}"
         raise BackendError(name, kind, right, "add what is missing (docs/back-ends.md)")
     if not isinstance(state := made.observe(), State):
-        told, state_there = (
-            f"observe() returned a {type(state).__name__}",
-            "a velma.sim.backend.State",
-        )
+        told = f"observe() returned a {type(state).__name__}"
+        state_there = "a velma.sim.backend.State"
         raise BackendError(name, told, state_there, "fill the one of at_rest() (docs/back-ends.md)")
     return made

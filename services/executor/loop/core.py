@@ -34,7 +34,7 @@ from services.executor.loop.act import Act, Verdict
 from services.executor.loop.fingers import Fingers
 from services.executor.loop.grip_watch import GripWatch
 from velma import names, ranges
-from velma.control import cartesian, damping, joint, limits
+from velma.control import cartesian, joint, safety
 from velma.control.cartesian import CartesianGains, CartesianImpedance
 from velma.control.dynamics import Dynamics, Terms
 from velma.control.joint import JointGains
@@ -141,7 +141,7 @@ def impossible(state: State) -> str:
     """Return why no robot can be in this state, with joint and reading; "" for a possible state."""
     # In every cycle: plain numbers take a third of the time of small arrays. NaN fails each
     # comparison.
-    slow = all(-damping.FASTEST <= v <= damping.FASTEST for v in state.v.tolist())
+    slow = all(-safety.FASTEST <= v <= safety.FASTEST for v in state.v.tolist())
     if slow and all(
         least <= q <= most for q, (least, most) in zip(state.q.tolist(), _RANGES, strict=True)
     ):
@@ -149,10 +149,10 @@ def impossible(state: State) -> str:
     if not (np.isfinite(state.q).all() and np.isfinite(state.v).all()):
         return "a joint measurement is not a finite number"
     fastest = int(np.argmax(np.abs(state.v)))
-    if abs(state.v[fastest]) > damping.FASTEST:
+    if abs(state.v[fastest]) > safety.FASTEST:
         return (
             f"{BODY[fastest]} is measured at {state.v[fastest]:.3g} rad/s, at most"
-            f" {damping.FASTEST:g} is possible"
+            f" {safety.FASTEST:g} is possible"
         )
     farthest = int(np.argmax(np.maximum(LOWER - state.q, state.q - UPPER)))
     possible = f"{_LEAST[farthest]:.2f} to {_MOST[farthest]:.2f}"
@@ -180,11 +180,8 @@ def _not_followed(joints: Array, most: float) -> Facts:
     worst = int(joints.argmax())
     # The impedance moves the other joints of an arm for one that sticks: which one sticks is not
     # known.
-    return (
-        (fact(Kind.NOT_FOLLOWED, BODY[worst].rsplit("_", 2)[0], joints[worst]),)
-        if joints[worst] > most
-        else ()
-    )
+    part = BODY[worst].rsplit("_", 2)[0]
+    return (fact(Kind.NOT_FOLLOWED, part, joints[worst]),) if joints[worst] > most else ()
 
 
 class LoopCore:
@@ -200,10 +197,8 @@ class LoopCore:
     ) -> None:
         self.backend = backend
         self.dynamics = dynamics or Dynamics(ROBOT_XML)
-        self.impedance, self._hold_gains = (
-            CartesianImpedance(gains),
-            ranges.checked(hold or JointGains()),
-        )
+        self.impedance = CartesianImpedance(gains)
+        self._hold_gains = ranges.checked(hold or JointGains())
         self._error = cartesian.error()
         self._terms: Terms | None = None
         self.command = no_command()
@@ -215,11 +210,9 @@ class LoopCore:
         self.grips = GripWatch(backend.period_s)
         self.fingers.start_from(self.state)
         self._sent = _servos(self.command)  # of head and hands, as they were sent last
-        self._head_target, self._head_goal, self._head_speed = (
-            self.state.head.copy(),
-            self.state.head.copy(),
-            0.0,
-        )
+        self._head_target = self.state.head.copy()
+        self._head_goal = self.state.head.copy()
+        self._head_speed = 0.0
         self.mode, self._dwell, self._release, self._fast = Mode.MOTION, 0, False, 0
         # by a person, who has not released the robot: it holds also after a fault
         self.stopped = False
@@ -250,10 +243,8 @@ class LoopCore:
             )
             return Refusal((fact(Kind.BUSY, "loop"),), running)
         if self.mode is not Mode.MOTION:
-            return Refusal(
-                (fact(Kind.HELD_STILL, self.mode),),
-                f"the robot is in mode {self.mode}; release it first",
-            )
+            held = f"the robot is in mode {self.mode}; release it first"
+            return Refusal((fact(Kind.HELD_STILL, self.mode),), held)
         try:
             asked = checked(asked)
             act = Act(asked, self.setpoint, self.state.time)
@@ -272,10 +263,8 @@ class LoopCore:
         return None
 
     def _look(self, goal: HeadGoal) -> None:
-        self._head_goal, self._head_speed = (
-            joint.reachable(np.array((goal.pan, goal.tilt))),
-            goal.speed,
-        )
+        self._head_goal = joint.reachable(np.array((goal.pan, goal.tilt)))
+        self._head_speed = goal.speed
 
     def cancel(self, key: str | None = None) -> None:
         """Bring the running motion (only if it has this key) smoothly to rest."""
@@ -365,7 +354,7 @@ class LoopCore:
         else:
             self._mend()
             tau = self._blamed(_impossible_servo(servos), tau)
-        if not limits.is_accepted(tau):
+        if not safety.is_accepted(tau):
             tau = self._cut(tau)
         self.command.tau[:] = tau
         try:
@@ -379,8 +368,8 @@ class LoopCore:
             self._mend()
             self._fault(Fault("the torque of the control law is not a finite number"))
             tau = self._safe()
-        self.saturated += not limits.is_accepted(tau)
-        return limits.accepted(tau)
+        self.saturated += not safety.is_accepted(tau)
+        return safety.accepted(tau)
 
     def _blamed(self, why: str, tau: Array) -> Array:
         """Return the safe torque after a fault of head or hands; in a safe mode, the joints stay in
@@ -406,7 +395,7 @@ class LoopCore:
         """Return damping with the weight of what the hands hold, if that can be known: nothing else
         moves a joint.
         """
-        tau = damping.torque(self.state.v)
+        tau = safety.damping_torque(self.state.v)
         with suppress(Exception):  # the model may be what has failed
             if self.payloads.mass.any():
                 if not impossible(self.state):
@@ -416,7 +405,7 @@ class LoopCore:
                         terms.rotation, self.payloads.mass, self.payloads.lever
                     )
                     held = tau + terms.jacobian.T @ wrench
-                    return limits.accepted(held) if np.isfinite(held).all() else tau
+                    return safety.accepted(held) if np.isfinite(held).all() else tau
         return tau
 
     def _check(self, state: State) -> None:
@@ -433,7 +422,7 @@ class LoopCore:
         if self.mode is Mode.DAMPING and self._dwell >= DAMPING_CYCLES:
             self.mode = Mode.STOPPED if self.stopped else Mode.HOLD
             self.setpoint = state.q.copy()
-        elif self.mode is not Mode.MOTION and self._release and self._dwell >= damping.DWELL_CYCLES:
+        elif self.mode is not Mode.MOTION and self._release and self._dwell >= safety.DWELL_CYCLES:
             self.mode, self._release = Mode.MOTION, False
             self.impedance.renew()
 
@@ -455,7 +444,7 @@ class LoopCore:
     def _control(self, state: State) -> Array:
         dt = self.backend.period_s
         if self._head_target.tolist() != self._head_goal.tolist():
-            self._head_target = joint.advance(
+            self._head_target = joint.advance_head(
                 self._head_target, self._head_goal, self._head_speed, dt
             )
         self.command.head[:] = self._head_target
@@ -514,9 +503,8 @@ class LoopCore:
         if off := _not_followed(joints, JOINT_OFF):
             return off
         for row, (side, command) in enumerate(zip(names.SIDES, asked.hands(), strict=True)):
-            away, turned = (
-                float(np.linalg.norm(error[at : at + 3])) for at in (6 * row, 6 * row + 3)
-            )
+            parts = error[6 * row : 6 * row + 6].reshape(2, 3)
+            away, turned = (float(np.linalg.norm(part)) for part in parts)
             if away > HAND_OFF_M or turned > HAND_OFF:
                 return (fact(Kind.HAND_OFF, side, away, turned),)
             if isinstance(command, Move):

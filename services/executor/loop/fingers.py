@@ -1,5 +1,5 @@
 """Both hands as the loop drives them: motor travels, closing by touch, squeeze, lock. The law is
-velma.control.hand.
+velma.control.joint.
 """
 
 from enum import StrEnum
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.skills.loop_messages import Close, HandCommand, HandReport, Move, Open
-from velma.control import hand
-from velma.control.limits import within
+from velma.control import joint
+from velma.control.safety import within
 from velma.errors import MotionError
 from velma.names import FINGER_UPPER, SIDES
 from velma.sim.backend import PAIR_LIMIT, SINGLE_LIMIT, Command, State
@@ -39,10 +39,8 @@ class Fingers:
         self.spread, self._spread_goal = np.zeros(2), np.zeros(2)
         self.locked = np.zeros(2)
         self.touched = np.zeros((2, 3), dtype=bool)
-        self._pushing, self._stalling = (
-            np.zeros((2, 3), dtype=np.intp),
-            np.zeros((2, 3), dtype=np.intp),
-        )
+        self._pushing = np.zeros((2, 3), dtype=np.intp)
+        self._stalling = np.zeros((2, 3), dtype=np.intp)
         self._activity = [Activity.REST, Activity.REST]
         self._closing: list[Close | None] = [None, None]
         self._left_s = [0.0, 0.0]
@@ -106,15 +104,15 @@ class Fingers:
         """
         if not self._settled:
             self._drive(state, command, dt)
-        command.distal[:] = hand.distal_target(self.motor, state.proximal)
+        command.distal[:] = joint.distal_target(self.motor, state.proximal)
 
     def _drive(self, state: State, command: Command, dt: float) -> None:
-        stall = hand.stalled(self.motor, state.proximal, state.distal, self._limit)
+        stall = joint.stalled(self.motor, state.proximal, state.distal, self._limit)
         self._stalling = np.where(stall, self._stalling + 1, 0)
         for row in (0, 1):
             if self._activity[row] is not Activity.REST:
                 self._go_on(row, state, dt)
-        self.motor = hand.advance(self.motor, self._goal, self._speed, stall, dt)
+        self.motor = joint.advance_fingers(self.motor, self._goal, self._speed, stall, dt)
         reach = SPREAD_SPEED * dt
         self.spread += within(self._spread_goal - self.spread, -reach, reach)
         command.spread[:] = self.spread
@@ -133,10 +131,8 @@ class Fingers:
             self._feel(row, state, close)
             if self.touched[row].all():
                 self._goal[row] = np.clip(self.motor[row] + close.squeeze, 0.0, FINGER_UPPER)
-                self._activity[row], self._left_s[row] = (
-                    Activity.SQUEEZING,
-                    close.squeeze / close.speed + close.settle_s,
-                )
+                self._activity[row] = Activity.SQUEEZING
+                self._left_s[row] = close.squeeze / close.speed + close.settle_s
             elif (self.touched[row] | arrived).all():
                 self._activity[row] = Activity.REST  # a finger met nothing: no grip to squeeze
         else:
@@ -146,13 +142,13 @@ class Fingers:
 
     def _feel(self, row: int, state: State, close: Close) -> None:
         pushing = (
-            hand.touching(
+            joint.touching(
                 self.motor[row], state.proximal[row], state.distal[row], close.speed, close.effort
             )
             & ~self.touched[row]
         )
         self._pushing[row] = np.where(pushing, self._pushing[row] + 1, 0)
-        new = self._pushing[row] > hand.TOUCH_CYCLES
+        new = self._pushing[row] > joint.TOUCH_CYCLES
         self._goal[row] = np.where(new, self.motor[row], self._goal[row])
         self.touched[row] |= new
 

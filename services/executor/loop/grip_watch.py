@@ -70,10 +70,8 @@ class GripWatch:
         # it is there after all
         if not payload.mass or not self._high[row] or self._watch[row].grip is Grip.LOST:
             self._watch[row] = Watch()
-        self._low[row], self._high[row] = (
-            payload.mass,
-            payload.mass + payload.content if payload.mass else 0.0,
-        )
+        self._low[row] = payload.mass
+        self._high[row] = payload.mass + payload.content if payload.mass else 0.0
 
     def update(self, state: State, terms: Terms) -> None:
         """Take the readings of a cycle."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
 from companion.skills.loop_messages import Cancel, LookAgain, Mode, Motion, Refusal, Release, Report
 from companion.telemetry import PageFaults
-from services.executor.loop.slots import Counters, LoopFile, packed
+from services.executor.loop.slots import Counter, LoopFile, packed
 from velma.sim.backend import State
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ class AgentLink:
     def __init__(self, path: Path) -> None:
         """Raise SlotError if there is no file of a loop of this version."""
         self.file = LoopFile.open(path)
-        self._beat = Counters(self.file.slots["beat"], 1)
+        self._beat = Counter(self.file.slots["beat"])
 
     def send(self, command: LoopCommand) -> int:
         """Send a command; return its number. Wait until `told().taken` shows it before sending the
@@ -118,7 +118,7 @@ class AgentLink:
 
     def beat(self) -> None:
         """Send a heartbeat: at least every 50 ms during an act."""
-        self._beat.add(0)
+        self._beat.add()
 
     def state(self) -> LoopState | None:
         """Return the newest state; None before the first cycle of the loop."""
@@ -188,7 +188,7 @@ class LoopLink:
     def __init__(self, path: Path) -> None:
         self.file = LoopFile.create(path)
         self._slots = self.file.slots
-        self._beat, self._stop = Counters(self._slots["beat"], 1), StopLink(path)
+        self._beat, self._stop = Counter(self._slots["beat"]), StopLink(path)
         self._taken, self.held = 0, False
         self._body, self._hands = np.zeros((3, 15)), np.zeros(16)
 
@@ -215,7 +215,7 @@ class LoopLink:
 
     def heartbeat(self) -> int:
         """Return the heartbeat counter of the agent."""
-        return self._beat.read()[0]
+        return self._beat.read()
 
     def show_state(self, state: State, setpoint: Array, rest: LoopState) -> None:
         """Publish a state; `rest` has all fields that are no arrays."""

@@ -125,13 +125,11 @@ class LoopProcess:
         stirred: Callable[[], bool] | None = None,
         settle_s: float = SETTLE_S,
     ) -> None:
-        self.core, self._link, self._speed, self._truth, self._pacer = (
-            core,
-            link,
-            speed,
-            truth,
-            pacer,
-        )
+        self.core = core
+        self._link = link
+        self._speed = speed
+        self._truth = truth
+        self._pacer = pacer
         self._keeper, self._still = keeper, still
         self._stirred, self._unrest = stirred, 0
         self._told, self._shown = LoopAnswer(), core.mode
@@ -287,10 +285,8 @@ class LoopProcess:
         self._show_state()
         self._show_truth()
         told, core = self._told, self.core
-        self._told, self._shown = (
-            msgspec.structs.replace(told, report=core.report, look=core.look_due),
-            core.mode,
-        )
+        self._told = msgspec.structs.replace(told, report=core.report, look=core.look_due)
+        self._shown = core.mode
         self._link.show("told", self._told)
         self._link.show("timing", self._pacer.timing())
 

@@ -135,11 +135,8 @@ class LoopFile:
         size, magic = os.fstat(file).st_size, os.pread(file, len(MAGIC), 0)
         if size != _layout()[1] or magic != MAGIC:
             os.close(file)
-            raise SlotError(
-                str(path),
-                f"{size} bytes beginning {magic!r}",
-                f"{_layout()[1]} bytes beginning {MAGIC!r}",
-            )
+            expected = f"{_layout()[1]} bytes beginning {MAGIC!r}"
+            raise SlotError(str(path), f"{size} bytes beginning {magic!r}", expected)
         return cls(path, file)
 
     @property
@@ -168,23 +165,20 @@ def _layout() -> tuple[dict[str, tuple[int, int]], int]:
     return places, at
 
 
-class Counters:
-    """Counters that only grow, 8 bytes each, in a slot."""
+class Counter:
+    """A counter that only grows, 8 bytes in a slot."""
 
-    def __init__(self, slot: Slot, count: int) -> None:
-        self._slot, self._form = slot, struct.Struct(f"<{count}Q")
-        self._zero = (0,) * count
+    def __init__(self, slot: Slot) -> None:
+        self._slot = slot
 
-    def read(self) -> tuple[int, ...]:
-        """Return the counters."""
+    def read(self) -> int:
+        """Return the count."""
         found = self._slot.read()
-        return self._form.unpack(found[1]) if found else self._zero
+        return int(_COUNT.unpack(found[1])[0]) if found else 0
 
-    def add(self, index: int) -> None:
-        """Add one to a counter (only one writer per slot)."""
-        counts = list(self.read())
-        counts[index] += 1
-        self._slot.write(self._form.pack(*counts))
+    def add(self) -> None:
+        """Add one (only one writer per slot)."""
+        self._slot.write(_COUNT.pack(self.read() + 1))
 
 
 def packed(struct_: msgspec.Struct) -> bytes:

@@ -44,9 +44,8 @@ class Histogram:
         upto = np.cumsum(self._bins)
         out = {}
         for name, share in (("p50", 0.5), ("p99", 0.99), ("p999", 0.999)):
-            out[name] = min(
-                self._max, float(BIN_US * (1 + np.searchsorted(upto, share * self._count)))
-            )
+            edge = float(BIN_US * (1 + np.searchsorted(upto, share * self._count)))
+            out[name] = min(self._max, edge)
         out["max"] = self._max
         return out
 
@@ -83,13 +82,11 @@ class Pacer:
         # _since: periods from the last wait to the next
         self._period, self._next, self._since = period_s, 0.0, 1
         self._late, self._compute = Histogram(), Histogram()
-        self._cycles, self._missed, self._skipped, self._rested, self._realtime = (
-            0,
-            0,
-            0,
-            0,
-            realtime,
-        )
+        self._cycles = 0
+        self._missed = 0
+        self._skipped = 0
+        self._rested = 0
+        self._realtime = realtime
         self._began = 0.0
         self._paging = Paging()
 

@@ -3,7 +3,6 @@ of another act.
 """
 
 import itertools
-from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -20,7 +19,7 @@ from companion.skills.loop_messages import motion
 from fipa_codec.performatives import Performative as P
 from services.executor import behaviours
 from services.executor.behaviours import SKILL_WITHIN_S
-from services.executor.local import (
+from services.executor.device_messages import (
     Brake,
     Crashed,
     Do,
@@ -39,13 +38,13 @@ from services.executor.local import (
     Stands,
     Where,
 )
-from services.executor.remembered import Holding, Remembered
+from services.executor.situation_record import Holding, SituationRecord
 
 Q = np.linspace(0.0, 1.4, 15)
 FELT = Felt(q=Q.tobytes(), measured=Q.tobytes(), head=(0.1, 0.2), time=5.0)
 MOVE = rc.MoveJoint("m1", Side.LEFT, ((0.0,) * 8,), 0.3)
-KEPT = Remembered(q=(1.0,) * 15, time=7.0)
-HOLDING = Remembered(
+KEPT = SituationRecord(q=(1.0,) * 15, time=7.0)
+HOLDING = SituationRecord(
     q=(1.0,) * 15,
     held={Side.LEFT: Holding("jar_1", "g", Pose((0, 0, 0), (1, 0, 0, 0)), 0.3)},
     epoch="one",
@@ -64,6 +63,8 @@ def idle(felt: Felt = FELT) -> Driven:
     one.step(Started())
     assert one.tells == [Halt(0)]
     one.step(Local(Stands(0, felt)))
+    kept = one.state.memory.remembered
+    assert (kept.q, kept.head, kept.time) == (tuple(Q), felt.head, felt.time)
     return one
 
 
@@ -99,12 +100,7 @@ def halting() -> Driven:
     return one
 
 
-STATES: dict[str, Callable[[], Driven]] = {
-    "preparing": preparing,
-    "acting": acting,
-    "stopping": stopping,
-    "halting": halting,
-}
+STATES = (preparing, acting, stopping, halting)
 
 
 def ask(one: Driven, command: rc.Command, talk: str) -> None:
@@ -124,12 +120,6 @@ def said(one: Driven) -> list[tuple[P, str, Any]]:
         (sent.performative, sent.conversation, read(sent)[0] if sent.content else None)
         for sent in one.sends()
     ]
-
-
-def test_ex_knows_where_its_robot_stands() -> None:
-    """Set-points, head and time, as the loop says them."""
-    kept = idle().state.memory.remembered
-    assert (kept.q, kept.head, kept.time) == (tuple(Q), (0.1, 0.2), 5.0)
 
 
 def test_acts_are_counted() -> None:
@@ -167,37 +157,28 @@ OF_ANOTHER_ACT = (
 
 def test_words_of_another_act_change_nothing() -> None:
     """Words of a killed worker are ignored, in every state."""
-    for (name, state), word in itertools.product(STATES.items(), OF_ANOTHER_ACT):
+    for state, word in itertools.product(STATES, OF_ANOTHER_ACT):
         one = state()
         memory, place = one.state.memory, one.state.state
         one.step(Local(word))
-        assert (one.state.memory, one.state.state, one.tells, one.sends()) == (
-            memory,
-            place,
-            [],
-            [],
-        ), (name, word)
+        found = one.state.memory, one.state.state, one.tells, one.sends()
+        assert found == (memory, place, [], []), (state, word)
 
 
 def test_a_second_act_and_a_subscription_are_refused_in_every_state() -> None:
-    """The act under way goes on."""
-    for name, state in STATES.items():
+    """The act under way goes on. At rest a subscription is refused, too: no readings are given out
+    yet.
+    """
+    for state in (*STATES, idle):
         one = state()
         place = one.state.state
-        ask(one, rc.Look("l1", ((1.0, 0.0, 1.0),)), "t2")
-        assert said(one) == [
-            (P.REFUSE, "t2", rc.NotDone("l1", "busy", (fact(Kind.BUSY, "ex"),)))
-        ], name
+        if state is not idle:
+            ask(one, rc.Look("l1", ((1.0, 0.0, 1.0),)), "t2")
+            busy = rc.NotDone("l1", "busy", (fact(Kind.BUSY, "ex"),))
+            assert said(one) == [(P.REFUSE, "t2", busy)], state
         one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
-        assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")], name
-        assert one.state.state == place, name
-
-
-def test_a_subscription_is_refused_at_rest() -> None:
-    """No readings are given out yet."""
-    one = idle()
-    one.hears("ta", "subscribe", P.SUBSCRIBE, talk="s1")
-    assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")]
+        assert [(act, talk) for act, talk, _ in said(one)] == [(P.REFUSE, "s1")], state
+        assert one.state.state == place, state
 
 
 @pytest.mark.parametrize(
@@ -224,19 +205,19 @@ def test_an_act_whose_skill_gives_no_motion_is_interrupted(event: Event, why: Fa
     assert one.state.wakes == {}
 
 
-@pytest.mark.parametrize("state", [acting, stopping])
-@pytest.mark.parametrize("answer", [GoOn(1, "m1", 0.25), Brake(1, "m1")])
-def test_a_look_at_a_motion_is_the_skills(state: Callable[[], Driven], answer: Any) -> None:
+def test_a_look_at_a_motion_is_the_skills() -> None:
     """It gets what the loop felt, and its answer is the loop's; nothing is written into ex's memory
     by that.
     """
-    one = state()
-    memory = one.state.memory
-    one.step(Local(Passing(1, FELT)))
-    assert one.tells == [Glance(1, FELT)]
-    one.step(Local(answer))
-    assert one.tells == [answer]
-    assert one.state.memory == memory
+    answers = (GoOn(1, "m1", 0.25), Brake(1, "m1"))
+    for state, answer in itertools.product((acting, stopping), answers):
+        one = state()
+        memory = one.state.memory
+        one.step(Local(Passing(1, FELT)))
+        assert one.tells == [Glance(1, FELT)]
+        one.step(Local(answer))
+        assert one.tells == [answer]
+        assert one.state.memory == memory
 
 
 def ended(phase: str) -> Felt:
@@ -263,12 +244,8 @@ def test_a_skill_that_ends_without_a_motion_is_the_outcome() -> None:
     one.step(Local(Ended(1, DONE, KEPT)))
     assert said(one) == [(P.INFORM, "t1", DONE)]
     memory = one.state.memory
-    assert (memory.act, memory.last, memory.remembered, memory.soft.felt) == (
-        None,
-        "m1",
-        KEPT,
-        None,
-    )
+    found = memory.act, memory.last, memory.remembered, memory.soft.felt
+    assert found == (None, "m1", KEPT, None)
 
 
 ELSEWHERE = msgspec.structs.replace(FELT, epoch="another", q=(Q + 1).tobytes())
@@ -288,7 +265,7 @@ def test_in_another_world_everything_is_forgotten_once(lost: bool) -> None:
     one.step(Local(Stands(1, ELSEWHERE)))
     ((_, _, outcome),) = said(one)[-1:]
     assert (outcome.kind, outcome.body, outcome.held) == ("new-world", None, {})
-    assert one.state.memory.remembered == Remembered(
+    assert one.state.memory.remembered == SituationRecord(
         tuple(Q + 1), (0.1, 0.2), time=5.0, epoch="another"
     )
     ask(one, msgspec.structs.replace(MOVE, key="m2"), "t2")
@@ -296,36 +273,30 @@ def test_in_another_world_everything_is_forgotten_once(lost: bool) -> None:
     assert isinstance(one.tells[-1], Perform)
 
 
-def test_after_a_loss_the_outcome_is_unknown_once_the_robot_stands() -> None:
-    """It stands where the loop says."""
+@pytest.mark.parametrize(("cancelled", "answer"), [(False, P.FAILURE), (True, P.INFORM)])
+def test_after_a_loss_the_outcome_is_unknown_once_the_robot_stands(
+    cancelled: bool, answer: P
+) -> None:
+    """It stands where the loop says. After a cancel the outcome comes in reply to that."""
     one = halting()
     assert one.state.wakes == {}
+    if cancelled:
+        cancel(one, "t1")
+        assert (one.state.state, said(one)) == ("stopping", [])
     one.step(Local(Stands(1, FELT)))
     ((act, _, outcome),) = said(one)
-    assert (act, outcome.kind, outcome.why) == (P.FAILURE, "unknown", NO_LOOP)
+    assert (act, outcome.kind, outcome.why) == (answer, "unknown", NO_LOOP)
     assert one.state.memory.remembered.q == tuple(Q)
 
 
-def test_a_cancel_while_it_is_brought_to_rest_is_answered_with_the_outcome() -> None:
-    """In reply to the cancel."""
-    one = halting()
-    cancel(one, "t1")
-    assert (one.state.state, said(one)) == ("stopping", [])
-    one.step(Local(Stands(1, FELT)))
-    ((act, _, outcome),) = said(one)
-    assert (act, outcome.kind) == (P.INFORM, "unknown")
-
-
-@pytest.mark.parametrize(
-    ("state", "why"), [("stopping", (fact(Kind.ENDED, "ex"),)), ("halting", NO_LOOP)]
-)
-def test_a_restart_while_it_stops_brings_the_robot_to_rest(state: str, why: Facts) -> None:
+def test_a_restart_while_it_stops_brings_the_robot_to_rest() -> None:
     """The reason of the unknown outcome is the one known first."""
-    one = STATES[state]()
-    one.step(Started(first=False))
-    assert one.tells == [Drop(1), Halt(1)]
-    one.step(Local(Stands(1, FELT)))
-    assert said(one)[0][2].why == why
+    for state, why in ((stopping, (fact(Kind.ENDED, "ex"),)), (halting, NO_LOOP)):
+        one = state()
+        one.step(Started(first=False))
+        assert one.tells == [Drop(1), Halt(1)]
+        one.step(Local(Stands(1, FELT)))
+        assert said(one)[0][2].why == why
 
 
 def test_a_loop_lost_while_it_stops_is_halted() -> None:

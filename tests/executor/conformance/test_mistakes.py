@@ -1,11 +1,13 @@
 """Each mistake is found, by the check that is meant for it; what is right passes every one."""
 
+import time
+
 import msgspec
 import point_mass
 import pytest
 import turned
 import wrong_loops
-import wrong_robots
+from wrong_robots import MISTAKES
 
 from services.executor.conformance import CHECKS, Subject, judged
 from velma.model.scene import Scene
@@ -19,37 +21,7 @@ GOOD = {
 }
 BY_NAME = {check.name: check for check in CHECKS}
 
-# Mistake -> the check that must find it.
-ROBOTS = {
-    "Stale": "fresh",
-    "Frozen": "own-joint",
-    "InDegrees": "ranges",
-    "SpeedInDegrees": "agreement",
-    "SpeedTurned": "agreement",
-    "TorqueTurned": "own-joint",
-    "ArmsSwapped": "own-joint",
-    "NoNumber": "numbers",
-    "Endless": "joint-ends",
-    "EndlessFingers": "servo-ends",
-    "Latched": "stop-rest",
-    "Coasting": "stop-way",
-    "Sinking": "rest",
-    "TimeGoesBack": "time-passes",
-    "TimeInMilliseconds": "time-keeps-pace",
-    "HalfAPeriod": "period",
-    "LookingTakesTime": "looking",
-    "Hanging": "step-returns",
-    "Slow": "step-cost",
-    "Growing": "memory",
-    "SinglePrecision": "form",
-    "HandsSwapped": "hands",
-    "HeadSwapped": "head",
-    "LooseLocks": "locks",
-    "WorkGivenBack": "work",
-    "WideWorld": "room",
-    "ChangingWorld": "numbers",
-    "Unforgiving": "safe-rest",
-}
+# Wrong loop -> the part of the subject that it is, the check that must find it.
 LOOPS = {
     "BlindPacer": ("pacer", "late-cycles"),
     "TornSlot": ("slot", "whole-records"),
@@ -79,11 +51,10 @@ def test_a_right_back_end_conforms(name: str) -> None:
 @pytest.mark.timeout(180)
 def test_a_wrong_back_end_is_found_by_the_check_for_it() -> None:
     """With a value, or a reason where nothing could be measured; never passed in silence."""
-    for mistake, name in ROBOTS.items():
-        check = BY_NAME[name]
-        if mistake == "Hanging":
-            check = msgspec.structs.replace(check, most_s=1.0)
-        result = judged(check, Subject(getattr(wrong_robots, mistake)))
+    for mistake, (name, make) in MISTAKES.items():
+        most_s = 1.0 if name == "step-returns" else BY_NAME[name].most_s
+        check = msgspec.structs.replace(BY_NAME[name], most_s=most_s)
+        result = judged(check, Subject(make))
         assert not result.passed, mistake
         assert result.why, mistake
         assert result.value is None or result.value > check.limit, mistake
@@ -118,7 +89,7 @@ def test_the_turned_drive_of_the_example_is_named() -> None:
 
 def test_every_check_has_a_mistake_that_it_finds() -> None:
     """But for those whose own fault is another check's mistake with other means."""
-    found = {*ROBOTS.values(), *(check for _, check in LOOPS.values())}
+    found = {check for check, _ in MISTAKES.values()} | {check for _, check in LOOPS.values()}
     assert {check.name for check in CHECKS} - found <= {"safe-step"}
 
 
@@ -142,6 +113,6 @@ def test_no_number_is_no_pass() -> None:
 def test_a_paced_robot_is_stepped_at_its_period() -> None:
     """A second of cycles takes a second."""
     subject = Subject(MockBackend, paced=True)
-    began = wrong_robots.time.monotonic()
+    began = time.monotonic()
     assert judged(BY_NAME["time-keeps-pace"], subject).passed
-    assert wrong_robots.time.monotonic() - began >= 0.99
+    assert time.monotonic() - began >= 0.99

@@ -27,17 +27,8 @@ class Hung(MockBackend):
 
 def ask(*words: str, folder: Path = ROBOTS) -> tuple[int, str]:
     """Exit code and standard output."""
-    command = [
-        sys.executable,
-        "-P",
-        "-m",
-        "pytest",
-        "-v",
-        "--no-header",
-        "-p",
-        "services.executor.conformance",
-        *words,
-    ]
+    plugin = ("-v", "--no-header", "-p", "services.executor.conformance")
+    command = [sys.executable, "-P", "-m", "pytest", *plugin, *words]
     done = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, timeout=55, check=False
     )

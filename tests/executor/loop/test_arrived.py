@@ -2,6 +2,8 @@
 stick.
 """
 
+import copy
+
 import numpy as np
 import pytest
 from grips import DYNAMICS
@@ -17,12 +19,17 @@ STICKS_NM = 500.0  # more than any motor gives
 NEAR_RAD = 0.02
 
 
-@pytest.fixture
-def core():
-    """A robot at rest."""
+@pytest.fixture(scope="module")
+def _core():
     made = LoopCore(MujocoBackend(scene.load()), dynamics=DYNAMICS)
     made.hold(0.2)
     return made
+
+
+@pytest.fixture
+def core(_core):
+    """A robot at rest."""
+    return copy.deepcopy(_core)
 
 
 def stick(core, *words):

@@ -3,17 +3,19 @@ name is told.
 """
 
 import os
-import subprocess
+import signal
 import sys
-import time
 
+import msgspec
 import numpy as np
 import pytest
+from loop_process import loop_process, seen, until
+from typer.testing import CliRunner
 
 from companion.skills.loop_messages import Phase, motion
+from services.executor.loop.__main__ import app
 from services.executor.loop.backends import SHORT, maker
-from services.executor.loop.link import AgentLink
-from velma.errors import BackendError, NoRobotError, SlotError
+from velma.errors import BackendError, NoRobotError
 from velma.model import scene
 from velma.names import START
 from velma.sim.mock_backend import MockBackend
@@ -65,55 +67,31 @@ def lab(tmp_path, monkeypatch):
 
 
 def test_a_back_end_of_ones_own_runs_in_the_loop(lab):
-    """`--backend my_lab:make` in the folder of my_lab.py: its state is shown, a motion is done, it
-    is closed.
-
-    With PYTHONSAFEPATH, as the supervisor starts the loop.
+    """`my_lab:make` in the folder of my_lab.py: its state is shown, a motion is done. It beats
+    as it turns, ends at SIGTERM, and closes it. With PYTHONSAFEPATH, as the supervisor starts it.
     """
-    slots = lab / "loop.slots"
-    command = [
-        sys.executable,
-        "-m",
-        "services.executor.loop",
-        "--slots",
-        str(slots),
-        "--speed",
-        "max",
-    ]
     own = {"ROCO_BACKEND": "my_lab:make", "PYTHONSAFEPATH": "1"}
-    child = subprocess.Popen(command, env=os.environ | own, stderr=subprocess.PIPE, text=True)
-    try:
-        deadline = time.monotonic() + 40
-        agent = reached(slots, child, deadline)
+    with loop_process(lab / "loop.slots", **own) as (child, agent):
         start = START + 0.25 * (np.arange(15) == 0)
-        np.testing.assert_allclose(agent.state().q, start, atol=1e-9)
+        np.testing.assert_allclose(seen(agent).q, start, atol=1e-9)
         agent.send(motion("turn", start + np.linspace(0.0, 0.05, 50)[:, None] ** 2))
-        phase = Phase.RUNNING
-        while phase is not Phase.DONE and time.monotonic() < deadline:
-            agent.beat()
-            report = agent.told().report
-            phase = report.phase if report.key == "turn" else Phase.RUNNING
-        assert phase is Phase.DONE, agent.told()
+        done = ("turn", Phase.DONE)
+        until(lambda: agent.beat() or (report(agent).key, report(agent).phase) == done)
+        beat = lab / "loop.heartbeat.json"
+        assert msgspec.json.decode(beat.read_bytes())["pid"] == child.pid
+        os.utime(beat, (1.0, 1.0))
+        until(lambda: beat.stat().st_mtime > 1.0)
         child.terminate()
         _, said = child.communicate(timeout=20)
-    finally:
-        child.kill()
     assert child.returncode == 0
     assert "my_lab:make" in said
-    cycles = int(said.rpartition(" after ")[2].split()[0])
-    assert (lab / "closed").read_text() == str(cycles)
+    ended, _, cycles = said.rpartition(" after ")
+    assert ended.endswith("ended by signal 15")
+    assert (lab / "closed").read_text() == cycles.split()[0]
 
 
-def reached(slots, child, deadline):
-    """The agent's end of the slots, once the loop has shown a state."""
-    while time.monotonic() < deadline and child.poll() is None:
-        try:
-            agent = AgentLink(slots)
-            if agent.state() is not None:
-                return agent
-        except SlotError:
-            os.sched_yield()
-    raise AssertionError(f"no state; exit code {child.poll()}")
+def report(agent):
+    return agent.told().report
 
 
 @pytest.mark.parametrize(("short", "kind"), [("mujoco", MujocoBackend), ("mock", MockBackend)])
@@ -145,13 +123,10 @@ def test_a_wrong_name_is_told_what_is_wrong_what_is_right_and_what_to_do(lab, na
     said = str(caught.value)
     assert said.startswith(f"back-end {name!r}: ")
     assert found in said
-    wanted, do = (
-        ("velma.sim.backend.Backend", "docs/back-ends.md")
-        if "made a" in found
-        else (SHORT, "mend the name")
-    )
-    assert all(word in said for word in ([wanted] if isinstance(wanted, str) else wanted))
-    assert do in said
+    made = "made a" in found
+    wanted = ("velma.sim.backend.Backend",) if made else SHORT
+    assert all(word in said for word in wanted)
+    assert ("docs/back-ends.md" if made else "mend the name") in said
 
 
 def test_what_its_function_raises_is_told(lab):
@@ -168,20 +143,23 @@ def test_a_state_of_another_kind_is_told_before_the_loop_reads_it(lab):
         maker("my_lab:told_nothing", scene.load())()
 
 
-def test_the_loop_says_a_wrong_name_in_one_line(tmp_path):
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ("--backend", "mujoko"),
+            "loop: back-end 'mujoko': No module named 'mujoko', expected package.module:",
+        ),
+        (
+            ("--scene", "nowhere.toml"),
+            "loop: scene: file is 'nowhere.toml', expected the path of a",
+        ),
+    ],
+)
+def test_what_it_cannot_start_with_is_said_in_one_line(tmp_path, monkeypatch, words, said):
     """Exit code 2, with which no supervisor tries again."""
-    command = [
-        sys.executable,
-        "-m",
-        "services.executor.loop",
-        "--slots",
-        str(tmp_path / "s"),
-        "--backend",
-        "mujoko",
-    ]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
-    assert ended.returncode == 2
-    assert ended.stderr.startswith(
-        "loop: back-end 'mujoko': No module named 'mujoko', expected package.module:"
-    )
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    ended = CliRunner().invoke(app, ["--slots", str(tmp_path / "s"), *words])
+    assert ended.exit_code == 2
+    assert ended.stderr.startswith(said)
     assert len(ended.stderr.splitlines()) == 1

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from grips import BOWL_POSTURE, DYNAMICS, JAR_POSTURE, at, lever, raised, standing
+from grips import BOWL_POSTURE, DYNAMICS, JAR_POSTURE, at, jar_gripped, lever, raised, standing
 
 from companion.skills.loop_messages import Close, Move, Open, Payload, Phase, Until, motion
 from velma.names import BODY
@@ -12,9 +12,8 @@ from velma.names import BODY
 
 def test_a_jar_is_held_and_lifted():
     """Squeezed against the palm by three fingers: it slips less than 2 mm and keeps its content."""
-    core, truth = standing(JAR_POSTURE, 1, 0.52)
-    close = Close(squeeze=math.radians(40), upto=2.0, speed=0.6, settle_s=0.6)
-    result = core.run(motion("grip", core.setpoint, until="touch", left=close))
+    core, truth = jar_gripped()
+    result = core.report
     assert (result.phase, result.ended_by) == (Phase.DONE, Until.TOUCH)
     assert result.left.touched == (True, True, True)
     assert truth.fingers_on("jar_1")["left"] >= 4  # fingertips and palm

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from grips import BOWL_POSTURE, JAR_POSTURE, at, lever, raised, standing
+from grips import BOWL_POSTURE, JAR_GRIP, JAR_POSTURE, at, lever, raised, standing
 
 from companion.languages.facts import Kind
 from companion.skills.loop_messages import Close, Open, Payload, Phase, motion
@@ -18,13 +18,7 @@ from velma.sim.mock_backend import MockBackend
 from velma.sim.truth import TruthReader
 
 GRASPS = {
-    "jar_1": (
-        JAR_POSTURE,
-        1,
-        0.52,
-        Close(squeeze=math.radians(40), upto=2.0, speed=0.6, settle_s=0.6),
-        0.2,
-    ),
+    "jar_1": (JAR_POSTURE, 1, 0.52, JAR_GRIP, 0.2),
     "bowl_1": (BOWL_POSTURE, 0, math.radians(60), Close(squeeze=math.radians(0.8)), 0.3),
 }
 SPARE_KG = 0.12
@@ -66,6 +60,11 @@ class Lifted:
             if "_Hand" in model.body(model.geom_bodyid[geom]).name:
                 model.geom_friction[geom] *= factor
 
+    def ended(self):
+        """Run to the end of the motion; return its report."""
+        self.until(lambda: self.core.report.phase is not Phase.RUNNING)
+        return self.core.report
+
     def until(self, ended, most_s=2.0):
         """Run until that is so; return the simulated time it took."""
         began = self.core.state.time
@@ -106,8 +105,7 @@ def test_a_motion_ends_as_lost_when_the_thing_falls(lifted):
     lifted.friction(1e-4)
     known = lifted.until(lambda: lifted.core.grips.verdict is not None)
     assert known < 0.25
-    lifted.until(lambda: lifted.core.report.phase is not Phase.RUNNING)
-    report = lifted.core.report
+    report = lifted.ended()
     assert report.phase is Phase.LOST
     (why,) = report.why
     assert (why.kind, why.side) == (Kind.FEELS_LITTLE, lifted.side)
@@ -120,14 +118,12 @@ def test_what_was_lost_between_two_motions_ends_the_next_one(lifted):
     lifted.friction(1e-4)
     lifted.core.hold(0.6)
     lifted.begin_to_move()
-    lifted.until(lambda: lifted.core.report.phase is not Phase.RUNNING)
-    assert lifted.core.report.phase is Phase.LOST
+    assert lifted.ended().phase is Phase.LOST
     lifted.core.run(motion("open", lifted.core.setpoint, **{lifted.side: Open()}))
     assert lifted.core.report.phase is Phase.DONE
     assert lifted.grip.felt == ""
     lifted.begin_to_move(1.0)
-    lifted.until(lambda: lifted.core.report.phase is not Phase.RUNNING)
-    assert lifted.core.report.phase is Phase.DONE
+    assert lifted.ended().phase is Phase.DONE
 
 
 def test_a_push_ends_the_motion_and_nothing_is_dropped(lifted):
@@ -139,8 +135,7 @@ def test_a_push_ends_the_motion_and_nothing_is_dropped(lifted):
     data.xfrc_applied[body, 1] = 3.0
     lifted.core.hold(0.2)
     data.xfrc_applied[body] = 0.0
-    lifted.until(lambda: lifted.core.report.phase is not Phase.RUNNING)
-    assert lifted.core.report.phase is Phase.SLIPPED
+    assert lifted.ended().phase is Phase.SLIPPED
     lifted.core.run(motion("still", lifted.core.setpoint, settle_s=0.5))
     assert lifted.core.report.phase is Phase.DONE
     assert lifted.grip.felt == Grip.HELD
@@ -151,31 +146,19 @@ def test_a_thing_put_down_is_not_lost(lifted):
     down = raised(lifted.core.setpoint, lifted.row, -0.045)
     lifted.core.run(motion("down", down, until="contact", contact_side=lifted.side, settle_s=0.3))
     assert lifted.core.report.phase is Phase.DONE
-    lifted.core.run(
-        motion(
-            "open",
-            lifted.core.setpoint,
-            **{lifted.side: Open(), f"payload_{lifted.side}": Payload()},
-        )
-    )
+    opened = {lifted.side: Open(), f"payload_{lifted.side}": Payload()}
+    lifted.core.run(motion("open", lifted.core.setpoint, **opened))
     assert lifted.core.report.phase is Phase.DONE
 
 
-@pytest.mark.parametrize(
-    ("kind", "wrong"),
-    [
-        ("nan", Wrong.NO_NUMBER),
-        ("zero", Wrong.ZERO),
-        ("stuck", Wrong.STUCK),
-    ],
-)
-def test_a_sensor_that_is_not_well_feels_nothing(lifted, kind, wrong, monkeypatch):
+@pytest.mark.parametrize("wrong", [Wrong.NO_NUMBER, Wrong.ZERO, Wrong.STUCK])
+def test_a_sensor_that_is_not_well_feels_nothing(lifted, wrong, monkeypatch):
     """The motion goes on and the thing stays in the hand; the other hand feels; a sensor that is
     well again is one.
     """
     observe, row = lifted.core.backend.observe, lifted.row
-    stuck = lifted.core.state.wrist[row].copy()
-    spoilt = {"nan": np.full(6, math.nan), "zero": np.zeros(6), "stuck": stuck}[kind]
+    readings = {Wrong.NO_NUMBER: np.full(6, math.nan), Wrong.ZERO: np.zeros(6)}
+    spoilt = readings.get(wrong, lifted.core.state.wrist[row].copy())
 
     def spoil():
         state = observe()
@@ -185,8 +168,7 @@ def test_a_sensor_that_is_not_well_feels_nothing(lifted, kind, wrong, monkeypatc
 
     monkeypatch.setattr(lifted.core.backend, "observe", spoil)
     lifted.begin_to_move(1.0, turn=0.03)  # the bowl meets nothing on it
-    lifted.until(lambda: lifted.core.report.phase is not Phase.RUNNING)
-    assert lifted.core.report.phase is Phase.DONE
+    assert lifted.ended().phase is Phase.DONE
     assert (lifted.grip.felt, lifted.grip.wrong) == ("", wrong)
     assert lifted.core.report.hand(SIDES[1 - row]).grip.wrong == ""
     assert lifted.core.fingers.locked[row]

@@ -2,20 +2,17 @@
 without a jerk.
 """
 
-import math
-
 import numpy as np
 import pytest
-from grips import JAR_POSTURE, lever, raised, standing
+from grips import jar_gripped, lever, raised
 
-from companion.skills.loop_messages import Cancel, Close, Mode, Payload, Phase, Release, motion
+from companion.skills.loop_messages import Cancel, Mode, Payload, Phase, Release, motion
 from services.executor.loop.link import AgentLink, LoopLink
 from services.executor.loop.process import GONE_TURNS, LoopProcess, Speed
 from services.executor.loop.timing import Pacer
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(180)]  # 15 s at a load of 8
 
-JAR_GRIP = Close(squeeze=math.radians(40), upto=2.0, speed=0.6, settle_s=0.6)
 BEFORE_TURNS = 250
 AWAY = {"soon": 500, "late": GONE_TURNS + 500}
 """Turns without an agent: it comes back while its motion rests, or after that was interrupted and
@@ -27,8 +24,7 @@ class Carried:
     """A loop that lifts the jar, turned by hand, and what is seen of it in each turn."""
 
     def __init__(self, path):
-        self.core, self._truth = standing(JAR_POSTURE, 1, 0.52)
-        self.core.run(motion("close", self.core.setpoint, until="touch", left=JAR_GRIP))
+        self.core, self._truth = jar_gripped()
         link, pacer = LoopLink(path), Pacer(self.core.backend.period_s)
         self.loop = LoopProcess(self.core, link, speed=Speed.REAL, truth=None, pacer=pacer)
         self.load = Payload(0.3, tuple(self.lever()))

@@ -8,6 +8,7 @@ import sys
 import msgspec
 import numpy as np
 import pytest
+from doubles import RobotDouble
 
 from companion.tools.verbs import checkup as console
 from companion.tools.verbs.checkup import Pace
@@ -22,17 +23,13 @@ from velma.sim.mock_backend import MockBackend
 PACED = {"p50": 10.0}  # lateness, which only a loop in real time counts
 
 
-class Slow(MockBackend):
-    """A cycle of it takes `work_s`; every tenth `seldom_s`."""
+def slow(clock, work_s=0.001, seldom_s=0.001):
+    """A core whose cycles take `work_s`, every tenth `seldom_s`."""
 
-    def __init__(self, clock, work_s, seldom_s):
-        super().__init__()
-        self._clock, self._work_s, self._seldom_s, self._steps = clock, work_s, seldom_s, 0
+    def work(robot, *_):
+        clock.now += work_s if len(robot.taus) % 10 else seldom_s
 
-    def step(self, command):
-        super().step(command)
-        self._steps += 1
-        self._clock.now += self._seldom_s if self._steps % 10 == 0 else self._work_s
+    return LoopCore(RobotDouble(moved=work))
 
 
 @pytest.mark.parametrize(
@@ -48,7 +45,7 @@ def test_a_pace_is_held_where_few_cycles_are_late(clock, work_s, seldom_s, late,
     """Of 500 cycles: none, every tenth, five of ten, all but the first (they take 1.5 s, 750
     periods).
     """
-    core = LoopCore(Slow(clock, work_s, seldom_s))
+    core = slow(clock, work_s, seldom_s)
     found = measure(core, Pacer(core.backend.period_s))
     assert found.held is held
     assert found.late == pytest.approx(late, abs=0.1 * late)
@@ -59,7 +56,7 @@ def test_a_pace_is_held_where_few_cycles_are_late(clock, work_s, seldom_s, late,
 @pytest.mark.parametrize("seconds", [0.5, 1.0, 2.0])
 def test_every_joint_moves_a_tenth_of_a_radian_and_back(clock, seconds):
     """For as long as is measured, from rest to rest."""
-    core, seen = LoopCore(Slow(clock, 0.001, 0.001)), []
+    core, seen = slow(clock), []
     step = core.backend.step
     core.backend.step = lambda command: seen.append(core.setpoint.copy()) or step(command)
     found = measure(core, Pacer(core.backend.period_s), seconds)
@@ -71,20 +68,6 @@ def test_every_joint_moves_a_tenth_of_a_radian_and_back(clock, seconds):
     quarter = way[round(seconds * 125)]
     np.testing.assert_allclose(quarter, 0.05, atol=2e-3)
     assert clock.now >= seconds - 0.002
-
-
-def test_the_share_of_late_cycles_that_is_still_held_is_a_tenth(clock):
-    """50 of 500 are held, 51 are not."""
-    for late, held in ((50, True), (51, False)):
-        pacer = Late(late)
-        found = measure(LoopCore(MockBackend()), pacer)
-        assert (found.periods, found.late, found.held) == (500, late, held)
-
-
-def test_skipped_cycles_are_periods_and_late(clock):
-    """450 cycles, of them 20 late, and 50 skipped: 70 of 500."""
-    found = measure(LoopCore(MockBackend()), Late(20, cycles=450, skipped=50))
-    assert (found.periods, found.late, found.held) == (500, 70, False)
 
 
 class Late:
@@ -101,6 +84,16 @@ class Late:
 
     def timing(self):
         return self._timing
+
+
+def test_the_share_of_late_cycles_that_is_still_held_is_a_tenth(clock):
+    """50 of 500 are held, 51 are not. Skipped cycles are periods and late: of 450 cycles 20 late,
+    and 50 skipped, are 70 of 500.
+    """
+    rows = ((Late(50), 50, True), (Late(51), 51, False), (Late(20, 450, 50), 70, False))
+    for pacer, late, held in rows:
+        found = measure(LoopCore(MockBackend()), pacer)
+        assert (found.periods, found.late, found.held) == (500, late, held)
 
 
 @pytest.mark.parametrize(("refused", "realtime"), [("", True), ("no SCHED_FIFO", False)])
@@ -137,28 +130,38 @@ def shown(folder, *timings):
     return link.file.path, show
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "expected"),
-    [
-        (Timing(1000, 900, 0, PACED), Timing(2000, 950, 0, PACED), (1000, 50, True, False)),
-        (
-            Timing(1000, 0, 500, PACED, {}, True),
-            Timing(1900, 10, 600, PACED, {}, True),
-            (1000, 110, False, True),
-        ),
-        (Timing(1000, 900, 0, PACED), Timing(1000, 900, 0, PACED), (0, 0, True, False)),
-        (Timing(1000, 0, 0), Timing(2000, 500, 0), (0, 0, True, False)),
-    ],
-    ids=["late before, not now", "skipped cycles are late", "stands still", "speed max"],
-)
-def test_a_loop_that_runs_is_judged_by_what_it_counted_meanwhile(
-    tmp_path, monkeypatch, before, after, expected
-):
-    """Earlier lateness counts for nothing; a loop without deadlines has no periods."""
-    slots, pause = shown(tmp_path, before, after)
-    monkeypatch.setattr(pace.time, "sleep", pause)
-    found = pace.watch(slots)
-    assert (found.periods, found.late, found.held, found.realtime) == expected
+JUDGED = {
+    "late before, not now": (
+        Timing(1000, 900, 0, PACED), Timing(2000, 950, 0, PACED), (1000, 50, True, False),
+    ),
+    "skipped cycles are late": (
+        Timing(1000, 0, 500, PACED, {}, True), Timing(1900, 10, 600, PACED, {}, True),
+        (1000, 110, False, True),
+    ),
+    "stands still": (
+        Timing(1000, 900, 0, PACED), Timing(1000, 900, 0, PACED), (0, 0, True, False),
+    ),
+    "speed max": (Timing(1000, 0, 0), Timing(2000, 500, 0), (0, 0, True, False)),
+}  # fmt: skip
+
+
+def test_a_loop_that_runs_is_judged_by_what_it_counted_meanwhile(tmp_path, monkeypatch):
+    """Earlier lateness counts for nothing; a loop without deadlines has no periods. Who watches it
+    tells it nothing: no robot is made, heartbeat and commands stay as they are.
+    """
+    monkeypatch.setattr(pace, "try_out", lambda: pytest.fail("a loop was tried out"))
+    for name, (before, after, expected) in JUDGED.items():
+        slots, pause = shown(tmp_path, before, after)
+        monkeypatch.setattr(pace.time, "sleep", pause)
+        agent = AgentLink(slots)
+
+        def numbers(slots=agent.file.slots):
+            return [slot.number for name, slot in slots.items() if name != "timing"]
+
+        unwatched = numbers()
+        found = pace.watch(slots)
+        assert (found.periods, found.late, found.held, found.realtime) == expected, name
+        assert numbers() == unwatched, name
 
 
 def test_another_loop_is_tried_out_where_the_world_stands_still(tmp_path, monkeypatch):
@@ -172,19 +175,6 @@ def test_another_loop_is_tried_out_where_the_world_stands_still(tmp_path, monkey
     assert pace.watch(slots) is tried
 
 
-def test_who_watches_a_loop_tells_it_nothing(tmp_path, monkeypatch):
-    """Its agent's heartbeat and commands stay as they are, and no robot is made."""
-    slots, pause = shown(tmp_path, Timing(0, 0, 0, PACED), Timing(500, 0, 0, PACED))
-    monkeypatch.setattr(pace.time, "sleep", pause)
-    monkeypatch.setattr(pace, "try_out", lambda: pytest.fail("a loop was tried out"))
-    before = AgentLink(slots)
-    numbers = {name: slot.number for name, slot in before.file.slots.items() if name != "timing"}
-    pace.main(slots)
-    assert {
-        name: slot.number for name, slot in before.file.slots.items() if name != "timing"
-    } == numbers
-
-
 @pytest.mark.process
 def test_the_console_is_told_of_no_pace_where_a_loop_stands_still(tmp_path):
     """By the program, in a process of its own; nor where there is no loop."""
@@ -196,12 +186,8 @@ def test_the_console_is_told_of_no_pace_where_a_loop_stands_still(tmp_path):
 @pytest.mark.process
 def test_the_program_says_it_in_words_that_the_console_reads():
     """A real second of the simulated robot, in a process of its own."""
-    done = subprocess.run(
-        [sys.executable, "-m", "services.executor.loop.pace"],
-        capture_output=True,
-        timeout=50,
-        check=True,
-    )
+    command = [sys.executable, "-m", "services.executor.loop.pace"]
+    done = subprocess.run(command, capture_output=True, timeout=50, check=True)
     found = msgspec.json.decode(done.stdout, type=Pace)
     assert found.periods >= 500
     assert found.late >= 0

@@ -17,7 +17,7 @@ from velma.control import cartesian, grip
 from velma.control.cartesian import CartesianImpedance, task_damping
 from velma.control.dynamics import Dynamics
 from velma.control.grip import Wrists
-from velma.kinematics import collision, ik, motion, robot, timing
+from velma.kinematics import collision, ik, robot, timing
 from velma.kinematics.collision import Near, PlainChecks, World
 from velma.kinematics.frames import standing
 from velma.kinematics.ik import ArmGeometry
@@ -38,20 +38,13 @@ seeds = st.integers(0, 2**32 - 1)
 sides = st.sampled_from(names.SIDES)
 poses = st.builds(
     lambda x, y, z, yaw: standing((x, y, z), yaw),
-    st.floats(0.2, 1.0),
-    st.floats(-0.8, 0.8),
-    st.floats(0.4, 1.6),
-    st.floats(-3.0, 3.0),
+    *(st.floats(*ends) for ends in ((0.2, 1.0), (-0.8, 0.8), (0.4, 1.6), (-3.0, 3.0))),
 )
 sizes = st.floats(0.02, 0.4)
-shapes = st.one_of(
-    st.builds(Sphere, sizes),
-    st.builds(Cylinder, sizes, sizes),
-    st.builds(Box, st.tuples(sizes, sizes, sizes)),
-)
-things = st.lists(
-    st.tuples(shapes, poses, st.sampled_from(["furniture", "object"])), min_size=1, max_size=5
-)
+solids = (st.builds(Sphere, sizes), st.builds(Cylinder, sizes, sizes))
+shapes = st.one_of(*solids, st.builds(Box, st.tuples(sizes, sizes, sizes)))
+kinds = st.sampled_from(["furniture", "object"])
+things = st.lists(st.tuples(shapes, poses, kinds), min_size=1, max_size=5)
 
 
 def without(module: object, make: Callable[[], Any]) -> Any:
@@ -82,41 +75,25 @@ def postures(seed: int, count: int) -> np.ndarray:
 
 def test_they_are_compared_with_something_else() -> None:
     """The one robot has chains in C, the other none."""
-    assert all(ROBOT.chain.values())
-    assert not any(PLAIN.chain.values())
-
-
-@MANY
-@given(seeds, sides)
-def test_tracks_are_the_same(seed, side):
-    """To rounding."""
-    q = postures(seed, 20)
-    np.testing.assert_allclose(ROBOT.track(q, side), PLAIN.track(q, side), atol=1e-12)
-
-
-@MANY
-@given(seeds, sides)
-def test_upward_parts_are_the_same(seed, side):
-    """Of any direction fixed to a grip."""
-    q, direction = postures(seed, 20), np.random.default_rng(seed).normal(size=3)
-    ours, theirs = ROBOT.upward(side, direction), PLAIN.upward(side, direction)
-    for some in (q, q[:1]):
-        np.testing.assert_allclose(ours(some), theirs(some), atol=1e-12)
+    assert {type(one) for one in ROBOT.chain.values()} == {robot.Chain}
+    assert {type(one) for one in PLAIN.chain.values()} == {robot.PlainChain}
 
 
 @MANY
 @given(seeds, sides, st.sampled_from([0.05, 0.25, 2.0]))
-def test_times_of_steps_are_the_same(seed, side, tool_speed):
-    """Whether the tool or a joint needs longer; no step has none."""
-    columns = names.COLUMNS[side]
-    start, path = names.START.copy(), postures(seed, 12)[:, columns]
-    for some in (path, path[:1]):
-        tasks = (
-            motion._Task(robot, None, side, start, start, None, tool_speed, columns)
-            for robot in (ROBOT, PLAIN)
-        )
-        ours, theirs = (task.cost(some) for task in tasks)
-        np.testing.assert_allclose(ours, theirs, rtol=1e-9)
+def test_tracks_upward_parts_and_times_are_the_same(seed, side, tool_speed):
+    """To rounding: places, the upward part of any direction fixed to a grip, and how long steps
+    take, whether the tool or a joint needs longer; no step takes none.
+    """
+    q, direction = postures(seed, 20), np.random.default_rng(seed).normal(size=3)
+    columns, speed = names.COLUMNS[side], 0.5 * names.SPEED[names.COLUMNS[side]]
+    ours, theirs = ROBOT.chain[side], PLAIN.chain[side]
+    for some in (q, q[:1]):
+        np.testing.assert_allclose(ours.track(some), theirs.track(some), atol=1e-12)
+        parts = (one.upward(direction)(some) for one in (ours, theirs))
+        np.testing.assert_allclose(*parts, atol=1e-12)
+        step = names.START, some[:, columns], columns, tool_speed, speed
+        np.testing.assert_allclose(ours.times(*step), theirs.times(*step), rtol=1e-9)
 
 
 @MANY
@@ -133,13 +110,8 @@ def test_path_speeds_are_the_same(seed, corners, size):
     along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))))
     grid = np.linspace(0.0, along[-1], 4 * len(points))
     _, first, second = Spline(along, points).at(grid)
-    given_all = (
-        first,
-        second,
-        timing.ACCELERATION,
-        np.diff(grid),
-        rng.uniform(0.0025, 4.0, len(grid)),
-    )
+    largest = rng.uniform(0.0025, 4.0, len(grid))
+    given_all = first, second, timing.ACCELERATION, np.diff(grid), largest
     expected = without(timing, lambda: timing.path_speeds(*given_all))
     np.testing.assert_array_equal(timing.path_speeds(*given_all), expected)
 
@@ -183,13 +155,8 @@ def test_lines_are_the_same(seed, side, far):
     np.testing.assert_allclose(ours, theirs, atol=1e-6)
 
 
-ANYWHERE = (
-    np.full(7, -9.0),
-    np.full(7, 9.0),
-    0.0,
-    99.0,
-    9.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]),
-)
+SQUARE = 9.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+ANYWHERE = np.full(7, -9.0), np.full(7, 9.0), 0.0, 99.0, SQUARE
 
 
 def closed_forms(
@@ -199,12 +166,10 @@ def closed_forms(
     many there are.
     """
     q, columns = postures(0, 1)[0], names.COLUMNS[side]
-    ours = ARMS[side].comfortable(
-        target, torso, swivel, wanted or ik.Wanted(*ANYWHERE, int(columns[1])), q
-    )
-    theirs = np.tile(q, (8 * len(torso), 1))[
-        : len(found := PLAIN_ARMS[side].postures(target, torso, swivel))
-    ]
+    asked = wanted or ik.Wanted(*ANYWHERE, int(columns[1]))
+    ours = ARMS[side].comfortable(target, torso, swivel, asked, q)
+    found = PLAIN_ARMS[side].postures(target, torso, swivel)
+    theirs = np.tile(q, (len(found), 1))
     theirs[:, columns] = found
     if wanted is not None:
         theirs = theirs[[ik.comfortable(ROBOT, one, side) for one in theirs]]
@@ -229,13 +194,12 @@ def test_closed_forms_are_the_same(seed, side, far):
     assert far > 0.0 or sum(counts) > 0
 
 
+BESIDE = st.sampled_from([0.0, 1e-7, 1e-5, 0.2])
+REACH = st.sampled_from([0.3, 1.0 - 1e-5, 1.0 - 1e-7, 1.0])
+
+
 @MANY
-@given(
-    seeds,
-    sides,
-    st.sampled_from([0.0, 1e-7, 1e-5, 0.2]),
-    st.sampled_from([0.3, 1.0 - 1e-5, 1.0 - 1e-7, 1.0]),
-)
+@given(seeds, sides, BESIDE, REACH)
 def test_closed_forms_agree_at_the_edge(seed, side, beside, reach):
     """The wrist beside the shoulder's axis by so many metres, at a share of the reach: where they
     branch.
@@ -244,18 +208,10 @@ def test_closed_forms_agree_at_the_edge(seed, side, beside, reach):
     away = reach * (form.upper + form.fore)
     way = np.array([beside, 0.0, np.sqrt(away**2 - beside**2)])
     torso = float(rng.uniform(-1.0, 1.0))
-    turned = (
-        form.T_world_torso
-        * pin.SE3(pin.exp3(np.array([0.0, 0.0, torso])), np.zeros(3))
-        * form.T_torso_shoulder
-    )
+    turned = form.T_world_torso * standing(np.zeros(3), torso) * form.T_torso_shoulder
     wrist = pin.SE3(pin.exp3(rng.normal(size=3)), turned.act(way))
-    count = closed_forms(
-        side,
-        wrist * form.T_grip_wrist.inverse(),
-        np.full(24, torso),
-        rng.uniform(-np.pi, np.pi, 24),
-    )
+    target, swivel = wrist * form.T_grip_wrist.inverse(), rng.uniform(-np.pi, np.pi, 24)
+    count = closed_forms(side, target, np.full(24, torso), swivel)
     assert count == (24 * 8 if reach < 1.0 - 1e-6 else 0)
 
 
@@ -287,48 +243,30 @@ def worlds(some: list, held: str | None, allowed: bool, margin: float) -> tuple[
     return both
 
 
+holding, margins = st.sampled_from([None, *names.SIDES]), st.sampled_from([0.0, 0.006, 0.05])
+
+
 @MANY
-@given(
-    things,
-    seeds,
-    st.sampled_from([None, *names.SIDES]),
-    st.booleans(),
-    st.sampled_from([0.0, 0.006, 0.05]),
-)
-def test_verdicts_are_the_same(some, seed, held, allowed, margin):
-    """With things in hands, allowed pairs and any margin; again after things were let go of."""
+@given(things, seeds, holding, st.booleans(), margins)
+def test_verdicts_and_what_touches_are_the_same(some, seed, held, allowed, margin):
+    """With things in hands, allowed pairs and any margin; again after things were let go of. The
+    same links and things touch at the same distances, nearest first, where it is not free.
+    """
     ours, theirs = worlds(some, held, allowed, margin)
-    for q in postures(seed, 30):
+    for k, q in enumerate(postures(seed, 30)):
         assert ours.free(q) == theirs.free(q), ours.touching(q)
+        if k < 5:
+            found = ours.touching(q)
+            expected = {(a, b): distance for a, b, distance in theirs.touching(q)}
+            assert {(a, b): at for a, b, at in found} == pytest.approx(expected, abs=1e-9)
+            assert [at for _, _, at in found] == sorted(at for _, _, at in found)
+            assert ours.free(q) == (not found)
     assert (type(ours._checks), type(theirs._checks)) == (Near, PlainChecks)
     if held:
         for world in (ours, theirs):
             world.detach("thing 0", standing((0.7, 0.0, 0.9)))
     for q in postures(seed + 1, 10):
         assert ours.free(q) == theirs.free(q), ours.touching(q)
-
-
-@MANY
-@given(
-    things,
-    seeds,
-    st.sampled_from([None, *names.SIDES]),
-    st.booleans(),
-    st.sampled_from([0.0, 0.006, 0.05]),
-)
-def test_what_touches_is_the_same(some, seed, held, allowed, margin):
-    """The same links and things at the same distances, nearest first; and it touches where it is
-    not free.
-    """
-    ours, theirs = worlds(some, held, allowed, margin)
-    for q in postures(seed, 5):
-        found = ours.touching(q)
-        expected = {(a, b): distance for a, b, distance in theirs.touching(q)}
-        assert {(a, b): distance for a, b, distance in found} == pytest.approx(expected, abs=1e-9)
-        assert [distance for _, _, distance in found] == sorted(
-            distance for _, _, distance in found
-        )
-        assert ours.free(q) == (not found)
 
 
 @settings(MANY, max_examples=20)
@@ -363,15 +301,8 @@ def left(world: World, number: int, q: np.ndarray) -> list[int] | None:
     checks, one = world._checks, np.zeros(world._numbered.shape[1], dtype=bool)
     one[number] = True
     among, given = checks.among(one), np.array(q)
-    checks._first(
-        checks._itself,
-        among.itself,
-        world.margin,
-        given.ctypes.data,
-        1,
-        1,
-        ctypes.byref(checks._left),
-    )
+    q_at, found = given.ctypes.data, ctypes.byref(checks._left)
+    checks._first(checks._itself, among.itself, world.margin, q_at, 1, 1, found)
     return None if checks._left.value < 0 else list(among.found[: checks._left.value])
 
 
@@ -429,9 +360,8 @@ def apart(size: np.ndarray, other: np.ndarray, turn: np.ndarray, away: np.ndarra
     axes = np.vstack((np.eye(3), turn.T, np.cross(np.eye(3)[:, None], turn.T[None]).reshape(9, 3)))
     lengths = np.linalg.norm(axes, axis=1)
     axes = axes[lengths > 1e-9] / lengths[lengths > 1e-9, None]
-    return float(
-        (np.abs(axes @ away) - (np.abs(axes) @ size + np.abs(axes @ turn) @ other) / 2).max()
-    )
+    shadows = np.abs(axes) @ size + np.abs(axes @ turn) @ other
+    return float((np.abs(axes @ away) - shadows / 2).max())
 
 
 @MANY
@@ -453,11 +383,8 @@ def test_boxes_have_the_verdict_of_coal(seed, turned, margin):
     world.attach("other", "left", grip * far)
     world.free(q)
     (number,) = np.flatnonzero((world._groups[world._numbered] == [["one"], ["other"]]).all(axis=0))
-    for gap in (
-        *10.0 ** rng.uniform(-5, -2, 10),
-        *-(10.0 ** rng.uniform(-5, -2, 10)),
-        *np.full(60, np.nan),
-    ):
+    gaps = 10.0 ** rng.uniform(-5, -2, 20)
+    for gap in (*gaps[:10], *-gaps[10:], *np.full(60, np.nan)):
         turn = pin.exp3(turned * rng.normal(size=3))
         away = rng.integers(-1, 2, 3) * ((size + np.abs(turn) @ other) / 2 + gap + margin)
         if np.isnan(gap):
@@ -476,11 +403,8 @@ def test_torques_are_the_same(seed, some_weight):
     """At any posture, for any errors, over the cycles between two damping designs, to rounding of
     the inverses.
     """
-    rng, ours, theirs = (
-        np.random.default_rng(seed),
-        CartesianImpedance(),
-        without(cartesian, CartesianImpedance),
-    )
+    rng = np.random.default_rng(seed)
+    ours, theirs = CartesianImpedance(), without(cartesian, CartesianImpedance)
     assert (ours._law is None, theirs._law is None) == (False, True)
     for q in postures(seed, 6):
         terms = DYNAMICS.terms(q)
@@ -489,9 +413,8 @@ def test_torques_are_the_same(seed, some_weight):
         )
         acting = error, slip, stray, wrench * some_weight
         expected = theirs.torque(terms, *acting)
-        np.testing.assert_allclose(
-            ours.torque(terms, *acting), expected, atol=1e-9 * np.abs(expected).max()
-        )
+        found = ours.torque(terms, *acting)
+        np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
 
 @MANY
@@ -505,9 +428,8 @@ def test_dampings_are_the_same(seed, scale, ratio):
     inertia = root @ root.T + 1e-3 * scale**2 * np.eye(12)
     ours.set(inertia=inertia, stiffness=np.tile(stiffness, 2), twice_ratio=2.0 * ratio)
     expected = task_damping(inertia, stiffness, ratio)
-    np.testing.assert_allclose(
-        ours.damping(), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max()
-    )
+    atol = 1e-9 * np.abs(expected).max()
+    np.testing.assert_allclose(ours.damping(), expected, rtol=0.0, atol=atol)
 
 
 @MANY
@@ -535,11 +457,9 @@ def test_errors_are_the_same(seed, angle):
 @given(seeds, st.integers(1, 80), st.lists(st.integers(0, 79), max_size=2))
 def test_wrists_feel_the_same(seed, cycles, restarts):
     """Over many cycles of any readings, with restarts; what they keep is the same, too."""
-    rng, ours, theirs = (
-        np.random.default_rng(seed),
-        Wrists(0.002),
-        without(grip, lambda: Wrists(0.002)),
-    )
+    rng = np.random.default_rng(seed)
+    ours = Wrists(0.002)
+    theirs = without(grip, lambda: Wrists(0.002))
     assert (ours._feel is None, theirs._feel is None) == (False, True)
     for k in range(cycles):
         rotation = np.stack([pin.exp3(rng.normal(size=3)) for _ in range(2)])

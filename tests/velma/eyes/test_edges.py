@@ -14,27 +14,27 @@ from velma.eyes.detect import Detector, refined
 SIZE, FINE = 160, 8  # the picture and how many samples a pixel has each way
 
 
+SQUARE = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
+
+
+def turned(angle: float) -> np.ndarray:
+    """A rotation of rows."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s], [-s, c]])
+
+
 def drawn(corners: np.ndarray, number: int, low: float, high: float) -> np.ndarray:
     """A picture (SIZE, SIZE) of a marker's plate on a dark ground, each pixel the mean of FINE x
     FINE samples.
     """
     plate = detect.plate(number, 12).astype(np.float32)
     side = plate.shape[0]
-    inner = np.array(
-        [
-            (side / 8, side / 8),
-            (7 * side / 8, side / 8),
-            (7 * side / 8,) * 2,
-            (side / 8, 7 * side / 8),
-        ]
-    )
+    near, far = side / 8, 7 * side / 8
+    inner = np.array([(near, near), (far, near), (far, far), (near, far)])
     # Pixel k has its centre at k; its samples fill k - 0.5 to k + 0.5.
-    place = cv2.getPerspectiveTransform(
-        (inner - 0.5).astype(np.float32), (FINE * (corners + 0.5) - 0.5).astype(np.float32)
-    )
-    large = cv2.warpPerspective(
-        plate, place, (SIZE * FINE,) * 2, flags=cv2.INTER_LINEAR, borderValue=90.0
-    )
+    ends = (inner - 0.5).astype(np.float32), (FINE * (corners + 0.5) - 0.5).astype(np.float32)
+    place, size = cv2.getPerspectiveTransform(*ends), (SIZE * FINE,) * 2
+    large = cv2.warpPerspective(plate, place, size, flags=cv2.INTER_LINEAR, borderValue=90.0)
     small = large.reshape(SIZE, FINE, SIZE, FINE).mean(axis=(1, 3))
     return np.asarray(low + (high - low) * small / 255.0)
 
@@ -60,10 +60,9 @@ def test_corners_are_found_to_a_fraction_of_a_pixel(
     """Within 0.35 pixels all four, from the whole-pixel corners of the detector, with noise of 3
     grey levels.
     """
-    square = side / 2 * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]) * (1.0, flat)
+    square = side * SQUARE * (1.0, flat)
     square[:, 0] += slant * square[:, 1]
-    c, s = np.cos(turn), np.sin(turn)
-    corners = square @ np.array([[c, s], [-s, c]]) + (SIZE / 2 + x, SIZE / 2 + y)
+    corners = square @ turned(turn) + (SIZE / 2 + x, SIZE / 2 + y)
     picture = noisy(drawn(corners, number, low, high), 3.0, seed)
     found = Detector([number]).find(picture)
     assume(number in found)
@@ -78,10 +77,8 @@ def test_the_fit_is_better_than_the_detector() -> None:
     rough, fine = [], []
     rng = np.random.default_rng(1)
     for number in range(40):
-        square = 12.0 * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
-        angle = rng.uniform(-3, 3)
-        c, s = np.cos(angle), np.sin(angle)
-        corners = square @ np.array([[c, s], [-s, c]]) + SIZE / 2 + rng.uniform(-1, 1, 2)
+        turn = turned(rng.uniform(-3, 3))
+        corners = 24.0 * SQUARE @ turn + SIZE / 2 + rng.uniform(-1, 1, 2)
         picture = noisy(drawn(corners, number, 20.0, 220.0), 3.0, number)
         found = Detector([number]).find(picture)[number]
         rough.append(np.abs(found - corners).mean())

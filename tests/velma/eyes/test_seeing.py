@@ -4,13 +4,11 @@ is all there is.
 
 from collections.abc import Iterator
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from simulated import look_at, placed, put
 
-from companion.skills.motions import aim
-from velma import names
 from velma.eyes.fit import View
 from velma.eyes.lens import HEIGHT, WIDTH, lens
 from velma.eyes.pictures import disturbed
@@ -34,31 +32,19 @@ class Look:
         self.scene: Scene = vary(load(), seed)
         self.qpos = MujocoBackend(self.scene).configuration().copy()
         self.model = marked(self.scene)
-        self.data = mujoco.MjData(self.model)
         self.camera, self.robot = HeadCamera(self.model, WIDTH, HEIGHT), Robot()
         self.eyes = eyes_of(self.scene)
         self.rng = np.random.default_rng(seed)
 
-    def put(self, name: str, pose: pin.SE3) -> None:
-        """A thing that can move goes there."""
-        x, y, z, w = pin.SE3ToXYZQUAT(pose)[3:]
-        start = self.model.jnt_qposadr[self.model.body(name).jntadr[0]]
-        self.qpos[start : start + 7] = [*pose.translation, w, x, y, z]
-
     def true(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Rotation and position."""
-        self.data.qpos[:] = self.qpos
-        mujoco.mj_kinematics(self.model, self.data)
-        body = self.data.body(name)
+        body = placed(self.model, self.qpos).body(name)
         return body.xmat.reshape(3, 3).copy(), body.xpos.copy()
 
     def at(self, point: np.ndarray) -> tuple[dict[int, np.ndarray], View]:
         """The head to a point: the markers found, and the view by the joints."""
-        goal = aim(0.0, (float(point[0]), float(point[1]), float(point[2])))
-        for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
-            self.qpos[self.model.joint(name).qposadr[0]] = angle
+        eye = self.robot.camera(*look_at(self.model, self.qpos, point))
         picture = disturbed(self.camera.picture(self.qpos), NOISE, 0.0, 1.0, self.rng)
-        eye = self.robot.camera(0.0, goal.pan, goal.tilt)
         return self.eyes.markers(picture), View(lens(), eye.rotation, eye.translation)
 
     def seen(self, point: np.ndarray) -> dict[str, Seen]:
@@ -120,7 +106,7 @@ def test_a_tipped_jar_is_seen_as_it_lies(look: Look, tilt: float) -> None:
     """Leaning by 3 degrees, half over, lying: with its tilt, within a degree and 6 mm."""
     pose = pin.SE3(pin.exp3(np.array([0.0, tilt, 0.3])), np.array([0.75, 0.1, 1.25]))
     before = look.qpos.copy()
-    look.put("jar_1", pose)
+    put(look.model, look.qpos, "jar_1", pose)
     seen = look.seen(pose.translation)["jar_1"]
     look.qpos[:] = before
     assert seen.tipped

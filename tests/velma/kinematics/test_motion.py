@@ -66,10 +66,9 @@ def test_a_free_way_is_straight(robot: Robot) -> None:
     goal = reaching(robot)
     path = planned(robot, World(robot), "left", START, goal)
     assert path is not None
-    shares = np.array([(q - START) @ (goal - START) for q in path]) / (
-        (goal - START) @ (goal - START)
-    )
-    np.testing.assert_allclose(path, START + shares[:, None] * (goal - START), atol=1e-9)
+    way = goal - START
+    shares = (np.array(path) - START) @ way / (way @ way)
+    np.testing.assert_allclose(path, START + shares[:, None] * way, atol=1e-9)
 
 
 def test_a_blocked_way_goes_round(robot: Robot) -> None:
@@ -89,9 +88,8 @@ def test_a_motion_is_replayed_in_one_process(robot: Robot) -> None:
     another.
     """
     world, goal = walled(robot), reaching(robot)
-    first, other, again = (
-        planned(robot, world, "left", START, goal, seed=seed) for seed in (3, 4, 3)
-    )
+    ways = [planned(robot, world, "left", START, goal, seed=seed) for seed in (3, 4, 3)]
+    first, other, again = ways
     assert first is not None
     assert other is not None
     np.testing.assert_array_equal(first, again)
@@ -106,16 +104,8 @@ def test_a_motion_out_of_the_cabinet(robot: Robot, furnished: Callable[[], World
     grip = standing((0.80, 0.36, 1.281))
     up = np.array([0.0, 0.0, 1.0])
     grip.rotation = np.column_stack((up, np.cross(-out, up), -out))
-    inside = ik.sample(
-        robot,
-        "left",
-        grip,
-        START,
-        np.random.default_rng(1),
-        first=world.first_free,
-        best=True,
-        starts=80,
-    )
+    options = {"first": world.first_free, "best": True, "starts": 80}
+    inside = ik.sample(robot, "left", grip, START, np.random.default_rng(1), **options)
     assert inside is not None
     goal = inside.copy()
     goal[names.ARM["left"]] = START[names.ARM["left"]]
@@ -132,16 +122,12 @@ def test_a_condition_holds_all_the_way(robot: Robot) -> None:
     target.rotation = standing((0.0, 0.0, 0.0), 1.2).rotation @ grip.rotation
     goal = ik.sample(robot, "left", target, start, np.random.default_rng(2), best=True)
     assert goal is not None
-    world.put(
-        "post",
-        [Box((0.06, 0.06, 0.06))],
-        standing(robot.grip((start + goal) / 2, "left").translation),
-    )
+    middle = robot.grip((start + goal) / 2, "left").translation
+    world.put("post", [Box((0.06, 0.06, 0.06))], standing(middle))
 
     def level(postures: np.ndarray) -> np.ndarray:
-        return np.array(
-            [abs(robot.grip(q, "left").rotation[2, 2]) < np.sin(np.radians(40.0)) for q in postures]
-        )
+        upwards = np.array([robot.grip(q, "left").rotation[2, 2] for q in postures])
+        return np.asarray(np.abs(upwards) < np.sin(np.radians(40.0)))
 
     assert world.free(start)
     assert world.free(goal)
@@ -154,9 +140,8 @@ def test_a_condition_holds_all_the_way(robot: Robot) -> None:
 def test_what_cannot_be_is_refused(robot: Robot) -> None:
     """No way to a goal that touches something or breaks the condition, nor from such a start."""
     world, goal = World(robot), reaching(robot)
-    assert (
-        motion.plan(robot, world, "left", START, goal, keep=lambda some: some[:, 0] < 0.05) is None
-    )
+    kept = {"keep": lambda some: some[:, 0] < 0.05}
+    assert motion.plan(robot, world, "left", START, goal, **kept) is None
     world.put("ball", [Sphere(0.1)], standing(robot.grip(goal, "left").translation))
     assert motion.plan(robot, world, "left", START, goal) is None
     assert motion.plan(robot, world, "left", goal, START) is None
@@ -193,6 +178,5 @@ def test_a_start_in_touch_is_left_first(robot: Robot) -> None:
     free = [world.free(q) for q in path]
     first = free.index(True)
     assert all(free[first:])
-    assert all(
-        robot.grip(q, "left").translation[2] > grip.translation[2] - 1e-4 for q in path[: first + 1]
-    )
+    heights = [robot.grip(q, "left").translation[2] for q in path[: first + 1]]
+    assert min(heights) > grip.translation[2] - 1e-4

@@ -27,11 +27,8 @@ models = st.sampled_from(DOORS)
 def hung(model: Model, angle: float, yaw: float = 0.0) -> Scene:
     """A cabinet with one leaf."""
     cabinet = SceneObject("cabinet_1", Model.CABINET_DOOR, (1.0, 0.3, 1.1), yaw=yaw)
-    return scene.checked(
-        scene.hung(
-            Scene("one", (cabinet, SceneObject("door_1", model, of="cabinet_1", open=angle)))
-        )
-    )
+    leaf = SceneObject("door_1", model, of="cabinet_1", open=angle)
+    return scene.checked(scene.hung(Scene("one", (cabinet, leaf))))
 
 
 def in_cabinet(whole: Scene, name: str = "door_1") -> pin.SE3:
@@ -73,16 +70,11 @@ def test_closed_leaves_cover_what_is_behind_them() -> None:
     edges = []
     for name, model in (("door_1", Model.DOOR_LEFT), ("door_2", Model.DOOR_RIGHT)):
         panel = objects()[model]["parts"]["panel"]
-        middle, half = (
-            in_cabinet(CLOSED, name).act(np.array(panel["xyz"])),
-            np.array(panel["box"]) / 2,
-        )
-        assert middle[2] + half[2] == pytest.approx(
-            boards["top"]["xyz"][2] - boards["top"]["box"][2] / 2
-        )
-        assert middle[2] - half[2] == pytest.approx(
-            boards["bottom"]["xyz"][2] - boards["bottom"]["box"][2] / 2
-        )
+        middle = in_cabinet(CLOSED, name).act(np.array(panel["xyz"]))
+        half = np.array(panel["box"]) / 2
+        for board, way in (("top", 1), ("bottom", -1)):
+            edge = boards[board]["xyz"][2] - boards[board]["box"][2] / 2
+            assert middle[2] + way * half[2] == pytest.approx(edge)
         assert middle[0] + half[0] < boards["top"]["box"][0] / 2
         edges += [middle[1] - half[1], middle[1] + half[1]]
     inner = boards["right_side"]["xyz"][1] - boards["right_side"]["box"][1] / 2
@@ -98,9 +90,8 @@ def test_leaves_go_with_their_cabinet(seed: int) -> None:
     varied = scene.vary(CLOSED, seed)
     assert varied.find("cabinet_2") != CLOSED.find("cabinet_2")
     for name in ("door_1", "door_2"):
-        assert in_cabinet(varied, name).homogeneous == pytest.approx(
-            in_cabinet(CLOSED, name).homogeneous
-        )
+        before, after = (in_cabinet(one, name).homogeneous for one in (CLOSED, varied))
+        assert after == pytest.approx(before)
     assert scene.checked(varied) is varied
 
 
@@ -140,7 +131,5 @@ def test_a_leaf_that_cannot_hang_is_refused(tmp_path) -> None:
 def test_a_leaf_is_hung_once() -> None:
     """What hangs already stays, bit by bit."""
     assert scene.hung(CLOSED) == CLOSED
-    loose = replace(
-        CLOSED, things=tuple(replace(t, xyz=NOWHERE, yaw=0.0) if t.of else t for t in CLOSED.things)
-    )
-    assert scene.hung(loose) == CLOSED
+    loose = [replace(t, xyz=NOWHERE, yaw=0.0) if t.of else t for t in CLOSED.things]
+    assert scene.hung(replace(CLOSED, things=tuple(loose))) == CLOSED

@@ -35,23 +35,15 @@ def test_committed_file_is_what_the_script_writes():
     assert build.ROBOT_XML.read_text() == build.written()
 
 
-def test_both_libraries_have_the_same_joints_in_the_same_order(both):
-    """So an array of one is an array of the other."""
-    model, _, other = both
+def test_both_libraries_have_the_same_joints_masses_and_frames(both):
+    """An array of one is an array of the other, every kilogram of the moving robot is in both, and
+    every body stands where the other library has it.
+    """
+    model, data, other = both
     assert [model.joint(j).name for j in range(model.njnt)] == list(other.names)[1:]
     assert model.nv == other.nv == 33
-
-
-def test_both_libraries_agree_on_mass(both):
-    """Every kilogram of the moving robot is in both."""
-    model, _, other = both
     base = model.body("torso_base").mass[0]
     assert model.body_mass.sum() - base == pytest.approx(pin.computeTotalMass(other), abs=1e-9)
-
-
-def test_both_libraries_agree_on_frames(both):
-    """Every body stands where the other library has it."""
-    model, data, other = both
     scratch = other.createData()
     for q, _ in random_states(model, 20):
         data.qpos[:] = q
@@ -77,32 +69,21 @@ def test_both_libraries_agree_on_bias_torque_and_mass_matrix(both):
         mujoco.mj_fullM(model, data, dense)
         mass = np.triu(pin.crba(other, scratch, q))
         np.testing.assert_allclose(mass + np.triu(mass, 1).T, dense, atol=1e-9)
-        np.testing.assert_allclose(
-            pin.nonLinearEffects(other, scratch, q, v), data.qfrc_bias, atol=1e-8
-        )
+        bias = pin.nonLinearEffects(other, scratch, q, v)
+        np.testing.assert_allclose(bias, data.qfrc_bias, atol=1e-8)
 
 
-def test_grips_stand_where_the_recorded_robot_has_them(both):
-    """Positions of the grip frames in the start posture, from the public model."""
-    model, data, _ = both
-    for name, angle in zip(names.BODY, names.START, strict=True):
-        data.joint(name).qpos[0] = angle
-    mujoco.mj_kinematics(model, data)
-    np.testing.assert_allclose(
-        data.body("right_HandGripLink").xpos, (-0.0341, -0.4704, 0.4578), atol=1e-4
-    )
-    np.testing.assert_allclose(
-        data.body("left_HandGripLink").xpos, (-0.0348, 0.4682, 0.4578), atol=1e-4
-    )
-
-
-def test_start_posture_touches_nothing(both):
-    """The exclusions cover what touches by construction."""
+def test_grips_stand_where_the_recorded_robot_has_them_and_nothing_touches(both):
+    """Positions of the grip frames in the start posture, from the public model. The exclusions
+    cover what touches by construction.
+    """
     model, data, _ = both
     data.qpos[:] = 0.0
     for name, angle in zip(names.BODY, names.START, strict=True):
         data.joint(name).qpos[0] = angle
     mujoco.mj_forward(model, data)
+    for side, at in (("right", (-0.0341, -0.4704, 0.4578)), ("left", (-0.0348, 0.4682, 0.4578))):
+        np.testing.assert_allclose(data.body(f"{side}_HandGripLink").xpos, at, atol=1e-4)
     assert data.ncon == 0
 
 
@@ -117,11 +98,8 @@ def test_the_wrist_can_turn_the_hand_into_the_forearm(both):
         data.joint("right_arm_5_joint").qpos[0] = rng.uniform(-2, 2)
         data.joint("right_arm_6_joint").qpos[0] = rng.uniform(-2.9, 2.9)
         mujoco.mj_forward(model, data)
-        links = {
-            model.body(model.geom_bodyid[g]).name
-            for pair in data.contact.geom[: data.ncon]
-            for g in pair
-        }
+        geoms = data.contact.geom[: data.ncon].ravel()
+        links = {model.body(model.geom_bodyid[geom]).name for geom in geoms}
         touching += any("arm_5" in link or "arm_4" in link for link in links)
     assert touching > 0
 
@@ -152,11 +130,8 @@ def test_names_repeat_the_numbers(numbers, both):
         [model.joint(name).range for name in names.HEAD],
         np.stack([names.HEAD_LOWER, names.HEAD_UPPER], 1),
     )
-    speeds = {
-        body["joint"]["name"]: body["joint"]["speed"]
-        for body in build.bodies(numbers)
-        if "joint" in body
-    }
+    joints = [body["joint"] for body in build.bodies(numbers) if "joint" in body]
+    speeds = {joint["name"]: joint["speed"] for joint in joints}
     np.testing.assert_array_equal([speeds[name] for name in names.BODY], names.SPEED)
     torque = numbers["limits"]["accepted_torque"]
     np.testing.assert_array_equal([torque["torso"], *torque["arm"], *torque["arm"]], names.TORQUE)

@@ -6,17 +6,23 @@ import msgspec
 import mujoco
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from velma.model import scene
 from velma.model.scene import Scene
-from velma.names import FINGER_UPPER, FT_BODY, SPEED, START
+from velma.names import FT_BODY, SPEED, START
 from velma.sim.backend import PERIOD_S, no_command
 from velma.sim.mock_backend import MockBackend
 from velma.sim.mujoco_backend import LOCK_DISTAL, LOCK_PROXIMAL, MujocoBackend
 from velma.sim.truth import TruthReader
 
 EMPTY = Scene("empty")
-EXACT = scene.Noise(force=0.0, force_bias=0.0, torque=0.0, torque_bias=0.0)
+EXACT = {"force": 0.0, "force_bias": 0.0, "torque": 0.0, "torque_bias": 0.0}
+
+
+def noisy(whole=EMPTY, **noise):
+    """A robot whose noise differs in this from that of its scene."""
+    return MujocoBackend(replace(whole, noise=replace(whole.noise, **noise)))
 
 
 def run(backend, command, seconds):
@@ -32,40 +38,13 @@ def backend(request):
 
 
 def test_a_robot_begins_in_the_start_posture_and_stays_without_a_command(backend):
-    """Torques are beyond gravity: none at all is a robot at rest."""
+    """Torques are beyond gravity: none at all is a robot at rest. (What else a back-end has to do
+    is in services.executor.conformance.)
+    """
     state = run(backend, no_command(), 1.0)
     np.testing.assert_allclose(state.q, START, atol=1e-3)
     assert np.abs(state.v).max() < 1e-2
     assert state.time == pytest.approx(1.0)
-
-
-def test_a_torque_moves_its_joint_and_costs_work(backend):
-    """Joint 0 follows the sign of its torque."""
-    command = no_command()
-    command.tau[0] = 20.0
-    state = run(backend, command, 0.5)
-    assert state.q[0] > 0.05
-    assert backend.work_J > 0.5
-
-
-def test_head_and_fingers_go_where_they_are_told(backend):
-    """Within what their servos leave as error; a free distal joint bends by a third."""
-    command = no_command()
-    command.head[:] = 0.3, 0.2
-    command.proximal[:], command.distal[:] = 0.9, 0.3
-    state = run(backend, command, 2.0)
-    np.testing.assert_allclose(state.head, (0.3, 0.2), atol=0.03)
-    np.testing.assert_allclose(state.proximal, 0.9, atol=0.02)
-    np.testing.assert_allclose(state.distal, 0.3, atol=0.02)
-
-
-def test_locked_fingers_stay(backend):
-    """The worm gears hold against the servos, which pull with 1.5 Nm at most."""
-    command = no_command()
-    command.locked[:] = 1.0
-    command.proximal[:] = FINGER_UPPER
-    state = run(backend, command, 0.5)
-    assert np.abs(state.proximal).max() < 0.02
 
 
 def test_only_the_locked_hand_is_stiff():
@@ -84,30 +63,20 @@ def test_only_the_locked_hand_is_stiff():
 
 
 def test_a_simulation_can_be_had_again():
-    """Same scene, same commands, same numbers, to the last bit."""
+    """Same scene, same commands, same numbers, to the last bit; reading the state changes
+    nothing.
+    """
     whole, command = scene.vary(scene.load(), 4), no_command()
     command.tau[:] = np.linspace(-3, 3, 15)
     ends = []
-    for _ in range(2):
-        robot = MujocoBackend(whole)
-        run(robot, command, 0.3)
-        ends.append(robot.configuration().tobytes())
-    assert ends[0] == ends[1]
-
-
-def test_reading_the_state_changes_nothing():
-    """Observation between steps does not disturb the next one."""
-    ends = []
     for looks in (0, 3):
-        robot = MujocoBackend(EMPTY)
-        command = no_command()
-        command.tau[3] = 5.0
-        for _ in range(50):
+        robot = MujocoBackend(whole)
+        for _ in range(150):
             for _ in range(looks):
                 robot.observe()
                 robot.configuration()
             robot.step(command)
-        ends.append(robot.observe().q.tobytes())
+        ends.append(robot.configuration().tobytes())
     assert ends[0] == ends[1]
 
 
@@ -130,7 +99,7 @@ def test_a_burst_simulation_stays_burst():
     robot = MujocoBackend(EMPTY)
     run(robot, no_command(), 0.1)
     robot.data.qvel[0] = np.nan
-    state = run(robot, no_command(), 0.01)
+    state = run(robot, no_command(), 0.004)
     assert not np.isfinite(state.v).all()
     assert state.time > 0.1
 
@@ -158,30 +127,23 @@ def test_truth_survives_a_scene_without_vessels():
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(truth), type=type(truth)) == truth
 
 
-def test_the_mock_obeys_its_speed_limits():
-    """However hard it is pushed."""
-    robot, command = MockBackend(), no_command()
-    command.tau[:] = 100.0
-    state = run(robot, command, 1.0)
-    assert (state.v <= SPEED).all()
-    assert robot.period_s == PERIOD_S
-
-
-def test_mock_fingers_stop_at_what_they_meet():
-    """So that closing by touch can be tried without physics."""
+def test_the_mock_obeys_its_speed_limits_and_its_fingers_stop_at_what_they_meet():
+    """However hard it is pushed; closing by touch can be tried without physics."""
     robot, command = MockBackend(), no_command()
     robot.grasped[1] = 1.2
+    command.tau[:] = 100.0
     command.proximal[:], command.distal[:] = 2.0, 0.6
-    state = run(robot, command, 2.0)
-    np.testing.assert_allclose(state.proximal[1], 1.2)
-    np.testing.assert_allclose(state.proximal[0], 2.0)
+    assert (run(robot, command, 1.0).v <= SPEED).all()
+    state = run(robot, command, 1.0)
+    np.testing.assert_allclose(state.proximal, [[2.0] * 3, [1.2] * 3])
+    assert robot.period_s == PERIOD_S
 
 
 def test_a_wrist_carries_its_hand_upwards():
     """At rest it reads the weight of all that hangs below the sensor, against gravity, in the
     sensor's axes.
     """
-    robot = MujocoBackend(msgspec.structs.replace(EMPTY, noise=EXACT))
+    robot = noisy(**EXACT)
     state = run(robot, no_command(), 1.0)
     for row, name in enumerate(FT_BODY.values()):
         weight = 9.81 * robot.model.body_subtreemass[robot.model.body(name).id]
@@ -193,9 +155,9 @@ def test_wrist_sensors_err_as_the_scene_says():
     """A constant error within its range and white noise of its size; the same ones for the same
     seed.
     """
-    noise = scene.Noise(seed=3, force=0.2, force_bias=1.0, torque=0.01, torque_bias=0.05)
-    true = run(MujocoBackend(msgspec.structs.replace(EMPTY, noise=EXACT)), no_command(), 1.0).wrist
-    robots = [MujocoBackend(msgspec.structs.replace(EMPTY, noise=noise)) for _ in range(2)]
+    errors = {"force": 0.2, "force_bias": 1.0, "torque": 0.01, "torque_bias": 0.05}
+    true = run(noisy(**EXACT), no_command(), 1.0).wrist
+    robots = [noisy(seed=3, **errors) for _ in range(2)]
     read = []
     for _ in range(1000):
         for robot in robots:
@@ -205,31 +167,15 @@ def test_wrist_sensors_err_as_the_scene_says():
         read.append(one - true)
     settled = np.array(read[500:])
     np.testing.assert_allclose(settled[:, :, :3].std(axis=0), 0.2, rtol=0.25)
-    bias = np.abs(settled[:, :, :3].mean(axis=0))
-    assert bias.max() < 1.05
-    assert bias.max() > 0.1
+    assert 0.1 < np.abs(settled[:, :, :3].mean(axis=0)).max() < 1.05
 
 
-def test_a_restored_robot_reads_the_same_forces():
-    """The sensors tell of the last step, which the restored world has not made."""
-    one, other = (MujocoBackend(scene.load()) for _ in range(2))
-    run(one, no_command(), 0.1)
-    other.restore(one.save())
-    np.testing.assert_array_equal(one.observe().wrist, other.observe().wrist)
-    assert np.abs(other.observe().wrist).max() > 5.0
-
-
-MEASURED = scene.Noise(seed=3, joint=1e-4, delay=1, weight=0.05, mass=0.1)
+MEASURED = {"seed": 3, "joint": 1e-4, "delay": 1, "weight": 0.05, "mass": 0.1}
 
 
 def test_joints_are_measured_as_the_scene_says():
     """With white noise, a cycle late; speeds are of two such positions."""
-    exact = MujocoBackend(EMPTY)
-    robot = MujocoBackend(
-        msgspec.structs.replace(
-            EMPTY, noise=msgspec.structs.replace(EMPTY.noise, joint=1e-4, delay=1)
-        )
-    )
+    exact, robot = MujocoBackend(EMPTY), noisy(joint=1e-4, delay=1)
     push = no_command()
     push.tau[0] = 5.0
     errors, late, before = [], [], exact.observe().q.copy()
@@ -248,44 +194,34 @@ def test_joints_are_measured_as_the_scene_says():
 def test_a_drive_that_errs_about_the_weight_lets_the_arm_move():
     """Each by its own share; without the error it holds still."""
     for share, moves in ((0.0, False), (0.1, True)):
-        noise = msgspec.structs.replace(EMPTY.noise, weight=share)
-        robot = MujocoBackend(msgspec.structs.replace(EMPTY, noise=noise))
+        robot = noisy(weight=share)
         start = robot.observe().q.copy()
         assert bool(np.abs(run(robot, no_command(), 0.2).q - start).max() > 1e-3) is moves
 
 
 def test_things_are_heavier_than_their_models_say():
     """Within the share, each by its own; what a robot knows of them does not change."""
-    canonical = scene.load()
-    light, heavy = (
-        MujocoBackend(
-            msgspec.structs.replace(
-                canonical, noise=msgspec.structs.replace(canonical.noise, mass=share)
-            )
-        )
-        for share in (0.0, 0.1)
-    )
-    factors = [
-        heavy.model.body(name).mass[0] / light.model.body(name).mass[0]
-        for name in ("jar_1", "bowl_1")
-    ]
+    light, heavy = (noisy(scene.load(), mass=share) for share in (0.0, 0.1))
+    vessels = ("jar_1", "bowl_1")
+    factors = [heavy.model.body(v).mass[0] / light.model.body(v).mass[0] for v in vessels]
     assert all(0.9 <= factor <= 1.1 for factor in factors)
     assert abs(factors[0] - factors[1]) > 1e-3
     jar = heavy.model.body("jar_1").id
-    assert heavy.model.body_inertia[jar] == pytest.approx(
-        factors[0] * light.model.body_inertia[jar]
-    )
+    inertia = factors[0] * light.model.body_inertia[jar]
+    assert heavy.model.body_inertia[jar] == pytest.approx(inertia)
 
 
 def test_a_restored_robot_measures_on_as_it_would_have():
-    """With all its errors: the same states to the same commands."""
-    noisy = msgspec.structs.replace(scene.load(), noise=MEASURED)
-    one, other = MujocoBackend(noisy), MujocoBackend(noisy)
+    """With all its errors: the same states to the same commands. The wrists tell of the last step,
+    which the restored world has not made.
+    """
+    one, other = (noisy(scene.load(), **MEASURED) for _ in range(2))
     run(one, no_command(), 0.1)
     other.restore(one.save())
+    assert np.abs(other.observe().wrist).max() > 5.0
     for _ in range(20):
         seen, again = one.observe(), other.observe()
-        np.testing.assert_array_equal(seen.q, again.q)
-        np.testing.assert_array_equal(seen.v, again.v)
+        for name in ("q", "v", "wrist"):
+            np.testing.assert_array_equal(getattr(seen, name), getattr(again, name))
         one.step(no_command())
         other.step(no_command())

@@ -2,7 +2,9 @@
 ends.
 """
 
+import copy
 import time
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -35,10 +37,22 @@ def hold(backend: MujocoBackend, cycles: int) -> None:
         backend.step(command)
 
 
-def resting(name: str = "canonical") -> MujocoBackend:
+@cache
+def _rested(name: str) -> MujocoBackend:
     backend = MujocoBackend(scene.load(scene.CANONICAL.with_stem(name)))
     hold(backend, CALM)
     return backend
+
+
+def resting(name: str = "canonical") -> tuple[MujocoBackend, TruthReader]:
+    """A world of a scene in which everything rests, and its truth."""
+    backend = copy.deepcopy(_rested(name))
+    return backend, TruthReader(backend)
+
+
+def thing(robot: MujocoBackend, kind: Kind, on: str, *by: float) -> None:
+    """Let this befall a thing."""
+    assert robot.disturb((one(Of.THING, kind, on, *by),))
 
 
 def readings(state: State) -> dict[str, np.ndarray]:
@@ -51,7 +65,7 @@ def readings(state: State) -> dict[str, np.ndarray]:
 
 @pytest.fixture(scope="module")
 def still() -> MujocoBackend:
-    return resting()
+    return resting()[0]
 
 
 @pytest.fixture
@@ -77,9 +91,8 @@ def test_only_the_asked_reading_is_spoiled_and_heals(robot):
     for fault, ill in SPOILED.items():
         assert not robot.disturb((fault,)), "nothing in the world changed"
         spoiled = readings(robot.observe())
-        assert {
-            name for name in before if not np.array_equal(before[name], spoiled[name])
-        } == ill, fault
+        changed = {name for name in before if not np.array_equal(before[name], spoiled[name])}
+        assert changed == ill, fault
         assert np.array_equal(robot.data.qpos, world), fault
         robot.disturb(())
         healed = readings(robot.observe())
@@ -101,7 +114,7 @@ def test_sizes_of_a_bias(robot):
 @pytest.mark.parametrize(("of", "on"), [(Of.WRIST, "left"), (Of.ENCODER, ELBOW), (Of.GRIP, "left")])
 def test_a_stuck_reading_stays_as_it_was_first_read(of, on):
     """While the robot moves; the speed of a stuck joint is zero."""
-    robot = resting()
+    robot, _ = resting()
     robot.disturb((one(of, Kind.STUCK, on),))
     first, command = readings(robot.observe()), no_command()
     command.tau[:] = 0.5
@@ -124,15 +137,13 @@ def test_a_stuck_reading_stays_as_it_was_first_read(of, on):
 @pytest.mark.parametrize("name", ["jar_1", "bowl_1"])
 def test_what_is_pushed_slides_and_stands(name):
     """By the vector to 1 cm, upright, its grains with it; and nothing pushes any more."""
-    robot = resting()
-    truth = TruthReader(robot)
+    robot, truth = resting()
     before = truth.read()
-    assert robot.disturb((one(Of.THING, Kind.PUSHED, name, -0.03, 0.02, 0.0),))
+    thing(robot, Kind.PUSHED, name, -0.03, 0.02, 0.0)
     hold(robot, LONG)
     after = truth.read()
-    assert np.subtract(after.at[name], before.at[name]) == pytest.approx(
-        [-0.03, 0.02, 0.0], abs=0.01
-    )
+    by = np.subtract(after.at[name], before.at[name])
+    assert by == pytest.approx([-0.03, 0.02, 0.0], abs=0.01)
     assert after.tilt_deg[name] < 2.0
     assert after.grains_in["jar_1"] == after.grains
     assert not robot.data.xfrc_applied.any()
@@ -143,25 +154,21 @@ def test_a_push_is_stopped_by_what_stands_in_the_way():
     """The bowl is pushed by half a metre into the side of its cabinet: no harder than a hand does,
     and not through.
     """
-    robot = resting()
-    truth = TruthReader(robot)
-    robot.disturb((one(Of.THING, Kind.PUSHED, "bowl_1", 0.0, 0.5, 0.0),))
+    robot, truth = resting()
+    thing(robot, Kind.PUSHED, "bowl_1", 0.0, 0.5, 0.0)
     rotation, cabinet = truth.pose("cabinet_2")
     for _ in range(LONG):
         hold(robot, 1)
-        assert (
-            np.linalg.norm(robot.data.xfrc_applied[robot.model.body("bowl_1").id, :3])
-            <= PUSH_N + 1e-9
-        )
+        force = robot.data.xfrc_applied[robot.model.body("bowl_1").id, :3]
+        assert np.linalg.norm(force) <= PUSH_N + 1e-9
         local = rotation.T @ (truth.pose("bowl_1")[1] - cabinet)
         assert abs(local[1]) < 0.2925 - 0.055
 
 
 @pytest.mark.parametrize(("place", "name"), [("canonical", "jar_1"), ("box", "box_1")])
 def test_what_is_tipped_falls(place, name):
-    robot = resting(place)
-    truth = TruthReader(robot)
-    robot.disturb((one(Of.THING, Kind.TIPPED, name),))
+    robot, truth = resting(place)
+    thing(robot, Kind.TIPPED, name)
     turned = 0.0
     for _ in range(LONG):
         hold(robot, 1)
@@ -172,19 +179,17 @@ def test_what_is_tipped_falls(place, name):
 
 def test_a_bowl_on_a_table_is_tipped_off_its_base():
     """It is wide and low: the torque has to last until it is past its rim."""
-    robot = resting("env2")
-    truth = TruthReader(robot)
+    robot, truth = resting("env2")
     bowl = robot.model.joint("bowl_1").qposadr[0]
     robot.data.qpos[bowl : bowl + 3] = 0.75, 0.7, 0.761
     hold(robot, CALM)
-    robot.disturb((one(Of.THING, Kind.TIPPED, "bowl_1", 0.0, 1.0, 0.0),))
+    thing(robot, Kind.TIPPED, "bowl_1", 0.0, 1.0, 0.0)
     hold(robot, 2 * LONG)
     assert truth.tilt_deg("bowl_1") > 45.0
 
 
 def test_what_is_removed_stands_out_of_sight_with_its_content_and_comes_back():
-    robot = resting()
-    truth = TruthReader(robot)
+    robot, truth = resting()
     before, gone = truth.read(), one(Of.THING, Kind.REMOVED, "jar_1")
     robot.disturb((gone,))
     hold(robot, LONG)
@@ -205,10 +210,9 @@ def test_what_a_person_pulls_at_and_nobody_holds_is_carried_off():
     """It does not fall: it is at the person's hand, then out of sight, upright, with its
     content.
     """
-    robot = resting()
-    truth = TruthReader(robot)
+    robot, truth = resting()
     before = truth.read()
-    robot.disturb((one(Of.THING, Kind.PULLED, "jar_1", -10.0, 0.0, 0.0),))
+    thing(robot, Kind.PULLED, "jar_1", -10.0, 0.0, 0.0)
     heights = []
     while (at := truth.pose("jar_1")[1])[0] > 0.0:
         heights.append(at[2])
@@ -222,13 +226,19 @@ def test_what_a_person_pulls_at_and_nobody_holds_is_carried_off():
     assert not robot.data.xfrc_applied.any()
 
 
-def test_a_pull_that_nothing_gives_way_to_grows_to_its_size_and_ends_with_its_order():
-    robot = resting()
-    robot.disturb((one(Of.THING, Kind.PULLED, "jar_1", 0.0, 0.0, -10.0),))  # against its shelf
-    body, pulls = robot.model.body("jar_1").id, []
+def downwards(kind: Kind, by: float) -> tuple[MujocoBackend, list[float]]:
+    """The forces on a jar that is pulled or knocked at against its shelf, cycle by cycle."""
+    robot, _ = resting()
+    thing(robot, kind, "jar_1", 0.0, 0.0, -by)
+    body, forces = robot.model.body("jar_1").id, []
     for _ in range(LONG):
         hold(robot, 1)
-        pulls.append(-robot.data.xfrc_applied[body, 2])
+        forces.append(-robot.data.xfrc_applied[body, 2])
+    return robot, forces
+
+
+def test_a_pull_that_nothing_gives_way_to_grows_to_its_size_and_ends_with_its_order():
+    robot, pulls = downwards(Kind.PULLED, 10.0)
     assert pulls[-1] == pytest.approx(10.0, abs=0.5)
     assert max(np.diff(pulls)) < 0.5, "it grows"
     robot.disturb(())
@@ -236,20 +246,14 @@ def test_a_pull_that_nothing_gives_way_to_grows_to_its_size_and_ends_with_its_or
 
 
 def test_a_knock_is_short():
-    robot = resting()
-    robot.disturb((one(Of.THING, Kind.KNOCKED, "jar_1", 0.0, 0.0, -20.0),))
-    body, forces = robot.model.body("jar_1").id, []
-    for _ in range(LONG):
-        hold(robot, 1)
-        forces.append(-robot.data.xfrc_applied[body, 2])
+    robot, forces = downwards(Kind.KNOCKED, 20.0)
     assert 0.0 < np.count_nonzero(forces) * robot.period_s < 0.2
     assert max(forces) == pytest.approx(20.0, abs=0.1)
 
 
 def test_what_is_added_stands_where_it_was_put():
-    robot = resting("box")
-    truth = TruthReader(robot)
-    robot.disturb((one(Of.THING, Kind.ADDED, "box_1", 0.7, -0.8, 0.831),))
+    robot, truth = resting("box")
+    thing(robot, Kind.ADDED, "box_1", 0.7, -0.8, 0.831)
     hold(robot, LONG)
     assert truth.read().at["box_1"] == pytest.approx((0.7, -0.8, 0.831), abs=0.005)
 
@@ -258,25 +262,22 @@ def test_furniture_is_moved_with_what_stands_in_it_and_for_what_touches_it():
     """The cabinet takes jar and bowl along, and stands elsewhere for contacts, too: nothing falls
     or jumps.
     """
-    robot = resting()
-    truth = TruthReader(robot)
+    robot, truth = resting()
     before = truth.read()
-    robot.disturb((one(Of.THING, Kind.MOVED, "cabinet_2", 0.0, 0.05, 0.0),))
+    thing(robot, Kind.MOVED, "cabinet_2", 0.0, 0.05, 0.0)
     hold(robot, 2 * LONG)
     after = truth.read()
     for name in ("cabinet_2", "jar_1", "bowl_1"):
-        assert np.subtract(after.poses[name][0], before.poses[name][0]) == pytest.approx(
-            [0, 0.05, 0], abs=0.003
-        )
-    board = robot.model.geom("cabinet_2_middle_shelf").id
-    assert robot.data.geom_xpos[board] - robot.data.xpos[
-        robot.model.body("cabinet_2").id
-    ] == pytest.approx(truth.pose("cabinet_2")[0] @ robot.model.geom_pos[board], abs=1e-6)
+        by = np.subtract(after.poses[name][0], before.poses[name][0])
+        assert by == pytest.approx([0, 0.05, 0], abs=0.003)
+    board, (turn, at) = robot.model.geom("cabinet_2_middle_shelf").id, truth.pose("cabinet_2")
+    inside = turn @ robot.model.geom_pos[board]
+    assert robot.data.geom_xpos[board] - at == pytest.approx(inside, abs=1e-6)
     assert after.grains_in["jar_1"] == after.grains
 
 
 def test_a_joint_that_sticks_does_not_follow_its_drive():
-    robot = resting()
+    robot, _ = resting()
     robot.disturb((one(Of.JOINT, Kind.STICKS, ELBOW),))
     hold(robot, 5)
     before, command = robot.observe().q.copy(), no_command()
@@ -291,7 +292,7 @@ def test_a_sense_and_a_thing_of_another_name_are_left_alone():
     """A fault of a thing that the scene does not have, or of furniture that is fast, changes
     nothing.
     """
-    robot = resting()
+    robot, _ = resting()
     before = robot.data.qpos.copy()
     robot.disturb((one(Of.THING, Kind.PUSHED, "cup_1"), one(Of.THING, Kind.TIPPED, "table_1")))
     hold(robot, 100)
@@ -313,7 +314,7 @@ def camera(tmp_path, monkeypatch):
 @pytest.mark.needs_opengl
 def test_pictures_of_a_faulty_camera(camera, tmp_path):
     """Black, mirrored, dark, frozen; and well again as soon as nothing stands in the file."""
-    qpos = resting().data.qpos.copy()
+    qpos = resting()[0].data.qpos.copy()
     file = tmp_path / "disturbances.json"
     well = camera.take(qpos, 1)
 
@@ -327,7 +328,7 @@ def test_pictures_of_a_faulty_camera(camera, tmp_path):
     file.unlink()
     assert np.array_equal(camera.take(qpos, 1), well)
     disturbances.write(file, (one(Of.CAMERA, Kind.FROZEN),))
-    qpos[resting()._head[0]] += 0.5
+    qpos[resting()[0]._head[0]] += 0.5
     assert np.array_equal(camera.take(qpos, 2), well)
     file.unlink()
     assert not np.array_equal(camera.take(qpos, 3), well)
@@ -335,7 +336,7 @@ def test_pictures_of_a_faulty_camera(camera, tmp_path):
 
 @pytest.mark.needs_opengl
 def test_the_camera_sees_furniture_where_it_was_moved_to(camera, tmp_path):
-    qpos = resting().data.qpos.copy()
+    qpos = resting()[0].data.qpos.copy()
     before, _ = camera.both(qpos, 1)
     disturbances.write(tmp_path / "disturbances.json", (one(Of.THING, Kind.MOVED, "cabinet_2"),))
     moved, _ = camera.both(qpos, 1)
@@ -363,19 +364,10 @@ def test_orders_begin_and_end_with_the_file(tmp_path: Path) -> None:
     assert orders.look()
     file.unlink()
     assert (orders.look(), orders.going_on) == (True, ())
-
-
-def test_an_order_ends_at_its_time_though_nobody_takes_it_back(tmp_path: Path) -> None:
-    file, now = tmp_path / "disturbances.json", time.time()
-    disturbances.write(
-        file, (disturbances.Disturbance("a", Of.WRIST, Kind.ZERO, until=now - 1.0), ZERO)
-    )
-    orders = Orders(file)
-    assert (orders.look(), orders.going_on) == (True, (ZERO,))
-
-
-def test_without_a_file_nobody_looks() -> None:
-    assert not Orders(None).changed()
+    past = Disturbance("a", Of.WRIST, Kind.ZERO, until=time.time() - 1.0)
+    disturbances.write(file, (past, ZERO))
+    assert (orders.look(), orders.going_on) == (True, (ZERO,)), "it ends at its time by itself"
+    assert not Orders(None).changed(), "without a file nobody looks"
 
 
 def test_a_backend_takes_what_stands_in_the_file(tmp_path, monkeypatch):

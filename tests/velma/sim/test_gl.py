@@ -15,14 +15,8 @@ from velma.sim import gl
 pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).resolve().parents[3]
-NAMING = (
-    "README.md",
-    "docs/eyes.md",
-    "docs/deploy.md",
-    "scripts/errors.toml",
-    "deploy/Dockerfile",
-    "deploy/make-base",
-)
+NAMING = ("README.md", "docs/eyes.md", "docs/deploy.md", "scripts/errors.toml",
+          "deploy/Dockerfile", "deploy/make-base")  # fmt: skip
 
 
 @pytest.fixture
@@ -48,9 +42,8 @@ def test_where_all_libraries_are_here_one_draws() -> None:
 @pytest.mark.usefixtures("no_opengl")
 def test_libraries_that_cannot_be_loaded_are_named() -> None:
     """Both of them, and all packages of Debian."""
-    with pytest.raises(
-        GlError, match=r"libEGL\.so\.1: file too .* \S*libOSMesa\.so\.8: file too"
-    ) as told:
+    both = r"libEGL\.so\.1: file too .* \S*libOSMesa\.so\.8: file too"
+    with pytest.raises(GlError, match=both) as told:
         gl.required()
     assert GlError.PACKAGES in gl.lost()
     assert str(told.value) == gl.lost()
@@ -64,39 +57,32 @@ def test_egl_without_the_functions_of_opengl_does_not_draw(broken: Path) -> None
 
 
 @pytest.mark.needs_opengl
-@pytest.mark.parametrize(
-    ("variable", "value", "why"),
-    [
+def test_what_only_drawing_shows_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All libraries are there, and still nothing can be drawn."""
+    for variable, value, why in (
         ("PYOPENGL_PLATFORM", "glx", "makes no context: ImportError: "),
         ("MESA_GL_VERSION_OVERRIDE", "1.1", "does not draw: OpenGL version 1.5 or higher required"),
         ("MUJOCO_GL", "off", "MUJOCO_GL=off in the environment forbids it"),
-    ],
-)
-def test_what_only_drawing_shows_is_told(
-    monkeypatch: pytest.MonkeyPatch, variable: str, value: str, why: str
-) -> None:
-    """All libraries are there, and still nothing can be drawn."""
-    monkeypatch.setenv(variable, value)
-    assert why in gl.lost()
+    ):
+        with monkeypatch.context() as patch:
+            patch.setenv(variable, value)
+            assert why in gl.lost()
 
 
-@pytest.mark.parametrize(
-    ("script", "why"),
-    [
-        ("kill -SEGV $$", "SIGSEGV killed the process"),
-        ("exec sleep 60", "nothing was drawn within 0.3 s"),
-    ],
-)
 def test_a_driver_that_kills_or_hangs_is_survived(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, why: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Only the process that tried suffers."""
     program = tmp_path / "python"
-    program.write_text(f"#!/bin/sh\n{script}\n")
-    program.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(program))
-    monkeypatch.setattr(gl, "_WITHIN_S", 0.3 if "sleep" in script else 20.0)
-    assert why in gl.lost()
+    for script, within_s, why in (
+        ("kill -SEGV $$", 20.0, "SIGSEGV killed the process"),
+        ("exec sleep 60", 0.3, "nothing was drawn within 0.3 s"),
+    ):
+        program.write_text(f"#!/bin/sh\n{script}\n")
+        program.chmod(0o755)
+        monkeypatch.setattr(gl, "_WITHIN_S", within_s)
+        assert why in gl.lost()
 
 
 def test_an_answer_does_not_outlive_the_library(broken: Path) -> None:
@@ -112,9 +98,9 @@ def test_an_answer_does_not_outlive_the_library(broken: Path) -> None:
     assert gl.lost() == before
 
 
-@pytest.mark.parametrize("file", NAMING)
-def test_who_names_packages_names_all(file: str) -> None:
+def test_who_names_packages_names_all() -> None:
     """As the error does; OSMesa is none of them: newer versions of Mesa do not have it."""
-    words = set(re.findall(r"lib[a-z0-9-]+", (ROOT / file).read_text(encoding="utf-8")))
-    assert set(GlError.PACKAGES.split()) <= words
-    assert "libosmesa6" not in words
+    for file in NAMING:
+        words = set(re.findall(r"lib[a-z0-9-]+", (ROOT / file).read_text(encoding="utf-8")))
+        assert set(GlError.PACKAGES.split()) <= words, file
+        assert "libosmesa6" not in words, file

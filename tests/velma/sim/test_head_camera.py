@@ -7,11 +7,10 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 
-import mujoco
 import numpy as np
 import pytest
+from simulated import look_at, placed, turn_head
 
-from companion.skills.motions import aim
 from velma import names
 from velma.eyes.lens import HALF_WIDTH, HEIGHT, WIDTH, lens
 from velma.model.build import load as robot
@@ -39,21 +38,17 @@ class View:
 
     def turn(self, pan: float, tilt: float) -> "View":
         """The head."""
-        for name, angle in zip(names.HEAD, (pan, tilt), strict=True):
-            self.qpos[self.model.joint(name).qposadr[0]] = angle
+        turn_head(self.model, self.qpos, pan, tilt)
         return self
 
-    def to(self, point: Point) -> "View":
+    def to(self, point: Point | np.ndarray) -> "View":
         """The head to a point."""
-        goal = aim(0.0, point)
-        return self.turn(goal.pan, goal.tilt)
+        look_at(self.model, self.qpos, point)
+        return self
 
     def at(self, point: Point) -> tuple[int, int]:
         """Row and column of a point of the world, by the body of the optical frame and the lens."""
-        data = mujoco.MjData(self.model)
-        data.qpos[:] = self.qpos
-        mujoco.mj_kinematics(self.model, data)
-        body = data.body(names.CAMERA_BODY)
+        body = placed(self.model, self.qpos).body(names.CAMERA_BODY)
         seen = (np.array(point) - body.xpos) @ body.xmat.reshape(3, 3)
         column, row = lens().project(seen[None])[0]
         return round(float(row)), round(float(column))
@@ -97,9 +92,8 @@ def test_things_have_their_colours_where_they_are(show: Show) -> None:
     assert bowl is not None
     assert jar is not None
     view = show().to(bowl.xyz)
-    assert hue(view.pixel(bowl.xyz)) == pytest.approx(
-        hue(np.array(MATERIALS["glaze"][0][:3])), abs=0.1
-    )
+    glaze = hue(np.array(MATERIALS["glaze"][0][:3]))
+    assert hue(view.pixel(bowl.xyz)) == pytest.approx(glaze, abs=0.1)
     view.to(jar.xyz)
     row, column = view.at(jar.xyz)
     red, green, blue = np.moveaxis(view.camera.picture(view.qpos).astype(int), 2, 0)
@@ -108,22 +102,18 @@ def test_things_have_their_colours_where_they_are(show: Show) -> None:
     assert yellow[row - 75 : row, column - 35 : column + 45].sum() == 0
 
 
-@pytest.mark.parametrize(
-    "away", [(0.0, 0.0, 0.0), (0.0, 0.25, 0.0), (0.0, -0.25, 0.1), (0.2, 0.1, -0.2)]
-)
-def test_a_thing_is_drawn_where_mujoco_projects_it(show: Show, away: Point) -> None:
+def test_a_thing_is_drawn_where_mujoco_projects_it(show: Show) -> None:
     """A bowl in the air, looked past by some degrees: all that is blue lies about the pixel of its
     middle.
     """
-    bowl = SceneObject("bowl_1", Model.BOWL, OPEN)
-    aimed = tuple(a + b for a, b in zip(OPEN, away, strict=True))
-    view = show(bowl).to((aimed[0], aimed[1], aimed[2]))
-    picture = view.camera.picture(view.qpos).astype(int)
-    rows, columns = np.nonzero(picture[..., 2] > picture[..., 0] + 40)
-    row, column = view.at((OPEN[0], OPEN[1], OPEN[2] + BOWL_M / 2))
-    assert len(rows) > 2000
-    assert abs(rows.mean() - row) < 10
-    assert abs(columns.mean() - column) < 4
+    view = show(SceneObject("bowl_1", Model.BOWL, OPEN))
+    for away in ((0.0, 0.0, 0.0), (0.0, 0.25, 0.0), (0.0, -0.25, 0.1), (0.2, 0.1, -0.2)):
+        picture = view.to(np.add(OPEN, away)).camera.picture(view.qpos).astype(int)
+        rows, columns = np.nonzero(picture[..., 2] > picture[..., 0] + 40)
+        row, column = view.at((OPEN[0], OPEN[1], OPEN[2] + BOWL_M / 2))
+        assert len(rows) > 2000, away
+        assert abs(rows.mean() - row) < 10, away
+        assert abs(columns.mean() - column) < 4, away
 
 
 def test_nothing_of_the_head_is_in_the_picture(show: Show) -> None:
@@ -140,11 +130,8 @@ def test_its_arms_are_in_the_picture(show: Show) -> None:
     of its joints.
     """
     view = show(SceneObject("bowl_1", Model.BOWL, (-2.0, 0.0, 1.0)))
-    data = mujoco.MjData(view.model)
-    data.qpos[:] = view.qpos
-    mujoco.mj_kinematics(view.model, data)
-    x, y, z = data.body("left_HandPalmLink").xpos
-    picture = view.to((x, y, z)).camera.picture(view.qpos).astype(int)
+    palm = placed(view.model, view.qpos).body("left_HandPalmLink").xpos
+    picture = view.to(palm).camera.picture(view.qpos).astype(int)
     orange = (picture[..., 0] > picture[..., 1] + 60) & (picture[..., 1] > picture[..., 2] + 30)
     assert orange.sum() > 4000
 
@@ -160,9 +147,8 @@ def test_what_stands_in_front_hides_and_what_is_clear_does_not(show: Show) -> No
     seen.
     """
     table = SceneObject("table_9", Model.TABLE, (0.783, -0.84, 0.0))
-    under, behind = (
-        SceneObject("bowl_1", Model.BOWL, at) for at in ((0.95, -0.95, 0.4), (1.6, 0.0, 1.3))
-    )
+    under = SceneObject("bowl_1", Model.BOWL, (0.95, -0.95, 0.4))
+    behind = SceneObject("bowl_1", Model.BOWL, (1.6, 0.0, 1.3))
     assert bluish(show(under).to(under.xyz)) > 2000
     assert bluish(show(under, table).to(under.xyz)) == 0
     back = SceneObject("cabinet_9", Model.CABINET, (1.0, 0.0, 1.15))
@@ -211,10 +197,7 @@ def test_the_lens_is_that_of_the_robot(show: Show) -> None:
     view = show(SceneObject("bowl_1", Model.BOWL, OPEN)).to(OPEN)
     view.camera.picture(view.qpos)
     rotation, position = view.camera.pose()
-    data = mujoco.MjData(view.model)
-    data.qpos[:] = view.qpos
-    mujoco.mj_kinematics(view.model, data)
-    body = data.body(names.CAMERA_BODY)
+    body = placed(view.model, view.qpos).body(names.CAMERA_BODY)
     assert position == pytest.approx(body.xpos)
     assert rotation == pytest.approx(body.xmat.reshape(3, 3))
 

@@ -2,8 +2,6 @@
 awake.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -50,36 +48,28 @@ def test_only_the_robot_is_awake_at_rest(resting):
     assert awake(resting, "torso_link0")
 
 
-WAKERS: dict[str, Callable[[MujocoBackend], None]] = {
-    "moved": lambda b: b.data.qpos.__setitem__(
-        place(b, "jar_1") + 2, b.data.qpos[place(b, "jar_1") + 2] + 0.02
-    ),
-    "pushed": lambda b: b.data.xfrc_applied.__setitem__((b.model.body("jar_1").id, 0), 3.0),
-    "thrown": lambda b: b.data.qvel.__setitem__(
-        int(np.ravel(b.model.joint("jar_1").dofadr)[0]) + 2, 0.5
-    ),
-}
-
-
-@pytest.mark.parametrize("how", WAKERS)
+@pytest.mark.parametrize("how", ["moved", "pushed", "thrown"])
 def test_what_is_disturbed_wakes_with_what_lies_in_it(resting, how):
     """The jar moves, and its grains with it."""
-    before = resting.data.qpos.copy()
-    WAKERS[how](resting)
+    before, jar = resting.data.qpos.copy(), place(resting, "jar_1")
+    if how == "moved":
+        resting.data.qpos[jar + 2] += 0.02
+    elif how == "pushed":
+        resting.data.xfrc_applied[resting.model.body("jar_1").id, 0] = 3.0
+    else:
+        resting.data.qvel[int(resting.model.joint("jar_1").dofadr[0]) + 2] = 0.5
     hold(resting, 2)
     assert awake(resting, "jar_1")
     hold(resting, 30)
     assert resting.data.ntree_awake > 10
-    jar = place(resting, "jar_1")
     assert np.abs(resting.data.qpos - before)[jar : jar + 3].max() > 1e-4
 
 
 def test_a_thing_that_falls_onto_another_one_wakes_it(resting):
     """By contact alone."""
     jar, bowl = place(resting, "jar_1"), place(resting, "bowl_1")
-    resting.data.qpos[jar : jar + 3] = resting.data.qpos[bowl : bowl + 3] + np.array(
-        [0.0, 0.0, 0.25]
-    )
+    above = np.add(resting.data.qpos[bowl : bowl + 3], (0.0, 0.0, 0.25))
+    resting.data.qpos[jar : jar + 3] = above
     met = []
     for _ in range(150):
         hold(resting, 1)

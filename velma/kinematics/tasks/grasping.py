@@ -107,9 +107,8 @@ def grips(target: Target, way: GraspWay, azimuth: float) -> list[pin.SE3] | None
         return [target.pose * standing(np.zeros(3), about) * t for t in T_object_grip]
     wanted = heading(-target.out) + azimuth
     if target.symmetric:
-        turned = standing(
-            target.pose.translation, wanted - heading(T_object_grip[-1].rotation[:, 2])
-        )
+        about = wanted - heading(T_object_grip[-1].rotation[:, 2])
+        turned = standing(target.pose.translation, about)
         return [turned * t for t in T_object_grip]
     own = heading((target.pose * T_object_grip[-1]).rotation[:, 2])
     if abs(math.remainder(own - heading(-target.out), math.tau)) > 2 * AZIMUTH_SPREAD:
@@ -142,13 +141,12 @@ def _solve(
     if way_in is None:
         return None
     way_out = _pull(robot, world, side, grasp, target, poses[-1])
-    if way_out is None or not all(
-        ik.comfortable(robot, q, side) for q in (way_in[-1], way_out[-1])
-    ):
+    if way_out is None:
         return None
-    steps = tuple(
-        (target.pose.inverse() * p, f) for p, (_, f) in zip(poses, way.steps, strict=True)
-    )
+    if not all(ik.comfortable(robot, q, side) for q in (way_in[-1], way_out[-1])):
+        return None
+    pairs = zip(poses, way.steps, strict=True)
+    steps = tuple((target.pose.inverse() * pose, fingers) for pose, (_, fingers) in pairs)
     score = _comfort(robot, side, (way_in[-1], grasp, way_out[-1])) - 0.2 * abs(azimuth)
     return Approach(way.name, steps, way_in[::-1], way_out, score)
 
@@ -180,10 +178,8 @@ def _pull(
             path = ik.line(robot, side, grasp, up)
             if not world.free(path[-1]):
                 return None
-            out = ik.line(
-                robot, side, path[-1], shifted(up, target.out * target.distance), accept=world.free
-            )
-            return path + out[1:]
+            end = shifted(up, target.out * target.distance)
+            return path + ik.line(robot, side, path[-1], end, accept=world.free)[1:]
         except ik.PathBlocked:
             return None
 

@@ -57,10 +57,8 @@ def led(leaf: pin.SE3, turn: float, begin: pin.SE3, end: pin.SE3, grip: pin.SE3)
     plans.
     """
     steps = [(leaf, begin), *_steps(leaf, turn, begin, end)]
-    stands, _ = min(
-        steps, key=lambda step: np.linalg.norm((step[0] * step[1]).translation - grip.translation)
-    )
-    return stands
+    off = [np.linalg.norm((at * hand).translation - grip.translation) for at, hand in steps]
+    return steps[int(np.argmin(off))][0]
 
 
 def _steps(

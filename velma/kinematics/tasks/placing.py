@@ -86,15 +86,8 @@ def placings(
         support, spot = spots[int(rng.integers(len(spots)))]
         place = standing(np.add(spot, (0.0, 0.0, CLEARANCE_M)), rng.uniform(-np.pi, np.pi))
         grip = place * T_grip_object.inverse()
-        above = ik.sample(
-            robot,
-            side,
-            shifted(grip, np.array([0.0, 0.0, ABOVE_M])),
-            q,
-            rng,
-            torso=torso,
-            first=world.first_free,
-        )
+        over, first = shifted(grip, np.array([0.0, 0.0, ABOVE_M])), world.first_free
+        above = ik.sample(robot, side, over, q, rng, torso=torso, first=first)
         if above is None:
             continue
         try:

@@ -51,9 +51,8 @@ class Stream:
         rotation = pin.exp3(axis * tilt) @ pin.exp3(np.array([0.0, 0.0, spin]))
         part = min(1.0, max(0.0, (tilt - math.pi / 4) / (math.pi / 4)))
         height = HIGH_M + (LOW_M - HIGH_M) * part
-        opening = (
-            self.rim - towards * (self.rim_radius + BESIDE_RIM_M) + np.array([0.0, 0.0, height])
-        )
+        beside = self.rim - towards * (self.rim_radius + BESIDE_RIM_M)
+        opening = beside + np.array([0.0, 0.0, height])
         return pin.SE3(rotation, opening - rotation @ np.array([0.0, 0.0, self.opening]))
 
 
@@ -93,24 +92,14 @@ def tiltings(
     """
     for _ in range(tries):
         azimuth, spin = rng.uniform(-np.pi, np.pi, 2)
-        held = T_grip_object.inverse()
-        seed = ik.sample(
-            robot,
-            side,
-            stream.source(SEED_TILT, azimuth, spin) * held,
-            q,
-            rng,
-            torso=(-1.25, 1.25),
-            first=world.first_free,
-        )
+        start = stream.source(SEED_TILT, azimuth, spin) * T_grip_object.inverse()
+        first = world.first_free
+        seed = ik.sample(robot, side, start, q, rng, torso=(-1.25, 1.25), first=first)
         if seed is None:
             continue
-        path = follow(
-            robot, world, side, seed, T_grip_object, stream, azimuth, spin, (SEED_TILT, LAST_TILT)
-        )
-        back = path and follow(
-            robot, world, side, seed, T_grip_object, stream, azimuth, spin, (SEED_TILT, FIRST_TILT)
-        )
+        held = robot, world, side, seed, T_grip_object, stream, azimuth, spin
+        path = follow(*held, (SEED_TILT, LAST_TILT))
+        back = path and follow(*held, (SEED_TILT, FIRST_TILT))
         if path and back and all(ik.margin(robot, one, side)[0] >= ROOM for one in (*back, *path)):
             yield Tilting(float(azimuth), float(spin), back[::-1] + path[1:])
 
@@ -134,11 +123,9 @@ def follow(
     for tilt in np.linspace(*tilts, max(2, int(abs(tilts[1] - tilts[0]) / STEP)))[1:]:
         target = stream.source(float(tilt), azimuth, spin) * held
         following = ik.solve(robot, side, target, path[-1], columns=ARM[side], iterations=20)
-        if (
-            following is None
-            or np.abs(following - path[-1]).max() > LARGEST_STEP
-            or not world.free(following)
-        ):
+        if following is None or np.abs(following - path[-1]).max() > LARGEST_STEP:
+            return None
+        if not world.free(following):
             return None
         path.append(following)
     return path

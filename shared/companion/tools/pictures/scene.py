@@ -40,7 +40,7 @@ def looks(model: str, colour: tuple[float, ...] | None = None) -> list[Drawn]:
     """
     vessel = VESSELS.get(SURFACES.get(model, model))
     if vessel is not None:
-        return [(part.mesh, _mesh(part, colour or MATERIALS[part.material][0])) for part in vessel]
+        return [(vessel.mesh, _mesh(vessel, colour or MATERIALS[vessel.material][0]))]
     if model not in MODELS:
         return []
     colour = colour or next(

@@ -15,10 +15,10 @@ from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Pose, Side
 from companion.skills.emergency_place import free_spot
 from companion.skills.situation import Neck
-from services.executor.local import ByRays, Felt, Setup
-from services.executor.looks import Saw, See
+from services.executor.device_messages import ByRays, Felt, Setup
+from services.executor.eye_messages import Saw, See
 from services.executor.receptor import Receptor
-from services.executor.remembered import Remembered
+from services.executor.situation_record import SituationRecord
 from services.executor.skill_process import Stage, remembered
 from velma.kinematics.frames import lies, transform, xyz_quat
 from velma.kinematics.tasks.placing import ABOVE_M
@@ -85,7 +85,7 @@ def test_what_is_put_down_unseen_is_where_the_hand_left_it(
     assert placed.at < jar_out.here.time
     assert placed.uncertainty is None
     assert stands(done) == ((), 0.0)
-    kept: Remembered = remembered(jar_out.here, "")
+    kept: SituationRecord = remembered(jar_out.here, "")
     assert kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "").placed == done.placed, (
         "also if its end is not told"
     )

@@ -8,21 +8,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from companion.models import GRASPS, MODELS
+from companion.models import GRASPS, KNOWN_AS, MODELS
 from velma import names
 from velma.kinematics.collision import World
 from velma.kinematics.frames import standing, transform
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks.grasping import Approach, GraspWay, Target, approaches
-from velma.model.kinds import Model
 from velma.model.scene import load
 
-KNOWN_AS = {
-    Model.JAR: "jar",
-    Model.BOWL: "bowl_high",
-    Model.CABINET: "cabinet_no_door",
-    Model.TABLE: "table",
-}
 WANTED = 3
 
 
@@ -44,13 +37,9 @@ def furnish(robot: Robot) -> World:
     """A world with all things of the canonical scene in it."""
     world = World(robot)
     for thing in load().things:
-        model = MODELS[KNOWN_AS[thing.model]]
-        world.put(
-            thing.id,
-            model.shapes,
-            standing(thing.xyz, thing.yaw),
-            "object" if model.moveable else "furniture",
-        )
+        model = MODELS[KNOWN_AS.get(thing.model, thing.model)]
+        kind = "object" if model.moveable else "furniture"
+        world.put(thing.id, model.shapes, standing(thing.xyz, thing.yaw), kind)
     return world
 
 

@@ -43,6 +43,13 @@ def same(a: pin.SE3, b: pin.SE3) -> bool:
     )
 
 
+def found_again(taking, robot: Robot, world: World, seed: int = 1, target=None, **options):
+    """Approaches from the start posture, with the chance of a seed."""
+    q, rng = np.array(names.START), np.random.default_rng(seed)
+    target = target or taking.target
+    return approaches(robot, world, taking.side, q, target, taking.ways, rng, **options)
+
+
 def test_some_are_found(taking) -> None:
     """In the canonical scene both things can be taken; the most comfortable comes first."""
     assert len(taking.found) == 3
@@ -57,20 +64,20 @@ def test_each_is_a_known_grasp_turned_about_the_axis(taking) -> None:
     known = {way.name: way for way in taking.ways}
     for approach in taking.found:
         assert [f for _, f in approach.steps] == [f for _, f in known[approach.grasp].steps]
-        turns = [
-            found * published
-            for (found, _), (published, _) in zip(
-                approach.steps, known[approach.grasp].steps, strict=True
-            )
-        ]
+        pairs = zip(approach.steps, known[approach.grasp].steps, strict=True)
+        turns = [found * published for (found, _), (published, _) in pairs]
         for turn in turns:
             assert turn.translation == pytest.approx(np.zeros(3), abs=1e-9)
             assert tilt(turn) == pytest.approx(0.0, abs=1e-6)
             assert same(turn, turns[0])
 
 
-def test_the_way_in_leads_through_the_steps(taking, robot: Robot) -> None:
-    """It begins at the outermost step and ends at the grasp; only the arm moves."""
+def test_the_way_in_leads_freely_through_the_steps(taking, robot: Robot, world: World) -> None:
+    """It begins at the outermost step and ends at the grasp; only the arm moves. With the fingers
+    open as at the grasp, nothing is touched but the thing itself, and that by the hand only. The
+    arm can go on from both ends.
+    """
+    world.allow((taking.target.name, f"{taking.side}_hand"))
     for approach in taking.found:
         passed = [robot.grip(q, taking.side) for q in approach.way_in]
         for wanted, _ in approach.steps:
@@ -82,20 +89,17 @@ def test_the_way_in_leads_through_the_steps(taking, robot: Robot) -> None:
             assert (q[still] == approach.way_in[0][still]).all()
             other = np.setdiff1d(still, [names.TORSO])
             assert (q[other] == names.START[other]).all()
-
-
-def test_the_way_in_is_free(taking, world: World) -> None:
-    """With the fingers open as at the grasp, nothing is touched but the thing itself, and that by
-    the hand only.
-    """
-    world.allow((taking.target.name, f"{taking.side}_hand"))
-    for approach in taking.found:
         world.fingers(taking.side, approach.steps[-1][1])
         assert all(world.free(q) for q in approach.way_in)
+        assert ik.comfortable(robot, approach.way_in[0], taking.side)
+        assert ik.comfortable(robot, approach.way_out[-1], taking.side)
 
 
-def test_the_way_out_lifts_and_pulls(taking, robot: Robot) -> None:
-    """The thing goes up, then along `out` to its distance, and keeps its orientation."""
+def test_the_way_out_lifts_and_pulls(taking, robot: Robot, world: World) -> None:
+    """The thing goes up, then along `out` to its distance, and keeps its orientation. The lift
+    itself leaves what the thing stands on; from its end on all is free.
+    """
+    lifted = taking.target.pose.translation[2] + LIFT_M - NEAR
     up = shifted(taking.target.pose, [0.0, 0.0, LIFT_M])
     for approach in taking.found:
         poses = [robot.grip(q, taking.side) * taking.held(approach) for q in approach.way_out]
@@ -103,22 +107,12 @@ def test_the_way_out_lifts_and_pulls(taking, robot: Robot) -> None:
         assert any(same(pose, up) for pose in poses)
         assert same(poses[-1], shifted(up, taking.target.out * taking.target.distance))
         assert all(tilt(pose) < 5e-3 for pose in poses)
-
-
-def test_the_way_out_is_free_once_lifted(taking, robot: Robot, world: World) -> None:
-    """The lift itself leaves what the thing stands on; from its end on all is free."""
-    lifted = taking.target.pose.translation[2] + LIFT_M - NEAR
-    for approach in taking.found:
         world.fingers(taking.side, approach.steps[-1][1])
         with attaching.held(world, taking.target.name, taking.side, taking.held(approach)):
-            poses = [robot.grip(q, taking.side) * taking.held(approach) for q in approach.way_out]
-            states = [
-                q
-                for q, pose in zip(approach.way_out, poses, strict=True)
-                if pose.translation[2] > lifted
-            ]
-            assert len(states) > 5
-            assert all(world.free(q) for q in states)
+            pairs = zip(approach.way_out, poses, strict=True)
+            free = [world.free(q) for q, pose in pairs if pose.translation[2] > lifted]
+        assert all(free)
+        assert len(free) > 5
 
 
 @pytest.mark.parametrize(("above", "free"), [(-0.01, False), (0.02, True)])
@@ -133,49 +127,23 @@ def test_a_jar_that_meets_something_once_lifted_is_not_taken(
     at = top - jar.target.out * (JAR_RADIUS_M - INTO_M + BOARD_DEEP_M / 2)
     behind.translation = at
     world.put("board", [Box((BOARD_DEEP_M, 0.4, BOARD_M))], behind)
-    rng = np.random.default_rng(1)
-    found = approaches(
-        robot, world, jar.side, np.array(names.START), jar.target, jar.ways, rng, wanted=1
-    )
-    assert bool(found) is free
-
-
-def test_both_ends_are_comfortable(taking, robot: Robot) -> None:
-    """The arm can go on from where an approach begins and from where the thing is out."""
-    for approach in taking.found:
-        assert ik.comfortable(robot, approach.way_in[0], taking.side)
-        assert ik.comfortable(robot, approach.way_out[-1], taking.side)
+    assert bool(found_again(jar, robot, world, wanted=1)) is free
 
 
 def test_the_same_chance_gives_the_same_approaches(taking, robot: Robot, world: World) -> None:
     """The random source decides, nothing else."""
-    start = np.array(names.START)
-    rng = np.random.default_rng(1)
-    again = approaches(robot, world, taking.side, start, taking.target, taking.ways, rng, wanted=3)
+    again = found_again(taking, robot, world, wanted=3)
     assert [a.grasp for a in again] == [a.grasp for a in taking.found]
-    assert all(
-        (a.way_in[-1] == b.way_in[-1]).all() for a, b in zip(again, taking.found, strict=True)
-    )
+    for a, b in zip(again, taking.found, strict=True):
+        assert (a.way_in[-1] == b.way_in[-1]).all()
 
 
-def test_the_thing_stands_where_it_stood(
-    taking, robot: Robot, world: World, rng: np.random.Generator
-) -> None:
+def test_the_thing_stands_where_it_stood(taking, robot: Robot, world: World) -> None:
     """Whether grasps are found or not, the world is afterwards as it was."""
     name, before = taking.target.name, taking.target.pose.copy()
     far = Target(name, standing((5.0, 0.0, 1.0)), True, np.array([-1.0, 0.0, 0.0]), 0.2)
     for target in (taking.target, far):
-        found = approaches(
-            robot,
-            world,
-            taking.side,
-            np.array(names.START),
-            target,
-            taking.ways,
-            rng,
-            wanted=1,
-            tries=60,
-        )
+        found = found_again(taking, robot, world, 2, target, wanted=1, tries=60)
         assert bool(found) is (target is taking.target)
         assert world.held(name) is None
         assert world.pose(name) == before
@@ -188,16 +156,8 @@ def outwards(azimuth: float) -> np.ndarray:
     return np.array([math.cos(azimuth), math.sin(azimuth), 0.0])
 
 
-WAY = GraspWay(
-    "g",
-    (
-        (
-            standing((0.0, 0.1, 0.3))
-            * pin.SE3(pin.rpy.rpyToMatrix(0.0, math.pi / 2, 0.0), np.zeros(3)),
-            0.5,
-        ),
-    ),
-)
+TURNED = pin.SE3(pin.rpy.rpyToMatrix(0.0, math.pi / 2, 0.0), np.zeros(3))
+WAY = GraspWay("g", ((standing((0.0, 0.1, 0.3)) * TURNED, 0.5),))
 
 
 @given(yaw=angles, out=angles, azimuth=st.floats(-1.0, 1.0))

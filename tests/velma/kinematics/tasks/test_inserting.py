@@ -26,16 +26,11 @@ def opening(taking) -> Opening:
     return Opening("cabinet_2", taking.target.out, taking.target.distance)
 
 
-def some(
-    robot: Robot, world: World, taking, spots: list[np.ndarray], ways: list[GraspWay]
-) -> list[tuple[str, Placing]]:
+def some(robot: Robot, world: World, taking, spots, ways=None) -> list[tuple[str, Placing]]:
     """Grasps and places for a thing that stands or is held."""
-    found = insertions(
-        robot, world, taking.side, np.array(names.START), taking.target.name, opening(taking),
-        spots, ways,
-        np.random.default_rng(3), torso=TORSO,
-    )  # fmt: skip
-    return list(found)
+    about = taking.side, np.array(names.START), taking.target.name, opening(taking)
+    rng = np.random.default_rng(3)
+    return list(insertions(robot, world, *about, spots, ways or taking.ways, rng, torso=TORSO))
 
 
 @pytest.fixture
@@ -57,7 +52,7 @@ def test_a_thing_that_stands_elsewhere_could_be_put_there(
     """By known grasps; each place is upright on the spot, with the thing in the hand as that grasp
     has it.
     """
-    found = some(robot, elsewhere, taking, [stood], taking.ways)
+    found = some(robot, elsewhere, taking, [stood])
     assert found
     in_hand = {way.name: way.steps[-1][0] for way in taking.ways}
     for grasp, placing in found:
@@ -79,7 +74,7 @@ def test_the_way_in_is_free_until_it_goes_down(
     """And so is the way of the empty hand, from the thing that stands there."""
     in_hand = {way.name: way.steps[-1][0] for way in taking.ways}
     name, hand = taking.target.name, f"{taking.side}_hand"
-    for grasp, placing in some(robot, elsewhere, taking, [stood], taking.ways):
+    for grasp, placing in some(robot, elsewhere, taking, [stood]):
         grip = in_hand[grasp]
         way = [(q, (robot.grip(q, taking.side) * grip).translation[2]) for q in placing.way_down]
         with attaching.held(elsewhere, name, taking.side, grip):
@@ -98,7 +93,7 @@ def test_the_hand_is_drawn_straight_out_where_it_can_be(
     inside, far.
     """
     drawn = []
-    for _, placing in some(robot, elsewhere, taking, [stood], taking.ways):
+    for _, placing in some(robot, elsewhere, taking, [stood]):
         grips = [robot.grip(q, taking.side) for q in placing.way_back]
         last, outermost = (grips[0] * placing.retreat[k][0] for k in (-1, -2))
         way = last.translation - outermost.translation
@@ -112,19 +107,11 @@ def test_the_hand_is_drawn_straight_out_where_it_can_be(
 def test_a_held_thing_goes_in_as_it_is_held(robot: Robot, world: World, taking, stood) -> None:
     """Slipped a little and turned in the hand, it still arrives upright on the spot."""
     approach = taking.found[0]
-    slipped = taking.held(approach) * pin.SE3(
-        pin.exp3(np.array([0.03, 0.0, 1.0])), np.array([0.0, 0.0, 0.005])
-    )
-    way = GraspWay(
-        "held",
-        (
-            *(
-                (release.inverse() * slipped, fingers)
-                for release, fingers in reversed(backwards(approach.steps))
-            ),
-            (slipped, approach.steps[-1][1]),
-        ),
-    )
+    turn = pin.exp3(np.array([0.03, 0.0, 1.0]))
+    slipped = taking.held(approach) * pin.SE3(turn, np.array([0.0, 0.0, 0.005]))
+    back = reversed(backwards(approach.steps))
+    steps = [(release.inverse() * slipped, fingers) for release, fingers in back]
+    way = GraspWay("held", (*steps, (slipped, approach.steps[-1][1])))
     world.attach(taking.target.name, taking.side, slipped)
     found = some(robot, world, taking, [stood], [way])
     assert found
@@ -140,7 +127,7 @@ def test_where_it_stands_it_stays(robot: Robot, elsewhere: World, taking, stood)
     """Whether places are found or not."""
     before = elsewhere.pose(taking.target.name)
     for spots in ([stood], [stood + np.array([0.0, 3.0, 0.0])]):
-        some(robot, elsewhere, taking, spots, taking.ways)
+        some(robot, elsewhere, taking, spots)
         assert elsewhere.held(taking.target.name) is None
         assert elsewhere.pose(taking.target.name) == before
 
@@ -149,7 +136,7 @@ def test_several_spots_share_what_is_wanted(robot: Robot, elsewhere: World, taki
     """One of three spots gives a third at most, so that no spot takes all tries."""
     out = opening(taking).out
     beside = np.array([-out[1], out[0], 0.0]) * 0.03
-    found = some(robot, elsewhere, taking, [stood, stood + beside, stood - beside], taking.ways)
+    found = some(robot, elsewhere, taking, [stood, stood + beside, stood - beside])
     places = [tuple(np.round(placing.place.translation, 3)) for _, placing in found]
     assert len(set(places)) > 1
     assert max(places.count(place) for place in places) <= 2

@@ -29,11 +29,9 @@ def about_bar(angle: float) -> pin.SE3:
 def test_a_leaf_is_where_the_hand_has_led_its_bar(turn: float, slide: float, part: float) -> None:
     """To a step of the turn: the bar keeps its distance from the hand, and the hinge its place."""
     assume(abs(turn) > 0.1)
-    leaf, begin, end = (
-        standing(np.array([0.8, 0.4, 1.1]), 2.0),
-        about_bar(0.1),
-        about_bar(0.1 + slide),
-    )
+    leaf = standing(np.array([0.8, 0.4, 1.1]), 2.0)
+    begin = about_bar(0.1)
+    end = about_bar(0.1 + slide)
     truly = opening.turned(leaf, turn * part)
     now = truly * about_bar(0.1 + slide * part)
     found = opening.led(leaf, turn, begin, end, now)

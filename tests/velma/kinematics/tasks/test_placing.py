@@ -1,5 +1,6 @@
 """Putting down: upright, on the spot, and with a way back for the open hand."""
 
+from collections.abc import Iterator
 from itertools import islice, pairwise
 
 import numpy as np
@@ -24,35 +25,23 @@ from velma.kinematics.tasks.placing import (
 )
 
 SPOT = np.array([0.58, -0.52, 0.775])  # where the trial runs put the bowl
+SPOTS = [("table_1", SPOT)]
+FAR = ("table_2", np.array([3.0, 0.0, 0.775]))
 NEAR = 1.5e-3  # m: three axes within the tolerance of the inverse kinematics
 Held = tuple[World, np.ndarray, pin.SE3]
 
 
-def some(
-    robot: Robot, with_bowl: Held, bowl, spots: list[tuple[str, np.ndarray]], tries: int = 500
-) -> list[Placing]:
-    """The first placings of the bowl in the right hand."""
+def tried(robot: Robot, with_bowl: Held, bowl, spots=SPOTS, tries: int = 500) -> Iterator[Placing]:
+    """Placings of the bowl in the right hand."""
     world, q, held = with_bowl
-    retreat = backwards(bowl.found[0].steps)
-    found = placings(
-        robot,
-        world,
-        "right",
-        q,
-        "bowl_1",
-        held,
-        spots,
-        retreat,
-        np.random.default_rng(3),
-        tries=tries,
-    )
-    return list(islice(found, 3))
+    retreat, rng = backwards(bowl.found[0].steps), np.random.default_rng(3)
+    return placings(robot, world, "right", q, "bowl_1", held, spots, retreat, rng, tries=tries)
 
 
 @pytest.fixture
 def found(robot: Robot, with_bowl: Held, bowl) -> list[Placing]:
     """Three placings on the table."""
-    return some(robot, with_bowl, bowl, [("table_1", SPOT)])
+    return list(islice(tried(robot, with_bowl, bowl), 3))
 
 
 def test_the_thing_comes_down_upright_on_the_spot(
@@ -66,17 +55,15 @@ def test_the_thing_comes_down_upright_on_the_spot(
         assert placing.place.translation == pytest.approx(SPOT + np.array([0.0, 0.0, CLEARANCE_M]))
         assert (placing.way_down[0] == placing.above).all()
         way = [robot.grip(q, "right") * held for q in placing.way_down]
-        assert way[0].translation == pytest.approx(
-            shifted(placing.place, [0.0, 0.0, ABOVE_M]).translation, abs=NEAR
-        )
+        above = shifted(placing.place, [0.0, 0.0, ABOVE_M])
+        assert way[0].translation == pytest.approx(above.translation, abs=NEAR)
         assert way[-1].translation == pytest.approx(placing.place.translation, abs=NEAR)
         assert all(tilt(pose) < 5e-3 for pose in way)
         assert all(np.linalg.norm((pose.translation - SPOT)[:2]) < NEAR for pose in way)
         assert all(a.translation[2] > b.translation[2] for a, b in pairwise(way))
         still = np.setdiff1d(np.arange(15), names.ARM["right"])
-        assert all(
-            (q[still] == placing.above[still]).all() for q in (*placing.way_down, *placing.way_back)
-        )
+        for q in (*placing.way_down, *placing.way_back):
+            assert (q[still] == placing.above[still]).all()
 
 
 def test_the_way_down_touches_only_what_the_thing_ends_on(
@@ -116,21 +103,17 @@ def test_the_thing_stays_in_the_hand(robot: Robot, with_bowl: Held, bowl) -> Non
     """After each placing, also between two of them and where none is found, it is held as it
     was.
     """
-    world, q, held = with_bowl
-    retreat = backwards(bowl.found[0].steps)
-    rng = np.random.default_rng(3)
-    for _ in islice(
-        placings(robot, world, "right", q, "bowl_1", held, [("table_1", SPOT)], retreat, rng), 2
-    ):
+    world, _, held = with_bowl
+    for _ in islice(tried(robot, with_bowl, bowl), 2):
         assert world.held("bowl_1") == held
-    assert not some(robot, with_bowl, bowl, [("table_2", np.array([3.0, 0.0, 0.775]))], tries=30)
+    assert not list(tried(robot, with_bowl, bowl, [FAR], tries=30))
     assert world.held("bowl_1") == held
 
 
 def test_one_of_the_spots_is_taken(robot: Robot, with_bowl: Held, bowl) -> None:
     """A spot out of reach among them is passed over; the support told is that of the spot."""
-    spots = [("table_2", np.array([3.0, 0.0, 0.775])), ("table_1", SPOT)]
-    assert {placing.support for placing in some(robot, with_bowl, bowl, spots)} == {"table_1"}
+    found = islice(tried(robot, with_bowl, bowl, [FAR, *SPOTS]), 3)
+    assert {placing.support for placing in found} == {"table_1"}
 
 
 def test_a_retreat_undoes_an_approach(taking) -> None:
@@ -146,9 +129,8 @@ def test_a_retreat_undoes_an_approach(taking) -> None:
         moved = let_go * grips[-1].inverse()
         for pose, grip in zip(poses[:-1], grips[-2::-1], strict=True):
             assert pose.isApprox(moved * grip, 1e-9)
-    assert [fingers for _, fingers in backwards(approach.steps)] == [
-        f for _, f in approach.steps[-2::-1]
-    ]
+    backed = [fingers for _, fingers in backwards(approach.steps)]
+    assert backed == [fingers for _, fingers in approach.steps[-2::-1]]
 
 
 def test_a_retreat_without_steps_goes_back_and_up() -> None:

@@ -15,8 +15,8 @@ from companion.eyes import Eyes
 from companion.languages import rc
 from companion.languages.facts import Facts
 from companion.skills.loop_messages import GripReport, Motion
-from services.executor.looks import Blind, Saw, See
-from services.executor.remembered import Remembered
+from services.executor.eye_messages import Blind, Saw, See
+from services.executor.situation_record import SituationRecord
 from velma.model import scene as scenes
 from velma.model.scene import Scene
 
@@ -108,7 +108,7 @@ class Perform(Message, frozen=True):
     """Run the skill of this command -> Move or Ended."""
 
     command: AnyAct
-    remembered: Remembered
+    remembered: SituationRecord
     felt: Felt
 
 
@@ -163,14 +163,14 @@ class Move(Message, frozen=True):
 
     motion: Motion
     expected: float
-    remembered: Remembered
+    remembered: SituationRecord
 
 
 class Ended(Message, frozen=True):
     """The skill has ended. `text`: of a motion that could not be made, for the log."""
 
     outcome: rc.Done | rc.NotDone
-    remembered: Remembered
+    remembered: SituationRecord
     text: str = ""
 
 

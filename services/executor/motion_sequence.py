@@ -2,6 +2,8 @@
 runs.
 """
 
+from typing import Any
+
 from msgspec.structs import replace
 
 from agent_runtime.core.events import Local, Woken
@@ -9,7 +11,7 @@ from agent_runtime.core.turn import Turn
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import KNOT_S, Motion, Phase
-from services.executor.local import (
+from services.executor.device_messages import (
     Brake,
     Crashed,
     Do,
@@ -20,6 +22,7 @@ from services.executor.local import (
     Glance,
     GoOn,
     Lost,
+    Message,
     Move,
     Moved,
     Passing,
@@ -55,34 +58,39 @@ def lost(memory: Memory, why: Facts) -> Memory:
     )
 
 
+def heard(memory: Memory, turn: Turn) -> Any:
+    """Return what a device has sent for the act under way; None for what it sent for another one,
+    as a killed process does, and for every other event.
+    """
+    match turn.event:
+        case Local(content=Message(number=number) as content) if number == memory.number:
+            return content
+        case Local(content=Crashed() as crash):
+            return crash
+    return None
+
+
 def follow(memory: Memory, turn: Turn) -> Memory:
     """Take what skill process and loop send during an act."""
-    act = memory.act
-    assert act is not None
-    match turn.event:
-        case Local(content=Passing(number=number, felt=felt)) if number == memory.number:
+    match heard(memory, turn):
+        case Passing(number=number, felt=felt):
             turn.tell(Glance(number, felt))
-            return memory
-        case Local(content=GoOn(number=number) | Brake(number=number) as answer) if (
-            number == memory.number
-        ):
+        case GoOn() | Brake() as answer:
             turn.tell(answer)  # nothing to do for the loop where the motion has ended meanwhile
-            return memory
-        case Local(content=Moved(number=number, felt=felt)) if number == memory.number:
+        case Moved(felt=felt):
             return _moved(memory, turn, felt)
-        case Local(content=Move(number=number) as move) if number == memory.number:
+        case Move() as move:
             return _wanted(memory, turn, move)
-        case Local(content=Ended(number=number) as end) if number == memory.number:
+        case Ended() as end:
             return over(memory, turn, end)
-        case Local(content=Lost(number=number) as loss) if number == memory.number:
+        case Lost() as loss:
             return lost(memory, logged(turn, loss))
-        case Local(content=Crashed() as crash):
+        case Crashed() as crash:
             return _without_skill(memory, turn, logged(turn, crash))
-        case Woken(name=name) if name == PATIENCE:
+        case None if isinstance(turn.event, Woken) and turn.event.name == PATIENCE:
             silent = LOOP if memory.soft.moving else SKILL
             return _without_skill(memory, turn, (fact(Kind.GAVE_NO_ANSWER, silent),))
-        case _:
-            return memory
+    return memory
 
 
 def over(memory: Memory, turn: Turn, end: Ended) -> Memory:

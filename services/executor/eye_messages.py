@@ -75,10 +75,8 @@ def uncertainty(covariance: NDArray[np.float64]) -> Uncertainty:
     It is (4, 4), of x, y, z and the rotation about the vertical, or (6, 6), of x, y, z and the
     rotations about x, y, z.
     """
-    xyz, turn = (
-        covariance[:3, :3][np.triu_indices(3)],
-        covariance[3, 3] if len(covariance) == 4 else covariance[5, 5],
-    )
+    xyz = covariance[:3, :3][np.triu_indices(3)]
+    turn = covariance[3, 3] if len(covariance) == 4 else covariance[5, 5]
     return Uncertainty(tuple(_short(value) for value in xyz), _short(turn))  # type: ignore[arg-type]
 
 

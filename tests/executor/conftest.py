@@ -1,4 +1,4 @@
-"""The loop's clock, moved by the test; tests of this folder import `grips`."""
+"""Makes helpers, doubles and the example importable; the loop's clock, moved by the test."""
 
 import sys
 from pathlib import Path
@@ -7,7 +7,10 @@ import pytest
 
 from services.executor.loop import process, timing
 
-sys.path.append(str(Path(__file__).parent))
+HERE = Path(__file__).parent
+OTHERS = ("loop", "conformance", "../velma", "../fleet", "../agent_runtime")
+sys.path[:0] = [str(HERE), *(str((HERE / one).resolve()) for one in OTHERS)]
+sys.path.append(str(HERE.parents[1] / "examples" / "point_mass"))
 
 
 class Clock:

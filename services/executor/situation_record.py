@@ -30,7 +30,7 @@ class Holding(msgspec.Struct, frozen=True):
     slipped: bool = False
 
 
-class Remembered(msgspec.Struct, frozen=True):
+class SituationRecord(msgspec.Struct, frozen=True):
     """`q`: set-points of torso, right arm, left arm (15,) [rad], () before the first message of the
     loop.
 

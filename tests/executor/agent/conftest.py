@@ -1,8 +1,0 @@
-"""Makes the pretended partners of tests/fleet and the stepped core importable (tests have no
-packages).
-"""
-
-import sys
-from pathlib import Path
-
-sys.path[:0] = [str(Path(__file__).parents[2] / folder) for folder in ("fleet", "agent_runtime")]

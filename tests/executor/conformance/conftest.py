@@ -1,9 +1,0 @@
-"""Makes the wrong back-ends and the example importable."""
-
-import sys
-from pathlib import Path
-
-sys.path[:0] = [
-    str(Path(__file__).parent),
-    str(Path(__file__).parents[3] / "examples" / "point_mass"),
-]
