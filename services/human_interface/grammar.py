@@ -19,7 +19,7 @@ from msgspec.structs import replace
 
 from companion.letters import fold
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES, phrases
-from services.human_interface.local import Clause, Meaning, NamedObject, When
+from services.human_interface.device_messages import Clause, Meaning, NamedObject, When
 
 # --- Times, as people say them: "first", "within ten minutes", "before noon", "in ten minutes" ----
 # Such words are taken out of a sentence before the grammar reads the rest; words about time that
@@ -73,7 +73,7 @@ _URGENT, _WITHIN, _BY, _LATER, _AT = (
 )
 
 
-def taken(words: tuple[str, ...]) -> tuple[tuple[str, ...], When]:
+def split_time(words: tuple[str, ...]) -> tuple[tuple[str, ...], When]:
     """Return the words without those that say when, and what these say; all of them where nothing
     else is left.
     """
@@ -348,7 +348,7 @@ def understand(sentence: str) -> Meaning:
     words = _split(sentence)
     if len(words) > MOST_WORDS:
         return Meaning(why="long")
-    words, when = taken(words)
+    words, when = split_time(words)
     return replace(_read(words), when=when)
 
 

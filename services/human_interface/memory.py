@@ -10,8 +10,8 @@ import msgspec
 
 from companion.languages.cmd import TaskReport, TaskState
 from companion.run_files import TaskLine
-from services.human_interface.local import Local, Sentence
-from services.human_interface.wishes import Context, Option
+from services.human_interface.device_messages import Local, Sentence
+from services.human_interface.interpretation import Context, Option
 
 # tasks that are remembered after their end; each record of the journal has them all (estimate)
 KEPT_TASKS = 50

@@ -51,9 +51,8 @@ from companion.run_files import (
 )
 from companion.stop_words import calls_for_help, stop_words
 from services.human_interface import grammar
-from services.human_interface.catalogue import can, say
-from services.human_interface.grammar import prepare, understand
-from services.human_interface.local import (
+from services.human_interface.catalogue import abilities, say
+from services.human_interface.device_messages import (
     Answer,
     CancelWanted,
     Halted,
@@ -62,6 +61,7 @@ from services.human_interface.local import (
     Shown,
     StopRobot,
 )
+from services.human_interface.grammar import prepare, understand
 
 # --- Display of hi for people: tasks, the latest events, answers to tickets. For one event loop ---
 
@@ -147,7 +147,7 @@ NOT_HELD_HERE = (
 )
 
 
-class Desk:
+class HttpApp:
     """The ASGI application: what can be asked of hi, by those who have the token of its address."""
 
     def __init__(self, address: HiAddress, post: Post, robot: RobotStop) -> None:
@@ -210,7 +210,7 @@ class Desk:
             line = self.hold(True, text)
             language = calls_for_help(text)
             return (
-                msgspec.structs.replace(line, text=say(language, "helped", can(language)))
+                msgspec.structs.replace(line, text=say(language, "helped", abilities(language)))
                 if language
                 else line
             )
@@ -313,8 +313,8 @@ class HttpDevice:
         """
         self._listener = listener(*listen, "ROCO_HTTP")
         self.address = HiAddress(self._listener.getsockname()[1], secrets.token_urlsafe(24))
-        self.desk = Desk(self.address, post, RobotStop(run_dir))
-        self._server = Server(self.desk)
+        self.app = HttpApp(self.address, post, RobotStop(run_dir))
+        self._server = Server(self.app)
         self._loop = asyncio.new_event_loop()
         self._files = [folder / HI_FILE for folder in (run_dir, lent) if folder is not None]
         for file in self._files:
@@ -331,10 +331,10 @@ class HttpDevice:
         """Take a message of the agent for people."""
         if isinstance(content, StopRobot):
             try:
-                content = Answer(content.ticket, self.desk.hold(True, content.text))
+                content = Answer(content.ticket, self.app.hold(True, content.text))
             except Refused as refused:
                 content = Answer(content.ticket, problem=str(refused), status=refused.status)
-        self._soon(self.desk.board.tell, content)
+        self._soon(self.app.board.tell, content)
 
     def close(self) -> None:
         """Stop listening; waiting requests are answered."""
@@ -344,7 +344,7 @@ class HttpDevice:
             file.unlink(missing_ok=True)
 
     def _end(self) -> None:
-        self.desk.board.close()
+        self.app.board.close()
         self._server.should_exit = True
 
     def _soon(self, call: Callable[..., None], *arguments: Any) -> None:

@@ -28,8 +28,8 @@ from companion.languages.cmd import TaskState
 from companion.languages.facts import Facts
 from companion.tools.system import JOB, PROCESSES
 from fipa_codec.communicate import Communicate, encode
+from services.human_interface.device_messages import Answer, CancelWanted, Sentence
 from services.human_interface.grammar import understand
-from services.human_interface.local import Answer, CancelWanted, Sentence
 from services.knowledge.store import device_at
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement, Verdict

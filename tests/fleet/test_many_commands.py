@@ -10,8 +10,8 @@ from msgspec.structs import replace
 from pretended_fleet import FINAL, Fleet
 
 from agent_runtime.testing.memory_bus import Faults, Point
+from services.human_interface.device_messages import CancelWanted, NewEvent, Sentence
 from services.human_interface.grammar import understand
-from services.human_interface.local import CancelWanted, NewEvent, Sentence
 
 COUNT, WITHIN_S = 20, 10.0
 WORDS = (

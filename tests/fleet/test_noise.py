@@ -18,7 +18,7 @@ from companion.tools.system import JOB, SYSTEM
 from operate.cli.faults.moments import Event, InPlan, parse
 from operate.recording.run import opened
 from operate.run_folder import Happened, LiveLine
-from services.human_interface import offers
+from services.human_interface import suggestions
 from services.page.view import Heard, View, view
 
 POUR = "pour the content of the jar into the bowl"
@@ -90,7 +90,7 @@ def story(run: Path, *, missing: bool) -> Story:
             return fleet.ended()
         shown_last.append((fleet.tasks, fleet.wires.memory("hi").context))
         heard = Heard(
-            hi=True, tasks=fleet.tasks, wishes=offers.wishes(fleet.wires.memory("hi").context)
+            hi=True, tasks=fleet.tasks, wishes=suggestions.wishes(fleet.wires.memory("hi").context)
         )
         pages.extend(view(heard, language) for language in ("en", "pl"))
         return fleet.ended()

@@ -9,8 +9,8 @@ from agent_runtime.core.control import SetParameter
 from companion.autonomy import STEP, WAIT_S, Level, Verb
 from companion.languages.cmd import TaskState
 from companion.languages.facts import Kind, fact
+from services.human_interface.device_messages import Sentence
 from services.human_interface.grammar import understand
-from services.human_interface.local import Sentence
 
 
 def acts(fleet: Fleet) -> int:

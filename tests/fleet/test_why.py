@@ -11,8 +11,8 @@ from pretended_fleet import Fleet
 
 from operate.tracing.reasons import Why
 from operate.tracing.trace import Known
+from services.human_interface.device_messages import Sentence
 from services.human_interface.grammar import understand
-from services.human_interface.local import Sentence
 
 POUR = "pour the content of the jar into the bowl"
 

@@ -7,7 +7,7 @@ import pytest
 
 from companion.run_files import HI_FILE, HiAddress, HiEvent, Problem, TaskLine
 from services.human_interface import server
-from services.human_interface.local import (
+from services.human_interface.device_messages import (
     Answer,
     CancelWanted,
     NewEvent,
@@ -25,7 +25,7 @@ class Client:
     def __init__(self, run_dir):
         self.run_dir = run_dir
         self.words = []
-        self.desk = server.HttpDevice(self.post, run_dir)
+        self.app = server.HttpDevice(self.post, run_dir)
         self.address = msgspec.json.decode((run_dir / HI_FILE).read_bytes(), type=HiAddress)
 
     def post(self, content, delay_s=0.0):
@@ -33,25 +33,25 @@ class Client:
         self.words.append(content)
         match content:
             case Sentence(ticket=ticket, text="status"):
-                self.desk.tell(Answer(ticket, problem="no coordinator yet", status=503))
+                self.app.tell(Answer(ticket, problem="no coordinator yet", status=503))
             case Sentence(ticket=ticket, text="nie"):
-                self.desk.tell(
+                self.app.tell(
                     Answer(ticket, TaskLine("", "refused", "All right, then not.", "nie", 1.0))
                 )
             case CancelWanted(ticket=ticket, task="hi-9-9"):
-                self.desk.tell(Answer(ticket, problem="there is no task 'hi-9-9'", status=404))
+                self.app.tell(Answer(ticket, problem="there is no task 'hi-9-9'", status=404))
             case Sentence(text="silence"):
                 pass
             # and that answer means that the robot is to stop
             case Sentence(ticket=ticket, text="that one"):
-                self.desk.tell(StopRobot(ticket, "that one"))
+                self.app.tell(StopRobot(ticket, "that one"))
             case Sentence(ticket=ticket) | CancelWanted(ticket=ticket):
-                self.desk.tell(Answer(ticket, LINE))
+                self.app.tell(Answer(ticket, LINE))
 
     def tell_event(self, number):
         """The agent tells an event, and shows the tasks after it."""
-        self.desk.tell(NewEvent(HiEvent(number, float(number), "co", "waiting", "next")))
-        self.desk.tell(Shown((LINE,), number))
+        self.app.tell(NewEvent(HiEvent(number, float(number), "co", "waiting", "next")))
+        self.app.tell(Shown((LINE,), number))
 
     def ask(self, verb, path, body=None, **headers):
         """Status and body."""
@@ -77,4 +77,4 @@ def client(tmp_path):
     """A desk and who speaks to it."""
     client = Client(tmp_path)
     yield client
-    client.desk.close()
+    client.app.close()

@@ -18,7 +18,15 @@ from companion.stop_words import stop_words
 from companion.tasks.pour.command import PourInto
 from companion.tasks.put_down.command import PutDown
 from companion.tasks.take.command import Take
-from services.human_interface.catalogue import CATALOGUE, LANGUAGES, SAY, THINGS, WISHES, can, say
+from services.human_interface.catalogue import (
+    CATALOGUE,
+    LANGUAGES,
+    SAY,
+    THINGS,
+    WISHES,
+    abilities,
+    say,
+)
 from services.human_interface.grammar import (
     MOST_CHARACTERS,
     MOST_WISHES,
@@ -26,7 +34,15 @@ from services.human_interface.grammar import (
     VOCABULARY,
     understand,
 )
-from services.human_interface.wishes import Act, Ask, Context, Option, Tell, in_words, outcome
+from services.human_interface.interpretation import (
+    Act,
+    Ask,
+    Context,
+    Option,
+    Tell,
+    in_words,
+    outcome,
+)
 
 TABLES = Path(__file__).parent / "sentences"
 VERBS = {row.content: row.phrases.wish[0].can["en"].split()[0] for row in commands.rows()}
@@ -327,7 +343,7 @@ def test_a_slip_is_asked_about_and_never_done(sentence, near):
 )
 def test_a_refusal_names_what_is_understood(sentence):
     """Politely, with all forms."""
-    assert can("en") in said(sentence).text
+    assert abilities("en") in said(sentence).text
 
 
 # --- the catalogue --------------------------------------------------------------------------------
@@ -362,7 +378,7 @@ def test_both_languages_say_the_same():
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_what_is_offered_is_understood(language):
     """The list of what can be said, with things in place of X and Y."""
-    for offer in re.sub(r" ?\[.*?\]", "", can(language)).split("; "):
+    for offer in re.sub(r" ?\[.*?\]", "", abilities(language)).split("; "):
         sentence = offer.replace("X", "jar" if language == "en" else "słoik").replace(
             "Y", "bowl" if language == "en" else "miska"
         )

@@ -31,8 +31,8 @@ from companion.run_files import (
 from companion.tools.verbs.hi import terminal
 from operate.cli.__main__ import app
 from services.human_interface import server
+from services.human_interface.device_messages import CancelWanted, Halted, NewEvent, Sentence, Shown
 from services.human_interface.grammar import understand
-from services.human_interface.local import CancelWanted, Halted, NewEvent, Sentence, Shown
 
 LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
 
@@ -93,7 +93,7 @@ def test_what_the_agent_refuses_keeps_its_status(client):
 
 def test_tasks_are_what_the_agent_showed_last(client):
     """GET /tasks."""
-    client.desk.tell(Shown((LINE,), 0))
+    client.app.tell(Shown((LINE,), 0))
     status, data = client.ask("GET", "/tasks")
     assert (status, msgspec.json.decode(data, type=Tasks).tasks) == (200, (LINE,))
 
@@ -117,10 +117,10 @@ def test_who_hears_of_an_event_finds_the_tasks_as_it_left_them(client):
     """Not those of before it: a page that asks for the tasks between the two would show these until
     the next event.
     """
-    client.desk.tell(NewEvent(HiEvent(1, 1.0, "co", "waiting", "next")))
+    client.app.tell(NewEvent(HiEvent(1, 1.0, "co", "waiting", "next")))
     _, data = client.ask("GET", "/events?wait=0.2")
     assert msgspec.json.decode(data, type=Events) == Events(0, ())
-    client.desk.tell(Shown((LINE,), 1))
+    client.app.tell(Shown((LINE,), 1))
     _, data = client.ask("GET", "/events?wait=10")
     assert [event.n for event in msgspec.json.decode(data, type=Events).events] == [1]
     _, data = client.ask("GET", "/tasks")
@@ -129,7 +129,7 @@ def test_who_hears_of_an_event_finds_the_tasks_as_it_left_them(client):
 
 def test_after_a_restart_the_number_goes_on(client):
     """Older events are left out, and `next` is right to ask with."""
-    client.desk.tell(Shown((), 41))
+    client.app.tell(Shown((), 41))
     _, data = client.ask("GET", "/events?since=7")
     assert msgspec.json.decode(data, type=Events) == Events(41, ())
 
@@ -196,9 +196,9 @@ def test_closing_ends_the_waits(client):
         target=lambda: answers.append(client.ask("GET", "/events?wait=10")[0])
     )
     waiter.start()
-    while not client.desk.desk.waiting:
+    while not client.app.app.waiting:
         time.sleep(0.001)
-    client.desk.close()
+    client.app.close()
     waiter.join(5.0)
     assert answers == [200]
     assert not (client.run_dir / HI_FILE).exists()
@@ -267,8 +267,8 @@ def flag(client):
 
 def test_a_stop_needs_no_agent_and_no_room(robot, monkeypatch):
     """The agent answers nobody, and as many wait as may: the byte is set before the answer."""
-    monkeypatch.setattr(robot.desk.desk, "_post", lambda content: None)
-    monkeypatch.setattr(robot.desk.desk, "waiting", server.AT_ONCE)
+    monkeypatch.setattr(robot.app.app, "_post", lambda content: None)
+    monkeypatch.setattr(robot.app.app, "waiting", server.AT_ONCE)
     assert robot.refused("GET", "/events?wait=1")[0] == 503
     for path, body in STOPS:
         status, data = robot.ask("POST", path, body)
@@ -304,7 +304,7 @@ def test_a_call_for_help_stops_and_is_told_what_can_be_said(robot):
 def asked(robot, asker, for_s=30.0):
     """hi has asked somebody something."""
     question = Question(asker, time.time() + for_s, ("yes", "no", "tak", "nie"))
-    robot.desk.tell(Shown((), 0, questions=(question,)))
+    robot.app.tell(Shown((), 0, questions=(question,)))
 
 
 def test_an_answer_of_who_was_asked_goes_to_the_agent_and_stops_nothing(robot):
@@ -361,7 +361,7 @@ def test_a_terminal_that_was_asked_answers_and_another_one_stops(robot):
 
 def test_a_terminal_tells_its_time_zone(robot, monkeypatch):
     """`roco say`: noon is noon where it is called."""
-    robot.desk.tell(Shown((msgspec.structs.replace(LINE, accepted=True),), 0))
+    robot.app.tell(Shown((msgspec.structs.replace(LINE, accepted=True),), 0))
     for zone, east_min in (("<+0545>-5:45", 345), ("EST5", -300), ("UTC", 0)):
         monkeypatch.setenv("TZ", zone)
         time.tzset()
@@ -386,7 +386,7 @@ def test_a_no_in_a_terminal_stops_where_hi_does_not_answer(robot, monkeypatch):
         late.append(Tasks((), questions=(Question(terminal(), time.time() + 30.0, ("no", "nie")),)))
         return late[0]
 
-    monkeypatch.setitem(robot.desk.desk._routes, "/tasks", ("GET", tasks))
+    monkeypatch.setitem(robot.app.app._routes, "/tasks", ("GET", tasks))
     done = CliRunner().invoke(app, ["say", "nie", "--run-dir", str(robot.run_dir)])
     assert (done.exit_code, flag(robot), late) == (0, STOP_HELD, []), done.output
 
@@ -478,14 +478,14 @@ def test_a_person_is_served_beside_a_flood_of_slow_connections(client, monkeypat
         target=lambda: answers.append(client.ask("GET", "/events?wait=10")[0])
     )
     waiter.start()
-    while not client.desk.desk.waiting:
+    while not client.app.app.waiting:
         time.sleep(0.001)
     before = threading.active_count()
     flood = [begun(client, b"P") for _ in range(300)]
     assert client.ask("POST", "/say", b'{"text": "look around"}')[0] == 200
     assert threading.active_count() <= before + 1  # that which reads the sentence
     assert [answer(one) for one in flood[: 300 - MOST]] == [b""] * (300 - MOST)
-    client.desk.close()
+    client.app.close()
     waiter.join(30.0)
     assert answers == [200]
     for one in flood:

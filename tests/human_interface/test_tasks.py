@@ -10,9 +10,17 @@ from companion.languages import hfsm
 from companion.languages.cmd import Command, TaskReport
 from companion.letters import fold
 from companion.stop_words import stop_words
-from services.human_interface.catalogue import CATALOGUE, LANGUAGES, MAKE, SAY, TASKS, THINGS, can
+from services.human_interface.catalogue import (
+    CATALOGUE,
+    LANGUAGES,
+    MAKE,
+    SAY,
+    TASKS,
+    THINGS,
+    abilities,
+)
 from services.human_interface.grammar import understand
-from services.human_interface.wishes import Act, Ask, Context, in_words, outcome
+from services.human_interface.interpretation import Act, Ask, Context, in_words, outcome
 
 WISHES = tuple(commands.wishes())
 BOTH = [(row, wish, language) for row, wish in WISHES for language in LANGUAGES]
@@ -126,9 +134,9 @@ def test_every_use_has_its_refusal():
 def test_each_task_is_in_the_list_of_what_is_understood(language):
     """In the order of ranks."""
     for row in commands.rows():
-        assert any(wish.can and wish.can[language] in can(language) for wish in row.phrases.wish), (
-            row.content
-        )
+        assert any(
+            wish.can and wish.can[language] in abilities(language) for wish in row.phrases.wish
+        ), row.content
 
 
 def test_the_design_lists_the_command_of_each_task():

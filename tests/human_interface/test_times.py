@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from services.human_interface import grammar
 from services.human_interface.catalogue import CATALOGUE
+from services.human_interface.device_messages import When
 from services.human_interface.grammar import VOCABULARY, understand
-from services.human_interface.local import When
 
 POLISH = ("najpierw", "jak najszybciej", "do godziny 15", "o 15:30")
 URGENT, PLAIN = When(urgent=True), When()
@@ -111,7 +111,7 @@ def test_first_of_two_wishes_is_their_order():
 )
 def test_what_is_left_are_words_of_the_sentence_in_their_order(words):
     """Nothing is added, and a sentence never becomes empty."""
-    rest, when = grammar.taken(tuple(words))
+    rest, when = grammar.split_time(tuple(words))
     left = iter(words)
     assert all(word in left for word in rest)
     assert rest or not words

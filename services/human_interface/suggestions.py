@@ -10,7 +10,7 @@ from companion.all_languages import AnyCommand
 from companion.commands import Offer
 from companion.run_files import InWords, Wish
 from services.human_interface.catalogue import MAKE, TASKS, THINGS
-from services.human_interface.wishes import Context, Option, called, in_words, kind_of
+from services.human_interface.interpretation import Context, Option, in_words, kind_of, noun
 
 YES, NO = {"en": "yes", "pl": "tak"}, {"en": "no", "pl": "nie"}
 MOST_THINGS = 6
@@ -23,7 +23,7 @@ def wishes(context: Context) -> tuple[Wish, ...]:
     return tuple(
         Wish(
             does,
-            InWords(called(name, "en"), called(name, "pl")),
+            InWords(noun(name, "en"), noun(name, "pl")),
             InWords(in_words((task,)), in_words((task,), "pl")),
         )
         for name in things
@@ -52,7 +52,7 @@ def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
     """Return the sentences that answer a question: a name or "yes" for each option, and "no"; none
     where it is none.
     """
-    names = [called(one.thing, language) if len(options) > 1 else YES[language] for one in options]
+    names = [noun(one.thing, language) if len(options) > 1 else YES[language] for one in options]
     return (*names, NO[language]) if names else ()
 
 
