@@ -21,7 +21,8 @@ MINUTES = {
 }  # fmt: skip
 LATER = {
     "in ten minutes": 10, "in half an hour": 30, "five minutes from now": 5,
-    "za dziesięć minut": 10, "za godzinę": 60, "in two and a half minutes": 2.5, "two and a half minutes from now": 2.5,
+    "za dziesięć minut": 10, "za godzinę": 60, "in two and a half minutes": 2.5,
+    "two and a half minutes from now": 2.5,
     "in an hour and a half": 90, "in 1 hour 30 minutes": 90, "in 2.5 minutes": 2.5,
     "2.5 minutes from now": 2.5, "za dwie i pół minuty": 2.5, "za półtorej godziny": 90,
     "za godzinę i kwadrans": 75, "za 2,5 minuty": 2.5,
