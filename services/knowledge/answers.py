@@ -14,10 +14,10 @@ from companion.languages.facts import Fact, Kind, fact
 from companion.languages.facts import fitting as short
 from companion.languages.values import Pose, Shape
 from companion.models import GRASPS, REACH, Model, fitting
-from services.knowledge import geometry
-from services.knowledge.extents import cells, extent
+from companion.world import geometry
+from companion.world.extents import cells, extent
+from companion.world.scene import Scene, SceneObject
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import Scene, SceneObject
 from services.knowledge.subjects import below, is_kind
 
 CONTENT = ".content"

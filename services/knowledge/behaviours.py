@@ -18,11 +18,11 @@ from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import wm
 from companion.languages.facts import Facts, Kind, fact, fitting
+from companion.world.observe import forgotten, observed
 from fipa_codec.performatives import Performative
 from services.knowledge import outgoing_messages
 from services.knowledge.answers import LARGEST_WHY, ask
 from services.knowledge.memory import CONDITIONS, Memory, Mirror, News, Question
-from services.knowledge.observe import forgotten, observed
 from services.knowledge.outgoing_messages import OBSERVATIONS, OBSERVER, QUERIES
 from services.knowledge.overlays import Overlays
 

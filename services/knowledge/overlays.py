@@ -11,8 +11,8 @@ import msgspec
 
 from companion.languages import wm
 from companion.languages.facts import Fact, Kind, fact
-from services.knowledge.relations import related
-from services.knowledge.scene import PARTS, Held, Scene
+from companion.world.relations import related
+from companion.world.scene import PARTS, Held, Scene
 
 # A search for the pouring plan makes some tens of states of a few kB; estimate.
 LARGEST = 1024

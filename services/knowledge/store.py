@@ -18,8 +18,8 @@ from rdflib.graph import DATASET_DEFAULT_GRAPH_ID
 
 from agent_runtime.io.devices import DeviceMaker, Post
 from companion.languages.values import Side
+from companion.world.scene import PARTS, Held, Scene, SceneObject
 from services.knowledge.memory import Mirror
-from services.knowledge.scene import PARTS, Held, Scene, SceneObject
 from services.knowledge.subjects import OBSERVED, RECORD, ROCO, VERSION, Stored, differing, text
 
 _stored = msgspec.json.Decoder(Stored)

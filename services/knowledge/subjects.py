@@ -16,7 +16,7 @@ from rdflib import RDF, RDFS, Graph, Namespace
 from rdflib.namespace import OWL
 
 from companion.asking import PREFIXES
-from services.knowledge.scene import Held, Scene, SceneObject
+from companion.world.scene import Held, Scene, SceneObject
 
 # --- the terms of O_RoCo: `ROCO.Jar` is the IRI of a term -----------------------------------------
 

@@ -20,11 +20,11 @@ from companion.languages import rc, wm
 from companion.languages.cmd import TaskReport
 from companion.languages.facts import Facts, Kind, fact, with_reasons
 from companion.languages.values import Pose
+from companion.world.observe import observed
+from companion.world.scene import Scene
 from services.coordinator import outgoing_messages
 from services.executor.local import Ended, Felt, Move, Perform
 from services.knowledge import behaviours as knowledge
-from services.knowledge.observe import observed
-from services.knowledge.scene import Scene
 
 NO_LIGHT = (fact(Kind.NOTHING_IS_SEEN),)
 SLOW_S = 25.0

@@ -1,8 +1,8 @@
 """Observations put into a store, as km does when it saves its memory."""
 
 from companion.languages import wm
+from companion.world.observe import Version, observed
 from services.knowledge.answers import ask
-from services.knowledge.observe import Version, observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 

@@ -13,10 +13,10 @@ from companion.languages import wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Box, Cylinder, Pose, Side
 from companion.models import GRASPS, MODELS
+from companion.world.scene import PARTS, Scene, SceneObject
 from fipa_codec.performatives import Performative
 from services.knowledge.answers import ANSWERS, MAKERS, ask
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import PARTS, Scene, SceneObject
 from services.knowledge.store import Store
 from topdown.check.agreement import check_supported
 from topdown.model.findings import Kind as Found

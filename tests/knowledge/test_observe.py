@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from companion.languages import wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side, Uncertainty
+from companion.world.observe import observed, subject_of
+from companion.world.relations import relate
+from companion.world.scene import Origin, Scene
 from services.knowledge.answers import ask
-from services.knowledge.observe import observed, subject_of
 from services.knowledge.overlays import Overlays
-from services.knowledge.relations import relate
-from services.knowledge.scene import Origin, Scene
 from services.knowledge.store import Store
 
 from .conftest import KITCHEN, yaw

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from companion.languages import wm
 from companion.languages.facts import Fact, Kind, fact
 from companion.languages.values import Box, Pose, Side
+from companion.world.observe import observed
+from companion.world.scene import PARTS, Scene
 from services.knowledge.answers import ask
-from services.knowledge.observe import observed
 from services.knowledge.overlays import Impossible, Overlays, changed
-from services.knowledge.scene import PARTS, Scene
 
 from .conftest import KITCHEN
 

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from companion.languages import wm
 from companion.languages.values import Pose, Side
 from companion.models import MODELS
-from services.knowledge.observe import WORLD, forgotten, observed
+from companion.world.observe import WORLD, forgotten, observed
+from companion.world.scene import Scene, SceneObjects
 from services.knowledge.overlays import changed
-from services.knowledge.scene import Scene, SceneObjects
 from services.knowledge.store import Store
 from services.knowledge.subjects import Subject, differing, subjects
 

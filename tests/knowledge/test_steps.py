@@ -18,11 +18,11 @@ from companion.binding import wiring
 from companion.languages import wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Pose
+from companion.world.scene import Scene
 from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours
 from services.knowledge.behaviours import AGAIN_S, ALONE_S, HELD_S, Mirror
 from services.knowledge.outgoing_messages import NOT_YET
-from services.knowledge.scene import Scene
 
 BODY = wm.SeenBody(BodyPosture(0.0, (0.0,) * 7, (0.0,) * 7, (0.0, 0.0), (0.0,) * 4, (0.0,) * 4))
 DARK = (fact(Kind.NOTHING_IS_SEEN),)

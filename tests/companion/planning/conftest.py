@@ -11,7 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from companion.languages import hfsm
-from services.knowledge.scene import Scene
+from companion.world.scene import Scene
 from velma.model import scene as model
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -9,11 +9,11 @@ from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
 from companion.planning.search import search
 from companion.skills.motions import aim
+from companion.world.observe import observed
+from companion.world.scene import Scene
 from services.executor import simulation
 from services.knowledge import answers
-from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import Scene
 from services.knowledge.store import Store
 from services.task.outgoing_messages import SURVEY
 from velma import names

@@ -13,7 +13,7 @@ from companion.languages import hfsm, rc
 from companion.languages.facts import fact
 from companion.tasks.hand_over.done import HandOver, HandOverKind
 from companion.tasks.hand_over.plan import OVER_M, WAIT_S
-from services.knowledge.scene import Scene
+from companion.world.scene import Scene
 from services.task import plan as plans
 from velma import names
 from velma.kinematics.frames import tilt, transform

@@ -8,8 +8,8 @@ from planned import Km, steps
 
 from companion.languages import rc, wm
 from companion.languages.values import BodyPosture
-from services.knowledge.observe import observed
-from services.knowledge.scene import Scene
+from companion.world.observe import observed
+from companion.world.scene import Scene
 from services.task import plan as plans
 from velma import names
 from velma.kinematics import ik

@@ -17,7 +17,7 @@ from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
 from companion.models import GRASPS, KNOWN_AS
-from services.knowledge.scene import Scene
+from companion.world.scene import Scene
 from velma import names
 from velma.kinematics.frames import standing, xyz_quat
 from velma.model import scene as scenes

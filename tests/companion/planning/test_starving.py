@@ -8,7 +8,7 @@ from planned import Km
 
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
-from services.knowledge.scene import Scene
+from companion.world.scene import Scene
 
 POUR = ("pour", "jar", "bowl")
 SOON = (

@@ -15,8 +15,8 @@ from companion.planning import search
 from companion.planning.registry import tasks
 from companion.tasks.pour.done import PourKind
 from companion.tasks.put_down.command import PutDown
-from services.knowledge.geometry import place as placed
-from services.knowledge.scene import Scene
+from companion.world.geometry import place as placed
+from companion.world.scene import Scene
 from velma import names
 from velma.kinematics.frames import tilt, transform
 from velma.kinematics.robot import Robot

@@ -7,15 +7,12 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from synthetic import with_truth
 
 from companion.all_languages import LANGUAGES, RC, WM
-from companion.asking import Heard
 from companion.languages import rc, rs, wm
 from companion.languages.facts import Kind, fact
-from companion.languages.values import Pose, Side, Uncertainty
+from companion.languages.values import Pose, Side
 from companion.tasks.pour.done import Pour
 from companion.tasks.pour.verdict import share
 from companion.tools.beliefs import Beliefs
@@ -27,8 +24,6 @@ from fipa_codec.communicate import encode
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from operate.recording.run import Run
-from services.knowledge.beliefs import Beliefs as KmBeliefs
-from services.knowledge.beliefs import believed as of_km
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 NEAR_MM = 10.0
@@ -68,94 +63,19 @@ def found(past: History, name: str) -> believed.Believed:
     return next(one for one in believed.beliefs(past) if one.object == name)
 
 
-def test_belief_is_that_of_km(past: History) -> None:
-    """Km's own functions make the same poses of the same messages; each is near the truth."""
-    heard = [
-        Heard(one.received, one.wire) for one in past.said if "km" in (one.receiver, one.sender)
-    ]
-    scene = of_km(heard).scene
-    rows = believed.beliefs(past)
-    assert {one.object for one in rows} == set(scene.things)
-    for one in rows:
-        side = scene.holder(one.object)
-        assert one.held == (str(side) if side else "")
-        assert side or one.at == scene.things[one.object].pose.xyz
+def test_belief_is_near_the_truth(past: History) -> None:
+    """Of what stands and of what a hand holds, each with the observation that says so."""
+    for one in believed.beliefs(past):
         assert one.id
         assert one.t is not None
         if one.true_at is not None:
             assert one.apart_mm == pytest.approx(1000.0 * math.dist(one.at or (), one.true_at))
             assert one.apart_mm < NEAR_MM
     jar, bowl = (found(past, name) for name in ("jar_1", "bowl_1"))
-    assert (jar.how, jar.held) == (
-        "in the left hand, not checked",
-        "left",
-    ), "that run told no evidence"
-    assert (bowl.how, bowl.after) == ("seen", "pour")
+    no_evidence = "in the left hand, not checked"
+    assert (jar.how, jar.held) == (no_evidence, "left"), "that run told no evidence"
+    assert (bowl.how, bowl.after, bowl.held) == ("seen", "pour", "")
     assert jar.apart_mm is not None
-
-
-def test_each_observation_changes_both_beliefs_alike(past: History) -> None:
-    """After each one, km has the same things in the same places and hands."""
-    ours, theirs = Beliefs(), KmBeliefs()
-    for one in (one for one in past.said if one.receiver == "km"):
-        theirs.hear(Heard(one.received, one.wire))
-        if not ours.hear(one):
-            continue
-        scene = theirs.scene
-        assert ours.objects == set(scene.things)
-        for name in ours.objects:
-            belief = ours.about(name)
-            assert belief.side == scene.holder(name)
-            assert belief.side or belief.pose == scene.things[name].pose
-
-
-@pytest.fixture(scope="module")
-def to_km(past: History) -> Spoken:
-    """Any communicate that km heard."""
-    return next(one for one in past.said if one.content and one.receiver == "km")
-
-
-numbers = st.floats(0.0, 0.004).map(lambda value: round(value, 4))
-sights = st.builds(
-    lambda x, y, sure: wm.SeenObject("jar_1", "jar", Pose((0.6 + x, y, 0.875)), 1.0, None, sure),
-    numbers,
-    numbers,
-    st.sampled_from(
-        [None, *(Uncertainty((v, 0.0, 0.0, v, 0.0, v), v) for v in (1e-7, 4e-6, 2e-5))]
-    ),
-)
-observations = st.one_of(
-    sights,
-    sights,
-    st.just(wm.PlacedObject("jar_1", "jar", Pose((0.6, 0.0, 0.875)), 2.0)),
-    st.sampled_from(
-        [wm.SeenHand(Side.LEFT), wm.SeenHand(Side.LEFT, "jar_1", "1", Pose((0.0, 0.0, 0.0)))]
-    ),
-    st.sampled_from(
-        [
-            wm.LostObject("jar_1", Side.LEFT),
-            wm.GivenObject("jar_1", Side.LEFT),
-            wm.MissingObject("jar_1"),
-        ]
-    ),
-)
-
-
-@settings(max_examples=300)
-@given(st.lists(observations, min_size=1, max_size=8))
-def test_sights_are_fused_as_km_fuses_them(to_km: Spoken, told_so: list[wm.AnySight]) -> None:
-    """Whatever comes between them: where it stands, and how far it may be off."""
-    ours, theirs = Beliefs(), KmBeliefs()
-    for number, content in enumerate(told_so):
-        one = saying(to_km, content, f"test@1.{number}", float(number))
-        theirs.hear(Heard(one.received, one.wire))
-        assert ours.hear(one)
-        belief, thing = ours.about("jar_1"), theirs.scene.things.get("jar_1")
-        side = theirs.scene.holder("jar_1")
-        assert belief.side == side
-        if side is None and thing is not None:
-            assert belief.pose == thing.pose
-            assert belief.deviation == (thing.uncertainty and thing.uncertainty.deviation)
 
 
 def test_a_thing_that_was_moved_unseen_is_shown_apart(past: History) -> None:

@@ -13,8 +13,8 @@ from companion.languages.values import Side
 from companion.planning.methods import Asking
 from companion.planning.steps import Geometry
 from companion.tasks.open_door.plan import ENOUGH, open_door
+from companion.world.observe import observed
 from services.knowledge.answers import ask
-from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 from services.task.outgoing_messages import observations

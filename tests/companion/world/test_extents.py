@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from companion.languages.values import Box, Pose, Shape
 from companion.models import MODELS, Model
-from services.knowledge import geometry, relations
-from services.knowledge.extents import CELL_M, FAR_M, TOUCH_M, WIDE_M, cells, cells_of, extent
-from services.knowledge.scene import Scene, SceneObject, SceneObjects
+from companion.world import geometry, relations
+from companion.world.extents import CELL_M, FAR_M, TOUCH_M, WIDE_M, cells, cells_of, extent
+from companion.world.scene import Scene, SceneObject, SceneObjects
 
 from .test_geometry import poses, shapes
 

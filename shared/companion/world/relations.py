@@ -10,9 +10,9 @@ import msgspec
 
 from companion.languages.values import Pose, Vector
 from companion.models import MODELS, Flat, Model
-from services.knowledge import geometry
-from services.knowledge.extents import TOUCH_M, cells_of
-from services.knowledge.scene import Scene, SceneObject
+from companion.world import geometry
+from companion.world.extents import TOUCH_M, cells_of
+from companion.world.scene import Scene, SceneObject
 
 # The foot of an object is taken this far above its base, so that an object on a roof is not inside;
 # estimate.

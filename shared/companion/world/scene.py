@@ -11,7 +11,7 @@ import msgspec
 
 from companion.languages.values import Pose, Shape, Side, Uncertainty
 from companion.models import MODELS, Model
-from services.knowledge.extents import Cells, cells_of
+from companion.world.extents import Cells, cells_of
 
 PARTS = {"torso": 1, "right_arm": 7, "left_arm": 7, "head": 2, "right_hand": 4, "left_hand": 4}
 """Number of joints by part of the body."""

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from companion.languages.values import Box, Cylinder, Pose, Shape, Sphere
-from services.knowledge import geometry
+from companion.world import geometry
 
 coordinates = st.floats(-0.6, 0.6)
 points = st.tuples(coordinates, coordinates, coordinates)

@@ -11,8 +11,8 @@ import msgspec
 from companion.fusing import fused
 from companion.languages import wm
 from companion.languages.values import Pose
-from services.knowledge.relations import related
-from services.knowledge.scene import Held, Origin, Scene, SceneObject
+from companion.world.relations import related
+from companion.world.scene import Held, Origin, Scene, SceneObject
 
 ELSEWHERE_M = 0.1
 """Farther than an object is pushed by a hand that misses it, and than a sight errs (estimate)."""
