@@ -18,10 +18,7 @@ UP: Vector = (0.0, 0.0, 1.0)
 _HALF = math.sqrt(0.5)
 LYING = "lying"
 """Kind of the grasps of things that lie on their side."""
-ACROSS = {
-    "lying": (_HALF, 0.0, -_HALF, 0.0),
-    "lying_turned": (0.0, _HALF, 0.0, _HALF),
-}
+ACROSS = {"lying": (_HALF, 0.0, -_HALF, 0.0), "lying_turned": (0.0, _HALF, 0.0, _HALF)}
 """Turn of a thing in a grasp across its axis: its z is the grip's -x, as where it stands
 (grasps.json, jar), or x.
 """

@@ -22,8 +22,7 @@ WORDS = (
 )
 MEANT = {text: understand(text) for text in WORDS}
 said = st.tuples(
-    st.floats(0.0, WITHIN_S),
-    st.one_of(st.sampled_from(WORDS), st.sampled_from(("", "later"))),
+    st.floats(0.0, WITHIN_S), st.one_of(st.sampled_from(WORDS), st.sampled_from(("", "later")))
 )
 some = settings(  # an example takes seconds: twenty commands would be shrunk for minutes
     deadline=None,

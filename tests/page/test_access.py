@@ -125,8 +125,7 @@ def test_a_form_of_another_port_is_refused_in_a_browser(page, house, opened):
     foreign = f"http://localhost:{page.address.port}"
     form = f"<form method=post action='{page.url}/stop'><button>go</button></form><p>{foreign}</p>"
     one.route(
-        "http://127.0.0.1:1/**",
-        lambda route: route.fulfill(content_type="text/html", body=form),
+        "http://127.0.0.1:1/**", lambda route: route.fulfill(content_type="text/html", body=form)
     )
     one.goto("http://127.0.0.1:1/")
     with one.expect_response(f"{page.url}/stop") as answer:

@@ -92,7 +92,4 @@ def test_an_end_that_only_a_failure_reaches_is_told_as_one() -> None:
         hfsm.EndState("replan", hfsm.Outcome.REPLAN),
     )
     said = list(_ends(hfsm.Machine("root", "look", (look, *ends))))
-    assert said == [
-        "the plan ends, if an act fails, with failed",
-        "the plan is to end with replan",
-    ]
+    assert said == ["the plan ends, if an act fails, with failed", "the plan is to end with replan"]

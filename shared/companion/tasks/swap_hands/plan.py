@@ -25,7 +25,4 @@ def swap_hands(known: Known, km: str, name: str) -> Subtasks | None:
     return [("set_down", thing), ("a_confirm", thing), ("hold_out", thing, OTHER[side])]
 
 
-PLAN = Plan(
-    tasks={"swap_hands": (Argument.THING,)},
-    methods={"swap_hands": (swap_hands,)},
-)
+PLAN = Plan(tasks={"swap_hands": (Argument.THING,)}, methods={"swap_hands": (swap_hands,)})
