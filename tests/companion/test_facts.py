@@ -8,9 +8,7 @@ import inspect
 import itertools
 import pkgutil
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import pytest
@@ -44,7 +42,7 @@ AGENTS = "|".join(AgentName)
 BADLY_SET = re.compile(r"^\s|\s$|\s\s|\s[;,:.)]|^[;,:.]|[;:,]$")
 
 
-def _classes() -> Iterator[str]:
+def _classes():
     for found in pkgutil.walk_packages(languages.__path__, "companion.languages."):
         for name, one in inspect.getmembers(importlib.import_module(found.name), inspect.isclass):
             if one.__module__.startswith("companion.languages"):
@@ -57,7 +55,7 @@ CALLED = {kind.capitalize() for kind in catalogue(Reader.ENGLISH).thing}
 CLASSES = re.compile(rf"\b({'|'.join(sorted(set(_classes()) - CALLED))})\b")
 
 
-def test_of_a_failed_task_a_person_is_told_what_to_do() -> None:
+def test_of_a_failed_task_a_person_is_told_what_to_do():
     """By one of the facts or their reasons, else by a call for help at the end; once."""
     floor, path = fact(Kind.ON_THE_FLOOR, "jar_1"), fact(Kind.NO_WAY_HOME, Side.LEFT)
     assert sentences.failure((path,), "en").endswith("finds no way back. Please help me.")
@@ -72,7 +70,7 @@ THINGS = st.sampled_from(
     [f"{kind}_{n}" for kind in ("jar", "bowl", "box", "door", "table", "cabinet") for n in (1, 2)]
 )
 NUMBERS = st.floats(-1e3, 1e3)
-LISTS: dict[str, list[str]] = {
+LISTS = {
     "claim": CLAIMS,
     "sensor": list(rc.Sensor),
     "fault": list(rc.Fault),
@@ -87,15 +85,13 @@ LISTS: dict[str, list[str]] = {
 OTHER_WORDS = ["path", "stopped", "left_{hand}"]
 
 
-def drawn(kind: AnyKind, because: st.SearchStrategy[tuple[Fact, ...]]) -> st.SearchStrategy[Fact]:
+def drawn(kind, because):
     """Facts of a kind."""
     parts = [_part(part, kind.parts[:n], because) for n, part in enumerate(kind.parts)]
     return st.tuples(*parts).map(lambda found: fact(kind, *itertools.chain(*found)))
 
 
-def _part(
-    part: str, before: tuple[str, ...], because: st.SearchStrategy[tuple[Fact, ...]]
-) -> st.SearchStrategy[Any]:
+def _part(part, before, because):
     name, _, of = part.partition(":")
     match name:
         case "things":
@@ -118,7 +114,7 @@ REASONS = st.lists(
 FACTS = st.sampled_from(KINDS).flatmap(lambda kind: drawn(kind, REASONS))
 
 
-def few(examples: int) -> settings:
+def few(examples):
     """So many examples, of each row of a table."""
     return settings(max_examples=examples, deadline=None)
 
@@ -126,7 +122,7 @@ def few(examples: int) -> settings:
 # --- rows -----------------------------------------------------------------------------------------
 
 
-def test_each_catalogue_has_a_row_for_each_word_and_no_other_one() -> None:
+def test_each_catalogue_has_a_row_for_each_word_and_no_other_one():
     """Kinds, claims, sensors, tasks, steps and acts of plans; a sentence that asks for something
     says please.
     """
@@ -174,7 +170,7 @@ def test_each_catalogue_has_a_row_for_each_word_and_no_other_one() -> None:
         assert [kind for kind in KINDS if (word in rows.fact[kind].lower()) != kind.asks] == []
 
 
-def test_the_operator_has_words_for_each_event() -> None:
+def test_the_operator_has_words_for_each_event():
     """The general ones and those of the tasks; each names all that it is of."""
     own = {row.event: row.of for row in SHOWN.values() if row.event}
     rows = catalogue(Reader.OPERATOR).event
@@ -183,7 +179,7 @@ def test_the_operator_has_words_for_each_event() -> None:
         assert all(f"{{{number}}}" in rows[name] for number in range(len(of)))
 
 
-def test_both_persons_have_words_for_the_same() -> None:
+def test_both_persons_have_words_for_the_same():
     """Things, furniture and units; what one is told the other is told, too."""
     english, polish = map(catalogue, PERSONS)
     assert set(english.thing) == set(polish.thing)
@@ -197,7 +193,7 @@ def test_both_persons_have_words_for_the_same() -> None:
 # --- steps of plans -------------------------------------------------------------------------------
 
 
-def _steps_of_plans() -> set[str]:
+def _steps_of_plans():
     """Return what steps of plans can do, read off each call of hfsm.Step in the code that makes
     them.
     """
@@ -226,9 +222,7 @@ def _steps_of_plans() -> set[str]:
     side=st.sampled_from(Side),
     act=st.sampled_from(list(ACTS)),
 )
-def test_a_place_in_a_plan_is_said_in_words(
-    does: str, things: list[str], side: Side, act: type[rc.Command]
-) -> None:
+def test_a_place_in_a_plan_is_said_in_words(does, things, side, act):
     """With its things and its hand, and no word of the program."""
     step = hfsm.Step(does, tuple(things), side)
     for reader in Reader:
@@ -245,7 +239,7 @@ def test_a_place_in_a_plan_is_said_in_words(
         assert not wrong, (reader, text)
 
 
-def test_what_this_version_does_not_know_is_said_by_its_name() -> None:
+def test_what_this_version_does_not_know_is_said_by_its_name():
     """A planner or an executor of another version may be more able."""
     place = hfsm.Place(("x", "y"), hfsm.Step("wave-at", ("vase_1",), Side.LEFT), "WaveHand")
     for reader in Reader:
@@ -257,13 +251,13 @@ def test_what_this_version_does_not_know_is_said_by_its_name() -> None:
 # --- sentences ------------------------------------------------------------------------------------
 
 
-def test_a_sentence_has_no_word_of_the_program() -> None:
+def test_a_sentence_has_no_word_of_the_program():
     """No id, no name of a class or an agent, and no more digits than a person reads."""
     for kind in KINDS:
         few(8)(given(one=drawn(kind, REASONS))(_has_no_word_of_the_program))()
 
 
-def _has_no_word_of_the_program(one: Fact) -> None:
+def _has_no_word_of_the_program(one):
     texts = {Reader.OPERATOR: sentences.operator((one,))}
     texts |= {reader: sentences.person((one,), reader) for reader in PERSONS}
     for reader, text in texts.items():
@@ -289,7 +283,7 @@ def _has_no_word_of_the_program(one: Fact) -> None:
         assert all(sentence[:1].isupper() for sentence in re.split(r"(?<=\.) ", text)), text
 
 
-def test_an_operator_reads_which_fault_a_sensor_has() -> None:
+def test_an_operator_reads_which_fault_a_sensor_has():
     """Each has its own sentence; the number is in that of an offset."""
     for sense in rc.Sensor:
         texts = {
@@ -310,14 +304,14 @@ def test_an_operator_reads_which_fault_a_sensor_has() -> None:
     )
 )
 @few(100)
-def test_a_fact_with_other_parts_than_those_of_its_kind_is_told_all_the_same(one: Fact) -> None:
+def test_a_fact_with_other_parts_than_those_of_its_kind_is_told_all_the_same(one):
     """A peer of another version may send one: nobody ends by it."""
     sentences.operator((one,))
     for reader in PERSONS:
         sentences.person((one,), reader)
 
 
-def test_numbers_stand_as_a_person_writes_them() -> None:
+def test_numbers_stand_as_a_person_writes_them():
     """Long times in minutes, an operator's in seconds; the form of a unit that its number asks for,
     of which Polish has four, each in two cases; a comma in Polish; never an exponent, nor a zero
     with a sign.
@@ -352,7 +346,7 @@ def test_numbers_stand_as_a_person_writes_them() -> None:
     )
 
 
-def test_polish_things_stand_in_the_case_of_their_sentence() -> None:
+def test_polish_things_stand_in_the_case_of_their_sentence():
     """A list of things, too."""
     assert (
         sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1", "box_2"),), "pl")
@@ -364,7 +358,7 @@ def test_polish_things_stand_in_the_case_of_their_sentence() -> None:
     )
 
 
-def test_who_reads_of_two_tasks_knows_which_one_is_meant() -> None:
+def test_who_reads_of_two_tasks_knows_which_one_is_meant():
     """A task that names no thing leaves no gap."""
     first = fact(Kind.COMES_BEFORE, "look_around", fact(Kind.MORE_URGENT))
     place = (fact(Kind.TASKS_BEFORE, 1, first),)
@@ -382,7 +376,7 @@ def test_who_reads_of_two_tasks_knows_which_one_is_meant() -> None:
 
 @few(300)
 @given(st.sampled_from(KINDS), st.data())
-def test_a_fact_has_the_parts_of_its_kind(kind: AnyKind, data: st.DataObject) -> None:
+def test_a_fact_has_the_parts_of_its_kind(kind, data):
     """Without a part, with one too many, or with a reason that is no fact it is none."""
     parts = data.draw(
         st.tuples(*(_part(part, kind.parts[:n], REASONS) for n, part in enumerate(kind.parts)))
@@ -397,19 +391,19 @@ def test_a_fact_has_the_parts_of_its_kind(kind: AnyKind, data: st.DataObject) ->
 @pytest.mark.parametrize(
     ("kind", "parts"), [(Kind.HOLDS, ("jar_1", Side.LEFT)), (Kind.MOVED, (0.1, "jar_1"))]
 )
-def test_parts_in_another_order_are_none(kind: AnyKind, parts: tuple[Any, ...]) -> None:
+def test_parts_in_another_order_are_none(kind, parts):
     """What is no hand is no hand, and what is no number is no number."""
     with pytest.raises(ValueError):  # noqa: PT011 -- of Side and of float, which say it in their own words
         fact(kind, *parts)
 
 
 @given(FACTS)
-def test_a_fact_survives_the_wire(one: Fact) -> None:
+def test_a_fact_survives_the_wire(one):
     """With its reasons."""
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(one), type=Fact) == one
 
 
-def test_a_kind_is_its_name_on_the_wire() -> None:
+def test_a_kind_is_its_name_on_the_wire():
     """And the same member for who reads it, whether all tasks say it or one."""
     for kind in KINDS:
         data = msgspec.msgpack.encode({"kind": kind.value})
@@ -417,14 +411,14 @@ def test_a_kind_is_its_name_on_the_wire() -> None:
         assert msgspec.msgpack.decode(msgspec.msgpack.encode(Fact(kind))) == {"kind": kind.value}
 
 
-def test_an_unknown_kind_is_refused() -> None:
+def test_an_unknown_kind_is_refused():
     """Wherever it stands: as a reason, too."""
     for wrong in ({"kind": "flies"}, {"kind": "not-begun", "because": [{"kind": "flies"}]}):
         with pytest.raises(msgspec.ValidationError, match="unknown AnyKind 'flies'"):
             msgspec.msgpack.decode(msgspec.msgpack.encode(wrong), type=Fact)
 
 
-def test_a_kind_of_a_task_has_its_sentences_in_the_task() -> None:
+def test_a_kind_of_a_task_has_its_sentences_in_the_task():
     """Each table of kinds is the general one or in the part `done` of a task, and so are its
     rows.
     """
@@ -440,7 +434,7 @@ def test_a_kind_of_a_task_has_its_sentences_in_the_task() -> None:
 
 
 @given(st.lists(FACTS, max_size=4).map(tuple), st.integers(0, 400))
-def test_facts_are_cut_to_the_room_for_them(told: tuple[Fact, ...], room: int) -> None:
+def test_facts_are_cut_to_the_room_for_them(told, room):
     """The first of them, whole; the last of these may have fewer reasons. More room never says
     less.
     """
@@ -459,7 +453,7 @@ def test_facts_are_cut_to_the_room_for_them(told: tuple[Fact, ...], room: int) -
 # --- the programs ---------------------------------------------------------------------------------
 
 
-def _named(node: ast.AST) -> tuple[str, str] | None:
+def _named(node):
     """The table and the name of a kind, where a program names one."""
     if isinstance(node, ast.Attribute):
         table = ast.unparse(node.value).removeprefix("facts.")
@@ -467,7 +461,7 @@ def _named(node: ast.AST) -> tuple[str, str] | None:
     return None
 
 
-def _made(tree: ast.AST) -> Iterator[tuple[ast.Call, tuple[str, str]]]:
+def _made(tree):
     """Calls of fact() with the names of their kinds."""
     for node in ast.walk(tree):
         if (
@@ -481,7 +475,7 @@ def _made(tree: ast.AST) -> Iterator[tuple[ast.Call, tuple[str, str]]]:
                     yield node, name
 
 
-def _fits(table: str, name: str, given: int) -> bool:
+def _fits(table, name, given):
     if name not in TABLES[table].__members__:
         return False
     parts = TABLES[table][name].parts
@@ -489,20 +483,20 @@ def _fits(table: str, name: str, given: int) -> bool:
     return given >= needed if len(parts) > needed else given == needed
 
 
-def _programs() -> list[Path]:
+def _programs():
     return [
         one for folder in ("services", "shared/companion") for one in (ROOT / folder).rglob("*.py")
     ]
 
 
-def test_each_kind_is_said_by_a_program() -> None:
+def test_each_kind_is_said_by_a_program():
     """Else its sentences are for nothing."""
     trees = [ast.parse(path.read_text()) for path in _programs()]
     named = {_named(node) for tree in trees for node in ast.walk(tree)}
     assert {(name, one.name) for name, table in TABLES.items() for one in table} <= named
 
 
-def test_each_fact_is_made_with_the_parts_of_its_kind() -> None:
+def test_each_fact_is_made_with_the_parts_of_its_kind():
     """Wherever a program makes one without a star."""
     files = _programs()
     calls = [

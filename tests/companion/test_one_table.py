@@ -2,10 +2,8 @@
 
 from dataclasses import replace as with_fields
 
-import pytest
 from msgspec.structs import replace
 
-from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Arrived, Started
 from agent_runtime.core.state import Held
 from agent_runtime.core.step import Core
@@ -28,7 +26,7 @@ from topdown.prove.fleet import Faults, Fleet
 REFUSED = "execute_plan refuse"
 
 
-def without(agent: str, event: str) -> Design:
+def without(agent, event):
     """The design less an agent's rows for an event."""
     agents = tuple(
         replace(one, row=tuple(row for row in one.row if row.on != event))
@@ -39,7 +37,7 @@ def without(agent: str, event: str) -> Design:
     return Design(replace(DESIGN.file, agent=agents), DESIGN.path)
 
 
-def takes_a_refuse(agent: Agent) -> bool:
+def takes_a_refuse(agent):
     """Whether co, whose plan runs, takes ta's refuse: else it stays in the inbox, without a
     receipt.
     """
@@ -64,7 +62,7 @@ def takes_a_refuse(agent: Agent) -> bool:
     return bool(effects.receipts)
 
 
-def test_an_agents_rows() -> None:
+def test_an_agents_rows():
     """With the row co takes the refuse; without it co leaves it, and the proof fails."""
     less = without("co", REFUSED)
     assert takes_a_refuse(with_fields(coordinator(), rows=Steps(DESIGN, "co")))
@@ -72,7 +70,7 @@ def test_an_agents_rows() -> None:
     assert explore(Fleet(less, Faults(0))).findings
 
 
-def test_a_protocols_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_protocols_rows(monkeypatch):
     """Without the row by which ta takes a cancel that crossed its final report conversation, walk
     and fleet change.
     """

@@ -6,15 +6,12 @@ journal are the true ones. What it holds is what ex remembers; where things stan
 which outlives every process.
 """
 
-from collections.abc import Callable, Iterator
-
 import numpy as np
 from msgspec.structs import replace
 
-from agent_runtime.io.devices import Post
 from companion.languages import rc, rs
 from companion.languages.values import Pose
-from companion.skills.loop_messages import Motion, motion
+from companion.skills.loop_messages import motion
 from companion.tasks.pour.done import Pour
 from services.executor.local import (
     Brake,
@@ -33,7 +30,7 @@ from services.executor.local import (
     Stands,
     Where,
 )
-from services.executor.remembered import Holding, Remembered
+from services.executor.remembered import Holding
 
 REST = np.zeros(15)
 PLACED = Pose((0.8, 0.0, 0.9))
@@ -44,7 +41,7 @@ KNOTS = np.zeros((101, 15))  # 1 s
 class World:
     """Poses of things, and how often each act moved the robot (by key)."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.poses = {
             "table_1": Pose((0.9, 0.0, 0.45)),
             "cabinet_1": Pose((0.9, 0.6, 0.9)),
@@ -58,7 +55,7 @@ class World:
             "bowl_1": "bowl_high",
         }
         self.poured = 0
-        self.begun: list[str] = []
+        self.begun = []
         self.looks = 0
         self.sim_time = 0.0
 
@@ -70,20 +67,14 @@ class Robot:
 
     busy = False
 
-    def __init__(
-        self,
-        post: Post,
-        world: World,
-        later: Callable[[float, Callable[[], None]], None],
-        looks: bool = False,
-    ) -> None:
+    def __init__(self, post, world, later, looks=False):
         self._post, self._world, self._later, self._looks = post, world, later, looks
-        self._act: Iterator[Motion] | None = None
-        self._perform: Perform | None = None
+        self._act = None
+        self._perform = None
         self._moving = ""
         self._count = 0
 
-    def tell(self, content: object) -> None:
+    def tell(self, content):
         """Take a word of ex."""
         match content:
             case Where(number=number) | Halt(number=number):
@@ -108,22 +99,22 @@ class Robot:
             case Drop():
                 self._act = self._perform = None
 
-    def close(self) -> None:
+    def close(self):
         """Killed: a motion under way has no end that anybody hears of."""
         self._act, self._moving = None, ""
 
-    def _begin(self, number: int, asked: Motion) -> None:
+    def _begin(self, number, asked):
         self._world.begun.append(asked.key)
         self._count += 1
         motion_under_way = self._moving = f"{asked.key}#{self._count}"
 
-        def end() -> None:
+        def end():
             if self._moving == motion_under_way:
                 self._moving = ""
                 self._world.sim_time += MOTION_S
                 self._post(Moved(number, self._felt("done")))
 
-        def look() -> None:
+        def look():
             if self._moving == motion_under_way:
                 self._post(Passing(number, self._felt("running")))
 
@@ -131,11 +122,11 @@ class Robot:
             self._later(MOTION_S / 2.0, look)
         self._later(MOTION_S, end)
 
-    def _felt(self, ended: str) -> Felt:
+    def _felt(self, ended):
         q = REST.tobytes()
         return Felt(q=q, measured=q, head=(0.0, 0.0), time=self._world.sim_time, ended=ended)
 
-    def _go_on(self, number: int, felt: Felt | None) -> None:
+    def _go_on(self, number, felt):
         perform = self._perform
         if perform is None or self._act is None:
             return
@@ -157,20 +148,20 @@ class Robot:
             outcome = replace(outcome, weighed=(0.26, 0.2), arrived=True)
         self._post(Ended(number, outcome, kept), 0.01)
 
-    def _skill(self, perform: Perform) -> Iterator[Motion]:
+    def _skill(self, perform):
         command, held = perform.command, perform.remembered.held
         if isinstance(command, rc.Release) and command.side not in held:
             return
         yield motion(command.key, KNOTS)
         yield motion(command.key, KNOTS)
 
-    def _sights(self, kept: Remembered) -> Iterator[rs.Seen]:
+    def _sights(self, kept):
         held = {one.object for one in kept.held.values()}
         for name, pose in self._world.poses.items():
             if name not in held:
                 yield rs.Seen(name, self._world.models[name], pose, self._world.sim_time)
 
-    def _changed(self, command: rc.Command, kept: Remembered) -> Remembered:
+    def _changed(self, command, kept):
         held = dict(kept.held)
         match command:
             case rc.Grasp(side=side, object=name, grasp=grasp, mass=mass):
@@ -184,7 +175,7 @@ class Robot:
         return replace(kept, q=tuple(float(x) for x in REST), held=held, time=self._world.sim_time)
 
 
-def _posture(kept: Remembered):
+def _posture(kept):
     posture = kept.posture()
     assert posture is not None
     return posture

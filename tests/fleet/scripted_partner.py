@@ -8,7 +8,6 @@ import msgspec
 
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Local, Received
-from agent_runtime.core.turn import Turn
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import SEND
@@ -40,10 +39,10 @@ class Names(msgspec.Struct, frozen=True):
     talks: tuple[str, ...] = ()
 
 
-def partner(name: str, heard: list[tuple[int, str, Any]], *, confirms: bool = True) -> Agent[Names]:
+def partner(name, heard, *, confirms=True):
     """The agent `name`; `heard` gets (number of conversation, performative, content)."""
 
-    def serve(memory: Names, turn: Turn) -> Names:
+    def serve(memory, turn):
         match turn.event:
             case Local(content=Open(to=to, protocol=protocol, performative=act, content=content)):
                 return Names((*memory.talks, turn.open(to, protocol, act, content)))
@@ -66,7 +65,7 @@ def partner(name: str, heard: list[tuple[int, str, Any]], *, confirms: bool = Tr
     )
 
 
-def _pay(turn: Turn, talk: str) -> None:
+def _pay(turn, talk):
     """Say what the protocol wants said in the same step."""
     if turn.holds(talk) and turn.conversation(talk).owes:
         row = turn.conversation(talk).table.allowed(turn.conversation(talk).state, SEND)[0]

@@ -4,7 +4,6 @@ none dies of it.
 
 import pytest
 
-from agent_runtime.core.wiring import Link
 from agent_runtime.testing.alone import Alone
 from companion.binding import wiring
 from companion.languages.facts import Kind, fact
@@ -22,7 +21,7 @@ AGENTS = {"co": coordinator, "ex": executor, "km": knowledge, "pl": planner, "ta
 """hi is asked by nobody."""
 
 
-def openings(name: str) -> list[tuple[Link, Performative]]:
+def openings(name):
     """The opening messages that an agent takes, as links and performatives."""
     return [
         (link, act)
@@ -33,7 +32,7 @@ def openings(name: str) -> list[tuple[Link, Performative]]:
 
 
 @pytest.mark.parametrize("name", AGENTS)
-def test_an_opening_without_content_is_not_understood(name: str) -> None:
+def test_an_opening_without_content_is_not_understood(name):
     """At once, once, and the agent is asked again as if nothing had been."""
     assert openings(name), "else this test would show nothing"
     for link, act in openings(name):
@@ -47,7 +46,7 @@ def test_an_opening_without_content_is_not_understood(name: str) -> None:
         )
 
 
-def test_a_plan_without_content_fails_the_task_in_words() -> None:
+def test_a_plan_without_content_fails_the_task_in_words():
     """The coordinator tells the person why, and takes the next task."""
     one = Alone(coordinator.agent(), wiring("co", "test"))
     asked = one.ask("hi", "request", Performative.REQUEST, PourInto("jar", "bowl"))

@@ -32,7 +32,7 @@ some = settings(  # an example takes seconds: twenty commands would be shrunk fo
 )
 
 
-def spoken(number: int, words: str) -> Sentence | CancelWanted:
+def spoken(number, words):
     """The person's words: a wish, one for later, or a cancel of the oldest open task."""
     if not words:
         return CancelWanted(f"t{number}")
@@ -41,7 +41,7 @@ def spoken(number: int, words: str) -> Sentence | CancelWanted:
     return replace(word, urgency=int(word.meaning.when.urgent), later_s=5.0 * (words == "later"))
 
 
-def told_ends(fleet: Fleet) -> Counter[str]:
+def told_ends(fleet):
     """How often the person was told the end of each task."""
     return Counter(
         one.event.task
@@ -50,7 +50,7 @@ def told_ends(fleet: Fleet) -> Counter[str]:
     )
 
 
-def all_end(fleet: Fleet, words: list[tuple[float, str]]) -> None:
+def all_end(fleet, words):
     """Say them all; every task that hi named ends, and the person hears each end once."""
     fleet.until(lambda: fleet.up("hi") and "co" in fleet.wires.nodes["hi"].state.soft.peers)
     for number, (at, text) in enumerate(words):
@@ -66,7 +66,7 @@ def all_end(fleet: Fleet, words: list[tuple[float, str]]) -> None:
 
 @some
 @given(st.lists(said, min_size=COUNT, max_size=COUNT))
-def test_twenty_commands_in_ten_seconds(words: list[tuple[float, str]]) -> None:
+def test_twenty_commands_in_ten_seconds(words):
     """Commands beyond the limit are refused in words; each step of each agent is a row of the
     design.
     """
@@ -82,9 +82,7 @@ def test_twenty_commands_in_ten_seconds(words: list[tuple[float, str]]) -> None:
     st.sampled_from(("co", "pl", "ta")),
     st.integers(1, 60),
 )
-def test_no_command_is_lost_where_an_agent_dies_meanwhile(
-    words: list[tuple[float, str]], victim: str, steps: int
-) -> None:
+def test_no_command_is_lost_where_an_agent_dies_meanwhile(words, victim, steps):
     """Of whichever of the agents that work on it; over wires that lose and double."""
     with Fleet(seed=steps, faults=Faults(loss=0.05, duplication=0.05, delay=0.05)) as fleet:
         fleet.wires.crash(victim, Point.AFTER, in_steps=steps)

@@ -2,7 +2,6 @@
 and reported.
 """
 
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
@@ -11,7 +10,6 @@ from logged_fleet import LoggedFleet
 
 from companion import sentences
 from companion.design import DESIGN
-from companion.sentences import Catalogue, Reader
 from companion.tools.live import Live
 from companion.tools.report import report
 from companion.tools.system import JOB, SYSTEM
@@ -47,17 +45,17 @@ ASKED = {"spoken", "planning", "replanning"}
 class Noise:
     """Another word each time."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.said = 0
 
-    def __call__(self, reader: Reader) -> Catalogue:
+    def __call__(self, reader):
         """Return the catalogue of a reader, with noise in place of its sentences and words."""
         found = real(reader)
         return msgspec.structs.replace(
             found, **{name: {row: self._word() for row in getattr(found, name)} for name in WORDS}
         )
 
-    def _word(self) -> str:
+    def _word(self):
         self.said += 1
         return f"zq{self.said * 7919 % 10007}"
 
@@ -78,14 +76,14 @@ class Story(NamedTuple):
     lines: list[LiveLine]
 
 
-def story(run: Path, *, missing: bool) -> Story:
+def story(run, *, missing):
     """Return the story of a pour with questions."""
     fleet = LoggedFleet(run)
     if missing:
         fleet.world.poses.pop("jar_1")
     pages, shown_last = list[View](), list[Any]()
 
-    def show() -> bool:
+    def show():
         if shown_last and shown_last[-1] == (fleet.tasks, fleet.wires.memory("hi").context):
             return fleet.ended()
         shown_last.append((fleet.tasks, fleet.wires.memory("hi").context))
@@ -113,7 +111,7 @@ def story(run: Path, *, missing: bool) -> Story:
     return Story(said, tasks, pages, made, why, lines)
 
 
-def begun(lines: list[LiveLine]) -> set[str]:
+def begun(lines):
     """Return the phases of the usual task in which a fault may begin, as `roco chaos` finds them in
     these lines.
     """
@@ -125,23 +123,21 @@ def begun(lines: list[LiveLine]) -> set[str]:
     }
 
 
-def wordless(value: Any) -> Any:
+def wordless(value):
     """A report without what a person reads."""
     if isinstance(value, dict):
         return {name: wordless(one) for name, one in value.items() if name not in TEXTS}
     return [wordless(one) for one in value] if isinstance(value, list | tuple) else value
 
 
-def shown(one: View) -> tuple[Any, ...]:
+def shown(one):
     """The page without what a person reads."""
     return bool(one.step), bool(one.next), one.things
 
 
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize("missing", [False, True], ids=["poured", "no jar"])
-def test_noise_changes_nothing_but_what_a_person_reads(
-    missing: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_noise_changes_nothing_but_what_a_person_reads(missing, tmp_path, monkeypatch):
     """Each communicate is the same to the byte; so are the tasks, the page's things, whether it has
     a step, the report, the lines of live.jsonl, and the phases that chaos finds in them.
     """

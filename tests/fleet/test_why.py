@@ -2,14 +2,9 @@
 logs alone.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 from logged_fleet import LoggedFleet
-from pretended_fleet import Fleet
 
-from operate.tracing.reasons import Why
 from operate.tracing.trace import Known
 from services.human_interface.device_messages import Sentence
 from services.human_interface.grammar import understand
@@ -18,20 +13,20 @@ POUR = "pour the content of the jar into the bowl"
 
 
 @pytest.fixture
-def fleet(tmp_path: Path) -> Iterator[LoggedFleet]:
+def fleet(tmp_path):
     """A fleet whose steps are logged."""
     with LoggedFleet(tmp_path) as made:
         yield made
 
 
-def told(why: Why, title: str) -> list[str]:
+def told(why, title):
     """The sentences of a passage; [] where there is none."""
     return next(
         ([fact.text for fact in one.facts] for one in why.passages if one.title == title), []
     )
 
 
-def running(fleet: Fleet, act: str) -> None:
+def running(fleet, act):
     """Go on until the oldest task that has not ended is in this act."""
     fleet.until(
         lambda: any(
@@ -40,7 +35,7 @@ def running(fleet: Fleet, act: str) -> None:
     )
 
 
-def test_a_thing_that_is_not_there(fleet: LoggedFleet) -> None:
+def test_a_thing_that_is_not_there(fleet):
     """The end has the planner's reason, and is followed back over pl to what the person asked."""
     fleet.world.poses.pop("jar_1")
     fleet.say(POUR)
@@ -54,7 +49,7 @@ def test_a_thing_that_is_not_there(fleet: LoggedFleet) -> None:
     assert asked[-1].startswith("pl found no plan 1: jar has not been seen")
 
 
-def test_a_cancel(fleet: LoggedFleet) -> None:
+def test_a_cancel(fleet):
     """The end is followed back through ta and ex to the person's cancel."""
     fleet.say(POUR)
     running(fleet, "grasp")
@@ -68,7 +63,7 @@ def test_a_cancel(fleet: LoggedFleet) -> None:
 
 
 @pytest.mark.parametrize("agent", ["pl", "ta"])
-def test_an_agent_that_was_killed(fleet: LoggedFleet, agent: str) -> None:
+def test_an_agent_that_was_killed(fleet, agent):
     """It is told that it was away, and, where its act was lost, why the plan was made again."""
     fleet.say(POUR)
     running(fleet, "grasp" if agent == "ta" else "")
@@ -79,7 +74,7 @@ def test_an_agent_that_was_killed(fleet: LoggedFleet, agent: str) -> None:
     )
 
 
-def test_a_task_that_was_left(fleet: LoggedFleet) -> None:
+def test_a_task_that_was_left(fleet):
     """The scheduler's decision with its numbers, when it was left, put aside and taken up; the
     urgent one has none.
     """
@@ -101,7 +96,7 @@ def test_a_task_that_was_left(fleet: LoggedFleet) -> None:
     ]
 
 
-def test_what_each_agent_does_for_a_task_stands_below_it(fleet: LoggedFleet) -> None:
+def test_what_each_agent_does_for_a_task_stands_below_it(fleet):
     """Of two tasks at once, each has its plans, its queries and its acts; every link is from a step
     log.
     """

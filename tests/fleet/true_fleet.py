@@ -6,14 +6,11 @@ therefore always comes too late.
 """
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from pretended_fleet import Fleet
 
-from agent_runtime.io.devices import Post
 from companion.eyes import Eyes
-from companion.languages.facts import Facts
 from companion.skills.loop_messages import Phase
 from services.executor.__main__ import RobotDevice
 from services.executor.local import (
@@ -42,14 +39,14 @@ from velma.sim.truth import TruthReader
 class TrueFleet(Fleet):
     """Six agents; search and skills are child processes, the loop is called."""
 
-    def __init__(self, seed: int, eyes: Eyes = Eyes.RAYS, scene: Path = CANONICAL) -> None:
+    def __init__(self, seed, eyes=Eyes.RAYS, scene=CANONICAL):
         backend = MujocoBackend(vary(load(scene), seed))
         self.truth = TruthReader(backend)
         self.core = LoopCore(backend)
         self.core.hold(0.4)
         setup = Setup(str(scene), seed, eyes)
 
-        def robot(post: Post) -> RobotDevice:
+        def robot(post):
             return RobotDevice(
                 SkillDevice(post, setup, Renderer(partial(scene_of, setup))),
                 CalledLoop(post, self.core),
@@ -63,10 +60,10 @@ class CalledLoop:
 
     busy = False
 
-    def __init__(self, post: Post, core: LoopCore) -> None:
+    def __init__(self, post, core):
         self._post, self._core = post, core
 
-    def tell(self, content: Where | Halt | Do | GoOn | Brake) -> None:
+    def tell(self, content):
         """Do it now."""
         match content:
             case Where(number=number) | Halt(number=number):
@@ -81,7 +78,7 @@ class CalledLoop:
                 self._core.cancel(content.key)
                 self._go_on(number)
 
-    def _go_on(self, number: int) -> None:
+    def _go_on(self, number):
         began = self._core.state.time
         while self._core.report.phase is Phase.RUNNING and not self._core.look_due:
             self._core.cycle()
@@ -90,10 +87,10 @@ class CalledLoop:
         word = Passing if report.phase is Phase.RUNNING else Moved
         self._post(word(number, felt), felt.time - began)
 
-    def close(self) -> None:
+    def close(self):
         """The loop goes on without its agent."""
 
-    def _felt(self, ended: str, why: Facts) -> Felt:
+    def _felt(self, ended, why):
         core = self._core
         state, report = core.state, core.report
         return Felt(

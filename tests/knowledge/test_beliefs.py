@@ -4,7 +4,6 @@ answers.
 
 import base64
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,9 +41,9 @@ class Said(NamedTuple):
     content: Any
 
 
-def read() -> Iterator[Said]:
+def read():
     """The recording without any code of ours."""
-    topics: dict[int, str] = {}
+    topics = {}
     with (POUR / "traffic.mcap").open("rb") as file:
         for record in StreamReader(file).records:
             if isinstance(record, Channel):
@@ -80,7 +79,7 @@ ANSWERED = [
 ]
 
 
-def ask(at: float | None, query: str) -> list[tuple[str, ...]]:
+def ask(at, query):
     """The rows of a query as texts, IRIs shortened, sorted."""
     known = asking.known(POUR, at)
     found = dataset(believed(known.heard), known.begin).query(query, prefixes=PREFIXES)
@@ -88,14 +87,14 @@ def ask(at: float | None, query: str) -> list[tuple[str, ...]]:
     return sorted(tuple(short(term) for term in row) for row in found)
 
 
-def short(term: Any) -> str:
+def short(term):
     """An IRI by the last part of its name, a literal by its text."""
     if isinstance(term, ox.NamedNode):
         return term.value.rpartition("#")[2].rpartition("/")[2]
     return "" if term is None else str(term.value)
 
 
-def newest(at: float, kind: str, key: str) -> dict[str, Said]:
+def newest(at, kind, key):
     """The last observation of each subject that was told until then; its counter only grows in this
     run.
     """
@@ -106,7 +105,7 @@ def newest(at: float, kind: str, key: str) -> dict[str, Said]:
 
 @settings(max_examples=12, deadline=None)
 @given(st.floats(0.0, 90.0))
-def test_at_any_time_the_newest_observation_of_each_thing_counts(at: float) -> None:
+def test_at_any_time_the_newest_observation_of_each_thing_counts(at):
     """Its pose, its time, its version, who told it and when; hands hold what was told of them
     last.
     """
@@ -132,7 +131,7 @@ def test_at_any_time_the_newest_observation_of_each_thing_counts(at: float) -> N
     assert set(ask(at, "SELECT ?thing ?hand WHERE { ?thing roco:isGraspedBy ?hand }")) == held
 
 
-def test_jar_at_12_s_and_who_said_so() -> None:
+def test_jar_at_12_s_and_who_said_so():
     """By hand from the recording: seen at 5.03 s in and on the cabinet, held by nobody; told by
     ta.
     """
@@ -145,7 +144,7 @@ def test_jar_at_12_s_and_who_said_so() -> None:
     assert rows == [("isIn", "cabinet_2", "ta", "5.031"), ("isOn", "cabinet_2", "ta", "5.031")]
 
 
-def _scene(asked: Said) -> tuple[str, str]:
+def _scene(asked):
     """Return the place to look a question of the recording up: SPARQL before and behind the
     pattern.
     """
@@ -153,12 +152,12 @@ def _scene(asked: Said) -> tuple[str, str]:
     return (f"GRAPH <{PREFIXES['state']}{state}> {{", "}") if state else ("", "")
 
 
-def _asked(kind: str) -> list[tuple[Said, Said]]:
+def _asked(kind):
     return [pair for pair in ANSWERED if pair[0].content["type"] == kind]
 
 
 @pytest.mark.parametrize(("asked", "answer"), _asked("ObjectPose"))
-def test_where_km_said_a_thing_is(asked: Said, answer: Said) -> None:
+def test_where_km_said_a_thing_is(asked, answer):
     """Of the observed world and of hypothetical states: on what, how exact, in which hand, as km
     answered then.
     """
@@ -182,7 +181,7 @@ def test_where_km_said_a_thing_is(asked: Said, answer: Said) -> None:
 
 
 @pytest.mark.parametrize(("asked", "answer"), [*_asked("CurrentGrasp"), *_asked("GraspAtSide")])
-def test_who_km_said_holds_a_thing(asked: Said, answer: Said) -> None:
+def test_who_km_said_holds_a_thing(asked, answer):
     """The grasp, too."""
     before, behind = _scene(asked)
     rows = ask(
@@ -199,7 +198,7 @@ def test_who_km_said_holds_a_thing(asked: Said, answer: Said) -> None:
     assert found == ([(said["object"], hand, grasp)] if held else [])
 
 
-def test_states_are_there_from_making_to_dropping() -> None:
+def test_states_are_there_from_making_to_dropping():
     """States the planner had made and not yet dropped are there, at times between all that was
     said.
     """
@@ -227,7 +226,7 @@ def test_states_are_there_from_making_to_dropping() -> None:
         assert {row[0] for row in rows} == {id.rpartition("/")[2] for id in alive}
 
 
-def test_another_life_of_km_has_no_states() -> None:
+def test_another_life_of_km_has_no_states():
     """Hypothetical states die with km, the observed scene does not."""
     heard = asking.known(POUR, 10.5).heard
     with_states, without = believed(heard), believed((*heard, Heard(heard[-1].at)))
@@ -236,7 +235,7 @@ def test_another_life_of_km_has_no_states() -> None:
     assert without.scene == with_states.scene
 
 
-def test_what_is_asked_of_another_life_again_is_there_again(tmp_path: Path) -> None:
+def test_what_is_asked_of_another_life_again_is_there_again(tmp_path):
     """The same question with the same id, recorded once more after the life began, and km's answer
     to it.
     """
@@ -264,7 +263,7 @@ def test_what_is_asked_of_another_life_again_is_there_again(tmp_path: Path) -> N
     assert states[0].keys() == states[2].keys() != states[1].keys() == set()
 
 
-def test_facts_are_those_of_kms_own_store() -> None:
+def test_facts_are_those_of_kms_own_store():
     """After each communicate: what km's store would hold of the scene, each fact with a source that
     was told before.
     """
@@ -280,14 +279,14 @@ def test_facts_are_those_of_kms_own_store() -> None:
     assert beliefs.sources
 
 
-def told(beliefs: Beliefs) -> set[tuple[str, str]]:
+def told(beliefs):
     """Return the believed pairs (subject, predicate), without times: a step log has the time of
     sending.
     """
     return {(str(fact.subject), str(fact.predicate)) for fact in beliefs.facts}
 
 
-def test_step_logs_tell_it_too(tmp_path: Path) -> None:
+def test_step_logs_tell_it_too(tmp_path):
     """A run whose recorder heard nothing: what reached km stands in its own step log."""
     log = steplog.StepLog(tmp_path / "steps/km.steps")
     heard = [

@@ -21,13 +21,13 @@ from .conftest import KITCHEN, yaw
 from .storing import store_observation
 
 
-def seen(name: str, model: str, xyz: tuple[float, float, float], at: float = 0.0) -> wm.SeenObject:
+def seen(name, model, xyz, at=0.0):
     """An upright object seen."""
     return wm.SeenObject(name, model, Pose(xyz), at)
 
 
 # Things that come and go: on the table, in the hand, the furniture itself pushed aside.
-MOVES: tuple[wm.AnyObservation, ...] = (
+MOVES = (
     seen("jar_1", "jar", (0.783, -0.84, 0.875)),
     seen("bowl_1", "bowl_high", (0.8, -0.8, 0.775)),
     seen("lid_1", "jar_lid", (0.8, -0.8, 0.805)),
@@ -45,7 +45,7 @@ SURE = Uncertainty((3e-7, 0.0, 0.0, 3e-7, 0.0, 3e-7), 1e-6)
 UNSURE = Uncertainty((3e-5, 0.0, 0.0, 3e-5, 0.0, 3e-5), 1e-4)
 
 
-def scene_of(*observations: wm.AnyObservation) -> Scene:
+def scene_of(*observations):
     """All of them, one after the other."""
     scene = Scene()
     for count, observation in enumerate(observations):
@@ -53,7 +53,7 @@ def scene_of(*observations: wm.AnyObservation) -> Scene:
     return scene
 
 
-def test_the_cabinet_holds_jar_and_bowl_and_stands_on_a_table(kitchen: Store) -> None:
+def test_the_cabinet_holds_jar_and_bowl_and_stands_on_a_table(kitchen):
     """The relations of the recorded scene, though the jar was seen before the cabinet."""
     things = kitchen.scene.things
     assert (things["jar_1"].on, things["jar_1"].inside) == ("cabinet_2", ("cabinet_2",))
@@ -62,7 +62,7 @@ def test_the_cabinet_holds_jar_and_bowl_and_stands_on_a_table(kitchen: Store) ->
     assert things["table_1"].on == ""
 
 
-def test_relations_carry_the_time_of_the_observation_they_rest_on(kitchen: Store) -> None:
+def test_relations_carry_the_time_of_the_observation_they_rest_on(kitchen):
     """The jar was seen at 1.2 s; that it is in the cabinet is known since that was seen, at 1.4
     s.
     """
@@ -70,7 +70,7 @@ def test_relations_carry_the_time_of_the_observation_they_rest_on(kitchen: Store
     assert (jar.at, jar.related_at) == (1.2, 1.4)
 
 
-def test_what_was_lost_is_nowhere_until_it_is_seen() -> None:
+def test_what_was_lost_is_nowhere_until_it_is_seen():
     """Not in the hand, not where it was; the newest word about it counts."""
     scene = scene_of(
         seen("jar_1", "jar", (0.783, -0.84, 0.875)),
@@ -86,7 +86,7 @@ def test_what_was_lost_is_nowhere_until_it_is_seen() -> None:
     assert again.lost == {}
 
 
-def test_a_missing_thing_is_nowhere_until_it_is_seen_again() -> None:
+def test_a_missing_thing_is_nowhere_until_it_is_seen_again():
     """It keeps its class, also when it is missing twice. A question for a bowl is answered with the
     reason.
     """
@@ -98,7 +98,7 @@ def test_a_missing_thing_is_nowhere_until_it_is_seen_again() -> None:
     assert "bowl_1" in observed(scene, bowl, (1, 9)).things
 
 
-def test_what_was_given_is_nowhere_and_km_knows_that_it_was_given() -> None:
+def test_what_was_given_is_nowhere_and_km_knows_that_it_was_given():
     """It is in no hand, and a question for it is answered with the reason until it is seen
     again.
     """
@@ -111,7 +111,7 @@ def test_what_was_given_is_nowhere_and_km_knows_that_it_was_given() -> None:
     assert observed(scene, jar, (1, 9)).lost == {}
 
 
-def test_content_that_was_seen_stays_known_until_it_is_looked_into_again() -> None:
+def test_content_that_was_seen_stays_known_until_it_is_looked_into_again():
     """A sight from too far away tells nothing of it."""
     there, pose = (0.783, -0.84, 0.775), Pose((0.783, -0.84, 0.775))
     scene = scene_of(
@@ -128,9 +128,7 @@ PUT = wm.PlacedObject("jar_1", "jar", Pose((0.783, -0.84, 0.877)), 7.0)
 
 
 @pytest.mark.parametrize("told", [(wm.SeenHand(Side.LEFT), PUT), (PUT, wm.SeenHand(Side.LEFT))])
-def test_what_was_put_down_stays_where_the_hand_left_it(
-    kitchen: Store, told: tuple[wm.AnySight, ...]
-) -> None:
+def test_what_was_put_down_stays_where_the_hand_left_it(kitchen, told):
     """On the table, not seen there, since the hand let go of it; not in the cabinet where it was
     seen last.
     """
@@ -155,7 +153,7 @@ def test_what_was_put_down_stays_where_the_hand_left_it(
     assert (seen_there.exact, seen_there.at, seen_there.origin) == (True, 8.0, jar.origin)
 
 
-def test_what_was_put_down_is_known_after_a_restart(kitchen: Store) -> None:
+def test_what_was_put_down_is_known_after_a_restart(kitchen):
     """Its place, and that nobody saw it there, are in the store."""
     for count, observation in enumerate((TAKEN_OUT, wm.SeenHand(Side.LEFT), PUT)):
         assert store_observation(kitchen, observation, (9, count), now=9.0)
@@ -163,7 +161,7 @@ def test_what_was_put_down_is_known_after_a_restart(kitchen: Store) -> None:
     assert answer == wm.PoseOf("jar_1", PUT.pose, exact=False, on="table_1")
 
 
-def test_on_the_roof_is_not_inside() -> None:
+def test_on_the_roof_is_not_inside():
     """A jar on top of the cabinet is on it and not in it."""
     scene = scene_of(
         seen("c", "cabinet_no_door", (1.0, 0.0, 1.0)),
@@ -172,7 +170,7 @@ def test_on_the_roof_is_not_inside() -> None:
     assert (scene.things["j"].on, scene.things["j"].inside) == ("c", ())
 
 
-def test_beside_the_table_is_not_on_it() -> None:
+def test_beside_the_table_is_not_on_it():
     """The middle of the base must be above the surface, and near it."""
     table = seen("t", "table", (0.0, 0.0, 0.0))
     for xyz, on in (
@@ -184,7 +182,7 @@ def test_beside_the_table_is_not_on_it() -> None:
         assert scene_of(table, seen("b", "bowl_high", xyz)).things["b"].on == on
 
 
-def test_a_bowl_may_hold_something() -> None:
+def test_a_bowl_may_hold_something():
     """A lid that lies in a bowl is in it."""
     scene = scene_of(
         seen("b", "bowl_high", (0.0, 0.0, 0.0)), seen("l", "jar_lid", (0.01, 0.0, 0.03))
@@ -193,9 +191,7 @@ def test_a_bowl_may_hold_something() -> None:
 
 
 @given(st.permutations([(1, 1), (1, 2), (2, 1), (2, 2)]))
-def test_whatever_the_order_of_arrival_the_newest_observation_stays(
-    order: list[tuple[int, int]],
-) -> None:
+def test_whatever_the_order_of_arrival_the_newest_observation_stays(order):
     """Older versions of a subject change nothing; a new incarnation is newer than any count."""
     scene = Scene()
     for version in order:
@@ -207,21 +203,19 @@ def test_whatever_the_order_of_arrival_the_newest_observation_stays(
 
 
 @given(st.sampled_from(KITCHEN), st.integers(0, 5))
-def test_an_observation_taken_twice_is_taken_once(
-    observation: wm.AnyObservation, version: int
-) -> None:
+def test_an_observation_taken_twice_is_taken_once(observation, version):
     """The second time the scene is the very same object."""
     once = observed(Scene(), observation, (1, version))
     assert observed(once, observation, (1, version)) is once
 
 
-def test_subjects_are_separate() -> None:
+def test_subjects_are_separate():
     """A hand, an object and the body do not outdate each other."""
     subjects = [subject_of(observation) for observation in KITCHEN]
     assert len(set(subjects)) == len(subjects)
 
 
-def test_what_a_hand_holds_has_no_exact_pose_until_it_is_seen_after_its_release() -> None:
+def test_what_a_hand_holds_has_no_exact_pose_until_it_is_seen_after_its_release():
     """It moves with the hand; put down unseen it is where it was predicted; seen again it is
     exact.
     """
@@ -234,7 +228,7 @@ def test_what_a_hand_holds_has_no_exact_pose_until_it_is_seen_after_its_release(
     assert scene_of(jar, grasp, wm.SeenHand(Side.LEFT), jar).things["j"].exact
 
 
-def test_an_object_is_in_one_hand_at_most() -> None:
+def test_an_object_is_in_one_hand_at_most():
     """Seen in the right hand, it is no longer in the left one."""
     hold = [wm.SeenHand(side, "j", "1", Pose((0.0, 0.0, 0.0))) for side in (Side.LEFT, Side.RIGHT)]
     scene = scene_of(seen("j", "jar", (0.0, 0.0, 0.0)), *hold)
@@ -242,7 +236,7 @@ def test_an_object_is_in_one_hand_at_most() -> None:
     assert scene.hands[Side.LEFT].object == ""
 
 
-def test_a_held_object_stands_on_nothing(kitchen: Store) -> None:
+def test_a_held_object_stands_on_nothing(kitchen):
     """Grasped on the shelf, it is where the hand is: neither on the shelf nor in the cabinet."""
     scene = observed(
         kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0)
@@ -250,14 +244,14 @@ def test_a_held_object_stands_on_nothing(kitchen: Store) -> None:
     assert (scene.things["jar_1"].on, scene.things["jar_1"].inside) == ("", ())
 
 
-def test_an_object_of_an_unknown_model_is_kept() -> None:
+def test_an_object_of_an_unknown_model_is_kept():
     """It is somewhere, though nothing else is known of it."""
     scene = scene_of(seen("x", "teapot", (0.0, 0.0, 0.0)))
     assert scene.things["x"].kind == "PhysicalObject"
     assert scene.things["x"].known is None
 
 
-def test_the_hands_posture_is_four_numbers(kitchen: Store) -> None:
+def test_the_hands_posture_is_four_numbers(kitchen):
     """All six parts of the body are there after one observation."""
     assert {part: len(q) for part, q in kitchen.scene.joints.items()} == {
         "torso": 1,
@@ -270,9 +264,7 @@ def test_the_hands_posture_is_four_numbers(kitchen: Store) -> None:
 
 
 @given(st.lists(st.sampled_from([*KITCHEN[:5], *MOVES]), min_size=1, max_size=12))
-def test_relations_kept_are_those_that_would_be_computed_anew(
-    story: list[wm.AnyObservation],
-) -> None:
+def test_relations_kept_are_those_that_would_be_computed_anew(story):
     """Looking only at what moved gives what looking at everything gives, whatever happened in
     whatever order.
     """
@@ -281,13 +273,13 @@ def test_relations_kept_are_those_that_would_be_computed_anew(
         assert (thing.on, thing.inside) == relate(scene, thing)
 
 
-def test_a_scene_encodes_whole(kitchen: Store) -> None:
+def test_a_scene_encodes_whole(kitchen):
     """It goes into a journal and comes back as it was."""
     scene = kitchen.scene
     assert msgspec.msgpack.decode(msgspec.msgpack.encode(scene), type=Scene) == scene
 
 
-def test_observed_is_pure(kitchen: Store) -> None:
+def test_observed_is_pure(kitchen):
     """The scene it is given stays as it was."""
     before = kitchen.scene
     kept = (dict(before.things), dict(before.versions))
@@ -317,7 +309,7 @@ TAKEN, LET_GO = wm.SeenHand(Side.LEFT, "j", "1", Pose((0.0, 0.0, 0.0))), wm.Seen
         ((TAKEN, SHELF, LET_GO, TABLE), None),
     ],
 )
-def test_the_place_before_the_first_taking_is_kept(observations, stood) -> None:
+def test_the_place_before_the_first_taking_is_kept(observations, stood):
     """Also when it was put down between; until somebody else moves it. What was not seen standing
     has none.
     """
@@ -326,7 +318,7 @@ def test_the_place_before_the_first_taking_is_kept(observations, stood) -> None:
     assert (origin and origin.pose) == (stood and stood.pose)
 
 
-def test_what_it_stood_on_is_kept_too(kitchen: Store) -> None:
+def test_what_it_stood_on_is_kept_too(kitchen):
     """A held thing stands on nothing; where it came from it did."""
     scene = observed(
         kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0)
@@ -338,7 +330,7 @@ def test_what_it_stood_on_is_kept_too(kitchen: Store) -> None:
     )
 
 
-def test_a_far_look_does_not_undo_a_near_one() -> None:
+def test_a_far_look_does_not_undo_a_near_one():
     """They are fused where they agree; what moved is where it was seen last."""
     near = msgspec.structs.replace(
         seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE
@@ -365,7 +357,7 @@ def test_a_far_look_does_not_undo_a_near_one() -> None:
         wm.GivenObject("jar_1", Side.LEFT),
     ],
 )
-def test_a_sight_of_a_thing_that_a_hand_had_counts_alone(between: wm.AnySight) -> None:
+def test_a_sight_of_a_thing_that_a_hand_had_counts_alone(between):
     """Where it was before says nothing then, and a place where a hand left it was not seen."""
     near = msgspec.structs.replace(
         seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE

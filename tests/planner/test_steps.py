@@ -2,9 +2,6 @@
 co.
 """
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 from driven import Driven
 from msgspec import Raw
@@ -13,7 +10,7 @@ from scripted_search import look, plan_of
 from agent_runtime.core.events import Local, Receipted, Started, Tick
 from companion.binding import wiring
 from companion.languages import hfsm, wm
-from companion.languages.facts import Fact, Kind, fact
+from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.planner import behaviours
 from services.planner.device_messages import Answer, Ask, Begin, Died, Found, Stop
@@ -24,22 +21,22 @@ ASKED = wm.ListObjects()
 LATER = wm.Unknown((fact(Kind.LOOK_NOT_OVER),), later=True)
 
 
-def network(name: str) -> hfsm.GroundTaskNetwork:
+def network(name):
     """A task that needs no object."""
     return hfsm.GroundTaskNetwork(name, (hfsm.Task("look_around", ()),))
 
 
-def asks(one: Driven, name: str) -> None:
+def asks(one, name):
     """co's problem."""
     one.hears("co", "request", P.REQUEST, network(name), talk=f"co-{name}")
 
 
-def question(one: Driven) -> str:
+def question(one):
     """The conversation in which km was asked last."""
     return [sent.conversation for sent in one.sends() if sent.receiver == "km"][-1]
 
 
-def answers(one: Driven, content: Any, talk: str = "") -> None:
+def answers(one, content, talk=""):
     """km's word."""
     asked = (
         next(iter(one.state.soft.asks.values())).communicate
@@ -57,7 +54,7 @@ def answers(one: Driven, content: Any, talk: str = "") -> None:
     )
 
 
-def said(one: Driven) -> list[tuple[str, P, Any]]:
+def said(one):
     """To whom, performative and content of all that was said in the last step."""
     read = one.core.wiring.languages.read
     return [
@@ -66,14 +63,14 @@ def said(one: Driven) -> list[tuple[str, P, Any]]:
     ]
 
 
-def fresh() -> Driven:
+def fresh():
     """A pl that just came up."""
     one = Driven(behaviours.agent(SEED), wiring("pl", "test"))
     one.step(Started())
     return one
 
 
-def beginning() -> Driven:
+def beginning():
     """A problem was taken; km is asked to forget what was supposed for it before."""
     one = fresh()
     asks(one, "p1")
@@ -83,21 +80,21 @@ def beginning() -> Driven:
     return one
 
 
-def searching() -> Driven:
+def searching():
     """The search is under way."""
     one = beginning()
     answers(one, wm.Made("p1"))
     return one
 
 
-def waiting() -> Driven:
+def waiting():
     """The search waits for a fact."""
     one = searching()
     one.step(Local(Ask(1, ASKED)))
     return one
 
 
-def test_a_problem_is_agreed_to_and_km_forgets_first() -> None:
+def test_a_problem_is_agreed_to_and_km_forgets_first():
     """Then the search begins, with the seed of this pl, and counted."""
     one = beginning()
     assert said(one) == [
@@ -109,7 +106,7 @@ def test_a_problem_is_agreed_to_and_km_forgets_first() -> None:
     assert (one.state.memory.ready, one.state.memory.begun) == (True, 1)
 
 
-def test_a_fact_goes_from_km_to_the_search() -> None:
+def test_a_fact_goes_from_km_to_the_search():
     """Once each way; the question is over then."""
     one = waiting()
     assert said(one) == [("km", P.QUERY_REF, ASKED)]
@@ -125,7 +122,7 @@ def test_a_fact_goes_from_km_to_the_search() -> None:
         (Died("exit status 3"), fact(Kind.ENDED, "search")),
     ],
 )
-def test_a_search_without_a_plan_fails_the_problem(event: Any, why: Fact) -> None:
+def test_a_search_without_a_plan_fails_the_problem(event, why):
     """co is told why, the search is stopped, km forgets; pl is free for the next."""
     one = searching()
     one.step(Local(event))
@@ -138,7 +135,7 @@ def test_a_search_without_a_plan_fails_the_problem(event: Any, why: Fact) -> Non
     assert (one.state.state, one.state.memory.problem) == ("idle", None)
 
 
-def test_a_plan_ends_the_search_without_stopping_it() -> None:
+def test_a_plan_ends_the_search_without_stopping_it():
     """It has ended by itself. What is no longer needed is asked for only once."""
     one = waiting()
     asked = question(one)
@@ -153,7 +150,7 @@ def test_a_plan_ends_the_search_without_stopping_it() -> None:
 
 
 @pytest.mark.parametrize("state", [beginning, waiting])
-def test_while_the_world_is_looked_at_the_problem_is_put_off(state: Callable[[], Driven]) -> None:
+def test_while_the_world_is_looked_at_the_problem_is_put_off(state):
     """co is told to come again; nothing was supposed, so km has nothing to forget."""
     one = state()
     answers(one, LATER)
@@ -163,7 +160,7 @@ def test_while_the_world_is_looked_at_the_problem_is_put_off(state: Callable[[],
 
 
 @pytest.mark.parametrize("state", [beginning, waiting])
-def test_a_km_that_does_not_answer_fails_the_problem(state: Callable[[], Driven]) -> None:
+def test_a_km_that_does_not_answer_fails_the_problem(state):
     """Not before the time is over."""
     one = state()
     one.now += ANSWER_WITHIN_S
@@ -177,7 +174,7 @@ def test_a_km_that_does_not_answer_fails_the_problem(state: Callable[[], Driven]
 
 
 @pytest.mark.parametrize("state", [beginning, waiting])
-def test_a_km_that_cannot_be_understood_fails_the_problem(state: Callable[[], Driven]) -> None:
+def test_a_km_that_cannot_be_understood_fails_the_problem(state):
     """With its reason."""
     one = state()
     asked = next(iter(one.state.soft.asks.values())).communicate
@@ -193,7 +190,7 @@ def test_a_km_that_cannot_be_understood_fails_the_problem(state: Callable[[], Dr
     assert content.why == (fact(Kind.BROKE_OFF, "km"),)
 
 
-def test_hypotheses_lost_begin_the_search_again() -> None:
+def test_hypotheses_lost_begin_the_search_again():
     """As another attempt: words of the one before are ignored."""
     one = waiting()
     answers(one, wm.UnknownState("p1/0"))
@@ -213,7 +210,7 @@ def test_hypotheses_lost_begin_the_search_again() -> None:
     assert one.state.memory == memory
 
 
-def test_a_restart_begins_the_search_again() -> None:
+def test_a_restart_begins_the_search_again():
     """The child is gone, and so are km's hypotheses of it."""
     one = searching()
     one.state = one.core.boot(one.core.record(one.state))
@@ -222,7 +219,7 @@ def test_a_restart_begins_the_search_again() -> None:
     assert said(one) == [("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))]
 
 
-def test_a_restart_while_km_is_asked_to_forget_asks_again() -> None:
+def test_a_restart_while_km_is_asked_to_forget_asks_again():
     """The question died with the one before."""
     one = beginning()
     one.state = one.core.boot(one.core.record(one.state))
@@ -232,7 +229,7 @@ def test_a_restart_while_km_is_asked_to_forget_asks_again() -> None:
     assert one.tells == [Begin(1, network("p1"), SEED)]
 
 
-def test_of_several_problems_only_the_cancelled_one_is_forgotten() -> None:
+def test_of_several_problems_only_the_cancelled_one_is_forgotten():
     """One that waits, or the one under way: whose search is stopped, whose question is dropped."""
     one = waiting()
     for name in ("p2", "p3"):

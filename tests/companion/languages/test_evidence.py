@@ -34,7 +34,7 @@ TOLD = st.lists(
 )
 
 
-def test_each_act_says_what_must_be_true_after_it() -> None:
+def test_each_act_says_what_must_be_true_after_it():
     """Each check names senses, a field of the command and a claim; each claim is one of a check."""
     for act, row in ACTS.items():
         assert row.checks, act
@@ -43,7 +43,7 @@ def test_each_act_says_what_must_be_true_after_it() -> None:
     assert {check.claim for row in ACTS.values() for check in row.checks} == set(CLAIMS.values())
 
 
-def test_a_claim_survives_the_wire() -> None:
+def test_a_claim_survives_the_wire():
     """As the same member, with what it says of itself; an unknown one is refused."""
     for claim in CLAIMS.values():
         data = msgspec.msgpack.encode(Evidence(claim, "jar_1"))
@@ -54,7 +54,7 @@ def test_a_claim_survives_the_wire() -> None:
 
 
 @given(TOLD, TOLD, st.sets(THINGS))
-def test_the_last_word_counts(known: list[Evidence], told: list[Evidence], held: set[str]) -> None:
+def test_the_last_word_counts(known, told, held):
     """Of each claim about a thing one word is kept, the newest; what a hand holds stands nowhere,
     and the reverse.
     """
@@ -73,7 +73,7 @@ def test_the_last_word_counts(known: list[Evidence], told: list[Evidence], held:
 
 
 @given(TOLD, st.integers(0, 400))
-def test_what_fits_begins_with_what_was_not_checked(known: list[Evidence], room: int) -> None:
+def test_what_fits_begins_with_what_was_not_checked(known, room):
     """No more bytes than there is room for, and nothing that was checked before all is told that
     was not.
     """

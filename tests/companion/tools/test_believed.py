@@ -21,8 +21,6 @@ from companion.tools.report.judges import Share
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from fipa_codec.communicate import encode
-from operate.recording.history import History
-from operate.recording.records import Spoken
 from operate.recording.run import Run
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
@@ -33,19 +31,19 @@ mm higher.
 
 
 @pytest.fixture(scope="module")
-def past() -> History:
+def past():
     """The recorded pour; jar in the left hand, bowl on the table at its end."""
     return Run(POUR, SYSTEM).history
 
 
-def saying(one: Spoken, content: object, id: str, received: float) -> Spoken:
+def saying(one, content, id, received):
     """The communicate with another content, said under this id at this time."""
     language = WM if isinstance(content, wm.AnyObservation) else RC
     wire = encode(msgspec.structs.replace(one.communicate, content=language.encode(content), id=id))
     return msgspec.structs.replace(one, wire=wire, id=id, received=received).read_in(LANGUAGES)
 
 
-def told(past: History, *observations: wm.AnyObservation) -> History:
+def told(past, *observations):
     """The history in which ta told km this at its end, newer than all before."""
     last = max(
         (one for one in past.said if one.content and one.receiver == "km"),
@@ -58,12 +56,12 @@ def told(past: History, *observations: wm.AnyObservation) -> History:
     return msgspec.structs.replace(past, said=(*past.said, *more))
 
 
-def found(past: History, name: str) -> believed.Believed:
+def found(past, name):
     """The belief about one thing."""
     return next(one for one in believed.beliefs(past) if one.object == name)
 
 
-def test_belief_is_near_the_truth(past: History) -> None:
+def test_belief_is_near_the_truth(past):
     """Of what stands and of what a hand holds, each with the observation that says so."""
     for one in believed.beliefs(past):
         assert one.id
@@ -78,7 +76,7 @@ def test_belief_is_near_the_truth(past: History) -> None:
     assert jar.apart_mm is not None
 
 
-def test_a_thing_that_was_moved_unseen_is_shown_apart(past: History) -> None:
+def test_a_thing_that_was_moved_unseen_is_shown_apart(past):
     """The truth has the bowl 0.1 m away: the row says so, in red."""
     at, last = truth(past)[-1]
     x, y, z = last.at["bowl_1"]
@@ -89,7 +87,7 @@ def test_a_thing_that_was_moved_unseen_is_shown_apart(past: History) -> None:
     assert text.count('<td class="n wrong">') == 1
 
 
-def test_what_was_put_down_unseen_or_lost_is_said_so(past: History) -> None:
+def test_what_was_put_down_unseen_or_lost_is_said_so(past):
     """With its place, or without one."""
     let_go = wm.SeenHand(Side.LEFT)
     put = found(
@@ -106,7 +104,7 @@ def test_what_was_put_down_unseen_or_lost_is_said_so(past: History) -> None:
     ] == []
 
 
-def test_what_is_lost_is_in_no_hand(past: History) -> None:
+def test_what_is_lost_is_in_no_hand(past):
     """Though no hand was told to be empty; before the loss it was."""
     jar = found(told(past, wm.LostObject("jar_1", Side.LEFT)), "jar_1")
     assert (jar.how, jar.held, jar.at) == ("lost by the left hand", "", None)
@@ -118,7 +116,7 @@ def test_what_is_lost_is_in_no_hand(past: History) -> None:
     assert found(again, "jar_1").held == "left"
 
 
-def test_nothing_older_than_a_lost_world_counts(past: History) -> None:
+def test_nothing_older_than_a_lost_world_counts(past):
     """Though it is heard after it."""
     lost = told(past, wm.WorldLost((fact(Kind.NEW_WORLD),)))
     (last,) = lost.said[-1:]
@@ -134,7 +132,7 @@ def test_nothing_older_than_a_lost_world_counts(past: History) -> None:
     assert beliefs.objects == set()
 
 
-def test_the_poured_share_is_believed_by_weight(past: History) -> None:
+def test_the_poured_share_is_believed_by_weight(past):
     """The recording is of before pours were weighed; with weights, half of the content left the
     jar.
     """

@@ -1,12 +1,10 @@
 """Table of runs that did the main job or not: one thing changed at a time."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import msgspec
 import pytest
 import synthetic
-from synthetic import Run
 
 from companion.languages import cmd, hfsm, rc, sw
 from companion.languages.facts import Kind, fact
@@ -21,14 +19,14 @@ from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from fipa_codec.performatives import Performative as P
 from operate.recording import history
-from operate.recording.records import Spoken, understood
+from operate.recording.records import understood
 from operate.recording.run import Run as RecordedRun
 from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
 
 Change = Callable[[TrueState], TrueState]
 
 
-def changed(**fields: object) -> Change:
+def changed(**fields):
     """The truth with other fields."""
     return lambda truth: msgspec.structs.replace(truth, **fields)
 
@@ -71,7 +69,7 @@ TRUTHS = [
 @pytest.mark.parametrize(
     ("change", "reason"), [case[1:] for case in TRUTHS], ids=[case[0] for case in TRUTHS]
 )
-def test_success_by_the_truth(pouring: Run, change: Change, reason: str | None) -> None:
+def test_success_by_the_truth(pouring, change, reason):
     """Success is no reason against it; a failure names what was wrong."""
     past = _past(pouring)
     past = synthetic.with_truth(past, tuple((at, change(one)) for at, one in truth(past)))
@@ -79,7 +77,7 @@ def test_success_by_the_truth(pouring: Run, change: Change, reason: str | None) 
     assert found is None if reason is None else found is not None and reason in found
 
 
-def test_without_the_truth_there_is_no_success(pouring: Run) -> None:
+def test_without_the_truth_there_is_no_success(pouring):
     """Nothing is assumed."""
     past = synthetic.with_truth(_past(pouring), ())
     assert (
@@ -89,7 +87,7 @@ def test_without_the_truth_there_is_no_success(pouring: Run) -> None:
 
 
 @pytest.mark.parametrize("before_s", [0.9, 1.1])
-def test_a_truth_from_before_the_end_of_the_task_is_none(pouring: Run, before_s: float) -> None:
+def test_a_truth_from_before_the_end_of_the_task_is_none(pouring, before_s):
     """A monitor that slept while it was poured has seen a jar that was full."""
     past = _past(pouring)
     command = plans.task_command(past)
@@ -107,7 +105,7 @@ def test_a_truth_from_before_the_end_of_the_task_is_none(pouring: Run, before_s:
     assert (poured(past, command).fraction is None) == (before_s > 1.0)
 
 
-def put_down(run: Run) -> None:
+def put_down(run):
     """The person has the jar put down after the pour, and the content is tipped out of the bowl
     meanwhile.
     """
@@ -122,7 +120,7 @@ def put_down(run: Run) -> None:
     run.wait(2.0)
 
 
-def test_a_pour_is_judged_at_its_own_end() -> None:
+def test_a_pour_is_judged_at_its_own_end():
     """What is asked for afterwards changes nothing: no hand holds the jar then, and the bowl is
     empty.
     """
@@ -142,7 +140,7 @@ def test_a_pour_is_judged_at_its_own_end() -> None:
     ]
 
 
-def test_each_pour_of_a_run_has_its_own_verdict() -> None:
+def test_each_pour_of_a_run_has_its_own_verdict():
     """A second one whose bowl is empty at its end fails, and the first one stays a success."""
     run = synthetic.pour(queries=5)
     put_down(run)
@@ -156,7 +154,7 @@ def test_each_pour_of_a_run_has_its_own_verdict() -> None:
     assert "0% of the content is in the bowl" in str(told.tasks[2].failure)
 
 
-def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next_act() -> None:
+def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next_act():
     """The world stands still until the robot acts; after that the truth is of another moment."""
     run = synthetic.pour(queries=5)
     put_down(run)
@@ -176,7 +174,7 @@ def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next
     )
 
 
-def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) -> None:
+def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring):
     """A truth without poses is judged by observed tables."""
     past = _past(pouring)
     at, last = truth(past)[-1]
@@ -200,9 +198,7 @@ def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) 
         (lambda one: one.channel == "C3" and one.sender == "pl", "no answer came"),
     ],
 )
-def test_every_plan_and_the_task_must_end(
-    pouring: Run, kind: Callable[[Spoken], bool], reason: str
-) -> None:
+def test_every_plan_and_the_task_must_end(pouring, kind, reason):
     """A communicate that was never said is missed."""
     past = _past(pouring)
     found = verdict.failure(
@@ -212,7 +208,7 @@ def test_every_plan_and_the_task_must_end(
     assert reason in found
 
 
-def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
+def aside(run, command, *, agreed):
     """Say another command, which comes to nothing: co refuses it, or pl finds no plan for it. Its
     conversation.
     """
@@ -241,9 +237,7 @@ def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
 
 @pytest.mark.parametrize("agreed", [False, True])
 @pytest.mark.parametrize("command", [Take("cup"), PourInto("cup", "bowl")])
-def test_another_command_that_comes_to_nothing_is_no_failure(
-    command: cmd.Command, agreed: bool
-) -> None:
+def test_another_command_that_comes_to_nothing_is_no_failure(command, agreed):
     """The content is in the bowl; what else was asked for is told beside it, by its own name."""
     run = synthetic.pour(queries=5)
     aside(run, command, agreed=agreed)
@@ -257,7 +251,7 @@ def test_another_command_that_comes_to_nothing_is_no_failure(
     assert sum("refused" in text for bar in story.bars(past) for text in bar.texts) == 0
 
 
-def test_a_plan_of_the_job_that_is_refused_stays_a_failure() -> None:
+def test_a_plan_of_the_job_that_is_refused_stays_a_failure():
     """Also while other commands are refused."""
     run = synthetic.pour(queries=5)
     aside(run, Take("cup"), agreed=False)
@@ -266,7 +260,7 @@ def test_a_plan_of_the_job_that_is_refused_stays_a_failure() -> None:
     assert "no answer came" in str(verdict.failure(msgspec.structs.replace(past, said=kept)))
 
 
-def test_a_plan_that_was_put_off_is_no_plan() -> None:
+def test_a_plan_that_was_put_off_is_no_plan():
     """The robot looked around first: the request that came to a plan is the first one, and the pour
     is a success.
     """
@@ -284,7 +278,7 @@ def test_a_plan_that_was_put_off_is_no_plan() -> None:
     ]
 
 
-def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job() -> None:
+def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job():
     """The report is of the command that was taken."""
     run = synthetic.pour(queries=5)
     talk = aside(run, PourInto("jar", "bowl"), agreed=False)
@@ -298,7 +292,7 @@ def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job() -> None:
     assert str(verdict.failure(alone)).startswith("the task ended, refused: busy")
 
 
-def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path: Path) -> None:
+def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path):
     """Of processes that were needed; instead of what follows from it."""
     state = ProcessState
     processes = (
@@ -316,7 +310,7 @@ def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path: Path) -> N
     )
 
 
-def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:
+def test_a_job_that_was_done_is_done_whoever_died_then(pouring):
     """A process that is away in the end is a cause only where something failed."""
     dead = (ProcessStatus("km", ProcessState.BACKING_OFF, note="killed by signal 9"),)
     past = msgspec.structs.replace(_past(pouring), down=dead)
@@ -327,5 +321,5 @@ def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:
     )
 
 
-def _past(run: Run) -> history.History:
+def _past(run):
     return history.of_records([understood(sample, SYSTEM) for sample in run.samples], SYSTEM)

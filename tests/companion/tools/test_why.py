@@ -4,7 +4,6 @@ them.
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -17,21 +16,21 @@ pytestmark = pytest.mark.usefixtures("answered_here")
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
 
-def asked(*words: str) -> Any:
+def asked(*words):
     """Return the verb's JSON output about this run."""
     done = CliRunner().invoke(app, [*words, "--run", str(POUR), "--format", "json"])
     assert done.exit_code == 0, done.stderr
     return json.loads(done.stdout)
 
 
-def told(why: Any, title: str) -> list[str]:
+def told(why, title):
     """The sentences of a passage."""
     return next(
         [fact["text"] for fact in one["facts"]] for one in why["passages"] if one["title"] == title
     )
 
 
-def test_why_two_plans() -> None:
+def test_why_two_plans():
     """The first one says that it ends with a new plan and ended so, with the reason; the second one
     succeeded.
 
@@ -52,7 +51,7 @@ def test_why_two_plans() -> None:
     assert went[1].startswith("ta ended plan 2 with Succeeded after 2 acts")
 
 
-def test_what_is_believed_of_a_thing_is_what_ask_answers() -> None:
+def test_what_is_believed_of_a_thing_is_what_ask_answers():
     """The place, the time since when, and the observer are the same in both."""
     query = (
         "SELECT ?where ?since WHERE { GRAPH ?said { thing:jar_1 roco:isIn ?where } ?said"
@@ -69,7 +68,7 @@ def test_what_is_believed_of_a_thing_is_what_ask_answers() -> None:
     )
 
 
-def test_beliefs_change() -> None:
+def test_beliefs_change():
     """In the hand it is in no cabinet; after the pour its content is in the bowl; before a look
     nothing is believed.
     """
@@ -81,7 +80,7 @@ def test_beliefs_change() -> None:
     assert (done.exit_code, "is no task of this run" in done.stderr) == (2, True)
 
 
-def test_an_end_that_only_a_failure_reaches_is_told_as_one() -> None:
+def test_an_end_that_only_a_failure_reaches_is_told_as_one():
     """A plan that has another way for an act that fails is not to end so."""
     failing = hfsm.Arc(hfsm.Outcome.FAILED, "failed")
     look = hfsm.ActState(

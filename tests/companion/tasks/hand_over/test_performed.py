@@ -1,10 +1,7 @@
 """The jar is held out in physics: it is given to whom pulls, and to nobody else."""
 
-from collections.abc import Iterator, Sequence
-
 import numpy as np
 import pytest
-from robot import Acting
 
 from companion.languages import rc
 from companion.languages.evidence import Sense
@@ -32,21 +29,21 @@ JAR, LEFT = "jar_1", Side.LEFT
 GIVE = HandOver("give", LEFT, JAR, fingers=0.5, mass=0.2, wait=4.0)
 
 
-def away(acting: Acting, size: float) -> tuple[float, float, float]:
+def away(acting, size):
     """A force [N] on the jar, away from the robot."""
     x, y, _ = acting.truth.at[JAR]
     return tuple(float(v) for v in size * np.array([x, y, 0.0]) / np.hypot(x, y))
 
 
-def somebody(acting: Acting, *does: Disturbance) -> None:
+def somebody(acting, *does):
     acting.core.backend.disturb(does)
 
 
-def pulling(kind: disturbances.Kind, force: Sequence[float]) -> Disturbance:
+def pulling(kind, force):
     return Disturbance("person", Of.THING, kind, JAR, tuple(force))
 
 
-def test_it_is_given_to_whom_pulls_and_both_senses_tell(jar_out: Acting):
+def test_it_is_given_to_whom_pulls_and_both_senses_tell(jar_out):
     """It is carried off with its content and does not fall; the robot knows it in no hand and at no
     place.
     """
@@ -75,9 +72,7 @@ def test_it_is_given_to_whom_pulls_and_both_senses_tell(jar_out: Acting):
      (disturbances.Kind.PULLED, -10.0)],
     ids=["nobody", "a knock", "a knock from afar", "a weak pull", "a push"],
 )  # fmt: skip
-def test_it_is_kept_where_nobody_pulls(
-    jar_out: Acting, person: tuple[disturbances.Kind, float] | None
-):
+def test_it_is_kept_where_nobody_pulls(jar_out, person):
     """As long as the act says; the hand holds it as before, and what comes next can begin."""
     if person:
         somebody(jar_out, pulling(person[0], away(jar_out, person[1])))
@@ -95,7 +90,7 @@ def test_it_is_kept_where_nobody_pulls(
 @pytest.mark.parametrize(
     "kind", [disturbances.Kind.ZERO, disturbances.Kind.NAN, disturbances.Kind.STUCK]
 )
-def test_a_faulty_wrist_gives_no_permission(jar_out: Acting, kind: disturbances.Kind):
+def test_a_faulty_wrist_gives_no_permission(jar_out, kind):
     """Somebody pulls, and the hand that cannot feel it holds on."""
     somebody(
         jar_out,
@@ -107,7 +102,7 @@ def test_a_faulty_wrist_gives_no_permission(jar_out: Acting, kind: disturbances.
     assert sum(jar_out.truth.fingers_on[JAR].values()) >= 3
 
 
-def motions(acting: Acting, pulls: Sequence[float], sight: Sight | None = None) -> Iterator[Motion]:
+def motions(acting, pulls, sight=None):
     """Yield the motions of the act where the n-th wait ends with this pull [N]; `sight`: seen at
     each end.
     """
@@ -132,11 +127,11 @@ def motions(acting: Acting, pulls: Sequence[float], sight: Sight | None = None) 
     yield asked
 
 
-def opens(motion: Motion) -> bool:
+def opens(motion):
     return isinstance(motion.left, Open)
 
 
-def test_a_jar_that_is_tilted_over_is_not_let_go(jar_out: Acting):
+def test_a_jar_that_is_tilted_over_is_not_let_go(jar_out):
     """Though somebody pulls, time after time; once it is upright, it is."""
     at = jar_out.here.robot.grip(jar_out.here.q, LEFT) * jar_out.here.held[LEFT].T_grip_object
     over = standing(at.translation)
@@ -150,7 +145,7 @@ def test_a_jar_that_is_tilted_over_is_not_let_go(jar_out: Acting):
     )
 
 
-def test_the_hand_only_opens_and_does_not_follow(jar_out: Acting):
+def test_the_hand_only_opens_and_does_not_follow(jar_out):
     """After it was told to open, nothing closes it and no motion moves the arm."""
     found = list(motions(jar_out, [8.0, 0.0, 0.0, 0.0, 0.0]))
     assert opens(found[1])
@@ -158,7 +153,7 @@ def test_the_hand_only_opens_and_does_not_follow(jar_out: Acting):
     assert all(len(one.path()) == 1 for one in found)
 
 
-def test_a_cancel_while_it_waits_keeps_it(jar_out: Acting):
+def test_a_cancel_while_it_waits_keeps_it(jar_out):
     began = jar_out.core.state.time
     kept = jar_out.act(
         GIVE, lambda motion, core: motion.until is Until.PULL and core.state.time > began + 1.0
