@@ -227,8 +227,7 @@ def test_co_killed_once_at_each_step_goes_on(point, step):
     name = scene.command()
     scene.settle(5.0)
     assert results(scene, name) == [P.INFORM]
-    assert scene.said(name)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.ended(name, "inform done")
 
 
 @pytest.mark.parametrize("dead", ["pl", "ta"])
@@ -274,9 +273,8 @@ def test_the_arcs_of_the_design_are_taken(scene):
     scene.plan(60.0, suspend=20.0, resume=20.0)
     scene.plan(5.0)
     scene.ta(WorkerState.REPLAN)
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
-    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
+    scene.carry_out()
+    scene.pl_stops()
     scene.pl(P.FAILURE, no_plan())
     assert scene.serves()
     designed = {(arc.source, arc.target) for arc in DESIGN.agent("co").arc}

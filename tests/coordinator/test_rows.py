@@ -5,7 +5,6 @@ import pytest
 from msgspec.structs import replace
 from partners_of_co import (
     BUSY,
-    CANCELLED,
     SLIPS,
     UNREACHED,
     Scene,
@@ -56,7 +55,7 @@ def test_a_command_is_agreed_planned_run_and_done(scene):
     """hi hears of each stage, and of the states of the plan."""
     name = scene.running()
     scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", "take")))
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     assert scene.said(name) == [
         "agree waiting",
         "inform planning",
@@ -138,12 +137,11 @@ def test_replan_asks_for_another_plan_of_the_same_task(scene):
     """Plan #1, Replan, plan #2: two requests to pl with the same task and different ids."""
     name = scene.running()
     scene.ta(WorkerState.REPLAN, why=(NOT_LOCALIZED,))
-    (first, second) = [content for act, content in scene.heard("pl") if act is P.REQUEST]
+    (first, second) = scene.requests("pl")
     assert first.tasks == second.tasks
     assert first.id != second.id
     assert scene.last_why(name) == (fact(Kind.PLAN, 2, NOT_LOCALIZED),)
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out()
     scene.ended(name, "inform done")
 
 
@@ -208,9 +206,9 @@ def test_cancel_of_a_waiting_task_ends_it_at_once(scene):
     first, second = scene.running(), scene.command()
     scene.cancel(second)
     assert scene.said(second) == ["agree waiting", "inform cancelled"]
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     assert scene.said(first)[-1] == "inform done"
-    assert scene.acts("pl").count(P.REQUEST) == 1
+    assert len(scene.requests("pl")) == 1
     assert scene.at_rest()
 
 
@@ -220,7 +218,7 @@ def test_cancel_while_planning_cancels_the_planning(scene):
     scene.cancel(name)
     assert scene.acts("pl") == [P.REQUEST, P.CANCEL]
     assert "inform cancelled" not in scene.said(name)
-    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
+    scene.pl_stops()
     scene.ended(name, "inform cancelled")
 
 
@@ -236,7 +234,7 @@ def test_cancel_that_crosses_the_plan_ends_when_pl_answers_it(crossing):
     scene.wires.post("pl", lambda turn: turn.say(conversation, *crossing))
     scene.settle()
     assert scene.said(name)[-1] == "inform cancelled"
-    assert P.REQUEST not in scene.acts("ta")
+    assert not scene.requests("ta")
     assert scene.at_rest()
 
 
@@ -248,8 +246,7 @@ def test_cancel_while_running_ends_as_cancelled_whatever_ta_ends_with(scene, sta
     assert scene.acts("ta")[-1] is P.CANCEL
     scene.ta(state, why=(SLIPS,))
     assert (scene.said(name)[-1], scene.last_why(name)) == ("inform cancelled", (SLIPS,))
-    assert scene.acts("pl").count(P.REQUEST) == 1
-    assert scene.at_rest()
+    assert len(scene.requests("pl")) == 1
     assert scene.serves()
 
 
@@ -257,7 +254,7 @@ def test_cancel_that_comes_too_late_is_answered_behind_the_result(scene):
     """Succeeded after the cancel: done, then failure in reply to the cancel."""
     name = scene.running()
     scene.cancel(name)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     scene.ended(name, "inform done", "failure reason")
 
 
@@ -287,8 +284,7 @@ def test_a_late_planner_fails_the_task_and_is_cancelled(scene):
     refused = scene.command()
     assert scene.said(refused) == ["refuse failed"]
     assert scene.last_why(refused) == (fact(Kind.NOT_ANSWERING, AgentName.PL),)
-    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
-    assert scene.at_rest()
+    scene.pl_stops()
     assert scene.serves()
 
 
@@ -299,7 +295,7 @@ def test_a_late_plan_is_not_run(scene):
     scene.plan()
     scene.settle(1.0)
     assert scene.memory.loose == ()
-    assert P.REQUEST not in scene.acts("ta")
+    assert not scene.requests("ta")
     assert scene.at_rest()
 
 
@@ -312,7 +308,6 @@ def test_late_while_running_fails_the_task_and_awaits_the_last_word(scene):
     scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", "put_down")))
     scene.ta(WorkerState.PREEMPTED)
     assert scene.acts("ta")[-1] is P.CONFIRM
-    assert scene.at_rest()
     assert scene.serves()
 
 
@@ -356,8 +351,7 @@ def test_waiting_tasks_go_on_when_the_late_robot_is_back_in_time(scene):
     waiting = scene.command()
     scene.settle(551.0)
     scene.ta(WorkerState.PREEMPTED)
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out()
     scene.settle(100.0)
     scene.ended(waiting, "inform done")
 
@@ -370,12 +364,11 @@ def test_two_tasks_are_done_one_after_the_other_in_order_of_arrival(scene):
     first = scene.command(Take("jar"))
     second = scene.command(PutDown("jar"))
     scene.plan()
-    assert scene.acts("pl").count(P.REQUEST) == 1
-    scene.ta(WorkerState.SUCCEEDED)
+    assert len(scene.requests("pl")) == 1
+    scene.succeed()
     assert scene.said(first)[-1] == "inform done"
     assert [content.tasks[0].name for _, content in scene.heard("pl")] == ["take", "put_down"]
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out()
     scene.ended(second, "inform done")
 
 
@@ -389,9 +382,7 @@ def test_a_queue_that_is_full_refuses(scene):
 def test_each_task_of_a_full_queue_hears_how_many_come_before_it(scene):
     """With as many of them as there is room for in a report."""
     names = [scene.command(PourInto(f"{'jar' * 10}_{number}", "bowl_1")) for number in range(5)]
-    places = [
-        next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in names
-    ]
+    places = [scene.agreed(name) for name in names]
     assert places[0] == (fact(Kind.IS_NEXT),)
     for before, (place,) in enumerate(places[1:], 1):
         assert (place.kind, place.numbers) == (Kind.TASKS_BEFORE, (before,))
@@ -467,7 +458,7 @@ def test_a_dead_hi_gets_no_progress_but_its_result(scene):
     scene.do("hi", lambda turn: None)
     for number in range(40):
         scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", f"{number}")))
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     scene.settle(60.0)
     assert scene.said(name)[-1] == "inform done"
     assert len(scene.said(name)) < 10
@@ -502,8 +493,7 @@ def test_a_plan_that_is_put_off_is_asked_for_again(scene):
         (fact(Kind.PLAN, 1),),
         (fact(Kind.PLAN, 1, fact(Kind.LOOKS_FIRST)),),
     ]
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out()
     scene.ended(name, "inform done")
 
 
@@ -522,7 +512,7 @@ def test_a_cancel_while_a_plan_is_put_off():
     name = scene.command()
     still_looking(scene)
     scene.cancel(name)
-    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
+    scene.pl_stops()
     scene.ended(name, "inform cancelled")
 
 

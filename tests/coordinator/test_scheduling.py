@@ -262,14 +262,12 @@ def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
         "LookAround",
         "PutDown",
     ]
-    agreed = [
-        next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in tasks
-    ]
+    agreed = [scene.agreed(name) for name in tasks]
     first = fact(Kind.COMES_BEFORE, "take", "jar", fact(Kind.UNDER_WAY))
     waits = (fact(Kind.TASKS_BEFORE, 1, first),)
     assert agreed == [(fact(Kind.IS_NEXT),), waits, waits]
     last = scene.command(PutDown("jar"))
-    told = next(said.why for act, said in scene.heard("hi", last) if act is P.AGREE)
+    told = scene.agreed(last)
     urgent = fact(Kind.COMES_BEFORE, "look_around", fact(Kind.MORE_URGENT))
     other = fact(Kind.COMES_BEFORE, "put_down", "jar", fact(Kind.SAID_BEFORE))
     assert told == (fact(Kind.TASKS_BEFORE, 3, first, urgent, other),)
@@ -291,13 +289,11 @@ def test_a_running_task_is_left_for_a_more_urgent_one_and_done_afterwards(scene)
     scene.ta(WorkerState.PREEMPTED)
     assert scene.said(pour)[-1] == "inform suspended"
     assert scene.last_why(pour) == (fact(Kind.LEFT_FOR, "look_around", fact(Kind.MORE_URGENT)),)
-    scene.plan(5.0)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out(5.0)
     assert scene.said(urgent)[-1] == "inform done"
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out()
     assert scene.said(pour)[-1] == "inform done"
-    assert scene.acts("ta").count(P.REQUEST) == 3
+    assert len(scene.requests("ta")) == 3
     assert scene.at_rest()
 
 
@@ -311,7 +307,7 @@ def test_a_task_as_urgent_waits(scene):
 def test_done_before_it_could_be_left(scene):
     """The end crossed the word; the urgent one is next."""
     pour, _ = scene.running(), scene.command(URGENT)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     assert scene.said(pour)[-1] == "inform done"
     assert len(scene.memory.jobs) == 1
 
@@ -336,10 +332,8 @@ def test_a_task_is_cancelled_while_it_is_left_or_put_aside(scene, when):
         scene.cancel(pour)
     assert scene.said(pour)[-1] == "inform cancelled"
     assert scene.acts("ta").count(P.CANCEL) == 1
-    scene.plan(5.0)
-    scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(urgent)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.carry_out(5.0)
+    scene.ended(urgent, "inform done")
 
 
 def test_the_urgent_one_is_cancelled_meanwhile(scene):
@@ -348,10 +342,8 @@ def test_the_urgent_one_is_cancelled_meanwhile(scene):
     scene.cancel(urgent)
     assert scene.said(urgent)[-1] == "inform cancelled"
     scene.ta(WorkerState.PREEMPTED)
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(pour)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.carry_out()
+    scene.ended(pour, "inform done")
 
 
 def test_a_plan_is_not_begun_where_a_more_urgent_task_came_meanwhile(scene):
@@ -359,13 +351,11 @@ def test_a_plan_is_not_begun_where_a_more_urgent_task_came_meanwhile(scene):
     pour = scene.command()
     urgent = scene.command(URGENT)
     scene.plan()
-    assert P.REQUEST not in scene.acts("ta")
+    assert not scene.requests("ta")
     assert scene.said(pour)[-1] == "inform suspended"
     assert (scene.state, scene.memory.choice) == ("compSP", Choice.OPEN)
-    scene.plan(5.0)
-    scene.ta(WorkerState.SUCCEEDED)
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out(5.0)
+    scene.carry_out()
     assert [scene.said(task)[-1] for task in (pour, urgent)] == ["inform done"] * 2
     assert scene.at_rest()
 

@@ -70,3 +70,26 @@ def _pay(turn, talk):
     if turn.holds(talk) and turn.conversation(talk).owes:
         row = turn.conversation(talk).table.allowed(turn.conversation(talk).state, SEND)[0]
         turn.say(talk, row.performative, kind=row.kind if row.kind is Kind.CANCEL else None)
+
+
+class Puppet:
+    """A partner that does what a test posts to it, a function of its turn. It obeys the protocols
+    (the core makes it). `answer(turn, received)` is called with each message, after it was noted in
+    `heard`.
+    """
+
+    def __init__(self, name, answer=None):
+        self.name, self.answer, self.heard = name, answer, []
+
+    def agent(self):
+        """One state that never ends."""
+        return Agent(self.name, "on", Names(), {"on": Behaviour(self.act)})
+
+    def act(self, memory, turn):
+        if isinstance(turn.event, Received):
+            self.heard.append(turn.event)
+            if self.answer:
+                self.answer(turn, turn.event)
+        elif isinstance(turn.event, Local):
+            turn.event.content(turn)
+        return memory

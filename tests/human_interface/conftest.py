@@ -1,6 +1,10 @@
-"""A device of hi with an agent that answers at once, and a program that speaks to it."""
+"""A device of hi with an agent that answers at once, and a program that speaks to it. Makes the
+scripted partners of tests/fleet importable.
+"""
 
 import http.client
+import sys
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -18,6 +22,8 @@ from companion.run_files import (
 )
 from services.human_interface import device_messages as device
 from services.human_interface import server
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "fleet"))
 
 LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
 

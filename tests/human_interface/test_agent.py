@@ -6,9 +6,8 @@ from functools import cache
 
 import msgspec
 import pytest
+from scripted_partner import Puppet
 
-from agent_runtime.core.agent import Agent, Behaviour
-from agent_runtime.core.events import Local, Received
 from agent_runtime.io.devices import Called
 from agent_runtime.testing.memory_bus import MemoryBus, Point
 from companion.binding import wiring
@@ -37,33 +36,21 @@ DONE, FAILED, CANCELLED = TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED
 GRASP = Place(("take jar_1", "grasp"), Step("take", ("jar_1",)), "Grasp", Side.LEFT)
 
 
-class Nothing(msgspec.Struct, frozen=True):
-    """Memory of the pretended co."""
-
-
 class Scene:
     """hi, a co, and what people see."""
 
     def __init__(self, *, co=True):
         self.wires = MemoryBus()
-        self.shown, self.heard = [], []
+        self.shown, self.puppet = [], Puppet("co")
+        self.heard = self.puppet.heard
         self.hi = self.wires.add(
             agent(),
             wiring("hi", "test"),
             lambda post: Called(post, lambda word: self.shown.append(word) or ()),
         )
         if co:
-            on = Agent("co", "on", Nothing(), {"on": Behaviour(self.act)})
-            self.wires.add(on, wiring("co", "test"))
+            self.wires.add(self.puppet.agent(), wiring("co", "test"))
         self.settle()
-
-    def act(self, memory, turn):
-        """The pretended co hears, or does what the test says."""
-        if isinstance(turn.event, Received):
-            self.heard.append(turn.event)
-        elif isinstance(turn.event, Local):
-            turn.event.content(turn)
-        return memory
 
     def settle(self, seconds=0.05):
         """Let messages arrive."""
