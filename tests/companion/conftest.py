@@ -6,15 +6,12 @@ It is imported by the first test that needs it: no other test here needs the sim
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from companion.languages.values import Side
 
 sys.path.insert(0, str(Path(__file__).parent / "skills"))
-if TYPE_CHECKING:
-    pass
 
 
 @pytest.fixture(scope="session")

@@ -27,9 +27,8 @@ def test_an_act_is_general_or_of_one_task():
     """No act has two rows, and each class of a task is in its part `done`."""
     of_tasks = [row.act for part in tasks.parts("done") for row in getattr(part, "ACTS", ())]
     assert len(ACTS) == len(GENERAL) + len(of_tasks)
-    assert {act.__module__ for act in of_tasks} == {
-        part.__name__ for part in tasks.parts("done") if hasattr(part, "ACTS")
-    }
+    with_acts = {part.__name__ for part in tasks.parts("done") if hasattr(part, "ACTS")}
+    assert {act.__module__ for act in of_tasks} == with_acts
 
 
 def test_the_language_has_all_acts():
@@ -43,12 +42,10 @@ def test_the_language_has_all_acts():
 def test_the_design_lists_the_acts():
     """In the interface of ex, each by its name and with one answer."""
     entries = next(one.entries for one in DESIGN.file.interface if one.name == "acts")
-    assert {entry.name for entry in entries} == {
-        act.__name__[0].lower() + act.__name__[1:] for act in ACTS
-    }
-    assert {name for entry in entries for name in entry.arguments} == {
-        f"RC.{act.__name__}" for act in ACTS
-    }
+    words = {act.__name__[0].lower() + act.__name__[1:] for act in ACTS}
+    assert {entry.name for entry in entries} == words
+    arguments = {name for entry in entries for name in entry.arguments}
+    assert arguments == {f"RC.{act.__name__}" for act in ACTS}
     assert all(entry.answers == ("RC.Done",) for entry in entries)
 
 

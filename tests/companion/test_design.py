@@ -33,9 +33,8 @@ STATES = {
 
 def said(sender, receiver, protocol, performative):
     """A communicate as far as its address goes."""
-    return Communicate(
-        sender=sender, receiver=receiver, protocol=protocol, performative=performative
-    )
+    names = {"sender": sender, "receiver": receiver, "protocol": protocol}
+    return Communicate(performative=performative, **names)
 
 
 def test_the_design_is_consistent():
@@ -49,11 +48,8 @@ def test_six_channels_join_the_agents_as_in_the_paper():
     """The steps, walked, end in the paper's figure."""
     found = {channel.id: set(channel.ends) for channel in DESIGN.channels.values()}
     assert found.items() >= CHANNELS.items()
-    assert (
-        {name.value for name in AgentName}
-        <= set(DESIGN.agents)
-        == set(DESIGN.decomposition.last.groups)
-    )
+    assert {name.value for name in AgentName} <= set(DESIGN.agents)
+    assert set(DESIGN.agents) == set(DESIGN.decomposition.last.groups)
 
 
 def test_every_state_of_the_paper_is_there_and_reachable():
@@ -68,10 +64,8 @@ def test_a_communicate_travels_on_the_key_of_the_design():
     key = DESIGN.key("lab", said("co", "ta", "coordinate", P.REQUEST))
     assert key == "roco/lab/C1/co/ta/coordinate/request"
     assert DESIGN.keys_to("lab", "ta") == "roco/lab/*/*/ta/*/*"
-    assert (
-        DESIGN.signal_key("alive", system="lab", owner="ta", incarnation=3)
-        == "roco/lab/_/alive/ta/3"
-    )
+    alive = DESIGN.signal_key("alive", system="lab", owner="ta", incarnation=3)
+    assert alive == "roco/lab/_/alive/ta/3"
 
 
 def test_what_is_no_communicate_travels_on_the_key_of_the_design():
@@ -81,9 +75,8 @@ def test_what_is_no_communicate_travels_on_the_key_of_the_design():
     for signal in DESIGN.signals.values():
         names = {"owner": "ta", "peer": "co", "incarnation": "3"}
         rest = [names[name] for name in ("peer", "incarnation") if f"{{{name}}}" in signal.key]
-        assert DESIGN.signal_key(signal.kind, system="lab", **names) == service_key(
-            "lab", signal.kind, "ta", *rest
-        )
+        key = service_key("lab", signal.kind, "ta", *rest)
+        assert DESIGN.signal_key(signal.kind, system="lab", **names) == key
     runtime = {"alive", "receipt", "ping", "pong", "state", "control", "want", "steps"}
     assert set(DESIGN.signals) == runtime | {"telemetry", "truth"}
 
@@ -118,19 +111,14 @@ def test_queries_are_small_and_answers_may_be_large():
     assert rule.sizes["WM.ObjectPose"] == 250
     assert rule.sizes["WM.HypotheticalState"] > 250
     assert DESIGN.rule(said("km", "pl", "query", P.INFORM_REF)).bytes == 1_000_000
-    assert (
-        "WM.HypotheticalState" not in DESIGN.rule(said("ta", "km", "query", P.QUERY_REF)).contents
-    )
+    queries = DESIGN.rule(said("ta", "km", "query", P.QUERY_REF))
+    assert "WM.HypotheticalState" not in queries.contents
 
 
 def test_durable_are_the_channels_of_the_main_line():
     """C1, C2, C3 and acts on C5 are journalled; queries and subscriptions are not."""
-    assert {use.name for use in DESIGN.file.protocol if use.durable} == {
-        "execute_plan",
-        "execute_command",
-        "generate_plan",
-        "act",
-    }
+    durable = {"execute_plan", "execute_command", "generate_plan", "act"}
+    assert {use.name for use in DESIGN.file.protocol if use.durable} == durable
     assert DESIGN.rule(said("ta", "km", "subscribe", P.INFORM)).latest
     assert not DESIGN.rule(said("ta", "km", "subscribe", P.AGREE)).latest
 

@@ -51,11 +51,8 @@ def test_time_and_bandwidth_are_within_the_error_on_a_free_machine():
     """Latencies of milliseconds are the machine's and not the design's: they are told, and not
     promised.
     """
-    figures = [
-        one
-        for one in compared("pour_seed_3.json")
-        if one.what in ("time", "mean bandwidth", "busy bandwidth")
-    ]
+    shown = ("time", "mean bandwidth", "busy bandwidth")
+    figures = [one for one in compared("pour_seed_3.json") if one.what in shown]
     assert len(figures) == 1 + 2 * len(DESIGN.channels)
     assert all(one.error is not None and abs(one.error) <= WITHIN for one in figures), figures
 
@@ -72,12 +69,10 @@ def test_every_test_named_as_evidence_is_there():
     root = Path(__file__).resolve().parents[2]
 
     def exists(path, name):
-        return (root / path).is_file() and f"def {name}(" in (root / path).read_text(
-            encoding="utf-8"
-        )
+        file = root / path
+        return file.is_file() and f"def {name}(" in file.read_text("utf-8")
 
-    tests = [
-        one for leaf in trace(DESIGN, None, exists) for one in leaf.evidence if one.kind == "test"
-    ]
+    evidence = (one for leaf in trace(DESIGN, None, exists) for one in leaf.evidence)
+    tests = [one for one in evidence if one.kind == "test"]
     assert tests
     assert all(one.shown is Shown.SEEN for one in tests), tests

@@ -36,6 +36,7 @@ TABLES = {table.__name__: table for table in AnyKind.__subclasses__()}
 PERSONS = (Reader.ENGLISH, Reader.POLISH)
 ID = re.compile(r"[a-z]+_\d+|[a-z]+-\d+-\d+")
 NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
+BRACES = re.compile("[{}]")
 EXPONENT = re.compile(r"\de[+-]?\d")
 INTERNAL = ("move-joint", "replan", "Terminating", "NotDone", "HFSM")
 AGENTS = "|".join(AgentName)
@@ -126,43 +127,18 @@ def test_each_catalogue_has_a_row_for_each_word_and_no_other_one():
     """Kinds, claims, sensors, tasks, steps and acts of plans; a sentence that asks for something
     says please.
     """
-    of_operator, steps, acts = (
-        catalogue(Reader.OPERATOR),
-        _steps_of_plans(),
-        {act.__name__ for act in ACTS},
-    )
+    of_operator, steps = catalogue(Reader.OPERATOR), _steps_of_plans()
     for reader in Reader:
         rows = catalogue(reader)
-        lacking, unknown = (
-            registry.tasks().keys() - rows.task.keys(),
-            rows.task.keys() - registry.tasks().keys(),
-        )
-        assert not lacking, (
-            f"sentences.toml in companion/tasks/TASK: [{reader}.task] lacks {lacking}"
-        )
+        known, named = registry.tasks().keys(), rows.task.keys()
+        lacking, unknown = known - named, named - known
+        where = f"sentences.toml in companion/tasks/TASK: [{reader}.task]"
+        assert not lacking, f"{where} lacks {lacking}"
         assert not unknown, f"[{reader}.task] names {unknown}, which no plan.py has in `tasks`"
-        found = (
-            rows.fact,
-            rows.claim,
-            rows.sensor,
-            rows.fault,
-            rows.agent,
-            rows.side,
-            rows.part,
-            rows.step,
-            rows.leaf,
-        )
-        wanted = (
-            KINDS,
-            CLAIMS,
-            rc.Sensor,
-            rc.Fault,
-            AgentName,
-            Side,
-            of_operator.part,
-            steps,
-            acts,
-        )
+        general = (rows.fact, rows.claim, rows.sensor, rows.fault, rows.agent, rows.side)
+        found = (*general, rows.part, rows.step, rows.leaf)
+        words = (KINDS, CLAIMS, rc.Sensor, rc.Fault, AgentName, Side, of_operator.part, steps)
+        wanted = (*words, {act.__name__ for act in ACTS})
         for table, words in zip(found, wanted, strict=True):
             assert set(table) == set(words), reader
     for reader, word in ((Reader.ENGLISH, "please"), (Reader.POLISH, "proszę")):
@@ -185,9 +161,8 @@ def test_both_persons_have_words_for_the_same():
     assert set(english.thing) == set(polish.thing)
     assert set(english.furniture) == set(polish.furniture)
     assert set(english.unit) == set(polish.unit) >= set(catalogue(Reader.OPERATOR).unit)
-    assert [kind for kind in KINDS if not english.fact[kind]] == [
-        kind for kind in KINDS if not polish.fact[kind]
-    ]
+    silent = [[kind for kind in KINDS if not rows.fact[kind]] for rows in (english, polish)]
+    assert silent[0] == silent[1]
 
 
 # --- steps of plans -------------------------------------------------------------------------------
@@ -209,9 +184,8 @@ def _steps_of_plans():
                 if isinstance(does, ast.Constant):
                     found.add(does.value)
                 elif ast.unparse(call.func) == "hfsm.Step":
-                    raise AssertionError(
-                        f"{file}: line {call.lineno}: what a step does is to be written there"
-                    )
+                    where = f"{file}: line {call.lineno}"
+                    raise AssertionError(f"{where}: what a step does is to be written there")
     return found
 
 
@@ -230,12 +204,7 @@ def test_a_place_in_a_plan_is_said_in_words(does, things, side, act):
         text = sentences.place(hfsm.Place(("x", "y"), step, act.__name__, side), reader)
         assert text == f"{sentences.step(step, reader)} ({catalogue(reader).leaf[act.__name__]})"
         assert row.count("{") == catalogue(Reader.OPERATOR).step[does].count("{")
-        wrong = [
-            *ID.findall(text),
-            *CLASSES.findall(text),
-            *BADLY_SET.findall(text),
-            *re.findall("[{}]", text),
-        ]
+        wrong = [found for sign in (ID, CLASSES, BADLY_SET, BRACES) for found in sign.findall(text)]
         assert not wrong, (reader, text)
 
 
@@ -263,11 +232,8 @@ def _has_no_word_of_the_program(one):
     for reader, text in texts.items():
         wrong = [*ID.findall(text), *CLASSES.findall(text), *EXPONENT.findall(text)]
         wrong += [word for word in INTERNAL if word in text]
-        wrong += [
-            number
-            for number in NUMBER.findall(text)
-            if len(re.sub("[.,]", "", number).strip("0")) > 3
-        ]
+        digits = (re.sub("[.,]", "", number).strip("0") for number in NUMBER.findall(text))
+        wrong += [number for number in digits if len(number) > 3]
         wrong += re.findall(
             rf"\ba_({AGENTS})\b" if reader is Reader.POLISH else rf"\b(a_)?({AGENTS})\b", text
         )
@@ -286,9 +252,7 @@ def _has_no_word_of_the_program(one):
 def test_an_operator_reads_which_fault_a_sensor_has():
     """Each has its own sentence; the number is in that of an offset."""
     for sense in rc.Sensor:
-        texts = {
-            fault: sentences.operator((fact(Kind.ILL, sense, fault, 0.05),)) for fault in rc.Fault
-        }
+        texts = {one: sentences.operator((fact(Kind.ILL, sense, one, 0.05),)) for one in rc.Fault}
         assert len(set(texts.values())) == len(rc.Fault)
         assert [fault for fault, text in texts.items() if "0.05 rad" in text] == [rc.Fault.OFF]
 
@@ -327,48 +291,36 @@ def test_numbers_stand_as_a_person_writes_them():
                                    (22, "22 minutes", "22 minuty"),
                                    (1.5, "1.5 minutes", "1,5 minuty")):  # fmt: skip
         why = (fact(Kind.NOBODY_CAME, count),)
-        assert (
-            sentences.person(why, "en") == f"I waited for you for {english}, then stopped waiting."
-        )
+        waited = f"I waited for you for {english}, then stopped waiting."
+        assert sentences.person(why, "en") == waited
         assert sentences.person(why, "pl") == f"Czekałam {polish} i przestałam czekać."
     for seconds, polish in ((1.0, "1 sekundy"), (3.0, "3 sekund"), (30.0, "30 sekund")):
-        assert (
-            sentences.person((fact(Kind.PLAN_TAKES, 1, seconds),), "pl")
-            == f"To potrwa około {polish}."
-        )
+        takes = sentences.person((fact(Kind.PLAN_TAKES, 1, seconds),), "pl")
+        assert takes == f"To potrwa około {polish}."
     moved = (fact(Kind.MOVED, "jar_1", 0.015),)
     assert sentences.person(moved, "en") == "The jar was moved by 1.5 cm."
     assert sentences.person(moved, "pl") == "Ktoś przesunął słoik o 1,5 cm."
     assert sentences.operator((fact(Kind.MOVED, "bowl_1", 2e6),)) == "bowl was moved by 2000000 m"
-    assert (
-        sentences.operator((fact(Kind.FEELS_LITTLE, Side.LEFT, -0.0),))
-        == "the left hand feels 0 g: lost"
-    )
+    light = sentences.operator((fact(Kind.FEELS_LITTLE, Side.LEFT, -0.0),))
+    assert light == "the left hand feels 0 g: lost"
 
 
 def test_polish_things_stand_in_the_case_of_their_sentence():
     """A list of things, too."""
-    assert (
-        sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1", "box_2"),), "pl")
-        == "Widzę słoik, miskę i pudełko 2."
-    )
-    assert (
-        sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1"),), "en")
-        == "I see the jar and the bowl."
-    )
+    polish = sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1", "box_2"),), "pl")
+    assert polish == "Widzę słoik, miskę i pudełko 2."
+    english = sentences.person((fact(Kind.SEEN, "jar_1", "bowl_1"),), "en")
+    assert english == "I see the jar and the bowl."
 
 
 def test_who_reads_of_two_tasks_knows_which_one_is_meant():
     """A task that names no thing leaves no gap."""
     first = fact(Kind.COMES_BEFORE, "look_around", fact(Kind.MORE_URGENT))
     place = (fact(Kind.TASKS_BEFORE, 1, first),)
-    assert (
-        sentences.operator(place) == "tasks that come before it: 1: look around: it is more urgent"
-    )
-    assert (
-        sentences.person(place, "en")
-        == "Before this one: 1 task. Another task comes first. It is more urgent."
-    )
+    text = "tasks that come before it: 1: look around: it is more urgent"
+    assert sentences.operator(place) == text
+    text = "Before this one: 1 task. Another task comes first. It is more urgent."
+    assert sentences.person(place, "en") == text
 
 
 # --- facts ----------------------------------------------------------------------------------------
@@ -378,9 +330,8 @@ def test_who_reads_of_two_tasks_knows_which_one_is_meant():
 @given(st.sampled_from(KINDS), st.data())
 def test_a_fact_has_the_parts_of_its_kind(kind, data):
     """Without a part, with one too many, or with a reason that is no fact it is none."""
-    parts = data.draw(
-        st.tuples(*(_part(part, kind.parts[:n], REASONS) for n, part in enumerate(kind.parts)))
-    )
+    strategies = (_part(part, kind.parts[:n], REASONS) for n, part in enumerate(kind.parts))
+    parts = data.draw(st.tuples(*strategies))
     with pytest.raises(ValueError, match=f"{kind} takes"):
         fact(kind, *itertools.chain(*parts), 7.0)
     if any(part not in ("things", "because") for part in kind.parts):
@@ -427,9 +378,8 @@ def test_a_kind_of_a_task_has_its_sentences_in_the_task():
             continue
         room, _, part = table.__module__.rpartition(".")
         assert (room.rpartition(".")[0], part) == (tasks.__name__, "done")
-        rows = msgspec.toml.decode(
-            Path(str(importlib.import_module(room).__path__[0]), "sentences.toml").read_bytes()
-        )
+        folder = str(importlib.import_module(room).__path__[0])
+        rows = msgspec.toml.decode(Path(folder, "sentences.toml").read_bytes())
         assert all(set(rows[reader]["fact"]) == set(table) for reader in Reader)
 
 
@@ -442,9 +392,8 @@ def test_facts_are_cut_to_the_room_for_them(told, room):
     assert sum(len(msgspec.msgpack.encode(one)) for one in kept) <= room
     assert kept[:-1] == told[: len(kept)][:-1]
     for one, whole in zip(kept[-1:], told[len(kept) - 1 :], strict=False):
-        assert msgspec.structs.replace(one, because=()) == msgspec.structs.replace(
-            whole, because=()
-        )
+        first, second = (msgspec.structs.replace(fact, because=()) for fact in (one, whole))
+        assert first == second
         assert len(one.because) <= len(whole.because)
     assert facts.fitting(told, 100_000) == told
     assert len(facts.fitting(told, room + 50)) >= len(kept)
@@ -484,9 +433,8 @@ def _fits(table, name, given):
 
 
 def _programs():
-    return [
-        one for folder in ("services", "shared/companion") for one in (ROOT / folder).rglob("*.py")
-    ]
+    folders = (ROOT / "services", ROOT / "shared/companion")
+    return [one for folder in folders for one in folder.rglob("*.py")]
 
 
 def test_each_kind_is_said_by_a_program():
@@ -499,9 +447,7 @@ def test_each_kind_is_said_by_a_program():
 def test_each_fact_is_made_with_the_parts_of_its_kind():
     """Wherever a program makes one without a star."""
     files = _programs()
-    calls = [
-        (path, call, name) for path in files for call, name in _made(ast.parse(path.read_text()))
-    ]
+    calls = [(path, *made) for path in files for made in _made(ast.parse(path.read_text()))]
     wrong = [
         f"{path.relative_to(ROOT)}:{call.lineno}: {ast.unparse(call)}"
         for path, call, name in calls

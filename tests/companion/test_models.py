@@ -29,17 +29,15 @@ def test_there_are_as_many_grasps_as_were_published():
     """96 for the jar, 32 for the bowl; boxes 24, 16, 8. Two of a jar that lies, and those of
     handles, are of trials.
     """
-    counts = {
-        name: sum(one.kind not in (LYING, HANDLE) for one in grasps)
-        for name, grasps in GRASPS.items()
+    standing = {
+        name: [g for g in all_of if g.kind not in (LYING, HANDLE)]
+        for name, all_of in GRASPS.items()
     }
+    counts = {name: len(some) for name, some in standing.items()}
     assert [counts.pop(name) for name in ("door_left", "door_right")] == [0, 0]
     assert counts == {"jar": 96, "bowl_high": 32, "box1": 24, "box2": 16, "box3": 8}
-    assert {
-        name: len(GRASPS[name]) - count
-        for name, count in counts.items()
-        if len(GRASPS[name]) > count
-    } == {"jar": 2}
+    others = {name: len(GRASPS[name]) - count for name, count in counts.items()}
+    assert {name: count for name, count in others.items() if count} == {"jar": 2}
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi))
@@ -92,12 +90,8 @@ def test_the_hands_close_as_the_trials_say():
     jar, bowl = GRASPS["jar"][0], GRASPS["bowl_high"][0]
     assert (math.degrees(jar.squeeze), jar.speed, jar.out) == (pytest.approx(40.0), 0.6, 0.28)
     assert (math.degrees(bowl.squeeze), bowl.speed, bowl.out) == (pytest.approx(0.8), 0.3, 0.22)
-    assert [CLOSINGS["bowl_high"].kind_of(number) for number in (0, 15, 16, 31)] == [
-        "rim_two_inside",
-        "rim_two_inside",
-        "rim_one_inside",
-        "rim_one_inside",
-    ]
+    kinds = [CLOSINGS["bowl_high"].kind_of(number) for number in (0, 15, 16, 31)]
+    assert kinds == ["rim_two_inside"] * 2 + ["rim_one_inside"] * 2
 
 
 def test_the_bowls_boards_lean_from_its_base_to_its_rim():
@@ -129,10 +123,8 @@ def test_a_model_says_where_it_is_from_and_has_shapes():
 
 def test_arms_reach_from_their_own_shoulder():
     """Left is where y is positive."""
-    assert {side.value: reach.shoulders[0][1] > 0 for side, reach in REACH.items()} == {
-        "left": True,
-        "right": False,
-    }
+    left_of_body = {side.value: reach.shoulders[0][1] > 0 for side, reach in REACH.items()}
+    assert left_of_body == {"left": True, "right": False}
 
 
 @pytest.mark.parametrize("model", ["door_left", "door_right"])
@@ -140,11 +132,8 @@ def test_a_hand_at_a_handle_has_the_bar_between_its_fingers(model):
     """The bar is upright in the hand's x, in the middle of its y, and as far before the grip at
     every slant; the hand comes from the front, and each grasp is another one.
     """
-    bar = next(
-        shape.at.xyz
-        for shape in MODELS[model].shapes
-        if isinstance(shape, Box) and shape.size[2] == 0.136
-    )
+    boxes = (shape for shape in MODELS[model].shapes if isinstance(shape, Box))
+    bar = next(box.at.xyz for box in boxes if box.size[2] == 0.136)
     depth, found = turned(GRASPS[model][0].steps[-1].pose, bar)[2], set()
     for grasp in GRASPS[model]:
         at = [turned(step.pose, bar) for step in grasp.steps]
@@ -152,9 +141,8 @@ def test_a_hand_at_a_handle_has_the_bar_between_its_fingers(model):
         assert np.abs(along) == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
         assert [x for x, _, _ in at] + [y for _, y, _ in at] == pytest.approx([0.0] * 4, abs=1e-9)
         assert at[0][2] > at[-1][2] == pytest.approx(depth)
-        outwards = np.subtract(
-            turned(grasp.steps[-1].pose, (1.0, 0.0, 0.0)), grasp.steps[-1].pose.xyz
-        )
+        pose = grasp.steps[-1].pose
+        outwards = np.subtract(turned(pose, (1.0, 0.0, 0.0)), pose.xyz)
         assert outwards[2] < -0.7
         found.add(tuple(np.round([*along, *outwards], 6)))
     assert len(found) == len(GRASPS[model])

@@ -28,12 +28,9 @@ REFUSED = "execute_plan refuse"
 
 def without(agent, event):
     """The design less an agent's rows for an event."""
-    agents = tuple(
-        replace(one, row=tuple(row for row in one.row if row.on != event))
-        if one.name == agent
-        else one
-        for one in DESIGN.file.agent
-    )
+    (old,) = [one for one in DESIGN.file.agent if one.name == agent]
+    new = replace(old, row=tuple(row for row in old.row if row.on != event))
+    agents = tuple(new if one is old else one for one in DESIGN.file.agent)
     return Design(replace(DESIGN.file, agent=agents), DESIGN.path)
 
 
@@ -49,15 +46,8 @@ def takes_a_refuse(agent):
     state.keep(Held(talk, Delivery.DURABLE))
     names = {"protocol": "coordinate", "conversation": talk.id, "sender": "ta", "receiver": "co"}
     content = SW.encode(sw.Report(sw.WorkerState.FAILED))
-    answer = Communicate(
-        performative=P.REFUSE,
-        content=content,
-        language="SW",
-        in_reply_to=asked.reply_with,
-        id="1",
-        sent=1.0,
-        **names,
-    )
+    names |= {"in_reply_to": asked.reply_with, "id": "1", "sent": 1.0}
+    answer = Communicate(performative=P.REFUSE, content=content, language="SW", **names)
     _, effects = core.step(state, Arrived(answer), 1.0)
     return bool(effects.receipts)
 
@@ -74,9 +64,8 @@ def test_a_protocols_rows(monkeypatch):
     """Without the row by which ta takes a cancel that crossed its final report conversation, walk
     and fleet change.
     """
-    talk = Conversation(
-        id="c", protocol="coordinate", role=Role.PARTICIPANT, me="ta", peer="co", state="finished"
-    )
+    names = {"role": Role.PARTICIPANT, "me": "ta", "peer": "co"}
+    talk = Conversation(id="c", protocol="coordinate", state="finished", **names)
     names = {"protocol": "coordinate", "conversation": "c", "sender": "co", "receiver": "ta"}
     cancel = Communicate(performative=P.CANCEL, reply_with="2", id="2", **names)
     assert talk.takes(cancel)

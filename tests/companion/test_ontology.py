@@ -17,9 +17,8 @@ KINDS = (OWL.Class, OWL.ObjectProperty, OWL.DatatypeProperty)
 def graph():
     """The ontology that the design names."""
     (entry,) = DESIGN.file.ontology
-    return Graph().parse(
-        data=resources.files("companion").joinpath(entry.file).read_text("utf-8"), format="turtle"
-    )
+    text = resources.files("companion").joinpath(entry.file).read_text("utf-8")
+    return Graph().parse(data=text, format="turtle")
 
 
 def test_every_term_has_a_label_and_a_comment(graph):
@@ -33,9 +32,8 @@ def test_every_term_has_a_label_and_a_comment(graph):
 
 def test_every_term_that_is_used_is_defined(graph):
     """No misspelt term of our own, in any place of a triple."""
-    defined = {
-        term for kind in (*KINDS, OWL.NamedIndividual) for term in graph.subjects(RDF.type, kind)
-    }
+    kinds = (*KINDS, OWL.NamedIndividual)
+    defined = {term for kind in kinds for term in graph.subjects(RDF.type, kind)}
     named = {s for s in graph.subjects() if isinstance(s, URIRef)}
     for triple in graph:
         for node in triple:
@@ -51,9 +49,8 @@ def test_nothing_is_imported(graph):
 def test_every_model_is_of_a_class_of_the_ontology(graph):
     """And that class is a physical object."""
     for model in MODELS.values():
-        assert ROCO.PhysicalObject in set(
-            graph.transitive_objects(ROCO[model.kind], RDFS.subClassOf)
-        )
+        above = graph.transitive_objects(ROCO[model.kind], RDFS.subClassOf)
+        assert ROCO.PhysicalObject in set(above)
 
 
 def test_our_top_classes_stand_below_foreign_ones(graph):

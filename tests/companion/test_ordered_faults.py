@@ -42,9 +42,8 @@ def refused(fleet, one):
 
 
 def test_a_fleet_without_faults_is_left_alone(tmp_path):
-    assert "was started without --faults; start the fleet with `roco up --faults`" in refused(
-        FleetWith(tmp_path), ZERO
-    )
+    text = "was started without --faults; start the fleet with `roco up --faults`"
+    assert text in refused(FleetWith(tmp_path), ZERO)
 
 
 def test_where_there_is_nothing_that_could_fail(run):
@@ -84,14 +83,11 @@ def test_words():
 
 def test_faults_of_several_commands_stand_beside_each_other(run):
     """Each takes back its own; what has ended by itself is left out."""
-    fleet, kinds = (
-        FleetWith(run),
-        {name: fault._kind(Disturbance(name, Of.WRIST, Kind.ZERO), 60.0) for name in "ab"},
-    )
+    fleet = FleetWith(run)
+    kinds = {name: fault._kind(Disturbance(name, Of.WRIST, Kind.ZERO), 60.0) for name in "ab"}
     noted = {name: Fault(id=name, kind="sensor", target="loop", t=0.0) for name in "ab"}
-    disturbances.write(
-        run / DISTURBANCES_FILE, (Disturbance("old", Of.WRIST, Kind.NAN, until=1.0),)
-    )
+    old = Disturbance("old", Of.WRIST, Kind.NAN, until=1.0)
+    disturbances.write(run / DISTURBANCES_FILE, (old,))
     for name, kind in kinds.items():
         kind.begin(fleet, noted[name])
     assert [one.id for one in disturbances.read(run / DISTURBANCES_FILE)] == ["a", "b"]

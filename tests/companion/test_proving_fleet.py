@@ -132,15 +132,12 @@ def no_barrier():
     """ta reports the end of its plan though km does not know yet what its acts changed."""
 
     def now(way):
-        return replace(
-            way, when=tuple(guard for guard in way.when if not guard.startswith("observe_world"))
-        )
+        guards = (guard for guard in way.when if not guard.startswith("observe_world"))
+        return replace(way, when=tuple(guards))
 
     ta = DESIGN.agent("ta")
-    choices = (
-        replace(one, ways=tuple(now(way) for way in one.ways if way.to != "closing"))
-        for one in ta.choice
-    )
+    open_ways = {one: [way for way in one.ways if way.to != "closing"] for one in ta.choice}
+    choices = (replace(one, ways=tuple(map(now, ways))) for one, ways in open_ways.items())
     agent = replace(ta, choice=tuple(choices))
     agents = tuple(agent if one.name == "ta" else one for one in DESIGN.file.agent)
     return Design(replace(DESIGN.file, agent=agents), DESIGN.path)

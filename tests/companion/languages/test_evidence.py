@@ -22,16 +22,11 @@ from companion.languages.open_enums import members
 pytestmark = pytest.mark.timeout(60)
 CLAIMS = members(AnyClaim)
 THINGS = st.sampled_from(["jar_1", "bowl_1", ""])
-TOLD = st.lists(
-    st.builds(
-        Evidence,
-        st.sampled_from(list(CLAIMS.values())),
-        THINGS,
-        st.lists(st.sampled_from(Sense), unique=True, max_size=3).map(tuple),
-        st.floats(0.0, 1e6),
-    ),
-    max_size=8,
+SENSES = st.lists(st.sampled_from(Sense), unique=True, max_size=3).map(tuple)
+SAID = st.builds(
+    Evidence, st.sampled_from(list(CLAIMS.values())), THINGS, SENSES, st.floats(0.0, 1e6)
 )
+TOLD = st.lists(SAID, max_size=8)
 
 
 def test_each_act_says_what_must_be_true_after_it():
@@ -62,11 +57,12 @@ def test_the_last_word_counts(known, told, held):
     assert len({(one.claim, one.of) for one in found}) == len(found)
     for one in found:
         assert one.claim.kept
-        assert one == next(
+        newest = (
             word
             for word in reversed([*known, *told])
             if (word.claim, word.of) == (one.claim, one.of)
         )
+        assert one == next(of_it)
         assert one.claim is not Claim.STANDS or one.of not in held
         assert one.claim is not Claim.HELD or one.of in held
     assert newest(found, (), held) == found

@@ -39,9 +39,8 @@ class Km:
 
     def plan(self, *task, request="p1", seed=SEED):
         """Return the search's result for a task."""
-        return search(
-            hfsm.GroundTaskNetwork(request, (hfsm.Task(task[0], task[1:]),)), self.ask, seed
-        )
+        asked = hfsm.GroundTaskNetwork(request, (hfsm.Task(task[0], task[1:]),))
+        return search(asked, self.ask, seed)
 
     def believed(self, number):
         """The scene once the hypothetical state with this number was observed to be so."""
@@ -95,11 +94,8 @@ def surveyed(scene):
     """Return km's scene when the robot stands in its start posture and has looked around, with the
     receptor's noise.
     """
-    backend, eye, models = (
-        MujocoBackend(scene),
-        simulation.receptor(scene),
-        simulation.model_names(scene),
-    )
+    backend, eye = MujocoBackend(scene), simulation.receptor(scene)
+    models = simulation.model_names(scene)
     qpos, store = backend.configuration().copy(), Store.open()
     told = []
     for point in SURVEY.at:
@@ -111,9 +107,7 @@ def surveyed(scene):
             wm.SeenObject(s.name, models[s.name], Pose(*xyz_quat(s.T_world_object)), 1.0)
             for s in seen
         ]
-    right, left = (
-        tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left")
-    )
+    right, left = (tuple(map(float, names.START[names.ARM[side]])) for side in ("right", "left"))
     told.append(wm.SeenBody(BodyPosture(0.0, right, left, (0.0, 0.0), (0.0,) * 4, (0.0,) * 4)))
     told += [wm.SeenHand(side) for side in Side]
     for count, observation in enumerate(told):

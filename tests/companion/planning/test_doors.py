@@ -107,10 +107,8 @@ def test_a_turn_whose_end_no_arm_reaches_is_not_tried(monkeypatch):
     """
     whole = model.load(model.CANONICAL.with_stem("doors"))
     beside = (
-        replace(one, xyz=model.NOWHERE)
-        if one.of
-        else replace(one, xyz=(one.xyz[0], one.xyz[1] + 0.4, one.xyz[2]))
-        for one in whole.things
+        replace(t, xyz=model.NOWHERE if t.of else (t.xyz[0], t.xyz[1] + 0.4, t.xyz[2]))
+        for t in whole.things
     )
     tried, arc = [], opening.arc
     monkeypatch.setattr(opening, "arc", lambda *words: tried.append(words[4]) or arc(*words))

@@ -75,11 +75,8 @@ def test_another_plan_is_made_where_the_world_is_not_as_planned(plan):
 
 
 def test_it_is_held_out_level_over_an_edge_that_looks_away_from_the_robot(plan, beginning):
-    lead, give, grasp = (
-        command(plan, OUT[0], "move-joint"),
-        command(plan, *OUT),
-        command(plan, "take jar_1", "grasp"),
-    )
+    lead, give = command(plan, OUT[0], "move-joint"), command(plan, *OUT)
+    grasp = command(plan, "take jar_1", "grasp")
     assert isinstance(lead, rc.MoveJoint)
     assert isinstance(give, HandOver)
     q = np.array(names.START)

@@ -42,9 +42,8 @@ def test_the_hand_beside_the_bowl_is_likely(seed):
         geometry, state = Geometry(asking, Robot(), seed), asking.suppose("", ())
         for hand in Side:
             assert pouring.likely(geometry, state, "jar_1", "bowl_1", hand) is (hand is likely)
-            assert pouring.not_likely(geometry, state, "jar_1", "bowl_1", hand) is (
-                hand is not likely
-            )
+            likely_to = pouring.not_likely(geometry, state, "jar_1", "bowl_1", hand)
+            assert likely_to is (hand is not likely)
         assert len(geometry.pouring) == 1
 
 

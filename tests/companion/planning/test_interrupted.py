@@ -31,10 +31,8 @@ def grasping(first, jar_carried):
     for point in grasp.approach:
         q = ik.solve(robot, "right", T_world_object * transform(point.at), q)
     right, left = (tuple(float(x) for x in q[names.ARM[side]]) for side in ("right", "left"))
-    open_hand, jar_hand = (
-        (grasp.approach[-1].fingers,) * 3 + (0.0,),
-        jar_carried.joints["left_hand"],
-    )
+    open_hand = (grasp.approach[-1].fingers,) * 3 + (0.0,)
+    jar_hand = jar_carried.joints["left_hand"]
     posture = BodyPosture(float(q[names.TORSO]), right, left, (0.0, 0.0), open_hand, jar_hand)
     return observed(jar_carried, wm.SeenBody(posture), (9, 0), 3.0)
 

@@ -28,9 +28,7 @@ pytestmark = pytest.mark.timeout(300)
 
 def at_home(torso=0.0):
     """Both arms in their start posture."""
-    right, left = (
-        tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left")
-    )
+    right, left = (tuple(map(float, names.START[names.ARM[side]])) for side in ("right", "left"))
     return wm.SeenBody(BodyPosture(torso, right, left, STILL, OPEN, OPEN))
 
 
@@ -40,14 +38,9 @@ def known():
 
     def scene_of(name):
         things = scenes.load(Path(__file__).parent / "scenes" / f"{name}.toml").things
+        poses = {t.id: Pose(*xyz_quat(standing(np.array(t.xyz), t.yaw))) for t in things}
         seen = (
-            wm.SeenObject(
-                t.id,
-                KNOWN_AS.get(t.model, t.model),
-                Pose(*xyz_quat(standing(np.array(t.xyz), t.yaw))),
-                1.0,
-            )
-            for t in things
+            wm.SeenObject(t.id, KNOWN_AS.get(t.model, t.model), poses[t.id], 1.0) for t in things
         )
         return told(Scene(), *seen, at_home(), *(wm.SeenHand(side) for side in Side))
 

@@ -1,5 +1,6 @@
 """What the tasks declare fits together: each name once, each name that is used declared."""
 
+import itertools
 import re
 from inspect import getsource
 
@@ -28,16 +29,10 @@ def test_each_name_of_a_row_is_declared():
 @pytest.mark.parametrize("module", parts("plan"), ids=lambda module: module.__name__.split(".")[-2])
 def test_each_subtask_is_declared(module):
     """Those that a method names: tasks, subtasks and actions, its own and those of other tasks."""
-    declared = [
-        one
-        for methods in module.PLAN.methods.values()
-        for one in methods
-        if not isinstance(one, str)
-    ]
-    methods = [
-        one.method if isinstance(one, Each) else one
-        for one in (*declared, *module.PLAN.around.values())
-    ]
+    methods = itertools.chain.from_iterable(module.PLAN.methods.values())
+    declared = [one for one in methods if not isinstance(one, str)]
+    around = (*declared, *module.PLAN.around.values())
+    methods = [one.method if isinstance(one, Each) else one for one in around]
     named = {name for method in methods for name in NAMED.findall(getsource(method))}
     assert methods
     assert named <= {*search.METHODS, *search.ACTIONS, *search.CONDITIONS, *OWN}

@@ -48,9 +48,8 @@ def test_starved_of_a_kind_there_is_no_plan(begin, kinds, request):
 def test_starved_of_a_thing_there_is_no_plan(beginning):
     """Source, destination and what they stand in: each is asked about by name."""
     for name in ("jar_1", "bowl_1", "cabinet_2"):
-        plan = Km(beginning, lambda query, name=name: getattr(query, "object", "") == name).plan(
-            *POUR
-        )
+        starved = Km(beginning, lambda query, name=name: getattr(query, "object", "") == name)
+        plan = starved.plan(*POUR)
         assert Kind.UNKNOWN_TO_KM in {one.kind for one in plan.why}, name
 
 

@@ -22,11 +22,8 @@ REPLAN = hfsm.Outcome.REPLAN
 
 def put_down(machine):
     """Return the things put down where a plan is cancelled, in order."""
-    return (
-        []
-        if machine is None
-        else [c.object for c in hfsm.acts(machine) if isinstance(c, rc.Release)]
-    )
+    releases = hfsm.acts(machine) if machine is not None else ()
+    return [command.object for command in releases if isinstance(command, rc.Release)]
 
 
 def test_the_first_plan_takes_both_and_puts_the_bowl_down(first):
@@ -46,9 +43,8 @@ def test_the_first_plan_takes_both_and_puts_the_bowl_down(first):
         ("Release", right),
         ("MoveJoint", right), ("Look", None),
     ]  # fmt: skip
-    assert plan.root.states[-1] == hfsm.EndState(
-        "replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),)
-    )
+    end = hfsm.EndState("replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),))
+    assert plan.root.states[-1] == end
 
 
 def test_the_second_plan_pours(second):
@@ -114,11 +110,8 @@ def test_motions_begin_where_the_robot_stands(first):
 
 def test_what_is_carried_stays_upright(first):
     """All the way from before the cabinet to where the other arm has room."""
-    grasp, carry, q = (
-        acts(first[1], rc.Grasp)[0],
-        acts(first[1], rc.MoveJoint)[1],
-        np.array(names.START),
-    )
+    grasp, carry = acts(first[1], rc.Grasp)[0], acts(first[1], rc.MoveJoint)[1]
+    q = np.array(names.START)
     inside = transform(grasp.approach[-1].at).inverse()
     for point in carry.path[:: max(1, len(carry.path) // 20)]:
         q[names.COLUMNS["left"]] = point

@@ -53,11 +53,8 @@ class Interruptible(InProcess):
                 self.cancelled = fresh = True
                 self.core.cancel()
         sensed = self.sensed()
-        return (
-            dataclasses.replace(sensed, ended="cancelled")
-            if fresh and sensed.ended == "done"
-            else sensed
-        )
+        late = fresh and sensed.ended == "done"
+        return dataclasses.replace(sensed, ended="cancelled") if late else sensed
 
 
 class Acting:
@@ -129,11 +126,8 @@ class Acting:
         `taking`.
         """
         pose = self.here.seen[name]
-        fitting = [
-            one
-            for one in models.GRASPS[self.things[name]]
-            if (one.kind == models.LYING) is lies(pose)
-        ]
+        known = models.GRASPS[self.things[name]]
+        fitting = [one for one in known if (one.kind == models.LYING) is lies(pose)]
         self._plan(name, side, -pose.translation, fitting)
 
     def _plan(self, name, side, direction, grasps):
@@ -148,23 +142,13 @@ class Acting:
         grasp = next(one for one in grasps if one.id == found.grasp)
         self.retreats[name] = _points(backwards(found.steps))
         mass = models.MODELS[self.things[name]].mass
-        close = rc.Grasp(
-            self._key(),
-            side,
-            name,
-            grasp.id,
-            _points(found.steps),
-            squeeze=grasp.squeeze,
-            speed=grasp.speed,
-            mass=mass,
-        )
+        force = {"squeeze": grasp.squeeze, "speed": grasp.speed, "mass": mass}
+        steps = _points(found.steps)
+        close = rc.Grasp(self._key(), side, name, grasp.id, steps, **force)
         away = tuple(float(x) for x in out * OUT_M)
         segments = (rc.Segment((0.0, 0.0, LIFT_M), 0.1), rc.Segment((away[0], away[1], 0.0), 0.25))
-        self.taking = (
-            self.move(side, path, found.steps[0][1]),
-            close,
-            rc.MoveCartesian(self._key(), side, segments),
-        )
+        lead = self.move(side, path, found.steps[0][1])
+        self.taking = lead, close, rc.MoveCartesian(self._key(), side, segments)
 
     def _reached(self, side, target, ways):
         here, rng = self.here, np.random.default_rng(1)

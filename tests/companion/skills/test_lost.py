@@ -129,11 +129,8 @@ def test_a_jar_that_is_gone_is_missing(before_the_jar, sure, monkeypatch):
     at = core.backend.model.joint(JAR).qposadr[0]
     core.backend.data.qpos[at : at + 3] = (2.0, 2.0, 0.1)
     outcome = before_the_jar.act(before_the_jar.taking[1])
-    assert (outcome.kind, outcome.missing, outcome.held) == (
-        "missing" if sure else "empty",
-        (JAR,),
-        {},
-    )
+    kind = "missing" if sure else "empty"
+    assert (outcome.kind, outcome.missing, outcome.held) == (kind, (JAR,), {})
     assert JAR not in before_the_jar.here.seen
 
 

@@ -28,12 +28,8 @@ def under(here, gap_m):
     jar = here.robot.grip(here.q, LEFT) * here.held[LEFT].T_grip_object
     here.models = {**here.models, "box_1": "box1"}
     half = models.MODELS["box1"].base.z
-    here.place(
-        "box_1",
-        standing(
-            jar.translation + np.array([0.0, 0.0, -models.MODELS["jar"].base.z - half + gap_m])
-        ),
-    )
+    up = -models.MODELS["jar"].base.z - half + gap_m
+    here.place("box_1", standing(jar.translation + np.array([0.0, 0.0, up])))
     return np.array([0.0, 0.0, -1.0])
 
 
@@ -82,9 +78,8 @@ def test_a_planned_path_goes_round_what_was_seen_since(jar_out, touched):
         with pytest.raises(NotPossible) as hindered:
             next(skill)
         assert hindered.value.kind == rc.NotDoneKind.REPLAN
-        assert {(why.kind, "box_1" in why.words) for why in hindered.value.why} == {
-            (Kind.WAY_NOT_FREE, True)
-        }
+        ways = {(why.kind, "box_1" in why.words) for why in hindered.value.why}
+        assert ways == {(Kind.WAY_NOT_FREE, True)}
         assert here.fingers["right"] != 0.3
         return
     followed = next(skill).path()
@@ -107,9 +102,8 @@ def test_fingers_that_would_meet_something_move_at_the_end_of_the_path(
     points = tuple(tuple(q[names.COLUMNS["right"]].tolist()) for q in path)
     if not free_at_the_end:
         here.models = {**here.models, "box_1": "box1"}
-        here.place(
-            "box_1", standing(here.robot.grip(path[-1], "right").act(np.array([0.0, 0.0, 0.05])))
-        )
+        at = here.robot.grip(path[-1], "right").act(np.array([0.0, 0.0, 0.05]))
+        here.place("box_1", standing(at))
     whole = moving._clear
 
     def entangled(here, path, side, bent, speed):

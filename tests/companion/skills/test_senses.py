@@ -22,10 +22,8 @@ from velma.model.scene import load, vary
 
 JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
 OFF = 0.05
-CAMERA, WRIST = (
-    rc.Ill(rc.Sensor.CAMERA, rc.Fault.FROZEN),
-    rc.Ill(rc.Sensor.LEFT_WRIST, rc.Fault.ZERO),
-)
+CAMERA = rc.Ill(rc.Sensor.CAMERA, rc.Fault.FROZEN)
+WRIST = rc.Ill(rc.Sensor.LEFT_WRIST, rc.Fault.ZERO)
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
 
@@ -81,12 +79,10 @@ def numb(state):
 def at(acting, name, times=1):
     """A look, or several, at a thing: where it stands or in a hand."""
     side = acting.here.holder(name)
-    held = (
-        None
-        if side is None
-        else acting.robot.grip(acting.here.q, side) * acting.here.held[side].T_grip_object
-    )
-    x, y, z = (acting.here.seen[name] if held is None else held).translation
+    at = acting.here.seen.get(name)
+    if side is not None:
+        at = acting.robot.grip(acting.here.q, side) * acting.here.held[side].T_grip_object
+    x, y, z = at.translation
     return rc.Look(acting._key(), ((float(x), float(y), float(z)),) * times)
 
 
@@ -94,15 +90,8 @@ def acts_of(acting):
     """One of each kind."""
     move, grasp, pull = acting.taking
     pour = Pour("pour", LEFT, JAR, BOWL, 0.0, 0.0, (0.3, 2.0), 1.0, 0.2)
-    acts = (
-        move,
-        grasp,
-        pull,
-        pour,
-        acting.put_down(JAR, LEFT),
-        rc.Home("home", LEFT),
-        acting.look(),
-    )
+    home = rc.Home("home", LEFT)
+    acts = (move, grasp, pull, pour, acting.put_down(JAR, LEFT), home, acting.look())
     return {type(act).__name__: act for act in acts}
 
 
@@ -152,9 +141,8 @@ def test_a_hand_without_a_sensor_does_not_check(before_the_jar):
     """So a grasp is not begun with a camera alone that does not see."""
     here = before_the_jar.here
     here.ill, here.numb = (CAMERA,), {LEFT}
-    assert refused(here, before_the_jar.taking[1]) == (
-        fact(Kind.NOT_BEGUN, fact(Kind.UNCHECKABLE, LEFT)),
-    )
+    why = fact(Kind.NOT_BEGUN, fact(Kind.UNCHECKABLE, LEFT))
+    assert refused(here, before_the_jar.taking[1]) == (why,)
 
 
 def test_what_a_sense_was_is_remembered(jar_out):
@@ -197,10 +185,8 @@ def test_a_grasp_that_nothing_checks_ends_before_the_hand_closes(before_the_jar,
     before_the_jar.eye = Unwell("frozen")
     spoilt(before_the_jar, numb, monkeypatch)
     told = before_the_jar.act(before_the_jar.taking[1])
-    assert (told.kind, {one.sense for one in told.ill}) == (
-        rc.NotDoneKind.FAILED,
-        {*WRISTS, rc.Sensor.CAMERA},
-    )
+    assert told.kind == rc.NotDoneKind.FAILED
+    assert {one.sense for one in told.ill} == {*WRISTS, rc.Sensor.CAMERA}
     assert not before_the_jar.here.held
     assert not any(before_the_jar.core.report.left.touched)
 

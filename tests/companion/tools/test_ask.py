@@ -27,9 +27,8 @@ MIXED = (
 
 def run(*words, text="", recording=POUR):
     """Exit code, standard output, standard error."""
-    done = CliRunner().invoke(
-        app, ["ask", *words, "--run", str(recording)], input=text, env={"COLUMNS": "80"}
-    )
+    command = ["ask", *words, "--run", str(recording)]
+    done = CliRunner().invoke(app, command, input=text, env={"COLUMNS": "80"})
     return done.exit_code, done.stdout, done.stderr
 
 
@@ -39,11 +38,8 @@ def test_a_table_for_people(recording):
     code, out, error = run(IN, "--at", "12", recording=recording)
     lines = [line.split() for line in out.splitlines()]
     assert (code, error) == (0, "")
-    assert lines[:3] == [
-        ["thing", "where"],
-        ["thing:bowl_1", "thing:cabinet_2"],
-        ["thing:jar_1", "thing:cabinet_2"],
-    ]
+    things = [["thing:bowl_1", "thing:cabinet_2"], ["thing:jar_1", "thing:cabinet_2"]]
+    assert lines[:3] == [["thing", "where"], *things]
     assert out.splitlines()[3] == "2 rows; as km knew it at 12 of 85.7 s"
 
 
@@ -84,10 +80,8 @@ def test_json_as_sparql_has_it():
 def test_csv_as_sparql_has_it():
     """A line of columns, then values alone; nothing where a value is missing."""
     _, out, _ = run(MIXED, "--format", "csv")
-    assert list(csv.reader(io.StringIO(out))) == [
-        ["thing", "n", "text", "none"],
-        ["urn:robot-companion:thing/jar_1", "2.5", 'a, "b"', ""],
-    ]
+    row = ["urn:robot-companion:thing/jar_1", "2.5", 'a, "b"', ""]
+    assert list(csv.reader(io.StringIO(out))) == [["thing", "n", "text", "none"], row]
 
 
 @pytest.mark.usefixtures("answered_here")
@@ -111,10 +105,8 @@ def test_what_is_shown_may_be_asked():
     held = "SELECT ?grasp WHERE { thing:jar_1 roco:isGraspedWith ?grasp }"
     shown = run(held, "--at", "30")[1].splitlines()[1].strip()
     assert shown == "grasp:jar\\/47"
-    assert run(f"ASK {{ thing:jar_1 roco:isGraspedWith {shown} }}", "--at", "30")[:2] == (
-        0,
-        "yes; as km knew it at 30 of 85.7 s\n",
-    )
+    code, text = run(f"ASK {{ thing:jar_1 roco:isGraspedWith {shown} }}", "--at", "30")[:2]
+    assert (code, text) == (0, "yes; as km knew it at 30 of 85.7 s\n")
 
 
 @pytest.mark.usefixtures("answered_here")

@@ -45,14 +45,10 @@ def saying(one, content, id, received):
 
 def told(past, *observations):
     """The history in which ta told km this at its end, newer than all before."""
-    last = max(
-        (one for one in past.said if one.content and one.receiver == "km"),
-        key=lambda one: one.received,
-    )
-    more = (
-        saying(last, one, f"test/{number}@9.{number}", last.received + 1.0)
-        for number, one in enumerate(observations)
-    )
+    to_km = (one for one in past.said if one.content and one.receiver == "km")
+    last = max(to_km, key=lambda one: one.received)
+    at = last.received + 1.0
+    more = (saying(last, one, f"test/{n}@9.{n}", at) for n, one in enumerate(observations))
     return msgspec.structs.replace(past, said=(*past.said, *more))
 
 
@@ -90,9 +86,8 @@ def test_a_thing_that_was_moved_unseen_is_shown_apart(past):
 def test_what_was_put_down_unseen_or_lost_is_said_so(past):
     """With its place, or without one."""
     let_go = wm.SeenHand(Side.LEFT)
-    put = found(
-        told(past, let_go, wm.PlacedObject("jar_1", "jar", Pose((0.6, -0.5, 0.876)), 9.0)), "jar_1"
-    )
+    placed = wm.PlacedObject("jar_1", "jar", Pose((0.6, -0.5, 0.876)), 9.0)
+    put = found(told(past, let_go, placed), "jar_1")
     assert (put.how, put.at, put.held) == ("put down, not seen since", (0.6, -0.5, 0.876), "")
     assert put.id == "test/1@9.1"
     lost = found(told(past, let_go, wm.LostObject("jar_1", Side.LEFT)), "jar_1")

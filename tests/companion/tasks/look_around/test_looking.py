@@ -117,10 +117,8 @@ def test_eyes_that_see_nothing_at_all_miss_nothing(cabinet_gone):
 def test_a_thing_that_may_be_hidden_is_not_missing(cabinet_gone):
     """A box stands before it."""
     here = cabinet_gone
-    bowl, eye = (
-        here.seen[BOWL].translation,
-        here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation,
-    )
+    bowl = here.seen[BOWL].translation
+    eye = here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation
     here.models = {**here.models, "box_1": "box3"}
     here.place("box_1", pin.SE3(np.eye(3), eye + 0.5 * (bowl - eye)))
     here.begin()

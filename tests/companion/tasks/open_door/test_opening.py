@@ -47,9 +47,8 @@ def planned(done, door):
         return answer
 
     asking = Asking(answered, "p")
-    step = open_door(
-        Geometry(asking, Robot(), 1), asking.suppose("", ()), door, "cabinet_2", OWN[door]
-    )
+    geometry = Geometry(asking, Robot(), 1)
+    step = open_door(geometry, asking.suppose("", ()), door, "cabinet_2", OWN[door])
     return step.commands
 
 

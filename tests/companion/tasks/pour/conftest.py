@@ -2,13 +2,10 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-if TYPE_CHECKING:
-    pass
 
 
 @pytest.fixture(scope="session")

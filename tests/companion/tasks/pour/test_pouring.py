@@ -133,10 +133,8 @@ def test_a_look_that_something_hides_tells_the_least(over_the_bowl):
     acting, command = over_the_bowl
     for had, seen, arrived in HIDDEN:
         here = acting.copied().here
-        bowl, eye = (
-            here.seen[BOWL].translation,
-            here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation,
-        )
+        bowl = here.seen[BOWL].translation
+        eye = here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation
         here.place("box_1", standing(eye + 0.3 * (bowl - eye)))
         here.contents[BOWL] = had
         outcome, _ = performed(here, command, FULL, EMPTY, content=(None, seen))
@@ -151,9 +149,8 @@ def test_the_second_tilt_goes_farther(over_the_bowl):
     _, motions = performed(here, command, FULL, HALF, EMPTY)
     grips = (here.robot.grip(motion.path()[-1], LEFT) for motion in motions)
     inside = here.held[LEFT].T_grip_object
-    before, first, _, second, _, _ = (
-        float(np.arccos((grip * inside).rotation[2, 2])) for grip in grips
-    )
+    tilts = (float(np.arccos((grip * inside).rotation[2, 2])) for grip in grips)
+    before, first, _, second, _, _ = tilts
     assert (before, first) == pytest.approx((FIRST_TILT, LAST_TILT), abs=0.02)
     assert second > first + 0.2
     assert here.hidden(BOWL, motions[-1].path()[-1]) == 0
@@ -210,9 +207,8 @@ def test_a_pour_into_another_thing_begins_by_itself(over_the_bowl):
     performed(here, command, FULL, EMPTY, cancelled=TILTED)
     here.place("bowl_2", here.seen[BOWL])
     here.forget(BOWL)
-    outcome, _ = performed(
-        here, msgspec.structs.replace(command, destination="bowl_2"), EMPTY, EMPTY
-    )
+    other = msgspec.structs.replace(command, destination="bowl_2")
+    outcome, _ = performed(here, other, EMPTY, EMPTY)
     assert outcome.why == (fact(PourKind.NOTHING_LEFT, JAR, EMPTY, EMPTY),)
 
 
@@ -231,10 +227,8 @@ def test_content_of_an_earlier_tilt_counts_as_poured(over_the_bowl):
 def test_a_cancel_while_it_looks_changes_nothing(over_the_bowl):
     """All has left the jar: the pour is done, and it was not looked into."""
     acting, command = over_the_bowl
-    assert told(performed(acting.here, command, FULL, EMPTY, cancelled=LOOK - 1)[0]) == (
-        (FULL, EMPTY),
-        None,
-    )
+    outcome, _ = performed(acting.here, command, FULL, EMPTY, cancelled=LOOK - 1)
+    assert told(outcome) == ((FULL, EMPTY), None)
 
 
 def test_the_hand_is_drawn_aside_where_the_elbow_is_near_the_head(over_the_bowl):
@@ -244,16 +238,8 @@ def test_the_hand_is_drawn_aside_where_the_elbow_is_near_the_head(over_the_bowl)
     acting, command = over_the_bowl
     here = acting.here
     here.place(BOWL, standing(np.array([0.630, -0.490, 0.775])))
-    here.q[[names.TORSO, *names.ARM["left"]]] = [
-        -0.954,
-        -2.557,
-        2.064,
-        -2.190,
-        1.663,
-        1.771,
-        0.696,
-        1.003,
-    ]
+    left = [-0.954, -2.557, 2.064, -2.190, 1.663, 1.771, 0.696, 1.003]
+    here.q[[names.TORSO, *names.ARM["left"]]] = left
     here.head = (0.0, 0.0)
     rim = here.seen[BOWL].act(np.array(models.MODELS[here.models[BOWL]].hole.centre))
     assert turned(here, here.q, rim) is None

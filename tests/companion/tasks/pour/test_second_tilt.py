@@ -20,11 +20,8 @@ class Clog:
     """
 
     def __init__(self, core):
-        self._model, self._truth, self._cycle = (
-            core.backend.model,
-            TruthReader(core.backend),
-            core.cycle,
-        )
+        self._model, self._cycle = core.backend.model, core.cycle
+        self._truth = TruthReader(core.backend)
         # its boxes are those of the first place
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         self._bottom = self._model.geom(f"{JAR}_bottom").id

@@ -56,11 +56,8 @@ def looked(here, pour, see, looks=8, wrong=""):
             ended = "done"
             for n in range(looks if motion.look_every_s else 0):
                 last = see(here, n)
-                answers.append(
-                    work.send(
-                        replace(_sensed(here, upright, str(Phase.RUNNING), last), wrong=wrong)
-                    )
-                )
+                running = _sensed(here, upright, str(Phase.RUNNING), last)
+                answers.append(work.send(replace(running, wrong=wrong)))
                 if isinstance(answers[-1], Cancel):
                     ended = "cancelled"
                     break
@@ -83,10 +80,8 @@ def standing_ones(here, *without):
 
 def aside(here, by):
     """The bowl so far from its place [m]."""
-    return [
-        *standing_ones(here, BOWL),
-        Sight(BOWL, pin.SE3(np.eye(3), np.array([by, 0.0, 0.0])) * here.seen[BOWL]),
-    ]
+    beside = pin.SE3(np.eye(3), np.array([by, 0.0, 0.0])) * here.seen[BOWL]
+    return [*standing_ones(here, BOWL), Sight(BOWL, beside)]
 
 
 def fallen(here):
@@ -98,9 +93,8 @@ def fallen(here):
 
 def boxed(here, across, azimuth=0.0):
     """A box in the air, so far from the middle above the bowl [m], in this direction [rad]."""
-    at = here.seen[BOWL].translation + np.array(
-        [across * np.cos(azimuth), across * np.sin(azimuth), 0.35]
-    )
+    x, y = across * np.cos(azimuth), across * np.sin(azimuth)
+    at = here.seen[BOWL].translation + np.array([x, y, 0.35])
     return [*standing_ones(here, "box_1"), Sight("box_1", standing(at))]
 
 
@@ -230,9 +224,7 @@ def test_a_bowl_that_is_hidden_is_not_missing(over):
     eye = here._eye(here.q)
     here.place("box_1", standing(eye + 0.3 * (here.seen[BOWL].translation - eye)))
     assert not here.in_view(BOWL)
-    answers, _ = looked(
-        *over, lambda here, n: standing_ones(here, BOWL) if n else standing_ones(here), looks=12
-    )
+    answers, _ = looked(*over, lambda here, n: standing_ones(here, *[BOWL] * bool(n)), looks=12)
     assert is_tilted_on(answers)
 
 
@@ -260,13 +252,8 @@ def test_nothing_falls_beside_a_bowl_that_is_taken_away(jar_out, degrees, gone):
         leans = np.degrees(np.arccos(truth.pose(JAR)[0][2, 2]))
         if not happened and leans > degrees:
             happened.append(core.state.time)
-            place(
-                core,
-                BOWL,
-                np.array([-2.0, 2.0, 0.001])
-                if gone
-                else truth.pose(BOWL)[1] + np.array([0.0, 0.12, 0.0]),
-            )
+            pushed = truth.pose(BOWL)[1] + np.array([0.0, 0.12, 0.0])
+            place(core, BOWL, np.array([-2.0, 2.0, 0.001]) if gone else pushed)
         elif happened and not upright and core.state.time > happened[0] + 0.5 and leans < 25.0:
             upright.append(core.state.time)
 

@@ -34,9 +34,8 @@ def hidden(acting):
     `in_view`.
     """
     here = acting.here
-    return _pour(
-        next(one for one in islice(_possible(acting), MOST) if not stands_and_sees(here, one))
-    )
+    possible = islice(_possible(acting), MOST)
+    return _pour(next(one for one in possible if not stands_and_sees(here, one)))
 
 
 def brought(acting, seen=False):
@@ -52,11 +51,9 @@ def brought(acting, seen=False):
     for tilting in possible:
         visible = not seen or stands_and_sees(here, tilting)
         here.q, here.head = q, head
-        way = (
-            motion.plan(here.robot, here.world, LEFT, here.q, tilting.path[0], keep=keep)
-            if visible
-            else None
-        )
+        way = None
+        if visible:
+            way = motion.plan(here.robot, here.world, LEFT, here.q, tilting.path[0], keep=keep)
         if way is not None:
             acting.done(acting.move(LEFT, way.path[1:]))
             return _pour(tilting)
@@ -78,12 +75,8 @@ def _possible(acting):
     """Put the bowl on the table, in the situation alone, and return the tilts over it."""
     here = acting.here
     table = here.seen["table_1"].translation
-    here.place(
-        BOWL,
-        standing(
-            np.array([table[0], table[1] + 0.25, 0.78 - models.MODELS[acting.things[BOWL]].base.z])
-        ),
-    )
+    z = 0.78 - models.MODELS[acting.things[BOWL]].base.z
+    here.place(BOWL, standing(np.array([table[0], table[1] + 0.25, z])))
     rim, opening = (models.MODELS[acting.things[name]].hole for name in (BOWL, JAR))
     flow = Stream(here.seen[BOWL].act(np.array(rim.centre)), rim.radius, opening.centre[2])
     held = here.held[LEFT].T_grip_object

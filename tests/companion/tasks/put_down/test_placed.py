@@ -80,9 +80,8 @@ def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out, more):
     assert placed.uncertainty is None
     assert stands(done) == ((), 0.0)
     kept = remembered(jar_out.here, "")
-    assert kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "").placed == done.placed, (
-        "also if its end is not told"
-    )
+    told = kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "")
+    assert told.placed == done.placed, "also if its end is not told"
 
 
 class Pushed(Receptor):
@@ -99,12 +98,8 @@ class Pushed(Receptor):
         if not self.pushed and self._acting.here.put:
             self.pushed = True
             at = np.add(self._acting.truth.at[JAR], self._shift)
-            put(
-                self._acting,
-                JAR,
-                at,
-                (math.cos(self._pitch / 2), 0.0, math.sin(self._pitch / 2), 0.0),
-            )
+            half = self._pitch / 2
+            put(self._acting, JAR, at, (math.cos(half), 0.0, math.sin(half), 0.0))
             qpos = self._acting.core.backend.configuration()
         return self._eye.look(qpos, neck)
 
@@ -140,9 +135,8 @@ def test_what_meets_something_unseen_is_put_down_beside_it(jar_out):
     put(jar_out, BOWL, place.translation + np.array([0.0, RIM_M, 0.005 - JAR_M / 2]))
     jar_out.eye, at = Blind(), Pose(*xyz_quat(place))
     jar_out.done(jar_out.move(LEFT, [jar_out.here.q, *path]))
-    jar_out.done(
-        rc.Release("act", LEFT, JAR, "table_1", at, jar_out.retreats[JAR], ((0.0, 0.0, ABOVE_M),))
-    )
+    at_table = ("act", LEFT, JAR, "table_1", at, jar_out.retreats[JAR])
+    jar_out.done(rc.Release(*at_table, ((0.0, 0.0, ABOVE_M),)))
     truth = jar_out.truth
     assert truth.tilt_deg[JAR] < 2.0
     assert abs(truth.at[JAR][2] - place.translation[2]) < 0.01
@@ -178,9 +172,8 @@ def test_a_look_that_is_to_confirm_it_and_does_not_see_it_says_so(jar_out):
     assert stands(jar_out.done(jar_out.put_down(JAR, LEFT)))[0] == (Sense.EYES,)
     there = (tuple(jar_out.here.seen[JAR].translation),)
     assert stands(jar_out.done(rc.Look("look", there, put=JAR)))[0] == (Sense.EYES,)
-    assert not [
-        one for one in jar_out.done(rc.Look("look", there)).evidence if one.claim is Claim.STANDS
-    ]
+    look = jar_out.done(rc.Look("look", there))
+    assert Claim.STANDS not in [one.claim for one in look.evidence]
     jar_out.eye = Without(jar_out.eye)
     assert stands(jar_out.done(rc.Look("look", there, put=JAR))) == ((), 0.0)
 
@@ -194,17 +187,11 @@ def test_another_skill_process_compares_what_was_put_down_too(jar_out, toppled):
     jar_out.done(jar_out.put_down(JAR, LEFT))
     stood, here = tuple(jar_out.truth.at[JAR]), jar_out.here
     if toppled:
-        put(
-            jar_out,
-            JAR,
-            np.add(stood, (0.05, 0.0, JAR_RADIUS_M - JAR_M / 2)),
-            (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0),
-        )
+        beside = np.add(stood, (0.05, 0.0, JAR_RADIUS_M - JAR_M / 2))
+        put(jar_out, JAR, beside, (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0))
     felt = Felt(here.q.tobytes(), here.q.tobytes(), here.head, here.time)
-    jar_out.here, jar_out.eye = (
-        Stage(Setup(), _unchanged, _unasked).situation(remembered(here, ""), felt),
-        eye,
-    )
+    stage = Stage(Setup(), _unchanged, _unasked)
+    jar_out.here, jar_out.eye = stage.situation(remembered(here, ""), felt), eye
     outcome = jar_out.act(rc.Look("look", (stood,)))
     assert outcome.placed == ()
     assert getattr(outcome, "why", ()) == ((fact(Kind.FELL_OVER, JAR),) if toppled else ())

@@ -85,9 +85,8 @@ def test_a_tilted_jar_is_put_down_upright(jar_out):
     for sign in (1.0, -1.0):
         turn = pin.SE3(pin.exp3(sign * QUARTER * grip.rotation[:, 2]), np.zeros(3))
         about = pin.SE3(np.eye(3), jar.translation)
-        tilted = ik.solve(
-            jar_out.robot, LEFT, about * turn * about.inverse() * grip, jar_out.here.q
-        )
+        goal = about * turn * about.inverse() * grip
+        tilted = ik.solve(jar_out.robot, LEFT, goal, jar_out.here.q)
         if tilted is not None:
             break
     assert tilted is not None
@@ -104,9 +103,8 @@ def test_letting_go_is_carried_to_its_end(holding, kind):
     """A cancel while the fingers open changes nothing: the hand lets go and draws back to where it
     is free.
     """
-    outcome = holding.act(
-        holding.put_down(JAR, LEFT), lambda motion, core: isinstance(motion.left, kind)
-    )
+    down = holding.put_down(JAR, LEFT)
+    outcome = holding.act(down, lambda motion, core: isinstance(motion.left, kind))
     assert isinstance(outcome, rc.Done)
     assert not outcome.held
     stands(holding)
@@ -173,9 +171,9 @@ def test_an_opening_that_is_blocked_is_told(jar_out):
     bowl = seen.translation + 0.5 * np.array(out)
     jar_out.here.place("bowl_1", standing((bowl[0], bowl[1], bowl[2] - 0.1)))
     way = ((out[0], out[1], LIFT_M), (0.0, 0.0, LIFT_M))
-    outcome = jar_out.act(
-        rc.Release("in", LEFT, JAR, "cabinet_2", Pose(*xyz_quat(seen)), jar_out.retreats[JAR], way)
-    )
+    place = Pose(*xyz_quat(seen))
+    into = rc.Release("in", LEFT, JAR, "cabinet_2", place, jar_out.retreats[JAR], way)
+    outcome = jar_out.act(into)
     assert (outcome.kind, set(outcome.held)) == ("replan", {LEFT})
     assert (jar_out.core.setpoint == before).all()
 

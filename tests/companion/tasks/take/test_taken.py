@@ -42,10 +42,9 @@ def test_a_box_is_taken_and_put_down(model):
     """From above, of each size; it hangs upright, and stands again."""
     scene = load(CANONICAL.with_name("box.toml"))
     height = -models.MODELS[model].base.z + 0.776
-    things = (
-        replace(one, model=model, xyz=(*one.xyz[:2], height)) if one.id == BOX else one
-        for one in scene.things
-    )
+    box = next(one for one in scene.things if one.id == BOX)
+    box = replace(box, model=model, xyz=(*box.xyz[:2], height))
+    things = (box if one.id == BOX else one for one in scene.things)
     acting = taken(BOX, 7, replace(scene, things=tuple(things)))
     assert acting.truth.tilt_deg[BOX] < 5.0
     stands_again(acting, BOX)
