@@ -100,11 +100,11 @@ class Scene:
         """Return the words a puppet heard as (performative, content), of one conversation or of
         all.
         """
-        return [
-            (one.communicate.performative, one.content)
+        said = [
+            (one.communicate.performative, one.content, one.conversation)
             for one in self.puppets[name].heard
-            if conversation in ("", one.conversation)
         ]
+        return [(act, content) for act, content, talk in said if conversation in ("", talk)]
 
     def acts(self, name, conversation=""):
         """The performatives a puppet heard."""

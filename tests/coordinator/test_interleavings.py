@@ -77,12 +77,8 @@ class Chance:
             name, P.FAILURE, no_plan()
         )
         if turn.holds(name):
-            turn.say(
-                name,
-                P.FAILURE,
-                no_plan(fact(Kind.TOOK_TOO_LONG, AgentName.PL)),
-                kind=languages.Kind.CANCEL,
-            )
+            late = no_plan(fact(Kind.TOOK_TOO_LONG, AgentName.PL))
+            turn.say(name, P.FAILURE, late, kind=languages.Kind.CANCEL)
 
     def stop(self, turn, name):
         """Answer the cancel, unless the plan did so."""
@@ -104,12 +100,8 @@ class Chance:
     def work(self, turn, name):
         """One more state of the plan, or its end."""
         if self.chance.random() < 0.5:
-            self.report(
-                turn,
-                name,
-                WorkerState.RUNNING,
-                at=hfsm.Place(("main", f"{self.chance.randrange(9)}")),
-            )
+            at = hfsm.Place(("main", f"{self.chance.randrange(9)}"))
+            self.report(turn, name, WorkerState.RUNNING, at=at)
             self.later("ta", lambda turn: self.work(turn, name))
         else:
             self.report(turn, name, self.chance.choice(ENDS), why=(SLIPS,))
@@ -160,13 +152,8 @@ def run_out(scene):
     assert OUTSIDE not in scene.co.state.counts
 
 
-words_of_hi = st.lists(
-    st.tuples(
-        st.sampled_from((0.0, 0.001, 0.0015, 0.4, 3.0, 8.0, 40.0)), st.integers(0, 5), st.booleans()
-    ),
-    min_size=1,
-    max_size=8,
-)
+times = st.sampled_from((0.0, 0.001, 0.0015, 0.4, 3.0, 8.0, 40.0))
+words_of_hi = st.lists(st.tuples(times, st.integers(0, 5), st.booleans()), min_size=1, max_size=8)
 calm = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=60)
 
 
@@ -244,11 +231,8 @@ def test_a_peer_that_is_dead_for_good_leaves_no_command_open(dead):
     scene.settle(400.0)
     assert [len(results(scene, task)) for task in tasks] == [1, 1, 1]
     silent = fact(Kind.SAY_AGAIN_LATER, fact(Kind.NOT_ANSWERING, dead))
-    assert [scene.last_why(task) for task in tasks] == [
-        (fact(Kind.NOT_ANSWERED, dead),),
-        (silent,),
-        (silent,),
-    ]
+    whys = [scene.last_why(task) for task in tasks]
+    assert whys == [(fact(Kind.NOT_ANSWERED, dead),), (silent,), (silent,)]
 
 
 # --- the design -----------------------------------------------------------------------------------
@@ -294,10 +278,8 @@ def test_co_waits_longer_for_a_plan_than_ta_for_all_its_acts():
     """By ta's own waits: where every act takes as long as it may, ta asks for a new plan before co
     gives up.
     """
-    act, ask = (
-        hfsm.ActState("act", rc.Home("k", side="left")),
-        hfsm.AskState("ask", wm.ListObjects()),
-    )
+    act = hfsm.ActState("act", rc.Home("k", side="left"))
+    ask = hfsm.AskState("ask", wm.ListObjects())
     inner = hfsm.Machine("inner", "act", (act, ask), safe=hfsm.Machine("safe", "act", (act,)))
     plan = hfsm.HierarchicalPlan("p", "pour", hfsm.Machine("main", "inner", (inner, act)), 100.0, 1)
     longest = 5.0 * plan.duration + 3 * acts.MARGIN_S

@@ -185,10 +185,8 @@ def test_the_order_of_those_that_wait_is_by_costs_once_all_are_known(scene):
 def test_a_later_leg_of_the_plan_has_its_own_parameters(scene):
     """A later leg has less work left, and leaving it costs as much as the things held then."""
     name = scene.command(POUR)
-    legs = (
-        hfsm.ScheduleParameters("take jar_1", 60.0),
-        hfsm.ScheduleParameters("pour jar_1", 20.0, 16.0, 12.0),
-    )
+    pour = hfsm.ScheduleParameters("pour jar_1", 20.0, 16.0, 12.0)
+    legs = (hfsm.ScheduleParameters("take jar_1", 60.0), pour)
     state = hfsm.EndState("take jar_1", hfsm.Outcome.SUCCEEDED)
     plan = hfsm.HierarchicalPlan(
         "p", "pour", hfsm.Machine("main", "take jar_1", (state,)), 60.0, 1, legs

@@ -56,14 +56,8 @@ def test_a_command_is_agreed_planned_run_and_done(scene):
     name = scene.running()
     scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", "take")))
     scene.succeed()
-    assert scene.said(name) == [
-        "agree waiting",
-        "inform planning",
-        "inform running",
-        "inform running",
-        "inform running",
-        "inform done",
-    ]
+    running = ["inform running"] * 3
+    assert scene.said(name) == ["agree waiting", "inform planning", *running, "inform done"]
     places = [content.at and content.at.path for _, content in scene.heard("hi", name)]
     assert places == [None, None, None, ("end",), ("main", "take"), None]
     assert scene.at_rest()
@@ -107,11 +101,8 @@ def test_the_plan_reaches_ta_with_its_reply_by(scene):
     """Five times the planned duration and 50 s from the handing over; the plan has no act."""
     scene.command()
     scene.plan(duration=100.0)
-    (request,) = [
-        one.communicate
-        for one in scene.puppets["ta"].heard
-        if one.communicate.performative is P.REQUEST
-    ]
+    messages = [one.communicate for one in scene.puppets["ta"].heard]
+    (request,) = [one for one in messages if one.performative is P.REQUEST]
     assert request.reply_by == pytest.approx(request.sent + 550.0)
 
 
@@ -399,10 +390,8 @@ def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
     """The peer is told not-understood, hi a failure, and the next command is served; the log says
     what was wrong.
     """
-    name, logged = (
-        scene.running() if peer == "ta" else scene.command(),
-        told_in_log(scene, "broken"),
-    )
+    name = scene.running() if peer == "ta" else scene.command()
+    logged = told_in_log(scene, "broken")
     protocol, conversation = {"pl": "request", "ta": "coordinate"}[peer], scene.asked(peer)
 
     def slip(turn):
@@ -410,14 +399,8 @@ def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
         number = state.issued.get("co", 0) + 1
         state.issued["co"] = number
         del state.conversations[conversation]
-        bad = Communicate(
-            performative=P.PROPOSE,
-            protocol=protocol,
-            conversation=conversation,
-            sender=peer,
-            receiver="co",
-            id=str(number),
-        )
+        ends = {"conversation": conversation, "sender": peer, "receiver": "co"}
+        bad = Communicate(performative=P.PROPOSE, protocol=protocol, id=str(number), **ends)
         turn._out.sends.append(bad)
 
     scene.do(peer, slip)
@@ -434,10 +417,8 @@ def test_not_understood_of_a_peer_fails_the_task(scene, peer):
     scene.do(
         peer, lambda turn: turn.say(scene.asked(peer), P.NOT_UNDERSTOOD, Reason("no such task"))
     )
-    assert (scene.said(name)[-1], scene.last_why(name)) == (
-        "failure failed",
-        (fact(Kind.NOT_UNDERSTOOD, peer),),
-    )
+    scene_why = (fact(Kind.NOT_UNDERSTOOD, peer),)
+    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", scene_why)
     assert logged == ["no such task"]
     assert scene.at_rest()
 
@@ -489,10 +470,8 @@ def test_a_plan_that_is_put_off_is_asked_for_again(scene):
     asked = [content.id for act, content in scene.heard("pl") if act is P.REQUEST]
     assert len(asked) == 4
     assert len(set(asked)) == 1
-    assert [content.why for _, content in scene.heard("hi", name)][1:] == [
-        (fact(Kind.PLAN, 1),),
-        (fact(Kind.PLAN, 1, fact(Kind.LOOKS_FIRST)),),
-    ]
+    whys = [content.why for _, content in scene.heard("hi", name)][1:]
+    assert whys == [(fact(Kind.PLAN, 1),), (fact(Kind.PLAN, 1, fact(Kind.LOOKS_FIRST)),)]
     scene.carry_out()
     scene.ended(name, "inform done")
 

@@ -95,10 +95,8 @@ def test_what_a_switch_costs_by_hand():
     """Suspension and the other task first, then resumption and the rest; each second counts for
     both.
     """
-    running, short = (
-        Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0),
-        Offer("look", 100.0, rest=10.0),
-    )
+    running = Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0)
+    short = Offer("look", 100.0, rest=10.0)
     decision = by_costs(running, (short,), 100.0)
     assert decision.switch_cost == (4.0 + 10.0) + (4.0 + 10.0 + 6.0 + 100.0)
     assert decision.wait_cost == 100.0 + (100.0 + 10.0)
@@ -108,14 +106,10 @@ def test_hands_that_a_task_leaves_full_are_emptied_before_the_other_goes_on():
     """So what is taken meanwhile makes a switch dearer by that time, once: the other one alone
     waits for it.
     """
-    running, short = (
-        Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0),
-        Offer("take", 100.0, rest=10.0),
-    )
-    costs = [
-        by_costs(running, (replace(short, clear=clear),), 100.0).switch_cost
-        for clear in (0.0, 15.0)
-    ]
+    running = Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0)
+    short = Offer("take", 100.0, rest=10.0)
+    offers = [replace(short, clear=clear) for clear in (0.0, 15.0)]
+    costs = [by_costs(running, (one,), 100.0).switch_cost for one in offers]
     assert costs[1] - costs[0] == 15.0
 
 
@@ -176,10 +170,8 @@ def test_rules_differ_where_they_shall():
     early = Offer("early", 0.0, rest=50.0)
     due = Offer("due", 10.0, rest=50.0, deadline=150.0)
     short = Offer("short", 20.0, rest=5.0)
-    found = {
-        rule: rule(None, (early, due, short), 30.0).task
-        for rule in (first_come, by_deadline, by_costs)
-    }
+    rules = (first_come, by_deadline, by_costs)
+    found = {rule: rule(None, (early, due, short), 30.0).task for rule in rules}
     assert found == {first_come: "early", by_deadline: "due", by_costs: "short"}
 
 
@@ -257,11 +249,8 @@ def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
     """
     scene = Scene()
     tasks = [scene.command(one) for one in (Take("jar"), PutDown("jar"), LookAround(urgency=1))]
-    assert [type(job.command).__name__ for job in scene.memory.jobs] == [
-        "Take",
-        "LookAround",
-        "PutDown",
-    ]
+    names = [type(job.command).__name__ for job in scene.memory.jobs]
+    assert names == ["Take", "LookAround", "PutDown"]
     agreed = [scene.agreed(name) for name in tasks]
     first = fact(Kind.COMES_BEFORE, "take", "jar", fact(Kind.UNDER_WAY))
     waits = (fact(Kind.TASKS_BEFORE, 1, first),)

@@ -77,11 +77,9 @@ def ending(fleet, states):
     objects = {
         name: (one.model, one.pose, one.on, one.inside) for name, one in scene.things.items()
     }
-    requests = {
-        (one.sender, one.id): RC.decode(one.content)
-        for one in fleet.wires.traffic
-        if one.receiver == "ex" and str(one.performative) == "request"
-    }
+    to_ex = (one for one in fleet.wires.traffic if one.receiver == "ex")
+    asked = (one for one in to_ex if str(one.performative) == "request")
+    requests = {(one.sender, one.id): RC.decode(one.content) for one in asked}
     commanded = Counter(content.key for content in requests.values())
     begun = fleet.world.begun
     starts = Counter(key for at, key in enumerate(begun) if at == 0 or begun[at - 1] != key)

@@ -236,11 +236,8 @@ class Fleet:
         begun = [key for key, _ in groupby(self.world.begun)]
         twice = [f"{key} began again" for key in {key for key in begun if begun.count(key) > 1}]
         nodes = self.wires.nodes.items()
-        outside = [
-            f"{name} left the design"
-            for name, node in nodes
-            if node.state and node.state.counts.get(OUTSIDE)
-        ]
+        left = ((name, node.state) for name, node in nodes if node.state)
+        outside = [f"{name} left the design" for name, state in left if state.counts.get(OUTSIDE)]
         return [*twice, *outside, *against_design(self.wires.traffic), *self.violations()]
 
     def violations(self):

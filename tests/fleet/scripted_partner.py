@@ -56,13 +56,8 @@ def partner(name, heard, *, confirms=True):
                     _pay(turn, talk)
         return memory
 
-    return Agent(
-        name=name,
-        start="here",
-        memory=Names(),
-        behaviours={"here": Behaviour(serve)},
-        local=Open | Say,
-    )
+    behaviours = {"here": Behaviour(serve)}
+    return Agent(name, "here", Names(), behaviours, local=Open | Say)
 
 
 def _pay(turn, talk):

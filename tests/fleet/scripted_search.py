@@ -96,11 +96,8 @@ def steps(jar, bowl, where):
             (hfsm.Step("take", ("bowl_1",)), [move(Side.RIGHT), grasp(Side.RIGHT, "bowl_1")])
         )
     release = rc.Release("", Side.RIGHT, "bowl_1", "table_1", PLACE, ())
-    return [
-        *todo,
-        (hfsm.Step("place", ("bowl_1",)), [release]),
-        (hfsm.Step("look-at", ("bowl_1",)), [look("bowl_1")]),
-    ]
+    sees = (hfsm.Step("look-at", ("bowl_1",)), [look("bowl_1")])
+    return [*todo, (hfsm.Step("place", ("bowl_1",)), [release]), sees]
 
 
 def move(side):
@@ -129,10 +126,8 @@ def plan_of(network, todo):
     states = list(machines)
     if todo[-1][0].does == "look-at":
         query = wm.Holds(relation="hasExactPose", subject="bowl_1")
-        states += [
-            hfsm.AskState("localize bowl_1", query),
-            hfsm.EndState("replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),)),
-        ]
+        end = hfsm.EndState("replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),))
+        states += [hfsm.AskState("localize bowl_1", query), end]
     chained = chain(states)
     root = hfsm.Machine(network.tasks[0].name, chained[0].name, chained)
     return hfsm.HierarchicalPlan(network.id, network.tasks[0].name, root, 4.0 * len(todo), 12)
@@ -146,25 +141,15 @@ def machine(plan, number, step, acts):
     leaves = chain(
         [hfsm.ActState(f"{type(act).__name__.lower()} {k}", act) for k, act in enumerate(keyed)]
     )
-    downs = [
-        hfsm.ActState(
-            f"put down {thing}",
-            rc.Release(f"{plan}/{number}.safe-{thing}", side, thing, "table_1", None, ()),
-        )
-        for side, thing in ((Side.RIGHT, "bowl_1"), (Side.LEFT, "jar_1"))
-    ]
+    held = ((Side.RIGHT, "bowl_1"), (Side.LEFT, "jar_1"))
+    keys = {thing: f"{plan}/{number}.safe-{thing}" for _, thing in held}
+    releases = (rc.Release(keys[thing], side, thing, "table_1", None, ()) for side, thing in held)
+    downs = [hfsm.ActState(f"put down {one.object}", one) for one in releases]
     safe = chain(list(downs))
-    name, down = (
-        " ".join((step.does.replace("-", " "), *step.things)),
-        hfsm.Step("put-everything-down"),
-    )
-    return hfsm.Machine(
-        name,
-        leaves[0].name,
-        leaves,
-        safe=hfsm.Machine("put down", safe[0].name, safe, step=down),
-        step=step,
-    )
+    name = " ".join((step.does.replace("-", " "), *step.things))
+    down = hfsm.Step("put-everything-down")
+    secured = hfsm.Machine("put down", safe[0].name, safe, step=down)
+    return hfsm.Machine(name, leaves[0].name, leaves, safe=secured, step=step)
 
 
 def fields(act):

@@ -68,10 +68,8 @@ def test_a_death_at_a_message_changes_no_end(victim, side, usual, some):
 
 def test_the_death_happens(usual):
     """Of ex in an act: it is not known how it ended, so more is commanded; of co nothing is."""
-    assert any(
-        len(boundaries.run("ex", number, Side.AFTER).acts) > len(usual.acts)
-        for number in range(20, 100, 8)
-    )
+    after = (boundaries.run("ex", number, Side.AFTER) for number in range(20, 100, 8))
+    assert any(len(run.acts) > len(usual.acts) for run in after)
     assert boundaries.run("co", 50, Side.AFTER).acts == usual.acts
 
 

@@ -23,12 +23,9 @@ AGENTS = {"co": coordinator, "ex": executor, "km": knowledge, "pl": planner, "ta
 
 def openings(name):
     """The opening messages that an agent takes, as links and performatives."""
-    return [
-        (link, act)
-        for link in wiring(name, "test").links
-        for act in named(link.protocol).openings
-        if link.role is Role.PARTICIPANT and link.hears.get(act)
-    ]
+    links = [link for link in wiring(name, "test").links if link.role is Role.PARTICIPANT]
+    opened = ((link, act) for link in links for act in named(link.protocol).openings)
+    return [(link, act) for link, act in opened if link.hears.get(act)]
 
 
 @pytest.mark.parametrize("name", AGENTS)

@@ -64,10 +64,8 @@ class Blind(Robot):
         """Have no look done."""
         if isinstance(content, Perform) and isinstance(content.command, rc.Look):
             kept = content.remembered
-            self._post(
-                Ended(content.number, kept.not_done(content.command.key, "failed", NO_LIGHT), kept),
-                0.01,
-            )
+            ended = kept.not_done(content.command.key, "failed", NO_LIGHT)
+            self._post(Ended(content.number, ended, kept), 0.01)
         else:
             super().tell(content)
 
@@ -101,11 +99,8 @@ slow, blind, silent = (
 
 def reports(fleet):
     """co's reports to hi, in order."""
-    said = [
-        one
-        for one in fleet.wires.traffic
-        if one.sender == "co" and one.receiver == "hi" and one.content
-    ]
+    to_hi = (one for one in fleet.wires.traffic if (one.sender, one.receiver) == ("co", "hi"))
+    said = [one for one in to_hi if one.content]
     return [report for one in said if isinstance(report := CMD.decode(one.content), TaskReport)]
 
 
@@ -235,10 +230,8 @@ def test_ta_dies_for_good_amid_it(fleet):
 def test_a_silent_robot(fleet):
     """ex gives its skill up each time, ta after some tries."""
     fleet.say()
-    assert [one.kind for one in with_reasons(refused(fleet, TIRED_S))] == [
-        Kind.NOT_LOOKED_AROUND,
-        Kind.NO_MOTION_FOUND,
-    ]
+    kinds = [one.kind for one in with_reasons(refused(fleet, TIRED_S))]
+    assert kinds == [Kind.NOT_LOOKED_AROUND, Kind.NO_MOTION_FOUND]
 
 
 def test_a_look_around_on_command(fleet):
@@ -283,11 +276,8 @@ def test_what_was_looked_at_stays_looked_at(fleet):
     fleet.until(fleet.at_rest)
     late = wm.NothingSeen((fact(Kind.NOTHING_IS_SEEN),))
     ta = fleet.wires.nodes["ta"].state.incarnation
-    told = next(
-        one
-        for one in fleet.wires.traffic
-        if one.sender == "ta" and str(one.performative) == "inform"
-    )
+    of_ta = (one for one in fleet.wires.traffic if one.sender == "ta")
+    told = next(one for one in of_ta if str(one.performative) == "inform")
     fleet.wires.deliver(replace(told, id=f"look@{ta}.9999", content=msgspec.Raw(WM.encode(late))))
     fleet.wires.run_for(1.0)
     assert not fleet.wires.memory("km").blind

@@ -43,11 +43,8 @@ def spoken(number, words):
 
 def told_ends(fleet):
     """How often the person was told the end of each task."""
-    return Counter(
-        one.event.task
-        for one in fleet.person.told
-        if isinstance(one, NewEvent) and one.event.name in FINAL and one.event.task
-    )
+    events = (one.event for one in fleet.person.told if isinstance(one, NewEvent))
+    return Counter(one.task for one in events if one.name in FINAL and one.task)
 
 
 def all_end(fleet, words):

@@ -116,11 +116,8 @@ def begun(lines):
     these lines.
     """
     moments = {phase: parse(at, DESIGN, "pl") for phase, at in JOB.phases.items()}
-    return {
-        phase
-        for phase, moment in moments.items()
-        if isinstance(moment, Event | InPlan) and any(moment.there(line) for line in lines)
-    }
+    known = {phase: one for phase, one in moments.items() if isinstance(one, Event | InPlan)}
+    return {phase for phase, one in known.items() if any(map(one.there, lines))}
 
 
 def wordless(value):

@@ -66,22 +66,15 @@ def test_a_message_in_place_of_another_is_noticed():
     said.
     """
     made = recorded()
-    place = max(
-        n
-        for n, (agent, deed) in enumerate(made)
-        if agent == "co" and deed.took and "final" in deed.took[2]
-    )
+    by_co = [(n, deed) for n, (agent, deed) in enumerate(made) if agent == "co"]
+    place = max(n for n, deed in by_co if deed.took and "final" in deed.took[2])
     agent, deed = made[place]
     said = tuple(
         (use, type(act)("failure") if act == "inform" else act, kind)
         for use, act, kind in deed.said
     )
-    assert (
-        Follower(DESIGN).follow(
-            [*made[:place], (agent, replace(deed, said=said)), *made[place + 1 :]]
-        )
-        is not None
-    )
+    changed = [*made[:place], (agent, replace(deed, said=said)), *made[place + 1 :]]
+    assert Follower(DESIGN).follow(changed) is not None
 
 
 @pytest.mark.parametrize("acts", range(1, 12, 2))

@@ -40,11 +40,8 @@ def test_the_story(fleet):
     assert fleet.reports() == ["Replan", "Succeeded"]
     assert fleet.world.poured == 1
     assert any(isinstance(query, wm.HypotheticalState) for query in fleet.asked)
-    said = [
-        str(one.performative)
-        for one in fleet.wires.traffic
-        if {one.sender, one.receiver} == {"co", "ta"}
-    ]
+    traffic = (one for one in fleet.wires.traffic if {one.sender, one.receiver} == {"co", "ta"})
+    said = [str(one.performative) for one in traffic]
     assert said.count("inform") == said.count("confirm")
     assert said.count("request") == 2
     assert len(fleet.judgements) == len(fleet.wires.traffic) > 150

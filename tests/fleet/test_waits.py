@@ -55,12 +55,12 @@ def test_km_away_at_the_barrier(fleet):
     back.
     """
     fleet.say()
-    fleet.until(
-        lambda: (
-            "Look" in str(type(getattr(fleet.wires.memory("ex").act, "command", "")))
-            and seen(fleet)
-        )
-    )
+
+    def looks():
+        act = fleet.wires.memory("ex").act
+        return "Look" in str(type(getattr(act, "command", ""))) and seen(fleet)
+
+    fleet.until(looks)
     fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=300.0)
     fleet.until(fleet.ended, 200.0)
     assert fact(Kind.NOT_OBSERVED_YET) in fleet.why()
@@ -92,11 +92,8 @@ def test_hypotheses_lost(fleet):
     fleet.until(lambda: any(isinstance(query, wm.HypotheticalState) for query in fleet.asked))
     fleet.wires.crash("km", Point.AFTER, in_steps=1)
     assert fleet.finish() == ["done"]
-    first = [
-        query
-        for query in fleet.asked
-        if isinstance(query, wm.HypotheticalState) and query.id.endswith("plan1/0")
-    ]
+    made = (query for query in fleet.asked if isinstance(query, wm.HypotheticalState))
+    first = [query for query in made if query.id.endswith("plan1/0")]
     assert len(first) == 2
 
 

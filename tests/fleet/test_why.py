@@ -28,11 +28,12 @@ def told(why, title):
 
 def running(fleet, act):
     """Go on until the oldest task that has not ended is in this act."""
-    fleet.until(
-        lambda: any(
-            task.at and act in task.at.id for task in fleet.tasks if task.state == "running"
-        )
-    )
+
+    def begun():
+        running = (task for task in fleet.tasks if task.state == "running")
+        return any(task.at and act in task.at.id for task in running)
+
+    fleet.until(begun)
 
 
 def test_a_thing_that_is_not_there(fleet):
@@ -106,19 +107,14 @@ def test_what_each_agent_does_for_a_task_stands_below_it(fleet):
     trace = fleet.traced().trace
     for task in (one for one in trace.roots if one.initiator == "hi"):
         below = [span for _, span in trace.below(task)][1:]
-        assert {(span.initiator, span.participant) for span in below} >= {
-            ("co", "pl"),
-            ("co", "ta"),
-            ("ta", "ex"),
-        }
+        pairs = {(span.initiator, span.participant) for span in below}
+        assert pairs >= {("co", "pl"), ("co", "ta"), ("ta", "ex")}
         plans = {span.messages[0].text for span in below if span.participant == "pl"}
         assert plans == {"ground task network"}
         assert {span.known for span in below} == {Known.STEP}
         for span in below:
             assert task.start <= span.start
-            assert (
-                next(one for one in trace.spans if one.id == span.parent).participant
-                == span.initiator
-            )
+            (parent,) = [one for one in trace.spans if one.id == span.parent]
+            assert parent.participant == span.initiator
     roots = {(one.initiator, one.protocol) for one in trace.roots}
     assert roots == {("hi", "request"), ("km", "subscribe")}  # the first look is for km's sake

@@ -47,10 +47,8 @@ class TrueFleet(Fleet):
         setup = Setup(str(scene), seed, eyes)
 
         def robot(post):
-            return RobotDevice(
-                SkillDevice(post, setup, Renderer(partial(scene_of, setup))),
-                CalledLoop(post, self.core),
-            )
+            skills = SkillDevice(post, setup, Renderer(partial(scene_of, setup)))
+            return RobotDevice(skills, CalledLoop(post, self.core))
 
         super().__init__(seed=seed, search=SearchDevice, robot=robot)
 

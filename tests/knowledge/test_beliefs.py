@@ -53,29 +53,20 @@ def read():
             ):
                 one = json.loads(record.data)
                 content = msgspec.msgpack.decode(base64.b64decode(one["wire"])).get("Z")
-                yield Said(
-                    one["received"],
-                    one["sender"],
-                    one["receiver"],
-                    one["id"],
-                    one["conversation"],
-                    content,
-                )
+                names = ("received", "sender", "receiver", "id", "conversation")
+                yield Said(*(one[name] for name in names), content)
 
 
 ALL = tuple(read())
 BEGIN = min(one.t for one in ALL)
-TOLD = [
-    one
-    for one in ALL
-    if one.receiver == "km" and one.content and one.content["type"].startswith("Seen")
-]
+TO_KM = [one for one in ALL if one.receiver == "km" and one.content]
+TOLD = [one for one in TO_KM if one.content["type"].startswith("Seen")]
 ANSWERED = [
     (asked, answer)
     for answer in ALL
     if answer.sender == "km" and answer.content
-    for asked in ALL
-    if asked.receiver == "km" and asked.conversation == answer.conversation and asked.content
+    for asked in TO_KM
+    if asked.conversation == answer.conversation
 ]
 
 
@@ -172,11 +163,8 @@ def test_where_km_said_a_thing_is(asked, answer):
     ((record, exact, on, hand),) = rows
     said = answer.content
     assert json.loads(record)["thing"]["pose"] == said["pose"]
-    wanted = (
-        str(said["exact"]).lower(),
-        said.get("on", ""),
-        f"{said['held_by']}_hand" if said.get("held_by") else "",
-    )
+    by = said.get("held_by")
+    wanted = (str(said["exact"]).lower(), said.get("on", ""), f"{by}_hand" if by else "")
     assert (exact, on, hand) == wanted
 
 
@@ -203,22 +191,19 @@ def test_states_are_there_from_making_to_dropping():
     said.
     """
     made = {(asked.content["id"], answer.t) for asked, answer in _asked("HypotheticalState")}
-    dropped = [
-        (asked.content["prefix"], answer.t)
-        for asked, answer in _asked("DropStates")
-        if "id" in answer.content
-    ]
+    dropping = [(asked, answer) for asked, answer in _asked("DropStates") if "id" in answer.content]
+    dropped = [(asked.content["prefix"], answer.t) for asked, answer in dropping]
     times = sorted({t for _, t in made} | {t for _, t in dropped})
     assert len(times) > 10
     for t in times:
         at = t - BEGIN + 1e-4
+        now = BEGIN + at
+        ends = [(prefix, end) for prefix, end in dropped if end <= now]
+        begun = [(id, since) for id, since in made if since <= now]
         alive = {
             id
-            for id, since in made
-            if since <= BEGIN + at
-            and not any(
-                id.startswith(prefix) and since < end <= BEGIN + at for prefix, end in dropped
-            )
+            for id, since in begun
+            if not any(id.startswith(to) and since < end for to, end in ends)
         }
         rows = ask(
             at, "SELECT ?state WHERE { ?state a roco:HypotheticalState ; roco:toldBy agent:pl }"
@@ -242,24 +227,17 @@ def test_what_is_asked_of_another_life_again_is_there_again(tmp_path):
     records = list(mcap_file.Reading(POUR / "traffic.mcap"))
     until = _asked("HypotheticalState")[0][1].t
     first = [one for one in records if one.received <= until]
-    talk = next(
-        one.conversation
-        for one in ALL
-        if one.content and one.content["type"] == "HypotheticalState"
-    )
+    contents = ((one, one.content) for one in ALL if one.content)
+    talk = next(one.conversation for one, of in contents if of["type"] == "HypotheticalState")
     again = [one for one in first if isinstance(one, Spoken) and one.conversation == talk]
     recording = mcap_file.Recording(tmp_path / "traffic.mcap")
-    later = [
-        Token("km", 2, True, until + 1.0),
-        *(msgspec.structs.replace(one, received=until + 2.0) for one in again),
-    ]
+    restarted = (msgspec.structs.replace(one, received=until + 2.0) for one in again)
+    later = [Token("km", 2, True, until + 1.0), *restarted]
     for one in (*first, *later):
         recording.add(one)
     recording.finish()
-    states = [
-        believed(asking.known(tmp_path, at).heard).states
-        for at in (until - BEGIN, until - BEGIN + 1.5, None)
-    ]
+    times = (until - BEGIN, until - BEGIN + 1.5, None)
+    states = [believed(asking.known(tmp_path, at).heard).states for at in times]
     assert states[0].keys() == states[2].keys() != states[1].keys() == set()
 
 

@@ -50,19 +50,11 @@ def every_query(state):
     """One query of each kind about each object, side, relation, in a state."""
     found = []
     for name in sorted(WORLD.things):
-        kinds = (
-            wm.ObjectPose,
-            wm.ObjectModel,
-            wm.ObjectHole,
-            wm.FlatSurfaces,
-            wm.CurrentGrasp,
-            wm.GraspSet,
-        )
+        kinds = (wm.ObjectPose, wm.ObjectModel, wm.ObjectHole, wm.FlatSurfaces)
+        kinds += (wm.CurrentGrasp, wm.GraspSet)
         found += [kind(object=name, state=state) for kind in kinds]
-        found += [
-            wm.Holds(relation=r, subject=name, state=state)
-            for r in ("isIn", "isOn", "isGraspedBy", "hasExactPose")
-        ]
+        relations = ("isIn", "isOn", "isGraspedBy", "hasExactPose")
+        found += [wm.Holds(relation=one, subject=name, state=state) for one in relations]
         found += [wm.Holds(relation="isIn", subject=f"{name}.content", state=state)]
     for side in Side:
         kinds_of_side = (
@@ -72,17 +64,9 @@ def every_query(state):
             wm.RobotReach,
         )
         found += [kind(side=side, state=state) for kind in kinds_of_side]
-    plain = (
-        wm.ListObjects,
-        wm.MoveableObjects,
-        wm.StaticObjects,
-        wm.TorsoConfiguration,
-        wm.HeadConfiguration,
-    )
-    found += [
-        kind(state=state)
-        for kind in (*plain, wm.EnvironmentShapes, wm.ReservedSpace, wm.FlatSurfaces)
-    ]
+    plain = (wm.ListObjects, wm.MoveableObjects, wm.StaticObjects, wm.TorsoConfiguration)
+    plain += (wm.HeadConfiguration, wm.EnvironmentShapes, wm.ReservedSpace, wm.FlatSurfaces)
+    found += [kind(state=state) for kind in plain]
     volume = Box((0.4, 0.4, 0.4), Pose((0.85, 0.37, 1.2)))
     return [*found, wm.CollisionsInVolume(volume=volume, state=state)]
 
@@ -133,11 +117,9 @@ def test_dropping_forgets_what_begins_so_and_nothing_else():
     """By prefix; a child whose parent is dropped stays whole."""
     overlays = Overlays()
     for state, id in (("", "a.1"), ("a.1", "b.1"), ("", "a.2")):
-        overlays, _ = ask(
-            WORLD,
-            overlays,
-            wm.HypotheticalState(state=state, id=id, changes=(wm.Poured("jar_1", "bowl_1"),)),
-        )
+        poured = (wm.Poured("jar_1", "bowl_1"),)
+        made = wm.HypotheticalState(state=state, id=id, changes=poured)
+        overlays, _ = ask(WORLD, overlays, made)
     after, made = ask(WORLD, overlays, wm.DropStates(prefix="a."))
     assert made == wm.Made("a.")
     assert list(after.states) == ["b.1"]

@@ -22,14 +22,9 @@ from services.knowledge.subjects import differing, subjects
 from .conftest import yaw
 
 KINDS = {
-    "jar_1": "jar",
-    "bowl_1": "bowl_high",
-    "box_1": "box1",
-    "box_2": "box1",
-    "cabinet_1": "cabinet_no_door",
-    "table_1": "table",
-    "pot_1": "teapot",
-}
+    "jar_1": "jar", "bowl_1": "bowl_high", "box_1": "box1", "box_2": "box1",
+    "cabinet_1": "cabinet_no_door", "table_1": "table", "pot_1": "teapot",
+}  # fmt: skip
 names, sides = st.sampled_from(sorted(KINDS)), st.sampled_from(Side)
 places = st.sampled_from((0.0, 0.0, 0.1, 1.5))
 turns = st.sampled_from(
@@ -75,11 +70,11 @@ def scenes(story):
     """The scene after each of these, one after the other; WORLD: all was lost."""
     found = [Scene()]
     for count, sight in enumerate(story):
-        now = (
-            forgotten(found[-1], (1, count))
-            if isinstance(sight, str)
-            else observed(found[-1], sight, (1, count))
-        )
+        version = (1, count)
+        if isinstance(sight, str):
+            now = forgotten(found[-1], version)
+        else:
+            now = observed(found[-1], sight, version)
         found.append(now)
     return found
 
@@ -115,10 +110,8 @@ def test_so_it_is_in_a_hypothetical_state(story, changes):
     was.
     """
     world = scenes(story)[-1]
-    before = (
-        msgspec.msgpack.encode(world),
-        {mark: set(names) for mark, names in world.marked._marked.items()},
-    )
+    marks = {mark: set(names) for mark, names in world.marked._marked.items()}
+    before = msgspec.msgpack.encode(world), marks
     supposed = after_each(world, changes)
     with compared_with_all():
         assert after_each(world, changes) == supposed

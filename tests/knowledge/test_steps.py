@@ -245,11 +245,8 @@ def test_each_life_of_the_observer_is_subscribed_to_once(km):
     assert km.subscribes() == []
     second = km.met(2)
     assert first not in km.state.soft.conversations
-    assert (km.memory.soft.subscription, km.memory.soft.incarnation, km.memory.soft.agreed) == (
-        second,
-        2,
-        False,
-    )
+    soft = km.memory.soft
+    assert (soft.subscription, soft.incarnation, soft.agreed) == (second, 2, False)
 
 
 def test_a_subscription_that_is_refused_is_tried_again(km):

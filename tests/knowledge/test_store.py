@@ -121,11 +121,8 @@ def test_every_predicate_that_is_written_is_in_the_ontology(kitchen):
     store_observation(
         kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31)
     )
-    store_observation(
-        kitchen,
-        wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06, SURE),
-        (1, 32),
-    )
+    full = wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06, SURE)
+    store_observation(kitchen, full, (1, 32))
     graph = kitchen.graph()
     assert graph.value(URIRef(node("thing", "bowl_1").value), ROCO.contentSeen).toPython() == 0.06
     assert graph.value(

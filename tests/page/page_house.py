@@ -56,11 +56,12 @@ class House:
         self._lock, self._inside = threading.RLock(), False
         self._wires = MemoryBus()
         self.open()
-        self._wires.add(
-            agent(),
-            wiring("hi", "test"),
-            lambda post: Called(post, lambda word: self.desk.tell(word) or ()),
-        )
+
+        def told(word):
+            self.desk.tell(word)
+            return ()
+
+        self._wires.add(agent(), wiring("hi", "test"), lambda post: Called(post, told))
         self._wires.add(
             Agent("co", "on", Nothing(), {"on": Behaviour(self._act)}), wiring("co", "test")
         )
@@ -130,11 +131,8 @@ class PageProcess:
         deploy/healthy.
         """
         before = self.said_ready()
-        settings = {
-            "ROCO_RUN_DIR": str(self.run),
-            "ROCO_CONNECT": self.connect,
-            "PATH": os.environ["PATH"],
-        }
+        settings = {"ROCO_RUN_DIR": str(self.run), "ROCO_CONNECT": self.connect}
+        settings["PATH"] = os.environ["PATH"]
         with (self.run / "page.log").open("ab") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "services.page"], env=settings, stdout=log, stderr=log
@@ -178,18 +176,10 @@ class PageProcess:
 
     def form(self, path, fields, cookie="", **headers):
         """A form, as this page sends it; other headers replace its own, None leaves one out."""
-        told = {
-            "Origin": self.url,
-            "Accept": "application/json",
-            "Content-Type": "application/x-www-form-urlencoded",
-        }
-        return self.ask(
-            "POST",
-            path,
-            urlencode(fields),
-            **({"Cookie": cookie} if cookie else {}),
-            **(told | headers),
-        )
+        form = "application/x-www-form-urlencoded"
+        told = {"Origin": self.url, "Accept": "application/json", "Content-Type": form}
+        told |= {"Cookie": cookie} if cookie else {}
+        return self.ask("POST", path, urlencode(fields), **(told | headers))
 
     def ask(self, verb, path, body=None, **headers):
         """Status, body and headers of an answer."""
@@ -198,11 +188,8 @@ class PageProcess:
         try:
             connection.request(verb, path, body, told)
             answer = connection.getresponse()
-            return (
-                answer.status,
-                answer.read(),
-                {name.lower(): text for name, text in answer.getheaders()},
-            )
+            told = {name.lower(): text for name, text in answer.getheaders()}
+            return answer.status, answer.read(), told
         finally:
             connection.close()
 

@@ -33,13 +33,11 @@ def orders(connect, tmp_path):
     heard = []
     options = Options(connect=connect, run_dir=tmp_path)
     key = DESIGN.signal_key(KIND, system="roco", owner="page", peer="ta")
-    ear = open_ear(
-        options,
-        key,
-        lambda data: heard.append(msgspec.msgpack.decode(data, type=Command)),
-        bool,
-        "ta",
-    )
+
+    def hear(data):
+        heard.append(msgspec.msgpack.decode(data, type=Command))
+
+    ear = open_ear(options, key, hear, bool, "ta")
     yield heard
     ear.close()
 

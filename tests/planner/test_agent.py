@@ -96,10 +96,8 @@ def test_a_cancel_is_answered_at_once():
     scene.wires.post("co", Say(0, P.CANCEL))
     scene.until(5)
     assert scene.wires.now - began < 0.1
-    assert [(number, type(content)) for number, _, content in scene.heard[3:]] == [
-        (1, hfsm.NoPlan),
-        (0, hfsm.NoPlan),
-    ]
+    told = [(number, type(content)) for number, _, content in scene.heard[3:]]
+    assert told == [(1, hfsm.NoPlan), (0, hfsm.NoPlan)]
     scene.wires.run_for(0.5)
     assert scene.wires.memory("pl").problem.network.id == "p3"
 
@@ -110,10 +108,8 @@ def test_words_of_an_earlier_attempt_are_ignored():
     scene.ask("p1")
     scene.until(1)
     scene.wires.run_for(0.2)
-    asked, old = (
-        len(questions(scene)),
-        plan_of(network("old"), [(hfsm.Step("look-around"), [look("jar_1")])]),
-    )
+    asked = len(questions(scene))
+    old = plan_of(network("old"), [(hfsm.Step("look-around"), [look("jar_1")])])
     for word in (
         Found(0, hfsm.NoPlan("from before", ())),
         Found(0, old),

@@ -38,20 +38,12 @@ def question(one):
 
 def answers(one, content, talk=""):
     """km's word."""
-    asked = (
-        next(iter(one.state.soft.asks.values())).communicate
-        if not talk
-        else one.state.soft.asks[talk].communicate
-    )
+    asks = one.state.soft.asks
+    asked = asks[talk or next(iter(asks))].communicate
     unknown = isinstance(content, wm.Unknown | wm.UnknownState)
-    one.hears(
-        "km",
-        "query",
-        P.FAILURE if unknown else P.INFORM_REF,
-        content,
-        talk=asked.conversation,
-        in_reply_to=asked.reply_with,
-    )
+    act = P.FAILURE if unknown else P.INFORM_REF
+    of = {"talk": asked.conversation, "in_reply_to": asked.reply_with}
+    one.hears("km", "query", act, content, **of)
 
 
 def said(one):
@@ -97,10 +89,8 @@ def waiting():
 def test_a_problem_is_agreed_to_and_km_forgets_first():
     """Then the search begins, with the seed of this pl, and counted."""
     one = beginning()
-    assert said(one) == [
-        ("co", P.AGREE, hfsm.Taken("p1")),
-        ("km", P.QUERY_REF, wm.DropStates(prefix="p1/")),
-    ]
+    forget = ("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))
+    assert said(one) == [("co", P.AGREE, hfsm.Taken("p1")), forget]
     one = searching()
     assert one.tells == [Begin(1, network("p1"), SEED)]
     assert (one.state.memory.ready, one.state.memory.begun) == (True, 1)
@@ -178,12 +168,8 @@ def test_a_km_that_cannot_be_understood_fails_the_problem(state):
     """With its reason."""
     one = state()
     asked = next(iter(one.state.soft.asks.values())).communicate
-    rest = {
-        "talk": asked.conversation,
-        "in_reply_to": asked.reply_with,
-        "content": Raw(b"\xc1"),
-        "language": "WM",
-    }
+    rest = {"talk": asked.conversation, "in_reply_to": asked.reply_with}
+    rest |= {"content": Raw(b"\xc1"), "language": "WM"}
     one.hears("km", "query", P.INFORM_REF, **rest)
     ((_, act, content),) = [word for word in said(one) if word[0] == "co"]
     assert act is P.FAILURE
@@ -195,11 +181,8 @@ def test_hypotheses_lost_begin_the_search_again():
     one = waiting()
     answers(one, wm.UnknownState("p1/0"))
     assert said(one) == [("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))]
-    assert (one.state.state, one.state.memory.ready, one.state.memory.begun) == (
-        "initialize",
-        False,
-        2,
-    )
+    assert (one.state.state, one.state.memory.begun) == ("initialize", 2)
+    assert not one.state.memory.ready
     answers(one, wm.Made("p1"))
     assert one.tells == [Begin(2, network("p1"), SEED)]
     assert not one.state.memory.soft.lost
@@ -243,10 +226,6 @@ def test_of_several_problems_only_the_cancelled_one_is_forgotten():
     assert one.tells[0] == Stop(1)
     assert asked not in one.state.soft.asks
     memory = one.state.memory
-    assert (memory.problem.network.id, memory.waiting, memory.attempt, memory.seed) == (
-        "p3",
-        (),
-        1,
-        SEED,
-    )
+    assert (memory.problem.network.id, memory.waiting) == ("p3", ())
+    assert (memory.attempt, memory.seed) == (1, SEED)
     assert memory.cancelled is False

@@ -89,11 +89,8 @@ class Scene:
 
     def states(self):
         """The states reported to co."""
-        return [
-            str(content.state)
-            for _, _, content in self.heard["co"]
-            if isinstance(content, sw.Report)
-        ]
+        heard = (content for _, _, content in self.heard["co"])
+        return [str(content.state) for content in heard if isinstance(content, sw.Report)]
 
     def ex(self, performative, content, number=0):
         """ex says something in its nth conversation."""

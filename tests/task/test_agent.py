@@ -152,10 +152,8 @@ def test_the_end_of_an_act_is_that_of_its_plan():
             wrong[name] = report
         if command is POUR and isinstance(outcome, rc.Done):
             felt = [round(0.26 - outcome.weighed[1], 3)] if outcome.weighed else []
-            assert (
-                not outcome.arrived
-                or [round(one.left, 3) for one in scene.news(wm.FeltContent)] == felt
-            ), name
+            left = [round(one.left, 3) for one in scene.news(wm.FeltContent)]
+            assert not outcome.arrived or left == felt, name
             assert [one.content for one in scene.news(wm.SeenObject)] == [
                 one.content for one in outcome.seen
             ], name
@@ -262,11 +260,8 @@ def test_what_was_told_of_a_hand_over_is_said_at_the_end_of_the_plan(given):
     for number, act in enumerate(wanted):
         scene.ends(rc.Done(act.key, BODY, evidence=away if act is give else ()), number)
     report = scene.hears("co", len(wanted) + 1)
-    told = (
-        [HandOverKind.HANDED_OVER, HandOverKind.FELT_LEAVING, HandOverKind.SEEN_LEAVING]
-        if given
-        else []
-    )
+    leaving = [HandOverKind.FELT_LEAVING, HandOverKind.SEEN_LEAVING]
+    told = [HandOverKind.HANDED_OVER, *leaving] if given else []
     assert report.state is SUCCEEDED
     assert [one.kind for one in report.why if isinstance(one.kind, HandOverKind)] == told
     assert Kind.SEEN not in {one.kind for one in report.why}
@@ -323,10 +318,8 @@ def test_a_look_afterwards_that_does_not_see_says_so():
     scene.ends(
         replace(not_done("failed", ill=(rc.Ill(rc.Sensor.CAMERA, rc.Fault.DARK),)), key=look.key), 1
     )
-    assert scene.hears("co", 3).why == (
-        touched,
-        fact(Kind.ILL, rc.Sensor.CAMERA, rc.Fault.DARK, 0.0),
-    )
+    dark = fact(Kind.ILL, rc.Sensor.CAMERA, rc.Fault.DARK, 0.0)
+    assert scene.hears("co", 3).why == (touched, dark)
 
 
 def test_a_plan_that_fails_says_what_nobody_has_checked():

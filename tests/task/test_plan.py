@@ -139,13 +139,8 @@ class Drawn:
         """A machine of one to four states."""
         names = [f"{name}{k}" for k in range(self.draw(st.integers(1, 4)))]
         states = tuple(self.state(one, names[k + 1 :], depth) for k, one in enumerate(names))
-        return Machine(
-            name,
-            self.draw(st.sampled_from(names)),
-            states,
-            (),
-            self.draw(st.sampled_from((None, SAFE))),
-        )
+        first, safe = st.sampled_from(names), st.sampled_from((None, SAFE))
+        return Machine(name, self.draw(first), states, (), self.draw(safe))
 
     def state(self, name, later, depth):
         """A leaf or, above the lowest level, a machine."""
@@ -191,11 +186,8 @@ def test_running_always_ends(plan, data):
         assert at not in entered
         entered.add(at)
         leaf = plans.leaf(plan, at)
-        outcome = (
-            leaf.outcome
-            if isinstance(leaf, hfsm.EndState)
-            else data.draw(st.sampled_from(OUTCOMES))
-        )
+        drawn = data.draw(st.sampled_from(OUTCOMES))
+        outcome = leaf.outcome if isinstance(leaf, hfsm.EndState) else drawn
         assert plans.safe(plan, at) in (None, SAFE)
         at = plans.after(plan, at, outcome)
     assert len(entered) <= leaves(plan)

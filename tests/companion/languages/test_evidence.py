@@ -57,7 +57,7 @@ def test_the_last_word_counts(known, told, held):
     assert len({(one.claim, one.of) for one in found}) == len(found)
     for one in found:
         assert one.claim.kept
-        newest = (
+        of_it = (
             word
             for word in reversed([*known, *told])
             if (word.claim, word.of) == (one.claim, one.of)

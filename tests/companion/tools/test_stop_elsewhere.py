@@ -67,17 +67,8 @@ def test_a_stop_elsewhere_holds_the_robots_of_all_fleets(words, tmp_path):
             "needs a process namespace (as root, in a container with CAP_SYS_ADMIN: scripts/test)"
         )
     environment = {name: value for name, value in os.environ.items() if name != RUN_FOLDER_VARIABLE}
-    command = [
-        ALONE[0],
-        *user,
-        *ALONE[1:],
-        sys.executable,
-        "-P",
-        "-c",
-        INSIDE,
-        str(tmp_path),
-        *words,
-    ]
+    inside = [sys.executable, "-P", "-c", INSIDE, str(tmp_path), *words]
+    command = [ALONE[0], *user, *ALONE[1:], *inside]
     done = subprocess.run(
         command, env=environment, capture_output=True, text=True, check=False, timeout=100
     )

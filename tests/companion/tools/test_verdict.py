@@ -25,6 +25,8 @@ from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
 
 Change = Callable[[TrueState], TrueState]
 
+NO_TRUTH = "the true state of the simulation was not recorded at the end of the task"
+
 
 def changed(**fields):
     """The truth with other fields."""
@@ -80,10 +82,7 @@ def test_success_by_the_truth(pouring, change, reason):
 def test_without_the_truth_there_is_no_success(pouring):
     """Nothing is assumed."""
     past = synthetic.with_truth(_past(pouring), ())
-    assert (
-        verdict.failure(past)
-        == "the true state of the simulation was not recorded at the end of the task"
-    )
+    assert verdict.failure(past) == NO_TRUTH
 
 
 @pytest.mark.parametrize("before_s", [0.9, 1.1])
@@ -94,14 +93,7 @@ def test_a_truth_from_before_the_end_of_the_task_is_none(pouring, before_s):
     end = command and plans.task_end(past, command)
     assert end
     past = synthetic.with_truth(past, ((end.received - before_s, truth(past)[-1][1]),))
-    assert verdict.failure(past) == (
-        None
-        if before_s < 1.0
-        else (
-            "the true state of the simulation was not recorded at the end of the task, only at"
-            " other times"
-        )
-    )
+    assert verdict.failure(past) == (None if before_s < 1.0 else f"{NO_TRUTH}, only at other times")
     assert (poured(past, command).fraction is None) == (before_s > 1.0)
 
 
@@ -129,15 +121,10 @@ def test_a_pour_is_judged_at_its_own_end():
     past = _past(run)
     assert not truth(past)[-1][1].fingers_on["jar_1"]["left"]
     told = report.build(past)
-    assert (told.success, told.failure, told.poured_fraction) == (
-        True,
-        None,
-        pytest.approx(29 / 30),
-    )
-    assert [(one.asked, one.outcome, one.success) for one in told.tasks] == [
-        ("pour into jar bowl", "done", True),
-        ("put down jar", "done", True),
-    ]
+    assert (told.success, told.failure) == (True, None)
+    assert told.poured_fraction == pytest.approx(29 / 30)
+    asked = [("pour into jar bowl", "done", True), ("put down jar", "done", True)]
+    assert [(one.asked, one.outcome, one.success) for one in told.tasks] == asked
 
 
 def test_each_pour_of_a_run_has_its_own_verdict():
@@ -167,11 +154,7 @@ def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next
     assert verdict.failure(synthetic.with_truth(past, heard)) is None
     late = tuple(one for one in heard if one[0] > moved)
     found = verdict.failure(synthetic.with_truth(past, late))
-    assert (
-        found
-        == "the true state of the simulation was not recorded at the end of the task, only at other"
-        " times"
-    )
+    assert found == f"{NO_TRUTH}, only at other times"
 
 
 def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring):
@@ -219,14 +202,8 @@ def aside(run, command, *, agreed):
         run.say("co", "hi", P.AGREE, waiting, talk=talk, protocol="request")
         asked = hfsm.GroundTaskNetwork(f"{talk}-plan1", (hfsm.Task("take", ("cup", "")),))
         run.say("co", "pl", P.REQUEST, asked, talk=network, protocol="request")
-        run.say(
-            "pl",
-            "co",
-            P.REFUSE,
-            hfsm.NoPlan(asked.id, (fact(Kind.NOT_SEEN, "cup"),)),
-            talk=network,
-            protocol="request",
-        )
+        refusal = hfsm.NoPlan(asked.id, (fact(Kind.NOT_SEEN, "cup"),))
+        run.say("pl", "co", P.REFUSE, refusal, talk=network, protocol="request")
         failed = cmd.TaskReport(cmd.TaskState.FAILED, (fact(Kind.NOT_SEEN, "cup"),))
         run.say("co", "hi", P.INFORM, failed, talk=talk, protocol="request")
     else:
@@ -295,9 +272,10 @@ def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job():
 def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path):
     """Of processes that were needed; instead of what follows from it."""
     state = ProcessState
+    why = "ended with code 2: loop: scene: file is none"
     processes = (
         ProcessStatus("router", state.STOPPED),
-        ProcessStatus("loop", state.GIVEN_UP, note="ended with code 2: loop: scene: file is none"),
+        ProcessStatus("loop", state.GIVEN_UP, note=why),
         ProcessStatus("monitor", state.GIVEN_UP, note="no room", optional=True),
     )
     whole = Fleet("roco", "", 7, 0.0, processes)

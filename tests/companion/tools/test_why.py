@@ -39,14 +39,10 @@ def test_why_two_plans():
     why = asked("why")
     assert why == asked("why", "hi-1-1")
     plans, went = told(why, "why these plans"), told(why, "how they went")
-    assert [text for text in plans if text.startswith("co asked")] == [
-        "co asked pl for plan 1: pour jar bowl",
-        "co asked pl for plan 2: pour jar bowl",
-    ]
-    assert (
-        "pl found plan 1 with 91 answers of km, to take 48 s: take jar, carry jar, take bowl"
-        in plans[1]
-    )
+    wanted = [text for text in plans if text.startswith("co asked")]
+    assert wanted == [f"co asked pl for plan {number}: pour jar bowl" for number in (1, 2)]
+    text = "pl found plan 1 with 91 answers of km, to take 48 s: take jar, carry jar, take bowl"
+    assert text in plans[1]
     assert went[0].startswith("ta ended plan 1 with Replan after 11 acts: ")
     assert went[1].startswith("ta ended plan 2 with Succeeded after 2 acts")
 
@@ -86,9 +82,7 @@ def test_an_end_that_only_a_failure_reaches_is_told_as_one():
     look = hfsm.ActState(
         "look", rc.Look(key="k", at=()), arcs=(failing, hfsm.Arc(hfsm.Outcome.SUCCEEDED, "replan"))
     )
-    ends = (
-        hfsm.EndState("failed", hfsm.Outcome.FAILED),
-        hfsm.EndState("replan", hfsm.Outcome.REPLAN),
-    )
+    outcomes = {"failed": hfsm.Outcome.FAILED, "replan": hfsm.Outcome.REPLAN}
+    ends = tuple(hfsm.EndState(name, outcome) for name, outcome in outcomes.items())
     said = list(_ends(hfsm.Machine("root", "look", (look, *ends))))
     assert said == ["the plan ends, if an act fails, with failed", "the plan is to end with replan"]

@@ -57,10 +57,8 @@ def test_what_stands_on_a_surface_shares_a_cell_with_it(model, turn, under, pose
     flat = data.draw(st.sampled_from(under.surfaces))
     at = (flat.x + data.draw(share) * flat.along_x, flat.y + data.draw(share) * flat.along_y)
     point = (*at, flat.z + data.draw(share) * 2 * TOUCH_M)
-    thing, other = (
-        with_point_at(model, 0.0, geometry.place(pose, point), turn),
-        SceneObject("other", under.name, pose),
-    )
+    thing = with_point_at(model, 0.0, geometry.place(pose, point), turn)
+    other = SceneObject("other", under.name, pose)
     assert near(thing, other)
     assert relations._support(thing, model, [other]) in ("other", "")
 
@@ -101,10 +99,8 @@ def test_the_extent_of_a_thing_holds_all_that_relations_look_at(model, pose):
             tuple(c + s * h for c, s, h in zip(flat.centre, sign, half, strict=True))
             for sign in SIGNS
         ]
-    assert all(
-        geometry.within(box, point)
-        for point in (*corners, *(geometry.place(pose, one) for one in points))
-    )
+    placed = (geometry.place(pose, one) for one in points)
+    assert all(geometry.within(box, point) for point in (*corners, *placed))
 
 
 @pytest.mark.parametrize("pose", ANYWHERE)
