@@ -92,15 +92,10 @@ def decided(memory: Memory, now: float, rule: Rule, speed: float) -> Memory:
     running = memory.first
     assert running is not None
     runs = running.stage is not Stage.PLANNED
-    rivals = [
-        job
-        for at, job in enumerate(memory.jobs)
-        if job.waits
-        and (
-            job.command.urgency > running.command.urgency
-            or (runs and job.schedule and not bound(memory.jobs, at))
-        )
-    ]
+    urgency = running.command.urgency
+    waits = [(n, one) for n, one in enumerate(memory.jobs) if one.waits]
+    weighs = {n for n, one in waits if runs and one.schedule and not bound(memory.jobs, n)}
+    rivals = [one for n, one in waits if one.command.urgency > urgency or n in weighs]
     offers = tuple(offer(job, memory.jobs, speed) for job in rivals)
     decision = rule(offer(running, memory.jobs, speed), offers, now)
     jobs = tuple(

@@ -90,10 +90,8 @@ def listen(memory: Memory, turn: Turn) -> Memory:
 
 def _unanswered(memory: Memory, task: str) -> Memory:
     """Tell people that co is there and says nothing to a task; the request is durable and stays."""
-    text = (
-        f"the coordinator has not answered for {ANSWER_WITHIN_S:g} s; your task goes on when it"
-        " does"
-    )
+    silent = f"the coordinator has not answered for {ANSWER_WITHIN_S:g} s"
+    text = f"{silent}; your task goes on when it does"
     return replace(memory, away=True).with_news(News(AgentName.CO, UNREACHABLE, text, task))
 
 
@@ -210,11 +208,8 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
             turn.tell(Answer(word.ticket, _status(memory, word.text, turn.now)))
             return memory
         case Tell(does="release"):
-            row = (
-                "asks"
-                if any(line.asks for line in memory.open_tasks) and not word.held
-                else "released"
-            )
+            asks = not word.held and any(line.asks for line in memory.open_tasks)
+            row = "asks" if asks else "released"
             return _no_task(memory, turn, word, REFUSED, say(word.meaning.language, row))
         case Tell(does=does):
             text = ANSWERS[does](memory, word.meaning.language)
@@ -442,11 +437,8 @@ def _see(memory: Memory, language: str) -> str:
     seen = memory.context.seen
     if seen is None:
         return say(language, "not_seen", in_words((commands.survey(),), language))
-    return say(
-        language,
-        "seen",
-        person((fact(Kind.SEEN, *seen) if seen else fact(Kind.SEEN_NOTHING),), language),
-    )
+    known = fact(Kind.SEEN, *seen) if seen else fact(Kind.SEEN_NOTHING)
+    return say(language, "seen", person((known,), language))
 
 
 def _why(memory: Memory, language: str) -> str:
@@ -459,11 +451,8 @@ def _why(memory: Memory, language: str) -> str:
     if not ended:
         return say(language, "no_failure")
     line = ended[-1]
-    why = (
-        failure(line.why, language)
-        if line.state is TaskState.FAILED
-        else person(line.why, language)
-    )
+    words = failure if line.state is TaskState.FAILED else person
+    why = words(line.why, language)
     return say(language, "failed", line.said, why or state(line.state, language))
 
 
@@ -487,11 +476,8 @@ ABOUT = {TaskState.PLANNING: AgentName.PL, TaskState.RUNNING: AgentName.TA}
 
 def _news(memory: Memory, turn: Turn, received: Received) -> tuple[News, ...]:
     """Return what a message of co says of a task; nothing for one that is forgotten."""
-    name, said, performative = (
-        received.conversation,
-        received.content,
-        received.communicate.performative,
-    )
+    name, said = received.conversation, received.content
+    performative = received.communicate.performative
     line = memory.task(name)
     if line is None:
         return ()
@@ -499,30 +485,14 @@ def _news(memory: Memory, turn: Turn, received: Received) -> tuple[News, ...]:
         turn.log("reason of co", performative=performative, text=said.text)
     report = said if isinstance(said, TaskReport) else TaskReport(TaskState.FAILED)
     if line.state in FINAL:
-        return (
-            News(
-                AgentName.CO, TOO_LATE, _report_text(report) or f"it was {line.state} already", name
-            ),
-        )
+        text = _report_text(report) or f"it was {line.state} already"
+        return (News(AgentName.CO, TOO_LATE, text, name),)
     if report is said and performative in (P.AGREE, P.INFORM):
-        return (
-            News(
-                ABOUT.get(report.state, AgentName.CO),
-                report.state,
-                _report_text(report),
-                name,
-                report,
-            ),
-        )
+        about = ABOUT.get(report.state, AgentName.CO)
+        return (News(about, report.state, _report_text(report), name, report),)
     unsaid = Kind.NOT_UNDERSTOOD if performative is P.NOT_UNDERSTOOD else Kind.NO_REASON
-    return (
-        _ended(
-            name,
-            replace(
-                report, state=TaskState.FAILED, why=report.why or (fact(unsaid, AgentName.CO),)
-            ),
-        ),
-    )
+    why = report.why or (fact(unsaid, AgentName.CO),)
+    return (_ended(name, replace(report, state=TaskState.FAILED, why=why)),)
 
 
 def _ended(name: str, report: TaskReport) -> News:

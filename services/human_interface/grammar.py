@@ -80,17 +80,13 @@ def split_time(words: tuple[str, ...]) -> tuple[tuple[str, ...], When]:
     text, when = " ".join(words), When()
     for language in LANGUAGES:
         if found := _WITHIN[language].search(text):
-            text, when = (
-                _without_time(text, found),
-                replace(when, within_s=_seconds(found, language)),
-            )
+            when = replace(when, within_s=_seconds(found, language))
+            text = _without_time(text, found)
         if (found := _BY[language].search(text)) and (by := _clocks(found.group(1), language)):
             text, when = _without_time(text, found), replace(when, by=by)
         if found := _LATER[language].search(text):
-            text, when = (
-                _without_time(text, found),
-                replace(when, later_s=_seconds(found, language)),
-            )
+            when = replace(when, later_s=_seconds(found, language))
+            text = _without_time(text, found)
         if (found := _AT[language].search(text)) and (at := _clocks(found.group(1), language)):
             text, when = _without_time(text, found), replace(when, at=at)
         # behind the others: "first" is the last word of what is left
@@ -132,11 +128,8 @@ def _clocks(said: str, language: str) -> tuple[int, ...]:
         return _of_day(int(found[1]), int(found[2]), found[3] or "")
     if found := re.fullmatch(r"(\d+) ?([ap]m)", said):
         return _of_day(int(found[1]), 0, found[2])
-    hour = int(
-        _number(
-            re.sub(r"half past |quarter past |quarter to | o clock|godziny ", "", said), language
-        )
-    )
+    plain = re.sub(r"half past |quarter past |quarter to | o clock|godziny ", "", said)
+    hour = int(_number(plain, language))
     past = {"half": 30, "quarter": 15}.get(said.partition(" ")[0], 0)
     return _of_day(hour, -past if said.startswith("quarter to") else past, "")
 
@@ -488,11 +481,8 @@ def _named_object(tree: Any) -> NamedObject:
     number = next((int(one[:3]) for one in first.children if isinstance(one, Token)), 0)
     noun = next((one for one in parts if one.data.startswith("noun_")), None)
     if noun is None:
-        return NamedObject(
-            next(_spoken(one) for one in parts if one.data.startswith("strange_")),
-            (),
-            quality=quality,
-        )
+        strange = next(_spoken(one) for one in parts if one.data.startswith("strange_"))
+        return NamedObject(strange, quality=quality)
     return NamedObject(said, _kinds(noun), number, quality)
 
 
@@ -530,9 +520,7 @@ def _language(words: tuple[str, ...]) -> str:
 _LONG = tuple(sorted(word for word in VOCABULARY if len(word) >= SHORT))
 _ANYWHERE = tuple(one for language in LANGUAGES for one in phrases(CATALOGUE.anywhere[language]))
 _OPENING = tuple(
-    sorted(
-        (one for x in LANGUAGES for one in phrases(CATALOGUE.opening[x])), key=lambda one: -len(one)
-    )
+    sorted((one for x in LANGUAGES for one in phrases(CATALOGUE.opening[x])), key=len, reverse=True)
 )
 _JOINING = frozenset(
     one[0] for language in LANGUAGES for one in phrases(CATALOGUE.joining[language])

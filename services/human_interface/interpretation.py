@@ -6,6 +6,7 @@ HTTP, how tasks are carried out.
 """
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.all_languages import AnyCommand
 from companion.commands import Offer
@@ -93,11 +94,9 @@ def _without_task(meaning: Meaning, context: Context) -> Outcome:
     if clause.does == "the":
         return _outcome_of_a_name(meaning, context)
     if clause.does == "yes":
-        return (
-            Act(context.options[0].tasks)
-            if len(context.options) == 1
-            else Ask(_unasked(language, context))
-        )
+        if len(context.options) == 1:
+            return Act(context.options[0].tasks)
+        return Ask(_unasked(language, context))
     if clause.does == "no":
         return Ask(say(language, "not_then")) if context.options else Tell("stop")
     if meaning.guessed:
@@ -111,11 +110,8 @@ def _outcome_of_a_name(meaning: Meaning, context: Context) -> Outcome:
     """
     thing, language = meaning.clauses[0].things[0], meaning.language
     if thing.quality or thing.ref or len(thing.kinds) != 1 or meaning.guessed:
-        return Ask(
-            _not_understood(
-                Meaning(language, why="sorry", strange="" if thing.kinds else thing.said)
-            )
-        )
+        strange = "" if thing.kinds else thing.said
+        return Ask(_not_understood(Meaning(language, why="sorry", strange=strange)))
     name = f"{thing.kinds[0]}_{thing.number}" if thing.number else thing.kinds[0]
     for option in context.options:
         if option.thing == name:
@@ -184,7 +180,7 @@ def forget_objects(context: Context, *things: str) -> Context:
     gone = {only.get(name, name) for name in things}
     mentioned = tuple(name for name in context.mentioned if only.get(name, name) not in gone)
     kept = None if context.seen is None else tuple(name for name in seen if name not in gone)
-    return msgspec.structs.replace(context, seen=kept, mentioned=mentioned)
+    return replace(context, seen=kept, mentioned=mentioned)
 
 
 def kind_of(name: str) -> str:
@@ -239,9 +235,7 @@ def _ask_back(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
         kind, _, number = name.partition("_")
         known = NamedObject(name, (kind,), int(number or 0))
         clauses = tuple(
-            msgspec.structs.replace(
-                one, things=tuple(known if thing is doubt.thing else thing for thing in one.things)
-            )
+            replace(one, things=tuple(known if it is doubt.thing else it for it in one.things))
             for one in meaning.clauses
         )
         try:

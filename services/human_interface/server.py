@@ -169,10 +169,8 @@ class HttpApp:
         try:
             check_host(request.headers, self._address.port)
             if not has_token(request.headers, self._address.token):
-                text = (
-                    "wrong or missing token; send `Authorization: Bearer <token>` with that of"
-                    f" {HI_FILE}"
-                )
+                bearer = "Authorization: Bearer <token>"
+                text = f"wrong or missing token; send `{bearer}` with that of {HI_FILE}"
                 raise Refused(401, text)
             path = scope["path"]
             if path not in self._routes:
@@ -209,11 +207,8 @@ class HttpApp:
         if stop_words(text, self.board.tasks.answers(said.asker, now)):
             line = self.hold(True, text)
             language = calls_for_help(text)
-            return (
-                msgspec.structs.replace(line, text=say(language, "helped", abilities(language)))
-                if language
-                else line
-            )
+            text = say(language, "helped", abilities(language)) if language else line.text
+            return msgspec.structs.replace(line, text=text)
         with self._room():
             meaning = await asyncio.to_thread(understand, text)
             ticket = self.board.ticket()

@@ -59,11 +59,8 @@ def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
 def _offered_objects(context: Context) -> tuple[str, ...]:
     """The things that something is offered for, the only one of its kind without a number."""
     uses = {wish.uses[0] for wish in TASKS.values() if wish.offer is Offer.THINGS}
-    seen = tuple(
-        name
-        for name in context.seen or ()
-        if kind_of(name) in THINGS and uses & {*THINGS[kind_of(name)].can}
-    )
+    known = [name for name in context.seen or () if kind_of(name) in THINGS]
+    seen = tuple(name for name in known if uses & {*THINGS[kind_of(name)].can})
     kinds = [kind_of(name) for name in seen]
     named = tuple(name if kinds.count(kind_of(name)) > 1 else kind_of(name) for name in seen)
     return tuple(

@@ -124,11 +124,8 @@ def _grasp_definition(scene: Scene, query: wm.GraspDefinition) -> wm.AnyAnswer:
 
 def _environment(scene: Scene, query: wm.EnvironmentShapes) -> wm.AnyAnswer:
     """The shapes around the robot. Held objects are left out, since they move with the robot."""
-    around = (
-        one
-        for one in scene.things.values()
-        if one.id not in query.ignored and scene.holder(one.id) is None
-    )
+    seen = (one for one in scene.things.values() if one.id not in query.ignored)
+    around = (one for one in seen if scene.holder(one.id) is None)
     return wm.Shapes(
         tuple(wm.PlacedShape(one.id, one.pose, one.known.shapes) for one in around if one.known)
     )

@@ -72,10 +72,8 @@ class Beliefs:
                 told = Source(name, communicate.sender, one.at, parent=parent)
                 self._asked[communicate.conversation] = content, told
             case wm.DropStates(prefix=prefix):
-                self._asked[communicate.conversation] = (
-                    content,
-                    Source(prefix, communicate.sender, one.at),
-                )
+                told = Source(prefix, communicate.sender, one.at)
+                self._asked[communicate.conversation] = content, told
             case wm.Made():
                 self._made(communicate.conversation)
 

@@ -97,12 +97,8 @@ def _changed(scene: Scene, change: wm.AnyChange) -> Scene:
         case wm.Grasped(object=name, side=side, grasp=grasp, pose=pose):
             _require(scene, name)
             before = scene.hands.get(side, Held()).object
-            return related(
-                scene.with_hand(side, Held(name, grasp, pose)),
-                scene.things[name].related_at,
-                before,
-                name,
-            )
+            after = scene.with_hand(side, Held(name, grasp, pose))
+            return related(after, scene.things[name].related_at, before, name)
         case wm.Released(side=side):
             before = scene.hands.get(side, Held()).object
             return related(scene.with_hand(side, Held()), 0.0, before)

@@ -112,14 +112,7 @@ def _read(triples: ox.Store) -> Scene:
         for found in triples.quads_for_pattern(quad.subject, OBSERVED, None):
             times[key] = float(_text(found))
     ordered = {part: joints[part] for part in PARTS if part in joints}
-    return Scene(
-        things=objects,
-        hands=hands,
-        joints=ordered,
-        contents=contents,
-        versions=versions,
-        times=times,
-    )
+    return Scene(objects, hands, ordered, contents=contents, versions=versions, times=times)
 
 
 class StoreDevice:

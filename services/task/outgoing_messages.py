@@ -57,10 +57,8 @@ def known_after(known: tuple[Evidence, ...], outcome: rc.Done | rc.NotDone) -> t
     within = {
         one.object: one.uncertainty.deviation if one.uncertainty else 0.0 for one in outcome.seen
     }
-    stands = (
-        Evidence(Claim.STANDS, one.object, (Sense.EYES,), one.at, within[one.object])
-        for one in seen
-    )
+    by = (Sense.EYES,)
+    stands = (Evidence(Claim.STANDS, one.object, by, one.at, within[one.object]) for one in seen)
     if isinstance(outcome, rc.Done):
         return newest((*known, *stands), outcome.evidence, held)
     doubted = (

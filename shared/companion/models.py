@@ -136,16 +136,8 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
 
     def of(self, object: str) -> wm.ModelOf:
         """The answer of km about one object of this kind."""
-        return wm.ModelOf(
-            object=object,
-            model=self.name,
-            shapes=self.shapes,
-            moveable=self.moveable,
-            mass=self.mass,
-            symmetric=self.symmetric,
-            base_z=self.base.z,
-            base_radius=self.base.radius,
-        )
+        kinds, foot = (self.moveable, self.mass, self.symmetric), (self.base.z, self.base.radius)
+        return wm.ModelOf(object, self.name, self.shapes, *kinds, *foot)
 
 
 class Handle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -183,15 +175,8 @@ class Handle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                     wm.GraspStep(Pose((-up * z, -across, depth - ahead), quat), self.fingers)
                     for depth in (self.depth + self.before, self.depth)
                 )
-                grasp = (
-                    f"{name}_{slant:g}",
-                    tuple(steps),
-                    self.closed,
-                    squeeze,
-                    self.speed,
-                    self.before,
-                    HANDLE,
-                )
+                force = (self.closed, squeeze, self.speed, self.before)
+                grasp = (f"{name}_{slant:g}", tuple(steps), *force, HANDLE)
                 found.append(wm.GraspDef(*grasp))
         return tuple(found)
 

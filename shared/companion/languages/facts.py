@@ -233,13 +233,8 @@ def fact(kind: AnyKind, *parts: Any) -> Fact:
     Parts are str, Side, float and, as reasons, Fact or Facts.
     """
     left = list(parts)
-    found: dict[str, list[Any]] = {
-        "things": [],
-        "side": [],
-        "numbers": [],
-        "words": [],
-        "because": [],
-    }
+    names = ("things", "side", "numbers", "words", "because")
+    found: dict[str, list[Any]] = {name: [] for name in names}
     for name in kind.parts:
         field = _FIELDS[name.partition(":")[0]]
         if name == "because":

@@ -151,11 +151,12 @@ def _machine(
         hfsm.ActState(_verb(command), replace(command, key=f"{request}/{number}.{index}"))
         for index, command in enumerate(step.commands, start=1)
     ]
+    instead = enumerate(step.instead, start=1)
     otherwise: list[hfsm.State] = [
         hfsm.ActState(
-            f"{_verb(one)} instead {index}", replace(one, key=f"{request}/{number}.instead{index}")
+            f"{_verb(one)} instead {k}", replace(one, key=f"{request}/{number}.instead{k}")
         )
-        for index, one in enumerate(step.instead, start=1)
+        for k, one in instead
     ]
     *states, last = _chained(leaves)
     if otherwise:

@@ -68,18 +68,13 @@ def take(
     x, y, z = (float(v) for v in target.out * target.distance)
     segments = (rc.Segment((0.0, 0.0, LIFT_M), LIFT_SPEED), rc.Segment((x, y, z), LOADED_SPEED))
     pull = rc.MoveCartesian(key="", side=side, segments=segments)
+    in_grip = on_wire(approach.steps[-1][0].inverse())
     changes = (
-        wm.Grasped(
-            object=name, side=side, grasp=grasp.id, pose=on_wire(approach.steps[-1][0].inverse())
-        ),
+        wm.Grasped(object=name, side=side, grasp=grasp.id, pose=in_grip),
         *configured(side, approach.way_out[-1], grasp.closed),
     )
-    duration = (
-        way.duration
-        + geometry.duration(approach.way_in, APPROACH_SPEED)
-        + CLOSE_S
-        + geometry.duration(approach.way_out, LOADED_SPEED)
-    )
+    duration = way.duration + geometry.duration(approach.way_in, APPROACH_SPEED) + CLOSE_S
+    duration += geometry.duration(approach.way_out, LOADED_SPEED)
     commands = (move(side, way, free_speed(here), approach.steps[0][1]), close, pull)
     return Step(hfsm.Step("take", (name,)), commands, changes, duration)
 

@@ -131,10 +131,11 @@ class StateFacts:
         """The other moveable things within a distance and a difference of height [m], nearest
         first.
         """
-        at = {
-            one: np.array(self._ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose.xyz)
+        poses = {
+            one: self._ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose
             for one in self.moveable(state)
         }
+        at = {one: np.array(pose.xyz) for one, pose in poses.items()}
         if name not in at:
             return []
         away = {one: xyz - at[name] for one, xyz in at.items() if one != name}
@@ -242,8 +243,5 @@ class Known:
 
 def away(known: Known, km: str) -> list[Side]:
     """The sides of empty arms that are not at home."""
-    return [
-        side
-        for side in Side
-        if not known.facts.in_hand(km, side) and not known.facts.at_home(km, side)
-    ]
+    full_or_home = known.facts.in_hand, known.facts.at_home
+    return [side for side in Side if not any(is_so(km, side) for is_so in full_or_home)]

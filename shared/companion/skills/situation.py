@@ -330,17 +330,10 @@ class Situation:
             for name, model in self.models.items()
             if model not in DOORS and not models.MODELS[model].moveable
         )
-        corners = (
-            (name, at)
-            for name in fixed
-            if name in self.seen
-            for _, at in self._markers_at(name, self.seen[name])
-        )
-        sure = (
-            at
-            for name, at in corners
-            if _framed(at, camera) and self._shown(name, at, camera.translation)
-        )
+        seen = ((name, self.seen[name]) for name in fixed if name in self.seen)
+        corners = ((name, at) for name, pose in seen for _, at in self._markers_at(name, pose))
+        framed = ((name, at) for name, at in corners if _framed(at, camera))
+        sure = (at for name, at in framed if self._shown(name, at, camera.translation))
         return len(list(islice(sure, SURE_MARKERS))) == SURE_MARKERS
 
     def above(self, name: str, at: pin.SE3 | None = None) -> frozenset[str]:

@@ -199,18 +199,11 @@ def believed(run: Run, name: str, at: float | None = None) -> Why | None:
             told[float(written(since)), content].append(
                 _sentence(_local(relation), value, content=content)
             )
-    facts = [
-        fact
-        for (since, content), texts in told.items()
-        for fact in _observed(run, since, thing, texts, content)
-    ]
+    observed = (_observed(run, at, thing, texts, of) for (at, of), texts in told.items())
+    facts = [fact for some in observed for fact in some]
     facts += _confirmed(run, thing, at)
-    return Why(
-        thing,
-        f"{plain(thing)}: {known.words}",
-        known.begin,
-        (Passage("what is believed", tuple(facts)),),
-    )
+    believed = (Passage("what is believed", tuple(facts)),)
+    return Why(thing, f"{plain(thing)}: {known.words}", known.begin, believed)
 
 
 def _asked(known: asking.Known, text: str) -> list[list[Term]]:
@@ -245,19 +238,14 @@ def _observed(run: Run, since: float, thing: str, texts: list[str], content: boo
     said = [
         one for one in run.history.said if one.receiver == KM and abs(one.received - at) < 0.001
     ]
-    about = [
-        one
-        for one in said
-        if _tells(one, thing) and isinstance(one.content, wm.FeltContent) is content
-    ] or said
+    of_thing = (one for one in said if _tells(one, thing))
+    about = [one for one in of_thing if isinstance(one.content, wm.FeltContent) is content] or said
     message = run.trace.messages.get(about[-1].identity) if about else None
     words = "; ".join(texts)
     if message is None:
         return [Fact(at, words)]
-    return [
-        Fact(at, words, record(message)),
-        Fact(message.sent, _source(run.trace, message), record(message)),
-    ]
+    first = Fact(at, words, record(message))
+    return [first, Fact(message.sent, _source(run.trace, message), record(message))]
 
 
 def _source(trace: Trace, told: Message) -> str:
@@ -281,11 +269,8 @@ def _tells(one: Spoken, thing: str) -> bool:
 def _confirmed(run: Run, thing: str, at: float | None) -> list[Fact]:
     """When the thing was seen or felt last."""
     until = float("inf") if at is None else run.trace.begin + at
-    said = [
-        one
-        for one in run.history.said
-        if one.receiver == KM and one.received <= until and _tells(one, thing)
-    ]
+    to_km = (one for one in run.history.said if one.receiver == KM and one.received <= until)
+    said = [one for one in to_km if _tells(one, thing)]
     if not said:
         return []
     last = run.trace.messages[said[-1].identity]

@@ -60,13 +60,8 @@ def relate(scene: Scene, object: SceneObject) -> tuple[str, tuple[str, ...]]:
     if scene.holder(object.id) is not None:
         return "", ()  # it moves with the hand
     others = [scene.things[name] for name in _near(scene, object) if name != object.id]
-    inside = tuple(
-        sorted(
-            other.id
-            for other in others
-            if other.known and _is_in(object, model, other, other.known)
-        )
-    )
+    known = ((other, other.known) for other in others if other.known)
+    inside = tuple(sorted(other.id for other, of in known if _is_in(object, model, other, of)))
     return _support(object, model, others), inside
 
 

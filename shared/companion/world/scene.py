@@ -118,13 +118,9 @@ def _marks(object: SceneObject | None) -> frozenset[Mark]:
     if object is None:
         return frozenset()
     cells = cells_of(object.model, object.pose)
-    return frozenset(
-        (
-            *((None,) if cells is None else cells),
-            *object.inside,
-            *((object.on,) if object.on else ()),
-        )
-    )
+    anywhere: tuple[Mark, ...] = (None,)
+    on = (object.on,) if object.on else ()
+    return frozenset((*(anywhere if cells is None else cells), *object.inside, *on))
 
 
 class Held(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -206,8 +202,6 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
         }
         scene = msgspec.structs.replace(self, hands={**hands, side: held})
         object = self.things.get(held.object)
-        return (
-            scene.with_object(msgspec.structs.replace(object, exact=False, on=""))
-            if object
-            else scene
-        )
+        if object is None:
+            return scene
+        return scene.with_object(msgspec.structs.replace(object, exact=False, on=""))

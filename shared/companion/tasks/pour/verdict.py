@@ -79,11 +79,8 @@ def against(history: History, command: Spoken) -> Iterator[str]:
     if state.bowl_links:
         yield "a hand still touches the bowl"
     if not state.bowl_on_table:
-        yield (
-            "the bowl is not on a table"
-            if state.bowl_on_table is False
-            else "where the bowl stands was not recorded"
-        )
+        told = state.bowl_on_table is False
+        yield "the bowl is not on a table" if told else "where the bowl stands was not recorded"
 
 
 def true(one: Evidence, truth: TrueState) -> bool | None:
@@ -126,10 +123,8 @@ def figures(history: History) -> Figures:
 
 def _vessel(truth: TrueState, kind: str) -> str:
     """The id of the first vessel of this kind, "" for none."""
-    return next(
-        (name for name in sorted(truth.tilt_deg) if truth.models.get(name, name).startswith(kind)),
-        "",
-    )
+    of_kind = (name for name in truth.tilt_deg if truth.models.get(name, name).startswith(kind))
+    return min(of_kind, default="")
 
 
 def _on_table(history: History, truth: TrueState, vessel: str) -> bool | None:
@@ -148,11 +143,8 @@ def _on_table(history: History, truth: TrueState, vessel: str) -> bool | None:
 
 def _tables(history: History, truth: TrueState) -> list[tuple[str, Pose]]:
     """Models and poses of all tables: true ones, else the ones km was told of."""
-    true = [
-        (model, truth.poses[name])
-        for name, model in truth.models.items()
-        if model in TABLES and name in truth.poses
-    ]
+    there = ((name, model) for name, model in truth.models.items() if name in truth.poses)
+    true = [(model, truth.poses[name]) for name, model in there if model in TABLES]
     if true:
         return true
     seen = (one.content for one in history.said if isinstance(one.content, wm.SeenObject))

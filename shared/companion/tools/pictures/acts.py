@@ -83,12 +83,9 @@ class Acts:
                 chosen = np.unique(
                     np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS)).astype(int)
                 )
+                columns = [BODY[column] for column in COLUMNS[side]]
                 frames = [
-                    self._grip(
-                        side,
-                        dict(zip((BODY[column] for column in COLUMNS[side]), path[k], strict=True)),
-                    )
-                    for k in chosen
+                    self._grip(side, dict(zip(columns, path[k], strict=True))) for k in chosen
                 ]
                 return [np.array([frame[:3, 3] for frame in frames])], frames[-1:]
             case rc.MoveCartesian(side=side, segments=segments):

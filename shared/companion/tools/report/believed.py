@@ -20,6 +20,7 @@ from companion.tools.report import plans, verdict
 from companion.tools.report.judges import judges
 from operate.recording.history import History
 from operate.recording.records import Spoken
+from operate.run_folder import alike
 from velma.names import BODY, GRIP_BODY
 
 
@@ -62,12 +63,8 @@ def claims(history: History, command: Spoken) -> tuple[Claimed, ...]:
     said = (
         end.content.evidence if end is not None and isinstance(end.content, cmd.TaskReport) else ()
     )
-    return tuple(
-        Claimed(
-            one.claim, one.of, one.by, one.at, one.within, _true(one, truth), plain(evidence(one))
-        )
-        for one in said
-    )
+    rows = ((one, _true(one, truth), plain(evidence(one))) for one in said)
+    return tuple(alike(Claimed, one, true=true, words=words) for one, true, words in rows)
 
 
 def _true(one: Evidence, truth: TrueState | None) -> bool | None:
@@ -89,10 +86,8 @@ def beliefs(history: History) -> tuple[Believed, ...]:
     for one in history.said:
         beliefs.hear(one)
     true = _places(verdict.last_truth(history))
-    return tuple(
-        _believed(history, beliefs, name, true.get(name))
-        for name in sorted(beliefs.objects | set(true))
-    )
+    names = sorted(beliefs.objects | set(true))
+    return tuple(_believed(history, beliefs, name, true.get(name)) for name in names)
 
 
 def _believed(history: History, beliefs: Beliefs, name: str, true_at: Vector | None) -> Believed:
