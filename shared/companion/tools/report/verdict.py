@@ -101,10 +101,8 @@ def _not_whole(history: History) -> Iterator[str]:
     of all else.
     """
     for process in history.down:
-        yield (
-            f"{process.name} did not run"
-            f" ({process.state}{': ' + process.note if process.note else ''})"
-        )
+        note = f": {process.note}" if process.note else ""
+        yield f"{process.name} did not run ({process.state}{note})"
 
 
 def _of_plans(history: History, command: Spoken) -> Iterator[str]:

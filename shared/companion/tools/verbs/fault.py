@@ -129,10 +129,8 @@ def sensor(
                 " side"
             )
         if sense is Of.ENCODER and not joint:
-            raise UsageError(
-                "which encoder? name its joint: --joint, one of"
-                f" {', '.join(disturbances.ON[Of.ENCODER])}"
-            )
+            joints = ", ".join(disturbances.ON[Of.ENCODER])
+            raise UsageError(f"which encoder? name its joint: --joint, one of {joints}")
         ordered(one, at, for_, within, target, run_dir, form)
 
 

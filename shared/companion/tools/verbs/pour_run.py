@@ -351,10 +351,8 @@ def _page(run: Path, console: Console, form: Format, *, opened: bool) -> None:
     found = door_when_there(run)
     if found is None:
         return
-    console.out(
-        msgspec.json.encode(found).decode() if form is Format.JSON else f"page: {found.url}",
-        highlight=False,
-    )
+    told = msgspec.json.encode(found).decode() if form is Format.JSON else f"page: {found.url}"
+    console.out(told, highlight=False)
     if opened:
         webbrowser.open(found.url)
 
