@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from enum import StrEnum
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.all_languages import AnyCommand
 from companion.languages import hfsm
@@ -197,19 +198,19 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     def with_job(self, job: Job) -> "Memory":
         """The memory with this task updated."""
         jobs = tuple(job if one.conversation == job.conversation else one for one in self.jobs)
-        return msgspec.structs.replace(self, jobs=jobs)
+        return replace(self, jobs=jobs)
 
     def without_job(self, job: Job) -> "Memory":
         """The memory without a task that has ended."""
         jobs = tuple(one for one in self.jobs if one.conversation != job.conversation)
-        return msgspec.structs.replace(self, jobs=jobs, over=True, choice=Choice.OPEN).changed()
+        return replace(self, jobs=jobs, over=True, choice=Choice.OPEN).changed()
 
     def changed(self) -> "Memory":
         """The memory after the world may have changed: schedule parameters are to be asked for
         again.
         """
-        jobs = tuple(msgspec.structs.replace(job, asked=False) for job in self.jobs)
-        return msgspec.structs.replace(self, jobs=jobs)
+        jobs = tuple(replace(job, asked=False) for job in self.jobs)
+        return replace(self, jobs=jobs)
 
 
 # --- the conditions of design.toml ----------------------------------------------------------------

@@ -19,6 +19,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 import msgspec
+from msgspec.structs import replace
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
@@ -208,7 +209,7 @@ class HttpApp:
             line = self.hold(True, text)
             language = calls_for_help(text)
             text = say(language, "helped", abilities(language)) if language else line.text
-            return msgspec.structs.replace(line, text=text)
+            return replace(line, text=text)
         with self._room():
             meaning = await asyncio.to_thread(understand, text)
             ticket = self.board.ticket()
@@ -245,7 +246,7 @@ class HttpApp:
             return await self._answer(ticket)
 
     async def _tasks(self, request: Request) -> msgspec.Struct:
-        return msgspec.structs.replace(self.board.tasks, held=self._robot.held)
+        return replace(self.board.tasks, held=self._robot.held)
 
     async def _events(self, request: Request) -> msgspec.Struct:
         query = parse_qs(request.url.query)

@@ -8,6 +8,7 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from companion.all_languages import LANGUAGES, SW
 from companion.design import COORDINATE
@@ -298,7 +299,7 @@ def test_confirm_of_nothing_is_an_error(running):
     running.say(TA, P.INFORM, WorkerState.RUNNING)
     confirm = running.send(CO, P.CONFIRM)
     with pytest.raises(RemoteProtocolError) as caught:
-        running.sides[TA].receive(msgspec.structs.replace(confirm, in_reply_to="ta-3-99"))
+        running.sides[TA].receive(replace(confirm, in_reply_to="ta-3-99"))
     assert caught.value.field == "in_reply_to"
     with pytest.raises(LocalProtocolError):
         running.send(CO, P.CONFIRM)
@@ -311,7 +312,7 @@ def test_report_without_kind_or_label_is_an_error(running):
         running.sides[CO].receive(inform, Kind.PLAIN)
     assert caught.value.field == "performative"
     with pytest.raises(RemoteProtocolError) as caught:
-        running.sides[CO].receive(msgspec.structs.replace(inform, reply_with=""), PROGRESS)
+        running.sides[CO].receive(replace(inform, reply_with=""), PROGRESS)
     assert caught.value.field == "reply_with"
 
 

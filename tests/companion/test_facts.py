@@ -14,6 +14,7 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from companion import languages, sentences, tasks
 from companion.acts import ACTS
@@ -392,7 +393,7 @@ def test_facts_are_cut_to_the_room_for_them(told, room):
     assert sum(len(msgspec.msgpack.encode(one)) for one in kept) <= room
     assert kept[:-1] == told[: len(kept)][:-1]
     for one, whole in zip(kept[-1:], told[len(kept) - 1 :], strict=False):
-        first, second = (msgspec.structs.replace(fact, because=()) for fact in (one, whole))
+        first, second = (replace(fact, because=()) for fact in (one, whole))
         assert first == second
         assert len(one.because) <= len(whole.because)
     assert facts.fitting(told, 100_000) == told

@@ -1,6 +1,6 @@
 """co on pretend wires among hi, pl and ta that do what a test says, or what a policy says."""
 
-import msgspec
+from msgspec.structs import replace
 from scripted_partner import Puppet
 
 from agent_runtime.core.wiring import Wiring
@@ -168,7 +168,7 @@ class Scene:
 
 def unchecked(wired):
     """The wiring of a partner that may say what its interface does not have."""
-    links = tuple(msgspec.structs.replace(link, says={}) for link in wired.links)
+    links = tuple(replace(link, says={}) for link in wired.links)
     return Wiring(wired.system, wired.agent, links, wired.languages)
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import msgspec
 import pytest
 from logged_fleet import LoggedFleet
+from msgspec.structs import replace
 
 from companion import sentences
 from companion.design import DESIGN
@@ -51,7 +52,7 @@ class Noise:
     def __call__(self, reader):
         """Return the catalogue of a reader, with noise in place of its sentences and words."""
         found = real(reader)
-        return msgspec.structs.replace(
+        return replace(
             found, **{name: {row: self._word() for row in getattr(found, name)} for name in WORDS}
         )
 
@@ -103,10 +104,10 @@ def story(run, *, missing):
     why = [(one.title, len(one.facts)) for one in fleet.reasons(fleet.tasks[-1].task).passages]
     past, live = opened(run, SYSTEM).history, Live()
     made = msgspec.to_builtins(report.build(past))
-    lines = [msgspec.structs.replace(line, text="") if isinstance(line, Happened) else line
+    lines = [replace(line, text="") if isinstance(line, Happened) else line
              for one in past.said for line in live.lines(one)]  # fmt: skip
     said = [bytes(one.content) for one in fleet.wires.traffic if one.content]
-    tasks = [msgspec.structs.replace(one, text="") for one in fleet.tasks]
+    tasks = [replace(one, text="") for one in fleet.tasks]
     fleet.close()
     return Story(said, tasks, pages, made, why, lines)
 

@@ -6,6 +6,7 @@ from functools import cache
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 from scripted_partner import Puppet
 
 from agent_runtime.io.devices import Called
@@ -213,7 +214,7 @@ def test_whatever_ends_a_task_badly_shows_as_failed_with_its_reason():
         if performative is None:  # an inform in the place of an agree
             (asked,) = [one for one in scene.wires.traffic if one.performative is P.REQUEST]
             fields = {"sender": "co", "receiver": "hi", "id": "1", "reply_with": ""}
-            wrong = msgspec.structs.replace(asked, performative=P.INFORM, **fields)
+            wrong = replace(asked, performative=P.INFORM, **fields)
             scene.wires.deliver(wrong)
             scene.settle()
         else:

@@ -12,6 +12,7 @@ import time
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED, listen_at
@@ -270,7 +271,7 @@ def test_a_terminal_that_was_asked_answers_and_another_one_stops(robot):
 
 def test_a_terminal_tells_its_time_zone(robot, monkeypatch):
     """`roco say`: noon is noon where it is called."""
-    line = msgspec.structs.replace(robot.say("look around"), accepted=True)
+    line = replace(robot.say("look around"), accepted=True)
     robot.app.tell(device.Shown((line,), 0))
     for zone, east_min in (("<+0545>-5:45", 345), ("EST5", -300), ("UTC", 0)):
         monkeypatch.setenv("TZ", zone)

@@ -6,6 +6,7 @@ from typing import get_args
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 
 from companion.all_languages import WM
 from companion.design import DESIGN, INTERFACES
@@ -145,7 +146,7 @@ def test_what_is_told_of_a_thing_not_seen_stays_small():
     """
     jar = SceneObject("jar", "jar", Pose((1.0, 0.0, 1.0)))
     names = [f"jar_{n}" for n in range(60)]
-    scene = Scene(things={name: msgspec.structs.replace(jar, id=name) for name in names})
+    scene = Scene(things={name: replace(jar, id=name) for name in names})
     _, said = ask(scene, Overlays(), wm.ObjectPose(object="mała miska " * 10))
     assert isinstance(said, wm.Unknown)
     assert [one.kind for one in said.why] == [Kind.NOT_SEEN]

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
+from msgspec.structs import replace
 
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
@@ -231,7 +232,7 @@ def test_what_is_asked_of_another_life_again_is_there_again(tmp_path):
     talk = next(one.conversation for one, of in contents if of["type"] == "HypotheticalState")
     again = [one for one in first if isinstance(one, Spoken) and one.conversation == talk]
     recording = mcap_file.Recording(tmp_path / "traffic.mcap")
-    restarted = (msgspec.structs.replace(one, received=until + 2.0) for one in again)
+    restarted = (replace(one, received=until + 2.0) for one in again)
     later = [Token("km", 2, True, until + 1.0), *restarted]
     for one in (*first, *later):
         recording.add(one)

@@ -6,6 +6,7 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from companion.languages import wm
 from companion.languages.facts import Kind, fact
@@ -314,18 +315,14 @@ def test_what_it_stood_on_is_kept_too(kitchen):
 
 def test_a_far_look_does_not_undo_a_near_one():
     """They are fused where they agree; what moved is where it was seen last."""
-    near = msgspec.structs.replace(
-        seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE
-    )
-    far = msgspec.structs.replace(
-        seen("jar_1", "jar", (0.786, -0.84, 0.875), 2.0), uncertainty=UNSURE
-    )
-    moved = msgspec.structs.replace(far, pose=Pose((0.85, -0.84, 0.875)))
+    near = replace(seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE)
+    far = replace(seen("jar_1", "jar", (0.786, -0.84, 0.875), 2.0), uncertainty=UNSURE)
+    moved = replace(far, pose=Pose((0.85, -0.84, 0.875)))
     both = scene_of(near, far).things["jar_1"]
     assert (both.pose.xyz, both.at) == (pytest.approx((0.783, -0.84, 0.875), abs=2e-4), 2.0)
     assert both.uncertainty is not None
     assert both.uncertainty.deviation <= SURE.deviation
-    for last in (moved, msgspec.structs.replace(far, uncertainty=None)):
+    for last in (moved, replace(far, uncertainty=None)):
         assert scene_of(near, last).things["jar_1"].pose == last.pose
     assert scene_of(far, near).things["jar_1"].pose.xyz == pytest.approx(both.pose.xyz, abs=2e-4)
 
@@ -341,11 +338,7 @@ def test_a_far_look_does_not_undo_a_near_one():
 )
 def test_a_sight_of_a_thing_that_a_hand_had_counts_alone(between):
     """Where it was before says nothing then, and a place where a hand left it was not seen."""
-    near = msgspec.structs.replace(
-        seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE
-    )
-    far = msgspec.structs.replace(
-        seen("jar_1", "jar", (0.786, -0.84, 0.875), 2.0), uncertainty=UNSURE
-    )
+    near = replace(seen("jar_1", "jar", (0.783, -0.84, 0.875), 1.0), uncertainty=SURE)
+    far = replace(seen("jar_1", "jar", (0.786, -0.84, 0.875), 2.0), uncertainty=UNSURE)
     thing = scene_of(near, between, wm.SeenHand(Side.LEFT), far).things["jar_1"]
     assert (thing.pose, thing.uncertainty) == (far.pose, UNSURE)

@@ -12,6 +12,7 @@ from enum import StrEnum
 from pathlib import Path
 
 import msgspec
+from msgspec.structs import replace
 
 from topdown.check.adding_up import sums
 from topdown.check.estimate import total
@@ -89,7 +90,7 @@ def _findings(design: Design, stated: Statements) -> Iterator[Finding]:
     if stated.tally is not None:
         counts = {(sender, receiver): count for sender, receiver, count in stated.tally.counts}
         for one in sums(design, counts, stated.tally.where):
-            yield msgspec.structs.replace(one, at=("tally",))
+            yield replace(one, at=("tally",))
 
 
 def _agree(claim: Claim) -> bool:

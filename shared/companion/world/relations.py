@@ -6,7 +6,7 @@ Pure functions of a scene. Must not know: where poses come from.
 from collections.abc import Set
 from functools import cache
 
-import msgspec
+from msgspec.structs import replace
 
 from companion.languages.values import Pose, Vector
 from companion.models import MODELS, Flat, Model
@@ -34,7 +34,7 @@ def related(scene: Scene, now: float, *touched: str) -> Scene:
     renewed = [
         after for object in concerned if (after := _related(scene, object, now)) is not object
     ]
-    return msgspec.structs.replace(scene, things=objects.having(renewed)) if renewed else scene
+    return replace(scene, things=objects.having(renewed)) if renewed else scene
 
 
 def _near(scene: Scene, object: SceneObject) -> Set[str]:
@@ -69,7 +69,7 @@ def _related(scene: Scene, object: SceneObject, now: float) -> SceneObject:
     on, inside = relate(scene, object)
     if (on, inside) == (object.on, object.inside):
         return object
-    return msgspec.structs.replace(object, on=on, inside=inside, related_at=now)
+    return replace(object, on=on, inside=inside, related_at=now)
 
 
 def _support(object: SceneObject, model: Model, others: list[SceneObject]) -> str:

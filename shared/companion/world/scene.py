@@ -8,6 +8,7 @@ into the journal. Must not know: stores, agents, queries.
 from collections.abc import Iterable, Mapping, Set
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.languages.values import Pose, Shape, Side, Uncertainty
 from companion.models import MODELS, Model
@@ -176,7 +177,7 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def with_object(self, object: SceneObject) -> "Scene":
         lost = {name: one for name, one in self.lost.items() if name != object.id}
-        return msgspec.structs.replace(self, things=self.marked.having((object,)), lost=lost)
+        return replace(self, things=self.marked.having((object,)), lost=lost)
 
     def without(self, name: str, side: Side | None, *, given: bool = False) -> "Scene":
         """The scene after the hand `side` lost this object, or gave it to a person, or it was
@@ -188,9 +189,7 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
             where: Held() if held.object == name else held for where, held in self.hands.items()
         }
         lost = {**self.lost, name: Lost(kind, side, given)}
-        return msgspec.structs.replace(
-            self, things=self.marked.without(name), hands=hands, lost=lost
-        )
+        return replace(self, things=self.marked.without(name), hands=hands, lost=lost)
 
     def with_hand(self, side: Side, held: Held) -> "Scene":
         """The scene with this hand; an object in it leaves the other hand, and its pose is not
@@ -200,8 +199,8 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
             other: Held() if held.object and what.object == held.object else what
             for other, what in self.hands.items()
         }
-        scene = msgspec.structs.replace(self, hands={**hands, side: held})
+        scene = replace(self, hands={**hands, side: held})
         object = self.things.get(held.object)
         if object is None:
             return scene
-        return scene.with_object(msgspec.structs.replace(object, exact=False, on=""))
+        return scene.with_object(replace(object, exact=False, on=""))

@@ -5,8 +5,8 @@ a time.
 import math
 from pathlib import Path
 
-import msgspec
 import pytest
+from msgspec.structs import replace
 from synthetic import with_truth
 
 from companion.all_languages import LANGUAGES, RC, WM
@@ -39,8 +39,8 @@ def past():
 def saying(one, content, id, received):
     """The communicate with another content, said under this id at this time."""
     language = WM if isinstance(content, wm.AnyObservation) else RC
-    wire = encode(msgspec.structs.replace(one.communicate, content=language.encode(content), id=id))
-    return msgspec.structs.replace(one, wire=wire, id=id, received=received).read_in(LANGUAGES)
+    wire = encode(replace(one.communicate, content=language.encode(content), id=id))
+    return replace(one, wire=wire, id=id, received=received).read_in(LANGUAGES)
 
 
 def told(past, *observations):
@@ -49,7 +49,7 @@ def told(past, *observations):
     last = max(to_km, key=lambda one: one.received)
     at = last.received + 1.0
     more = (saying(last, one, f"test/{n}@9.{n}", at) for n, one in enumerate(observations))
-    return msgspec.structs.replace(past, said=(*past.said, *more))
+    return replace(past, said=(*past.said, *more))
 
 
 def found(past, name):
@@ -76,7 +76,7 @@ def test_a_thing_that_was_moved_unseen_is_shown_apart(past):
     """The truth has the bowl 0.1 m away: the row says so, in red."""
     at, last = truth(past)[-1]
     x, y, z = last.at["bowl_1"]
-    moved = msgspec.structs.replace(last, at={**last.at, "bowl_1": (x + 0.1, y, z)}, poses={})
+    moved = replace(last, at={**last.at, "bowl_1": (x + 0.1, y, z)}, poses={})
     changed = with_truth(past, (*truth(past)[:-1], (at, moved)))
     assert found(changed, "bowl_1").apart_mm == pytest.approx(100.0, abs=NEAR_MM)
     text = page.rendered(changed, report.build(changed), "run")
@@ -128,11 +128,9 @@ def test_the_poured_share_is_believed_by_weight(past):
     ]
     empty = next(one.content.empty_mass for one in past.said if isinstance(one.content, Pour))
     seen = (rs.Seen("bowl_1", "bowl_high", Pose((0.6, -0.5, 0.775)), 60.0, content=0.028),)
-    content = msgspec.structs.replace(done.content, weighed=(empty + 0.06, empty + 0.03), seen=seen)
+    content = replace(done.content, weighed=(empty + 0.06, empty + 0.03), seen=seen)
     one = saying(done, content, done.id, done.received)
-    weighed = msgspec.structs.replace(
-        past, said=tuple(one if other is done else other for other in past.said)
-    )
+    weighed = replace(past, said=tuple(one if other is done else other for other in past.said))
     half = share(weighed)
     assert (half.believed, half.left_kg, half.content_kg) == tuple(
         map(pytest.approx, (0.5, 0.03, 0.06))

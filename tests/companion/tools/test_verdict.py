@@ -5,6 +5,7 @@ from collections.abc import Callable
 import msgspec
 import pytest
 import synthetic
+from msgspec.structs import replace
 
 from companion.languages import cmd, hfsm, rc, sw
 from companion.languages.facts import Kind, fact
@@ -30,7 +31,7 @@ NO_TRUTH = "the true state of the simulation was not recorded at the end of the 
 
 def changed(**fields):
     """The truth with other fields."""
-    return lambda truth: msgspec.structs.replace(truth, **fields)
+    return lambda truth: replace(truth, **fields)
 
 
 TRUTHS = [
@@ -161,7 +162,7 @@ def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring):
     """A truth without poses is judged by observed tables."""
     past = _past(pouring)
     at, last = truth(past)[-1]
-    bare = msgspec.structs.replace(last, poses={}, models={})
+    bare = replace(last, poses={}, models={})
     assert verdict.failure(synthetic.with_truth(past, ((at, bare),))) is None
 
 
@@ -184,9 +185,7 @@ def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring):
 def test_every_plan_and_the_task_must_end(pouring, kind, reason):
     """A communicate that was never said is missed."""
     past = _past(pouring)
-    found = verdict.failure(
-        msgspec.structs.replace(past, said=tuple(one for one in past.said if not kind(one)))
-    )
+    found = verdict.failure(replace(past, said=tuple(one for one in past.said if not kind(one))))
     assert found is not None
     assert reason in found
 
@@ -234,7 +233,7 @@ def test_a_plan_of_the_job_that_is_refused_stays_a_failure():
     aside(run, Take("cup"), agreed=False)
     past = _past(run)
     kept = tuple(one for one in past.said if not (one.channel == "C3" and one.sender == "pl"))
-    assert "no answer came" in str(verdict.failure(msgspec.structs.replace(past, said=kept)))
+    assert "no answer came" in str(verdict.failure(replace(past, said=kept)))
 
 
 def test_a_plan_that_was_put_off_is_no_plan():
@@ -261,11 +260,9 @@ def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job():
     talk = aside(run, PourInto("jar", "bowl"), agreed=False)
     past = _past(run)
     first = tuple(one for one in past.said if one.conversation == talk)
-    past = msgspec.structs.replace(
-        past, said=(*first, *(one for one in past.said if one not in first))
-    )
+    past = replace(past, said=(*first, *(one for one in past.said if one not in first)))
     assert verdict.failure(past) is None
-    alone = msgspec.structs.replace(past, said=first)
+    alone = replace(past, said=first)
     assert str(verdict.failure(alone)).startswith("the task ended, refused: busy")
 
 
@@ -291,7 +288,7 @@ def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path):
 def test_a_job_that_was_done_is_done_whoever_died_then(pouring):
     """A process that is away in the end is a cause only where something failed."""
     dead = (ProcessStatus("km", ProcessState.BACKING_OFF, note="killed by signal 9"),)
-    past = msgspec.structs.replace(_past(pouring), down=dead)
+    past = replace(_past(pouring), down=dead)
     assert verdict.failure(past) is None
     past = synthetic.with_truth(past, ())
     assert str(verdict.failure(past)).startswith(

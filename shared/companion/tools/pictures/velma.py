@@ -3,9 +3,9 @@
 from itertools import groupby
 from typing import Any
 
-import msgspec
 import numpy as np
 import rerun as rr
+from msgspec.structs import replace
 
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot
@@ -84,7 +84,7 @@ def shaped(
 ) -> None:
     """Draw the shapes of a link. `rgba`: of all of them, 0 to 1; None: each has its own."""
     for kind, some in groupby(sorted(link.shapes, key=lambda s: s.kind), key=lambda s: s.kind):
-        shapes = [msgspec.structs.replace(shape, rgba=rgba or shape.rgba) for shape in some]
+        shapes = [replace(shape, rgba=rgba or shape.rgba) for shape in some]
         sheet.static(f"{entity(link, root)}/{kind}", _drawn(kind, shapes))
 
 

@@ -8,6 +8,7 @@ from the first communicate [s of wall time].
 from math import fsum
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.design import DESIGN
 from companion.sentences import happened
@@ -168,7 +169,7 @@ def build(history: History) -> Report:
         poured=figures.poured,
         tasks=tuple(_task(history, command) for command in plans.commands(history)),
     )
-    return msgspec.structs.replace(report, missing=_missing(report, history))
+    return replace(report, missing=_missing(report, history))
 
 
 def _task(history: History, command: Spoken) -> Task:

@@ -5,9 +5,9 @@ hand feels.
 import dataclasses
 import math
 
-import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from robot import Acting
 from tilts import BOWL, JAR, LEFT
 
@@ -207,7 +207,7 @@ def test_a_pour_into_another_thing_begins_by_itself(over_the_bowl):
     performed(here, command, FULL, EMPTY, cancelled=TILTED)
     here.place("bowl_2", here.seen[BOWL])
     here.forget(BOWL)
-    other = msgspec.structs.replace(command, destination="bowl_2")
+    other = replace(command, destination="bowl_2")
     outcome, _ = performed(here, other, EMPTY, EMPTY)
     assert outcome.why == (fact(PourKind.NOTHING_LEFT, JAR, EMPTY, EMPTY),)
 
@@ -243,7 +243,7 @@ def test_the_hand_is_drawn_aside_where_the_elbow_is_near_the_head(over_the_bowl)
     here.head = (0.0, 0.0)
     rim = here.seen[BOWL].act(np.array(models.MODELS[here.models[BOWL]].hole.centre))
     assert turned(here, here.q, rim) is None
-    path = _away(here, msgspec.structs.replace(command, azimuth=0.2), rim)
+    path = _away(here, replace(command, azimuth=0.2), rim)
     head = turned(here, path[-1], rim)
     assert here.hidden(BOWL, path[-1], (head.pan, head.tilt)) == 0
 
