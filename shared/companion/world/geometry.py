@@ -45,6 +45,11 @@ def compose(first: Pose, second: Pose) -> Pose:
     return Pose(place(first, second.xyz), product(first.quat_wxyz, second.quat_wxyz))
 
 
+def inverse(pose: Pose) -> Pose:
+    """Return T_B_A of T_A_B."""
+    return Pose(unplace(pose, (0.0, 0.0, 0.0)), conjugate(pose.quat_wxyz))
+
+
 def half_sizes(shape: Shape) -> Vector:
     """Return half edge lengths [m] of the box around a shape, in the frame of the shape."""
     match shape:

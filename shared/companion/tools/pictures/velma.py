@@ -7,8 +7,10 @@ import numpy as np
 import rerun as rr
 from msgspec.structs import replace
 
+from companion.languages.values import Pose
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot
+from companion.world.geometry import place
 from operate.pictures.colours import AXES
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, transforms
@@ -104,7 +106,7 @@ def _drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:
     if kind == "cylinder":
         return rr.Cylinders3D(lengths=lengths, radii=radii, centers=at, **look)
     # A capsule of Rerun begins at its origin; ours are given by their centres.
-    starts = [np.array(s.at) - robot.matrix(s.quat_wxyz)[:, 2] * s.size[1] / 2 for s in shapes]
+    starts = [place(Pose(s.at, s.quat_wxyz), (0.0, 0.0, -s.size[1] / 2)) for s in shapes]
     return rr.Capsules3D(lengths=lengths, radii=radii, translations=starts, **look)
 
 

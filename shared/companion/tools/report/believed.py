@@ -7,7 +7,6 @@ Must not know: success.
 import math
 
 import msgspec
-import numpy as np
 
 from companion.languages import cmd
 from companion.languages.evidence import Claim, ClaimOfAct, Evidence, Sense
@@ -18,6 +17,7 @@ from companion.tools.beliefs import Belief, Beliefs
 from companion.tools.pictures import robot
 from companion.tools.report import plans, verdict
 from companion.tools.report.judges import judges
+from companion.world.geometry import place
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from operate.run_folder import alike
@@ -107,10 +107,7 @@ def _in_hand(body: BodyPosture | None, one: Belief) -> Vector | None:
     if body is None or one.side is None or one.in_grip is None:
         return None
     frames = robot.world_frames(robot.links(), _joints(body))
-    x, y, z, _ = (
-        float(part) for part in frames[GRIP_BODY[one.side]] @ np.array([*one.in_grip.xyz, 1.0])
-    )
-    return x, y, z
+    return place(frames[GRIP_BODY[one.side]], one.in_grip.xyz)
 
 
 def _joints(body: BodyPosture) -> dict[str, float]:
