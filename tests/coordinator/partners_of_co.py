@@ -176,9 +176,8 @@ def a_plan(duration=100.0, suspend=0.0, resume=0.0):
     """A small plan, its schedule parameters those of its only state."""
     state = hfsm.EndState("end", hfsm.Outcome.SUCCEEDED)
     schedule = (hfsm.ScheduleParameters("end", duration, suspend, resume),)
-    return hfsm.HierarchicalPlan(
-        "p", "pour", hfsm.Machine("main", "end", (state,)), duration, 1, schedule
-    )
+    main = hfsm.Machine("main", "end", (state,))
+    return hfsm.HierarchicalPlan("p", "pour", main, duration, 1, schedule)
 
 
 def no_plan(*why):

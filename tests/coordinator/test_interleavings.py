@@ -146,6 +146,10 @@ def is_end(act, content):
     return isinstance(content, cmd.TaskReport) and content.state in ("done", "failed", "cancelled")
 
 
+def plan_at_once(turn, received):
+    turn.say(received.conversation, P.INFORM, a_plan(20.0))
+
+
 def run_out(scene):
     """Until nobody has an open conversation; every step of co is one of its rows."""
     scene.wires.run(scene.at_rest, limit_s=GRACE_S * 10)
@@ -200,9 +204,7 @@ def test_loss_copies_delay_and_a_killed_co_change_nothing(words, seed):
 def test_co_killed_once_at_each_step_goes_on(point, step):
     """Before, in and after a step: the pour ends done."""
     scene = Scene()
-    scene.puppets["pl"].answer = lambda turn, received: turn.say(
-        received.conversation, P.INFORM, a_plan()
-    )
+    scene.puppets["pl"].answer = plan_at_once
 
     def run_at_once(turn, received):
         if received.communicate.performative is P.REQUEST:
@@ -224,9 +226,7 @@ def test_a_peer_that_is_dead_for_good_leaves_no_command_open(dead):
     scene.wires.crash(dead, Point.BEFORE, restart_s=1e9)
     scene.do(dead, lambda turn: None)
     if dead == "ta":
-        scene.puppets["pl"].answer = lambda turn, received: turn.say(
-            received.conversation, P.INFORM, a_plan(20.0)
-        )
+        scene.puppets["pl"].answer = plan_at_once
     tasks = [scene.command() for _ in range(3)]
     scene.settle(400.0)
     assert [len(results(scene, task)) for task in tasks] == [1, 1, 1]

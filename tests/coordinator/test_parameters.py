@@ -188,9 +188,8 @@ def test_a_later_leg_of_the_plan_has_its_own_parameters(scene):
     pour = hfsm.ScheduleParameters("pour jar_1", 20.0, 16.0, 12.0)
     legs = (hfsm.ScheduleParameters("take jar_1", 60.0), pour)
     state = hfsm.EndState("take jar_1", hfsm.Outcome.SUCCEEDED)
-    plan = hfsm.HierarchicalPlan(
-        "p", "pour", hfsm.Machine("main", "take jar_1", (state,)), 60.0, 1, legs
-    )
+    main = hfsm.Machine("main", "take jar_1", (state,))
+    plan = hfsm.HierarchicalPlan("p", "pour", main, 60.0, 1, legs)
     scene.pl(P.INFORM, plan)
     job = scene.memory.of_hi(name)
     assert job.parameters == legs[0]

@@ -331,9 +331,8 @@ def test_waiting_tasks_do_not_wait_for_ever_for_a_robot_that_is_late(scene):
     assert scene.said(waiting) == ["agree waiting"]
     scene.settle(61.0)
     assert scene.said(waiting)[-1] == "failure failed"
-    assert scene.last_why(waiting) == (
-        fact(Kind.SAY_AGAIN_LATER, fact(Kind.NOT_ANSWERING, AgentName.TA)),
-    )
+    silent = fact(Kind.NOT_ANSWERING, AgentName.TA)
+    assert scene.last_why(waiting) == (fact(Kind.SAY_AGAIN_LATER, silent),)
 
 
 def test_waiting_tasks_go_on_when_the_late_robot_is_back_in_time(scene):
@@ -414,9 +413,8 @@ def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
 def test_not_understood_of_a_peer_fails_the_task(scene, peer):
     """pl or ta did not understand the request; its words stand in the log."""
     name, logged = scene.running() if peer == "ta" else scene.command(), told_in_log(scene)
-    scene.do(
-        peer, lambda turn: turn.say(scene.asked(peer), P.NOT_UNDERSTOOD, Reason("no such task"))
-    )
+    talk, why = scene.asked(peer), Reason("no such task")
+    scene.do(peer, lambda turn: turn.say(talk, P.NOT_UNDERSTOOD, why))
     scene_why = (fact(Kind.NOT_UNDERSTOOD, peer),)
     assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", scene_why)
     assert logged == ["no such task"]

@@ -86,9 +86,8 @@ def test_a_deadline_that_would_pass_is_worth_a_switch():
     waiting = Offer("take", 0.0, rest=30.0)
     assert not by_costs(running, (waiting,), 0.0).switch
     assert by_costs(running, (replace(waiting, deadline=40.0),), 0.0).switch
-    assert not by_costs(
-        replace(running, deadline=30.0), (replace(waiting, deadline=40.0),), 0.0
-    ).switch
+    due, later = replace(running, deadline=30.0), replace(waiting, deadline=40.0)
+    assert not by_costs(due, (later,), 0.0).switch
 
 
 def test_what_a_switch_costs_by_hand():
@@ -116,16 +115,13 @@ def test_hands_that_a_task_leaves_full_are_emptied_before_the_other_goes_on():
 def test_what_is_not_said_of_an_offer_costs_nothing():
     """Nor is it urgent; and a decision by urgency alone has no costs."""
     running, waiting = Offer("pour", 0.0), Offer("take", 0.0)
-    assert by_costs(running, (waiting,), 0.0) == Decision(
-        "pour", fact(Kind.WAIT_COSTS, 0.0, 0.0), rival="take"
-    )
+    equal = Decision("pour", fact(Kind.WAIT_COSTS, 0.0, 0.0), rival="take")
+    assert by_costs(running, (waiting,), 0.0) == equal
     urgent, other = replace(waiting, urgency=1), replace(waiting, urgency=0)
-    assert first_come(running, (urgent,), 0.0) == Decision(
-        "take", fact(Kind.MORE_URGENT), True, 0.0, 0.0, "pour"
-    )
-    assert first_come(running, (other,), 0.0) == Decision(
-        "pour", fact(Kind.RUNS_ALREADY), False, 0.0, 0.0
-    )
+    switch = Decision("take", fact(Kind.MORE_URGENT), True, 0.0, 0.0, "pour")
+    assert first_come(running, (urgent,), 0.0) == switch
+    stays = Decision("pour", fact(Kind.RUNS_ALREADY), False, 0.0, 0.0)
+    assert first_come(running, (other,), 0.0) == stays
     assert first_come(replace(running, urgency=0), (waiting,), 0.0).task == "pour"
 
 

@@ -74,9 +74,8 @@ def messages():
 def ending(fleet, states):
     """What is left."""
     scene = fleet.wires.memory("km").scene
-    objects = {
-        name: (one.model, one.pose, one.on, one.inside) for name, one in scene.things.items()
-    }
+    things = scene.things.items()
+    objects = {name: (one.model, one.pose, one.on, one.inside) for name, one in things}
     to_ex = (one for one in fleet.wires.traffic if one.receiver == "ex")
     asked = (one for one in to_ex if str(one.performative) == "request")
     requests = {(one.sender, one.id): RC.decode(one.content) for one in asked}

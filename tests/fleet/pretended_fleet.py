@@ -109,9 +109,8 @@ class Fleet:
         """A person's words; hi is asked again until it knows its co."""
         self._tickets += 1
         self.until(lambda: self.up("hi") and "co" in self.wires.nodes["hi"].state.soft.peers)
-        self.wires.post(
-            "hi", Sentence(f"t{self._tickets}", text, understand(text), urgency=urgency)
-        )
+        said = Sentence(f"t{self._tickets}", text, understand(text), urgency=urgency)
+        self.wires.post("hi", said)
 
     def cancel(self):
         """A person's cancel of the oldest open task."""

@@ -92,9 +92,8 @@ def steps(jar, bowl, where):
         tilt = Pour("", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.5, 2.0), 1.0, 0.1)
         return [*todo, (hfsm.Step("pour", ("jar_1", "bowl_1")), [move(Side.LEFT), tilt])]
     if bowl is None:
-        todo.append(
-            (hfsm.Step("take", ("bowl_1",)), [move(Side.RIGHT), grasp(Side.RIGHT, "bowl_1")])
-        )
+        taken = [move(Side.RIGHT), grasp(Side.RIGHT, "bowl_1")]
+        todo.append((hfsm.Step("take", ("bowl_1",)), taken))
     release = rc.Release("", Side.RIGHT, "bowl_1", "table_1", PLACE, ())
     sees = (hfsm.Step("look-at", ("bowl_1",)), [look("bowl_1")])
     return [*todo, (hfsm.Step("place", ("bowl_1",)), [release]), sees]

@@ -100,6 +100,11 @@ def test_many_faults(faults, some):
             assert str(fleet.tasks[-1].state) in ("done", "failed"), seed
 
 
+def until(fleet, victim, step):
+    """Run until the victim's step of this number, or the end."""
+    fleet.until(lambda: fleet.steps[victim] >= step or fleet.ended(), 3600.0)
+
+
 # --- journals -------------------------------------------------------------------------------------
 
 
@@ -109,9 +114,7 @@ def test_without_its_journal_a_task_ends_and_the_fleet_is_at_rest(victim, counte
     for step in (1 + int(part * counted[victim]) for part in some(PARTS, 3)):
         fleet = Fleet(seed=step)  # what was said in a life that nobody remembers is not judged
         fleet.say()
-        fleet.until(
-            lambda fleet=fleet, step=step: fleet.steps[victim] >= step or fleet.ended(), 3600.0
-        )
+        until(fleet, victim, step)
         fleet.wires.lose_journal(victim)
         if victim != "hi":  # who forgets its tasks has none to end
             fleet.until(fleet.ended, 3600.0)
@@ -135,9 +138,7 @@ def test_a_shorter_journal_ends_the_task_too(victim, back, counted, some):
             kept.append(effects.record) if agent == victim and effects.record is not None else None
         )
         fleet.say()
-        fleet.until(
-            lambda fleet=fleet, step=step: fleet.steps[victim] >= step or fleet.ended(), 3600.0
-        )
+        until(fleet, victim, step)
         fleet.wires.put_back(victim, kept[max(0, len(kept) - 1 - back)])
         fleet.until(fleet.ended, 3600.0)
         assert all(task.state == "done" or task.why for task in fleet.tasks), (step, fleet.tasks)

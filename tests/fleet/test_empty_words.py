@@ -38,9 +38,8 @@ def test_an_opening_without_content_is_not_understood(name):
         conversation = one.ask(link.peer, link.protocol, act)
         assert one.answers(conversation) == (Performative.NOT_UNDERSTOOD,), link.channel
         assert (one.state, len(one.told)) == (state, told), link.channel
-        assert not [line for line in one.logs if line.event == "step outside the design"], (
-            link.channel
-        )
+        outside = [line for line in one.logs if line.event == "step outside the design"]
+        assert not outside, link.channel
 
 
 def test_a_plan_without_content_fails_the_task_in_words():
@@ -50,9 +49,8 @@ def test_a_plan_without_content_fails_the_task_in_words():
     (planning,) = [say.conversation for say in one.said if say.receiver == "pl"]
     one.answer(planning, Performative.INFORM)
     assert one.answers(asked)[-1] is Performative.FAILURE
-    assert (fact(Kind.NO_REASON, "pl"),) in [
-        getattr(one.content(word), "why", ()) for word in one.said
-    ]
+    whys = [getattr(one.content(word), "why", ()) for word in one.said]
+    assert (fact(Kind.NO_REASON, "pl"),) in whys
     one.ask("hi", "request", Performative.REQUEST, PourInto("jar", "bowl"))
     assert [word.receiver for word in one.said].count("pl") == 2
     assert not [line for line in one.logs if line.event == "step outside the design"]

@@ -261,13 +261,12 @@ def test_who_knows_of_its_end_knows_the_rest(some):
 def test_what_was_seen_is_told_though_the_end_of_the_look_around_is_not_known():
     """ta was gone for good before it told the end."""
     jar = wm.SeenObject("jar_1", "jar", Pose((0.8, 0.0, 0.9)), 1.0)
-    memory = knowledge.Memory(
-        observed(Scene(), jar, (1, 1)), patient=False, blind=(fact(Kind.OBSERVER_AWAY),)
-    )
+    away = (fact(Kind.OBSERVER_AWAY),)
+    memory = knowledge.Memory(observed(Scene(), jar, (1, 1)), patient=False, blind=away)
     assert isinstance(knowledge.answer(memory, wm.ListObjects())[1], wm.Objects)
-    assert knowledge.answer(replace(memory, scene=Scene()), wm.ListObjects())[1] == wm.Unknown(
-        (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.OBSERVER_AWAY)),)
-    )
+    why = fact(Kind.NOT_LOOKED_AROUND, *away)
+    empty = replace(memory, scene=Scene())
+    assert knowledge.answer(empty, wm.ListObjects())[1] == wm.Unknown((why,))
 
 
 def test_what_was_looked_at_stays_looked_at(fleet):

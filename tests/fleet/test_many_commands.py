@@ -21,9 +21,8 @@ WORDS = (
     "look around, before anything else",
 )
 MEANT = {text: understand(text) for text in WORDS}
-said = st.tuples(
-    st.floats(0.0, WITHIN_S), st.one_of(st.sampled_from(WORDS), st.sampled_from(("", "later")))
-)
+first, more = st.sampled_from(WORDS), st.sampled_from(("", "later"))
+said = st.tuples(st.floats(0.0, WITHIN_S), st.one_of(first, more))
 some = settings(  # an example takes seconds: twenty commands would be shrunk for minutes
     deadline=None,
     max_examples=10,

@@ -88,9 +88,8 @@ def story(run, *, missing):
         if shown_last and shown_last[-1] == (fleet.tasks, fleet.wires.memory("hi").context):
             return fleet.ended()
         shown_last.append((fleet.tasks, fleet.wires.memory("hi").context))
-        heard = Heard(
-            hi=True, tasks=fleet.tasks, wishes=suggestions.wishes(fleet.wires.memory("hi").context)
-        )
+        wishes = suggestions.wishes(fleet.wires.memory("hi").context)
+        heard = Heard(hi=True, tasks=fleet.tasks, wishes=wishes)
         pages.extend(view(heard, language) for language in ("en", "pl"))
         return fleet.ended()
 

@@ -28,9 +28,8 @@ def test_the_levels_ask_for_no_act_for_those_that_handle_things_and_for_all():
             assert fleet.world.poured == 1
     assert found[Level.AUTO] == []
     verbs = {leaf: leaf.split("/")[-1].split()[0] for leaf in found[Level.CONFIRM]}
-    assert found[Level.HANDLING] == [
-        leaf for leaf, verb in verbs.items() if verb in ("grasp", "release", "pour")
-    ]
+    handling = [leaf for leaf, verb in verbs.items() if verb in ("grasp", "release", "pour")]
+    assert found[Level.HANDLING] == handling
     assert 0 < len(found[Level.HANDLING]) < len(verbs) == len(found[Level.CONFIRM])
 
 

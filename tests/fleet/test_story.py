@@ -104,9 +104,8 @@ def test_nothing_leaves_before_a_record_says_so(seed):
             state = fleet.wires.nodes[name].state
             for peer, sent in state.outbox.items() if state else ():
                 longest[name, peer] = max(longest[name, peer], len(sent))
-        written = msgspec.msgpack.decode(
-            effects.record or fleet.wires.nodes[agent].journal, type=Record
-        )
+        record = effects.record or fleet.wires.nodes[agent].journal
+        written = msgspec.msgpack.decode(record, type=Record)
         for receipt in effects.receipts:
             if receipt.subject and receipt.version == (0, 0):
                 continue  # the last message of a volatile conversation: nothing to keep

@@ -21,9 +21,8 @@ def fleet(tmp_path):
 
 def told(why, title):
     """The sentences of a passage; [] where there is none."""
-    return next(
-        ([fact.text for fact in one.facts] for one in why.passages if one.title == title), []
-    )
+    passages = {one.title: one.facts for one in why.passages}
+    return [fact.text for fact in passages.get(title, ())]
 
 
 def running(fleet, act):
@@ -70,9 +69,8 @@ def test_an_agent_that_was_killed(fleet, agent):
     running(fleet, "grasp" if agent == "ta" else "")
     fleet.wires.kill(agent, restart_s=2.0)
     assert fleet.finish() == ["done"]
-    assert any(
-        text.startswith(f"{agent} was gone") for text in told(fleet.reasons(), "who was away")
-    )
+    texts = told(fleet.reasons(), "who was away")
+    assert any(text.startswith(f"{agent} was gone") for text in texts)
 
 
 def test_a_task_that_was_left(fleet):
@@ -92,9 +90,8 @@ def test_a_task_that_was_left(fleet):
     ]  # fmt: skip
     assert waited[1] == f"co asked ta to leave the plan: {decision}"
     assert waited[2] == f"co put it aside: {decision}"
-    assert told(fleet.reasons(urgent), "waiting and switching") == [
-        "co took it: tasks that come before it: 1: pour jar, bowl: under way"
-    ]
+    texts = told(fleet.reasons(urgent), "waiting and switching")
+    assert texts == ["co took it: tasks that come before it: 1: pour jar, bowl: under way"]
 
 
 def test_what_each_agent_does_for_a_task_stands_below_it(fleet):

@@ -76,9 +76,8 @@ def test_every_kind_of_query_has_a_function_and_an_entry_in_the_interface():
     kinds = set(get_args(wm.AnyQuery))
     assert set(ANSWERS) | MAKERS == kinds
     assert not set(ANSWERS) & MAKERS
-    assert {
-        argument for entry in INTERFACES["ask_for_planning"] for argument in entry.arguments
-    } == kinds
+    asked = INTERFACES["ask_for_planning"]
+    assert {argument for entry in asked for argument in entry.arguments} == kinds
 
 
 def test_the_answer_is_of_the_class_the_design_promises(handled):
@@ -93,12 +92,10 @@ def test_the_answer_is_of_the_class_the_design_promises(handled):
         interface.check_answer(interface.entry_for(Performative.QUERY_REF, query), said)
         raw = WM.encode(said)
         assert WM.decode(raw) == said == answer(handled, query)
-        assert len(bytes(raw)) < DESIGN.rules["km", "pl", "query", Performative.INFORM_REF].bytes, (
-            query
-        )
-        budget = DESIGN.rules["pl", "km", "query", Performative.QUERY_REF].sizes[
-            f"WM.{type(query).__name__}"
-        ]
+        most = DESIGN.rules["km", "pl", "query", Performative.INFORM_REF].bytes
+        assert len(bytes(raw)) < most, query
+        rule = DESIGN.rules["pl", "km", "query", Performative.QUERY_REF]
+        budget = rule.sizes[f"WM.{type(query).__name__}"]
         assert len(bytes(WM.encode(query))) + 120 <= budget, query
     assert handled.scene is before
 
@@ -168,9 +165,8 @@ def test_surfaces_are_in_the_world(kitchen):
     """A table's top is at its height, a cabinet has two shelves and a roof."""
     said = answer(kitchen, wm.FlatSurfaces())
     assert isinstance(said, wm.Surfaces)
-    heights = sorted(
-        round(surface.at.xyz[2], 3) for surface in said.surfaces if surface.object == "cabinet_2"
-    )
+    of_cabinet = (one.at.xyz[2] for one in said.surfaces if one.object == "cabinet_2")
+    heights = sorted(round(height, 3) for height in of_cabinet)
     assert heights == [0.88, 1.18, 1.475]
     (top,) = (surface for surface in said.surfaces if surface.object == "table_1")
     assert top.at.xyz == pytest.approx((0.783, -0.84, 0.775))
@@ -240,17 +236,15 @@ def test_relations_hold_or_not(kitchen):
     assert wrong == []
     store_observation(kitchen, wm.FeltContent("jar_1", "bowl_1", 0.06), (1, 60))
     assert answer(kitchen, wm.Holds("isIn", "jar_1.content", "bowl_1")) == wm.Truth(True)
-    assert answer(kitchen, wm.Holds("likes", "jar_1")) == wm.Unknown(
-        (fact(Kind.UNKNOWN_TO_KM, "likes"),)
-    )
+    unknown = wm.Unknown((fact(Kind.UNKNOWN_TO_KM, "likes"),))
+    assert answer(kitchen, wm.Holds("likes", "jar_1")) == unknown
 
 
 def test_a_model_says_what_pl_needs(kitchen):
     """The answer is the model's, under the object's name; a table has no opening."""
     assert answer(kitchen, wm.ObjectModel(object="jar_1")) == MODELS["jar"].of("jar_1")
-    assert answer(kitchen, wm.ObjectHole(object="table_1")) == wm.Unknown(
-        (fact(Kind.NO_OPENING, "table_1"),)
-    )
+    none = wm.Unknown((fact(Kind.NO_OPENING, "table_1"),))
+    assert answer(kitchen, wm.ObjectHole(object="table_1")) == none
 
 
 def test_reserved_space_is_a_hypotheticals_only(kitchen):

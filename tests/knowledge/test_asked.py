@@ -90,9 +90,8 @@ def question(text, seconds=5.0, rows=1000):
 
 def run(*words, data=b""):
     """A process as for a question."""
-    return subprocess.run(
-        [sys.executable, *words], input=data, capture_output=True, timeout=50, check=False
-    )
+    bounds = {"timeout": 50, "check": False}
+    return subprocess.run([sys.executable, *words], input=data, capture_output=True, **bounds)
 
 
 def told(*questions):
@@ -114,9 +113,8 @@ def test_what_would_change_or_leave_the_store_is_refused():
     may fail.
     """
     answers = dict(zip(REFUSED, told(*map(question, REFUSED)), strict=True))
-    assert {
-        one for one, why in REFUSED.items() if why not in getattr(answers[one], "why", "")
-    } == set()
+    whys = {one: getattr(answers[one], "why", "") for one in REFUSED}
+    assert {one for one, why in REFUSED.items() if why not in whys[one]} == set()
 
 
 def test_words_in_names_strings_and_comments_are_no_orders():

@@ -90,9 +90,8 @@ def newest(at, kind, key):
     """The last observation of each subject that was told until then; its counter only grows in this
     run.
     """
-    return {
-        one.content[key]: one for one in TOLD if one.content["type"] == kind and one.t <= BEGIN + at
-    }
+    before = (one for one in TOLD if one.t <= BEGIN + at)
+    return {one.content[key]: one for one in before if one.content["type"] == kind}
 
 
 @settings(max_examples=12, deadline=None)
@@ -117,9 +116,8 @@ def test_at_any_time_the_newest_observation_of_each_thing_counts(at):
         assert float(observed) == told.content["at"]
         assert float(when) == pytest.approx(told.t - BEGIN, abs=0.001)
     hands = newest(at, "SeenHand", "side").items()
-    held = {
-        (one.content["object"], f"{side}_hand") for side, one in hands if one.content.get("object")
-    }
+    contents = ((side, one.content) for side, one in hands)
+    held = {(of["object"], f"{side}_hand") for side, of in contents if of.get("object")}
     assert set(ask(at, "SELECT ?thing ?hand WHERE { ?thing roco:isGraspedBy ?hand }")) == held
 
 
@@ -179,9 +177,8 @@ def test_who_km_said_holds_a_thing(asked, answer):
         f"{before} ?thing roco:isGraspedBy ?hand ; roco:isGraspedWith ?grasp {behind} }}",
     )
     said, side = answer.content, asked.content.get("side")
-    found = [
-        row for row in rows if row[0] == asked.content.get("object") or row[1] == f"{side}_hand"
-    ]
+    thing, hand = asked.content.get("object"), f"{side}_hand"
+    found = [row for row in rows if row[0] == thing or row[1] == hand]
     hand, grasp = f"{said.get('side')}_hand", said.get("grasp", "")
     held = bool(said.get("object") and said.get("side"))
     assert found == ([(said["object"], hand, grasp)] if held else [])
@@ -252,9 +249,8 @@ def test_facts_are_those_of_kms_own_store():
         beliefs.hear(one)
         store.write(beliefs.scene)
         assert beliefs.facts.keys() == set(store._triples) - ontology
-        assert {source.name for source in beliefs.facts.values()} <= {
-            source.name for source in beliefs.sources
-        }
+        names = {source.name for source in beliefs.sources}
+        assert {source.name for source in beliefs.facts.values()} <= names
     assert beliefs.sources
 
 
@@ -268,9 +264,8 @@ def told(beliefs):
 def test_step_logs_tell_it_too(tmp_path):
     """A run whose recorder heard nothing: what reached km stands in its own step log."""
     log = steplog.StepLog(tmp_path / "steps/km.steps")
-    heard = [
-        one for one in asking.known(POUR).heard if one.wire and decode(one.wire).receiver == "km"
-    ]
+    messages = (one for one in asking.known(POUR).heard if one.wire)
+    heard = [one for one in messages if decode(one.wire).receiver == "km"]
     for one in heard:
         event = msgspec.msgpack.encode(Arrived(decode(one.wire)))
         log.write([(steplog.Step(1, 1, one.at, "Arrived", event), steplog.NOTHING)])

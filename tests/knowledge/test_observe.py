@@ -139,9 +139,8 @@ def test_what_was_put_down_stays_where_the_hand_left_it(kitchen, told):
     assert jar.origin is not None
     assert jar.origin.on == "cabinet_2"
     assert observed(scene, PUT, (9, 0)) is scene, "old news"
-    seen_there = observed(scene, seen("jar_1", "jar", (0.78, -0.84, 0.875), 8.0), (9, 9)).things[
-        "jar_1"
-    ]
+    there = seen("jar_1", "jar", (0.78, -0.84, 0.875), 8.0)
+    seen_there = observed(scene, there, (9, 9)).things["jar_1"]
     assert (seen_there.exact, seen_there.at, seen_there.origin) == (True, 8.0, jar.origin)
 
 
@@ -174,9 +173,8 @@ def test_beside_the_table_is_not_on_it():
 
 def test_a_bowl_may_hold_something():
     """A lid that lies in a bowl is in it."""
-    scene = scene_of(
-        seen("b", "bowl_high", (0.0, 0.0, 0.0)), seen("l", "jar_lid", (0.01, 0.0, 0.03))
-    )
+    lid = seen("l", "jar_lid", (0.01, 0.0, 0.03))
+    scene = scene_of(seen("b", "bowl_high", (0.0, 0.0, 0.0)), lid)
     assert scene.things["l"].inside == ("b",)
 
 
@@ -185,9 +183,8 @@ def test_whatever_the_order_of_arrival_the_newest_observation_stays(order):
     """Older versions of a subject change nothing; a new incarnation is newer than any count."""
     scene = Scene()
     for version in order:
-        scene = observed(
-            scene, seen("j", "jar", (float(version[0]), float(version[1]), 0.0)), version
-        )
+        xyz = (float(version[0]), float(version[1]), 0.0)
+        scene = observed(scene, seen("j", "jar", xyz), version)
     assert scene.things["j"].pose.xyz == (2.0, 2.0, 0.0)
     assert scene.versions["object:j"] == (2, 2)
 
@@ -228,9 +225,8 @@ def test_an_object_is_in_one_hand_at_most():
 
 def test_a_held_object_stands_on_nothing(kitchen):
     """Grasped on the shelf, it is where the hand is: neither on the shelf nor in the cabinet."""
-    scene = observed(
-        kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0)
-    )
+    held = wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0)))
+    scene = observed(kitchen.scene, held, (9, 0))
     assert (scene.things["jar_1"].on, scene.things["jar_1"].inside) == ("", ())
 
 
@@ -303,14 +299,12 @@ def test_the_place_before_the_first_taking_is_kept(observations, stood):
 
 def test_what_it_stood_on_is_kept_too(kitchen):
     """A held thing stands on nothing; where it came from it did."""
-    scene = observed(
-        kitchen.scene, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0))), (9, 0)
-    )
+    held = wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.0)))
+    scene = observed(kitchen.scene, held, (9, 0))
     store = Store.open()
     store.write(scene)
-    assert store.scene.things["jar_1"].origin == Origin(
-        kitchen.scene.things["jar_1"].pose, "cabinet_2"
-    )
+    stood = kitchen.scene.things["jar_1"].pose
+    assert store.scene.things["jar_1"].origin == Origin(stood, "cabinet_2")
 
 
 def test_a_far_look_does_not_undo_a_near_one():

@@ -70,9 +70,8 @@ class Km(Driven):
     def answers(self):
         """Return the answers to pl in the last step."""
         read = self.core.wiring.languages.read
-        return [
-            (sent.performative, read(sent)[0]) for sent in self.sends() if sent.receiver == "pl"
-        ]
+        to_pl = (sent for sent in self.sends() if sent.receiver == "pl")
+        return [(sent.performative, read(sent)[0]) for sent in to_pl]
 
     def logged(self, event):
         """Return the fields of the line with this event in the last step."""

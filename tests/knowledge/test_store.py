@@ -103,9 +103,8 @@ def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen):
     """A jar taken out of the cabinet is no longer in it; what the ontology says of the hand
     stays.
     """
-    store_observation(
-        kitchen, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.002))), (1, 20)
-    )
+    held = wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.002)))
+    store_observation(kitchen, held, (1, 20))
     store_observation(kitchen, wm.SeenObject("jar_1", "jar", Pose((0.4, 0.4, 1.4)), 9.0), (1, 21))
     graph, jar = kitchen.graph(), URIRef(node("thing", "jar_1").value)
     assert not list(graph.objects(jar, ROCO.isIn))
@@ -118,9 +117,8 @@ def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen):
 def test_every_predicate_that_is_written_is_in_the_ontology(kitchen):
     """No property is made up by the store."""
     store_observation(kitchen, wm.FeltContent("jar_1", "bowl_1", 0.06), (1, 30))
-    store_observation(
-        kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31)
-    )
+    held = wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1)))
+    store_observation(kitchen, held, (1, 31))
     full = wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06, SURE)
     store_observation(kitchen, full, (1, 32))
     graph = kitchen.graph()

@@ -103,9 +103,8 @@ class House:
         """The coordinator reports on a task."""
         kind = P.FAILURE if state is TaskState.FAILED else P.INFORM
         with self._lock:
-            self._wires.post(
-                "co", lambda turn: turn.say(task, kind, TaskReport(state, why, **more))
-            )
+            told = TaskReport(state, why, **more)
+            self._wires.post("co", lambda turn: turn.say(task, kind, told))
             self._wires.run_for(0.05)
 
     def running(self, task="hi-1-1", number=1, act="Grasp", steps=STEPS):

@@ -102,9 +102,8 @@ def test_other_pages_may_not_show_or_read_it(page):
     """
     cookie = page.paired()
     for path in ("/", "/pair", *GETS):
-        status, _, _ = page.ask(
-            "GET", path, Cookie=cookie, Host=f"evil.example:{page.address.port}"
-        )
+        host = f"evil.example:{page.address.port}"
+        status, _, _ = page.ask("GET", path, Cookie=cookie, Host=host)
         assert status == 403, path
     for path in GETS:
         assert page.ask("GET", path, Cookie=cookie, Sec_Fetch_Site="same-site")[0] == 403

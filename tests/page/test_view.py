@@ -62,9 +62,8 @@ def test_a_person_is_asked_while_the_robot_waits_for_a_pull():
 
 def unchecked(state, evidence, language):
     """What the page says beside an ended task."""
-    line = TaskLine(
-        "hi-1-1", state, "", "put the jar on the table", accepted=True, evidence=evidence
-    )
+    put = "put the jar on the table"
+    line = TaskLine("hi-1-1", state, "", put, accepted=True, evidence=evidence)
     (task,) = view(Heard(hi=True, tasks=(line,)), language).ended
     return task.unchecked
 

@@ -24,9 +24,8 @@ CANCELLED = (fact(Kind.CANCELLED),)
 
 def plan(*states):
     """A plan of these states."""
-    return hfsm.HierarchicalPlan(
-        "plan", "test", hfsm.Machine("test", states[0].name, states), 1.0, 0
-    )
+    root = hfsm.Machine("test", states[0].name, states)
+    return hfsm.HierarchicalPlan("plan", "test", root, 1.0, 0)
 
 
 def plan_of(*commands):

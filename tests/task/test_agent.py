@@ -154,9 +154,8 @@ def test_the_end_of_an_act_is_that_of_its_plan():
             felt = [round(0.26 - outcome.weighed[1], 3)] if outcome.weighed else []
             left = [round(one.left, 3) for one in scene.news(wm.FeltContent)]
             assert not outcome.arrived or left == felt, name
-            assert [one.content for one in scene.news(wm.SeenObject)] == [
-                one.content for one in outcome.seen
-            ], name
+            sights = [one.content for one in scene.news(wm.SeenObject)]
+            assert sights == [one.content for one in outcome.seen], name
     assert not wrong
 
 
@@ -243,9 +242,8 @@ def test_an_answer_that_the_plan_does_not_expect(query, answer, why):
     scene.start(plan(hfsm.AskState("is it there?", query)))
     scene.hears("km", 1)
     if answer is not None:
-        scene.wires.post(
-            "km", Say(0, P.INFORM_REF if isinstance(answer, wm.Truth) else P.FAILURE, answer)
-        )
+        act = P.INFORM_REF if isinstance(answer, wm.Truth) else P.FAILURE
+        scene.wires.post("km", Say(0, act, answer))
     report = scene.hears("co", 2)
     assert (report.state, report.why) == (REPLAN if answer else FAILED, (why,))
 
@@ -315,9 +313,8 @@ def test_a_look_afterwards_that_does_not_see_says_so():
     scene, touched = Scene(HOME, observed=True), fact(Kind.TOUCHED, Side.LEFT, "jar_1", 0)
     scene.ends(not_done(rc.NotDoneKind.EMPTY, touched))
     look = scene.hears("ex", 2)
-    scene.ends(
-        replace(not_done("failed", ill=(rc.Ill(rc.Sensor.CAMERA, rc.Fault.DARK),)), key=look.key), 1
-    )
+    dark = (rc.Ill(rc.Sensor.CAMERA, rc.Fault.DARK),)
+    scene.ends(replace(not_done("failed", ill=dark), key=look.key), 1)
     dark = fact(Kind.ILL, rc.Sensor.CAMERA, rc.Fault.DARK, 0.0)
     assert scene.hears("co", 3).why == (touched, dark)
 
@@ -395,9 +392,8 @@ def test_what_was_cancelled_is_not_cancelled_again():
     it.
     """
     memory = Memory(act=RunningAct("ta-1-1", HOME, agreed=True, stopped=True))
-    turn = SimpleNamespace(
-        event=Woken(acts.PATIENCE), say=lambda *_: pytest.fail("a second cancel")
-    )
+    fail = pytest.fail
+    turn = SimpleNamespace(event=Woken(acts.PATIENCE), say=lambda *_: fail("a second cancel"))
     assert not acts.overdue(memory, turn)
     assert acts.stop(memory, turn) is memory
 

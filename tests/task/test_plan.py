@@ -144,13 +144,11 @@ class Drawn:
 
     def state(self, name, later, depth):
         """A leaf or, above the lowest level, a machine."""
-        kind = self.draw(
-            st.sampled_from(("act", "ask", "end", "machine") if depth else ("act", "ask", "end"))
-        )
+        kinds = ("act", "ask", "end", "machine")[: 4 if depth else 3]
+        kind = self.draw(st.sampled_from(kinds))
         on = self.draw(st.sets(st.sampled_from(OUTCOMES)))
-        arcs = tuple(
-            Arc(outcome, self.draw(st.sampled_from(("", *later)))) for outcome in sorted(on)
-        )
+        to = st.sampled_from(("", *later))
+        arcs = tuple(Arc(outcome, self.draw(to)) for outcome in sorted(on))
         match kind:
             case "act":
                 return hfsm.ActState(name, rc.Look(name, ()), arcs)

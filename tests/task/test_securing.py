@@ -14,9 +14,8 @@ JAR = ("jar_1", "side", Pose((0.0, 0.0, 0.0)))
 BOWL = ("bowl_1", "rim", Pose((0.0, 0.0, 0.0)))
 NO_PLACE = (fact(Kind.NO_FREE_PLACE, Side.RIGHT, "bowl_1"),)
 BOTH = {Side.LEFT: JAR, Side.RIGHT: BOWL}
-GO_ON = tuple(
-    hfsm.Arc(outcome, "put down jar_1") for outcome in (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED)
-)
+ENDED = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED)
+GO_ON = tuple(hfsm.Arc(outcome, "put down jar_1") for outcome in ENDED)
 SAFE = hfsm.Machine(
     "put everything down",
     "put down bowl_1",
@@ -50,9 +49,8 @@ def cancelled_while_holding_both(*ends):
     for number, (kept, failed) in enumerate(ends, start=2):
         keys.append(scene.hears("ex", number + 2).key)
         outcome = rc.NotDone(keys[-1], "failed", failed, BODY, held=kept) if failed else None
-        scene.ex(
-            P.REFUSE if failed else P.INFORM, outcome or rc.Done(keys[-1], BODY, held=kept), number
-        )
+        act = P.REFUSE if failed else P.INFORM
+        scene.ex(act, outcome or rc.Done(keys[-1], BODY, held=kept), number)
     scene.wires.run(lambda: scene.states()[-1] in ("Preempted", "Failed"), limit_s=100.0)
     return keys, scene.heard["co"][-1][2]
 

@@ -132,9 +132,8 @@ def test_the_poured_share_is_believed_by_weight(past):
     one = saying(done, content, done.id, done.received)
     weighed = replace(past, said=tuple(one if other is done else other for other in past.said))
     half = share(weighed)
-    assert (half.believed, half.left_kg, half.content_kg) == tuple(
-        map(pytest.approx, (0.5, 0.03, 0.06))
-    )
+    shares = (half.believed, half.left_kg, half.content_kg)
+    assert shares == pytest.approx((0.5, 0.03, 0.06))
     text = page.rendered(weighed, report.build(weighed), "run")
     assert half.seen_kg == 0.028
     assert "50\u00a0% by weight (30\u00a0g of 60\u00a0g left the jar)" in text

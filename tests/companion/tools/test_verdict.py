@@ -280,9 +280,8 @@ def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path):
     blamed = "loop did not run (given-up: ended with code 2: loop: scene: file is none)"
     assert verdict.failure(RecordedRun(tmp_path, SYSTEM).history) == blamed
     (tmp_path / FLEET_FILE).unlink()
-    assert (
-        verdict.failure(RecordedRun(tmp_path, SYSTEM).history) == "no command of a person was heard"
-    )
+    failure = verdict.failure(RecordedRun(tmp_path, SYSTEM).history)
+    assert failure == "no command of a person was heard"
 
 
 def test_a_job_that_was_done_is_done_whoever_died_then(pouring):

@@ -25,9 +25,8 @@ def asked(*words):
 
 def told(why, title):
     """The sentences of a passage."""
-    return next(
-        [fact["text"] for fact in one["facts"]] for one in why["passages"] if one["title"] == title
-    )
+    facts = next(one["facts"] for one in why["passages"] if one["title"] == title)
+    return [fact["text"] for fact in facts]
 
 
 def test_why_two_plans():
@@ -59,9 +58,8 @@ def test_what_is_believed_of_a_thing_is_what_ask_answers():
     at = next(n for n, fact in enumerate(facts) if "it is in cabinet 2" in fact["text"])
     assert facts[at]["at"] - why["begin"] == pytest.approx(float(row["since"]["value"]), abs=0.002)
     assert facts[at]["record"] == "C6 ta > km inform, id object/jar_1@1.8"
-    assert facts[at + 1]["text"].startswith(
-        "ta told km so (object/jar_1); ex had reported it at the end of “look”"
-    )
+    told = "ta told km so (object/jar_1); ex had reported it at the end of “look”"
+    assert facts[at + 1]["text"].startswith(told)
 
 
 def test_beliefs_change():

@@ -19,6 +19,7 @@ from companion.telemetry import TrueState
 from companion.tools.report import plans
 from companion.tools.report.judges import Figures, Judge, Share
 from companion.tools.report.verdict import LEAST_LINKS, MOST_TILT_DEG, truth_at_end
+from companion.world.geometry import unplace
 from operate.recording.history import History
 from operate.recording.records import Spoken
 
@@ -152,15 +153,11 @@ def _tables(history: History, truth: TrueState) -> list[tuple[str, Pose]]:
 
 
 def _stands_on(x: float, y: float, base: float, model: str, table: Pose) -> bool:
-    """Tables stand upright, turned about z: w and z of the quaternion are all there is."""
-    w, z = table.quat_wxyz[0], table.quat_wxyz[3]
-    cosine, sine = w * w - z * z, 2 * w * z
-    dx, dy = x - table.xyz[0], y - table.xyz[1]
-    along, across = cosine * dx + sine * dy, cosine * dy - sine * dx
+    along, across, up = unplace(table, (x, y, base))
     return any(
         abs(along - top.x) <= top.along_x / 2
         and abs(across - top.y) <= top.along_y / 2
-        and abs(base - top.z - table.xyz[2]) <= ON_TABLE_M
+        and abs(up - top.z) <= ON_TABLE_M
         for top in MODELS[model].surfaces
     )
 
