@@ -12,7 +12,7 @@ import msgspec
 
 from companion.languages import wm
 from companion.languages.values import Box, Cylinder, Pose, Shape, Side, Vector
-from companion.quaternions import conjugate, product
+from companion.world.geometry import conjugate, product
 
 UP: Vector = (0.0, 0.0, 1.0)
 _HALF = math.sqrt(0.5)

@@ -8,9 +8,9 @@ import math
 
 from msgspec.structs import replace
 
-from companion.fusing import fused
 from companion.languages import wm
 from companion.languages.values import Pose
+from companion.world.fusing import fused
 from companion.world.relations import related
 from companion.world.scene import Held, Origin, Scene, SceneObject
 

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 import velma.model
 from companion.languages.values import Pose
-from companion.quaternions import product
 from companion.telemetry import RobotState
-from companion.world.geometry import compose
+from companion.world.geometry import compose, product
 from velma.names import BODY, DISTAL, HEAD, PROXIMAL, SIDES, SPREAD
 
 Array = NDArray[np.float64]

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from companion.fusing import fused
 from companion.languages.values import Pose, Uncertainty
+from companion.world.fusing import fused
 
 Array = NDArray[np.float64]
 AT = np.array([0.85, 0.37, 1.28])
