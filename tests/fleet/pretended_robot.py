@@ -13,23 +13,7 @@ from companion.languages import rc, rs
 from companion.languages.values import Pose
 from companion.skills.loop_messages import motion
 from companion.tasks.pour.done import Pour
-from services.executor.local import (
-    Brake,
-    Do,
-    Drop,
-    Ended,
-    Feel,
-    Felt,
-    Glance,
-    GoOn,
-    Halt,
-    Move,
-    Moved,
-    Passing,
-    Perform,
-    Stands,
-    Where,
-)
+from services.executor import local
 from services.executor.remembered import Holding
 
 REST = np.zeros(15)
@@ -77,26 +61,26 @@ class Robot:
     def tell(self, content):
         """Take a word of ex."""
         match content:
-            case Where(number=number) | Halt(number=number):
+            case local.Where(number=number) | local.Halt(number=number):
                 self._moving = ""
-                self._post(Stands(number, self._felt("idle")), 0.01)
-            case Perform() as perform:
+                self._post(local.Stands(number, self._felt("idle")), 0.01)
+            case local.Perform() as perform:
                 self._perform, self._act = perform, self._skill(perform)
                 self._go_on(perform.number, None)
-            case Do(number=number, motion=asked):
+            case local.Do(number=number, motion=asked):
                 self._begin(number, asked)
-            case Brake(number=number):
+            case local.Brake(number=number):
                 if self._moving:
                     self._moving = ""
-                    self._post(Moved(number, self._felt("cancelled")), 0.05)
-            case Feel(number=number, felt=felt):
+                    self._post(local.Moved(number, self._felt("cancelled")), 0.05)
+            case local.Feel(number=number, felt=felt):
                 self._go_on(number, felt)
-            case Glance(number=number):
+            case local.Glance(number=number):
                 if self._perform is not None and self._perform.number == number:
-                    self._post(GoOn(number, self._perform.command.key, 60.0), 0.05)
-            case GoOn():
+                    self._post(local.GoOn(number, self._perform.command.key, 60.0), 0.05)
+            case local.GoOn():
                 self._world.looks += 1
-            case Drop():
+            case local.Drop():
                 self._act = self._perform = None
 
     def close(self):
@@ -112,11 +96,11 @@ class Robot:
             if self._moving == motion_under_way:
                 self._moving = ""
                 self._world.sim_time += MOTION_S
-                self._post(Moved(number, self._felt("done")))
+                self._post(local.Moved(number, self._felt("done")))
 
         def look():
             if self._moving == motion_under_way:
-                self._post(Passing(number, self._felt("running")))
+                self._post(local.Passing(number, self._felt("running")))
 
         if self._looks:
             self._later(MOTION_S / 2.0, look)
@@ -124,7 +108,7 @@ class Robot:
 
     def _felt(self, ended):
         q = REST.tobytes()
-        return Felt(q=q, measured=q, head=(0.0, 0.0), time=self._world.sim_time, ended=ended)
+        return local.Felt(q=q, measured=q, head=(0.0, 0.0), time=self._world.sim_time, ended=ended)
 
     def _go_on(self, number, felt):
         perform = self._perform
@@ -134,11 +118,11 @@ class Robot:
             kept = perform.remembered
             self._act = None
             outcome = kept.not_done(perform.command.key, felt.ended, felt.why)
-            self._post(Ended(number, outcome, kept), 0.01)
+            self._post(local.Ended(number, outcome, kept), 0.01)
             return
         following = next(self._act, None)
         if following is not None:
-            self._post(Move(number, following, 2.0, perform.remembered), 0.02)
+            self._post(local.Move(number, following, 2.0, perform.remembered), 0.02)
             return
         self._act = None
         kept = self._changed(perform.command, perform.remembered)
@@ -146,7 +130,7 @@ class Robot:
         outcome = rc.Done(perform.command.key, _posture(kept), seen, kept.holding(), 2.0)
         if isinstance(perform.command, Pour):
             outcome = replace(outcome, weighed=(0.26, 0.2), arrived=True)
-        self._post(Ended(number, outcome, kept), 0.01)
+        self._post(local.Ended(number, outcome, kept), 0.01)
 
     def _skill(self, perform):
         command, held = perform.command, perform.remembered.held

@@ -12,20 +12,8 @@ from pretended_fleet import Fleet
 
 from companion.eyes import Eyes
 from companion.skills.loop_messages import Phase
+from services.executor import local
 from services.executor.__main__ import RobotDevice
-from services.executor.local import (
-    Brake,
-    Do,
-    Felt,
-    GoOn,
-    Halt,
-    Moved,
-    Passing,
-    Setup,
-    Stands,
-    Where,
-    scene_of,
-)
 from services.executor.loop.core import LoopCore
 from services.executor.renderer import Renderer
 from services.executor.skill_device import SkillDevice
@@ -44,10 +32,10 @@ class TrueFleet(Fleet):
         self.truth = TruthReader(backend)
         self.core = LoopCore(backend)
         self.core.hold(0.4)
-        setup = Setup(str(scene), seed, eyes)
+        setup = local.Setup(str(scene), seed, eyes)
 
         def robot(post):
-            skills = SkillDevice(post, setup, Renderer(partial(scene_of, setup)))
+            skills = SkillDevice(post, setup, Renderer(partial(local.scene_of, setup)))
             return RobotDevice(skills, CalledLoop(post, self.core))
 
         super().__init__(seed=seed, search=SearchDevice, robot=robot)
@@ -64,15 +52,15 @@ class CalledLoop:
     def tell(self, content):
         """Do it now."""
         match content:
-            case Where(number=number) | Halt(number=number):
-                self._post(Stands(number, self._felt("idle", ())))
-            case Do(number=number, motion=motion):
+            case local.Where(number=number) | local.Halt(number=number):
+                self._post(local.Stands(number, self._felt("idle", ())))
+            case local.Do(number=number, motion=motion):
                 self._core.begin(motion)
                 self._go_on(number)
-            case GoOn(number=number) if self._core.look_due:
+            case local.GoOn(number=number) if self._core.look_due:
                 self._core.look_again(content.key, content.look_in_s)
                 self._go_on(number)
-            case Brake(number=number) if self._core.look_due:
+            case local.Brake(number=number) if self._core.look_due:
                 self._core.cancel(content.key)
                 self._go_on(number)
 
@@ -82,7 +70,7 @@ class CalledLoop:
             self._core.cycle()
         report = self._core.report
         felt = self._felt(str(report.phase), report.why)
-        word = Passing if report.phase is Phase.RUNNING else Moved
+        word = local.Passing if report.phase is Phase.RUNNING else local.Moved
         self._post(word(number, felt), felt.time - began)
 
     def close(self):
@@ -91,7 +79,7 @@ class CalledLoop:
     def _felt(self, ended, why):
         core = self._core
         state, report = core.state, core.report
-        return Felt(
+        return local.Felt(
             q=core.setpoint.tobytes(),
             measured=state.q.tobytes(),
             head=(float(state.head[0]), float(state.head[1])),
