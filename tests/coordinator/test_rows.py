@@ -11,7 +11,6 @@ from partners_of_co import (
     a_plan,
     no_plan,
     refuse_plans,
-    stop_planning,
 )
 
 from agent_runtime.testing.memory_bus import Point
@@ -63,26 +62,27 @@ def test_a_command_is_agreed_planned_run_and_done(scene):
     assert scene.at_rest()
 
 
-@pytest.mark.parametrize(
-    ("command", "task"),
-    [
-        (PourInto("jar", "bowl"), hfsm.Task("pour", ("jar", "bowl"))),
-        (Take("jar", "left"), hfsm.Task("take", ("jar", "left"))),
-        (Bring("jar", "right"), hfsm.Task("bring", ("jar", "right"))),
-        (SwapHands(), hfsm.Task("swap_hands", ("",))),
-        (PutDown("jar", "cabinet"), hfsm.Task("put_at", ("jar", "cabinet"))),
-        (PutDown("jar", cmd.BACK), hfsm.Task("put_at", ("jar", "back"))),
-        (ClearTable(), hfsm.Task("clear_table", ())),
-        (PutDown("bowl"), hfsm.Task("put_down", ("bowl",))),
-        (LookAround(), hfsm.Task("look_around", ())),
-    ],
-)
-def test_a_command_becomes_its_ground_task(scene, command, task):
+TASKS = {
+    PourInto("jar", "bowl"): ("pour", "jar", "bowl"),
+    Take("jar", "left"): ("take", "jar", "left"),
+    Bring("jar", "right"): ("bring", "jar", "right"),
+    SwapHands(): ("swap_hands", ""),
+    PutDown("jar", "cabinet"): ("put_at", "jar", "cabinet"),
+    PutDown("jar", cmd.BACK): ("put_at", "jar", "back"),
+    ClearTable(): ("clear_table",),
+    PutDown("bowl"): ("put_down", "bowl"),
+    LookAround(): ("look_around",),
+}
+
+
+def test_a_command_becomes_its_ground_task():
     """pl gets the one task of the planning domain."""
-    name = scene.command(command)
-    ((_, network),) = scene.heard("pl")
-    assert network.tasks == (task,)
-    assert network.id.startswith(name)
+    for command, (name, *arguments) in TASKS.items():
+        scene = Scene()
+        conversation = scene.command(command)
+        (network,) = scene.requests("pl")
+        assert network.tasks == (hfsm.Task(name, tuple(arguments)),)
+        assert network.id.startswith(conversation)
 
 
 def test_every_inform_of_ta_is_confirmed(scene):
@@ -302,24 +302,18 @@ def test_late_while_running_fails_the_task_and_awaits_the_last_word(scene):
     assert scene.serves()
 
 
-def test_late_while_cancelling_answers_the_cancel_too(scene):
-    """cancelling, T: failure(late), then failure in reply to the cancel."""
-    name = scene.running()
+@pytest.mark.parametrize("running", [True, False])
+def test_late_while_cancelling_answers_the_cancel_too(scene, running):
+    """cancelling, T: failure(late), then failure in reply to the cancel; the same towards pl."""
+    name = scene.running() if running else scene.command()
     scene.cancel(name)
-    scene.settle(241.0)
+    scene.settle(241.0 if running else 11.0)
     assert scene.said(name)[-2:] == ["failure failed", "failure reason"]
     assert scene.memory.loose
-    scene.ta(WorkerState.PREEMPTED)
-    assert scene.at_rest()
-
-
-def test_late_while_the_planning_is_cancelled_answers_the_cancel_too(scene):
-    """The same towards pl."""
-    name = scene.command()
-    scene.cancel(name)
-    scene.settle(11.0)
-    assert scene.said(name)[-2:] == ["failure failed", "failure reason"]
-    scene.pl(P.FAILURE, no_plan(), kind=languages.Kind.CANCEL)
+    if running:
+        scene.ta(WorkerState.PREEMPTED)
+    else:
+        scene.pl(P.FAILURE, no_plan(), kind=languages.Kind.CANCEL)
     assert scene.at_rest()
 
 
@@ -442,14 +436,6 @@ def test_a_dead_hi_gets_no_progress_but_its_result(scene):
     assert scene.said(name)[-1] == "inform done"
     assert len(scene.said(name)) < 10
     assert scene.at_rest()
-
-
-def test_policy_stop_planning_is_what_pl_does(scene):
-    """The policy used beside is in sequence."""
-    scene.puppets["pl"].answer = stop_planning
-    name = scene.command()
-    scene.cancel(name)
-    assert scene.said(name)[-1] == "inform cancelled"
 
 
 # --- the world is still being looked at -----------------------------------------------------------
