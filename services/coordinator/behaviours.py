@@ -163,7 +163,6 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
 
 def agent(limits: Limits | None = None) -> Agent[Memory]:
     states = (await_trigger, process_request, compute_schedule_parameters, schedule, switch_plan)
-    behaviours: dict[str, Transition[Memory]] = {
-        state.__name__: partial(state, limits=limits or Limits()) for state in states
-    }
+    limited = {state.__name__: partial(state, limits=limits or Limits()) for state in states}
+    behaviours: dict[str, Transition[Memory]] = {**limited}
     return bind(AgentName.CO, Memory(), behaviours, CONDITIONS)

@@ -52,9 +52,8 @@ class Limits(msgspec.Struct, frozen=True):
         others see in seconds.
         """
         leaves = [*_leaves(plan.root)]
-        acts, asks = (
-            sum(isinstance(one, kind) for one in leaves) for kind in (hfsm.ActState, hfsm.AskState)
-        )
+        kinds = (hfsm.ActState, hfsm.AskState)
+        acts, asks = (sum(isinstance(one, kind) for one in leaves) for kind in kinds)
         return 5.0 * plan.duration / self.speed + acts * self.act_s + asks * self.ask_s + self.end_s
 
 

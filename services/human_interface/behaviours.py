@@ -179,9 +179,8 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
     context = replace(memory.context, options=memory.options(word.asker, word.at))
     found = _timed(outcome(word.meaning, context), word, turn.now)
     options = found.options if isinstance(found, Ask) else ()
-    replies = tuple(
-        text for language in LANGUAGES for text in suggestions.replies(options, language)
-    )
+    both = (suggestions.replies(options, language) for language in LANGUAGES)
+    replies = tuple(text for texts in both for text in texts)
     memory = memory.asking(word.asker, word.at, options, replies)
     match found:
         case Act(tasks=tasks):

@@ -353,9 +353,8 @@ def _read(words: tuple[str, ...]) -> Meaning:
         return Meaning(_language(words), why="many")
     run = tuple(word for word in polite if word != ",")  # Polish has commas within a wish
     readings = [reading for reading in dict.fromkeys((polite, plain, run)) if reading]
-    found = next(
-        (meaning for reading in readings if (meaning := _parsed(reading)) is not None), None
-    )
+    parsed = (meaning for reading in readings if (meaning := _parsed(reading)) is not None)
+    found = next(parsed, None)
     if found is not None and not _strange(found):
         return found
     for reading in readings:
@@ -375,9 +374,8 @@ def _read(words: tuple[str, ...]) -> Meaning:
 
 def _strange(meaning: Meaning) -> bool:
     """Whether a thing is called by a word that nobody knows."""
-    return any(
-        not (thing.kinds or thing.ref) for clause in meaning.clauses for thing in clause.things
-    )
+    things = (thing for clause in meaning.clauses for thing in clause.things)
+    return any(not (thing.kinds or thing.ref) for thing in things)
 
 
 def _split(sentence: str) -> tuple[str, ...]:
@@ -426,9 +424,8 @@ def _parsed(words: tuple[str, ...]) -> Meaning | None:
         return None
     ours = VOCABULARY.intersection(words)
     possible = (language for language in LANGUAGES if ours <= _WORDS_OF[language])
-    return next(
-        (found for language in possible if (found := _parsed_in(language, words)) is not None), None
-    )
+    parsed = (_parsed_in(language, words) for language in possible)
+    return next((found for found in parsed if found is not None), None)
 
 
 # estimate; what is said is often said again, and a parse takes 17 to 41 ms (measured)
@@ -473,9 +470,8 @@ def _named_object(tree: Any) -> NamedObject:
     first = tree.children[0]
     ref = str(first.data).rpartition("_")[0]
     if ref in ("it", "other", "both"):
-        return NamedObject(
-            said, _kinds(tree.children[1]) if len(tree.children) > 1 else (), ref=ref
-        )
+        kinds = _kinds(tree.children[1]) if len(tree.children) > 1 else ()
+        return NamedObject(said, kinds, ref=ref)
     parts = [one for one in first.children if not isinstance(one, Token)]
     quality = " ".join(_spoken(one) for one in parts if one.data[:-3] in ("quality", "place"))
     number = next((int(one[:3]) for one in first.children if isinstance(one, Token)), 0)
@@ -501,9 +497,8 @@ def _corrected(words: tuple[str, ...]) -> tuple[str, ...]:
     """
     if sum(kind_of(word) == "WORD" for word in words) > MOST_STRANGE:
         return words
-    return tuple(
-        _near(word) if kind_of(word) == "WORD" and len(word) >= SHORT else word for word in words
-    )
+    unknown = {word for word in words if kind_of(word) == "WORD" and len(word) >= SHORT}
+    return tuple(_near(word) if word in unknown else word for word in words)
 
 
 def _near(word: str) -> str:

@@ -262,9 +262,8 @@ def in_words(tasks: tuple[AnyCommand, ...], language: str = "en") -> str:
 
 
 def _task_in_words(task: AnyCommand, language: str) -> str:
-    fields = {
-        name: _InWords(name, str(getattr(task, name)), language) for name in task.__struct_fields__
-    }
+    values = {name: str(getattr(task, name)) for name in task.__struct_fields__}
+    fields = {name: _InWords(name, value, language) for name, value in values.items()}
     return say(language, task.says, **fields)
 
 

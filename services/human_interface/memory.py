@@ -102,9 +102,8 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         if line not in tasks:
             tasks = (*tasks, line)
         surplus = len(tasks) - KEPT_TASKS
-        forgotten = {
-            one.task for one in [one for one in tasks if one.state in FINAL][: max(surplus, 0)]
-        }
+        ended = [one.task for one in tasks if one.state in FINAL]
+        forgotten = set(ended[: max(surplus, 0)])
         return replace(self, tasks=tuple(one for one in tasks if one.task not in forgotten))
 
     def with_context(self, **fields: Any) -> "Memory":
@@ -113,9 +112,8 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def options(self, asker: str, at: float) -> tuple[Option, ...]:
         """Return the options of the question that is open to somebody."""
-        return next(
-            (one.options for one in self.asked if one.asker == asker and at < one.until), ()
-        )
+        open_ones = (one for one in self.asked if one.asker == asker and at < one.until)
+        return next((one.options for one in open_ones), ())
 
     def asking(
         self, asker: str, at: float, options: tuple[Option, ...], replies: tuple[str, ...]
@@ -145,9 +143,8 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         """Return the memory after a sentence that something came of; one without an asker may be of
         several people.
         """
-        others = tuple(
-            one for one in self.heard if one.asker != word.asker and word.at - one.at <= AGAIN_S
-        )
+        recent = (one for one in self.heard if word.at - one.at <= AGAIN_S)
+        others = tuple(one for one in recent if one.asker != word.asker)
         new = (Heard(word.asker, word.at, _sentence_key(word), line),) if word.asker else ()
         return replace(self, heard=(*others, *new)[-MOST_ASKED:])
 
@@ -166,9 +163,8 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
 
         What was to come after the old one comes after the new one, which itself waits for nothing.
         """
-        pairs = tuple(
-            (one, new if before == task else before) for one, before in self.follows if one != task
-        )
+        others = ((one, before) for one, before in self.follows if one != task)
+        pairs = tuple((one, new if before == task else before) for one, before in others)
         return replace(self, follows=pairs)
 
     def with_news(self, *news: News) -> "Memory":
@@ -209,6 +205,5 @@ def told(memory: Memory) -> bool:
     return not memory.news
 
 
-CONDITIONS = {
-    condition.__name__: condition for condition in (words_wait, news_wait, heard, interpreted, told)
-}
+_CONDITIONS = (words_wait, news_wait, heard, interpreted, told)
+CONDITIONS = {condition.__name__: condition for condition in _CONDITIONS}

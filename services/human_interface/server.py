@@ -118,9 +118,8 @@ class Board:
     async def events(self, since: int, wait_s: float) -> Events:
         """The events after number `since`; wait up to `wait_s` [s] for one."""
         await self._until(lambda: self._told > since, wait_s)
-        return Events(
-            self._told, tuple(event for event in self._events if since < event.n <= self._told)
-        )
+        told = tuple(event for event in self._events if since < event.n <= self._told)
+        return Events(self._told, told)
 
     async def _until(self, holds: Callable[[], bool], within_s: float) -> None:
         with contextlib.suppress(TimeoutError):

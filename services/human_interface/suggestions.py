@@ -37,9 +37,8 @@ def _about(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, AnyCommand
     """
     for does, wish in TASKS.items():
         if wish.offer is Offer.THINGS:
-            others = itertools.permutations(
-                [one for one in things if one != name], len(wish.uses) - 1
-            )
+            beside = [one for one in things if one != name]
+            others = itertools.permutations(beside, len(wish.uses) - 1)
             for names in ((name, *rest) for rest in others):
                 if all(
                     use in THINGS[kind_of(one)].can
@@ -63,6 +62,5 @@ def _offered_objects(context: Context) -> tuple[str, ...]:
     seen = tuple(name for name in known if uses & {*THINGS[kind_of(name)].can})
     kinds = [kind_of(name) for name in seen]
     named = tuple(name if kinds.count(kind_of(name)) > 1 else kind_of(name) for name in seen)
-    return tuple(
-        dict.fromkeys((*named, *(name for name in context.mentioned if kind_of(name) not in kinds)))
-    )
+    mentioned = (name for name in context.mentioned if kind_of(name) not in kinds)
+    return tuple(dict.fromkeys((*named, *mentioned)))

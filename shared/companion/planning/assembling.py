@@ -113,9 +113,8 @@ def schedule(
     for name, step, held in zip(reversed(names), reversed(steps), reversed(in_hand), strict=True):
         rest += step.duration
         resume = _added(taking.get(thing, TAKE_S) for thing in held.values())
-        found.append(
-            hfsm.ScheduleParameters(name, rest, STOP_S + hfsm.PUT_DOWN_S * len(held), resume)
-        )
+        suspend = STOP_S + hfsm.PUT_DOWN_S * len(held)
+        found.append(hfsm.ScheduleParameters(name, rest, suspend, resume))
     return tuple(reversed(found))
 
 

@@ -79,9 +79,8 @@ def reachable(geometry: steps.Geometry, state: str, name: str, side: Side) -> bo
     if key not in geometry.reachable:
         known = preferred(geometry, state, name)
         target = _target(geometry, state, name, known[0].out)
-        geometry.reachable[key] = bool(
-            _approaches(geometry, geometry.at(state), side, target, known, (), 1)
-        )
+        ways = _approaches(geometry, geometry.at(state), side, target, known, (), 1)
+        geometry.reachable[key] = bool(ways)
     return geometry.reachable[key]
 
 

@@ -116,9 +116,8 @@ class StateFacts:
 
     def moveable(self, state: str) -> tuple[str, ...]:
         """All things that can be taken."""
-        return tuple(
-            one.id for one in self._ask(wm.MoveableObjects(state=state), wm.Objects).objects
-        )
+        known = self._ask(wm.MoveableObjects(state=state), wm.Objects)
+        return tuple(one.id for one in known.objects)
 
     def beside(self, state: str, name: str) -> list[str]:
         """What stands near the thing and can be taken, nearest first; nothing that the plan itself
@@ -142,9 +141,8 @@ class StateFacts:
         distance = {
             one: float(np.hypot(x, y)) for one, (x, y, z) in away.items() if abs(z) < height
         }
-        return sorted(
-            (one for one, far in distance.items() if far < radius), key=distance.__getitem__
-        )
+        close = (one for one, far in distance.items() if far < radius)
+        return sorted(close, key=distance.__getitem__)
 
     def origin(self, state: str, name: str) -> wm.PoseOf:
         """Where the thing stood before it was taken."""

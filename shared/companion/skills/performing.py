@@ -171,9 +171,8 @@ def _gone(here: Situation, key: str, side: str, inside: pin.SE3) -> Generator[Mo
             return True
         sight = next((one for one in sensed.sights if one.name == name), None)
         if sight is not None:
-            return bool(
-                np.linalg.norm(sight.T_world_object.translation - at.translation) > IN_HAND_M
-            )
+            apart = np.linalg.norm(sight.T_world_object.translation - at.translation)
+            return bool(apart > IN_HAND_M)
     return bool(sensed.sights) and here.surely_seen(name, at)
 
 
@@ -218,9 +217,8 @@ def _seen_and_placed(
     told = (name for name in sights if name not in here.placed)
     seen = (name for name in told if name in here.seen or here.holder(name))
     placed = ((name, at) for name, at in here.placed.items() if at >= began)
-    return tuple(_at(here, name, here.time) for name in seen), tuple(
-        _at(here, name, at) for name, at in placed
-    )
+    put = tuple(_at(here, name, at) for name, at in placed)
+    return tuple(_at(here, name, here.time) for name in seen), put
 
 
 def _at(here: Situation, name: str, time: float) -> rs.Seen:

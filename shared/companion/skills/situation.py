@@ -288,9 +288,8 @@ class Situation:
             return False
         shown, pose = self.in_view(name, at), self.seen[name] if at is None else at
         camera = self.robot.camera(float(self.q[names.TORSO]), *self.head)
-        framed = (
-            number for number, corners in self._markers_at(name, pose) if _framed(corners, camera)
-        )
+        markers = self._markers_at(name, pose)
+        framed = (number for number, corners in markers if _framed(corners, camera))
         return len(shown & set(framed)) >= SURE_MARKERS
 
     def in_view(self, name: str, at: pin.SE3 | None = None) -> frozenset[int]:
@@ -303,9 +302,8 @@ class Situation:
         if at is None and not self._stands(name):
             return frozenset()
         eye, pose = self._eye(self.q), self.seen[name] if at is None else at
-        return frozenset(
-            number for number, at in self._markers_at(name, pose) if self._shown(name, at, eye)
-        )
+        markers = self._markers_at(name, pose)
+        return frozenset(number for number, at in markers if self._shown(name, at, eye))
 
     def _markers_at(self, name: str, pose: pin.SE3) -> Iterator[tuple[int, Array]]:
         """Yield the number and the corners (4, 3) [m, world] of each marker of a thing at this pose

@@ -81,9 +81,8 @@ def _planned(history: History, plan: Made) -> Iterator[Fact]:
     said = [one for one in history.said if one.conversation == plan.conversation]
     asked = next(one for one in said if isinstance(one.content, hfsm.GroundTaskNetwork))
     yield Fact(asked.sent, f"co asked pl for {name}: {plain(plan.task)}", _record(asked))
-    answer = next(
-        (one for one in said if isinstance(one.content, hfsm.HierarchicalPlan | hfsm.NoPlan)), None
-    )
+    plans = (one for one in said if isinstance(one.content, hfsm.HierarchicalPlan | hfsm.NoPlan))
+    answer = next(plans, None)
     if answer is None:
         return
     record, content = _record(answer), answer.content
@@ -235,9 +234,8 @@ def _observed(run: Run, since: float, thing: str, texts: list[str], content: boo
     thing.
     """
     at = run.trace.begin + since
-    said = [
-        one for one in run.history.said if one.receiver == KM and abs(one.received - at) < 0.001
-    ]
+    to_km = (one for one in run.history.said if one.receiver == KM)
+    said = [one for one in to_km if abs(one.received - at) < 0.001]
     of_thing = (one for one in said if _tells(one, thing))
     about = [one for one in of_thing if isinstance(one.content, wm.FeltContent) is content] or said
     message = run.trace.messages.get(about[-1].identity) if about else None
@@ -274,6 +272,5 @@ def _confirmed(run: Run, thing: str, at: float | None) -> list[Fact]:
     if not said:
         return []
     last = run.trace.messages[said[-1].identity]
-    return [
-        Fact(last.sent, f"{last.sender} told {last.receiver} of it last: {last.text}", record(last))
-    ]
+    text = f"{last.sender} told {last.receiver} of it last: {last.text}"
+    return [Fact(last.sent, text, record(last))]

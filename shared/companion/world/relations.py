@@ -28,12 +28,10 @@ def related(scene: Scene, now: float, *touched: str) -> Scene:
     objects = scene.marked
     moved = [objects[name] for name in touched if name in objects]
     near = {name for one in moved for name in (one.id, *objects.upon(one.id), *_near(scene, one))}
-    concerned = (
-        objects[name] for name in near if any(_concerns(one, objects[name]) for one in moved)
-    )
-    renewed = [
-        after for object in concerned if (after := _related(scene, object, now)) is not object
-    ]
+    close = (objects[name] for name in near)
+    concerned = (other for other in close if any(_concerns(one, other) for one in moved))
+    computed = ((object, _related(scene, object, now)) for object in concerned)
+    renewed = [after for object, after in computed if after is not object]
     return replace(scene, things=objects.having(renewed)) if renewed else scene
 
 

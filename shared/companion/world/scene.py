@@ -185,9 +185,8 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
         """
         known = self.things.get(name) or self.lost.get(name)
         kind = known.kind if known is not None else "PhysicalObject"
-        hands = {
-            where: Held() if held.object == name else held for where, held in self.hands.items()
-        }
+        items = self.hands.items()
+        hands = {where: Held() if held.object == name else held for where, held in items}
         lost = {**self.lost, name: Lost(kind, side, given)}
         return replace(self, things=self.marked.without(name), hands=hands, lost=lost)
 

@@ -107,9 +107,8 @@ class Watch:
         for sight in sensed.sights:
             if sight.name != self._name and here.holder(sight.name) is None:
                 here.place(sight.name, sight.T_world_object)
-        wrong = self._above() or next(
-            (self._aside(one) for one in sensed.sights if one.name == self._name), ()
-        )
+        sights = (one for one in sensed.sights if one.name == self._name)
+        wrong = self._above() or next((self._aside(one) for one in sights), ())
         if wrong:
             self._wrong += 1
         seen = any(one.name == self._name for one in sensed.sights)

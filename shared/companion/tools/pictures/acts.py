@@ -82,13 +82,11 @@ class Acts:
         """Paths (n, 3) of the grip frame in the world, and frames worth seeing."""
         match command:
             case rc.MoveJoint(side=side, path=path):
-                chosen = np.unique(
-                    np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS)).astype(int)
-                )
+                steps = np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS))
+                chosen = np.unique(steps.astype(int))
                 columns = [BODY[column] for column in COLUMNS[side]]
-                frames = [
-                    self._grip(side, dict(zip(columns, path[k], strict=True))) for k in chosen
-                ]
+                postures = (dict(zip(columns, path[k], strict=True)) for k in chosen)
+                frames = [self._grip(side, posture) for posture in postures]
                 return [np.array([frame.xyz for frame in frames])], frames[-1:]
             case rc.MoveCartesian(side=side, segments=segments):
                 start = self._grip(side, {}).xyz

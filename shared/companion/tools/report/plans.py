@@ -145,9 +145,8 @@ def others_plans(history: History, command: Spoken) -> frozenset[str]:
     """
     others = {one.conversation for one in commands(history)} - {command.conversation}
     marks = tuple(f"{one}-plan" for one in others)
-    named = (
-        one.content.id for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork)
-    )
+    contents = (one.content for one in history.said)
+    named = (content.id for content in contents if isinstance(content, hfsm.GroundTaskNetwork))
     return frozenset(name for name in named if name.startswith(marks))
 
 

@@ -60,9 +60,8 @@ def story(history: History) -> str:
     if not history.said:
         return ""
     found = list(bars(history))
-    until = (
-        max((bar.end for bar in found), default=history.said[-1].received) - history.begin or 1.0
-    )
+    last = max((bar.end for bar in found), default=history.said[-1].received)
+    until = last - history.begin or 1.0
     with drawing("story", 2.9, "Who was busy when") as (axes, svg):
         for bar in found:
             _draw(axes, bar, history.begin, until)
@@ -152,8 +151,7 @@ def _draw(axes: Axes, bar: Bar, begin: float, until: float) -> None:
 
 def _ticks(axes: Axes, history: History) -> None:
     """Draw the messages to and from km, a line each."""
-    told = [
-        one.received - history.begin for one in history.said if "km" in (one.sender, one.receiver)
-    ]
+    of_km = (one for one in history.said if "km" in (one.sender, one.receiver))
+    told = [one.received - history.begin for one in of_km]
     lane = LANES.index("km")
     axes.vlines(told, lane - 0.33, lane + 0.33, color=ACCENT, linewidth=0.5, alpha=0.5, zorder=3)

@@ -282,9 +282,8 @@ def _write(fleet: Target, name: str, instead: tuple[Disturbance, ...]) -> None:
     itself.
     """
     before, now = disturbances.decoded(fleet.read(LOOP, DISTURBANCES_FILE)), time.time()
-    others = tuple(
-        one for one in before if one.id != name and (one.until is None or one.until > now)
-    )
+    lasting = (one for one in before if one.until is None or one.until > now)
+    others = tuple(one for one in lasting if one.id != name)
     if (after := (*others, *instead)) != before:
         fleet.put(DISTURBANCES_FILE, disturbances.encoded(after))
 

@@ -144,9 +144,8 @@ def follow(
     while task.state not in ENDED:
         try:
             tasks = hi().tasks()
-            mine = (
-                line for line in tasks if task.task in ("", line.task) and line.said == sentence
-            )
+            said = (line for line in tasks if line.said == sentence)
+            mine = (line for line in said if task.task in ("", line.task))
             task = next(mine, None) or hi().say(sentence)
             heard = time.monotonic()
             watch.look(tasks=tasks)
