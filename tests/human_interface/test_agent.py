@@ -492,7 +492,7 @@ def test_open_questions_are_shown_to_who_must_tell_an_answer_from_a_stop(scene):
     answered.
     """
     ticket = f"t{len(scene.shown)}"
-    scene.say("weź czerwony słoik")
+    assert scene.say("weź czerwony słoik").replies == ("tak", "nie")
     before = scene.shown[: [getattr(one, "ticket", "") for one in scene.shown].index(ticket)]
     (question,) = next(one for one in reversed(before) if isinstance(one, device.Shown)).questions
     assert (question.asker, set(question.replies)) == ("me", {"yes", "no", "tak", "nie"})
