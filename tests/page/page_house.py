@@ -12,9 +12,8 @@ import time
 from urllib.parse import urlencode
 
 import msgspec
+from scripted_partner import Puppet
 
-from agent_runtime.core.agent import Agent, Behaviour
-from agent_runtime.core.events import Local, Received
 from agent_runtime.io.devices import Called
 from agent_runtime.io.run_files import STOP_FILE
 from agent_runtime.testing.memory_bus import MemoryBus
@@ -40,10 +39,6 @@ def place(number, act):
     return Place((f"{step.does} {step.things[0]}", act), step, act, Side.LEFT)
 
 
-class Nothing(msgspec.Struct, frozen=True):
-    """Memory of the pretended coordinator."""
-
-
 class House:
     """hi of a run folder with a coordinator that takes every task; a robot's loop has its flag
     there.
@@ -62,9 +57,7 @@ class House:
             return ()
 
         self._wires.add(agent(), wiring("hi", "test"), lambda post: Called(post, told))
-        self._wires.add(
-            Agent("co", "on", Nothing(), {"on": Behaviour(self._act)}), wiring("co", "test")
-        )
+        self._wires.add(Puppet("co", self._answer).agent(), wiring("co", "test"))
         self._wires.run_for(0.05)
 
     @property
@@ -84,20 +77,15 @@ class House:
                 self._wires.run_for(0.05)
                 self._inside = False
 
-    def _act(self, memory, turn):
-        event = turn.event
-        if isinstance(event, Received) and event.communicate.performative is P.REQUEST:
-            self.asked.append((event.conversation, event.content))
-            turn.say(
-                event.conversation, P.AGREE, TaskReport(TaskState.WAITING, (fact(Why.IS_NEXT),))
-            )
-        elif isinstance(event, Received) and event.communicate.performative is P.CANCEL:
-            self.cancelled.append(event.conversation)
+    def _answer(self, turn, event):
+        task, act = event.conversation, event.communicate.performative
+        if act is P.REQUEST:
+            self.asked.append((task, event.content))
+            turn.say(task, P.AGREE, TaskReport(TaskState.WAITING, (fact(Why.IS_NEXT),)))
+        elif act is P.CANCEL:
+            self.cancelled.append(task)
             told = TaskReport(TaskState.CANCELLED, (fact(Why.NOT_BEGUN_YET),))
-            turn.say(event.conversation, P.INFORM, told, kind=Kind.CANCEL)
-        elif isinstance(event, Local):
-            event.content(turn)
-        return memory
+            turn.say(task, P.INFORM, told, kind=Kind.CANCEL)
 
     def report(self, task, state, *why, **more):
         """The coordinator reports on a task."""

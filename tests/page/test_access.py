@@ -178,17 +178,15 @@ def test_where_the_loop_is_elsewhere_hi_is_asked(page, house):
 def test_a_code_ends_with_its_time_its_tries_and_the_next_one(tmp_path):
     """Five wrong ones, five minutes, another code: afterwards it pairs nobody."""
     pairs = Pairs(tmp_path / "paired")
-    code = pairs.new_code(0.0)
-    wrong = f"{(int(code) + 1) % 1_000_000:06d}"
-    for _ in range(TRIES - 1):
-        assert pairs.pair(wrong, 1.0) is None
-    assert pairs.pair(code, CODE_S) is not None
-    code = pairs.new_code(0.0)
-    for _ in range(TRIES):
-        assert pairs.pair(f"{(int(code) + 1) % 1_000_000:06d}", 1.0) is None
-    assert pairs.pair(code, 1.0) is None
-    code = pairs.new_code(0.0)
-    assert pairs.pair(code, CODE_S + 1.0) is None
+    for wrong, at, paired in (
+        (TRIES - 1, CODE_S, True),
+        (TRIES, 1.0, False),
+        (0, CODE_S + 1.0, False),
+    ):
+        code = pairs.new_code(0.0)
+        other = f"{(int(code) + 1) % 1_000_000:06d}"
+        assert [pairs.pair(other, 1.0) for _ in range(wrong)] == [None] * wrong
+        assert (pairs.pair(code, at) is not None) == paired, (wrong, at)
     code = pairs.new_code(0.0)
     while pairs.new_code(1.0) == code:
         pass
