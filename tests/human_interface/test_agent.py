@@ -322,9 +322,7 @@ def test_a_coordinator_that_goes_and_comes_is_told_to_who_waits(scene, task):
 
 
 def test_a_coordinator_that_does_not_answer_is_told_once_and_again_when_it_does(scene, task):
-    """It is there and hangs: the person hears of it, and of its first word. It is not complained of
-    afterwards, however long the task takes.
-    """
+    """It is there and hangs: the person hears of it, and of its first word."""
     scene.settle(ANSWER_WITHIN_S - 0.5)
     assert [event.name for event in scene.events] == ["asked"]
     scene.settle(60.0)
@@ -332,8 +330,15 @@ def test_a_coordinator_that_does_not_answer_is_told_once_and_again_when_it_does(
     assert [(event.name, event.task) for event in scene.events] == told
     assert scene.tasks == {task: "waiting"}
     scene.agree(task)
-    scene.settle(600.0)
+    scene.settle(1.0)
     assert [event.name for event in scene.events][2:] == ["robot-reachable", "waiting"]
+
+
+def test_a_coordinator_that_answers_in_time_is_not_complained_of(scene, task):
+    """However long the task takes; also where it only agreed that the task waits."""
+    scene.agree(task)
+    scene.settle(600.0)
+    assert "robot-unreachable" not in [event.name for event in scene.events]
 
 
 @pytest.mark.parametrize("point", list(Point))
@@ -634,6 +639,9 @@ def test_what_was_given_to_a_person_is_not_offered_any_more():
         looked()
         scene.say("take the jar")
         before = offered()
+        scene.report(scene.say(f"hand me {given}").task, P.REFUSE, FAILED, BUSY)
+        assert offered() == before
+        scene.settle(2 * AGAIN_S)
         task = scene.say(f"hand me {given}").task
         assert scene.sent[-1].gives
         scene.agree(task)
