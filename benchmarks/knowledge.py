@@ -26,13 +26,13 @@ from companion.all_languages import WM
 from companion.binding import wiring
 from companion.languages import wm
 from companion.languages.values import BodyPosture, Cylinder, Pose, Side
+from companion.world.observe import observed, subject_of
+from companion.world.scene import Scene
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
 from services.knowledge.answers import ask
 from services.knowledge.behaviours import agent
-from services.knowledge.observe import observed, subject_of
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import Scene
 from services.knowledge.store import Store
 
 VOLUME = Cylinder(0.25, 0.6, Pose((0.58, -0.52, 1.1)))

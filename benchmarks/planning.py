@@ -18,11 +18,11 @@ from companion.languages.values import BodyPosture, Pose, Side
 from companion.planning.search import search
 from companion.sentences import operator
 from companion.skills.motions import aim
+from companion.world.observe import observed
+from companion.world.scene import Scene
 from services.executor import simulation
 from services.knowledge.answers import ask
-from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import Scene
 from services.task.outgoing_messages import SURVEY
 from velma import names
 from velma.kinematics.frames import xyz_quat

@@ -37,10 +37,10 @@ from companion.skills.situation import Situation, beginning
 from companion.tasks.pour.done import Pour, PourKind
 from companion.tasks.put_down.command import PutDown
 from companion.tasks.swap_hands.command import SwapHands
+from companion.world.observe import observed
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess, markers, model_names, receptor
 from services.knowledge.answers import ask
-from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 from services.task import plan as plans

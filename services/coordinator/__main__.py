@@ -13,8 +13,5 @@ def serve(options: Options) -> int:
 
 
 if __name__ == "__main__":
-    cli.run(
-        "coordinator",
-        "co: takes commands of hi, has plans made by pl and carried out by ta.",
-        serve,
-    )
+    what = "co: takes commands of hi, has plans made by pl and carried out by ta."
+    cli.run("coordinator", what, serve)

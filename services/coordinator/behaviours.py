@@ -45,22 +45,16 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     """State procReq: agree to a command and queue it, or refuse it."""
     for job in memory.arrived:
         if memory.loose or len(memory.jobs) >= limits.waiting:
-            why = (
-                not_answering(memory, turn)
-                if memory.loose
-                else (fact(Kind.TASKS_OPEN, len(memory.jobs)),)
-            )
+            full = (fact(Kind.TASKS_OPEN, len(memory.jobs)),)
+            why = not_answering(memory, turn) if memory.loose else full
             turn.say(job.conversation, P.REFUSE, messages.report(TaskState.FAILED, why))
             continue
         if job.command.start > turn.now:
             job = replace(job, stage=Stage.EARLY)
             turn.wake(job.conversation, job.command.start)
         memory = requeued(replace(memory, jobs=(*memory.jobs, job)), turn, limits)
-        turn.say(
-            job.conversation,
-            P.AGREE,
-            messages.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),)),
-        )
+        waiting = messages.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),))
+        turn.say(job.conversation, P.AGREE, waiting)
     return replace(memory, arrived=())
 
 
@@ -160,15 +154,8 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     )
     takes = (fact(Kind.PLAN_TAKES, job.plans, plan.duration),)
     messages.progress(turn, job, TaskState.RUNNING, takes, messages.steps(plan))
-    job = replace(
-        job,
-        stage=Stage.RUNNING,
-        talk=talk,
-        plan=None,
-        aside=False,
-        patience_s=patience_s,
-        asks=False,
-    )
+    job = replace(job, stage=Stage.RUNNING, talk=talk, plan=None, aside=False, asks=False)
+    job = replace(job, patience_s=patience_s)
     if job.cancelling or job.suspending:
         leave(turn, job, limits)
     return replace(memory.with_job(job), choice=Choice.OPEN)
@@ -176,7 +163,6 @@ def switch_plan(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
 
 def agent(limits: Limits | None = None) -> Agent[Memory]:
     states = (await_trigger, process_request, compute_schedule_parameters, schedule, switch_plan)
-    behaviours: dict[str, Transition[Memory]] = {
-        state.__name__: partial(state, limits=limits or Limits()) for state in states
-    }
+    limited = {state.__name__: partial(state, limits=limits or Limits()) for state in states}
+    behaviours: dict[str, Transition[Memory]] = {**limited}
     return bind(AgentName.CO, Memory(), behaviours, CONDITIONS)

@@ -121,11 +121,9 @@ def _rival(memory: Memory) -> Facts:
     """The task for which another one is left, and why; () where it is gone."""
     decision = memory.decision
     rival = memory.of_hi(decision.task) if decision is not None else None
-    return (
-        ()
-        if rival is None or decision is None
-        else (messages.about(Kind.LEFT_FOR, rival, decision.why),)
-    )
+    if rival is None or decision is None:
+        return ()
+    return (messages.about(Kind.LEFT_FOR, rival, decision.why),)
 
 
 # --- pl -------------------------------------------------------------------------------------------
@@ -137,11 +135,9 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         return memory
     planned = isinstance(received.content, hfsm.HierarchicalPlan)
     if job.cancelling and not (job.left_with_plan and planned):
-        return (
-            memory
-            if turn.holds(job.talk)
-            else _cancelled(memory, turn, job, (fact(Kind.WHILE_PLANNED),))
-        )
+        if turn.holds(job.talk):
+            return memory
+        return _cancelled(memory, turn, job, (fact(Kind.WHILE_PLANNED),))
     if job.stage is Stage.WAITING:
         if turn.holds(job.talk):
             return memory
@@ -161,14 +157,8 @@ def _from_pl(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
         and received.content.later
         and job.looks < limits.looks
     ):
-        again = replace(
-            job,
-            stage=Stage.WAITING,
-            talk="",
-            plans=job.plans - 1,
-            looks=job.looks + 1,
-            why=messages.LOOKS,
-        )
+        again = replace(job, stage=Stage.WAITING, talk="", why=messages.LOOKS)
+        again = replace(again, plans=job.plans - 1, looks=job.looks + 1)
         return memory.with_job(again)
     return _failed(memory, turn, job, _why(turn, received))
 
@@ -253,17 +243,8 @@ def _suspended(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
     messages.progress(turn, job, TaskState.SUSPENDED, _rival(memory))
     here = job.parameters
     left = () if here is None else (hfsm.ScheduleParameters("", here.rest + here.resume),)
-    job = replace(
-        job,
-        stage=Stage.WAITING,
-        talk="",
-        plan=None,
-        at=None,
-        why=(),
-        suspending=False,
-        aside=True,
-        schedule=left,
-    )
+    job = replace(job, stage=Stage.WAITING, talk="", plan=None, at=None, why=(), suspending=False)
+    job = replace(job, aside=True, schedule=left)
     memory = memory.changed().with_job(
         replace(job, suspended=job.suspended + 1, asked=False, weighed=False)
     )

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from enum import StrEnum
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.all_languages import AnyCommand
 from companion.languages import hfsm
@@ -51,9 +52,8 @@ class Limits(msgspec.Struct, frozen=True):
         others see in seconds.
         """
         leaves = [*_leaves(plan.root)]
-        acts, asks = (
-            sum(isinstance(one, kind) for one in leaves) for kind in (hfsm.ActState, hfsm.AskState)
-        )
+        kinds = (hfsm.ActState, hfsm.AskState)
+        acts, asks = (sum(isinstance(one, kind) for one in leaves) for kind in kinds)
         return 5.0 * plan.duration / self.speed + acts * self.act_s + asks * self.ask_s + self.end_s
 
 
@@ -163,11 +163,8 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def number(self, at: hfsm.Place | None) -> int:
         """The number of the plan's step at a place, from 1; 0 where it is none of its steps."""
-        steps = (
-            number
-            for number, one in enumerate(self.schedule, start=1)
-            if at is not None and one.at == at.path[0]
-        )
+        place = at.path[0] if at is not None else None
+        steps = (number for number, one in enumerate(self.schedule, start=1) if one.at == place)
         return next(steps, 0)
 
 
@@ -200,19 +197,19 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     def with_job(self, job: Job) -> "Memory":
         """The memory with this task updated."""
         jobs = tuple(job if one.conversation == job.conversation else one for one in self.jobs)
-        return msgspec.structs.replace(self, jobs=jobs)
+        return replace(self, jobs=jobs)
 
     def without_job(self, job: Job) -> "Memory":
         """The memory without a task that has ended."""
         jobs = tuple(one for one in self.jobs if one.conversation != job.conversation)
-        return msgspec.structs.replace(self, jobs=jobs, over=True, choice=Choice.OPEN).changed()
+        return replace(self, jobs=jobs, over=True, choice=Choice.OPEN).changed()
 
     def changed(self) -> "Memory":
         """The memory after the world may have changed: schedule parameters are to be asked for
         again.
         """
-        jobs = tuple(msgspec.structs.replace(job, asked=False) for job in self.jobs)
-        return msgspec.structs.replace(self, jobs=jobs)
+        jobs = tuple(replace(job, asked=False) for job in self.jobs)
+        return replace(self, jobs=jobs)
 
 
 # --- the conditions of design.toml ----------------------------------------------------------------
@@ -229,11 +226,8 @@ def turn_come(memory: Memory) -> bool:
     """Whether the first task needs a plan, which waits until pl has answered the recall of a
     question.
     """
-    first = (
-        memory.first is not None
-        and memory.first.stage is Stage.WAITING
-        and not memory.first.cancelling
-    )
+    head = memory.first
+    first = head is not None and head.stage is Stage.WAITING and not head.cancelling
     return first and not memory.loose and not any(job.recalled for job in memory.jobs)
 
 
@@ -252,11 +246,8 @@ def parameters_wanted(memory: Memory) -> Job | None:
         or any(job.stage is Stage.WAITING and job.talk for job in memory.jobs)
     ):
         return None
-    free = (
-        job
-        for at, job in enumerate(memory.jobs)
-        if job.waits and not job.asked and not bound(memory.jobs, at)
-    )
+    waiting = ((at, job) for at, job in enumerate(memory.jobs) if job.waits and not job.asked)
+    free = (job for at, job in waiting if not bound(memory.jobs, at))
     return next((job for job in free if job.command.urgency == running.command.urgency), None)
 
 
@@ -322,11 +313,8 @@ def _unweighed(memory: Memory) -> bool:
 def switch_failed(memory: Memory) -> bool:
     """Whether there is no plan to switch to."""
     planned = memory.first is not None and memory.first.stage is Stage.PLANNED
-    return (
-        memory.choice is Choice.SWITCH
-        and not planned
-        and (memory.first is None or not memory.first.leavable)
-    )
+    leavable = memory.first is not None and memory.first.leavable
+    return memory.choice is Choice.SWITCH and not planned and not leavable
 
 
 def triggered(memory: Memory) -> bool:

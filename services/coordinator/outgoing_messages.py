@@ -51,11 +51,8 @@ def steps(plan: hfsm.HierarchicalPlan) -> tuple[Step, ...]:
     """What a plan does one after the other, as a person follows it: the parts with acts; cut to the
     budget.
     """
-    found = [
-        state.step
-        for state in plan.root.states
-        if isinstance(state, hfsm.Machine) and state.step is not None
-    ]
+    machines = (state for state in plan.root.states if isinstance(state, hfsm.Machine))
+    found = [state.step for state in machines if state.step is not None]
     while len(msgspec.msgpack.encode(found)) > LONGEST_STEPS:
         found.pop()
     return tuple(found)
@@ -105,12 +102,8 @@ def failed(turn: Turn, job: Job, why: Facts, known: tuple[Evidence, ...] = ()) -
 def cancelled(turn: Turn, job: Job, why: Facts) -> None:
     """Answer the cancel; this ends the task."""
     if turn.holds(job.conversation):
-        turn.say(
-            job.conversation,
-            Performative.INFORM,
-            report(TaskState.CANCELLED, why),
-            kind=languages.Kind.CANCEL,
-        )
+        told = report(TaskState.CANCELLED, why)
+        turn.say(job.conversation, Performative.INFORM, told, kind=languages.Kind.CANCEL)
 
 
 def _last(turn: Turn, job: Job, performative: Performative, said: TaskReport) -> None:

@@ -33,12 +33,10 @@ def queued(
     one is more urgent.
     """
     begun = tuple(job for job in jobs if job.begun)
-    early = sorted(
-        (job for job in jobs if job.stage is Stage.EARLY), key=lambda job: job.command.start
-    )
-    waiting = {
-        job.conversation: job for job in jobs if not job.begun and job.stage is not Stage.EARLY
-    }
+    later = (job for job in jobs if job.stage is Stage.EARLY)
+    early = sorted(later, key=lambda job: job.command.start)
+    ready = (job for job in jobs if not job.begun and job.stage is not Stage.EARLY)
+    waiting = {job.conversation: job for job in ready}
     rule = comparing(rule, waiting.values())
     order = in_order(tuple(offer(job, jobs, speed) for job in waiting.values()), now, rule)
     return (*begun, *(waiting[name] for name in order), *early)
@@ -92,15 +90,10 @@ def decided(memory: Memory, now: float, rule: Rule, speed: float) -> Memory:
     running = memory.first
     assert running is not None
     runs = running.stage is not Stage.PLANNED
-    rivals = [
-        job
-        for at, job in enumerate(memory.jobs)
-        if job.waits
-        and (
-            job.command.urgency > running.command.urgency
-            or (runs and job.schedule and not bound(memory.jobs, at))
-        )
-    ]
+    urgency = running.command.urgency
+    waits = [(n, one) for n, one in enumerate(memory.jobs) if one.waits]
+    weighs = {n for n, one in waits if runs and one.schedule and not bound(memory.jobs, n)}
+    rivals = [one for n, one in waits if one.command.urgency > urgency or n in weighs]
     offers = tuple(offer(job, memory.jobs, speed) for job in rivals)
     decision = rule(offer(running, memory.jobs, speed), offers, now)
     jobs = tuple(
@@ -115,9 +108,8 @@ def first_in(jobs: tuple[Job, ...], decision: Decision | None) -> tuple[Job, ...
     meanwhile.
     """
     waiting = [job for job in jobs if job.waits]
-    rival = next(
-        (job for job in waiting if decision is not None and job.conversation == decision.task), None
-    )
+    chosen = decision.task if decision is not None else None
+    rival = next((job for job in waiting if job.conversation == chosen), None)
     if rival is None or any(one.command.urgency > rival.command.urgency for one in waiting):
         return jobs
     return (rival, *(job for job in jobs if job is not rival))

@@ -32,9 +32,9 @@ from companion.run_files import (
 from companion.sentences import Reader, failure, operator, person, place, state
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
-from services.human_interface import local, offers
-from services.human_interface.catalogue import LANGUAGES, can, say
-from services.human_interface.local import (
+from services.human_interface import device_messages, suggestions
+from services.human_interface.catalogue import LANGUAGES, abilities, say
+from services.human_interface.device_messages import (
     Answer,
     CancelWanted,
     Halted,
@@ -43,16 +43,16 @@ from services.human_interface.local import (
     Shown,
     StopRobot,
 )
-from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
-from services.human_interface.wishes import (
+from services.human_interface.interpretation import (
     Act,
     Ask,
     Tell,
+    forget_objects,
     in_words,
     outcome,
     with_mentioned,
-    without,
 )
+from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
 
 ANSWER_WITHIN_S = (
     # estimate: co agrees within milliseconds; one that hangs is killed after 6 s
@@ -74,7 +74,7 @@ def listen(memory: Memory, turn: Turn) -> Memory:
         case Received() as received:
             turn.unwake(received.conversation)
             news = _news(memory, turn, received)
-            return _after(_answered(memory), turn, *news).with_news(*news)
+            return _end_tasks(_answered(memory), turn, *news).with_news(*news)
         case Broken(conversation=name, reason=reason):
             turn.log("broken", conversation=name, reason=reason)
             why = (fact(Kind.BROKE_OFF, AgentName.CO),)
@@ -90,10 +90,8 @@ def listen(memory: Memory, turn: Turn) -> Memory:
 
 def _unanswered(memory: Memory, task: str) -> Memory:
     """Tell people that co is there and says nothing to a task; the request is durable and stays."""
-    text = (
-        f"the coordinator has not answered for {ANSWER_WITHIN_S:g} s; your task goes on when it"
-        " does"
-    )
+    silent = f"the coordinator has not answered for {ANSWER_WITHIN_S:g} s"
+    text = f"{silent}; your task goes on when it does"
     return replace(memory, away=True).with_news(News(AgentName.CO, UNREACHABLE, text, task))
 
 
@@ -106,7 +104,7 @@ def _answered(memory: Memory) -> Memory:
     )
 
 
-def _after(memory: Memory, turn: Turn, *news: News) -> Memory:
+def _end_tasks(memory: Memory, turn: Turn, *news: News) -> Memory:
     """Note what a look around told; cancel what was said after a task of the same sentence that was
     not done.
     """
@@ -121,7 +119,7 @@ def _after(memory: Memory, turn: Turn, *news: News) -> Memory:
         if one.state in FINAL:
             given = [thing for task, thing in memory.gives if task == one.task]
             if given and one.state == TaskState.DONE:
-                memory = replace(memory, context=without(memory.context, *given))
+                memory = replace(memory, context=forget_objects(memory.context, *given))
             later = [name for name, before in memory.follows if before == one.task]
             follows = tuple(pair for pair in memory.follows if pair[1] != one.task)
             looks = tuple(name for name in memory.looks if name != one.task)
@@ -157,7 +155,7 @@ def interpret(memory: Memory, turn: Turn) -> Memory:
     return replace(memory, words=())
 
 
-def _answer(memory: Memory, turn: Turn, word: local.Local) -> Memory:
+def _answer(memory: Memory, turn: Turn, word: device_messages.Local) -> Memory:
     if isinstance(word, Halted):
         return _halted(memory, turn, word)
     if isinstance(word, CancelWanted):
@@ -181,14 +179,15 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
     context = replace(memory.context, options=memory.options(word.asker, word.at))
     found = _timed(outcome(word.meaning, context), word, turn.now)
     options = found.options if isinstance(found, Ask) else ()
-    replies = tuple(text for language in LANGUAGES for text in offers.replies(options, language))
+    both = (suggestions.replies(options, language) for language in LANGUAGES)
+    replies = tuple(text for texts in both for text in texts)
     memory = memory.asking(word.asker, word.at, options, replies)
     match found:
         case Act(tasks=tasks):
             return _ask(memory, turn, word, tasks)
         case Ask(text=text):
             turn.tell(_shown(memory))  # first: who reads the answer may reply at once
-            offered = offers.replies(options, word.meaning.language)
+            offered = suggestions.replies(options, word.meaning.language)
             memory = _no_task(memory, turn, word, QUESTION if options else REFUSED, text, offered)
             if context.options and not options:  # a no
                 memory = memory.hearing(word, TaskLine("", REFUSED, text, word.text, word.at))
@@ -208,11 +207,8 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
             turn.tell(Answer(word.ticket, _status(memory, word.text, turn.now)))
             return memory
         case Tell(does="release"):
-            row = (
-                "asks"
-                if any(line.asks for line in memory.open_tasks) and not word.held
-                else "released"
-            )
+            asks = not word.held and any(line.asks for line in memory.open_tasks)
+            row = "asks" if asks else "released"
             return _no_task(memory, turn, word, REFUSED, say(word.meaning.language, row))
         case Tell(does=does):
             text = ANSWERS[does](memory, word.meaning.language)
@@ -409,7 +405,7 @@ def tell(memory: Memory, turn: Turn) -> Memory:
 def _shown(memory: Memory) -> Shown:
     """All that people may see between two events."""
     questions = tuple(Question(one.asker, one.until, one.replies) for one in memory.asked)
-    return Shown(memory.tasks, memory.told, offers.wishes(memory.context), questions)
+    return Shown(memory.tasks, memory.told, suggestions.wishes(memory.context), questions)
 
 
 def _reported(line: TaskLine, said: cmd.TaskReport, text: str, now: float) -> TaskLine:
@@ -430,7 +426,7 @@ def _reported(line: TaskLine, said: cmd.TaskReport, text: str, now: float) -> Ta
 def agent() -> Agent[Memory]:
     """Return the agent hi."""
     behaviours: dict[str, Any] = {"listen": listen, "interpret": interpret, "tell": tell}
-    return bind(AgentName.HI, Memory(), behaviours, CONDITIONS, local=local.Local)
+    return bind(AgentName.HI, Memory(), behaviours, CONDITIONS, local=device_messages.Local)
 
 
 # --- Answers to questions of people, from what hi knows -------------------------------------------
@@ -440,11 +436,8 @@ def _see(memory: Memory, language: str) -> str:
     seen = memory.context.seen
     if seen is None:
         return say(language, "not_seen", in_words((commands.survey(),), language))
-    return say(
-        language,
-        "seen",
-        person((fact(Kind.SEEN, *seen) if seen else fact(Kind.SEEN_NOTHING),), language),
-    )
+    known = fact(Kind.SEEN, *seen) if seen else fact(Kind.SEEN_NOTHING)
+    return say(language, "seen", person((known,), language))
 
 
 def _why(memory: Memory, language: str) -> str:
@@ -457,20 +450,17 @@ def _why(memory: Memory, language: str) -> str:
     if not ended:
         return say(language, "no_failure")
     line = ended[-1]
-    why = (
-        failure(line.why, language)
-        if line.state is TaskState.FAILED
-        else person(line.why, language)
-    )
+    words = failure if line.state is TaskState.FAILED else person
+    why = words(line.why, language)
     return say(language, "failed", line.said, why or state(line.state, language))
 
 
 ANSWERS: dict[str, Callable[[Memory, str], str]] = {
     "see": _see,
     "why": _why,
-    "help": lambda memory, language: say(language, "understood", can(language)),
+    "help": lambda memory, language: say(language, "understood", abilities(language)),
     "stopping": lambda memory, language: say(language, "stopping"),
-    "greet": lambda memory, language: say(language, "greet", can(language)),
+    "greet": lambda memory, language: say(language, "greet", abilities(language)),
 }
 """The rows of the catalogue that are answered from memory."""
 
@@ -485,11 +475,8 @@ ABOUT = {TaskState.PLANNING: AgentName.PL, TaskState.RUNNING: AgentName.TA}
 
 def _news(memory: Memory, turn: Turn, received: Received) -> tuple[News, ...]:
     """Return what a message of co says of a task; nothing for one that is forgotten."""
-    name, said, performative = (
-        received.conversation,
-        received.content,
-        received.communicate.performative,
-    )
+    name, said = received.conversation, received.content
+    performative = received.communicate.performative
     line = memory.task(name)
     if line is None:
         return ()
@@ -497,31 +484,21 @@ def _news(memory: Memory, turn: Turn, received: Received) -> tuple[News, ...]:
         turn.log("reason of co", performative=performative, text=said.text)
     report = said if isinstance(said, TaskReport) else TaskReport(TaskState.FAILED)
     if line.state in FINAL:
-        return (
-            News(AgentName.CO, TOO_LATE, _in_words(report) or f"it was {line.state} already", name),
-        )
+        text = _report_text(report) or f"it was {line.state} already"
+        return (News(AgentName.CO, TOO_LATE, text, name),)
     if report is said and performative in (P.AGREE, P.INFORM):
-        return (
-            News(
-                ABOUT.get(report.state, AgentName.CO), report.state, _in_words(report), name, report
-            ),
-        )
+        about = ABOUT.get(report.state, AgentName.CO)
+        return (News(about, report.state, _report_text(report), name, report),)
     unsaid = Kind.NOT_UNDERSTOOD if performative is P.NOT_UNDERSTOOD else Kind.NO_REASON
-    return (
-        _ended(
-            name,
-            replace(
-                report, state=TaskState.FAILED, why=report.why or (fact(unsaid, AgentName.CO),)
-            ),
-        ),
-    )
+    why = report.why or (fact(unsaid, AgentName.CO),)
+    return (_ended(name, replace(report, state=TaskState.FAILED, why=why)),)
 
 
 def _ended(name: str, report: TaskReport) -> News:
-    return News(AgentName.CO, TaskState.FAILED, _in_words(report), name, report)
+    return News(AgentName.CO, TaskState.FAILED, _report_text(report), name, report)
 
 
-def _in_words(report: TaskReport) -> str:
+def _report_text(report: TaskReport) -> str:
     """A report in the operator's words."""
     at = place(report.at, Reader.OPERATOR) if report.at is not None else ""
     if report.asks and report.at is not None:

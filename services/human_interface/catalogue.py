@@ -87,7 +87,7 @@ def say(language: str, row: str, *parts: object, **named: object) -> str:
     return SAY[language][row].format(*parts, **named)
 
 
-def can(language: str) -> str:
+def abilities(language: str) -> str:
     """Return the list of what is understood."""
     return say(
         language, "can", "; ".join(wish.can[language] for wish in TASKS.values() if wish.can)

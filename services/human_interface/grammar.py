@@ -19,7 +19,7 @@ from msgspec.structs import replace
 
 from companion.letters import fold
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES, phrases
-from services.human_interface.local import Clause, Meaning, NamedObject, When
+from services.human_interface.device_messages import Clause, Meaning, NamedObject, When
 
 # --- Times, as people say them: "first", "within ten minutes", "before noon", "in ten minutes" ----
 # Such words are taken out of a sentence before the grammar reads the rest; words about time that
@@ -73,24 +73,20 @@ _URGENT, _WITHIN, _BY, _LATER, _AT = (
 )
 
 
-def taken(words: tuple[str, ...]) -> tuple[tuple[str, ...], When]:
+def split_time(words: tuple[str, ...]) -> tuple[tuple[str, ...], When]:
     """Return the words without those that say when, and what these say; all of them where nothing
     else is left.
     """
     text, when = " ".join(words), When()
     for language in LANGUAGES:
         if found := _WITHIN[language].search(text):
-            text, when = (
-                _without_time(text, found),
-                replace(when, within_s=_seconds(found, language)),
-            )
+            when = replace(when, within_s=_seconds(found, language))
+            text = _without_time(text, found)
         if (found := _BY[language].search(text)) and (by := _clocks(found.group(1), language)):
             text, when = _without_time(text, found), replace(when, by=by)
         if found := _LATER[language].search(text):
-            text, when = (
-                _without_time(text, found),
-                replace(when, later_s=_seconds(found, language)),
-            )
+            when = replace(when, later_s=_seconds(found, language))
+            text = _without_time(text, found)
         if (found := _AT[language].search(text)) and (at := _clocks(found.group(1), language)):
             text, when = _without_time(text, found), replace(when, at=at)
         # behind the others: "first" is the last word of what is left
@@ -132,11 +128,8 @@ def _clocks(said: str, language: str) -> tuple[int, ...]:
         return _of_day(int(found[1]), int(found[2]), found[3] or "")
     if found := re.fullmatch(r"(\d+) ?([ap]m)", said):
         return _of_day(int(found[1]), 0, found[2])
-    hour = int(
-        _number(
-            re.sub(r"half past |quarter past |quarter to | o clock|godziny ", "", said), language
-        )
-    )
+    plain = re.sub(r"half past |quarter past |quarter to | o clock|godziny ", "", said)
+    hour = int(_number(plain, language))
     past = {"half": 30, "quarter": 15}.get(said.partition(" ")[0], 0)
     return _of_day(hour, -past if said.startswith("quarter to") else past, "")
 
@@ -348,7 +341,7 @@ def understand(sentence: str) -> Meaning:
     words = _split(sentence)
     if len(words) > MOST_WORDS:
         return Meaning(why="long")
-    words, when = taken(words)
+    words, when = split_time(words)
     return replace(_read(words), when=when)
 
 
@@ -360,9 +353,8 @@ def _read(words: tuple[str, ...]) -> Meaning:
         return Meaning(_language(words), why="many")
     run = tuple(word for word in polite if word != ",")  # Polish has commas within a wish
     readings = [reading for reading in dict.fromkeys((polite, plain, run)) if reading]
-    found = next(
-        (meaning for reading in readings if (meaning := _parsed(reading)) is not None), None
-    )
+    parsed = (meaning for reading in readings if (meaning := _parsed(reading)) is not None)
+    found = next(parsed, None)
     if found is not None and not _strange(found):
         return found
     for reading in readings:
@@ -382,9 +374,8 @@ def _read(words: tuple[str, ...]) -> Meaning:
 
 def _strange(meaning: Meaning) -> bool:
     """Whether a thing is called by a word that nobody knows."""
-    return any(
-        not (thing.kinds or thing.ref) for clause in meaning.clauses for thing in clause.things
-    )
+    things = (thing for clause in meaning.clauses for thing in clause.things)
+    return any(not (thing.kinds or thing.ref) for thing in things)
 
 
 def _split(sentence: str) -> tuple[str, ...]:
@@ -433,9 +424,8 @@ def _parsed(words: tuple[str, ...]) -> Meaning | None:
         return None
     ours = VOCABULARY.intersection(words)
     possible = (language for language in LANGUAGES if ours <= _WORDS_OF[language])
-    return next(
-        (found for language in possible if (found := _parsed_in(language, words)) is not None), None
-    )
+    parsed = (_parsed_in(language, words) for language in possible)
+    return next((found for found in parsed if found is not None), None)
 
 
 # estimate; what is said is often said again, and a parse takes 17 to 41 ms (measured)
@@ -480,19 +470,15 @@ def _named_object(tree: Any) -> NamedObject:
     first = tree.children[0]
     ref = str(first.data).rpartition("_")[0]
     if ref in ("it", "other", "both"):
-        return NamedObject(
-            said, _kinds(tree.children[1]) if len(tree.children) > 1 else (), ref=ref
-        )
+        kinds = _kinds(tree.children[1]) if len(tree.children) > 1 else ()
+        return NamedObject(said, kinds, ref=ref)
     parts = [one for one in first.children if not isinstance(one, Token)]
     quality = " ".join(_spoken(one) for one in parts if one.data[:-3] in ("quality", "place"))
     number = next((int(one[:3]) for one in first.children if isinstance(one, Token)), 0)
     noun = next((one for one in parts if one.data.startswith("noun_")), None)
     if noun is None:
-        return NamedObject(
-            next(_spoken(one) for one in parts if one.data.startswith("strange_")),
-            (),
-            quality=quality,
-        )
+        strange = next(_spoken(one) for one in parts if one.data.startswith("strange_"))
+        return NamedObject(strange, quality=quality)
     return NamedObject(said, _kinds(noun), number, quality)
 
 
@@ -511,9 +497,8 @@ def _corrected(words: tuple[str, ...]) -> tuple[str, ...]:
     """
     if sum(kind_of(word) == "WORD" for word in words) > MOST_STRANGE:
         return words
-    return tuple(
-        _near(word) if kind_of(word) == "WORD" and len(word) >= SHORT else word for word in words
-    )
+    unknown = {word for word in words if kind_of(word) == "WORD" and len(word) >= SHORT}
+    return tuple(_near(word) if word in unknown else word for word in words)
 
 
 def _near(word: str) -> str:
@@ -530,9 +515,7 @@ def _language(words: tuple[str, ...]) -> str:
 _LONG = tuple(sorted(word for word in VOCABULARY if len(word) >= SHORT))
 _ANYWHERE = tuple(one for language in LANGUAGES for one in phrases(CATALOGUE.anywhere[language]))
 _OPENING = tuple(
-    sorted(
-        (one for x in LANGUAGES for one in phrases(CATALOGUE.opening[x])), key=lambda one: -len(one)
-    )
+    sorted((one for x in LANGUAGES for one in phrases(CATALOGUE.opening[x])), key=len, reverse=True)
 )
 _JOINING = frozenset(
     one[0] for language in LANGUAGES for one in phrases(CATALOGUE.joining[language])

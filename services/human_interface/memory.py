@@ -7,11 +7,12 @@ Must not know: HTTP, grammar.
 from typing import Any
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.languages.cmd import TaskReport, TaskState
 from companion.run_files import TaskLine
-from services.human_interface.local import Local, Sentence
-from services.human_interface.wishes import Context, Option
+from services.human_interface.device_messages import Local, Sentence
+from services.human_interface.interpretation import Context, Option
 
 # tasks that are remembered after their end; each record of the journal has them all (estimate)
 KEPT_TASKS = 50
@@ -97,31 +98,22 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def with_task(self, line: TaskLine) -> "Memory":
         """Return the memory with a task added or updated; the oldest ended ones are forgotten."""
-        known = self.task(line.task) is not None
-        tasks = (
-            tuple(line if one.task == line.task else one for one in self.tasks)
-            if known
-            else (*self.tasks, line)
-        )
+        tasks = tuple(line if one.task == line.task else one for one in self.tasks)
+        if line not in tasks:
+            tasks = (*tasks, line)
         surplus = len(tasks) - KEPT_TASKS
-        forgotten = {
-            one.task for one in [one for one in tasks if one.state in FINAL][: max(surplus, 0)]
-        }
-        return msgspec.structs.replace(
-            self, tasks=tuple(one for one in tasks if one.task not in forgotten)
-        )
+        ended = [one.task for one in tasks if one.state in FINAL]
+        forgotten = set(ended[: max(surplus, 0)])
+        return replace(self, tasks=tuple(one for one in tasks if one.task not in forgotten))
 
     def with_context(self, **fields: Any) -> "Memory":
         """Return the memory with some of what was talked of replaced."""
-        return msgspec.structs.replace(
-            self, context=msgspec.structs.replace(self.context, **fields)
-        )
+        return replace(self, context=replace(self.context, **fields))
 
     def options(self, asker: str, at: float) -> tuple[Option, ...]:
         """Return the options of the question that is open to somebody."""
-        return next(
-            (one.options for one in self.asked if one.asker == asker and at < one.until), ()
-        )
+        open_ones = (one for one in self.asked if one.asker == asker and at < one.until)
+        return next((one.options for one in open_ones), ())
 
     def asking(
         self, asker: str, at: float, options: tuple[Option, ...], replies: tuple[str, ...]
@@ -133,23 +125,17 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         of a double click.
         """
         others = [one for one in self.asked if one.asker != asker and at < one.until]
-        ended = [
-            Asked(asker, at + AGAIN_S, (), one.replies)
-            for one in self.asked
-            if one.asker == asker and at < one.until
-        ]
+        open_ones = (one for one in self.asked if one.asker == asker and at < one.until)
+        ended = [Asked(asker, at + AGAIN_S, (), one.replies) for one in open_ones]
         new = [Asked(asker, at + ASKED_S, options, replies)] if options else ended
-        return msgspec.structs.replace(self, asked=(*others, *new)[-MOST_ASKED:])
+        return replace(self, asked=(*others, *new)[-MOST_ASKED:])
 
     def again(self, word: Sentence) -> TaskLine | None:
         """Return what is answered to a sentence that its asker said just now; None for one that is
         new.
         """
-        same = (
-            one
-            for one in self.heard
-            if one.asker == word.asker and one.words == _sentence_key(word)
-        )
+        key = (word.asker, _sentence_key(word))
+        same = (one for one in self.heard if (one.asker, one.words) == key)
         # in any order
         return next((one.line for one in same if abs(word.at - one.at) <= AGAIN_S), None)
 
@@ -157,37 +143,33 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         """Return the memory after a sentence that something came of; one without an asker may be of
         several people.
         """
-        others = tuple(
-            one for one in self.heard if one.asker != word.asker and word.at - one.at <= AGAIN_S
-        )
+        recent = (one for one in self.heard if word.at - one.at <= AGAIN_S)
+        others = tuple(one for one in recent if one.asker != word.asker)
         new = (Heard(word.asker, word.at, _sentence_key(word), line),) if word.asker else ()
-        return msgspec.structs.replace(self, heard=(*others, *new)[-MOST_ASKED:])
+        return replace(self, heard=(*others, *new)[-MOST_ASKED:])
 
     def forgetting(self, task: str) -> "Memory":
         """Return the memory in which the sentence of a cancelled task is new if it is said
         again.
         """
-        return msgspec.structs.replace(
-            self, heard=tuple(one for one in self.heard if one.line.task != task)
-        )
+        return replace(self, heard=tuple(one for one in self.heard if one.line.task != task))
 
     def following(self, task: str, before: str) -> "Memory":
         """Return the memory with a task that needs the one before it."""
-        return msgspec.structs.replace(self, follows=(*self.follows, (task, before)))
+        return replace(self, follows=(*self.follows, (task, before)))
 
     def replacing(self, task: str, new: str) -> "Memory":
         """Return the memory in which a new task has taken the place of one that is to be cancelled.
 
         What was to come after the old one comes after the new one, which itself waits for nothing.
         """
-        pairs = tuple(
-            (one, new if before == task else before) for one, before in self.follows if one != task
-        )
-        return msgspec.structs.replace(self, follows=pairs)
+        others = ((one, before) for one, before in self.follows if one != task)
+        pairs = tuple((one, new if before == task else before) for one, before in others)
+        return replace(self, follows=pairs)
 
     def with_news(self, *news: News) -> "Memory":
         """Return the memory with more news."""
-        return msgspec.structs.replace(self, news=(*self.news, *news))
+        return replace(self, news=(*self.news, *news))
 
 
 def _sentence_key(word: Sentence) -> tuple[str, int, str]:
@@ -223,6 +205,5 @@ def told(memory: Memory) -> bool:
     return not memory.news
 
 
-CONDITIONS = {
-    condition.__name__: condition for condition in (words_wait, news_wait, heard, interpreted, told)
-}
+_CONDITIONS = (words_wait, news_wait, heard, interpreted, told)
+CONDITIONS = {condition.__name__: condition for condition in _CONDITIONS}

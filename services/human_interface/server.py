@@ -19,6 +19,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 import msgspec
+from msgspec.structs import replace
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
@@ -51,9 +52,8 @@ from companion.run_files import (
 )
 from companion.stop_words import calls_for_help, stop_words
 from services.human_interface import grammar
-from services.human_interface.catalogue import can, say
-from services.human_interface.grammar import prepare, understand
-from services.human_interface.local import (
+from services.human_interface.catalogue import abilities, say
+from services.human_interface.device_messages import (
     Answer,
     CancelWanted,
     Halted,
@@ -62,6 +62,7 @@ from services.human_interface.local import (
     Shown,
     StopRobot,
 )
+from services.human_interface.grammar import prepare, understand
 
 # --- Display of hi for people: tasks, the latest events, answers to tickets. For one event loop ---
 
@@ -117,9 +118,8 @@ class Board:
     async def events(self, since: int, wait_s: float) -> Events:
         """The events after number `since`; wait up to `wait_s` [s] for one."""
         await self._until(lambda: self._told > since, wait_s)
-        return Events(
-            self._told, tuple(event for event in self._events if since < event.n <= self._told)
-        )
+        told = tuple(event for event in self._events if since < event.n <= self._told)
+        return Events(self._told, told)
 
     async def _until(self, holds: Callable[[], bool], within_s: float) -> None:
         with contextlib.suppress(TimeoutError):
@@ -147,7 +147,7 @@ NOT_HELD_HERE = (
 )
 
 
-class Desk:
+class HttpApp:
     """The ASGI application: what can be asked of hi, by those who have the token of its address."""
 
     def __init__(self, address: HiAddress, post: Post, robot: RobotStop) -> None:
@@ -169,10 +169,8 @@ class Desk:
         try:
             check_host(request.headers, self._address.port)
             if not has_token(request.headers, self._address.token):
-                text = (
-                    "wrong or missing token; send `Authorization: Bearer <token>` with that of"
-                    f" {HI_FILE}"
-                )
+                bearer = "Authorization: Bearer <token>"
+                text = f"wrong or missing token; send `{bearer}` with that of {HI_FILE}"
                 raise Refused(401, text)
             path = scope["path"]
             if path not in self._routes:
@@ -209,11 +207,8 @@ class Desk:
         if stop_words(text, self.board.tasks.answers(said.asker, now)):
             line = self.hold(True, text)
             language = calls_for_help(text)
-            return (
-                msgspec.structs.replace(line, text=say(language, "helped", can(language)))
-                if language
-                else line
-            )
+            text = say(language, "helped", abilities(language)) if language else line.text
+            return replace(line, text=text)
         with self._room():
             meaning = await asyncio.to_thread(understand, text)
             ticket = self.board.ticket()
@@ -250,7 +245,7 @@ class Desk:
             return await self._answer(ticket)
 
     async def _tasks(self, request: Request) -> msgspec.Struct:
-        return msgspec.structs.replace(self.board.tasks, held=self._robot.held)
+        return replace(self.board.tasks, held=self._robot.held)
 
     async def _events(self, request: Request) -> msgspec.Struct:
         query = parse_qs(request.url.query)
@@ -313,8 +308,8 @@ class HttpDevice:
         """
         self._listener = listener(*listen, "ROCO_HTTP")
         self.address = HiAddress(self._listener.getsockname()[1], secrets.token_urlsafe(24))
-        self.desk = Desk(self.address, post, RobotStop(run_dir))
-        self._server = Server(self.desk)
+        self.app = HttpApp(self.address, post, RobotStop(run_dir))
+        self._server = Server(self.app)
         self._loop = asyncio.new_event_loop()
         self._files = [folder / HI_FILE for folder in (run_dir, lent) if folder is not None]
         for file in self._files:
@@ -331,10 +326,10 @@ class HttpDevice:
         """Take a message of the agent for people."""
         if isinstance(content, StopRobot):
             try:
-                content = Answer(content.ticket, self.desk.hold(True, content.text))
+                content = Answer(content.ticket, self.app.hold(True, content.text))
             except Refused as refused:
                 content = Answer(content.ticket, problem=str(refused), status=refused.status)
-        self._soon(self.desk.board.tell, content)
+        self._soon(self.app.board.tell, content)
 
     def close(self) -> None:
         """Stop listening; waiting requests are answered."""
@@ -344,7 +339,7 @@ class HttpDevice:
             file.unlink(missing_ok=True)
 
     def _end(self) -> None:
-        self.desk.board.close()
+        self.app.board.close()
         self._server.should_exit = True
 
     def _soon(self, call: Callable[..., None], *arguments: Any) -> None:

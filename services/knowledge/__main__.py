@@ -15,8 +15,5 @@ def serve(options: Options) -> int:
 
 
 if __name__ == "__main__":
-    cli.run(
-        "knowledge",
-        "km: knows what was observed; answers queries, keeps hypothetical states.",
-        serve,
-    )
+    what = "km: knows what was observed; answers queries, keeps hypothetical states."
+    cli.run("knowledge", what, serve)

@@ -14,10 +14,10 @@ from companion.languages.facts import Fact, Kind, fact
 from companion.languages.facts import fitting as short
 from companion.languages.values import Pose, Shape
 from companion.models import GRASPS, REACH, Model, fitting
-from services.knowledge import geometry
-from services.knowledge.extents import cells, extent
+from companion.world import geometry
+from companion.world.extents import cells, extent
+from companion.world.scene import Scene, SceneObject
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import Scene, SceneObject
 from services.knowledge.subjects import below, is_kind
 
 CONTENT = ".content"
@@ -89,9 +89,8 @@ def _surfaces(scene: Scene, query: wm.FlatSurfaces) -> wm.AnyAnswer:
     objects = [_object(scene, query.object)] if query.object else scene.things.values()
     found = ((one, flat) for one in objects for flat in (one.known.surfaces if one.known else ()))
     placed = ((one.id, geometry.compose(one.pose, Pose(flat.centre)), flat) for one, flat in found)
-    return wm.Surfaces(
-        tuple(wm.Surface(name, pose, (flat.along_x, flat.along_y)) for name, pose, flat in placed)
-    )
+    surfaces = (wm.Surface(name, at, (top.along_x, top.along_y)) for name, at, top in placed)
+    return wm.Surfaces(tuple(surfaces))
 
 
 def _current_grasp(scene: Scene, query: wm.CurrentGrasp) -> wm.AnyAnswer:
@@ -124,22 +123,17 @@ def _grasp_definition(scene: Scene, query: wm.GraspDefinition) -> wm.AnyAnswer:
 
 def _environment(scene: Scene, query: wm.EnvironmentShapes) -> wm.AnyAnswer:
     """The shapes around the robot. Held objects are left out, since they move with the robot."""
-    around = (
-        one
-        for one in scene.things.values()
-        if one.id not in query.ignored and scene.holder(one.id) is None
-    )
-    return wm.Shapes(
-        tuple(wm.PlacedShape(one.id, one.pose, one.known.shapes) for one in around if one.known)
-    )
+    seen = (one for one in scene.things.values() if one.id not in query.ignored)
+    around = (one for one in seen if scene.holder(one.id) is None)
+    known = ((one, one.known) for one in around if one.known)
+    return wm.Shapes(tuple(wm.PlacedShape(one.id, one.pose, of.shapes) for one, of in known))
 
 
 def _collisions(scene: Scene, query: wm.CollisionsInVolume) -> wm.AnyAnswer:
     box = geometry.bounds(query.volume, _WORLD)
     near = scene.marked.near(cells(box)) - set(query.ignored)
-    found = (
-        one for name, one in scene.things.items() if name in near and scene.holder(name) is None
-    )
+    close = (one for name, one in scene.things.items() if name in near)
+    found = (one for one in close if scene.holder(one.id) is None)
     return _objects(one for one in found if _reaches_into(one, query.volume, box))
 
 
@@ -152,9 +146,8 @@ def _reaches_into(one: SceneObject, volume: Shape, box: geometry.Bounds) -> bool
 
 
 def _reserved(scene: Scene, query: wm.ReservedSpace) -> wm.AnyAnswer:
-    return wm.Shapes(
-        tuple(wm.PlacedShape(name, _WORLD, (volume,)) for name, volume in scene.reserved.items())
-    )
+    kept_free = scene.reserved.items()
+    return wm.Shapes(tuple(wm.PlacedShape(name, _WORLD, (shape,)) for name, shape in kept_free))
 
 
 def _holds(scene: Scene, query: wm.Holds) -> wm.AnyAnswer:

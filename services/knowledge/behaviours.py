@@ -18,11 +18,11 @@ from companion.binding import bind
 from companion.design import AgentName
 from companion.languages import wm
 from companion.languages.facts import Facts, Kind, fact, fitting
+from companion.world.observe import forgotten, observed
 from fipa_codec.performatives import Performative
 from services.knowledge import outgoing_messages
 from services.knowledge.answers import LARGEST_WHY, ask
 from services.knowledge.memory import CONDITIONS, Memory, Mirror, News, Question
-from services.knowledge.observe import forgotten, observed
 from services.knowledge.outgoing_messages import OBSERVATIONS, OBSERVER, QUERIES
 from services.knowledge.overlays import Overlays
 
@@ -118,12 +118,8 @@ def _subscribed(memory: Memory, turn: Turn, incarnation: int) -> Memory:
     """Subscribe; this replaces an older subscription."""
     if memory.soft.subscription:
         turn.drop(memory.soft.subscription)
-    return _soft(
-        memory,
-        subscription=outgoing_messages.subscribe(turn),
-        incarnation=incarnation,
-        agreed=False,
-    )
+    new = outgoing_messages.subscribe(turn)
+    return _soft(memory, subscription=new, incarnation=incarnation, agreed=False)
 
 
 def _agreed(memory: Memory, turn: Turn) -> Memory:
@@ -157,12 +153,8 @@ def answer_question(memory: Memory, turn: Turn) -> Memory:
         turn.log("no such hypothetical state", conversation=question.conversation, state=said.id)
     elif isinstance(said, wm.Unknown) and not said.later:
         asked = str(question.query)[:LONGEST]
-        turn.log(
-            "not known",
-            conversation=question.conversation,
-            asked=asked,
-            why=sentences.operator(said.why),
-        )
+        why = sentences.operator(said.why)
+        turn.log("not known", conversation=question.conversation, asked=asked, why=why)
     outgoing_messages.answer(turn, question, said)
     return _soft(memory, overlays=overlays, question=None, held=False)
 

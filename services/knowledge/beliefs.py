@@ -15,11 +15,11 @@ from agent_runtime.core.streams import parse_observation
 from companion.all_languages import LANGUAGES
 from companion.asking import Heard
 from companion.languages import wm
+from companion.world.observe import observed, subject_of
+from companion.world.scene import Scene
 from fipa_codec.communicate import Communicate, decode
 from fipa_codec.errors import FipaError
-from services.knowledge.observe import observed, subject_of
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import Scene
 from services.knowledge.subjects import TYPE, Subject, differing, node, read, subjects, term
 
 
@@ -27,7 +27,7 @@ class Source(msgspec.Struct, frozen=True):
     """Source and time [unix s] of an observation or a hypothetical state of km; `name`: subject
     with version, or state.
 
-    `about`: key of the subject (services.knowledge.observe.subject_of); `parent`: what a state was
+    `about`: key of the subject (companion.world.observe.subject_of); `parent`: what a state was
     made from.
     """
 
@@ -72,10 +72,8 @@ class Beliefs:
                 told = Source(name, communicate.sender, one.at, parent=parent)
                 self._asked[communicate.conversation] = content, told
             case wm.DropStates(prefix=prefix):
-                self._asked[communicate.conversation] = (
-                    content,
-                    Source(prefix, communicate.sender, one.at),
-                )
+                told = Source(prefix, communicate.sender, one.at)
+                self._asked[communicate.conversation] = content, told
             case wm.Made():
                 self._made(communicate.conversation)
 

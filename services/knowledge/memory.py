@@ -6,8 +6,8 @@ import msgspec
 
 from companion.languages import wm
 from companion.languages.facts import Facts
+from companion.world.scene import Scene
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import Scene
 
 
 class Question(msgspec.Struct, frozen=True):

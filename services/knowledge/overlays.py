@@ -8,11 +8,12 @@ a dropped one is answered UnknownState. All are immutable values: making and dro
 """
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.languages import wm
 from companion.languages.facts import Fact, Kind, fact
-from services.knowledge.relations import related
-from services.knowledge.scene import PARTS, Held, Scene
+from companion.world.relations import related
+from companion.world.scene import PARTS, Held, Scene
 
 # A search for the pouring plan makes some tens of states of a few kB; estimate.
 LARGEST = 1024
@@ -74,13 +75,13 @@ class Overlays(msgspec.Struct, frozen=True):
     def drop(self, prefix: str) -> "Overlays":
         """Return the overlays without all states whose id has this prefix."""
         kept = {id: state for id, state in self.states.items() if not id.startswith(prefix)}
-        return self if len(kept) == len(self.states) else msgspec.structs.replace(self, states=kept)
+        return self if len(kept) == len(self.states) else replace(self, states=kept)
 
     def _with(self, id: str, made: Hypothesis) -> "Overlays":
         states = {**self.states, id: made}
         for oldest in list(states)[: max(0, len(states) - self.largest)]:
             del states[oldest]
-        return msgspec.structs.replace(self, states=states)
+        return replace(self, states=states)
 
 
 def changed(scene: Scene, changes: tuple[wm.AnyChange, ...]) -> Scene:
@@ -97,42 +98,34 @@ def _changed(scene: Scene, change: wm.AnyChange) -> Scene:
         case wm.Grasped(object=name, side=side, grasp=grasp, pose=pose):
             _require(scene, name)
             before = scene.hands.get(side, Held()).object
-            return related(
-                scene.with_hand(side, Held(name, grasp, pose)),
-                scene.things[name].related_at,
-                before,
-                name,
-            )
+            after = scene.with_hand(side, Held(name, grasp, pose))
+            return related(after, scene.things[name].related_at, before, name)
         case wm.Released(side=side):
             before = scene.hands.get(side, Held()).object
             return related(scene.with_hand(side, Held()), 0.0, before)
         case wm.Configured(part=part, q=q):
             if len(q) != PARTS.get(part):
                 raise Impossible(fact(Kind.UNKNOWN_TO_KM, part))
-            return msgspec.structs.replace(scene, joints={**scene.joints, part: q})
+            return replace(scene, joints={**scene.joints, part: q})
         case wm.Reserved(name=name, volume=None):
-            return msgspec.structs.replace(
-                scene, reserved={k: v for k, v in scene.reserved.items() if k != name}
-            )
+            return replace(scene, reserved={k: v for k, v in scene.reserved.items() if k != name})
         case wm.Reserved(name=name, volume=volume):
-            return msgspec.structs.replace(scene, reserved={**scene.reserved, name: volume})
+            return replace(scene, reserved={**scene.reserved, name: volume})
         case wm.Poured(source=source, destination=destination):
             _require(scene, source)
             _require(scene, destination)
-            return msgspec.structs.replace(scene, contents={**scene.contents, source: destination})
+            return replace(scene, contents={**scene.contents, source: destination})
 
 
 def _moved(scene: Scene, change: wm.Moved) -> Scene:
     """Move an object. What pl says it stands on overrides what geometry finds."""
     _require(scene, change.object)
-    object = msgspec.structs.replace(
-        scene.things[change.object], pose=change.pose, exact=change.exact
-    )
+    object = replace(scene.things[change.object], pose=change.pose, exact=change.exact)
     after = related(scene.with_object(object), object.related_at, object.id)
     if not change.on:
         return after
     _require(scene, change.on)
-    return after.with_object(msgspec.structs.replace(after.things[change.object], on=change.on))
+    return after.with_object(replace(after.things[change.object], on=change.on))
 
 
 def _require(scene: Scene, name: str) -> None:

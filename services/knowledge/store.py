@@ -18,8 +18,8 @@ from rdflib.graph import DATASET_DEFAULT_GRAPH_ID
 
 from agent_runtime.io.devices import DeviceMaker, Post
 from companion.languages.values import Side
+from companion.world.scene import PARTS, Held, Scene, SceneObject
 from services.knowledge.memory import Mirror
-from services.knowledge.scene import PARTS, Held, Scene, SceneObject
 from services.knowledge.subjects import OBSERVED, RECORD, ROCO, VERSION, Stored, differing, text
 
 _stored = msgspec.json.Decoder(Stored)
@@ -112,14 +112,7 @@ def _read(triples: ox.Store) -> Scene:
         for found in triples.quads_for_pattern(quad.subject, OBSERVED, None):
             times[key] = float(_text(found))
     ordered = {part: joints[part] for part in PARTS if part in joints}
-    return Scene(
-        things=objects,
-        hands=hands,
-        joints=ordered,
-        contents=contents,
-        versions=versions,
-        times=times,
-    )
+    return Scene(objects, hands, ordered, contents=contents, versions=versions, times=times)
 
 
 class StoreDevice:

@@ -16,7 +16,7 @@ from rdflib import RDF, RDFS, Graph, Namespace
 from rdflib.namespace import OWL
 
 from companion.asking import PREFIXES
-from services.knowledge.scene import Held, Scene, SceneObject
+from companion.world.scene import Held, Scene, SceneObject
 
 # --- the terms of O_RoCo: `ROCO.Jar` is the IRI of a term -----------------------------------------
 
@@ -172,9 +172,8 @@ def differing(old: Scene, new: Scene) -> tuple[list[Subject], list[Subject]]:
     # new version.
     versions = {key.partition(":")[2] for key in _changed(old.versions, new.versions)}
     held = {held.object for scene in (old, new) for held in scene.hands.values()}
-    names = (
-        versions | held | _changed(old.things, new.things) | _changed(old.contents, new.contents)
-    )
+    changed = _changed(old.things, new.things) | _changed(old.contents, new.contents)
+    names = versions | held | changed
     names |= _changed(old.hands, new.hands) | ({""} if _changed(old.joints, new.joints) else set())
     before, after = subjects(old, names), subjects(new, names)
     gone = [one for key, one in before.items() if after.get(key) != one]

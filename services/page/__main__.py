@@ -124,11 +124,8 @@ def _listening(host: str, port: int, before: PageAddress | None) -> socket.socke
 async def _serve(options: Options, listening: socket.socket, address: PageAddress) -> None:
     run = options.run_dir
     log = Log(NAME, options.log_level, run / "logs" / f"{NAME}.jsonl")
-    hi = Hi(
-        Path(os.environ.get("ROCO_HI_DIR") or run) / HI_FILE,
-        os.environ.get("ROCO_HI") or HERE,
-        PATIENCE_S,
-    )
+    file = Path(os.environ.get("ROCO_HI_DIR") or run) / HI_FILE
+    hi = Hi(file, os.environ.get("ROCO_HI") or HERE, PATIENCE_S)
     stop, pairs, loop = RobotStop(run), Pairs(run / PAIRED_FILE), asyncio.get_running_loop()
     page = Page(hi, stop, RobotWord(options), pairs, address.port, address.token)
 

@@ -451,10 +451,8 @@ async def _of_hi(call: Callable[[], Awaitable[TaskLine]], language: str) -> Resp
     try:
         line = await call()
     except HiError as error:
-        raise Refused(
-            error.status if error.status >= 400 else 503,
-            str(error) if error.status else say(language, "unreached"),
-        ) from error
+        status, text = error.status, str(error) if error.status else say(language, "unreached")
+        raise Refused(status if status >= 400 else 503, text) from error
     return JSONResponse(
         {"task": line.task, "state": line.state, "text": plain(line.text), "replies": line.replies}
     )

@@ -124,10 +124,8 @@ def _same(headers: Headers, origin: str) -> bool:
     """Whether a POST comes from this origin. Sec-Fetch-Site may only add a doubt: not every request
     has it.
     """
-    return (
-        headers.getlist("origin") == [origin]
-        and headers.get("sec-fetch-site", "same-origin") == "same-origin"
-    )
+    site = headers.get("sec-fetch-site", "same-origin")
+    return headers.getlist("origin") == [origin] and site == "same-origin"
 
 
 _HEADERS = [(name.encode(), value.encode()) for name, value in HEADERS.items()]

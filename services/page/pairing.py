@@ -76,9 +76,8 @@ class Pairs:
     def known(self, cookie: str, now: float) -> bool:
         """Whether this cookie is of a paired browser."""
         digest = digest_of(cookie)
-        return any(
-            hmac.compare_digest(one.digest, digest) and now < one.until for one in self._paired
-        )
+        valid = (one for one in self._paired if now < one.until)
+        return any(hmac.compare_digest(one.digest, digest) for one in valid)
 
 
 class Bucket:

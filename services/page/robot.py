@@ -99,10 +99,7 @@ class RobotWord:
         if session is None:
             return False
         order = SetParameter(STEP, str(Permission(Verb.GO, at)))
-        sessions.put(
-            session,
-            self._key,
-            msgspec.msgpack.encode(Command(f"page-{secrets.token_hex(8)}", order)),
-        )
+        command = Command(f"page-{secrets.token_hex(8)}", order)
+        sessions.put(session, self._key, msgspec.msgpack.encode(command))
         close(session)
         return True

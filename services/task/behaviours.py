@@ -212,11 +212,8 @@ def _report(memory: Memory, turn: Turn, why: Facts) -> Memory:
     if turn.holds(memory.conversation):
         told = facts.fitting(facts.different(why), REASON_BYTES)
         known = evidence.fitting(memory.evidence, REASON_BYTES - len(msgspec.msgpack.encode(told)))
-        turn.say(
-            memory.conversation,
-            Performative.INFORM,
-            sw.Report(memory.end, why=told, evidence=known),
-        )
+        report = sw.Report(memory.end, why=told, evidence=known)
+        turn.say(memory.conversation, Performative.INFORM, report)
     return replace(memory, reported=True)
 
 

@@ -79,11 +79,9 @@ class Memory(msgspec.Struct, frozen=True):
     @property
     def asked(self) -> plans.Position:
         """The position that waits for the operator; () where none does."""
-        return (
-            self.pending.position
-            if isinstance(self.pending, Pending) and not self.pending.let
-            else ()
-        )
+        if not isinstance(self.pending, Pending) or self.pending.let:
+            return ()
+        return self.pending.position
 
     @property
     def let(self) -> plans.Position:
@@ -97,12 +95,8 @@ def something_to_secure(memory: Memory) -> bool:
     """Whether a cancelled plan left something in a hand, knows how to put it down, and has not
     tried yet.
     """
-    return (
-        memory.cancelled
-        and not memory.secured
-        and bool(memory.hands)
-        and way_to_safety(memory) is not None
-    )
+    full = memory.cancelled and not memory.secured and bool(memory.hands)
+    return full and way_to_safety(memory) is not None
 
 
 def way_to_safety(memory: Memory) -> hfsm.Machine | None:

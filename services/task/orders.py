@@ -33,11 +33,9 @@ def replan_wanted(memory: Memory, turn: Turn) -> bool:
     """Whether this event is the operator's order to end the act under way, which is none of looking
     around.
     """
-    return (
-        memory.act is not None
-        and not memory.looking
-        and verb_about(turn, place(memory)) is Verb.REPLAN
-    )
+    if memory.act is None or memory.looking:
+        return False
+    return verb_about(turn, place(memory)) is Verb.REPLAN
 
 
 def verb_about(turn: Turn, at: Place | None) -> Verb | None:

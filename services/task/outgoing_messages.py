@@ -54,18 +54,14 @@ def known_after(known: tuple[Evidence, ...], outcome: rc.Done | rc.NotDone) -> t
     held = {name for name, _, _ in outcome.held.values()}
     put = {one.of for one in known if one.claim is Claim.STANDS}
     seen = (one for one in outcome.seen if one.object in put and one.object not in held)
-    within = {
-        one.object: one.uncertainty.deviation if one.uncertainty else 0.0 for one in outcome.seen
-    }
-    stands = (
-        Evidence(Claim.STANDS, one.object, (Sense.EYES,), one.at, within[one.object])
-        for one in seen
-    )
+    sure = {one.object: one.uncertainty for one in outcome.seen}
+    within = {name: known.deviation if known else 0.0 for name, known in sure.items()}
+    by = (Sense.EYES,)
+    stands = (Evidence(Claim.STANDS, one.object, by, one.at, within[one.object]) for one in seen)
     if isinstance(outcome, rc.Done):
         return newest((*known, *stands), outcome.evidence, held)
-    doubted = (
-        Evidence(Claim.HELD, one.things[0]) for one in outcome.why if one.kind is Kind.WRIST_DOUBTED
-    )
+    by_wrist = (one for one in outcome.why if one.kind is Kind.WRIST_DOUBTED)
+    doubted = (Evidence(Claim.HELD, one.things[0]) for one in by_wrist)
     return newest(known, doubted, held)
 
 

@@ -74,11 +74,8 @@ def check(root: hfsm.Machine) -> None:
     _child(root, root.initial, root.name)
     for number, state in enumerate(root.states, start=1):
         if state.name in names[number:]:
-            raise PlanError(
-                root.name,
-                state.name,
-                (f"one state of that name only, not {names.count(state.name)}",),
-            )
+            once = f"one state of that name only, not {names.count(state.name)}"
+            raise PlanError(root.name, state.name, (once,))
         for arc in _arcs(state):
             if arc.to and arc.to not in names[number:]:
                 raise PlanError(state.name, arc.to, names[number:])

@@ -76,11 +76,8 @@ def run_plan(memory: Memory, turn: Turn) -> Memory:
         return memory
     match turn.event:
         case Received(communicate=message, conversation=name) if name == memory.conversation:
-            return (
-                preempted(memory, turn, ())
-                if message.performative is Performative.CANCEL
-                else memory
-            )
+            cancelled = message.performative is Performative.CANCEL
+            return preempted(memory, turn, ()) if cancelled else memory
         case Ordered() if orders.replan_wanted(memory, turn):
             return replace(acts.stop(memory, turn), end=sw.WorkerState.REPLAN, why=orders.WANTED)
         case _:
@@ -196,20 +193,11 @@ def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) ->
         return finish(replace(memory, looking=False), Outcome.REPLAN, (*memory.why, *ill(outcome)))
     if isinstance(outcome, rc.Done):
         if outcome.missing and outcome.arrived is None and memory.safe is None:
-            return _look(
-                memory,
-                turn,
-                outcome.key,
-                tuple(fact(Kind.NOT_WHERE_IT_WAS, one) for one in outcome.missing),
-            )
+            missing = tuple(fact(Kind.NOT_WHERE_IT_WAS, one) for one in outcome.missing)
+            return _look(memory, turn, outcome.key, missing)
         return _done(memory, turn, outcome, finish)
-    turn.log(
-        "act not done",
-        level="warning",
-        key=outcome.key,
-        kind=outcome.kind,
-        reason=operator(outcome.why),
-    )
+    reason = operator(outcome.why)
+    turn.log("act not done", level="warning", key=outcome.key, kind=outcome.kind, reason=reason)
     if memory.safe is not None:
         memory = replace(memory, why=memory.why or outcome.why)
     if outcome.kind in LOOK_FIRST and memory.safe is None:

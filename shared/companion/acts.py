@@ -46,8 +46,5 @@ else:
 
 def needed(act: type[rc.Command]) -> frozenset[AnyClaim]:
     """The claims about things without which an act fails: a sense must have told of each."""
-    return frozenset(
-        one.claim
-        for one in ACTS[act].checks
-        if one.otherwise is Otherwise.FAILED and one.claim.kept
-    )
+    kept = (one for one in ACTS[act].checks if one.claim.kept)
+    return frozenset(one.claim for one in kept if one.otherwise is Otherwise.FAILED)

@@ -17,26 +17,16 @@ else:
 
 def _kind_of_report(content: object) -> Kind:
     """In coordinate an inform is one on the way or the last one; the worker's state tells which."""
-    return (
-        Kind.FINAL
-        if isinstance(content, sw.Report) and content.state in sw.FINAL
-        else Kind.PROGRESS
-    )
+    final = isinstance(content, sw.Report) and content.state in sw.FINAL
+    return Kind.FINAL if final else Kind.PROGRESS
 
 
 def _kind_of_task(content: object) -> Kind:
     """In request an inform tells progress or the result; the task's state tells which."""
-    going_on = (
-        cmd.TaskState.WAITING,
-        cmd.TaskState.PLANNING,
-        cmd.TaskState.RUNNING,
-        cmd.TaskState.SUSPENDED,
-    )
-    return (
-        Kind.PROGRESS
-        if isinstance(content, cmd.TaskReport) and content.state in going_on
-        else Kind.PLAIN
-    )
+    begun = (cmd.TaskState.WAITING, cmd.TaskState.PLANNING)
+    going_on = (*begun, cmd.TaskState.RUNNING, cmd.TaskState.SUSPENDED)
+    progress = isinstance(content, cmd.TaskReport) and content.state in going_on
+    return Kind.PROGRESS if progress else Kind.PLAIN
 
 
 HFSM = Language("HFSM", hfsm.Content)

@@ -122,9 +122,8 @@ def table(name: str, language: str, general: dict[str, str]) -> dict[str, str]:
 
 def buttons(language: str) -> tuple[str, ...]:
     """The sentences that need no thing, as they are offered at any time."""
-    alone = (
-        (row, row.make[wish.does]((), "")) for row, wish in wishes() if wish.offer is Offer.ALONE
-    )
+    offered = ((row, wish) for row, wish in wishes() if wish.offer is Offer.ALONE)
+    alone = ((row, row.make[wish.does]((), "")) for row, wish in offered)
     return tuple(row.phrases.say[language][command.says] for row, command in alone)
 
 

@@ -57,10 +57,7 @@ def _look_alike(sign: str) -> str:
     # takes 50 ms and 18 MB, which few sentences need
     from confusable_homoglyphs.confusables import confusables_data
 
-    shapes = (
-        row["c"].lower()
-        for one in (sign, sign.lower(), sign.upper())
-        for row in confusables_data.get(one, ())
-    )
+    cases = (sign, sign.lower(), sign.upper())
+    shapes = (row["c"].lower() for one in cases for row in confusables_data.get(one, ()))
     found = next((shape for shape in shapes if shape.isascii() and shape.isalnum()), "")
     return "1" if found in ("i", "l") else found

@@ -44,11 +44,8 @@ def answered(
     Raise OSError or http.client.HTTPException where nobody answers within `patience_s` [s].
     """
     connection = http.client.HTTPConnection(host, address.port, timeout=patience_s)
-    headers = {
-        "Authorization": f"Bearer {address.token}",
-        "Content-Type": "application/json",
-        "Host": f"{HERE}:{address.port}",
-    }
+    headers = {"Authorization": f"Bearer {address.token}", "Content-Type": "application/json"}
+    headers["Host"] = f"{HERE}:{address.port}"
     try:
         connection.request(
             verb, path, msgspec.json.encode(body) if body is not None else b"", headers

@@ -62,11 +62,8 @@ class BoundedProtocol(H11Protocol):
             return
         # Those that are ended leave `connections` later: of many that come at once each must end
         # another one.
-        there = [
-            one
-            for one in self.connections
-            if isinstance(one, BoundedProtocol) and not one.transport.is_closing()
-        ]
+        ours = (one for one in self.connections if isinstance(one, BoundedProtocol))
+        there = [one for one in ours if not one.transport.is_closing()]
         idle = [one for one in there if one.idle] if len(there) > MOST else []
         if idle:
             min(idle, key=lambda one: one._since).transport.abort()
@@ -160,10 +157,8 @@ def listener(host: str, port: int, variable: str) -> socket.socket:
         made.listen(MOST)
     except OSError as error:
         made.close()
-        why = (
-            f"{host}:{port} cannot be listened at: {error.strerror}; {variable} names another"
-            " address"
-        )
+        taken = f"{host}:{port} cannot be listened at: {error.strerror}"
+        why = f"{taken}; {variable} names another address"
         raise OSError(error.errno, why) from error
     return made
 

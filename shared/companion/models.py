@@ -12,16 +12,13 @@ import msgspec
 
 from companion.languages import wm
 from companion.languages.values import Box, Cylinder, Pose, Shape, Side, Vector
-from companion.quaternions import conjugate, product
+from companion.world.geometry import conjugate, product
 
 UP: Vector = (0.0, 0.0, 1.0)
 _HALF = math.sqrt(0.5)
 LYING = "lying"
 """Kind of the grasps of things that lie on their side."""
-ACROSS = {
-    "lying": (_HALF, 0.0, -_HALF, 0.0),
-    "lying_turned": (0.0, _HALF, 0.0, _HALF),
-}
+ACROSS = {"lying": (_HALF, 0.0, -_HALF, 0.0), "lying_turned": (0.0, _HALF, 0.0, _HALF)}
 """Turn of a thing in a grasp across its axis: its z is the grip's -x, as where it stands
 (grasps.json, jar), or x.
 """
@@ -139,16 +136,8 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, dict=True):
 
     def of(self, object: str) -> wm.ModelOf:
         """The answer of km about one object of this kind."""
-        return wm.ModelOf(
-            object=object,
-            model=self.name,
-            shapes=self.shapes,
-            moveable=self.moveable,
-            mass=self.mass,
-            symmetric=self.symmetric,
-            base_z=self.base.z,
-            base_radius=self.base.radius,
-        )
+        kinds, foot = (self.moveable, self.mass, self.symmetric), (self.base.z, self.base.radius)
+        return wm.ModelOf(object, self.name, self.shapes, *kinds, *foot)
 
 
 class Handle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -186,15 +175,8 @@ class Handle(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                     wm.GraspStep(Pose((-up * z, -across, depth - ahead), quat), self.fingers)
                     for depth in (self.depth + self.before, self.depth)
                 )
-                grasp = (
-                    f"{name}_{slant:g}",
-                    tuple(steps),
-                    self.closed,
-                    squeeze,
-                    self.speed,
-                    self.before,
-                    HANDLE,
-                )
+                force = (self.closed, squeeze, self.speed, self.before)
+                grasp = (f"{name}_{slant:g}", tuple(steps), *force, HANDLE)
                 found.append(wm.GraspDef(*grasp))
         return tuple(found)
 

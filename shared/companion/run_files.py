@@ -164,9 +164,8 @@ class Tasks(msgspec.Struct, frozen=True, omit_defaults=True):
         """The sentences that answer what was asked of somebody; none where nothing was, or it is
         too late.
         """
-        return next(
-            (one.replies for one in self.questions if one.asker == asker and now < one.until), ()
-        )
+        open_ones = (one for one in self.questions if one.asker == asker and now < one.until)
+        return next((one.replies for one in open_ones), ())
 
 
 class HiEvent(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -197,11 +197,8 @@ def _known(word: str) -> str:
     if word.isalpha() or word.isdecimal():
         return word
     shape = _shape(word)
-    stem = max(
-        (one for looks, one in _table().stems.items() if shape.startswith(looks)),
-        key=len,
-        default=word,
-    )
+    fitting = (one for looks, one in _table().stems.items() if shape.startswith(looks))
+    stem = max(fitting, key=len, default=word)
     return _table().shapes.get(shape, stem)
 
 

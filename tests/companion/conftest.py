@@ -6,19 +6,16 @@ It is imported by the first test that needs it: no other test here needs the sim
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from companion.languages.values import Side
 
 sys.path.insert(0, str(Path(__file__).parent / "skills"))
-if TYPE_CHECKING:
-    from robot import Acting
 
 
 @pytest.fixture(scope="session")
-def _knowing() -> "Acting":
+def _knowing():
     from robot import Acting
 
     acting = Acting()
@@ -27,7 +24,7 @@ def _knowing() -> "Acting":
 
 
 @pytest.fixture(scope="session")
-def _before_the_jar(_knowing: "Acting") -> "Acting":
+def _before_the_jar(_knowing):
     acting = _knowing.copied()
     acting.plan_to_take("jar_1", Side.LEFT)
     acting.done(acting.taking[0])
@@ -35,32 +32,32 @@ def _before_the_jar(_knowing: "Acting") -> "Acting":
 
 
 @pytest.fixture(scope="session")
-def _holding(_before_the_jar: "Acting") -> "Acting":
+def _holding(_before_the_jar):
     acting = _before_the_jar.copied()
     acting.done(acting.taking[1])
     return acting
 
 
 @pytest.fixture(scope="session")
-def _jar_out(_holding: "Acting") -> "Acting":
+def _jar_out(_holding):
     acting = _holding.copied()
     acting.done(acting.taking[2])
     return acting
 
 
 @pytest.fixture
-def before_the_jar(_before_the_jar: "Acting") -> "Acting":
+def before_the_jar(_before_the_jar):
     """The left hand is in front of the jar; `taking[1]` grasps it, `taking[2]` pulls it out."""
     return _before_the_jar.copied()
 
 
 @pytest.fixture
-def holding(_holding: "Acting") -> "Acting":
+def holding(_holding):
     """The left hand has closed on the jar, which stands on its shelf."""
     return _holding.copied()
 
 
 @pytest.fixture
-def jar_out(_jar_out: "Acting") -> "Acting":
+def jar_out(_jar_out):
     """The left hand holds the jar in front of the cabinet."""
     return _jar_out.copied()

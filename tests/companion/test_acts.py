@@ -23,16 +23,15 @@ AS_SENT = bytes.fromhex("83a474797065a4486f6d65a36b6579a3702f31a473696465a46c656
 """As every version has sent it."""
 
 
-def test_an_act_is_general_or_of_one_task() -> None:
+def test_an_act_is_general_or_of_one_task():
     """No act has two rows, and each class of a task is in its part `done`."""
     of_tasks = [row.act for part in tasks.parts("done") for row in getattr(part, "ACTS", ())]
     assert len(ACTS) == len(GENERAL) + len(of_tasks)
-    assert {act.__module__ for act in of_tasks} == {
-        part.__name__ for part in tasks.parts("done") if hasattr(part, "ACTS")
-    }
+    with_acts = {part.__name__ for part in tasks.parts("done") if hasattr(part, "ACTS")}
+    assert {act.__module__ for act in of_tasks} == with_acts
 
 
-def test_the_language_has_all_acts() -> None:
+def test_the_language_has_all_acts():
     """And a plan takes each of them."""
     assert set(get_args(AnyAct)) == set(ACTS)
     assert set(RC.classes) == {*ACTS, *ANSWERS}
@@ -40,25 +39,23 @@ def test_the_language_has_all_acts() -> None:
     assert msgspec.msgpack.decode(state, type=hfsm.ActState).command == HOME
 
 
-def test_the_design_lists_the_acts() -> None:
+def test_the_design_lists_the_acts():
     """In the interface of ex, each by its name and with one answer."""
     entries = next(one.entries for one in DESIGN.file.interface if one.name == "acts")
-    assert {entry.name for entry in entries} == {
-        act.__name__[0].lower() + act.__name__[1:] for act in ACTS
-    }
-    assert {name for entry in entries for name in entry.arguments} == {
-        f"RC.{act.__name__}" for act in ACTS
-    }
+    words = {act.__name__[0].lower() + act.__name__[1:] for act in ACTS}
+    assert {entry.name for entry in entries} == words
+    arguments = {name for entry in entries for name in entry.arguments}
+    assert arguments == {f"RC.{act.__name__}" for act in ACTS}
     assert all(entry.answers == ("RC.Done",) for entry in entries)
 
 
-def test_an_act_is_sent_as_before() -> None:
+def test_an_act_is_sent_as_before():
     """By the name of its class alone, wherever that is defined."""
     assert msgspec.msgpack.encode(HOME) == AS_SENT
     assert {msgspec.inspect.type_info(act).tag for act in ACTS} == {act.__name__ for act in ACTS}
 
 
-def test_each_act_is_shown() -> None:
+def test_each_act_is_shown():
     """Each field that its row names is one of the command."""
     assert set(SHOWN) == set(ACTS)
     for act, row in SHOWN.items():
@@ -67,7 +64,7 @@ def test_each_act_is_shown() -> None:
         assert not row.points_on or {row.points_on, "approach"} <= set(fields)
 
 
-def test_what_an_act_needs_is_about_things() -> None:
+def test_what_an_act_needs_is_about_things():
     """That the joints are there is the loop's word."""
     for act, row in ACTS.items():
         failing = {check.claim for check in row.checks if check.otherwise is Otherwise.FAILED}
@@ -75,7 +72,7 @@ def test_what_an_act_needs_is_about_things() -> None:
     assert needed(rc.Grasp) == {Claim.HELD}
 
 
-def test_an_operator_is_asked_for_more_at_each_level() -> None:
+def test_an_operator_is_asked_for_more_at_each_level():
     """Before no act, before those that handle a thing, before each."""
     asked = {level: {act for act in ACTS if asks(level, act)} for level in Level}
     assert asked[Level.AUTO] == set()
@@ -94,6 +91,6 @@ companion.sentences.catalogue(companion.sentences.Reader.POLISH)
 """
 
 
-def test_agents_without_numpy_know_the_acts() -> None:
+def test_agents_without_numpy_know_the_acts():
     """Their words, too: co, ta and hi have neither numpy nor the robot, and no tools."""
     subprocess.run([sys.executable, "-c", NEEDLESS], check=True, timeout=50)

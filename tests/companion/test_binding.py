@@ -31,9 +31,10 @@ def test_every_agent_of_the_design_can_be_bound():
         bound, entry = bind(agent, 0, behaviours, conditions), DESIGN.agent(agent)
         assert bound.start == entry.initial
         assert set(bound.behaviours) == {state.name for state in entry.state}
-        assert [(a.source, a.target, a.when) for a in bound.arcs] == [
-            (a.source, a.target, a.when) for a in entry.arc
-        ]
+        ours, theirs = (
+            [(a.source, a.target, a.when) for a in some] for some in (bound.arcs, entry.arc)
+        )
+        assert ours == theirs
         wired = wiring(agent, "roco")
         assert set(wired.peers) == set(DESIGN.peers(agent))
         for link in wired.links:
@@ -63,11 +64,8 @@ def test_takes_of_an_unknown_behaviour_is_refused():
 def test_roles_deliveries_and_silent_languages_are_those_of_the_paper():
     """Formula 4: confirm and cancel of coordinate are in SW."""
     coordinate = wiring("co", "roco").required("ta", "coordinate")
-    assert (coordinate.role, coordinate.delivery, coordinate.silent) == (
-        Role.INITIATOR,
-        Delivery.DURABLE,
-        "SW",
-    )
+    assert (coordinate.role, coordinate.silent) == (Role.INITIATOR, "SW")
+    assert coordinate.delivery is Delivery.DURABLE
     observed = wiring("km", "roco").required("ta", "subscribe")
     assert (observed.delivery, observed.ontology) == (Delivery.LATEST, "RoCo")
     assert wiring("pl", "roco").required("km", "query").delivery is Delivery.VOLATILE

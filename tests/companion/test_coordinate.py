@@ -8,6 +8,7 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from companion.all_languages import LANGUAGES, SW
 from companion.design import COORDINATE
@@ -135,10 +136,8 @@ def spoilt(table, role):
 def test_rows_that_the_papers_text_leaves_out_are_needed_at_ta(state, performative, kind):
     """Without the row the message stands at the head of the queue for ever, without any fault."""
     found = spoilt(COORDINATE.tables[TA].without(state, RECEIVE, performative, kind), TA)
-    assert any(
-        f"participant in state {state} has no row for {performative}" in f.text
-        for f in found.unspecified
-    )
+    text = f"participant in state {state} has no row for {performative}"
+    assert any(text in one.text for one in found.unspecified)
     assert found.stuck
 
 
@@ -149,10 +148,8 @@ def test_rows_that_the_papers_text_leaves_out_are_needed_at_ta(state, performati
 def test_every_word_of_ta_is_taken_by_co_also_after_its_cancel(state, performative, kind):
     """Reports and the refuse may cross the cancel."""
     found = spoilt(COORDINATE.tables[CO].without(state, RECEIVE, performative, kind), CO)
-    assert any(
-        f"initiator in state {state} has no row for {performative}" in f.text
-        for f in found.unspecified
-    )
+    text = f"initiator in state {state} has no row for {performative}"
+    assert any(text in one.text for one in found.unspecified)
 
 
 def test_a_report_with_the_label_of_the_cancel_is_confirmed(running):
@@ -178,39 +175,32 @@ def waiting_ta():
 def test_ta_must_not_wait_for_a_confirm():
     """The cancel may come before the confirm, and stands at the head of the queue."""
     found = spoilt(waiting_ta(), TA)
-    assert {f.text for f in found.unspecified} == {
-        "participant in state unconfirmed has no row for cancel"
-    }
-    assert [step.row.word for step in found.unspecified[0].steps if step.row.way is SEND][:2] == [
-        "request",
-        "cancel",
-    ]
+    texts = {f.text for f in found.unspecified}
+    assert texts == {"participant in state unconfirmed has no row for cancel"}
+    sent = [step.row.word for step in found.unspecified[0].steps if step.row.way is SEND]
+    assert sent[:2] == ["request", "cancel"]
 
 
 def test_ta_that_waits_and_co_that_stops_confirming_block_each_other():
     """co confirms no more once it has cancelled, ta waits for the confirm: a deadlock without any
     fault.
     """
-    co = COORDINATE.tables[CO].with_rows(
-        Row(S.CANCELLING, RECEIVE, P.INFORM, PROGRESS, S.CANCELLING)
-    )
+    silent = Row(S.CANCELLING, RECEIVE, P.INFORM, PROGRESS, S.CANCELLING)
+    co = COORDINATE.tables[CO].with_rows(silent)
     found = explore(COORDINATE.with_tables(initiator=co, participant=waiting_ta()))
-    assert (S.CANCELLING, "unconfirmed") in {
-        (c.initiator, c.participant) for c, _, _ in found.stuck
-    }
+    stuck = {(c.initiator, c.participant) for c, _, _ in found.stuck}
+    assert (S.CANCELLING, "unconfirmed") in stuck
 
 
 def test_final_report_must_be_confirmed():
     """co that ends with the final report and confirms nothing leaves ta in `finished` for ever."""
-    old = COORDINATE.tables[CO].with_rows(
-        Row(S.RUNNING, RECEIVE, P.INFORM, FINAL, S.DONE),
-        Row(S.CANCELLING, RECEIVE, P.INFORM, FINAL, S.DONE),
-    )
-    co = Table(
+    ends = (Row(state, RECEIVE, P.INFORM, FINAL, S.DONE) for state in (S.RUNNING, S.CANCELLING))
+    old = COORDINATE.tables[CO].with_rows(*ends)
+    rows, urgent = (
         [row for row in old if row.state != S.CONCLUDED],
-        ended=old.ended,
-        urgent=(S.REPORTED, S.CANCELLING_REPORTED),
+        (S.REPORTED, S.CANCELLING_REPORTED),
     )
+    co = Table(rows, ended=old.ended, urgent=urgent)
     found = spoilt(co, CO)
     assert (S.DONE, S.FINISHED) in {(c.initiator, c.participant) for c, _, _ in found.stuck}
 
@@ -309,7 +299,7 @@ def test_confirm_of_nothing_is_an_error(running):
     running.say(TA, P.INFORM, WorkerState.RUNNING)
     confirm = running.send(CO, P.CONFIRM)
     with pytest.raises(RemoteProtocolError) as caught:
-        running.sides[TA].receive(msgspec.structs.replace(confirm, in_reply_to="ta-3-99"))
+        running.sides[TA].receive(replace(confirm, in_reply_to="ta-3-99"))
     assert caught.value.field == "in_reply_to"
     with pytest.raises(LocalProtocolError):
         running.send(CO, P.CONFIRM)
@@ -322,7 +312,7 @@ def test_report_without_kind_or_label_is_an_error(running):
         running.sides[CO].receive(inform, Kind.PLAIN)
     assert caught.value.field == "performative"
     with pytest.raises(RemoteProtocolError) as caught:
-        running.sides[CO].receive(msgspec.structs.replace(inform, reply_with=""), PROGRESS)
+        running.sides[CO].receive(replace(inform, reply_with=""), PROGRESS)
     assert caught.value.field == "reply_with"
 
 
@@ -356,16 +346,10 @@ def test_whatever_is_sent_in_sequence_is_taken(data):
     """
     fleet = Fleet()
     for _ in range(30):
-        choices = [
-            ("take", r)
-            for r in Role
-            if fleet.wires[r] and not (r in fleet.sides and fleet.sides[r].owes)
-        ]
-        choices += [
-            ("send", r, row)
-            for r, s in fleet.sides.items()
-            for row in s.table.allowed(s.state, SEND)
-        ]
+        owing = {r for r, side in fleet.sides.items() if side.owes}
+        choices = [("take", r) for r in Role if fleet.wires[r] and r not in owing]
+        for r, side in fleet.sides.items():
+            choices += [("send", r, row) for row in side.table.allowed(side.state, SEND)]
         if not choices:
             break
         action, role, *rows = data.draw(st.sampled_from(choices))
@@ -373,12 +357,7 @@ def test_whatever_is_sent_in_sequence_is_taken(data):
             fleet.take(role)
         else:
             row = rows[0]
-            fleet.send(
-                role,
-                row.performative,
-                data.draw(st.sampled_from(REPORTS[row.kind]))
-                if row.performative is P.INFORM
-                else None,
-            )
+            reports = REPORTS[row.kind] if row.performative is P.INFORM else [None]
+            fleet.send(role, row.performative, data.draw(st.sampled_from(reports)))
     for side in fleet.sides.values():
         assert side.state != S.DONE or side.unconfirmed == ()

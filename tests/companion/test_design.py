@@ -31,70 +31,63 @@ STATES = {
 }
 
 
-def said(sender: str, receiver: str, protocol: str, performative: P) -> Communicate:
+def said(sender, receiver, protocol, performative):
     """A communicate as far as its address goes."""
-    return Communicate(
-        sender=sender, receiver=receiver, protocol=protocol, performative=performative
-    )
+    names = {"sender": sender, "receiver": receiver, "protocol": protocol}
+    return Communicate(performative=performative, **names)
 
 
-def test_the_design_is_consistent() -> None:
+def test_the_design_is_consistent():
     """Neither in itself nor with the languages, the protocols' rows and the kinds of queries is
     there a finding.
     """
     assert [str(finding) for finding in findings()] == []
 
 
-def test_six_channels_join_the_agents_as_in_the_paper() -> None:
+def test_six_channels_join_the_agents_as_in_the_paper():
     """The steps, walked, end in the paper's figure."""
     found = {channel.id: set(channel.ends) for channel in DESIGN.channels.values()}
     assert found.items() >= CHANNELS.items()
-    assert (
-        {name.value for name in AgentName}
-        <= set(DESIGN.agents)
-        == set(DESIGN.decomposition.last.groups)
-    )
+    assert {name.value for name in AgentName} <= set(DESIGN.agents)
+    assert set(DESIGN.agents) == set(DESIGN.decomposition.last.groups)
 
 
-def test_every_state_of_the_paper_is_there_and_reachable() -> None:
+def test_every_state_of_the_paper_is_there_and_reachable():
     """By its name; each state that is not the paper's has a ruling."""
     for agent, states in STATES.items():
         assert states <= reachable(DESIGN.agent(agent))
         assert all(state.ruling for state in DESIGN.agent(agent).state if state.name not in states)
 
 
-def test_a_communicate_travels_on_the_key_of_the_design() -> None:
+def test_a_communicate_travels_on_the_key_of_the_design():
     """The key names system, channel, sender, receiver, protocol and act."""
     key = DESIGN.key("lab", said("co", "ta", "coordinate", P.REQUEST))
     assert key == "roco/lab/C1/co/ta/coordinate/request"
     assert DESIGN.keys_to("lab", "ta") == "roco/lab/*/*/ta/*/*"
-    assert (
-        DESIGN.signal_key("alive", system="lab", owner="ta", incarnation=3)
-        == "roco/lab/_/alive/ta/3"
-    )
+    alive = DESIGN.signal_key("alive", system="lab", owner="ta", incarnation=3)
+    assert alive == "roco/lab/_/alive/ta/3"
 
 
-def test_what_is_no_communicate_travels_on_the_key_of_the_design() -> None:
+def test_what_is_no_communicate_travels_on_the_key_of_the_design():
     """The runtime makes these keys by the same rule, so a right given by the design is a right to
     what is sent.
     """
     for signal in DESIGN.signals.values():
         names = {"owner": "ta", "peer": "co", "incarnation": "3"}
         rest = [names[name] for name in ("peer", "incarnation") if f"{{{name}}}" in signal.key]
-        assert DESIGN.signal_key(signal.kind, system="lab", **names) == service_key(
-            "lab", signal.kind, "ta", *rest
-        )
+        key = service_key("lab", signal.kind, "ta", *rest)
+        assert DESIGN.signal_key(signal.kind, system="lab", **names) == key
     runtime = {"alive", "receipt", "ping", "pong", "state", "control", "want", "steps"}
     assert set(DESIGN.signals) == runtime | {"telemetry", "truth"}
 
 
-def test_every_rule_has_its_own_key() -> None:
+def test_every_rule_has_its_own_key():
     """No two rules share a key, so access rights can be as fine as the rules."""
     keys = [DESIGN.key_of("lab", rule) for rule in DESIGN.rules.values()]
     assert len(keys) == len(set(keys))
 
 
-def test_a_message_outside_the_design_has_no_key() -> None:
+def test_a_message_outside_the_design_has_no_key():
     """hi never talks to ta; and the error says which acts there are."""
     with pytest.raises(NoSuchEntry):
         DESIGN.key("lab", said("hi", "ta", "coordinate", P.REQUEST))
@@ -103,7 +96,7 @@ def test_a_message_outside_the_design_has_no_key() -> None:
     assert P.REQUEST in caught.value.known
 
 
-def test_formula_4_holds() -> None:
+def test_formula_4_holds():
     """confirm and cancel are in SW without content, the request is a plan in HFSM."""
     for act in (P.CONFIRM, P.CANCEL):
         rule = DESIGN.rule(said("co", "ta", "coordinate", act))
@@ -112,44 +105,39 @@ def test_formula_4_holds() -> None:
     assert (rule.language, rule.contents) == ("HFSM", ("HFSM.HierarchicalPlan",))
 
 
-def test_queries_are_small_and_answers_may_be_large() -> None:
+def test_queries_are_small_and_answers_may_be_large():
     """Section 5.4: 250 bytes and 1 MB; hypothetical states have a budget of their own."""
     rule = DESIGN.rule(said("pl", "km", "query", P.QUERY_REF))
     assert rule.sizes["WM.ObjectPose"] == 250
     assert rule.sizes["WM.HypotheticalState"] > 250
     assert DESIGN.rule(said("km", "pl", "query", P.INFORM_REF)).bytes == 1_000_000
-    assert (
-        "WM.HypotheticalState" not in DESIGN.rule(said("ta", "km", "query", P.QUERY_REF)).contents
-    )
+    queries = DESIGN.rule(said("ta", "km", "query", P.QUERY_REF))
+    assert "WM.HypotheticalState" not in queries.contents
 
 
-def test_durable_are_the_channels_of_the_main_line() -> None:
+def test_durable_are_the_channels_of_the_main_line():
     """C1, C2, C3 and acts on C5 are journalled; queries and subscriptions are not."""
-    assert {use.name for use in DESIGN.file.protocol if use.durable} == {
-        "execute_plan",
-        "execute_command",
-        "generate_plan",
-        "act",
-    }
+    durable = {"execute_plan", "execute_command", "generate_plan", "act"}
+    assert {use.name for use in DESIGN.file.protocol if use.durable} == durable
     assert DESIGN.rule(said("ta", "km", "subscribe", P.INFORM)).latest
     assert not DESIGN.rule(said("ta", "km", "subscribe", P.AGREE)).latest
 
 
-def test_a_reason_may_go_with_every_no() -> None:
+def test_a_reason_may_go_with_every_no():
     """refuse, failure and not-understood may carry a Reason in the language everybody reads."""
     for rule in DESIGN.rules.values():
         no = rule.performative in (P.REFUSE, P.FAILURE, P.NOT_UNDERSTOOD)
         assert ("reason.Reason" in rule.contents) == no
 
 
-def test_the_interface_of_the_paper_is_the_papers() -> None:
+def test_the_interface_of_the_paper_is_the_papers():
     """ClassInterfaceInfo([('request', 'generatePlan', [GroundTaskNetwork], HierarchicalPlan)])"""
     (entry,) = INTERFACES["generate_plan"]
     assert (entry.performative, entry.name) == (P.REQUEST, "generatePlan")
     assert (entry.arguments, entry.answers) == ((hfsm.GroundTaskNetwork,), (hfsm.HierarchicalPlan,))
 
 
-def test_every_content_class_has_one_language() -> None:
+def test_every_content_class_has_one_language():
     """The language of a sentence follows from its class."""
     assert language_of(sw.Report(sw.WorkerState.RUNNING)).name == "SW"
     assert class_named(LANGUAGES, "WM.PoseOf") is wm.PoseOf
@@ -157,7 +145,7 @@ def test_every_content_class_has_one_language() -> None:
     assert len(classes) == len(set(classes))
 
 
-def test_an_agents_interface_is_what_its_rules_say() -> None:
+def test_an_agents_interface_is_what_its_rules_say():
     """km sends answers and a subscription, in WM with O_RoCo (and reasons)."""
     side = DESIGN.side("km")
     assert side.sends >= {P.INFORM_REF, P.SUBSCRIBE}
@@ -166,6 +154,6 @@ def test_an_agents_interface_is_what_its_rules_say() -> None:
     assert DESIGN.peers("co") == {"ta": "C1", "hi": "C2", "pl": "C3"}
 
 
-def test_conditions_to_bind_are_listed() -> None:
+def test_conditions_to_bind_are_listed():
     """An agent's code learns which names it must bind."""
     assert {"switch", "command_arrived", "switched"} <= DESIGN.conditions("co")

@@ -12,7 +12,7 @@ import pytest
 
 from companion.design import DESIGN
 from topdown.check import recorded
-from topdown.check.estimate import Measured, estimate, measure
+from topdown.check.estimate import estimate, measure
 from topdown.check.recorded import Observed
 from topdown.check.requirements import Shown, trace
 from topdown.model.findings import Kind
@@ -22,18 +22,18 @@ WITHIN = 0.3
 COUNTED = ("communicates", "bytes")
 
 
-def heard(name: str) -> Observed:
+def heard(name):
     """Return the traffic of a run."""
     return msgspec.json.decode((RUNS / name).read_bytes(), type=Observed)
 
 
-def compared(name: str) -> tuple[Measured, ...]:
+def compared(name):
     """Every figure of the estimate beside that of the run."""
     return measure(DESIGN, estimate(DESIGN), heard(name))
 
 
 @pytest.mark.parametrize("run", ["pour_seed_3.json", "pour_seed_11.json"])
-def test_a_pour_is_as_it_was_estimated_on_any_machine(run: str) -> None:
+def test_a_pour_is_as_it_was_estimated_on_any_machine(run):
     """Counts and bytes of every channel are within the error. It breaks nothing but latencies:
     every communicate is the design's, within its size. It shows every requirement that a run can
     show.
@@ -47,37 +47,32 @@ def test_a_pour_is_as_it_was_estimated_on_any_machine(run: str) -> None:
     assert all(leaf.evidence for leaf in found)
 
 
-def test_time_and_bandwidth_are_within_the_error_on_a_free_machine() -> None:
+def test_time_and_bandwidth_are_within_the_error_on_a_free_machine():
     """Latencies of milliseconds are the machine's and not the design's: they are told, and not
     promised.
     """
-    figures = [
-        one
-        for one in compared("pour_seed_3.json")
-        if one.what in ("time", "mean bandwidth", "busy bandwidth")
-    ]
+    shown = ("time", "mean bandwidth", "busy bandwidth")
+    figures = [one for one in compared("pour_seed_3.json") if one.what in shown]
     assert len(figures) == 1 + 2 * len(DESIGN.channels)
     assert all(one.error is not None and abs(one.error) <= WITHIN for one in figures), figures
 
 
-def test_the_narrow_place_of_the_estimate_is_that_of_the_run() -> None:
+def test_the_narrow_place_of_the_estimate_is_that_of_the_run():
     """C4 while it plans, as in the paper (section 5.7)."""
     figures = [one for one in compared("pour_seed_3.json") if one.what == "busy bandwidth"]
     assert estimate(DESIGN).narrowest == max(figures, key=lambda one: one.recorded).where == "C4"
     assert estimate(DESIGN).slowest == "act"
 
 
-def test_every_test_named_as_evidence_is_there() -> None:
+def test_every_test_named_as_evidence_is_there():
     """By file and name."""
     root = Path(__file__).resolve().parents[2]
 
-    def exists(path: str, name: str) -> bool:
-        return (root / path).is_file() and f"def {name}(" in (root / path).read_text(
-            encoding="utf-8"
-        )
+    def exists(path, name):
+        file = root / path
+        return file.is_file() and f"def {name}(" in file.read_text("utf-8")
 
-    tests = [
-        one for leaf in trace(DESIGN, None, exists) for one in leaf.evidence if one.kind == "test"
-    ]
+    evidence = (one for leaf in trace(DESIGN, None, exists) for one in leaf.evidence)
+    tests = [one for one in evidence if one.kind == "test"]
     assert tests
     assert all(one.shown is Shown.SEEN for one in tests), tests

@@ -36,9 +36,8 @@ def test_what_looks_like_a_letter_is_read_as_it():
     others, wrong = {"ſ": "s", "ʋ": "v", "ᶌ": "v", "ͺ": " "}, []
     for letter in string.ascii_lowercase:
         same = {letter, *({"0"} if letter == "o" else {"1", "i", "l"} if letter in "il" else ())}
-        alike = (
-            row["c"] for one in (letter, letter.upper()) for row in confusables_data.get(one, ())
-        )
+        rows = (row for one in (letter, letter.upper()) for row in confusables_data.get(one, ()))
+        alike = (row["c"] for row in rows)
         for one in alike:
             if (
                 len(one) == 1
@@ -52,11 +51,8 @@ def test_what_looks_like_a_letter_is_read_as_it():
 
 def test_apostrophes_are_those_of_unicode():
     """Every sign that its table calls confusable with one."""
-    signs = {
-        one
-        for one, rows in confusables_data.items()
-        if len(one) == 1 and any(row["c"] == "'" for row in rows)
-    }
+    letters = ((one, rows) for one, rows in confusables_data.items() if len(one) == 1)
+    signs = {one for one, rows in letters if any(row["c"] == "'" for row in rows)}
     assert set(APOSTROPHES) == signs | {"'"}
 
 
@@ -75,7 +71,6 @@ def test_the_table_is_loaded_by_a_letter_of_another_alphabet_alone():
         "before = 'confusable_homoglyphs' in sys.modules; fold('ѕтор');"
         "print(before, 'confusable_homoglyphs' in sys.modules)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=True
-    )
+    command, how = [sys.executable, "-c", program], {"timeout": 30, "check": True}
+    done = subprocess.run(command, capture_output=True, text=True, **how)
     assert done.stdout.split() == ["False", "True"]

@@ -14,7 +14,7 @@ from companion.models import CLOSINGS, GRASPS, HANDLE, LYING, MODELS, REACH, fit
 from velma.kinematics.frames import lies
 
 
-def turned(pose: Pose, v: tuple[float, float, float]) -> tuple[float, ...]:
+def turned(pose, v):
     """A point of the inner frame in the outer one."""
     w, x, y, z = pose.quat_wxyz
     rows = (
@@ -25,25 +25,23 @@ def turned(pose: Pose, v: tuple[float, float, float]) -> tuple[float, ...]:
     return tuple(sum(row[i] * v[i] for i in range(3)) + pose.xyz[k] for k, row in enumerate(rows))
 
 
-def test_there_are_as_many_grasps_as_were_published() -> None:
+def test_there_are_as_many_grasps_as_were_published():
     """96 for the jar, 32 for the bowl; boxes 24, 16, 8. Two of a jar that lies, and those of
     handles, are of trials.
     """
-    counts = {
-        name: sum(one.kind not in (LYING, HANDLE) for one in grasps)
-        for name, grasps in GRASPS.items()
+    standing = {
+        name: [g for g in all_of if g.kind not in (LYING, HANDLE)]
+        for name, all_of in GRASPS.items()
     }
+    counts = {name: len(some) for name, some in standing.items()}
     assert [counts.pop(name) for name in ("door_left", "door_right")] == [0, 0]
     assert counts == {"jar": 96, "bowl_high": 32, "box1": 24, "box2": 16, "box3": 8}
-    assert {
-        name: len(GRASPS[name]) - count
-        for name, count in counts.items()
-        if len(GRASPS[name]) > count
-    } == {"jar": 2}
+    others = {name: len(GRASPS[name]) - count for name, count in counts.items()}
+    assert {name: count for name, count in others.items() if count} == {"jar": 2}
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi))
-def test_grasps_fit_a_thing_as_it_stands_or_lies(yaw: float, pitch: float, roll: float) -> None:
+def test_grasps_fit_a_thing_as_it_stands_or_lies(yaw, pitch, roll):
     """By the same angle as the geometry of the hand; a bowl that lies has no other ones."""
     matrix = pin.rpy.rpyToMatrix(roll, pitch, yaw)
     x, y, z, w = pin.Quaternion(matrix).coeffs()
@@ -55,7 +53,7 @@ def test_grasps_fit_a_thing_as_it_stands_or_lies(yaw: float, pitch: float, roll:
 
 
 @pytest.mark.parametrize("model", GRASPS)
-def test_a_grasp_comes_nearer_with_every_step(model: str) -> None:
+def test_a_grasp_comes_nearer_with_every_step(model):
     """From the outermost step on the object comes closer to the hand, with unit quaternions and
     names of its own.
     """
@@ -68,7 +66,7 @@ def test_a_grasp_comes_nearer_with_every_step(model: str) -> None:
             assert math.hypot(*step.pose.quat_wxyz) == pytest.approx(1.0)
 
 
-def test_the_jar_sits_deeper_in_the_hand_than_published() -> None:
+def test_the_jar_sits_deeper_in_the_hand_than_published():
     """Published at 0.02 in front of the grip; closing drags it to the palm from there, so 18 mm
     less.
 
@@ -78,29 +76,25 @@ def test_the_jar_sits_deeper_in_the_hand_than_published() -> None:
     assert depths == {"side": 0.002, LYING: 0.035}
 
 
-def test_the_jars_axis_is_across_the_approach() -> None:
+def test_the_jars_axis_is_across_the_approach():
     """Every jar grasp is one from the side."""
     for grasp in GRASPS["jar"]:
         pose = Pose((0.0, 0.0, 0.0), grasp.steps[-1].pose.quat_wxyz)
         assert turned(pose, (0.0, 0.0, 1.0))[2] == pytest.approx(0.0, abs=1e-5)
 
 
-def test_the_hands_close_as_the_trials_say() -> None:
+def test_the_hands_close_as_the_trials_say():
     """The jar is squeezed hard and the bowl hardly at all, closed upon slowly and taken less far
     out.
     """
     jar, bowl = GRASPS["jar"][0], GRASPS["bowl_high"][0]
     assert (math.degrees(jar.squeeze), jar.speed, jar.out) == (pytest.approx(40.0), 0.6, 0.28)
     assert (math.degrees(bowl.squeeze), bowl.speed, bowl.out) == (pytest.approx(0.8), 0.3, 0.22)
-    assert [CLOSINGS["bowl_high"].kind_of(number) for number in (0, 15, 16, 31)] == [
-        "rim_two_inside",
-        "rim_two_inside",
-        "rim_one_inside",
-        "rim_one_inside",
-    ]
+    kinds = [CLOSINGS["bowl_high"].kind_of(number) for number in (0, 15, 16, 31)]
+    assert kinds == ["rim_two_inside"] * 2 + ["rim_one_inside"] * 2
 
 
-def test_the_bowls_boards_lean_from_its_base_to_its_rim() -> None:
+def test_the_bowls_boards_lean_from_its_base_to_its_rim():
     """Twenty boards; the top of each is near the rim radius, the bottom near the base radius, all
     outwards alike.
     """
@@ -117,7 +111,7 @@ def test_the_bowls_boards_lean_from_its_base_to_its_rim() -> None:
     assert any(isinstance(shape, Cylinder) for shape in MODELS["bowl_high"].shapes)
 
 
-def test_a_model_says_where_it_is_from_and_has_shapes() -> None:
+def test_a_model_says_where_it_is_from_and_has_shapes():
     """Each has a source, some shape, and mass."""
     for model in MODELS.values():
         assert model.source
@@ -127,24 +121,19 @@ def test_a_model_says_where_it_is_from_and_has_shapes() -> None:
         assert WM.decode(WM.encode(answer)) == answer
 
 
-def test_arms_reach_from_their_own_shoulder() -> None:
+def test_arms_reach_from_their_own_shoulder():
     """Left is where y is positive."""
-    assert {side.value: reach.shoulders[0][1] > 0 for side, reach in REACH.items()} == {
-        "left": True,
-        "right": False,
-    }
+    left_of_body = {side.value: reach.shoulders[0][1] > 0 for side, reach in REACH.items()}
+    assert left_of_body == {"left": True, "right": False}
 
 
 @pytest.mark.parametrize("model", ["door_left", "door_right"])
-def test_a_hand_at_a_handle_has_the_bar_between_its_fingers(model: str) -> None:
+def test_a_hand_at_a_handle_has_the_bar_between_its_fingers(model):
     """The bar is upright in the hand's x, in the middle of its y, and as far before the grip at
     every slant; the hand comes from the front, and each grasp is another one.
     """
-    bar = next(
-        shape.at.xyz
-        for shape in MODELS[model].shapes
-        if isinstance(shape, Box) and shape.size[2] == 0.136
-    )
+    boxes = (shape for shape in MODELS[model].shapes if isinstance(shape, Box))
+    bar = next(box.at.xyz for box in boxes if box.size[2] == 0.136)
     depth, found = turned(GRASPS[model][0].steps[-1].pose, bar)[2], set()
     for grasp in GRASPS[model]:
         at = [turned(step.pose, bar) for step in grasp.steps]
@@ -152,9 +141,8 @@ def test_a_hand_at_a_handle_has_the_bar_between_its_fingers(model: str) -> None:
         assert np.abs(along) == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
         assert [x for x, _, _ in at] + [y for _, y, _ in at] == pytest.approx([0.0] * 4, abs=1e-9)
         assert at[0][2] > at[-1][2] == pytest.approx(depth)
-        outwards = np.subtract(
-            turned(grasp.steps[-1].pose, (1.0, 0.0, 0.0)), grasp.steps[-1].pose.xyz
-        )
+        pose = grasp.steps[-1].pose
+        outwards = np.subtract(turned(pose, (1.0, 0.0, 0.0)), pose.xyz)
         assert outwards[2] < -0.7
         found.add(tuple(np.round([*along, *outwards], 6)))
     assert len(found) == len(GRASPS[model])

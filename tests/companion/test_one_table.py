@@ -2,10 +2,8 @@
 
 from dataclasses import replace as with_fields
 
-import pytest
 from msgspec.structs import replace
 
-from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Arrived, Started
 from agent_runtime.core.state import Held
 from agent_runtime.core.step import Core
@@ -28,18 +26,15 @@ from topdown.prove.fleet import Faults, Fleet
 REFUSED = "execute_plan refuse"
 
 
-def without(agent: str, event: str) -> Design:
+def without(agent, event):
     """The design less an agent's rows for an event."""
-    agents = tuple(
-        replace(one, row=tuple(row for row in one.row if row.on != event))
-        if one.name == agent
-        else one
-        for one in DESIGN.file.agent
-    )
+    (old,) = [one for one in DESIGN.file.agent if one.name == agent]
+    new = replace(old, row=tuple(row for row in old.row if row.on != event))
+    agents = tuple(new if one is old else one for one in DESIGN.file.agent)
     return Design(replace(DESIGN.file, agent=agents), DESIGN.path)
 
 
-def takes_a_refuse(agent: Agent) -> bool:
+def takes_a_refuse(agent):
     """Whether co, whose plan runs, takes ta's refuse: else it stays in the inbox, without a
     receipt.
     """
@@ -51,20 +46,13 @@ def takes_a_refuse(agent: Agent) -> bool:
     state.keep(Held(talk, Delivery.DURABLE))
     names = {"protocol": "coordinate", "conversation": talk.id, "sender": "ta", "receiver": "co"}
     content = SW.encode(sw.Report(sw.WorkerState.FAILED))
-    answer = Communicate(
-        performative=P.REFUSE,
-        content=content,
-        language="SW",
-        in_reply_to=asked.reply_with,
-        id="1",
-        sent=1.0,
-        **names,
-    )
+    names |= {"in_reply_to": asked.reply_with, "id": "1", "sent": 1.0}
+    answer = Communicate(performative=P.REFUSE, content=content, language="SW", **names)
     _, effects = core.step(state, Arrived(answer), 1.0)
     return bool(effects.receipts)
 
 
-def test_an_agents_rows() -> None:
+def test_an_agents_rows():
     """With the row co takes the refuse; without it co leaves it, and the proof fails."""
     less = without("co", REFUSED)
     assert takes_a_refuse(with_fields(coordinator(), rows=Steps(DESIGN, "co")))
@@ -72,13 +60,12 @@ def test_an_agents_rows() -> None:
     assert explore(Fleet(less, Faults(0))).findings
 
 
-def test_a_protocols_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_protocols_rows(monkeypatch):
     """Without the row by which ta takes a cancel that crossed its final report conversation, walk
     and fleet change.
     """
-    talk = Conversation(
-        id="c", protocol="coordinate", role=Role.PARTICIPANT, me="ta", peer="co", state="finished"
-    )
+    names = {"role": Role.PARTICIPANT, "me": "ta", "peer": "co"}
+    talk = Conversation(id="c", protocol="coordinate", state="finished", **names)
     names = {"protocol": "coordinate", "conversation": "c", "sender": "co", "receiver": "ta"}
     cancel = Communicate(performative=P.CANCEL, reply_with="2", id="2", **names)
     assert talk.takes(cancel)

@@ -12,7 +12,7 @@ PICTURE = Picture(
 encode = msgspec.msgpack.encode
 
 
-def test_a_picture_and_a_state_are_told_apart() -> None:
+def test_a_picture_and_a_state_are_told_apart():
     """Each is read back as what it was; neither is taken for the other by whoever knows one of them
     only: every reader of before, and the history.
     """
@@ -22,7 +22,7 @@ def test_a_picture_and_a_state_are_told_apart() -> None:
             msgspec.msgpack.decode(encode(one), type=other)
 
 
-def test_anything_else_is_an_error() -> None:
+def test_anything_else_is_an_error():
     """Of the one kind that readers catch."""
     for data in (
         b"",

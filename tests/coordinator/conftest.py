@@ -1,11 +1,11 @@
-"""Makes the scripted partners importable for the tests beside them (tests have no packages)."""
+"""Makes the scripted partners importable (tests have no packages)."""
 
 import sys
 from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "fleet")]
 
 
 @pytest.fixture

@@ -1,12 +1,8 @@
-"""co on pretend wires among hi, pl and ta that do what a test says, or what a policy says.
+"""co on pretend wires among hi, pl and ta that do what a test says, or what a policy says."""
 
-A puppet obeys the protocols (the core makes it), notes what it hears, and says what it is told to.
-"""
+from msgspec.structs import replace
+from scripted_partner import Puppet
 
-import msgspec
-
-from agent_runtime.core.agent import Agent, Behaviour
-from agent_runtime.core.events import Local, Received
 from agent_runtime.core.wiring import Wiring
 from agent_runtime.testing.memory_bus import MemoryBus
 from companion.binding import wiring
@@ -28,40 +24,11 @@ CANCELLED = fact(Kind.CANCELLED)
 BUSY = fact(Kind.BUSY, AgentName.TA)
 
 
-class Nothing(msgspec.Struct, frozen=True):
-    """Memory of a puppet."""
-
-
-class Puppet:
-    """A partner of co. `answer(turn, received)` is called with each message, after it was noted in
-    `heard`.
-    """
-
-    def __init__(self, name, answer=None):
-        self.name, self.answer = name, answer or self.default
-        self.heard = []
-
-    def default(self, turn, received):
-        """Answer as a protocol wants at once: ta says Running."""
-        if self.name == "ta" and received.communicate.performative is P.REQUEST:
-            turn.say(
-                received.conversation,
-                P.INFORM,
-                sw.Report(sw.WorkerState.RUNNING, at=hfsm.Place(("end",))),
-            )
-
-    def agent(self):
-        """One state that never ends."""
-        return Agent(self.name, "on", Nothing(), {"on": Behaviour(self.act)})
-
-    def act(self, memory, turn):
-        """Hear, or do what the test says: a function of the turn."""
-        if isinstance(turn.event, Received):
-            self.heard.append(turn.event)
-            self.answer(turn, turn.event)
-        elif isinstance(turn.event, Local):
-            turn.event.content(turn)
-        return memory
+def run_plans(turn, received):
+    """A policy of ta: says Running at once."""
+    if received.communicate.performative is P.REQUEST:
+        report = sw.Report(sw.WorkerState.RUNNING, at=hfsm.Place(("end",)))
+        turn.say(received.conversation, P.INFORM, report)
 
 
 class Scene:
@@ -69,6 +36,7 @@ class Scene:
 
     def __init__(self, *, limits=LIMITS, seed=0, faults=None, **answers):
         self.wires = MemoryBus(seed=seed, faults=faults)
+        answers = {"ta": run_plans} | answers
         self.puppets = {name: Puppet(name, answers.get(name)) for name in ("hi", "pl", "ta")}
         for name, puppet in self.puppets.items():
             self.wires.add(puppet.agent(), unchecked(wiring(name, "test")))
@@ -104,9 +72,21 @@ class Scene:
         """Pl has a plan."""
         self.pl(P.INFORM, a_plan(duration, suspend, resume))
 
+    def pl_stops(self):
+        """Pl answers a cancel."""
+        self.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
+
     def ta(self, state, **more):
         """Ta reports."""
         self.do("ta", lambda turn: turn.say(self.asked("ta"), P.INFORM, sw.Report(state, **more)))
+
+    def succeed(self):
+        self.ta(sw.WorkerState.SUCCEEDED)
+
+    def carry_out(self, *plan, **more):
+        """Pl has a plan, and ta carries it out."""
+        self.plan(*plan, **more)
+        self.succeed()
 
     def running(self, task=POUR):
         """Hi commands, pl plans, ta runs; the conversation with hi."""
@@ -120,30 +100,33 @@ class Scene:
         """Return the words a puppet heard as (performative, content), of one conversation or of
         all.
         """
-        return [
-            (one.communicate.performative, one.content)
+        said = [
+            (one.communicate.performative, one.content, one.conversation)
             for one in self.puppets[name].heard
-            if conversation in ("", one.conversation)
         ]
+        return [(act, content) for act, content, talk in said if conversation in ("", talk)]
 
     def acts(self, name, conversation=""):
         """The performatives a puppet heard."""
         return [performative for performative, _ in self.heard(name, conversation)]
 
+    def requests(self, name):
+        """The contents of what co requested of a puppet."""
+        return [content for act, content in self.heard(name) if act is P.REQUEST]
+
     def asked(self, name):
         """The last conversation co opened with a puppet."""
-        return [
-            one.conversation
-            for one in self.puppets[name].heard
-            if one.communicate.performative is P.REQUEST
-        ][-1]
+        heard = ((one.conversation, one.communicate) for one in self.puppets[name].heard)
+        return [talk for talk, message in heard if message.performative is P.REQUEST][-1]
+
+    def agreed(self, task):
+        """The facts that hi was told when co agreed to a task."""
+        return next(content.why for act, content in self.heard("hi", task) if act is P.AGREE)
 
     def said(self, task):
         """Return the reports to hi about a task as `performative state`, in order."""
-        return [
-            f"{act} {getattr(content, 'state', 'reason')}"
-            for act, content in self.heard("hi", task)
-        ]
+        heard = self.heard("hi", task)
+        return [f"{act} {getattr(content, 'state', 'reason')}" for act, content in heard]
 
     def last_why(self, task):
         """The facts of the last report on a task."""
@@ -156,7 +139,7 @@ class Scene:
         assert self.said(task)[-len(last) :] == list(last)
         assert why is None or self.last_why(task) == why
         assert self.at_rest()
-        if self.puppets["ta"].answer == self.puppets["ta"].default:
+        if self.puppets["ta"].answer is run_plans:
             assert self.serves()
 
     @property
@@ -179,13 +162,13 @@ class Scene:
     def serves(self):
         """A command is carried out from start to end."""
         name = self.running()
-        self.ta(sw.WorkerState.SUCCEEDED)
+        self.succeed()
         return self.said(name)[-1] == "inform done" and self.at_rest()
 
 
 def unchecked(wired):
     """The wiring of a partner that may say what its interface does not have."""
-    links = tuple(msgspec.structs.replace(link, says={}) for link in wired.links)
+    links = tuple(replace(link, says={}) for link in wired.links)
     return Wiring(wired.system, wired.agent, links, wired.languages)
 
 
@@ -193,9 +176,8 @@ def a_plan(duration=100.0, suspend=0.0, resume=0.0):
     """A small plan, its schedule parameters those of its only state."""
     state = hfsm.EndState("end", hfsm.Outcome.SUCCEEDED)
     schedule = (hfsm.ScheduleParameters("end", duration, suspend, resume),)
-    return hfsm.HierarchicalPlan(
-        "p", "pour", hfsm.Machine("main", "end", (state,)), duration, 1, schedule
-    )
+    main = hfsm.Machine("main", "end", (state,))
+    return hfsm.HierarchicalPlan("p", "pour", main, duration, 1, schedule)
 
 
 def no_plan(*why):

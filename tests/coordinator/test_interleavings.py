@@ -77,12 +77,8 @@ class Chance:
             name, P.FAILURE, no_plan()
         )
         if turn.holds(name):
-            turn.say(
-                name,
-                P.FAILURE,
-                no_plan(fact(Kind.TOOK_TOO_LONG, AgentName.PL)),
-                kind=languages.Kind.CANCEL,
-            )
+            late = no_plan(fact(Kind.TOOK_TOO_LONG, AgentName.PL))
+            turn.say(name, P.FAILURE, late, kind=languages.Kind.CANCEL)
 
     def stop(self, turn, name):
         """Answer the cancel, unless the plan did so."""
@@ -104,12 +100,8 @@ class Chance:
     def work(self, turn, name):
         """One more state of the plan, or its end."""
         if self.chance.random() < 0.5:
-            self.report(
-                turn,
-                name,
-                WorkerState.RUNNING,
-                at=hfsm.Place(("main", f"{self.chance.randrange(9)}")),
-            )
+            at = hfsm.Place(("main", f"{self.chance.randrange(9)}"))
+            self.report(turn, name, WorkerState.RUNNING, at=at)
             self.later("ta", lambda turn: self.work(turn, name))
         else:
             self.report(turn, name, self.chance.choice(ENDS), why=(SLIPS,))
@@ -154,19 +146,18 @@ def is_end(act, content):
     return isinstance(content, cmd.TaskReport) and content.state in ("done", "failed", "cancelled")
 
 
+def plan_at_once(turn, received):
+    turn.say(received.conversation, P.INFORM, a_plan(20.0))
+
+
 def run_out(scene):
     """Until nobody has an open conversation; every step of co is one of its rows."""
     scene.wires.run(scene.at_rest, limit_s=GRACE_S * 10)
     assert OUTSIDE not in scene.co.state.counts
 
 
-words_of_hi = st.lists(
-    st.tuples(
-        st.sampled_from((0.0, 0.001, 0.0015, 0.4, 3.0, 8.0, 40.0)), st.integers(0, 5), st.booleans()
-    ),
-    min_size=1,
-    max_size=8,
-)
+times = st.sampled_from((0.0, 0.001, 0.0015, 0.4, 3.0, 8.0, 40.0))
+words_of_hi = st.lists(st.tuples(times, st.integers(0, 5), st.booleans()), min_size=1, max_size=8)
 calm = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], max_examples=60)
 
 
@@ -213,9 +204,7 @@ def test_loss_copies_delay_and_a_killed_co_change_nothing(words, seed):
 def test_co_killed_once_at_each_step_goes_on(point, step):
     """Before, in and after a step: the pour ends done."""
     scene = Scene()
-    scene.puppets["pl"].answer = lambda turn, received: turn.say(
-        received.conversation, P.INFORM, a_plan()
-    )
+    scene.puppets["pl"].answer = plan_at_once
 
     def run_at_once(turn, received):
         if received.communicate.performative is P.REQUEST:
@@ -227,8 +216,7 @@ def test_co_killed_once_at_each_step_goes_on(point, step):
     name = scene.command()
     scene.settle(5.0)
     assert results(scene, name) == [P.INFORM]
-    assert scene.said(name)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.ended(name, "inform done")
 
 
 @pytest.mark.parametrize("dead", ["pl", "ta"])
@@ -238,18 +226,13 @@ def test_a_peer_that_is_dead_for_good_leaves_no_command_open(dead):
     scene.wires.crash(dead, Point.BEFORE, restart_s=1e9)
     scene.do(dead, lambda turn: None)
     if dead == "ta":
-        scene.puppets["pl"].answer = lambda turn, received: turn.say(
-            received.conversation, P.INFORM, a_plan(20.0)
-        )
+        scene.puppets["pl"].answer = plan_at_once
     tasks = [scene.command() for _ in range(3)]
     scene.settle(400.0)
     assert [len(results(scene, task)) for task in tasks] == [1, 1, 1]
     silent = fact(Kind.SAY_AGAIN_LATER, fact(Kind.NOT_ANSWERING, dead))
-    assert [scene.last_why(task) for task in tasks] == [
-        (fact(Kind.NOT_ANSWERED, dead),),
-        (silent,),
-        (silent,),
-    ]
+    whys = [scene.last_why(task) for task in tasks]
+    assert whys == [(fact(Kind.NOT_ANSWERED, dead),), (silent,), (silent,)]
 
 
 # --- the design -----------------------------------------------------------------------------------
@@ -274,9 +257,8 @@ def test_the_arcs_of_the_design_are_taken(scene):
     scene.plan(60.0, suspend=20.0, resume=20.0)
     scene.plan(5.0)
     scene.ta(WorkerState.REPLAN)
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
-    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
+    scene.carry_out()
+    scene.pl_stops()
     scene.pl(P.FAILURE, no_plan())
     assert scene.serves()
     designed = {(arc.source, arc.target) for arc in DESIGN.agent("co").arc}
@@ -296,10 +278,8 @@ def test_co_waits_longer_for_a_plan_than_ta_for_all_its_acts():
     """By ta's own waits: where every act takes as long as it may, ta asks for a new plan before co
     gives up.
     """
-    act, ask = (
-        hfsm.ActState("act", rc.Home("k", side="left")),
-        hfsm.AskState("ask", wm.ListObjects()),
-    )
+    act = hfsm.ActState("act", rc.Home("k", side="left"))
+    ask = hfsm.AskState("ask", wm.ListObjects())
     inner = hfsm.Machine("inner", "act", (act, ask), safe=hfsm.Machine("safe", "act", (act,)))
     plan = hfsm.HierarchicalPlan("p", "pour", hfsm.Machine("main", "inner", (inner, act)), 100.0, 1)
     longest = 5.0 * plan.duration + 3 * acts.MARGIN_S

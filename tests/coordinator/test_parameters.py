@@ -4,7 +4,7 @@ them.
 
 import pytest
 from msgspec.structs import replace
-from partners_of_co import CANCELLED, POUR, Scene, a_plan, no_plan, stop_planning
+from partners_of_co import POUR, Scene, a_plan, no_plan, stop_planning
 
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.testing.memory_bus import Point
@@ -14,7 +14,6 @@ from companion.languages.sw import WorkerState
 from companion.tasks.look_around.command import LookAround
 from companion.tasks.put_down.command import PutDown
 from companion.tasks.take.command import Take
-from fipa_codec import languages
 from fipa_codec.performatives import Performative as P
 from services.coordinator.memory import Limits, Stage
 
@@ -48,14 +47,14 @@ def test_pl_is_asked_for_the_parameters_of_all_that_wait(scene):
     asked = [content.tasks[0].name for act, content in scene.heard("pl") if act is P.REQUEST]
     assert asked == ["pour", "look_around", "take"]
     assert all(job.schedule for job in scene.memory.jobs)
-    assert scene.acts("ta").count(P.REQUEST) == 1
+    assert len(scene.requests("ta")) == 1
 
 
 def test_what_comes_after_another_task_is_not_asked_about(scene):
     """Its plan would be one for a world that is not there yet: nothing is in the hand."""
     scene.running(Take("jar"))
     scene.command(PutDown("jar"))
-    assert scene.acts("pl").count(P.REQUEST) == 1
+    assert len(scene.requests("pl")) == 1
 
 
 def test_a_task_that_costs_less_to_do_first_replaces_the_running_one(scene):
@@ -71,11 +70,9 @@ def test_a_task_that_costs_less_to_do_first_replaces_the_running_one(scene):
     assert (decision.task, decision.why.kind) == (look, Kind.SWITCH_COSTS)
     assert scene.last_why(pour) == (fact(Kind.LEFT_FOR, "look_around", decision.why),)
     scene.ta(WorkerState.PREEMPTED)
-    scene.plan(5.0)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out(5.0)
     assert scene.said(look)[-1] == "inform done"
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out()
     scene.ended(pour, "inform done")
 
 
@@ -111,9 +108,8 @@ def test_a_task_without_parameters_waits_for_its_turn(scene, answer):
     pour, look = scene.running(POUR), scene.command(LOOK)
     scene.pl(answer, no_plan())
     assert scene.said(look) == ["agree waiting"]
-    scene.ta(WorkerState.SUCCEEDED)
-    scene.plan(5.0)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
+    scene.carry_out(5.0)
     assert [scene.said(task)[-1] for task in (pour, look)] == ["inform done"] * 2
     assert scene.at_rest()
 
@@ -122,13 +118,12 @@ def test_a_question_under_way_is_called_off_when_a_plan_is_wanted(scene):
     """The world is another one then; the plan is asked for when pl has answered that."""
     scene.running(POUR)
     look = scene.command(LOOK)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     assert scene.acts("pl") == [P.REQUEST, P.REQUEST, P.CANCEL]
-    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
-    assert scene.acts("pl").count(P.REQUEST) == 3
+    scene.pl_stops()
+    assert len(scene.requests("pl")) == 3
     assert stages(scene) == [("LookAround", Stage.PLANNING)]
-    scene.plan(5.0)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out(5.0)
     scene.ended(look, "inform done")
 
 
@@ -140,7 +135,7 @@ def test_parameters_that_cross_the_recall_are_not_taken(scene):
     scene.wires.post("ta", lambda turn: turn.say(run, P.INFORM, sw.Report(WorkerState.SUCCEEDED)))
     scene.wires.post("pl", lambda turn: turn.say(question, P.INFORM, a_plan()))
     scene.settle()
-    assert scene.acts("pl").count(P.REQUEST) == 3
+    assert len(scene.requests("pl")) == 3
     (job,) = scene.memory.jobs
     assert (job.stage, job.schedule) == (Stage.PLANNING, ())
 
@@ -151,13 +146,13 @@ def test_a_waiting_task_is_cancelled_while_pl_is_asked_about_it(scene, recalled)
     scene.running(POUR)
     look = scene.command(LOOK)
     if recalled:
-        scene.ta(WorkerState.SUCCEEDED)
+        scene.succeed()
     scene.cancel(look)
     assert scene.acts("pl").count(P.CANCEL) == 1
-    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
+    scene.pl_stops()
     assert scene.said(look)[-1] == "inform cancelled"
     if not recalled:
-        scene.ta(WorkerState.SUCCEEDED)
+        scene.succeed()
     assert scene.at_rest()
 
 
@@ -170,7 +165,7 @@ def test_a_planner_that_is_late_about_parameters_does_not_end_the_task_that_runs
     scene.settle(11.0)
     assert scene.said(look)[-1] == "failure failed"
     scene.settle(61.0)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     assert scene.said(pour)[-1] == "inform done"
 
 
@@ -181,8 +176,7 @@ def test_the_order_of_those_that_wait_is_by_costs_once_all_are_known(scene):
     scene.plan(20.0, suspend=500.0)
     long, short = scene.command(Take("box")), scene.command(LOOK)
     scene.plan(60.0)
-    scene.plan(5.0)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out(5.0)
     assert stages(scene) == [("LookAround", Stage.PLANNING), ("Take", Stage.WAITING)]
     assert scene.last_why(short) == (fact(Kind.PLAN, 1, fact(Kind.COSTS_LEAST)),)
     assert scene.said(long)[-1] in ("agree waiting", "inform waiting")
@@ -191,14 +185,11 @@ def test_the_order_of_those_that_wait_is_by_costs_once_all_are_known(scene):
 def test_a_later_leg_of_the_plan_has_its_own_parameters(scene):
     """A later leg has less work left, and leaving it costs as much as the things held then."""
     name = scene.command(POUR)
-    legs = (
-        hfsm.ScheduleParameters("take jar_1", 60.0),
-        hfsm.ScheduleParameters("pour jar_1", 20.0, 16.0, 12.0),
-    )
+    pour = hfsm.ScheduleParameters("pour jar_1", 20.0, 16.0, 12.0)
+    legs = (hfsm.ScheduleParameters("take jar_1", 60.0), pour)
     state = hfsm.EndState("take jar_1", hfsm.Outcome.SUCCEEDED)
-    plan = hfsm.HierarchicalPlan(
-        "p", "pour", hfsm.Machine("main", "take jar_1", (state,)), 60.0, 1, legs
-    )
+    main = hfsm.Machine("main", "take jar_1", (state,))
+    plan = hfsm.HierarchicalPlan("p", "pour", main, 60.0, 1, legs)
     scene.pl(P.INFORM, plan)
     job = scene.memory.of_hi(name)
     assert job.parameters == legs[0]
@@ -222,15 +213,14 @@ def test_a_task_that_begins_later_keeps_nobody_waiting(scene):
     (((begins,),),) = [told(scene, later)]
     assert begins.kind is Kind.BEGINS_IN
     assert begins.numbers == pytest.approx((300.0,), abs=0.1)
-    assert P.REQUEST not in scene.acts("pl")
+    assert not scene.requests("pl")
     first = scene.running(Take("jar"))
     assert P.CANCEL not in scene.acts("ta")
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     assert scene.said(first)[-1] == "inform done"
     scene.settle(301.0)
-    assert scene.acts("pl").count(P.REQUEST) == 2
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    assert len(scene.requests("pl")) == 2
+    scene.carry_out()
     scene.ended(later, "inform done")
 
 
@@ -250,7 +240,7 @@ def test_a_task_is_cancelled_before_its_time(scene):
     scene.cancel(later)
     assert scene.said(later)[-1] == "inform cancelled"
     scene.settle(30.0)
-    assert P.REQUEST not in scene.acts("pl")
+    assert not scene.requests("pl")
     assert scene.at_rest()
 
 
@@ -260,7 +250,7 @@ def test_the_time_to_start_comes_though_co_died_meanwhile(scene):
     scene.wires.crash("co", Point.BEFORE, restart_s=30.0)
     scene.do("co", lambda turn: None)
     scene.settle(40.0)
-    assert scene.acts("pl").count(P.REQUEST) == 1
+    assert len(scene.requests("pl")) == 1
 
 
 def test_tasks_that_begin_together_keep_their_order(scene):

@@ -5,14 +5,12 @@ import pytest
 from msgspec.structs import replace
 from partners_of_co import (
     BUSY,
-    CANCELLED,
     SLIPS,
     UNREACHED,
     Scene,
     a_plan,
     no_plan,
     refuse_plans,
-    stop_planning,
 )
 
 from agent_runtime.testing.memory_bus import Point
@@ -56,40 +54,35 @@ def test_a_command_is_agreed_planned_run_and_done(scene):
     """hi hears of each stage, and of the states of the plan."""
     name = scene.running()
     scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", "take")))
-    scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(name) == [
-        "agree waiting",
-        "inform planning",
-        "inform running",
-        "inform running",
-        "inform running",
-        "inform done",
-    ]
+    scene.succeed()
+    running = ["inform running"] * 3
+    assert scene.said(name) == ["agree waiting", "inform planning", *running, "inform done"]
     places = [content.at and content.at.path for _, content in scene.heard("hi", name)]
     assert places == [None, None, None, ("end",), ("main", "take"), None]
     assert scene.at_rest()
 
 
-@pytest.mark.parametrize(
-    ("command", "task"),
-    [
-        (PourInto("jar", "bowl"), hfsm.Task("pour", ("jar", "bowl"))),
-        (Take("jar", "left"), hfsm.Task("take", ("jar", "left"))),
-        (Bring("jar", "right"), hfsm.Task("bring", ("jar", "right"))),
-        (SwapHands(), hfsm.Task("swap_hands", ("",))),
-        (PutDown("jar", "cabinet"), hfsm.Task("put_at", ("jar", "cabinet"))),
-        (PutDown("jar", cmd.BACK), hfsm.Task("put_at", ("jar", "back"))),
-        (ClearTable(), hfsm.Task("clear_table", ())),
-        (PutDown("bowl"), hfsm.Task("put_down", ("bowl",))),
-        (LookAround(), hfsm.Task("look_around", ())),
-    ],
-)
-def test_a_command_becomes_its_ground_task(scene, command, task):
+TASKS = {
+    PourInto("jar", "bowl"): ("pour", "jar", "bowl"),
+    Take("jar", "left"): ("take", "jar", "left"),
+    Bring("jar", "right"): ("bring", "jar", "right"),
+    SwapHands(): ("swap_hands", ""),
+    PutDown("jar", "cabinet"): ("put_at", "jar", "cabinet"),
+    PutDown("jar", cmd.BACK): ("put_at", "jar", "back"),
+    ClearTable(): ("clear_table",),
+    PutDown("bowl"): ("put_down", "bowl"),
+    LookAround(): ("look_around",),
+}
+
+
+def test_a_command_becomes_its_ground_task():
     """pl gets the one task of the planning domain."""
-    name = scene.command(command)
-    ((_, network),) = scene.heard("pl")
-    assert network.tasks == (task,)
-    assert network.id.startswith(name)
+    for command, (name, *arguments) in TASKS.items():
+        scene = Scene()
+        conversation = scene.command(command)
+        (network,) = scene.requests("pl")
+        assert network.tasks == (hfsm.Task(name, tuple(arguments)),)
+        assert network.id.startswith(conversation)
 
 
 def test_every_inform_of_ta_is_confirmed(scene):
@@ -108,11 +101,8 @@ def test_the_plan_reaches_ta_with_its_reply_by(scene):
     """Five times the planned duration and 50 s from the handing over; the plan has no act."""
     scene.command()
     scene.plan(duration=100.0)
-    (request,) = [
-        one.communicate
-        for one in scene.puppets["ta"].heard
-        if one.communicate.performative is P.REQUEST
-    ]
+    messages = [one.communicate for one in scene.puppets["ta"].heard]
+    (request,) = [one for one in messages if one.performative is P.REQUEST]
     assert request.reply_by == pytest.approx(request.sent + 550.0)
 
 
@@ -138,12 +128,11 @@ def test_replan_asks_for_another_plan_of_the_same_task(scene):
     """Plan #1, Replan, plan #2: two requests to pl with the same task and different ids."""
     name = scene.running()
     scene.ta(WorkerState.REPLAN, why=(NOT_LOCALIZED,))
-    (first, second) = [content for act, content in scene.heard("pl") if act is P.REQUEST]
+    (first, second) = scene.requests("pl")
     assert first.tasks == second.tasks
     assert first.id != second.id
     assert scene.last_why(name) == (fact(Kind.PLAN, 2, NOT_LOCALIZED),)
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out()
     scene.ended(name, "inform done")
 
 
@@ -208,9 +197,9 @@ def test_cancel_of_a_waiting_task_ends_it_at_once(scene):
     first, second = scene.running(), scene.command()
     scene.cancel(second)
     assert scene.said(second) == ["agree waiting", "inform cancelled"]
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     assert scene.said(first)[-1] == "inform done"
-    assert scene.acts("pl").count(P.REQUEST) == 1
+    assert len(scene.requests("pl")) == 1
     assert scene.at_rest()
 
 
@@ -220,7 +209,7 @@ def test_cancel_while_planning_cancels_the_planning(scene):
     scene.cancel(name)
     assert scene.acts("pl") == [P.REQUEST, P.CANCEL]
     assert "inform cancelled" not in scene.said(name)
-    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
+    scene.pl_stops()
     scene.ended(name, "inform cancelled")
 
 
@@ -236,7 +225,7 @@ def test_cancel_that_crosses_the_plan_ends_when_pl_answers_it(crossing):
     scene.wires.post("pl", lambda turn: turn.say(conversation, *crossing))
     scene.settle()
     assert scene.said(name)[-1] == "inform cancelled"
-    assert P.REQUEST not in scene.acts("ta")
+    assert not scene.requests("ta")
     assert scene.at_rest()
 
 
@@ -248,8 +237,7 @@ def test_cancel_while_running_ends_as_cancelled_whatever_ta_ends_with(scene, sta
     assert scene.acts("ta")[-1] is P.CANCEL
     scene.ta(state, why=(SLIPS,))
     assert (scene.said(name)[-1], scene.last_why(name)) == ("inform cancelled", (SLIPS,))
-    assert scene.acts("pl").count(P.REQUEST) == 1
-    assert scene.at_rest()
+    assert len(scene.requests("pl")) == 1
     assert scene.serves()
 
 
@@ -257,7 +245,7 @@ def test_cancel_that_comes_too_late_is_answered_behind_the_result(scene):
     """Succeeded after the cancel: done, then failure in reply to the cancel."""
     name = scene.running()
     scene.cancel(name)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     scene.ended(name, "inform done", "failure reason")
 
 
@@ -287,8 +275,7 @@ def test_a_late_planner_fails_the_task_and_is_cancelled(scene):
     refused = scene.command()
     assert scene.said(refused) == ["refuse failed"]
     assert scene.last_why(refused) == (fact(Kind.NOT_ANSWERING, AgentName.PL),)
-    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
-    assert scene.at_rest()
+    scene.pl_stops()
     assert scene.serves()
 
 
@@ -299,7 +286,7 @@ def test_a_late_plan_is_not_run(scene):
     scene.plan()
     scene.settle(1.0)
     assert scene.memory.loose == ()
-    assert P.REQUEST not in scene.acts("ta")
+    assert not scene.requests("ta")
     assert scene.at_rest()
 
 
@@ -312,28 +299,21 @@ def test_late_while_running_fails_the_task_and_awaits_the_last_word(scene):
     scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", "put_down")))
     scene.ta(WorkerState.PREEMPTED)
     assert scene.acts("ta")[-1] is P.CONFIRM
-    assert scene.at_rest()
     assert scene.serves()
 
 
-def test_late_while_cancelling_answers_the_cancel_too(scene):
-    """cancelling, T: failure(late), then failure in reply to the cancel."""
-    name = scene.running()
+@pytest.mark.parametrize("running", [True, False])
+def test_late_while_cancelling_answers_the_cancel_too(scene, running):
+    """cancelling, T: failure(late), then failure in reply to the cancel; the same towards pl."""
+    name = scene.running() if running else scene.command()
     scene.cancel(name)
-    scene.settle(241.0)
+    scene.settle(241.0 if running else 11.0)
     assert scene.said(name)[-2:] == ["failure failed", "failure reason"]
     assert scene.memory.loose
-    scene.ta(WorkerState.PREEMPTED)
-    assert scene.at_rest()
-
-
-def test_late_while_the_planning_is_cancelled_answers_the_cancel_too(scene):
-    """The same towards pl."""
-    name = scene.command()
-    scene.cancel(name)
-    scene.settle(11.0)
-    assert scene.said(name)[-2:] == ["failure failed", "failure reason"]
-    scene.pl(P.FAILURE, no_plan(), kind=languages.Kind.CANCEL)
+    if running:
+        scene.ta(WorkerState.PREEMPTED)
+    else:
+        scene.pl(P.FAILURE, no_plan(), kind=languages.Kind.CANCEL)
     assert scene.at_rest()
 
 
@@ -345,9 +325,8 @@ def test_waiting_tasks_do_not_wait_for_ever_for_a_robot_that_is_late(scene):
     assert scene.said(waiting) == ["agree waiting"]
     scene.settle(61.0)
     assert scene.said(waiting)[-1] == "failure failed"
-    assert scene.last_why(waiting) == (
-        fact(Kind.SAY_AGAIN_LATER, fact(Kind.NOT_ANSWERING, AgentName.TA)),
-    )
+    silent = fact(Kind.NOT_ANSWERING, AgentName.TA)
+    assert scene.last_why(waiting) == (fact(Kind.SAY_AGAIN_LATER, silent),)
 
 
 def test_waiting_tasks_go_on_when_the_late_robot_is_back_in_time(scene):
@@ -356,8 +335,7 @@ def test_waiting_tasks_go_on_when_the_late_robot_is_back_in_time(scene):
     waiting = scene.command()
     scene.settle(551.0)
     scene.ta(WorkerState.PREEMPTED)
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out()
     scene.settle(100.0)
     scene.ended(waiting, "inform done")
 
@@ -370,12 +348,11 @@ def test_two_tasks_are_done_one_after_the_other_in_order_of_arrival(scene):
     first = scene.command(Take("jar"))
     second = scene.command(PutDown("jar"))
     scene.plan()
-    assert scene.acts("pl").count(P.REQUEST) == 1
-    scene.ta(WorkerState.SUCCEEDED)
+    assert len(scene.requests("pl")) == 1
+    scene.succeed()
     assert scene.said(first)[-1] == "inform done"
     assert [content.tasks[0].name for _, content in scene.heard("pl")] == ["take", "put_down"]
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out()
     scene.ended(second, "inform done")
 
 
@@ -389,9 +366,7 @@ def test_a_queue_that_is_full_refuses(scene):
 def test_each_task_of_a_full_queue_hears_how_many_come_before_it(scene):
     """With as many of them as there is room for in a report."""
     names = [scene.command(PourInto(f"{'jar' * 10}_{number}", "bowl_1")) for number in range(5)]
-    places = [
-        next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in names
-    ]
+    places = [scene.agreed(name) for name in names]
     assert places[0] == (fact(Kind.IS_NEXT),)
     for before, (place,) in enumerate(places[1:], 1):
         assert (place.kind, place.numbers) == (Kind.TASKS_BEFORE, (before,))
@@ -408,10 +383,8 @@ def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
     """The peer is told not-understood, hi a failure, and the next command is served; the log says
     what was wrong.
     """
-    name, logged = (
-        scene.running() if peer == "ta" else scene.command(),
-        told_in_log(scene, "broken"),
-    )
+    name = scene.running() if peer == "ta" else scene.command()
+    logged = told_in_log(scene, "broken")
     protocol, conversation = {"pl": "request", "ta": "coordinate"}[peer], scene.asked(peer)
 
     def slip(turn):
@@ -419,14 +392,8 @@ def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
         number = state.issued.get("co", 0) + 1
         state.issued["co"] = number
         del state.conversations[conversation]
-        bad = Communicate(
-            performative=P.PROPOSE,
-            protocol=protocol,
-            conversation=conversation,
-            sender=peer,
-            receiver="co",
-            id=str(number),
-        )
+        ends = {"conversation": conversation, "sender": peer, "receiver": "co"}
+        bad = Communicate(performative=P.PROPOSE, protocol=protocol, id=str(number), **ends)
         turn._out.sends.append(bad)
 
     scene.do(peer, slip)
@@ -440,13 +407,10 @@ def test_what_a_peer_says_out_of_sequence_fails_the_task_only(scene, peer):
 def test_not_understood_of_a_peer_fails_the_task(scene, peer):
     """pl or ta did not understand the request; its words stand in the log."""
     name, logged = scene.running() if peer == "ta" else scene.command(), told_in_log(scene)
-    scene.do(
-        peer, lambda turn: turn.say(scene.asked(peer), P.NOT_UNDERSTOOD, Reason("no such task"))
-    )
-    assert (scene.said(name)[-1], scene.last_why(name)) == (
-        "failure failed",
-        (fact(Kind.NOT_UNDERSTOOD, peer),),
-    )
+    talk, why = scene.asked(peer), Reason("no such task")
+    scene.do(peer, lambda turn: turn.say(talk, P.NOT_UNDERSTOOD, why))
+    scene_why = (fact(Kind.NOT_UNDERSTOOD, peer),)
+    assert (scene.said(name)[-1], scene.last_why(name)) == ("failure failed", scene_why)
     assert logged == ["no such task"]
     assert scene.at_rest()
 
@@ -467,19 +431,11 @@ def test_a_dead_hi_gets_no_progress_but_its_result(scene):
     scene.do("hi", lambda turn: None)
     for number in range(40):
         scene.ta(WorkerState.RUNNING, at=hfsm.Place(("main", f"{number}")))
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     scene.settle(60.0)
     assert scene.said(name)[-1] == "inform done"
     assert len(scene.said(name)) < 10
     assert scene.at_rest()
-
-
-def test_policy_stop_planning_is_what_pl_does(scene):
-    """The policy used beside is in sequence."""
-    scene.puppets["pl"].answer = stop_planning
-    name = scene.command()
-    scene.cancel(name)
-    assert scene.said(name)[-1] == "inform cancelled"
 
 
 # --- the world is still being looked at -----------------------------------------------------------
@@ -498,12 +454,9 @@ def test_a_plan_that_is_put_off_is_asked_for_again(scene):
     asked = [content.id for act, content in scene.heard("pl") if act is P.REQUEST]
     assert len(asked) == 4
     assert len(set(asked)) == 1
-    assert [content.why for _, content in scene.heard("hi", name)][1:] == [
-        (fact(Kind.PLAN, 1),),
-        (fact(Kind.PLAN, 1, fact(Kind.LOOKS_FIRST)),),
-    ]
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    whys = [content.why for _, content in scene.heard("hi", name)][1:]
+    assert whys == [(fact(Kind.PLAN, 1),), (fact(Kind.PLAN, 1, fact(Kind.LOOKS_FIRST)),)]
+    scene.carry_out()
     scene.ended(name, "inform done")
 
 
@@ -522,7 +475,7 @@ def test_a_cancel_while_a_plan_is_put_off():
     name = scene.command()
     still_looking(scene)
     scene.cancel(name)
-    scene.pl(P.INFORM, no_plan(CANCELLED), kind=languages.Kind.CANCEL)
+    scene.pl_stops()
     scene.ended(name, "inform cancelled")
 
 

@@ -86,19 +86,16 @@ def test_a_deadline_that_would_pass_is_worth_a_switch():
     waiting = Offer("take", 0.0, rest=30.0)
     assert not by_costs(running, (waiting,), 0.0).switch
     assert by_costs(running, (replace(waiting, deadline=40.0),), 0.0).switch
-    assert not by_costs(
-        replace(running, deadline=30.0), (replace(waiting, deadline=40.0),), 0.0
-    ).switch
+    due, later = replace(running, deadline=30.0), replace(waiting, deadline=40.0)
+    assert not by_costs(due, (later,), 0.0).switch
 
 
 def test_what_a_switch_costs_by_hand():
     """Suspension and the other task first, then resumption and the rest; each second counts for
     both.
     """
-    running, short = (
-        Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0),
-        Offer("look", 100.0, rest=10.0),
-    )
+    running = Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0)
+    short = Offer("look", 100.0, rest=10.0)
     decision = by_costs(running, (short,), 100.0)
     assert decision.switch_cost == (4.0 + 10.0) + (4.0 + 10.0 + 6.0 + 100.0)
     assert decision.wait_cost == 100.0 + (100.0 + 10.0)
@@ -108,30 +105,23 @@ def test_hands_that_a_task_leaves_full_are_emptied_before_the_other_goes_on():
     """So what is taken meanwhile makes a switch dearer by that time, once: the other one alone
     waits for it.
     """
-    running, short = (
-        Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0),
-        Offer("take", 100.0, rest=10.0),
-    )
-    costs = [
-        by_costs(running, (replace(short, clear=clear),), 100.0).switch_cost
-        for clear in (0.0, 15.0)
-    ]
+    running = Offer("pour", 100.0, rest=100.0, suspend=4.0, resume=6.0)
+    short = Offer("take", 100.0, rest=10.0)
+    offers = [replace(short, clear=clear) for clear in (0.0, 15.0)]
+    costs = [by_costs(running, (one,), 100.0).switch_cost for one in offers]
     assert costs[1] - costs[0] == 15.0
 
 
 def test_what_is_not_said_of_an_offer_costs_nothing():
     """Nor is it urgent; and a decision by urgency alone has no costs."""
     running, waiting = Offer("pour", 0.0), Offer("take", 0.0)
-    assert by_costs(running, (waiting,), 0.0) == Decision(
-        "pour", fact(Kind.WAIT_COSTS, 0.0, 0.0), rival="take"
-    )
+    equal = Decision("pour", fact(Kind.WAIT_COSTS, 0.0, 0.0), rival="take")
+    assert by_costs(running, (waiting,), 0.0) == equal
     urgent, other = replace(waiting, urgency=1), replace(waiting, urgency=0)
-    assert first_come(running, (urgent,), 0.0) == Decision(
-        "take", fact(Kind.MORE_URGENT), True, 0.0, 0.0, "pour"
-    )
-    assert first_come(running, (other,), 0.0) == Decision(
-        "pour", fact(Kind.RUNS_ALREADY), False, 0.0, 0.0
-    )
+    switch = Decision("take", fact(Kind.MORE_URGENT), True, 0.0, 0.0, "pour")
+    assert first_come(running, (urgent,), 0.0) == switch
+    stays = Decision("pour", fact(Kind.RUNS_ALREADY), False, 0.0, 0.0)
+    assert first_come(running, (other,), 0.0) == stays
     assert first_come(replace(running, urgency=0), (waiting,), 0.0).task == "pour"
 
 
@@ -176,10 +166,8 @@ def test_rules_differ_where_they_shall():
     early = Offer("early", 0.0, rest=50.0)
     due = Offer("due", 10.0, rest=50.0, deadline=150.0)
     short = Offer("short", 20.0, rest=5.0)
-    found = {
-        rule: rule(None, (early, due, short), 30.0).task
-        for rule in (first_come, by_deadline, by_costs)
-    }
+    rules = (first_come, by_deadline, by_costs)
+    found = {rule: rule(None, (early, due, short), 30.0).task for rule in rules}
     assert found == {first_come: "early", by_deadline: "due", by_costs: "short"}
 
 
@@ -257,19 +245,14 @@ def test_an_urgent_task_is_planned_before_those_that_wait_and_told_so():
     """
     scene = Scene()
     tasks = [scene.command(one) for one in (Take("jar"), PutDown("jar"), LookAround(urgency=1))]
-    assert [type(job.command).__name__ for job in scene.memory.jobs] == [
-        "Take",
-        "LookAround",
-        "PutDown",
-    ]
-    agreed = [
-        next(said.why for act, said in scene.heard("hi", name) if act is P.AGREE) for name in tasks
-    ]
+    names = [type(job.command).__name__ for job in scene.memory.jobs]
+    assert names == ["Take", "LookAround", "PutDown"]
+    agreed = [scene.agreed(name) for name in tasks]
     first = fact(Kind.COMES_BEFORE, "take", "jar", fact(Kind.UNDER_WAY))
     waits = (fact(Kind.TASKS_BEFORE, 1, first),)
     assert agreed == [(fact(Kind.IS_NEXT),), waits, waits]
     last = scene.command(PutDown("jar"))
-    told = next(said.why for act, said in scene.heard("hi", last) if act is P.AGREE)
+    told = scene.agreed(last)
     urgent = fact(Kind.COMES_BEFORE, "look_around", fact(Kind.MORE_URGENT))
     other = fact(Kind.COMES_BEFORE, "put_down", "jar", fact(Kind.SAID_BEFORE))
     assert told == (fact(Kind.TASKS_BEFORE, 3, first, urgent, other),)
@@ -291,13 +274,11 @@ def test_a_running_task_is_left_for_a_more_urgent_one_and_done_afterwards(scene)
     scene.ta(WorkerState.PREEMPTED)
     assert scene.said(pour)[-1] == "inform suspended"
     assert scene.last_why(pour) == (fact(Kind.LEFT_FOR, "look_around", fact(Kind.MORE_URGENT)),)
-    scene.plan(5.0)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out(5.0)
     assert scene.said(urgent)[-1] == "inform done"
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out()
     assert scene.said(pour)[-1] == "inform done"
-    assert scene.acts("ta").count(P.REQUEST) == 3
+    assert len(scene.requests("ta")) == 3
     assert scene.at_rest()
 
 
@@ -311,7 +292,7 @@ def test_a_task_as_urgent_waits(scene):
 def test_done_before_it_could_be_left(scene):
     """The end crossed the word; the urgent one is next."""
     pour, _ = scene.running(), scene.command(URGENT)
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.succeed()
     assert scene.said(pour)[-1] == "inform done"
     assert len(scene.memory.jobs) == 1
 
@@ -336,10 +317,8 @@ def test_a_task_is_cancelled_while_it_is_left_or_put_aside(scene, when):
         scene.cancel(pour)
     assert scene.said(pour)[-1] == "inform cancelled"
     assert scene.acts("ta").count(P.CANCEL) == 1
-    scene.plan(5.0)
-    scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(urgent)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.carry_out(5.0)
+    scene.ended(urgent, "inform done")
 
 
 def test_the_urgent_one_is_cancelled_meanwhile(scene):
@@ -348,10 +327,8 @@ def test_the_urgent_one_is_cancelled_meanwhile(scene):
     scene.cancel(urgent)
     assert scene.said(urgent)[-1] == "inform cancelled"
     scene.ta(WorkerState.PREEMPTED)
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
-    assert scene.said(pour)[-1] == "inform done"
-    assert scene.at_rest()
+    scene.carry_out()
+    scene.ended(pour, "inform done")
 
 
 def test_a_plan_is_not_begun_where_a_more_urgent_task_came_meanwhile(scene):
@@ -359,13 +336,11 @@ def test_a_plan_is_not_begun_where_a_more_urgent_task_came_meanwhile(scene):
     pour = scene.command()
     urgent = scene.command(URGENT)
     scene.plan()
-    assert P.REQUEST not in scene.acts("ta")
+    assert not scene.requests("ta")
     assert scene.said(pour)[-1] == "inform suspended"
     assert (scene.state, scene.memory.choice) == ("compSP", Choice.OPEN)
-    scene.plan(5.0)
-    scene.ta(WorkerState.SUCCEEDED)
-    scene.plan()
-    scene.ta(WorkerState.SUCCEEDED)
+    scene.carry_out(5.0)
+    scene.carry_out()
     assert [scene.said(task)[-1] for task in (pour, urgent)] == ["inform done"] * 2
     assert scene.at_rest()
 

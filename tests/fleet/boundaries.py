@@ -11,7 +11,6 @@ from pretended_fleet import NAMES, POUR, Fleet, Heard
 
 from agent_runtime.testing.memory_bus import LATENCY_S
 from companion.all_languages import RC
-from fipa_codec.communicate import Communicate
 
 COMMAND = POUR
 VICTIMS = NAMES
@@ -44,12 +43,12 @@ class Ending(msgspec.Struct, frozen=True):
 class Traffic(Heard):
     """The traffic of wires; at message `number` (from 1) the victim is killed. Copies count."""
 
-    def __init__(self, fleet: Fleet, victim: str, number: int, side: Side) -> None:
+    def __init__(self, fleet, victim, number, side):
         super().__init__(fleet)
         self._victim, self._number, self._side = victim, number, side
         fleet.wires.traffic = self
 
-    def append(self, communicate: Communicate) -> None:
+    def append(self, communicate):
         """It is sent; the wires put its arrival on the agenda right after this."""
         super().append(communicate)
         if len(self) == self._number:
@@ -59,7 +58,7 @@ class Traffic(Heard):
             wires.call(LATENCY_S, later)
 
 
-def run(victim: str = "", number: int = 0, side: Side = Side.BEFORE) -> Ending:
+def run(victim="", number=0, side=Side.BEFORE):
     """The ending of a run with a death in it; without a victim of one without."""
     with Fleet() as fleet:
         Traffic(fleet, victim, number, side)
@@ -67,22 +66,19 @@ def run(victim: str = "", number: int = 0, side: Side = Side.BEFORE) -> Ending:
         return ending(fleet, fleet.finish())
 
 
-def messages() -> int:
+def messages():
     """How many messages a run without a death has."""
     return run().messages
 
 
-def ending(fleet: Fleet, states: list[str]) -> Ending:
+def ending(fleet, states):
     """What is left."""
     scene = fleet.wires.memory("km").scene
-    objects = {
-        name: (one.model, one.pose, one.on, one.inside) for name, one in scene.things.items()
-    }
-    requests = {
-        (one.sender, one.id): RC.decode(one.content)
-        for one in fleet.wires.traffic
-        if one.receiver == "ex" and str(one.performative) == "request"
-    }
+    things = scene.things.items()
+    objects = {name: (one.model, one.pose, one.on, one.inside) for name, one in things}
+    to_ex = (one for one in fleet.wires.traffic if one.receiver == "ex")
+    asked = (one for one in to_ex if str(one.performative) == "request")
+    requests = {(one.sender, one.id): RC.decode(one.content) for one in asked}
     commanded = Counter(content.key for content in requests.values())
     begun = fleet.world.begun
     starts = Counter(key for at, key in enumerate(begun) if at == 0 or begun[at - 1] != key)

@@ -4,20 +4,13 @@ the run.
 Each step has a time of its own, as with a real clock: what a step said is found by its time.
 """
 
-from pathlib import Path
-from typing import Any
-
 from pretended_fleet import Fleet
 
-from agent_runtime.core.effects import Effects
-from agent_runtime.core.events import AnyEvent, Received
-from agent_runtime.core.state import CoreState
-from agent_runtime.core.step import Core
+from agent_runtime.core.events import Received
 from agent_runtime.io.steplog import StepLog, noted
 from companion.tools.system import SYSTEM
 from operate.recording import reasons
 from operate.recording.run import Run
-from operate.tracing.reasons import Why
 
 APART_S = 1e-7
 
@@ -27,7 +20,7 @@ class LoggedFleet(Fleet):
     trace` do.
     """
 
-    def __init__(self, run: Path) -> None:
+    def __init__(self, run):
         super().__init__()
         self.run = run
         self.logs = {name: StepLog(run / "steps" / f"{name}.steps") for name in self.wires.nodes}
@@ -35,15 +28,15 @@ class LoggedFleet(Fleet):
         for name, node in self.wires.nodes.items():
             self._log(node.core, self.logs[name])
 
-    def _log(self, core: Core[Any], log: StepLog) -> None:
+    def _log(self, core, log):
         boot, step = core.boot, core.step
 
-        def booted(record: bytes | None) -> CoreState:
+        def booted(record):
             state = boot(record)
             log.boot(state.incarnation - 1, b"" if record is None else record, self.wires.now)
             return state
 
-        def stepped(state: CoreState, event: AnyEvent, now: float) -> tuple[CoreState, Effects]:
+        def stepped(state, event, now):
             self._count += 1
             at = now + self._count * APART_S
             after, effects = step(state, event, at)
@@ -53,22 +46,22 @@ class LoggedFleet(Fleet):
 
         core.boot, core.step = booted, stepped  # type: ignore[method-assign]
 
-    def __exit__(self, kind: object, *more: object) -> None:
+    def __exit__(self, kind, *more):
         for log in self.logs.values():
             log.close()
         super().__exit__(kind, *more)
 
-    def reasons(self, about: str = "") -> Why:
+    def reasons(self, about=""):
         """The reasons of a task, or of the newest one."""
         self.flush()
         return reasons.of(Run(self.run, SYSTEM), about)
 
-    def traced(self) -> Run:
+    def traced(self):
         """The run as far as it has gone."""
         self.flush()
         return Run(self.run, SYSTEM)
 
-    def flush(self) -> None:
+    def flush(self):
         """Write what was logged so far."""
         for log in self.logs.values():
             log.flush()

@@ -6,30 +6,25 @@ a step outside the design, a message that the design does not allow, and, of wir
 copies, a violation of its protocols.
 """
 
-from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
 from itertools import groupby
-from typing import Any
 
 from pretended_robot import Robot, World
 from scripted_search import Script
 
 from agent_runtime.core.control import SetParameter
-from agent_runtime.core.effects import Deed, Effects
 from agent_runtime.core.step import OUTSIDE
-from agent_runtime.io.devices import DeviceMaker, Post
-from agent_runtime.testing.memory_bus import Faults, MemoryBus
+from agent_runtime.testing.memory_bus import MemoryBus
 from companion.all_languages import LANGUAGES, SW
-from companion.autonomy import LEVEL, STEP, Level, Permission, Verb
+from companion.autonomy import LEVEL, STEP, Permission, Verb
 from companion.binding import wiring
 from companion.design import DESIGN, language_of
-from companion.languages import sw, wm
+from companion.languages import sw
 from companion.languages.cmd import TaskState
-from companion.languages.facts import Facts
 from companion.tools.system import JOB, PROCESSES
 from fipa_codec.communicate import Communicate, encode
+from services.human_interface.device_messages import Answer, CancelWanted, Sentence
 from services.human_interface.grammar import understand
-from services.human_interface.local import Answer, CancelWanted, Sentence
 from services.knowledge.store import device_at
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement, Verdict
@@ -47,14 +42,14 @@ class Person:
 
     busy = False
 
-    def __init__(self) -> None:
-        self.told: list[Any] = []
+    def __init__(self):
+        self.told = []
 
-    def tell(self, content: Any) -> None:
+    def tell(self, content):
         """Hear it."""
         self.told.append(content)
 
-    def close(self) -> None:
+    def close(self):
         """Nothing to close."""
 
 
@@ -63,22 +58,15 @@ class Fleet:
     in order.
     """
 
-    def __init__(
-        self,
-        *,
-        seed: int = 0,
-        faults: Faults | None = None,
-        search: DeviceMaker | None = None,
-        robot: DeviceMaker | None = None,
-    ) -> None:
+    def __init__(self, *, seed=0, faults=None, search=None, robot=None):
         self.wires = MemoryBus(seed=seed, faults=faults)
         self.world, self.person = World(), Person()
-        self.asked: list[wm.AnyQuery] = []
-        self.deeds: list[tuple[str, Deed]] = []
+        self.asked = []
+        self.deeds = []
         self.judge, self.judgements = Judge(DESIGN, LANGUAGES), list[Judgement]()
         self.judged = faults is None or not faults.duplication
-        self._lives: dict[str, int] = {}
-        self.watch: Callable[[str, Effects], None] = lambda agent, effects: None
+        self._lives = {}
+        self.watch = lambda agent, effects: None
         self._tickets = 0
         devices = {
             "hi": lambda post: self.person,
@@ -92,19 +80,19 @@ class Fleet:
         self.wires.traffic = Heard(self)
         self.wires.on_step = self._stepped
 
-    def __enter__(self) -> "Fleet":
+    def __enter__(self):
         return self
 
-    def __exit__(self, kind: object, *_: object) -> None:
+    def __exit__(self, kind, *_):
         self.wires.close()
         assert kind is not None or not (found := self.wrong()), found
 
-    def _robot(self, post: Post) -> Robot:
+    def _robot(self, post):
         return Robot(
             post, self.world, lambda delay, call: self.wires._at(self.wires.now + delay, call)
         )
 
-    def _stepped(self, agent: str, effects: Effects) -> None:
+    def _stepped(self, agent, effects):
         state = self.wires.nodes[agent].state
         if state is not None and self._lives.get(agent) != state.incarnation:
             self._lives[agent] = state.incarnation
@@ -117,28 +105,27 @@ class Fleet:
 
     # --- what a person does -----------------------------------------------------------------------
 
-    def say(self, text: str = POUR, urgency: int = 0) -> None:
+    def say(self, text=POUR, urgency=0):
         """A person's words; hi is asked again until it knows its co."""
         self._tickets += 1
         self.until(lambda: self.up("hi") and "co" in self.wires.nodes["hi"].state.soft.peers)
-        self.wires.post(
-            "hi", Sentence(f"t{self._tickets}", text, understand(text), urgency=urgency)
-        )
+        said = Sentence(f"t{self._tickets}", text, understand(text), urgency=urgency)
+        self.wires.post("hi", said)
 
-    def cancel(self) -> None:
+    def cancel(self):
         """A person's cancel of the oldest open task."""
         self._tickets += 1
         self.wires.post("hi", CancelWanted(f"t{self._tickets}"))
 
-    def order(self, verb: Verb, at: str = "") -> None:
+    def order(self, verb, at=""):
         """The operator's order about the act that waits, or another one."""
         self.wires.order("ta", SetParameter(STEP, str(Permission(verb, at or self.waits_for))))
 
-    def set_level(self, level: Level) -> None:
+    def set_level(self, level):
         """How much ta does without asking an operator, from now on."""
         self.wires.order("ta", SetParameter(LEVEL, level.value))
 
-    def begin(self, level: Level) -> "Fleet":
+    def begin(self, level):
         """Ask for a pour at this level, once the look around at the start is over, which waits for
         nobody.
         """
@@ -149,7 +136,7 @@ class Fleet:
         self.until(lambda: self.tasks)
         return self
 
-    def let_go(self) -> str:
+    def let_go(self):
         """Let the act begin that waits, as soon as one does; its place in the plan, "" if all tasks
         ended before.
         """
@@ -160,102 +147,99 @@ class Fleet:
             self.until(lambda: self.waits_for != place)
         return place
 
-    def step_through(self) -> list[str]:
+    def step_through(self):
         """Let all acts begin until the tasks have ended; their places in the plans."""
         return list(iter(self.let_go, ""))
 
     # --- what there is to see ---------------------------------------------------------------------
 
-    def until(self, condition: Callable[[], object], limit_s: float = 300.0) -> None:
+    def until(self, condition, limit_s=300.0):
         """Go on until this holds."""
         self.wires.run(lambda: bool(condition()), limit_s=limit_s)
 
-    def up(self, name: str) -> bool:
+    def up(self, name):
         """Whether the agent lives."""
         return self.wires.nodes[name].state is not None
 
-    def state(self, name: str) -> str:
+    def state(self, name):
         """The state of an agent; "" of a dead one."""
         return self.wires.nodes[name].state.state if self.up(name) else ""
 
     @property
-    def held(self) -> dict[Any, Any]:
+    def held(self):
         """What the hands hold, as ex remembers."""
         return self.wires.memory("ex").remembered.held
 
     @property
-    def waits_for(self) -> str:
+    def waits_for(self):
         """The place in the plan of the act that waits, as hi's person sees it."""
         return next((task.asks for task in self.tasks if task.asks), "")
 
     @property
-    def waiting(self) -> bool:
+    def waiting(self):
         """Whether ta waits and the person can see it."""
         return self.state("ta") == "waiting" and bool(self.waits_for)
 
     @property
-    def steps(self) -> dict[str, int]:
+    def steps(self):
         """Number of steps that each agent has made."""
         return {name: node.steps for name, node in self.wires.nodes.items()}
 
     @property
-    def tasks(self) -> tuple[Any, ...]:
+    def tasks(self):
         """Tasks as hi knows them."""
         memory = self.wires.memory("hi")
         return () if memory is None else memory.tasks
 
-    def ended(self, count: int = 1) -> bool:
+    def ended(self, count=1):
         """Whether that many tasks have ended."""
         return sum(task.state in FINAL for task in self.tasks) >= count
 
-    def finish(self, count: int = 1, limit_s: float = 900.0) -> list[str]:
+    def finish(self, count=1, limit_s=900.0):
         """Go on until that many tasks have ended and everybody rests; their states."""
         self.until(lambda: self.ended(count), limit_s)
         self.until(self.at_rest)
         return [str(task.state) for task in self.tasks]
 
-    def at_rest(self) -> bool:
+    def at_rest(self):
         """All agents are up and wait for something new."""
         nodes = self.wires.nodes
         return all(
             self.up(name) and nodes[name].state.state == state for name, state in JOB.rests.items()
         ) and not any(nodes[name].state.conversations or nodes[name].state.due for name in NAMES)
 
-    def why(self) -> Facts:
+    def why(self):
         """The reason that hi was told last of the first task."""
         return self.tasks[0].why
 
-    def informs(self) -> Iterator[tuple[Communicate, sw.Report]]:
+    def informs(self):
         """ta's informs to co."""
         for one in self.wires.traffic:
             if (one.sender, one.receiver, str(one.performative)) == ("ta", "co", "inform"):
                 yield one, SW.decode(one.content)
 
-    def reports(self) -> list[str]:
+    def reports(self):
         """ta's final reports to co, each once."""
         said = {(one.conversation, one.id): report.state for one, report in self.informs()}
         return [str(state) for state in said.values() if state in sw.FINAL]
 
-    def answers(self) -> list[Answer]:
+    def answers(self):
         """Answers of hi to the person."""
         return [one for one in self.person.told if isinstance(one, Answer)]
 
     # --- what must hold of every run --------------------------------------------------------------
 
-    def wrong(self) -> list[str]:
+    def wrong(self):
         """Whatever is wrong in the run so far."""
         # an act has several motions, one after the other
         begun = [key for key, _ in groupby(self.world.begun)]
         twice = [f"{key} began again" for key in {key for key in begun if begun.count(key) > 1}]
         nodes = self.wires.nodes.items()
-        outside = [
-            f"{name} left the design"
-            for name, node in nodes
-            if node.state and node.state.counts.get(OUTSIDE)
-        ]
+        left = ((name, node.state) for name, node in nodes if node.state)
+        outside = [f"{name} left the design" for name, state in left if state.counts.get(OUTSIDE)]
         return [*twice, *outside, *against_design(self.wires.traffic), *self.violations()]
 
-    def violations(self) -> list[str]:
+    def violations(self):
         """What the judge finds wrong."""
         if not self.judged:
             return []
@@ -263,7 +247,7 @@ class Fleet:
         wrong = [one for one in self.judgements if one.violation and one.verdict not in LATE]
         return [f"{one.verdict}: {one.heard.communicate} {one.why}" for one in wrong]
 
-    def close(self) -> None:
+    def close(self):
         """Close all devices, and look at the run."""
         self.__exit__(None)
 
@@ -271,11 +255,11 @@ class Fleet:
 class Heard(list[Communicate]):
     """The traffic of a fleet, which its judge hears as it is sent."""
 
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, fleet):
         super().__init__()
         self._fleet = fleet
 
-    def append(self, communicate: Communicate) -> None:
+    def append(self, communicate):
         """It is sent."""
         super().append(communicate)
         fleet, key = self._fleet, DESIGN.key("test", communicate)
@@ -283,14 +267,14 @@ class Heard(list[Communicate]):
             fleet.judgements += fleet.judge.hear(key, encode(communicate), fleet.wires.now)
 
 
-def against_design(traffic: Iterable[Communicate]) -> set[str]:
+def against_design(traffic):
     """What was said by whom it is not allowed to, in another language or class, or at greater
     length.
     """
     return {found for one in traffic if (found := _against_design(one))}
 
 
-def _against_design(one: Communicate) -> str:
+def _against_design(one):
     rule = DESIGN.rule(one)
     content, _ = LANGUAGES.read(one)
     here = f"{one.sender}->{one.receiver} {one.protocol} {one.performative}"

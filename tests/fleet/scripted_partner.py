@@ -8,7 +8,6 @@ import msgspec
 
 from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Local, Received
-from agent_runtime.core.turn import Turn
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import SEND
@@ -40,10 +39,10 @@ class Names(msgspec.Struct, frozen=True):
     talks: tuple[str, ...] = ()
 
 
-def partner(name: str, heard: list[tuple[int, str, Any]], *, confirms: bool = True) -> Agent[Names]:
+def partner(name, heard, *, confirms=True):
     """The agent `name`; `heard` gets (number of conversation, performative, content)."""
 
-    def serve(memory: Names, turn: Turn) -> Names:
+    def serve(memory, turn):
         match turn.event:
             case Local(content=Open(to=to, protocol=protocol, performative=act, content=content)):
                 return Names((*memory.talks, turn.open(to, protocol, act, content)))
@@ -57,17 +56,35 @@ def partner(name: str, heard: list[tuple[int, str, Any]], *, confirms: bool = Tr
                     _pay(turn, talk)
         return memory
 
-    return Agent(
-        name=name,
-        start="here",
-        memory=Names(),
-        behaviours={"here": Behaviour(serve)},
-        local=Open | Say,
-    )
+    behaviours = {"here": Behaviour(serve)}
+    return Agent(name, "here", Names(), behaviours, local=Open | Say)
 
 
-def _pay(turn: Turn, talk: str) -> None:
+def _pay(turn, talk):
     """Say what the protocol wants said in the same step."""
     if turn.holds(talk) and turn.conversation(talk).owes:
         row = turn.conversation(talk).table.allowed(turn.conversation(talk).state, SEND)[0]
         turn.say(talk, row.performative, kind=row.kind if row.kind is Kind.CANCEL else None)
+
+
+class Puppet:
+    """A partner that does what a test posts to it, a function of its turn. It obeys the protocols
+    (the core makes it). `answer(turn, received)` is called with each message, after it was noted in
+    `heard`.
+    """
+
+    def __init__(self, name, answer=None):
+        self.name, self.answer, self.heard = name, answer, []
+
+    def agent(self):
+        """One state that never ends."""
+        return Agent(self.name, "on", Names(), {"on": Behaviour(self.act)})
+
+    def act(self, memory, turn):
+        if isinstance(turn.event, Received):
+            self.heard.append(turn.event)
+            if self.answer:
+                self.answer(turn, turn.event)
+        elif isinstance(turn.event, Local):
+            turn.event.content(turn)
+        return memory

@@ -7,7 +7,6 @@ ones: take both, put the bowl down, look, Replan; then pour.
 
 from collections.abc import Generator
 
-from agent_runtime.io.devices import Post
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
@@ -26,11 +25,11 @@ class Script:
 
     busy = False
 
-    def __init__(self, post: Post, asked: list[wm.AnyQuery]) -> None:
+    def __init__(self, post, asked):
         self._post, self._asked = post, asked
         self._attempt, self._work = 0, None
 
-    def tell(self, content: object) -> None:
+    def tell(self, content):
         """Begin, go on, or stop."""
         match content:
             case Begin(attempt=attempt, network=network):
@@ -43,11 +42,11 @@ class Script:
             case Stop():
                 self._work = None
 
-    def close(self) -> None:
+    def close(self):
         """Killed."""
         self._work = None
 
-    def _go_on(self, answer: wm.AnyAnswer | None) -> None:
+    def _go_on(self, answer):
         assert self._work is not None
         try:
             query = next(self._work) if answer is None else self._work.send(answer)
@@ -58,7 +57,7 @@ class Script:
         self._post(Ask(self._attempt, query), THINK_S)
 
 
-def pour(network: hfsm.GroundTaskNetwork) -> Searching:
+def pour(network):
     """The plan that fits the world as km tells it."""
     if network.tasks[0].name == "look_around":
         return plan_of(network, [(hfsm.Step("look-around"), [look("jar_1")])])
@@ -84,66 +83,56 @@ def pour(network: hfsm.GroundTaskNetwork) -> Searching:
     return plan_of(network, steps(jar.side, bowl.side, where))
 
 
-def steps(
-    jar: Side | None, bowl: Side | None, where: wm.PoseOf
-) -> list[tuple[hfsm.Step, list[rc.Command]]]:
+def steps(jar, bowl, where):
     """Return the steps still to be done."""
-    todo: list[tuple[hfsm.Step, list[rc.Command]]] = []
+    todo = []
     if jar is None:
         todo.append((hfsm.Step("take", ("jar_1",)), [move(Side.LEFT), grasp(Side.LEFT, "jar_1")]))
     if bowl is None and where.exact and where.pose.xyz == PLACE.xyz:
         tilt = Pour("", Side.LEFT, "jar_1", "bowl_1", 0.0, 0.0, (0.5, 2.0), 1.0, 0.1)
         return [*todo, (hfsm.Step("pour", ("jar_1", "bowl_1")), [move(Side.LEFT), tilt])]
     if bowl is None:
-        todo.append(
-            (hfsm.Step("take", ("bowl_1",)), [move(Side.RIGHT), grasp(Side.RIGHT, "bowl_1")])
-        )
+        taken = [move(Side.RIGHT), grasp(Side.RIGHT, "bowl_1")]
+        todo.append((hfsm.Step("take", ("bowl_1",)), taken))
     release = rc.Release("", Side.RIGHT, "bowl_1", "table_1", PLACE, ())
-    return [
-        *todo,
-        (hfsm.Step("place", ("bowl_1",)), [release]),
-        (hfsm.Step("look-at", ("bowl_1",)), [look("bowl_1")]),
-    ]
+    sees = (hfsm.Step("look-at", ("bowl_1",)), [look("bowl_1")])
+    return [*todo, (hfsm.Step("place", ("bowl_1",)), [release]), sees]
 
 
-def move(side: Side) -> rc.MoveJoint:
+def move(side):
     """A free motion."""
     return rc.MoveJoint("", side, ((0.0,) * 8,), 0.3)
 
 
-def grasp(side: Side, name: str) -> rc.Grasp:
+def grasp(side, name):
     """Take it."""
     return rc.Grasp("", side, name, "g", (rc.ApproachPoint(HERE, 0.5),), 0.1, 0.3, 0.2)
 
 
-def release(key: str, side: Side, name: str) -> rc.Release:
+def release(key, side, name):
     """Put it down wherever there is room."""
     return rc.Release(key, side, name, "table_1", None, ())
 
 
-def look(name: str) -> rc.Look:
+def look(name):
     """Look at it."""
     return rc.Look("", ((1.0, 0.0, 1.0),))
 
 
-def plan_of(
-    network: hfsm.GroundTaskNetwork, todo: list[tuple[hfsm.Step, list[rc.Command]]]
-) -> hfsm.HierarchicalPlan:
+def plan_of(network, todo):
     """Steps chained; a plan without a pour ends in Replan once the bowl is localized."""
     machines = [machine(network.id, number, step, acts) for number, (step, acts) in enumerate(todo)]
-    states: list[hfsm.State] = list(machines)
+    states = list(machines)
     if todo[-1][0].does == "look-at":
         query = wm.Holds(relation="hasExactPose", subject="bowl_1")
-        states += [
-            hfsm.AskState("localize bowl_1", query),
-            hfsm.EndState("replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),)),
-        ]
+        end = hfsm.EndState("replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),))
+        states += [hfsm.AskState("localize bowl_1", query), end]
     chained = chain(states)
     root = hfsm.Machine(network.tasks[0].name, chained[0].name, chained)
     return hfsm.HierarchicalPlan(network.id, network.tasks[0].name, root, 4.0 * len(todo), 12)
 
 
-def machine(plan: str, number: int, step: hfsm.Step, acts: list[rc.Command]) -> hfsm.Machine:
+def machine(plan, number, step, acts):
     """One step, with what puts everything down if it is cancelled."""
     keyed = [
         type(act)(**{**fields(act), "key": f"{plan}/{number}.{k}"}) for k, act in enumerate(acts)
@@ -151,33 +140,23 @@ def machine(plan: str, number: int, step: hfsm.Step, acts: list[rc.Command]) -> 
     leaves = chain(
         [hfsm.ActState(f"{type(act).__name__.lower()} {k}", act) for k, act in enumerate(keyed)]
     )
-    downs = [
-        hfsm.ActState(
-            f"put down {thing}",
-            rc.Release(f"{plan}/{number}.safe-{thing}", side, thing, "table_1", None, ()),
-        )
-        for side, thing in ((Side.RIGHT, "bowl_1"), (Side.LEFT, "jar_1"))
-    ]
+    held = ((Side.RIGHT, "bowl_1"), (Side.LEFT, "jar_1"))
+    keys = {thing: f"{plan}/{number}.safe-{thing}" for _, thing in held}
+    releases = (rc.Release(keys[thing], side, thing, "table_1", None, ()) for side, thing in held)
+    downs = [hfsm.ActState(f"put down {one.object}", one) for one in releases]
     safe = chain(list(downs))
-    name, down = (
-        " ".join((step.does.replace("-", " "), *step.things)),
-        hfsm.Step("put-everything-down"),
-    )
-    return hfsm.Machine(
-        name,
-        leaves[0].name,
-        leaves,
-        safe=hfsm.Machine("put down", safe[0].name, safe, step=down),
-        step=step,
-    )
+    name = " ".join((step.does.replace("-", " "), *step.things))
+    down = hfsm.Step("put-everything-down")
+    secured = hfsm.Machine("put down", safe[0].name, safe, step=down)
+    return hfsm.Machine(name, leaves[0].name, leaves, safe=secured, step=step)
 
 
-def fields(act: rc.Command) -> dict[str, object]:
+def fields(act):
     """The fields of a command."""
     return {name: getattr(act, name) for name in act.__struct_fields__}
 
 
-def chain(states: list[hfsm.State]) -> tuple[hfsm.State, ...]:
+def chain(states):
     """Each leads to the next one."""
     from msgspec.structs import replace
 

@@ -16,7 +16,7 @@ Some = Callable[[Any, int], list[Any]]
 
 
 @pytest.mark.parametrize("block", range(6))
-def test_a_cancel_at_any_time(block: int, some: Some) -> None:
+def test_a_cancel_at_any_time(block, some):
     """Preempted or done, hands empty after a cancel, and the next pour succeeds."""
     chance = random.Random(block)
     for after_s in some([chance.uniform(0.0, LONGEST_S) for _ in range(8)], 2):
@@ -33,14 +33,14 @@ def test_a_cancel_at_any_time(block: int, some: Some) -> None:
             assert fleet.finish(2)[-1] == "done", after_s
 
 
-def replanning(fleet: Fleet) -> None:
+def replanning(fleet):
     """Until the second plan is made, with the jar in a hand."""
     fleet.say()
     fleet.until(lambda: "Replan" in fleet.reports() and fleet.state("pl") == "search")
     assert fleet.held
 
 
-def test_a_cancel_while_a_new_plan_is_made(fleet: Fleet) -> None:
+def test_a_cancel_while_a_new_plan_is_made(fleet):
     """The jar is put down all the same: ta gets the plan, and leaves it."""
     replanning(fleet)
     fleet.cancel()
@@ -49,7 +49,7 @@ def test_a_cancel_while_a_new_plan_is_made(fleet: Fleet) -> None:
     assert not fleet.held
 
 
-def test_an_urgent_word_while_a_new_plan_is_made(fleet: Fleet) -> None:
+def test_an_urgent_word_while_a_new_plan_is_made(fleet):
     """The jar is put down before the robot looks around; then it pours."""
     replanning(fleet)
     fleet.say("look around", urgency=1)
@@ -58,7 +58,7 @@ def test_an_urgent_word_while_a_new_plan_is_made(fleet: Fleet) -> None:
     assert fleet.finish(2) == ["done", "done"]
 
 
-def test_a_cancel_while_searching(fleet: Fleet) -> None:
+def test_a_cancel_while_searching(fleet):
     """pl answers at once: no act is begun."""
     fleet.say()
     fleet.until(lambda: fleet.state("pl") == "search")
@@ -68,7 +68,7 @@ def test_a_cancel_while_searching(fleet: Fleet) -> None:
     assert fleet.world.begun == begun
 
 
-def test_a_cancel_mid_pour(fleet: Fleet) -> None:
+def test_a_cancel_mid_pour(fleet):
     """The jar is put down, the plan is Preempted."""
     fleet.say()
     fleet.until(lambda: "pour" in str(getattr(fleet.wires.memory("ex").act, "command", "")).lower())
@@ -80,7 +80,7 @@ def test_a_cancel_mid_pour(fleet: Fleet) -> None:
 
 
 @pytest.mark.parametrize("victim", ["co", "pl", "km", "ta", "ex"])
-def test_a_cancel_with_a_death(victim: str, some: Some) -> None:
+def test_a_cancel_with_a_death(victim, some):
     """A cancel and a death of anybody, at times by chance: the task ends, and the next command is
     served.
     """

@@ -10,7 +10,7 @@ from typing import Any
 
 import boundaries
 import pytest
-from boundaries import Ending, Side
+from boundaries import Side
 from pretended_fleet import FINAL, NAMES, Fleet
 
 from agent_runtime.testing.memory_bus import Faults, Point
@@ -24,7 +24,7 @@ UNSTEADY = Faults(loss=0.05, delay=0.1, crash=0.002)
 
 
 @pytest.fixture(scope="module")
-def counted() -> dict[str, int]:
+def counted():
     """Steps of each agent in the story."""
     with Fleet() as fleet:
         fleet.say()
@@ -34,9 +34,7 @@ def counted() -> dict[str, int]:
 
 @pytest.mark.parametrize("point", list(Point))
 @pytest.mark.parametrize("victim", NAMES)
-def test_a_death_changes_nothing_of_the_outcome(
-    victim: str, point: Point, counted: dict[str, int], some: Some
-) -> None:
+def test_a_death_changes_nothing_of_the_outcome(victim, point, counted, some):
     """Poured once, done once; agents that do not move the robot cost no act either.
 
     ex calls an act in which it died unknown, and the plan is made again from what is seen.
@@ -55,9 +53,7 @@ def test_a_death_changes_nothing_of_the_outcome(
 
 @pytest.mark.parametrize("side", list(Side))
 @pytest.mark.parametrize("victim", boundaries.VICTIMS)
-def test_a_death_at_a_message_changes_no_end(
-    victim: str, side: Side, usual: Ending, some: Some
-) -> None:
+def test_a_death_at_a_message_changes_no_end(victim, side, usual, some):
     """The same world at km, objects where they stood, the same last report; no act twice, poured
     once.
     """
@@ -70,17 +66,15 @@ def test_a_death_at_a_message_changes_no_end(
         assert not found.doubled, number
 
 
-def test_the_death_happens(usual: Ending) -> None:
+def test_the_death_happens(usual):
     """Of ex in an act: it is not known how it ended, so more is commanded; of co nothing is."""
-    assert any(
-        len(boundaries.run("ex", number, Side.AFTER).acts) > len(usual.acts)
-        for number in range(20, 100, 8)
-    )
+    after = (boundaries.run("ex", number, Side.AFTER) for number in range(20, 100, 8))
+    assert any(len(run.acts) > len(usual.acts) for run in after)
     assert boundaries.run("co", 50, Side.AFTER).acts == usual.acts
 
 
 @pytest.fixture(scope="module")
-def usual() -> Ending:
+def usual():
     """The run without a death."""
     return boundaries.run()
 
@@ -88,7 +82,7 @@ def usual() -> Ending:
 @pytest.mark.parametrize(
     "faults", [UNSTEADY, Faults(UNSTEADY.loss, 0.05, UNSTEADY.delay, UNSTEADY.crash)]
 )
-def test_many_faults(faults: Faults, some: Some) -> None:
+def test_many_faults(faults, some):
     """Loss, copies, disorder and deaths of anybody: each command ends, and the fleet comes to rest.
 
     Copies are not judged: one that the judge does not hear is answered, and that answer was never
@@ -106,20 +100,21 @@ def test_many_faults(faults: Faults, some: Some) -> None:
             assert str(fleet.tasks[-1].state) in ("done", "failed"), seed
 
 
+def until(fleet, victim, step):
+    """Run until the victim's step of this number, or the end."""
+    fleet.until(lambda: fleet.steps[victim] >= step or fleet.ended(), 3600.0)
+
+
 # --- journals -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("victim", NAMES)
-def test_without_its_journal_a_task_ends_and_the_fleet_is_at_rest(
-    victim: str, counted: dict[str, int], some: Some
-) -> None:
+def test_without_its_journal_a_task_ends_and_the_fleet_is_at_rest(victim, counted, some):
     """Nobody waits for ever; of what a lost conversation ended, the person is told the reason."""
     for step in (1 + int(part * counted[victim]) for part in some(PARTS, 3)):
         fleet = Fleet(seed=step)  # what was said in a life that nobody remembers is not judged
         fleet.say()
-        fleet.until(
-            lambda fleet=fleet, step=step: fleet.steps[victim] >= step or fleet.ended(), 3600.0
-        )
+        until(fleet, victim, step)
         fleet.wires.lose_journal(victim)
         if victim != "hi":  # who forgets its tasks has none to end
             fleet.until(fleet.ended, 3600.0)
@@ -135,9 +130,7 @@ def test_without_its_journal_a_task_ends_and_the_fleet_is_at_rest(
 
 @pytest.mark.parametrize("back", [1, 2, 5, 20])
 @pytest.mark.parametrize("victim", ["co", "pl", "ta", "ex", "km"])
-def test_a_shorter_journal_ends_the_task_too(
-    victim: str, back: int, counted: dict[str, int], some: Some
-) -> None:
+def test_a_shorter_journal_ends_the_task_too(victim, back, counted, some):
     """As it was some records ago: nobody waits for a message that was taken and is forgotten."""
     for step in (1 + int(part * counted[victim]) for part in some(PARTS, 2)):
         fleet, kept = Fleet(seed=back), list[bytes]()
@@ -145,9 +138,7 @@ def test_a_shorter_journal_ends_the_task_too(
             kept.append(effects.record) if agent == victim and effects.record is not None else None
         )
         fleet.say()
-        fleet.until(
-            lambda fleet=fleet, step=step: fleet.steps[victim] >= step or fleet.ended(), 3600.0
-        )
+        until(fleet, victim, step)
         fleet.wires.put_back(victim, kept[max(0, len(kept) - 1 - back)])
         fleet.until(fleet.ended, 3600.0)
         assert all(task.state == "done" or task.why for task in fleet.tasks), (step, fleet.tasks)

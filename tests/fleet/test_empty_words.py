@@ -4,7 +4,6 @@ none dies of it.
 
 import pytest
 
-from agent_runtime.core.wiring import Link
 from agent_runtime.testing.alone import Alone
 from companion.binding import wiring
 from companion.languages.facts import Kind, fact
@@ -22,18 +21,15 @@ AGENTS = {"co": coordinator, "ex": executor, "km": knowledge, "pl": planner, "ta
 """hi is asked by nobody."""
 
 
-def openings(name: str) -> list[tuple[Link, Performative]]:
+def openings(name):
     """The opening messages that an agent takes, as links and performatives."""
-    return [
-        (link, act)
-        for link in wiring(name, "test").links
-        for act in named(link.protocol).openings
-        if link.role is Role.PARTICIPANT and link.hears.get(act)
-    ]
+    links = [link for link in wiring(name, "test").links if link.role is Role.PARTICIPANT]
+    opened = ((link, act) for link in links for act in named(link.protocol).openings)
+    return [(link, act) for link, act in opened if link.hears.get(act)]
 
 
 @pytest.mark.parametrize("name", AGENTS)
-def test_an_opening_without_content_is_not_understood(name: str) -> None:
+def test_an_opening_without_content_is_not_understood(name):
     """At once, once, and the agent is asked again as if nothing had been."""
     assert openings(name), "else this test would show nothing"
     for link, act in openings(name):
@@ -42,21 +38,19 @@ def test_an_opening_without_content_is_not_understood(name: str) -> None:
         conversation = one.ask(link.peer, link.protocol, act)
         assert one.answers(conversation) == (Performative.NOT_UNDERSTOOD,), link.channel
         assert (one.state, len(one.told)) == (state, told), link.channel
-        assert not [line for line in one.logs if line.event == "step outside the design"], (
-            link.channel
-        )
+        outside = [line for line in one.logs if line.event == "step outside the design"]
+        assert not outside, link.channel
 
 
-def test_a_plan_without_content_fails_the_task_in_words() -> None:
+def test_a_plan_without_content_fails_the_task_in_words():
     """The coordinator tells the person why, and takes the next task."""
     one = Alone(coordinator.agent(), wiring("co", "test"))
     asked = one.ask("hi", "request", Performative.REQUEST, PourInto("jar", "bowl"))
     (planning,) = [say.conversation for say in one.said if say.receiver == "pl"]
     one.answer(planning, Performative.INFORM)
     assert one.answers(asked)[-1] is Performative.FAILURE
-    assert (fact(Kind.NO_REASON, "pl"),) in [
-        getattr(one.content(word), "why", ()) for word in one.said
-    ]
+    whys = [getattr(one.content(word), "why", ()) for word in one.said]
+    assert (fact(Kind.NO_REASON, "pl"),) in whys
     one.ask("hi", "request", Performative.REQUEST, PourInto("jar", "bowl"))
     assert [word.receiver for word in one.said].count("pl") == 2
     assert not [line for line in one.logs if line.event == "step outside the design"]

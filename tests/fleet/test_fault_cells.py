@@ -2,8 +2,6 @@
 as shipped.
 """
 
-from pathlib import Path
-
 import pytest
 
 from companion.tools.system import JOB, SYSTEM
@@ -35,17 +33,16 @@ first try.
 """
 
 
-def test_each_phase_kind_and_process_has_its_cell() -> None:
+def test_each_phase_kind_and_process_has_its_cell():
     """Those of the job and of the table; nobody waits for the page."""
     assert list(CELLS) == list(JOB.phases)
     assert {kind for kind, _, _ in CELLS.values()} == {"kill", "hang", "pause", "cut"}
-    assert {name for _, name, _ in CELLS.values()} == {
-        process.name for process in SYSTEM.processes
-    } - {"page"}
+    processes = {process.name for process in SYSTEM.processes} - {"page"}
+    assert {name for _, name, _ in CELLS.values()} == processes
 
 
 @pytest.mark.parametrize("phase", CELLS)
-def test_the_pour_succeeds_all_the_same(phase: str, tmp_path: Path) -> None:
+def test_the_pour_succeeds_all_the_same(phase, tmp_path):
     """And every invariant of the whole history holds."""
     kind, process, for_s = CELLS[phase]
     cell = Cell(1 + list(CELLS).index(phase), kind, process, phase, JOB.phases[phase], for_s)

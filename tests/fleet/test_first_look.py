@@ -2,29 +2,27 @@
 long that takes.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import product
-from typing import Any
 
 import msgspec
 import pytest
 from msgspec.structs import replace
 from pretended_fleet import Fleet
-from pretended_robot import Robot, World
+from pretended_robot import Robot
 
 from agent_runtime.core.events import PeerChanged
-from agent_runtime.io.devices import Post
 from agent_runtime.testing.memory_bus import Faults, Point
 from companion.all_languages import CMD, WM
 from companion.languages import rc, wm
 from companion.languages.cmd import TaskReport
-from companion.languages.facts import Facts, Kind, fact, with_reasons
+from companion.languages.facts import Kind, fact, with_reasons
 from companion.languages.values import Pose
+from companion.world.observe import observed
+from companion.world.scene import Scene
 from services.coordinator import outgoing_messages
-from services.executor.device_messages import Ended, Felt, Move, Perform
+from services.executor.device_messages import Ended, Move, Perform
 from services.knowledge import behaviours as knowledge
-from services.knowledge.observe import observed
-from services.knowledge.scene import Scene
 
 NO_LIGHT = (fact(Kind.NOTHING_IS_SEEN),)
 SLOW_S = 25.0
@@ -40,21 +38,21 @@ class Slow(Robot):
     so beforehand.
     """
 
-    def __init__(self, post: Post, world: World, later: Later) -> None:
-        def frank(word: Any, delay_s: float = 0.0) -> None:
+    def __init__(self, post, world, later):
+        def frank(word, delay_s=0.0):
             post(replace(word, expected=60.0) if isinstance(word, Move) else word, delay_s)
 
         super().__init__(frank, world, later)
 
     @property
-    def _surveys(self) -> bool:
+    def _surveys(self):
         return self._perform is not None and self._perform.command.key.startswith("survey")
 
-    def _go_on(self, number: int, felt: Felt | None) -> None:
+    def _go_on(self, number, felt):
         right = super()._go_on
         self._later(2 * SLOW_S if self._surveys else 0.0, lambda: right(number, felt))
 
-    def _begin(self, number: int, asked: Any) -> None:
+    def _begin(self, number, asked):
         right = super()._begin
         self._later(SLOW_S if self._surveys else 0.0, lambda: right(number, asked))
 
@@ -62,14 +60,12 @@ class Slow(Robot):
 class Blind(Robot):
     """Cannot look, and says so."""
 
-    def tell(self, content: object) -> None:
+    def tell(self, content):
         """Have no look done."""
         if isinstance(content, Perform) and isinstance(content.command, rc.Look):
             kept = content.remembered
-            self._post(
-                Ended(content.number, kept.not_done(content.command.key, "failed", NO_LIGHT), kept),
-                0.01,
-            )
+            ended = kept.not_done(content.command.key, "failed", NO_LIGHT)
+            self._post(Ended(content.number, ended, kept), 0.01)
         else:
             super().tell(content)
 
@@ -77,20 +73,20 @@ class Blind(Robot):
 class Silent(Robot):
     """Never says how an act ended."""
 
-    def tell(self, content: object) -> None:
+    def tell(self, content):
         """Say nothing of it."""
         if not isinstance(content, Perform):
             super().tell(content)
 
 
-def fleet_of(kind: type[Robot]) -> Fleet:
+def fleet_of(kind):
     """The fleet with a robot of this kind."""
     made = Fleet(robot=lambda post: kind(post, made.world, made.wires.call))
     return made
 
 
 @pytest.fixture
-def fleet(request: pytest.FixtureRequest) -> Iterator[Fleet]:
+def fleet(request):
     """The fleet with a robot of the kind that the test is marked with."""
     with fleet_of(getattr(request, "param", Robot)) as made:
         yield made
@@ -101,17 +97,14 @@ slow, blind, silent = (
 )
 
 
-def reports(fleet: Fleet) -> list[TaskReport]:
+def reports(fleet):
     """co's reports to hi, in order."""
-    said = [
-        one
-        for one in fleet.wires.traffic
-        if one.sender == "co" and one.receiver == "hi" and one.content
-    ]
+    to_hi = (one for one in fleet.wires.traffic if (one.sender, one.receiver) == ("co", "hi"))
+    said = [one for one in to_hi if one.content]
     return [report for one in said if isinstance(report := CMD.decode(one.content), TaskReport)]
 
 
-def refused(fleet: Fleet, within_s: float) -> Facts:
+def refused(fleet, within_s):
     """Why the first command fails, in this time."""
     fleet.until(fleet.ended, within_s)
     assert [str(task.state) for task in fleet.tasks] == ["failed"]
@@ -119,7 +112,7 @@ def refused(fleet: Fleet, within_s: float) -> Facts:
 
 
 @slow
-def test_a_look_around_of_minutes(fleet: Fleet) -> None:
+def test_a_look_around_of_minutes(fleet):
     """The command was given before it began, and is carried out; the person is told once what is
     waited for.
     """
@@ -138,7 +131,7 @@ def test_a_look_around_of_minutes(fleet: Fleet) -> None:
 
 
 @slow
-def test_a_cancel_meanwhile(fleet: Fleet) -> None:
+def test_a_cancel_meanwhile(fleet):
     """It ends the command at once; the next one waits again, and is carried out."""
     fleet.say()
     fleet.wires.run_for(40.0)
@@ -149,9 +142,7 @@ def test_a_cancel_meanwhile(fleet: Fleet) -> None:
 
 
 @pytest.mark.parametrize("victim", ["km", "ta", "ex", "pl", "co"])
-def test_a_death_amid_a_long_look_around(
-    victim: str, some: Callable[[Any, int], list[Any]]
-) -> None:
+def test_a_death_amid_a_long_look_around(victim, some):
     """The command is carried out whichever agent dies while the robot looks around, and comes
     back.
     """
@@ -163,7 +154,7 @@ def test_a_death_amid_a_long_look_around(
             assert fleet.finish() == ["done"], (at_s, point)
 
 
-def test_km_away_at_the_end_of_it(fleet: Fleet) -> None:
+def test_km_away_at_the_end_of_it(fleet):
     """ta keeps what the look around told, and that it is over, until km has it."""
     fleet.until(lambda: fleet.state("ta") == "surveying")
     fleet.wires.crash("km", Point.BEFORE, restart_s=15.0)
@@ -175,13 +166,13 @@ def test_km_away_at_the_end_of_it(fleet: Fleet) -> None:
 
 
 @blind
-def test_the_robot_cannot_look(fleet: Fleet) -> None:
+def test_the_robot_cannot_look(fleet):
     """After some tries the reason is told; once it can, the next command is carried out."""
     fleet.say()
     assert refused(fleet, 30.0) == (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.NOTHING_IS_SEEN)),)
 
 
-def test_ex_dead_for_good(fleet: Fleet) -> None:
+def test_ex_dead_for_good(fleet):
     """The wait for a look around that nobody makes ends in words; once ex is back, commands are
     served.
     """
@@ -193,7 +184,7 @@ def test_ex_dead_for_good(fleet: Fleet) -> None:
     assert fleet.finish(2) == ["failed", "done"]
 
 
-def test_ta_dead_for_good(fleet: Fleet) -> None:
+def test_ta_dead_for_good(fleet):
     """km waits a while for an observer, and says that there is none; once ta is there, commands are
     served.
     """
@@ -205,7 +196,7 @@ def test_ta_dead_for_good(fleet: Fleet) -> None:
     assert fleet.finish(2) == ["failed", "done"]
 
 
-def test_a_command_right_after_ta_came_late(fleet: Fleet) -> None:
+def test_a_command_right_after_ta_came_late(fleet):
     """km had said already that nobody has the robot look; from here on questions wait again."""
     fleet.wires.crash("ta", Point.BEFORE, restart_s=100.0)
     fleet.until(lambda: bool(fleet.up("km") and fleet.wires.memory("km").blind))
@@ -215,7 +206,7 @@ def test_a_command_right_after_ta_came_late(fleet: Fleet) -> None:
 
 
 @slow
-def test_ta_seems_to_be_gone_for_a_moment(fleet: Fleet) -> None:
+def test_ta_seems_to_be_gone_for_a_moment(fleet):
     """The same life of it is seen again: its look around goes on, and is waited for."""
     fleet.say()
     fleet.wires.run_for(30.0)
@@ -226,7 +217,7 @@ def test_ta_seems_to_be_gone_for_a_moment(fleet: Fleet) -> None:
 
 
 @slow
-def test_ta_dies_for_good_amid_it(fleet: Fleet) -> None:
+def test_ta_dies_for_good_amid_it(fleet):
     """Likewise where it had agreed to tell."""
     fleet.say()
     fleet.wires.run_for(30.0)
@@ -236,16 +227,14 @@ def test_ta_dies_for_good_amid_it(fleet: Fleet) -> None:
 
 
 @silent
-def test_a_silent_robot(fleet: Fleet) -> None:
+def test_a_silent_robot(fleet):
     """ex gives its skill up each time, ta after some tries."""
     fleet.say()
-    assert [one.kind for one in with_reasons(refused(fleet, TIRED_S))] == [
-        Kind.NOT_LOOKED_AROUND,
-        Kind.NO_MOTION_FOUND,
-    ]
+    kinds = [one.kind for one in with_reasons(refused(fleet, TIRED_S))]
+    assert kinds == [Kind.NOT_LOOKED_AROUND, Kind.NO_MOTION_FOUND]
 
 
-def test_a_look_around_on_command(fleet: Fleet) -> None:
+def test_a_look_around_on_command(fleet):
     """A look around that failed is made good by one that a person asks for."""
     fleet.world.poses.clear()
     fleet.wires.crash("ex", Point.BEFORE, restart_s=200.0)
@@ -259,7 +248,7 @@ def test_a_look_around_on_command(fleet: Fleet) -> None:
     assert fact(Kind.SEEN_NOTHING) in fleet.tasks[-1].why, "the world was looked at: it is empty"
 
 
-def test_who_knows_of_its_end_knows_the_rest(some: Callable[[Any, int], list[Any]]) -> None:
+def test_who_knows_of_its_end_knows_the_rest(some):
     """No question is answered before all that the look around showed is known, whatever is lost on
     the way.
     """
@@ -269,29 +258,25 @@ def test_who_knows_of_its_end_knows_the_rest(some: Callable[[Any, int], list[Any
             assert set(fleet.wires.memory("km").scene.things) == set(fleet.world.poses), seed
 
 
-def test_what_was_seen_is_told_though_the_end_of_the_look_around_is_not_known() -> None:
+def test_what_was_seen_is_told_though_the_end_of_the_look_around_is_not_known():
     """ta was gone for good before it told the end."""
     jar = wm.SeenObject("jar_1", "jar", Pose((0.8, 0.0, 0.9)), 1.0)
-    memory = knowledge.Memory(
-        observed(Scene(), jar, (1, 1)), patient=False, blind=(fact(Kind.OBSERVER_AWAY),)
-    )
+    away = (fact(Kind.OBSERVER_AWAY),)
+    memory = knowledge.Memory(observed(Scene(), jar, (1, 1)), patient=False, blind=away)
     assert isinstance(knowledge.answer(memory, wm.ListObjects())[1], wm.Objects)
-    assert knowledge.answer(replace(memory, scene=Scene()), wm.ListObjects())[1] == wm.Unknown(
-        (fact(Kind.NOT_LOOKED_AROUND, fact(Kind.OBSERVER_AWAY)),)
-    )
+    why = fact(Kind.NOT_LOOKED_AROUND, *away)
+    empty = replace(memory, scene=Scene())
+    assert knowledge.answer(empty, wm.ListObjects())[1] == wm.Unknown((why,))
 
 
-def test_what_was_looked_at_stays_looked_at(fleet: Fleet) -> None:
+def test_what_was_looked_at_stays_looked_at(fleet):
     """If a later look around fails, nobody is told that nothing was looked at."""
     fleet.until(lambda: fleet.up("km") and not fleet.wires.memory("km").patient)
     fleet.until(fleet.at_rest)
     late = wm.NothingSeen((fact(Kind.NOTHING_IS_SEEN),))
     ta = fleet.wires.nodes["ta"].state.incarnation
-    told = next(
-        one
-        for one in fleet.wires.traffic
-        if one.sender == "ta" and str(one.performative) == "inform"
-    )
+    of_ta = (one for one in fleet.wires.traffic if one.sender == "ta")
+    told = next(one for one in of_ta if str(one.performative) == "inform")
     fleet.wires.deliver(replace(told, id=f"look@{ta}.9999", content=msgspec.Raw(WM.encode(late))))
     fleet.wires.run_for(1.0)
     assert not fleet.wires.memory("km").blind

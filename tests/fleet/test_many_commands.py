@@ -10,8 +10,8 @@ from msgspec.structs import replace
 from pretended_fleet import FINAL, Fleet
 
 from agent_runtime.testing.memory_bus import Faults, Point
+from services.human_interface.device_messages import CancelWanted, NewEvent, Sentence
 from services.human_interface.grammar import understand
-from services.human_interface.local import CancelWanted, NewEvent, Sentence
 
 COUNT, WITHIN_S = 20, 10.0
 WORDS = (
@@ -21,10 +21,8 @@ WORDS = (
     "look around, before anything else",
 )
 MEANT = {text: understand(text) for text in WORDS}
-said = st.tuples(
-    st.floats(0.0, WITHIN_S),
-    st.one_of(st.sampled_from(WORDS), st.sampled_from(("", "later"))),
-)
+first, more = st.sampled_from(WORDS), st.sampled_from(("", "later"))
+said = st.tuples(st.floats(0.0, WITHIN_S), st.one_of(first, more))
 some = settings(  # an example takes seconds: twenty commands would be shrunk for minutes
     deadline=None,
     max_examples=10,
@@ -33,7 +31,7 @@ some = settings(  # an example takes seconds: twenty commands would be shrunk fo
 )
 
 
-def spoken(number: int, words: str) -> Sentence | CancelWanted:
+def spoken(number, words):
     """The person's words: a wish, one for later, or a cancel of the oldest open task."""
     if not words:
         return CancelWanted(f"t{number}")
@@ -42,16 +40,13 @@ def spoken(number: int, words: str) -> Sentence | CancelWanted:
     return replace(word, urgency=int(word.meaning.when.urgent), later_s=5.0 * (words == "later"))
 
 
-def told_ends(fleet: Fleet) -> Counter[str]:
+def told_ends(fleet):
     """How often the person was told the end of each task."""
-    return Counter(
-        one.event.task
-        for one in fleet.person.told
-        if isinstance(one, NewEvent) and one.event.name in FINAL and one.event.task
-    )
+    events = (one.event for one in fleet.person.told if isinstance(one, NewEvent))
+    return Counter(one.task for one in events if one.name in FINAL and one.task)
 
 
-def all_end(fleet: Fleet, words: list[tuple[float, str]]) -> None:
+def all_end(fleet, words):
     """Say them all; every task that hi named ends, and the person hears each end once."""
     fleet.until(lambda: fleet.up("hi") and "co" in fleet.wires.nodes["hi"].state.soft.peers)
     for number, (at, text) in enumerate(words):
@@ -67,7 +62,7 @@ def all_end(fleet: Fleet, words: list[tuple[float, str]]) -> None:
 
 @some
 @given(st.lists(said, min_size=COUNT, max_size=COUNT))
-def test_twenty_commands_in_ten_seconds(words: list[tuple[float, str]]) -> None:
+def test_twenty_commands_in_ten_seconds(words):
     """Commands beyond the limit are refused in words; each step of each agent is a row of the
     design.
     """
@@ -83,9 +78,7 @@ def test_twenty_commands_in_ten_seconds(words: list[tuple[float, str]]) -> None:
     st.sampled_from(("co", "pl", "ta")),
     st.integers(1, 60),
 )
-def test_no_command_is_lost_where_an_agent_dies_meanwhile(
-    words: list[tuple[float, str]], victim: str, steps: int
-) -> None:
+def test_no_command_is_lost_where_an_agent_dies_meanwhile(words, victim, steps):
     """Of whichever of the agents that work on it; over wires that lose and double."""
     with Fleet(seed=steps, faults=Faults(loss=0.05, duplication=0.05, delay=0.05)) as fleet:
         fleet.wires.crash(victim, Point.AFTER, in_steps=steps)

@@ -2,23 +2,22 @@
 and reported.
 """
 
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 import pytest
 from logged_fleet import LoggedFleet
+from msgspec.structs import replace
 
 from companion import sentences
 from companion.design import DESIGN
-from companion.sentences import Catalogue, Reader
 from companion.tools.live import Live
 from companion.tools.report import report
 from companion.tools.system import JOB, SYSTEM
 from operate.cli.faults.moments import Event, InPlan, parse
 from operate.live_lines import Happened, LiveLine
 from operate.recording.run import opened
-from services.human_interface import offers
+from services.human_interface import suggestions
 from services.page.view import Heard, View, view
 
 POUR = "pour the content of the jar into the bowl"
@@ -47,17 +46,17 @@ ASKED = {"spoken", "planning", "replanning"}
 class Noise:
     """Another word each time."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.said = 0
 
-    def __call__(self, reader: Reader) -> Catalogue:
+    def __call__(self, reader):
         """Return the catalogue of a reader, with noise in place of its sentences and words."""
         found = real(reader)
-        return msgspec.structs.replace(
+        return replace(
             found, **{name: {row: self._word() for row in getattr(found, name)} for name in WORDS}
         )
 
-    def _word(self) -> str:
+    def _word(self):
         self.said += 1
         return f"zq{self.said * 7919 % 10007}"
 
@@ -78,20 +77,19 @@ class Story(NamedTuple):
     lines: list[LiveLine]
 
 
-def story(run: Path, *, missing: bool) -> Story:
+def story(run, *, missing):
     """Return the story of a pour with questions."""
     fleet = LoggedFleet(run)
     if missing:
         fleet.world.poses.pop("jar_1")
     pages, shown_last = list[View](), list[Any]()
 
-    def show() -> bool:
+    def show():
         if shown_last and shown_last[-1] == (fleet.tasks, fleet.wires.memory("hi").context):
             return fleet.ended()
         shown_last.append((fleet.tasks, fleet.wires.memory("hi").context))
-        heard = Heard(
-            hi=True, tasks=fleet.tasks, wishes=offers.wishes(fleet.wires.memory("hi").context)
-        )
+        wishes = suggestions.wishes(fleet.wires.memory("hi").context)
+        heard = Heard(hi=True, tasks=fleet.tasks, wishes=wishes)
         pages.extend(view(heard, language) for language in ("en", "pl"))
         return fleet.ended()
 
@@ -105,43 +103,38 @@ def story(run: Path, *, missing: bool) -> Story:
     why = [(one.title, len(one.facts)) for one in fleet.reasons(fleet.tasks[-1].task).passages]
     past, live = opened(run, SYSTEM).history, Live()
     made = msgspec.to_builtins(report.build(past))
-    lines = [msgspec.structs.replace(line, text="") if isinstance(line, Happened) else line
+    lines = [replace(line, text="") if isinstance(line, Happened) else line
              for one in past.said for line in live.lines(one)]  # fmt: skip
     said = [bytes(one.content) for one in fleet.wires.traffic if one.content]
-    tasks = [msgspec.structs.replace(one, text="") for one in fleet.tasks]
+    tasks = [replace(one, text="") for one in fleet.tasks]
     fleet.close()
     return Story(said, tasks, pages, made, why, lines)
 
 
-def begun(lines: list[LiveLine]) -> set[str]:
+def begun(lines):
     """Return the phases of the usual task in which a fault may begin, as `roco chaos` finds them in
     these lines.
     """
     moments = {phase: parse(at, DESIGN, "pl") for phase, at in JOB.phases.items()}
-    return {
-        phase
-        for phase, moment in moments.items()
-        if isinstance(moment, Event | InPlan) and any(moment.there(line) for line in lines)
-    }
+    known = {phase: one for phase, one in moments.items() if isinstance(one, Event | InPlan)}
+    return {phase for phase, one in known.items() if any(map(one.there, lines))}
 
 
-def wordless(value: Any) -> Any:
+def wordless(value):
     """A report without what a person reads."""
     if isinstance(value, dict):
         return {name: wordless(one) for name, one in value.items() if name not in TEXTS}
     return [wordless(one) for one in value] if isinstance(value, list | tuple) else value
 
 
-def shown(one: View) -> tuple[Any, ...]:
+def shown(one):
     """The page without what a person reads."""
     return bool(one.step), bool(one.next), one.things
 
 
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize("missing", [False, True], ids=["poured", "no jar"])
-def test_noise_changes_nothing_but_what_a_person_reads(
-    missing: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_noise_changes_nothing_but_what_a_person_reads(missing, tmp_path, monkeypatch):
     """Each communicate is the same to the byte; so are the tasks, the page's things, whether it has
     a step, the report, the lines of live.jsonl, and the phases that chaos finds in them.
     """

@@ -6,16 +6,13 @@ In the last tests, the hands lose their friction for a while.
 
 import os
 import signal
-from pathlib import Path
 
 import pytest
-from pretended_fleet import Fleet
 from true_fleet import TrueFleet
 
-from agent_runtime.core.effects import Effects
 from companion.eyes import Eyes
 from companion.languages import sw
-from companion.languages.facts import Facts, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.tasks.pour.done import PourKind
 from velma.model.scene import CANONICAL
@@ -25,7 +22,7 @@ FULL_S = 1.5  # without friction
 FLOOR_M = 0.3
 
 
-def told(fleet: Fleet) -> Facts:
+def told(fleet):
     """Why ta's last report is as it is."""
     *_, (_, report) = fleet.informs()
     return report.why
@@ -36,7 +33,7 @@ def told(fleet: Fleet) -> Facts:
 @pytest.mark.parametrize(
     "eyes", [Eyes.RAYS, pytest.param(Eyes.PIXELS, marks=pytest.mark.needs_opengl)]
 )
-def test_six_agents_pour(eyes: Eyes) -> None:
+def test_six_agents_pour(eyes):
     """Plan #1, Replan, plan #2: the content is in the bowl, the jar in the left hand, the bowl
     upright.
     """
@@ -54,7 +51,7 @@ def test_six_agents_pour(eyes: Eyes) -> None:
 @pytest.mark.needs_opengl
 @pytest.mark.long
 @pytest.mark.timeout(600)
-def test_content_that_falls_beside_the_bowl_is_not_called_poured(tmp_path: Path) -> None:
+def test_content_that_falls_beside_the_bowl_is_not_called_poured(tmp_path):
     """Grains that stick to each other leave the jar in lumps: the weight alone says 100 %."""
     sticky = tmp_path / "sticky.toml"
     sticky.write_text(CANONICAL.read_text().replace("[content]", "[content]\nfriction = 1.0"))
@@ -72,17 +69,15 @@ def test_content_that_falls_beside_the_bowl_is_not_called_poured(tmp_path: Path)
 @pytest.mark.process
 @pytest.mark.needs_opengl
 @pytest.mark.timeout(200)
-def test_when_drawing_is_lost_the_robot_goes_on_by_rays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_when_drawing_is_lost_the_robot_goes_on_by_rays(tmp_path, monkeypatch):
     """The libraries break and the eye's process dies: no task fails, and it is said once, whoever
     dies later.
     """
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    said: list[str] = []
+    said = []
 
-    def hear(agent: str, effects: Effects) -> None:
+    def hear(agent, effects):
         said.extend(line.fields["reason"] for line in effects.logs if line.event == "sees by rays")
 
     with TrueFleet(SEED, Eyes.PIXELS) as fleet:
@@ -108,15 +103,15 @@ class Slippery(TrueFleet):
     `up` [m].
     """
 
-    def __init__(self, seed: int, out: float, up: float) -> None:
+    def __init__(self, seed, out, up):
         super().__init__(seed)
-        self.gone_s: float | None = None
+        self.gone_s = None
         model, cycle = self.core.backend.model, self.core.cycle
         hands = [g for g in range(model.ngeom) if "_Hand" in model.body(model.geom_bodyid[g]).name]
         before = model.geom_friction[hands].copy()
         stood = self.truth.read().at["jar_1"]
 
-        def tricked() -> None:
+        def tricked():
             cycle()
             now = self.core.state.time
             if self.gone_s is None:
@@ -132,13 +127,13 @@ class Slippery(TrueFleet):
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_a_jar_that_falls_is_never_poured() -> None:
+def test_a_jar_that_falls_is_never_poured():
     """The robot says within a second that it lost the jar, that a person is needed, and never that
     it is done.
     """
     told_s, falls = list[float](), [fact(Kind.LOST, side, "jar_1") for side in Side]
 
-    def lost() -> bool:
+    def lost():
         if not told_s and any(one in falls for _, report in fleet.informs() for one in report.why):
             told_s.append(fleet.core.state.time)
         return fleet.ended()
@@ -161,7 +156,7 @@ def test_a_jar_that_falls_is_never_poured() -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_a_jar_lost_on_its_shelf_is_taken_again() -> None:
+def test_a_jar_lost_on_its_shelf_is_taken_again():
     """It slides back through the hand that lifts it; the robot notices, looks, takes it again and
     pours.
     """

@@ -9,16 +9,16 @@ from agent_runtime.core.control import SetParameter
 from companion.autonomy import STEP, WAIT_S, Level, Verb
 from companion.languages.cmd import TaskState
 from companion.languages.facts import Kind, fact
+from services.human_interface.device_messages import Sentence
 from services.human_interface.grammar import understand
-from services.human_interface.local import Sentence
 
 
-def acts(fleet: Fleet) -> int:
+def acts(fleet):
     """Number of motions the robot has begun."""
     return len(fleet.world.begun)
 
 
-def test_the_levels_ask_for_no_act_for_those_that_handle_things_and_for_all() -> None:
+def test_the_levels_ask_for_no_act_for_those_that_handle_things_and_for_all():
     """Each act waits once, in the order of the plan, and the robot stands while one waits."""
     found = {}
     for level in Level:
@@ -28,13 +28,12 @@ def test_the_levels_ask_for_no_act_for_those_that_handle_things_and_for_all() ->
             assert fleet.world.poured == 1
     assert found[Level.AUTO] == []
     verbs = {leaf: leaf.split("/")[-1].split()[0] for leaf in found[Level.CONFIRM]}
-    assert found[Level.HANDLING] == [
-        leaf for leaf, verb in verbs.items() if verb in ("grasp", "release", "pour")
-    ]
+    handling = [leaf for leaf, verb in verbs.items() if verb in ("grasp", "release", "pour")]
+    assert found[Level.HANDLING] == handling
     assert 0 < len(found[Level.HANDLING]) < len(verbs) == len(found[Level.CONFIRM])
 
 
-def test_nothing_moves_while_an_act_waits(fleet: Fleet) -> None:
+def test_nothing_moves_while_an_act_waits(fleet):
     """Nor does any time limit of the plan run out: just before the wait is over, the plan still
     goes on.
     """
@@ -51,7 +50,7 @@ def test_nothing_moves_while_an_act_waits(fleet: Fleet) -> None:
     assert fleet.finish() == ["done"]
 
 
-def test_who_does_not_come_ends_the_plan_and_moves_nothing(fleet: Fleet) -> None:
+def test_who_does_not_come_ends_the_plan_and_moves_nothing(fleet):
     """The task has failed, says so and what is held; the next one is served."""
     fleet.begin(Level.HANDLING).let_go()  # the jar is grasped
     fleet.until(lambda: fleet.waiting)
@@ -65,9 +64,9 @@ def test_who_does_not_come_ends_the_plan_and_moves_nothing(fleet: Fleet) -> None
 
 
 @pytest.mark.parametrize("victim", NAMES)
-def test_a_wait_outlives_the_death_of_anybody(victim: str) -> None:
+def test_a_wait_outlives_the_death_of_anybody(victim):
     """The leaf still waits, is seen to wait, and goes on when the operator says so."""
-    leaves: list[str] = []
+    leaves = []
     with Fleet(seed=2) as fleet:
         fleet.begin(Level.HANDLING)
         fleet.until(lambda: fleet.waiting)
@@ -83,7 +82,7 @@ def test_a_wait_outlives_the_death_of_anybody(victim: str) -> None:
     assert len(leaves) == len(set(leaves)) > 2
 
 
-def test_a_wait_begins_while_hi_is_down(fleet: Fleet) -> None:
+def test_a_wait_begins_while_hi_is_down(fleet):
     """It is told all the same: nothing goes on before somebody has read it."""
     fleet.begin(Level.HANDLING)
     fleet.until(lambda: fleet.state("ta") == "running")
@@ -94,7 +93,7 @@ def test_a_wait_begins_while_hi_is_down(fleet: Fleet) -> None:
 
 
 @pytest.mark.parametrize("step", range(6))
-def test_a_cancel_while_an_act_waits(step: int) -> None:
+def test_a_cancel_while_an_act_waits(step):
     """The held object is put down, which waits for nobody; the next command is served."""
     with Fleet(seed=3) as fleet:
         fleet.begin(Level.HANDLING)
@@ -110,9 +109,7 @@ def test_a_cancel_while_an_act_waits(step: int) -> None:
         assert fleet.finish(2)[-1] == "done"
 
 
-def test_a_cancel_while_the_first_act_waits_puts_down_what_an_earlier_task_holds(
-    fleet: Fleet,
-) -> None:
+def test_a_cancel_while_the_first_act_waits_puts_down_what_an_earlier_task_holds(fleet):
     """Though no state of this plan has been active."""
     assert fleet.begin(Level.AUTO).finish() == ["done"]
     assert fleet.held
@@ -124,7 +121,7 @@ def test_a_cancel_while_the_first_act_waits_puts_down_what_an_earlier_task_holds
     assert not fleet.held
 
 
-def test_a_plan_that_waits_is_left_for_a_more_urgent_task(fleet: Fleet) -> None:
+def test_a_plan_that_waits_is_left_for_a_more_urgent_task(fleet):
     """And resumed afterwards, with a plan whose acts wait again."""
     fleet.begin(Level.HANDLING)
     fleet.until(lambda: fleet.waiting)
@@ -135,7 +132,7 @@ def test_a_plan_that_waits_is_left_for_a_more_urgent_task(fleet: Fleet) -> None:
     assert fleet.finish(2) == ["done", "done"]
 
 
-def test_an_order_about_another_act_changes_nothing(fleet: Fleet) -> None:
+def test_an_order_about_another_act_changes_nothing(fleet):
     """It came late, or twice: the act after it has not been looked at by anybody."""
     first = fleet.begin(Level.CONFIRM).let_go()
     fleet.until(lambda: fleet.waiting and fleet.waits_for != first)
@@ -147,7 +144,7 @@ def test_an_order_about_another_act_changes_nothing(fleet: Fleet) -> None:
     assert (fleet.waits_for, acts(fleet)) == (second, before)
 
 
-def test_a_new_plan_instead_of_the_act_that_waits(fleet: Fleet) -> None:
+def test_a_new_plan_instead_of_the_act_that_waits(fleet):
     """The act is not begun; the task goes on with another plan, whose first act is asked about
     again.
     """
@@ -164,7 +161,7 @@ def test_a_new_plan_instead_of_the_act_that_waits(fleet: Fleet) -> None:
     assert fleet.finish() == ["done"]
 
 
-def test_a_new_plan_instead_of_the_act_under_way(fleet: Fleet) -> None:
+def test_a_new_plan_instead_of_the_act_under_way(fleet):
     """The act is ended safely before the plan is left, and nothing of it is begun again."""
     fleet.begin(Level.AUTO)
     fleet.until(lambda: fleet.state("ex") == "acting" and fleet.tasks[0].at is not None)

@@ -8,7 +8,6 @@ import msgspec
 import pytest
 from pretended_fleet import NAMES, Fleet
 
-from agent_runtime.core.effects import Effects
 from agent_runtime.core.events import Received
 from agent_runtime.core.state import Record
 from agent_runtime.core.streams import OUTBOX_BOUND
@@ -24,12 +23,12 @@ from topdown.judge.verdicts import Verdict
 EXPLORED = 5
 
 
-def delivery(agent: str, peer: str, protocol: str) -> Delivery:
+def delivery(agent, peer, protocol):
     """How these two send messages of this protocol."""
     return wiring(agent, "test").required(peer, protocol).delivery
 
 
-def test_the_story(fleet: Fleet) -> None:
+def test_the_story(fleet):
     """Plan #1 ends in Replan, plan #2 pours, the person is told once; then the next command is
     served.
 
@@ -41,11 +40,8 @@ def test_the_story(fleet: Fleet) -> None:
     assert fleet.reports() == ["Replan", "Succeeded"]
     assert fleet.world.poured == 1
     assert any(isinstance(query, wm.HypotheticalState) for query in fleet.asked)
-    said = [
-        str(one.performative)
-        for one in fleet.wires.traffic
-        if {one.sender, one.receiver} == {"co", "ta"}
-    ]
+    traffic = (one for one in fleet.wires.traffic if {one.sender, one.receiver} == {"co", "ta"})
+    said = [str(one.performative) for one in traffic]
     assert said.count("inform") == said.count("confirm")
     assert said.count("request") == 2
     assert len(fleet.judgements) == len(fleet.wires.traffic) > 150
@@ -54,7 +50,7 @@ def test_the_story(fleet: Fleet) -> None:
     assert fleet.finish(2) == ["done", "done"]
 
 
-def test_the_triple_store_mirrors_the_journal(fleet: Fleet) -> None:
+def test_the_triple_store_mirrors_the_journal(fleet):
     """After a death of km and at the end its store holds what its memory holds."""
     fleet.say()
     fleet.until(lambda: fleet.world.begun)
@@ -65,7 +61,7 @@ def test_the_triple_store_mirrors_the_journal(fleet: Fleet) -> None:
     assert km.device.store.scene == km.state.memory.scene
 
 
-def test_the_whole_job_costs_few_records(fleet: Fleet) -> None:
+def test_the_whole_job_costs_few_records(fleet):
     """Queries are asked, answered and handed to the search without a sync, unless the FSM goes to
     another state.
 
@@ -74,7 +70,7 @@ def test_the_whole_job_costs_few_records(fleet: Fleet) -> None:
     """
     soft, records = Counter[str](), Counter[str]()
 
-    def look(agent: str, effects: Effects) -> None:
+    def look(agent, effects):
         records.update([agent] if effects.record else [])
         one = effects.handled.communicate if isinstance(effects.handled, Received) else None
         if one is not None and delivery(agent, one.sender, one.protocol) is Delivery.VOLATILE:
@@ -95,7 +91,7 @@ def test_the_whole_job_costs_few_records(fleet: Fleet) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_nothing_leaves_before_a_record_says_so(seed: int) -> None:
+def test_nothing_leaves_before_a_record_says_so(seed):
     """Receipts and durable messages of a step are covered by its record or by an earlier one.
 
     Even where a third of all messages is lost, nobody has more unreceipted than the exploration
@@ -103,14 +99,13 @@ def test_nothing_leaves_before_a_record_says_so(seed: int) -> None:
     """
     longest = Counter[tuple[str, str]]()
 
-    def look(agent: str, effects: Effects) -> None:
+    def look(agent, effects):
         for name in NAMES:
             state = fleet.wires.nodes[name].state
             for peer, sent in state.outbox.items() if state else ():
                 longest[name, peer] = max(longest[name, peer], len(sent))
-        written = msgspec.msgpack.decode(
-            effects.record or fleet.wires.nodes[agent].journal, type=Record
-        )
+        record = effects.record or fleet.wires.nodes[agent].journal
+        written = msgspec.msgpack.decode(record, type=Record)
         for receipt in effects.receipts:
             if receipt.subject and receipt.version == (0, 0):
                 continue  # the last message of a volatile conversation: nothing to keep
@@ -133,7 +128,7 @@ def test_nothing_leaves_before_a_record_says_so(seed: int) -> None:
     assert max(longest.values()) <= EXPLORED < OUTBOX_BOUND, longest
 
 
-def test_an_agent_starts_from_the_journal_of_a_stand_in(fleet: Fleet) -> None:
+def test_an_agent_starts_from_the_journal_of_a_stand_in(fleet):
     """After a person spoke in its place: with its first memory in its first state, one life later,
     numbering on.
     """

@@ -9,7 +9,7 @@ from companion.languages.facts import Kind, fact
 from services.planner.device_messages import Answer, Begin, Died
 
 
-def test_an_empty_world(fleet: Fleet) -> None:
+def test_an_empty_world(fleet):
     """The plan fails with its reason if nothing is seen: km knows only what observations told
     it.
     """
@@ -21,7 +21,7 @@ def test_an_empty_world(fleet: Fleet) -> None:
     assert fleet.finish(2)[-1] == "done"
 
 
-def test_no_question_is_answered_before_the_first_look(fleet: Fleet) -> None:
+def test_no_question_is_answered_before_the_first_look(fleet):
     """A command that comes before anything was seen waits for the look around instead of
     failing.
     """
@@ -30,7 +30,7 @@ def test_no_question_is_answered_before_the_first_look(fleet: Fleet) -> None:
     assert fleet.finish() == ["done"]
 
 
-def test_blind_for_good(fleet: Fleet) -> None:
+def test_blind_for_good(fleet):
     """Without a robot km answers that nothing was observed, once its patience is over."""
     fleet.wires.crash("ex", Point.BEFORE, in_steps=1, restart_s=120.0)
     fleet.say()
@@ -38,7 +38,7 @@ def test_blind_for_good(fleet: Fleet) -> None:
     assert fleet.why()[0].kind is Kind.NOT_LOOKED_AROUND
 
 
-def test_km_away_while_planning(fleet: Fleet) -> None:
+def test_km_away_while_planning(fleet):
     """pl says that km does not answer; the next command is served once it is back."""
     fleet.until(fleet.at_rest)
     fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=50.0)
@@ -50,29 +50,29 @@ def test_km_away_while_planning(fleet: Fleet) -> None:
     assert fleet.finish(2)[-1] == "done"
 
 
-def test_km_away_at_the_barrier(fleet: Fleet) -> None:
+def test_km_away_at_the_barrier(fleet):
     """ta reports after a while, and says that observations are pending; km gets them when it is
     back.
     """
     fleet.say()
-    fleet.until(
-        lambda: (
-            "Look" in str(type(getattr(fleet.wires.memory("ex").act, "command", "")))
-            and seen(fleet)
-        )
-    )
+
+    def looks():
+        act = fleet.wires.memory("ex").act
+        return "Look" in str(type(getattr(act, "command", ""))) and seen(fleet)
+
+    fleet.until(looks)
     fleet.wires.crash("km", Point.BEFORE, in_steps=1, restart_s=300.0)
     fleet.until(fleet.ended, 200.0)
     assert fact(Kind.NOT_OBSERVED_YET) in fleet.why()
     fleet.until(fleet.at_rest, 400.0)
 
 
-def seen(fleet: Fleet) -> bool:
+def seen(fleet):
     """The first plan has begun."""
     return fleet.wires.memory("ta").plan is not None
 
 
-def test_ex_away_in_an_act(fleet: Fleet) -> None:
+def test_ex_away_in_an_act(fleet):
     """The command ends when its time is over; when ex is back the fleet comes to rest and serves
     on.
     """
@@ -86,30 +86,27 @@ def test_ex_away_in_an_act(fleet: Fleet) -> None:
     assert fleet.finish(2)[-1] == "done"
 
 
-def test_hypotheses_lost(fleet: Fleet) -> None:
+def test_hypotheses_lost(fleet):
     """km forgets them with its life: the search begins again and asks everything again."""
     fleet.say()
     fleet.until(lambda: any(isinstance(query, wm.HypotheticalState) for query in fleet.asked))
     fleet.wires.crash("km", Point.AFTER, in_steps=1)
     assert fleet.finish() == ["done"]
-    first = [
-        query
-        for query in fleet.asked
-        if isinstance(query, wm.HypotheticalState) and query.id.endswith("plan1/0")
-    ]
+    made = (query for query in fleet.asked if isinstance(query, wm.HypotheticalState))
+    first = [query for query in made if query.id.endswith("plan1/0")]
     assert len(first) == 2
 
 
 class Dying(Script):
     """A search whose process ends at its first query."""
 
-    def tell(self, content: object) -> None:
+    def tell(self, content):
         """Die at once."""
         if isinstance(content, Begin | Answer):
             self._post(Died("MemoryError: too large"))
 
 
-def test_the_search_dies() -> None:
+def test_the_search_dies():
     """The command fails in words, and pl waits for the next one."""
     with Fleet(search=lambda post: Dying(post, [])) as fleet:
         fleet.say()

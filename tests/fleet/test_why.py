@@ -2,45 +2,40 @@
 logs alone.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 from logged_fleet import LoggedFleet
-from pretended_fleet import Fleet
 
-from operate.tracing.reasons import Why
 from operate.tracing.trace import Known
+from services.human_interface.device_messages import Sentence
 from services.human_interface.grammar import understand
-from services.human_interface.local import Sentence
 
 POUR = "pour the content of the jar into the bowl"
 
 
 @pytest.fixture
-def fleet(tmp_path: Path) -> Iterator[LoggedFleet]:
+def fleet(tmp_path):
     """A fleet whose steps are logged."""
     with LoggedFleet(tmp_path) as made:
         yield made
 
 
-def told(why: Why, title: str) -> list[str]:
+def told(why, title):
     """The sentences of a passage; [] where there is none."""
-    return next(
-        ([fact.text for fact in one.facts] for one in why.passages if one.title == title), []
-    )
+    passages = {one.title: one.facts for one in why.passages}
+    return [fact.text for fact in passages.get(title, ())]
 
 
-def running(fleet: Fleet, act: str) -> None:
+def running(fleet, act):
     """Go on until the oldest task that has not ended is in this act."""
-    fleet.until(
-        lambda: any(
-            task.at and act in task.at.id for task in fleet.tasks if task.state == "running"
-        )
-    )
+
+    def begun():
+        running = (task for task in fleet.tasks if task.state == "running")
+        return any(task.at and act in task.at.id for task in running)
+
+    fleet.until(begun)
 
 
-def test_a_thing_that_is_not_there(fleet: LoggedFleet) -> None:
+def test_a_thing_that_is_not_there(fleet):
     """The end has the planner's reason, and is followed back over pl to what the person asked."""
     fleet.world.poses.pop("jar_1")
     fleet.say(POUR)
@@ -54,7 +49,7 @@ def test_a_thing_that_is_not_there(fleet: LoggedFleet) -> None:
     assert asked[-1].startswith("pl found no plan 1: jar has not been seen")
 
 
-def test_a_cancel(fleet: LoggedFleet) -> None:
+def test_a_cancel(fleet):
     """The end is followed back through ta and ex to the person's cancel."""
     fleet.say(POUR)
     running(fleet, "grasp")
@@ -68,18 +63,17 @@ def test_a_cancel(fleet: LoggedFleet) -> None:
 
 
 @pytest.mark.parametrize("agent", ["pl", "ta"])
-def test_an_agent_that_was_killed(fleet: LoggedFleet, agent: str) -> None:
+def test_an_agent_that_was_killed(fleet, agent):
     """It is told that it was away, and, where its act was lost, why the plan was made again."""
     fleet.say(POUR)
     running(fleet, "grasp" if agent == "ta" else "")
     fleet.wires.kill(agent, restart_s=2.0)
     assert fleet.finish() == ["done"]
-    assert any(
-        text.startswith(f"{agent} was gone") for text in told(fleet.reasons(), "who was away")
-    )
+    texts = told(fleet.reasons(), "who was away")
+    assert any(text.startswith(f"{agent} was gone") for text in texts)
 
 
-def test_a_task_that_was_left(fleet: LoggedFleet) -> None:
+def test_a_task_that_was_left(fleet):
     """The scheduler's decision with its numbers, when it was left, put aside and taken up; the
     urgent one has none.
     """
@@ -96,12 +90,11 @@ def test_a_task_that_was_left(fleet: LoggedFleet) -> None:
     ]  # fmt: skip
     assert waited[1] == f"co asked ta to leave the plan: {decision}"
     assert waited[2] == f"co put it aside: {decision}"
-    assert told(fleet.reasons(urgent), "waiting and switching") == [
-        "co took it: tasks that come before it: 1: pour jar, bowl: under way"
-    ]
+    texts = told(fleet.reasons(urgent), "waiting and switching")
+    assert texts == ["co took it: tasks that come before it: 1: pour jar, bowl: under way"]
 
 
-def test_what_each_agent_does_for_a_task_stands_below_it(fleet: LoggedFleet) -> None:
+def test_what_each_agent_does_for_a_task_stands_below_it(fleet):
     """Of two tasks at once, each has its plans, its queries and its acts; every link is from a step
     log.
     """
@@ -111,19 +104,14 @@ def test_what_each_agent_does_for_a_task_stands_below_it(fleet: LoggedFleet) -> 
     trace = fleet.traced().trace
     for task in (one for one in trace.roots if one.initiator == "hi"):
         below = [span for _, span in trace.below(task)][1:]
-        assert {(span.initiator, span.participant) for span in below} >= {
-            ("co", "pl"),
-            ("co", "ta"),
-            ("ta", "ex"),
-        }
+        pairs = {(span.initiator, span.participant) for span in below}
+        assert pairs >= {("co", "pl"), ("co", "ta"), ("ta", "ex")}
         plans = {span.messages[0].text for span in below if span.participant == "pl"}
         assert plans == {"ground task network"}
         assert {span.known for span in below} == {Known.STEP}
         for span in below:
             assert task.start <= span.start
-            assert (
-                next(one for one in trace.spans if one.id == span.parent).participant
-                == span.initiator
-            )
+            (parent,) = [one for one in trace.spans if one.id == span.parent]
+            assert parent.participant == span.initiator
     roots = {(one.initiator, one.protocol) for one in trace.roots}
     assert roots == {("hi", "request"), ("km", "subscribe")}  # the first look is for km's sake

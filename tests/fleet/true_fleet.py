@@ -6,29 +6,14 @@ therefore always comes too late.
 """
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from pretended_fleet import Fleet
 
-from agent_runtime.io.devices import Post
 from companion.eyes import Eyes
-from companion.languages.facts import Facts
 from companion.skills.loop_messages import Phase
+from services.executor import device_messages
 from services.executor.__main__ import RobotDevice
-from services.executor.device_messages import (
-    Brake,
-    Do,
-    Felt,
-    GoOn,
-    Halt,
-    Moved,
-    Passing,
-    Setup,
-    Stands,
-    Where,
-    scene_of,
-)
 from services.executor.loop.core import LoopCore
 from services.executor.renderer import Renderer
 from services.executor.skill_device import SkillDevice
@@ -42,18 +27,16 @@ from velma.sim.truth import TruthReader
 class TrueFleet(Fleet):
     """Six agents; search and skills are child processes, the loop is called."""
 
-    def __init__(self, seed: int, eyes: Eyes = Eyes.RAYS, scene: Path = CANONICAL) -> None:
+    def __init__(self, seed, eyes=Eyes.RAYS, scene=CANONICAL):
         backend = MujocoBackend(vary(load(scene), seed))
         self.truth = TruthReader(backend)
         self.core = LoopCore(backend)
         self.core.hold(0.4)
-        setup = Setup(str(scene), seed, eyes)
+        setup = device_messages.Setup(str(scene), seed, eyes)
 
-        def robot(post: Post) -> RobotDevice:
-            return RobotDevice(
-                SkillDevice(post, setup, Renderer(partial(scene_of, setup))),
-                CalledLoop(post, self.core),
-            )
+        def robot(post):
+            skills = SkillDevice(post, setup, Renderer(partial(device_messages.scene_of, setup)))
+            return RobotDevice(skills, CalledLoop(post, self.core))
 
         super().__init__(seed=seed, search=SearchDevice, robot=robot)
 
@@ -63,40 +46,40 @@ class CalledLoop:
 
     busy = False
 
-    def __init__(self, post: Post, core: LoopCore) -> None:
+    def __init__(self, post, core):
         self._post, self._core = post, core
 
-    def tell(self, content: Where | Halt | Do | GoOn | Brake) -> None:
+    def tell(self, content):
         """Do it now."""
         match content:
-            case Where(number=number) | Halt(number=number):
-                self._post(Stands(number, self._felt("idle", ())))
-            case Do(number=number, motion=motion):
+            case device_messages.Where(number=number) | device_messages.Halt(number=number):
+                self._post(device_messages.Stands(number, self._felt("idle", ())))
+            case device_messages.Do(number=number, motion=motion):
                 self._core.begin(motion)
                 self._go_on(number)
-            case GoOn(number=number) if self._core.look_due:
+            case device_messages.GoOn(number=number) if self._core.look_due:
                 self._core.look_again(content.key, content.look_in_s)
                 self._go_on(number)
-            case Brake(number=number) if self._core.look_due:
+            case device_messages.Brake(number=number) if self._core.look_due:
                 self._core.cancel(content.key)
                 self._go_on(number)
 
-    def _go_on(self, number: int) -> None:
+    def _go_on(self, number):
         began = self._core.state.time
         while self._core.report.phase is Phase.RUNNING and not self._core.look_due:
             self._core.cycle()
         report = self._core.report
         felt = self._felt(str(report.phase), report.why)
-        word = Passing if report.phase is Phase.RUNNING else Moved
+        word = device_messages.Passing if report.phase is Phase.RUNNING else device_messages.Moved
         self._post(word(number, felt), felt.time - began)
 
-    def close(self) -> None:
+    def close(self):
         """The loop goes on without its agent."""
 
-    def _felt(self, ended: str, why: Facts) -> Felt:
+    def _felt(self, ended, why):
         core = self._core
         state, report = core.state, core.report
-        return Felt(
+        return device_messages.Felt(
             q=core.setpoint.tobytes(),
             measured=state.q.tobytes(),
             head=(float(state.head[0]), float(state.head[1])),

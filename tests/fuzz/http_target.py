@@ -13,7 +13,7 @@ import msgspec
 from companion import loopback_server
 from companion.run_files import TaskLine
 from services.human_interface import server
-from services.human_interface.local import Answer
+from services.human_interface.device_messages import Answer
 
 HOST, TOKEN = b"127.0.0.1:8350", b"TOKEN"
 """Placeholders in an input for the address and the token of the running service."""

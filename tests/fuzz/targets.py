@@ -39,7 +39,7 @@ from operate.recording.ends import Ends
 from operate.recording.records import Garbage, Spoken, Token, sampled, understood
 from operate.recording.stored import NoRecordingError
 from services.coordinator import behaviours as coordinator
-from services.human_interface import grammar, wishes
+from services.human_interface import grammar, interpretation
 from services.knowledge import behaviours as knowledge
 from services.task import behaviours as task
 from topdown import check
@@ -384,9 +384,9 @@ def sentence(data: bytes) -> None:
     """Any text is understood, or answered in words."""
     text = data.decode(errors="replace")
     stop_words(text)
-    found = wishes.outcome(grammar.understand(text), wishes.Context())
-    if isinstance(found, wishes.Act):
-        wishes.in_words(found.tasks)
+    found = interpretation.outcome(grammar.understand(text), interpretation.Context())
+    if isinstance(found, interpretation.Act):
+        interpretation.in_words(found.tasks)
 
 
 # --- files people write ---------------------------------------------------------------------------

@@ -12,62 +12,56 @@ import time
 
 import msgspec
 import pytest
+from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED, listen_at
 from companion import loopback_server
 from companion.loopback_server import MOST
-from companion.run_files import (
-    HI_FILE,
-    SLOTS_FILE,
-    Events,
-    HiAddress,
-    HiEvent,
-    Problem,
-    Question,
-    TaskLine,
-    Tasks,
-)
+from companion.run_files import HI_FILE, Events, HiAddress, HiEvent, Problem, Question, Tasks
 from companion.tools.verbs.hi import terminal
 from operate.cli.__main__ import app
+from services.human_interface import device_messages as device
 from services.human_interface import server
 from services.human_interface.grammar import understand
-from services.human_interface.local import CancelWanted, Halted, NewEvent, Sentence, Shown
 
-LINE = TaskLine("hi-1-3", "waiting", "I will look around.", "look around", 1.0)
+LOOK = b'{"text": "look around"}'
 
 
 def test_the_address_is_for_its_owner_alone(client):
-    """Mode 0600; gone when the desk closes."""
+    """Mode 0600; gone when the device closes."""
     assert (client.run_dir / HI_FILE).stat().st_mode & 0o777 == 0o600
     assert len(client.address.token) >= 32
     assert os.listdir(client.run_dir) == [HI_FILE]
 
 
 def test_say_and_cancel_reach_the_agent_and_bring_its_answer(client):
-    """POST /say, POST /cancel."""
-    status, data = client.ask("POST", "/say", b'{"text": "look around"}')
-    assert (status, msgspec.json.decode(data, type=TaskLine)) == (200, LINE)
-    status, data = client.ask("POST", "/cancel", b"{}")
-    assert (status, msgspec.json.decode(data, type=TaskLine)) == (200, LINE)
-    assert [type(word) for word in client.words] == [Sentence, CancelWanted]
+    """The agent's step gets a sentence with its meaning: it is read in the thread of the request.
+    What the agent refuses keeps its status and its words.
+    """
+    assert client.say("take the jar").task == client.line("/cancel").task == "hi-1-3"
+    sentence, cancel = client.words
+    assert sentence.meaning == understand("take the jar")
+    assert sentence.meaning.clauses
+    assert isinstance(cancel, device.CancelWanted)
+    assert client.refused("POST", "/say", b'{"text": "status"}') == (503, "no coordinator yet")
+    assert client.refused("POST", "/cancel", b'{"task": "hi-9-9"}')[0] == 404
 
 
 def test_when_a_sentence_is_wanted_goes_to_the_agent_as_seconds(client, monkeypatch):
     """A time of day by the clock of who says it: it is 15:00:30 in a place that is 20 minutes ahead
     of UTC.
     """
-    monkeypatch.setattr(
-        server.time, "time", lambda: 1e9 // 86400 * 86400 + 14 * 3600 + 40 * 60 + 30.0
-    )
+    now = 1e9 // 86400 * 86400 + 14 * 3600 + 40 * 60 + 30.0
+    monkeypatch.setattr(server.time, "time", lambda: now)
     wanted = {
         "look around first, within ten minutes": (1, 600.0),
         "look around by 15:30": (0, 1770.0),
         "look around by half past three": (0, 1770.0),
         "look around": (0, 0.0),
     }
-    for words in wanted:
-        client.ask("POST", "/say", msgspec.json.encode({"text": words, "east_min": 20}))
+    for text in wanted:
+        client.say(text, east_min=20)
     assert {said.text: (said.urgency, round(said.within_s, 6)) for said in client.words} == wanted
     assert {said.east_min for said in client.words} == {20}
 
@@ -77,7 +71,7 @@ def test_noon_is_another_time_elsewhere(client):
     left = []
     own = time.localtime().tm_gmtoff // 60
     for more in ({"east_min": own}, {}, {"east_min": own + 61}):
-        client.ask("POST", "/say", msgspec.json.encode({"text": "look around at noon"} | more))
+        client.say("look around at noon", **more)
         left.append(client.words[-1].later_s)
     assert client.words[-2].east_min == own
     assert (left[0] - left[1]) % 86400.0 < 60.0
@@ -85,30 +79,15 @@ def test_noon_is_another_time_elsewhere(client):
     assert client.refused("POST", "/say", b'{"text": "look around", "east_min": 1441}')[0] == 400
 
 
-def test_what_the_agent_refuses_keeps_its_status(client):
-    """503 and 404 with its words."""
-    assert client.refused("POST", "/say", b'{"text": "status"}') == (503, "no coordinator yet")
-    assert client.refused("POST", "/cancel", b'{"task": "hi-9-9"}')[0] == 404
-
-
-def test_tasks_are_what_the_agent_showed_last(client):
-    """GET /tasks."""
-    client.desk.tell(Shown((LINE,), 0))
-    status, data = client.ask("GET", "/tasks")
-    assert (status, msgspec.json.decode(data, type=Tasks).tasks) == (200, (LINE,))
-
-
 def test_events_come_after_a_number_and_can_be_waited_for(client):
     """GET /events: at once what is there; else as soon as there is something."""
     client.tell_event(1)
-    status, data = client.ask("GET", "/events")
-    events = msgspec.json.decode(data, type=Events)
-    assert (status, events.next, [event.n for event in events.events]) == (200, 1, [1])
+    events = client.events()
+    assert (events.next, [event.n for event in events.events]) == (1, [1])
     timer = threading.Timer(0.1, client.tell_event, (2,))
     timer.start()
     begun = time.monotonic()
-    _, data = client.ask("GET", f"/events?since={events.next}&wait=10")
-    assert [event.n for event in msgspec.json.decode(data, type=Events).events] == [2]
+    assert [event.n for event in client.events(f"?since={events.next}&wait=10").events] == [2]
     assert time.monotonic() - begun < 5.0
     timer.join()
 
@@ -117,29 +96,24 @@ def test_who_hears_of_an_event_finds_the_tasks_as_it_left_them(client):
     """Not those of before it: a page that asks for the tasks between the two would show these until
     the next event.
     """
-    client.desk.tell(NewEvent(HiEvent(1, 1.0, "co", "waiting", "next")))
-    _, data = client.ask("GET", "/events?wait=0.2")
-    assert msgspec.json.decode(data, type=Events) == Events(0, ())
-    client.desk.tell(Shown((LINE,), 1))
-    _, data = client.ask("GET", "/events?wait=10")
-    assert [event.n for event in msgspec.json.decode(data, type=Events).events] == [1]
-    _, data = client.ask("GET", "/tasks")
-    assert msgspec.json.decode(data, type=Tasks).tasks == (LINE,)
+    client.app.tell(device.NewEvent(HiEvent(1, 1.0, "co", "waiting", "next")))
+    assert client.events("?wait=0.2") == Events(0, ())
+    client.app.tell(device.Shown((client.say("look around"),), 1))
+    assert [event.n for event in client.events("?wait=10").events] == [1]
+    assert [line.task for line in client.tasks()] == ["hi-1-3"]
 
 
 def test_after_a_restart_the_number_goes_on(client):
     """Older events are left out, and `next` is right to ask with."""
-    client.desk.tell(Shown((), 41))
-    _, data = client.ask("GET", "/events?since=7")
-    assert msgspec.json.decode(data, type=Events) == Events(41, ())
+    client.app.tell(device.Shown((), 41))
+    assert client.events("?since=7") == Events(41, ())
 
 
 def test_without_the_token_or_with_another_host_nobody_is_served(client):
     """401 and 403, in words, and the agent hears nothing."""
-    say = ("POST", "/say", b'{"text": "look around"}')
-    assert client.refused(*say, Authorization=None)[0] == 401
-    assert client.refused(*say, Authorization="Bearer wrong")[0] == 401
-    assert client.refused(*say, Authorization="Bearer ä")[0] == 401
+    say = ("POST", "/say", LOOK)
+    for wrong in (None, "Bearer wrong", "Bearer ä"):
+        assert client.refused(*say, Authorization=wrong)[0] == 401, wrong
     assert client.refused(*say, Host="evil.example")[0] == 403
     assert client.ask(*say, Host=f"localhost:{client.address.port}")[0] == 200
     assert len(client.words) == 1
@@ -150,33 +124,22 @@ def test_a_body_that_is_not_what_is_wanted_is_refused_in_words(client):
     sender can read it.
     """
     wrong = [
-        b"",
-        b"{",
-        b"[]",
-        b"{}",
-        b'{"text": 3}',
-        b'{"text": "a", "more": 1}',
-        b'{"text": "\xff"}',
-    ]
-    for body in (*wrong, b'{"text": "\\ud800"}', b'{"text": ' + b"[" * 4000):
+        b"", b"{", b"[]", b"{}", b'{"text": 3}', b'{"text": "a", "more": 1}', b'{"text": "\xff"}',
+        b'{"text": "\\ud800"}', b'{"text": ' + b"[" * 4000,
+    ]  # fmt: skip
+    for body in wrong:
         status, words = client.refused("POST", "/say", body)
         assert (status, "text" in words) == (400, True), body[:50]
     assert [client.refused("POST", "/say", b" " * size)[0] for size in (4097, 60_000)] == [413, 413]
     assert client.words == []
 
 
-def test_unknown_paths_and_wrong_verbs_are_refused(client):
-    """404 and 405, naming what there is."""
+def test_unknown_paths_verbs_and_queries_are_refused(client):
+    """404 and 405, naming what there is; 400 for a query that is no number."""
     status, words = client.refused("GET", "/dance")
-    assert status == 404
-    assert "/say" in words
-    assert client.refused("GET", "/say")[0] == 405
-    assert client.refused("POST", "/tasks", b"{}")[0] == 405
-    assert client.refused("BREW", "/tasks")[0] == 405
-
-
-def test_a_query_that_is_no_number_is_refused(client):
-    """400."""
+    assert (status, "/say" in words) == (404, True)
+    for verb, path in (("GET", "/say"), ("POST", "/tasks"), ("BREW", "/tasks")):
+        assert client.refused(verb, path)[0] == 405, (verb, path)
     for query in ("since=x", "wait=x", "since=-1", "wait=11", "wait=nan", "what=1"):
         assert client.refused("GET", f"/events?{query}")[0] == 400, query
 
@@ -185,23 +148,7 @@ def test_an_agent_that_says_nothing_ends_in_503(client, monkeypatch):
     """Every wait ends."""
     monkeypatch.setattr(server, "ANSWER_S", 0.1)
     status, words = client.refused("POST", "/say", b'{"text": "silence"}')
-    assert status == 503
-    assert "/tasks" in words
-
-
-def test_closing_ends_the_waits(client):
-    """A request for events is answered when the desk closes."""
-    answers = []
-    waiter = threading.Thread(
-        target=lambda: answers.append(client.ask("GET", "/events?wait=10")[0])
-    )
-    waiter.start()
-    while not client.desk.desk.waiting:
-        time.sleep(0.001)
-    client.desk.close()
-    waiter.join(5.0)
-    assert answers == [200]
-    assert not (client.run_dir / HI_FILE).exists()
+    assert (status, "/tasks" in words) == (503, True)
 
 
 def test_it_listens_where_it_is_told(tmp_path):
@@ -211,25 +158,21 @@ def test_it_listens_where_it_is_told(tmp_path):
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    desk = server.HttpDevice(lambda content: None, tmp_path, listen_at(f"127.0.0.1:{port}"))
+    device_of_hi = server.HttpDevice(lambda content: None, tmp_path, listen_at(f"127.0.0.1:{port}"))
     try:
         told = msgspec.json.decode((tmp_path / HI_FILE).read_bytes(), type=HiAddress)
         assert told.port == port
-        with socket.create_connection(("127.0.0.1", port), timeout=5.0):
-            pass
+        socket.create_connection(("127.0.0.1", port), timeout=5.0).close()
     finally:
-        desk.close()
+        device_of_hi.close()
 
 
 def test_an_address_that_is_taken_is_named_with_its_variable(tmp_path):
     """`roco up` shows these words where hi is given up."""
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
-        words = (
-            f"127.0.0.1:{port} cannot be listened at: Address already in use; ROCO_HTTP names"
-            " another address"
-        )
-        with pytest.raises(OSError, match=re.escape(words)):
+        words = f"127.0.0.1:{port} cannot be listened at: Address already in use; ROCO_HTTP names"
+        with pytest.raises(OSError, match=re.escape(f"{words} another address")):
             server.HttpDevice(lambda content: None, tmp_path, ("127.0.0.1", port))
 
 
@@ -252,72 +195,53 @@ STOPS = [
 ]
 
 
-@pytest.fixture
-def robot(client):
-    """A client whose desk shares its run folder with a control loop."""
-    (client.run_dir / SLOTS_FILE).touch()
-    (client.run_dir / STOP_FILE).write_bytes(STOP_RELEASED)
-    return client
-
-
 def flag(client):
     """The byte that the loop reads."""
     return (client.run_dir / STOP_FILE).read_bytes()
 
 
+def roco_say(robot, text):
+    done = CliRunner().invoke(app, ["say", text, "--run-dir", str(robot.run_dir)])
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
 def test_a_stop_needs_no_agent_and_no_room(robot, monkeypatch):
     """The agent answers nobody, and as many wait as may: the byte is set before the answer."""
-    monkeypatch.setattr(robot.desk.desk, "_post", lambda content: None)
-    monkeypatch.setattr(robot.desk.desk, "waiting", server.AT_ONCE)
+    monkeypatch.setattr(robot.app.app, "_post", lambda content: None)
+    monkeypatch.setattr(robot.app.app, "waiting", server.AT_ONCE)
     assert robot.refused("GET", "/events?wait=1")[0] == 503
     for path, body in STOPS:
-        status, data = robot.ask("POST", path, body)
-        line = msgspec.json.decode(data, type=TaskLine)
-        assert (status, line.state, flag(robot)) == (200, "stopped", STOP_HELD), body
+        line = robot.line(path, body)
+        assert (line.state, flag(robot)) == ("stopped", STOP_HELD), body
         assert "roco release" in line.text
-        status, data = robot.ask("POST", "/release", b"{}")
-        state = msgspec.json.decode(data, type=TaskLine).state
-        assert (status, state, flag(robot)) == (200, "released", STOP_RELEASED), body
+        assert (robot.line("/release").state, flag(robot)) == ("released", STOP_RELEASED), body
 
 
 def test_a_call_for_help_stops_and_is_told_what_can_be_said(robot):
     """By hi, and by `roco say`, which sets the flag itself; in the language of the call."""
     for words, told in (("help, I've fallen", "put down the X"), ("pomocy!", "odłóż X")):
-        status, data = robot.ask("POST", "/say", msgspec.json.encode({"text": words}))
-        line = msgspec.json.decode(data, type=TaskLine)
-        assert (status, line.state, told in line.text, flag(robot)) == (
-            200,
-            "stopped",
-            True,
-            STOP_HELD,
-        )
-        robot.ask("POST", "/release")
-        done = CliRunner().invoke(app, ["say", words, "--run-dir", str(robot.run_dir)])
-        assert (done.exit_code, told in done.stdout, flag(robot)) == (
-            0,
-            True,
-            STOP_HELD,
-        ), done.output
-        robot.ask("POST", "/release")
+        line = robot.say(words)
+        assert (line.state, told in line.text, flag(robot)) == ("stopped", True, STOP_HELD)
+        robot.line("/release")
+        assert (told in roco_say(robot, words), flag(robot)) == (True, STOP_HELD)
+        robot.line("/release")
 
 
 def asked(robot, asker, for_s=30.0):
     """hi has asked somebody something."""
     question = Question(asker, time.time() + for_s, ("yes", "no", "tak", "nie"))
-    robot.desk.tell(Shown((), 0, questions=(question,)))
+    robot.app.tell(device.Shown((), 0, questions=(question,)))
 
 
 def test_an_answer_of_who_was_asked_goes_to_the_agent_and_stops_nothing(robot):
     """With the asker, and when it was said."""
     asked(robot, "kitchen")
     for answer in ("no", "nie", "Nie!", "tak"):
-        robot.ask("POST", "/say", msgspec.json.encode({"text": answer, "asker": "kitchen"}))
+        robot.say(answer, asker="kitchen")
         said = robot.words[-1]
-        assert (said.text, said.asker, abs(said.at - time.time()) < 60.0) == (
-            answer,
-            "kitchen",
-            True,
-        )
+        assert (said.text, said.asker) == (answer, "kitchen")
+        assert abs(said.at - time.time()) < 60.0
         assert flag(robot) == STOP_RELEASED, answer
 
 
@@ -325,24 +249,13 @@ def test_whatever_is_no_answer_of_who_was_asked_stops(robot):
     """Another one's no, a no that comes too late, and every other stop word while the question is
     open.
     """
-    others = [
-        ("nie", "hall", 30.0),
-        ("no", "", 30.0),
-        ("nie", "kitchen", -1.0),
-        ("stop", "kitchen", 30.0),
-    ]
-    others += [
-        (text, "kitchen", 30.0)
-        for text in ("no no", "nie, nie", "nie bierz", "no, stop", "stój", "help")
-    ]
-    for text, asker, for_s in others:
+    stops = ("stop", "no no", "nie, nie", "nie bierz", "no, stop", "stój", "help")
+    others = [("nie", "hall", 30.0), ("no", "", 30.0), ("nie", "kitchen", -1.0)]
+    for text, asker, for_s in (*others, *((text, "kitchen", 30.0) for text in stops)):
         asked(robot, "kitchen", for_s)
-        robot.ask("POST", "/release")
-        status, data = robot.ask(
-            "POST", "/say", msgspec.json.encode({"text": text, "asker": asker})
-        )
-        state = msgspec.json.decode(data, type=TaskLine).state
-        assert (status, state, flag(robot)) == (200, "stopped", STOP_HELD), (text, asker)
+        robot.line("/release")
+        state = robot.say(text, asker=asker).state
+        assert (state, flag(robot)) == ("stopped", STOP_HELD), (text, asker)
 
 
 def test_a_terminal_that_was_asked_answers_and_another_one_stops(robot):
@@ -350,29 +263,24 @@ def test_a_terminal_that_was_asked_answers_and_another_one_stops(robot):
     command = [sys.executable, "-m", "operate.cli", "say", "nie", "--run-dir", str(robot.run_dir)]
     asked(robot, terminal())
     subprocess.run(command, capture_output=True, timeout=50, check=False)
-    assert (robot.words[-1].text, robot.words[-1].asker, flag(robot)) == (
-        "nie",
-        terminal(),
-        STOP_RELEASED,
-    )
+    said = robot.words[-1]
+    assert (said.text, said.asker, flag(robot)) == ("nie", terminal(), STOP_RELEASED)
     subprocess.run(command, capture_output=True, timeout=50, check=True, start_new_session=True)
     assert flag(robot) == STOP_HELD
 
 
 def test_a_terminal_tells_its_time_zone(robot, monkeypatch):
     """`roco say`: noon is noon where it is called."""
-    robot.desk.tell(Shown((msgspec.structs.replace(LINE, accepted=True),), 0))
+    line = replace(robot.say("look around"), accepted=True)
+    robot.app.tell(device.Shown((line,), 0))
     for zone, east_min in (("<+0545>-5:45", 345), ("EST5", -300), ("UTC", 0)):
         monkeypatch.setenv("TZ", zone)
         time.tzset()
-        done = CliRunner().invoke(
-            app, ["say", "look around at noon", "--run-dir", str(robot.run_dir)]
-        )
+        roco_say(robot, "look around at noon")
         said = robot.words[-1]
-        assert (done.exit_code, said.east_min) == (0, east_min), done.output
-        assert (said.at + said.later_s + 60 * east_min) % 86400.0 == pytest.approx(
-            43200.0, abs=0.01
-        )
+        assert said.east_min == east_min
+        noon = (said.at + said.later_s + 60 * east_min) % 86400.0
+        assert noon == pytest.approx(43200.0, abs=0.01)
     monkeypatch.undo()
     time.tzset()
 
@@ -386,24 +294,20 @@ def test_a_no_in_a_terminal_stops_where_hi_does_not_answer(robot, monkeypatch):
         late.append(Tasks((), questions=(Question(terminal(), time.time() + 30.0, ("no", "nie")),)))
         return late[0]
 
-    monkeypatch.setitem(robot.desk.desk._routes, "/tasks", ("GET", tasks))
-    done = CliRunner().invoke(app, ["say", "nie", "--run-dir", str(robot.run_dir)])
-    assert (done.exit_code, flag(robot), late) == (0, STOP_HELD, []), done.output
+    monkeypatch.setitem(robot.app.app._routes, "/tasks", ("GET", tasks))
+    roco_say(robot, "nie")
+    assert (flag(robot), late) == (STOP_HELD, [])
 
 
 def test_the_agent_hears_of_a_stop_and_of_its_end(robot):
-    """So that it is told to others."""
-    robot.ask("POST", "/stop")
-    robot.ask("POST", "/release")
-    assert [(word.held, word.reached) for word in robot.words] == [(True, True), (False, True)]
-
-
-def test_what_is_said_to_a_stopped_robot_comes_with_that(robot):
-    """The agent reads no files."""
-    robot.ask("POST", "/say", b'{"text": "look around"}')
-    robot.ask("POST", "/stop")
-    robot.ask("POST", "/say", b'{"text": "look around"}')
-    assert [word.held for word in robot.words if isinstance(word, Sentence)] == [False, True]
+    """So that it is told to others; it reads no files, so a sentence comes with that."""
+    robot.say("look around")
+    robot.line("/stop")
+    robot.say("look around")
+    robot.line("/release")
+    before, stop, meanwhile, release = robot.words
+    assert [(one.held, one.reached) for one in (stop, release)] == [(True, True), (False, True)]
+    assert [before.held, meanwhile.held] == [False, True]
 
 
 def test_a_robot_out_of_reach_is_not_called_stopped(client):
@@ -413,8 +317,8 @@ def test_a_robot_out_of_reach_is_not_called_stopped(client):
     for path, body in (*STOPS, ("/release", b"")):
         status, words = client.refused("POST", path, body)
         assert status == 503
-        assert "roco release" in words if path == "/release" else "roco stop" in words
-        assert client.words[-1] == Halted(path != "/release", False, words)
+        assert ("roco release" if path == "/release" else "roco stop") in words
+        assert client.words[-1] == device.Halted(path != "/release", False, words)
     assert not (client.run_dir / STOP_FILE).exists()
 
 
@@ -436,15 +340,7 @@ def test_a_flag_that_cannot_be_written_is_told(robot):
 
 def test_the_agent_can_stop_the_robot_too(robot):
     """A word that turns out to mean it sets the flag first, then is answered."""
-    _, data = robot.ask("POST", "/say", b'{"text": "that one"}')
-    assert (msgspec.json.decode(data, type=TaskLine).state, flag(robot)) == ("stopped", STOP_HELD)
-
-
-def test_a_sentence_reaches_the_agent_with_its_meaning(client):
-    """It is read in the thread of the request, not in the agent's step."""
-    client.ask("POST", "/say", b'{"text": "take the jar"}')
-    assert client.words[-1].meaning == understand("take the jar")
-    assert client.words[-1].meaning.clauses
+    assert (robot.say("that one").state, flag(robot)) == ("stopped", STOP_HELD)
 
 
 # --- hi's port under people who mean no good; the bounds of its server: tests/page/test_limits.py -
@@ -469,8 +365,8 @@ def answer(one):
 
 
 def test_a_person_is_served_beside_a_flood_of_slow_connections(client, monkeypatch):
-    """The oldest that have not said who they are go; who waits with the token stays. No thread is
-    made for any.
+    """The oldest that have not said who they are go; who waits with the token stays, and is
+    answered when the device closes. No thread is made for any.
     """
     monkeypatch.setattr(loopback_server, "LOOK_S", 60.0)  # they go because there are too many
     answers = []
@@ -478,16 +374,17 @@ def test_a_person_is_served_beside_a_flood_of_slow_connections(client, monkeypat
         target=lambda: answers.append(client.ask("GET", "/events?wait=10")[0])
     )
     waiter.start()
-    while not client.desk.desk.waiting:
+    while not client.app.app.waiting:
         time.sleep(0.001)
     before = threading.active_count()
     flood = [begun(client, b"P") for _ in range(300)]
-    assert client.ask("POST", "/say", b'{"text": "look around"}')[0] == 200
+    client.say("look around")
     assert threading.active_count() <= before + 1  # that which reads the sentence
     assert [answer(one) for one in flood[: 300 - MOST]] == [b""] * (300 - MOST)
-    client.desk.close()
-    waiter.join(30.0)
+    client.app.close()
+    waiter.join(5.0)
     assert answers == [200]
+    assert not (client.run_dir / HI_FILE).exists()
     for one in flood:
         one.close()
 
@@ -496,11 +393,9 @@ def test_half_a_body_is_refused_in_time(client, monkeypatch):
     """408, also to who has the token."""
     monkeypatch.setattr(loopback_server, "BODY_S", 0.2)
     address = client.address
-    head = (
-        f"Host: 127.0.0.1:{address.port}\r\nAuthorization: Bearer"
-        f" {address.token}\r\nContent-Length: 9\r\n\r\n{{"
-    )
-    with begun(client, f"POST /say HTTP/1.1\r\n{head}".encode()) as one:
+    head = f"Host: 127.0.0.1:{address.port}\r\nAuthorization: Bearer {address.token}\r\n"
+    request = f"POST /say HTTP/1.1\r\n{head}Content-Length: 9\r\n\r\n{{"
+    with begun(client, request.encode()) as one:
         said = answer(one)
     assert b" 408 " in said.splitlines()[0]
     assert b"whole within" in said

@@ -5,66 +5,49 @@ from hypothesis import strategies as st
 
 from services.human_interface import grammar
 from services.human_interface.catalogue import CATALOGUE
+from services.human_interface.device_messages import When
 from services.human_interface.grammar import VOCABULARY, understand
-from services.human_interface.local import When
 
 POLISH = ("najpierw", "jak najszybciej", "do godziny 15", "o 15:30")
-URGENT, PLAIN = When(urgent=True), When()
+PLAIN = When()
 WORDS = sorted(VOCABULARY | {",", "first", "within", "by", "noon", "10", "15:30"})
-HALF_PAST_THREE = When(by=(3 * 60 + 30, 15 * 60 + 30))
 
 
-TIMES = {
-    "first": URGENT,
-    "first, please": URGENT,
-    "before anything else": URGENT,
-    "urgently": URGENT,
-    "within ten minutes": When(within_s=600.0),
-    "within 10 minutes": When(within_s=600.0),
-    "within a minute": When(within_s=60.0),
-    "within half an hour": When(within_s=1800.0),
-    "within a quarter of an hour": When(within_s=900.0),
-    "in less than 90 seconds": When(within_s=90.0),
-    "before noon": When(by=(720,)),
-    "by half past three": HALF_PAST_THREE,
-    "by 3:30": HALF_PAST_THREE,
-    "by 3:30 am": When(by=(210,)),
-    "by 15:30": When(by=(930,)),
-    "by 12 pm": When(by=(720,)),
-    "by 12 am": When(by=(0,)),
-    "by quarter to four": When(by=(225, 945)),
-    "by three o'clock": When(by=(180, 900)),
-    "najpierw": URGENT,
-    "jak najszybciej": URGENT,
-    "w ciągu dziesięciu minut": When(within_s=600.0),
-    "w ciągu godziny": When(within_s=3600.0),
-    "przed południem": When(by=(720,)),
-    "do godziny 15": When(by=(900,)),
-    "in ten minutes": When(later_s=600.0),
-    "in half an hour": When(later_s=1800.0),
-    "five minutes from now": When(later_s=300.0),
-    "at noon": When(at=(720,)),
-    "not before 15:30": When(at=(930,)),
-    "after half past three": When(at=(210, 930)),
-    "at noon, within 90 seconds": When(within_s=90.0, at=(720,)),
-    "za dziesięć minut": When(later_s=600.0),
-    "za godzinę": When(later_s=3600.0),
-    "o 15:30": When(at=(930,)),
-    "at 03:30": When(at=(210,)),
-    "in two and a half minutes": When(later_s=150.0),
-    "two and a half minutes from now": When(later_s=150.0),
-    "in an hour and a half": When(later_s=5400.0),
-    "in 1 hour 30 minutes": When(later_s=5400.0),
-    "within 1 hour and 30 minutes": When(within_s=5400.0),
-    "within 2 minutes, 30 seconds": When(within_s=150.0),
-    "in 2.5 minutes": When(later_s=150.0),
-    "2.5 minutes from now": When(later_s=150.0),
-    "za dwie i pół minuty": When(later_s=150.0),
-    "za półtorej godziny": When(later_s=5400.0),
-    "za godzinę i kwadrans": When(later_s=4500.0),
-    "w ciągu 1 godziny 30 minut": When(within_s=5400.0),
-    "za 2,5 minuty": When(later_s=150.0),
-}
+MINUTES = {
+    "within ten minutes": 10, "within 10 minutes": 10, "within a minute": 1,
+    "within half an hour": 30, "within a quarter of an hour": 15, "in less than 90 seconds": 1.5,
+    "w ciągu dziesięciu minut": 10, "w ciągu godziny": 60, "within 1 hour and 30 minutes": 90,
+    "within 2 minutes, 30 seconds": 2.5, "w ciągu 1 godziny 30 minut": 90,
+}  # fmt: skip
+LATER = {
+    "in ten minutes": 10, "in half an hour": 30, "five minutes from now": 5,
+    "za dziesięć minut": 10, "za godzinę": 60, "in two and a half minutes": 2.5,
+    "two and a half minutes from now": 2.5,
+    "in an hour and a half": 90, "in 1 hour 30 minutes": 90, "in 2.5 minutes": 2.5,
+    "2.5 minutes from now": 2.5, "za dwie i pół minuty": 2.5, "za półtorej godziny": 90,
+    "za godzinę i kwadrans": 75, "za 2,5 minuty": 2.5,
+}  # fmt: skip
+BY = {
+    "before noon": (720,), "by half past three": (210, 930), "by 3:30": (210, 930),
+    "by 3:30 am": (210,), "by 15:30": (930,), "by 12 pm": (720,), "by 12 am": (0,),
+    "by quarter to four": (225, 945), "by three o'clock": (180, 900), "przed południem": (720,),
+    "do godziny 15": (900,),
+}  # fmt: skip
+AT = {
+    "at noon": (720,), "not before 15:30": (930,), "after half past three": (210, 930),
+    "o 15:30": (930,), "at 03:30": (210,),
+}  # fmt: skip
+FIRST = (
+    "first", "first, please", "before anything else", "urgently", "najpierw", "jak najszybciej",
+)  # fmt: skip
+TIMES = (
+    {words: When(within_s=60.0 * minutes) for words, minutes in MINUTES.items()}
+    | {words: When(later_s=60.0 * minutes) for words, minutes in LATER.items()}
+    | {words: When(by=by) for words, by in BY.items()}
+    | {words: When(at=at) for words, at in AT.items()}
+    | dict.fromkeys(FIRST, When(urgent=True))
+    | {"at noon, within 90 seconds": When(within_s=90.0, at=(720,))}
+)
 
 
 def test_words_about_time_leave_the_wish_as_it_is():
@@ -103,15 +86,10 @@ def test_first_of_two_wishes_is_their_order():
     assert understand("take the first").when == PLAIN
 
 
-@given(
-    st.lists(
-        st.sampled_from(sorted(VOCABULARY | {",", "first", "within", "by", "noon", "10", "15:30"})),
-        max_size=12,
-    )
-)
+@given(st.lists(st.sampled_from(WORDS), max_size=12))
 def test_what_is_left_are_words_of_the_sentence_in_their_order(words):
     """Nothing is added, and a sentence never becomes empty."""
-    rest, when = grammar.taken(tuple(words))
+    rest, when = grammar.split_time(tuple(words))
     left = iter(words)
     assert all(word in left for word in rest)
     assert rest or not words
@@ -130,19 +108,13 @@ def test_a_deadline_is_the_next_such_time_of_the_clock(hour, minute, now):
 
 
 CLOCKS = (
-    ("16:00", "three o'clock", "15:00"),
-    ("16:00", "quarter to five", "16:45"),
-    ("6:00", "three o'clock", "15:00"),
-    ("21:59", "half past five", "17:30"),
-    ("22:00", "half past five", "5:30"),
-    ("23:00", "three o'clock", "3:00"),
-    ("2:00", "three o'clock", "3:00"),
-    ("16:00", "eleven o'clock", "23:00"),
-    ("16:00", "twelve o'clock", "12:00"),
-    ("16:00", "3 am", "3:00"),
-    ("16:00", "03:00", "3:00"),
-    ("16:00", "midnight", "0:00"),
-)
+    ("16:00", "three o'clock", "15:00"), ("16:00", "quarter to five", "16:45"),
+    ("6:00", "three o'clock", "15:00"), ("21:59", "half past five", "17:30"),
+    ("22:00", "half past five", "5:30"), ("23:00", "three o'clock", "3:00"),
+    ("2:00", "three o'clock", "3:00"), ("16:00", "eleven o'clock", "23:00"),
+    ("16:00", "twelve o'clock", "12:00"), ("16:00", "3 am", "3:00"),
+    ("16:00", "03:00", "3:00"), ("16:00", "midnight", "0:00"),
+)  # fmt: skip
 
 
 def test_who_speaks_by_day_means_no_time_at_night():
@@ -157,18 +129,11 @@ def test_who_speaks_by_day_means_no_time_at_night():
 
 
 def test_the_sooner_of_two_limits_counts():
-    """Within an hour and by noon."""
-    when = When(within_s=3600.0, by=(720,))
-    assert grammar.seconds_left(when, 700.0) == 1200.0
-    assert grammar.seconds_left(when, 600.0) == 3600.0
-    assert grammar.seconds_left(PLAIN, 600.0) == 0.0
-
-
-def test_a_time_to_begin_is_no_deadline():
-    """The sooner of two counts, as for deadlines."""
-    when = When(later_s=3600.0, at=(720,))
-    assert (grammar.seconds_until(when, 700.0), grammar.seconds_left(when, 700.0)) == (1200.0, 0.0)
-    assert grammar.seconds_until(When(within_s=60.0, by=(720,)), 700.0) == 0.0
+    """Within an hour and by noon. A time to begin is no deadline."""
+    when, later = When(within_s=3600.0, by=(720,)), When(later_s=3600.0, at=(720,))
+    left, until = grammar.seconds_left, grammar.seconds_until
+    assert [left(when, 700.0), left(when, 600.0), left(PLAIN, 600.0)] == [1200.0, 3600.0, 0.0]
+    assert [until(later, 700.0), left(later, 700.0), until(when, 700.0)] == [1200.0, 0.0, 0.0]
 
 
 def test_each_language_has_all_rows_about_time():

@@ -11,14 +11,14 @@ from services.knowledge.store import Store
 from .storing import store_observation
 
 
-def yaw(angle: float) -> tuple[float, float, float, float]:
+def yaw(angle):
     """A turn about z, w first."""
     return math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2)
 
 
 # The recorded scene kb_world_model_011 of proghtn-backstream: jar and bowl in the cabinet, which
 # stands on a table.
-KITCHEN: tuple[wm.AnyObservation, ...] = (
+KITCHEN = (
     wm.SeenObject("table_1", "table", Pose((0.783, -0.840, 0.0), yaw(-0.747)), 1.0),
     wm.SeenObject("table_2", "table", Pose((1.087, 0.434, 0.0), yaw(-1.335)), 1.1),
     wm.SeenObject("jar_1", "jar", Pose((0.851, 0.369, 1.281), yaw(2.976)), 1.2),
@@ -31,7 +31,7 @@ KITCHEN: tuple[wm.AnyObservation, ...] = (
 
 
 @pytest.fixture
-def kitchen() -> Store:
+def kitchen():
     """A store in memory with the whole scene in it."""
     store = Store.open()
     for count, observation in enumerate(KITCHEN, start=1):
@@ -40,7 +40,7 @@ def kitchen() -> Store:
 
 
 @pytest.fixture
-def handled(kitchen: Store) -> Store:
+def handled(kitchen):
     """The same after the jar was taken and put back."""
     held = wm.SeenHand(Side.LEFT, "jar_1", "7", Pose((0.0, 0.0, 0.0)))
     for count, observation in enumerate((held, wm.SeenHand(Side.LEFT), KITCHEN[2])):

@@ -1,15 +1,11 @@
 """Observations put into a store, as km does when it saves its memory."""
 
-from companion.languages import wm
+from companion.world.observe import observed
 from services.knowledge.answers import ask
-from services.knowledge.observe import Version, observed
 from services.knowledge.overlays import Overlays
-from services.knowledge.store import Store
 
 
-def store_observation(
-    store: Store, observation: wm.AnySight, version: Version, now: float = 0.0
-) -> bool:
+def store_observation(store, observation, version, now=0.0):
     """Store an observation and its version in one transaction; return False if the store is as new
     or newer.
     """
@@ -20,6 +16,6 @@ def store_observation(
     return True
 
 
-def answer(store: Store, query: wm.AnyQuery, overlays: Overlays | None = None) -> wm.AnyAnswer:
+def answer(store, query, overlays=None):
     """The answer from the store and the hypothetical states; neither changes."""
     return ask(store.scene, overlays or Overlays(), query)[1]

@@ -83,49 +83,47 @@ sys.stdout.buffer.write(msgspec.msgpack.encode([answer(one) for one in asked]))
 """
 
 
-def question(text: str, seconds: float = 5.0, rows: int = 1000) -> Question:
+def question(text, seconds=5.0, rows=1000):
     """About the ontology alone: km was told nothing."""
     return Question(text, (), 0.0, seconds, rows)
 
 
-def run(*words: str, data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+def run(*words, data=b""):
     """A process as for a question."""
-    return subprocess.run(
-        [sys.executable, *words], input=data, capture_output=True, timeout=50, check=False
-    )
+    bounds = {"timeout": 50, "check": False}
+    return subprocess.run([sys.executable, *words], input=data, capture_output=True, **bounds)
 
 
-def told(*questions: Question) -> list[Answer]:
+def told(*questions):
     """Their answers, all of one process: it lasts half a second until it can answer."""
     done = run("-c", BATCH, data=msgspec.msgpack.encode(questions))
     assert done.returncode == 0, done.stderr.decode()
     return msgspec.msgpack.decode(done.stdout, type=list[Answer])
 
 
-def rows_of(*questions: Question) -> list[Rows]:
+def rows_of(*questions):
     """The rows of each."""
     answers = told(*questions)
     assert all(isinstance(one, Rows) for one in answers), answers
     return [one for one in answers if isinstance(one, Rows)]
 
 
-def test_what_would_change_or_leave_the_store_is_refused() -> None:
+def test_what_would_change_or_leave_the_store_is_refused():
     """However it is written, whatever words stand before it, and whether or not it is reached or
     may fail.
     """
     answers = dict(zip(REFUSED, told(*map(question, REFUSED)), strict=True))
-    assert {
-        one for one, why in REFUSED.items() if why not in getattr(answers[one], "why", "")
-    } == set()
+    whys = {one: getattr(answers[one], "why", "") for one in REFUSED}
+    assert {one for one, why in REFUSED.items() if why not in whys[one]} == set()
 
 
-def test_words_in_names_strings_and_comments_are_no_orders() -> None:
+def test_words_in_names_strings_and_comments_are_no_orders():
     """They are evaluated."""
     answers = zip(HARMLESS, told(*map(question, HARMLESS)), strict=True)
     assert [text for text, answer in answers if isinstance(answer, Refused)] == []
 
 
-def test_values_are_those_of_the_query() -> None:
+def test_values_are_those_of_the_query():
     """A character is unescaped once: a backslash that is escaped itself, either way, begins no
     escape.
 
@@ -133,7 +131,7 @@ def test_values_are_those_of_the_query() -> None:
     direction of a text.
     """
     texts = {r"'\u0041'": "A", r"'\\u0041'": r"\u0041", r"'\u005Cu0041'": r"\u0041"}
-    values: dict[str, Term] = {text: Term("literal", value) for text, value in texts.items()}
+    values = {text: Term("literal", value) for text, value in texts.items()}
     a, b = (Term("uri", f"{PREFIXES['roco']}{name}") for name in "ab")
     within = Term("triple", Triple(a, b, Term("literal", "x", lang="en", direction="ltr")))
     values["<<( roco:a roco:b <<( roco:a roco:b 'x'@en--ltr )>> )>>"] = Term(
@@ -143,34 +141,30 @@ def test_values_are_those_of_the_query() -> None:
     assert [one.rows for one in answers] == [((value,),) for value in values.values()]
 
 
-def test_rows_are_bounded_while_they_come() -> None:
+def test_rows_are_bounded_while_they_come():
     """The first rows of a cross join that never would end. Whether there are more is said, not of
     the last one.
     """
     every = "SELECT ?a ?d ?g ?j WHERE { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }"
     few = [question("SELECT ?x { VALUES ?x { 1 2 3 } }", rows=most) for most in (2, 3, 4)]
     answers = rows_of(question(every, seconds=30.0, rows=7), *few)
-    assert [(len(one.rows), one.cut) for one in answers] == [
-        (7, True),
-        (2, True),
-        (3, False),
-        (3, False),
-    ]
+    found = [(len(one.rows), one.cut) for one in answers]
+    assert found == [(7, True), (2, True), (3, False), (3, False)]
 
 
-def test_a_question_is_answered_by_its_own_process() -> None:
+def test_a_question_is_answered_by_its_own_process():
     """As `roco ask` asks it."""
     done = run("-m", ANSWERER, data=msgspec.msgpack.encode(question("ASK { }")))
     assert msgspec.msgpack.decode(done.stdout, type=Answer) == Verdict(True)
 
 
-def test_a_query_that_takes_too_long_is_ended_by_the_system() -> None:
+def test_a_query_that_takes_too_long_is_ended_by_the_system():
     """A cross join of some 10^11 rows, bound to 0.3 s: the process is gone, by its alarm."""
     done = run("-m", ANSWERER, data=msgspec.msgpack.encode(question(CROSS, seconds=0.3)))
     assert done.returncode == -signal.SIGALRM
 
 
-def test_no_socket_is_opened_even_by_a_query_that_was_let_through() -> None:
+def test_no_socket_is_opened_even_by_a_query_that_was_let_through():
     """The bounds hold without the check of words: a SERVICE that listens is never called."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(1.0)

@@ -7,17 +7,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.languages import wm
-from companion.languages.facts import Fact, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Box, Pose, Side
+from companion.world.observe import observed
+from companion.world.scene import PARTS, Scene
 from services.knowledge.answers import ask
-from services.knowledge.observe import observed
 from services.knowledge.overlays import Impossible, Overlays, changed
-from services.knowledge.scene import PARTS, Scene
 
 from .conftest import KITCHEN
 
 
-def kitchen_scene() -> Scene:
+def kitchen_scene():
     """The recorded scene."""
     scene = Scene()
     for count, observation in enumerate(KITCHEN, start=1):
@@ -33,7 +33,7 @@ sides = st.sampled_from(Side)
 parts = st.sampled_from(sorted(PARTS)).flatmap(
     lambda part: st.builds(wm.Configured, st.just(part), st.tuples(*[number] * PARTS[part]))
 )
-changes: st.SearchStrategy[wm.AnyChange] = st.one_of(
+changes = st.one_of(
     st.builds(wm.Moved, objects, poses, st.one_of(st.just(""), objects), st.booleans()),
     st.builds(wm.Grasped, objects, sides, st.just("5"), poses),
     st.builds(wm.Released, sides),
@@ -46,23 +46,15 @@ changes: st.SearchStrategy[wm.AnyChange] = st.one_of(
 stories = st.lists(st.lists(changes, max_size=3).map(tuple), min_size=1, max_size=5)
 
 
-def every_query(state: str) -> list[wm.AnyQuery]:
+def every_query(state):
     """One query of each kind about each object, side, relation, in a state."""
-    found: list[wm.AnyQuery] = []
+    found = []
     for name in sorted(WORLD.things):
-        kinds = (
-            wm.ObjectPose,
-            wm.ObjectModel,
-            wm.ObjectHole,
-            wm.FlatSurfaces,
-            wm.CurrentGrasp,
-            wm.GraspSet,
-        )
+        kinds = (wm.ObjectPose, wm.ObjectModel, wm.ObjectHole, wm.FlatSurfaces)
+        kinds += (wm.CurrentGrasp, wm.GraspSet)
         found += [kind(object=name, state=state) for kind in kinds]
-        found += [
-            wm.Holds(relation=r, subject=name, state=state)
-            for r in ("isIn", "isOn", "isGraspedBy", "hasExactPose")
-        ]
+        relations = ("isIn", "isOn", "isGraspedBy", "hasExactPose")
+        found += [wm.Holds(relation=one, subject=name, state=state) for one in relations]
         found += [wm.Holds(relation="isIn", subject=f"{name}.content", state=state)]
     for side in Side:
         kinds_of_side = (
@@ -72,28 +64,20 @@ def every_query(state: str) -> list[wm.AnyQuery]:
             wm.RobotReach,
         )
         found += [kind(side=side, state=state) for kind in kinds_of_side]
-    plain = (
-        wm.ListObjects,
-        wm.MoveableObjects,
-        wm.StaticObjects,
-        wm.TorsoConfiguration,
-        wm.HeadConfiguration,
-    )
-    found += [
-        kind(state=state)
-        for kind in (*plain, wm.EnvironmentShapes, wm.ReservedSpace, wm.FlatSurfaces)
-    ]
+    plain = (wm.ListObjects, wm.MoveableObjects, wm.StaticObjects, wm.TorsoConfiguration)
+    plain += (wm.HeadConfiguration, wm.EnvironmentShapes, wm.ReservedSpace, wm.FlatSurfaces)
+    found += [kind(state=state) for kind in plain]
     volume = Box((0.4, 0.4, 0.4), Pose((0.85, 0.37, 1.2)))
     return [*found, wm.CollisionsInVolume(volume=volume, state=state)]
 
 
-def told(state: str, scene: Scene, overlays: Overlays) -> list[wm.AnyAnswer]:
+def told(state, scene, overlays):
     """All answers."""
     return [ask(scene, overlays, query)[1] for query in every_query(state)]
 
 
 @given(stories)
-def test_a_hypothesis_answers_as_a_changed_copy_does(story: list[tuple[wm.AnyChange, ...]]) -> None:
+def test_a_hypothesis_answers_as_a_changed_copy_does(story):
     """Each state, made on the one before it, equals the observed world with all changes so far made
     to it.
     """
@@ -108,9 +92,7 @@ def test_a_hypothesis_answers_as_a_changed_copy_does(story: list[tuple[wm.AnyCha
 
 
 @given(stories)
-def test_making_a_hypothesis_leaves_its_parent_and_the_world_as_they_were(
-    story: list[tuple[wm.AnyChange, ...]],
-) -> None:
+def test_making_a_hypothesis_leaves_its_parent_and_the_world_as_they_were(story):
     """Answers about the observed world and about the first state are the same before and after."""
     overlays, _ = ask(WORLD, Overlays(), wm.HypotheticalState(id="p", changes=story[0]))
     before = told("", WORLD, overlays), told("p", WORLD, overlays)
@@ -119,7 +101,7 @@ def test_making_a_hypothesis_leaves_its_parent_and_the_world_as_they_were(
 
 
 @given(stories)
-def test_made_twice_is_made_once(story: list[tuple[wm.AnyChange, ...]]) -> None:
+def test_made_twice_is_made_once(story):
     """The same words again change nothing; other words under the same id are refused."""
     query = wm.HypotheticalState(id="p", changes=story[0])
     once, made = ask(WORLD, Overlays(), query)
@@ -131,15 +113,13 @@ def test_made_twice_is_made_once(story: list[tuple[wm.AnyChange, ...]]) -> None:
     assert answer == wm.Unknown((fact(Kind.UNKNOWN_TO_KM, "p"),))
 
 
-def test_dropping_forgets_what_begins_so_and_nothing_else() -> None:
+def test_dropping_forgets_what_begins_so_and_nothing_else():
     """By prefix; a child whose parent is dropped stays whole."""
     overlays = Overlays()
     for state, id in (("", "a.1"), ("a.1", "b.1"), ("", "a.2")):
-        overlays, _ = ask(
-            WORLD,
-            overlays,
-            wm.HypotheticalState(state=state, id=id, changes=(wm.Poured("jar_1", "bowl_1"),)),
-        )
+        poured = (wm.Poured("jar_1", "bowl_1"),)
+        made = wm.HypotheticalState(state=state, id=id, changes=poured)
+        overlays, _ = ask(WORLD, overlays, made)
     after, made = ask(WORLD, overlays, wm.DropStates(prefix="a."))
     assert made == wm.Made("a.")
     assert list(after.states) == ["b.1"]
@@ -147,7 +127,7 @@ def test_dropping_forgets_what_begins_so_and_nothing_else() -> None:
     assert ask(WORLD, after, wm.DropStates(prefix="a."))[0] is after
 
 
-def test_a_state_that_is_gone_is_told_by_a_type_of_its_own() -> None:
+def test_a_state_that_is_gone_is_told_by_a_type_of_its_own():
     """Every kind of query names it, and a child cannot be made of it."""
     for query in every_query("nowhere"):
         answer = ask(WORLD, Overlays(), query)[1]
@@ -157,7 +137,7 @@ def test_a_state_that_is_gone_is_told_by_a_type_of_its_own() -> None:
 
 
 @given(st.integers(1, 5), st.integers(1, 12))
-def test_the_oldest_goes_first_when_there_are_too_many(largest: int, count: int) -> None:
+def test_the_oldest_goes_first_when_there_are_too_many(largest, count):
     """Never more than the bound, and always the newest ones."""
     overlays = Overlays(largest=largest)
     for n in range(count):
@@ -176,7 +156,7 @@ def test_the_oldest_goes_first_when_there_are_too_many(largest: int, count: int)
         (wm.Configured("torso", (0.0, 0.0)), fact(Kind.UNKNOWN_TO_KM, "torso")),
     ],
 )
-def test_what_cannot_be_changed_is_refused_with_a_reason(change: wm.AnyChange, why: Fact) -> None:
+def test_what_cannot_be_changed_is_refused_with_a_reason(change, why):
     """Things never observed and parts the robot has not."""
     with pytest.raises(Impossible):
         changed(WORLD, (change,))
@@ -185,7 +165,7 @@ def test_what_cannot_be_changed_is_refused_with_a_reason(change: wm.AnyChange, w
     assert not overlays.states
 
 
-def test_a_hypothesis_shares_what_it_does_not_change() -> None:
+def test_a_hypothesis_shares_what_it_does_not_change():
     """Records that did not change are the same objects, so a state costs its changes."""
     after = changed(WORLD, (wm.Configured("torso", (0.5,)),))
     assert after.things is WORLD.things
@@ -193,7 +173,7 @@ def test_a_hypothesis_shares_what_it_does_not_change() -> None:
     assert moved.things["bowl_1"] is WORLD.things["bowl_1"]
 
 
-def test_every_kind_of_change_can_be_made() -> None:
+def test_every_kind_of_change_can_be_made():
     """None of the language's changes is left out."""
     examples = {
         wm.Moved("jar_1", Pose((0.0, 0.0, 0.0))),

@@ -2,7 +2,6 @@
 marks, triples.
 """
 
-from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from unittest.mock import patch
@@ -14,23 +13,18 @@ from hypothesis import strategies as st
 from companion.languages import wm
 from companion.languages.values import Pose, Side
 from companion.models import MODELS
-from services.knowledge.observe import WORLD, forgotten, observed
+from companion.world.observe import WORLD, forgotten, observed
+from companion.world.scene import Scene, SceneObjects
 from services.knowledge.overlays import changed
-from services.knowledge.scene import Scene, SceneObjects
 from services.knowledge.store import Store
-from services.knowledge.subjects import Subject, differing, subjects
+from services.knowledge.subjects import differing, subjects
 
 from .conftest import yaw
 
 KINDS = {
-    "jar_1": "jar",
-    "bowl_1": "bowl_high",
-    "box_1": "box1",
-    "box_2": "box1",
-    "cabinet_1": "cabinet_no_door",
-    "table_1": "table",
-    "pot_1": "teapot",
-}
+    "jar_1": "jar", "bowl_1": "bowl_high", "box_1": "box1", "box_2": "box1",
+    "cabinet_1": "cabinet_no_door", "table_1": "table", "pot_1": "teapot",
+}  # fmt: skip
 names, sides = st.sampled_from(sorted(KINDS)), st.sampled_from(Side)
 places = st.sampled_from((0.0, 0.0, 0.1, 1.5))
 turns = st.sampled_from(
@@ -40,7 +34,7 @@ floors = st.sampled_from((0.0, 0.775, 0.885, 1.18))
 """The ground, a table, a box on it, a shelf of a cabinet on it."""
 
 
-def poses_of(kind: str) -> st.SearchStrategy[Pose]:
+def poses_of(kind):
     """Poses of a thing that stands on a floor, or did before it was tilted."""
     base = MODELS[kind].base.z if kind in MODELS else 0.0
     return st.builds(Pose, st.tuples(places, places, floors.map(lambda z: z - base)), turns)
@@ -52,7 +46,7 @@ seen = names.flatmap(
         wm.SeenObject, st.just(name), st.just(KINDS[name]), poses_of(KINDS[name]), st.just(1.0)
     )
 )
-others: st.SearchStrategy[wm.AnySight] = st.one_of(
+others = st.one_of(
     seen.map(lambda one: wm.PlacedObject(one.object, one.model, one.pose, 2.0)),
     st.builds(wm.SeenHand, sides, st.one_of(st.just(""), names), st.just("1"), poses),
     st.builds(wm.LostObject, names, sides),
@@ -64,7 +58,7 @@ sights = st.lists(
     st.integers(0, 2).flatmap(lambda kind: seen if kind else others), min_size=6, max_size=15
 )
 stories = st.one_of(sights, st.builds(lambda one, other: [*one, WORLD, *other], sights, sights))
-supposed: st.SearchStrategy[wm.AnyChange] = st.one_of(
+supposed = st.one_of(
     st.builds(wm.Moved, names, poses, st.one_of(st.just(""), names)),
     st.builds(wm.Grasped, names, sides, st.just("1"), poses),
     st.builds(wm.Released, sides),
@@ -72,21 +66,21 @@ supposed: st.SearchStrategy[wm.AnyChange] = st.one_of(
 )
 
 
-def scenes(story: list[wm.AnySight | str]) -> list[Scene]:
+def scenes(story):
     """The scene after each of these, one after the other; WORLD: all was lost."""
     found = [Scene()]
     for count, sight in enumerate(story):
-        now = (
-            forgotten(found[-1], (1, count))
-            if isinstance(sight, str)
-            else observed(found[-1], sight, (1, count))
-        )
+        version = (1, count)
+        if isinstance(sight, str):
+            now = forgotten(found[-1], version)
+        else:
+            now = observed(found[-1], sight, version)
         found.append(now)
     return found
 
 
 @contextmanager
-def compared_with_all() -> Iterator[None]:
+def compared_with_all():
     """Make km compare each thing with all others, as if all stood in one cell."""
     everything = lambda things, whatever: things.keys()  # noqa: E731
     with (
@@ -96,13 +90,13 @@ def compared_with_all() -> Iterator[None]:
         yield
 
 
-def marks_are_as_made_anew(scene: Scene) -> bool:
+def marks_are_as_made_anew(scene):
     """Whether the marks are those of the same things in a plain dict."""
     return scene.marked._marked == SceneObjects(dict(scene.things))._marked
 
 
 @given(stories)
-def test_who_is_compared_with_the_near_is_related_as_by_all(story: list[wm.AnySight | str]) -> None:
+def test_who_is_compared_with_the_near_is_related_as_by_all(story):
     """After each observation; also where a thing has moved, and for poses that are not rigid."""
     found = scenes(story)
     with compared_with_all():
@@ -111,17 +105,13 @@ def test_who_is_compared_with_the_near_is_related_as_by_all(story: list[wm.AnySi
 
 
 @given(stories, st.lists(supposed, max_size=6))
-def test_so_it_is_in_a_hypothetical_state(
-    story: list[wm.AnySight | str], changes: list[wm.AnyChange]
-) -> None:
+def test_so_it_is_in_a_hypothetical_state(story, changes):
     """After each change; a change of unknown things is left out. The observed scene stays as it
     was.
     """
     world = scenes(story)[-1]
-    before = (
-        msgspec.msgpack.encode(world),
-        {mark: set(names) for mark, names in world.marked._marked.items()},
-    )
+    marks = {mark: set(names) for mark, names in world.marked._marked.items()}
+    before = msgspec.msgpack.encode(world), marks
     supposed = after_each(world, changes)
     with compared_with_all():
         assert after_each(world, changes) == supposed
@@ -133,7 +123,7 @@ NAMED = ("object", "on", "source", "destination")
 """Fields of changes that name a thing."""
 
 
-def after_each(scene: Scene, changes: list[wm.AnyChange]) -> list[Scene]:
+def after_each(scene, changes):
     """The scenes after these changes, but for those of things that are not there."""
     found = [scene]
     for change in changes:
@@ -143,7 +133,7 @@ def after_each(scene: Scene, changes: list[wm.AnyChange]) -> list[Scene]:
 
 
 @given(stories)
-def test_marks_stand_in_no_record(story: list[wm.AnySight | str]) -> None:
+def test_marks_stand_in_no_record(story):
     """A scene read back is the same, with its marks, and is written in the same bytes; so is one of
     plain dicts.
     """
@@ -155,7 +145,7 @@ def test_marks_stand_in_no_record(story: list[wm.AnySight | str]) -> None:
         assert (b"things" in data) == bool(scene.things)
 
 
-def whole_difference(old: Scene, new: Scene) -> tuple[list[Subject], list[Subject]]:
+def whole_difference(old, new):
     """The subjects that differ, by a look at all."""
     before, after = subjects(old), subjects(new)
     gone = [one for key, one in before.items() if after.get(key) != one]
@@ -163,9 +153,7 @@ def whole_difference(old: Scene, new: Scene) -> tuple[list[Subject], list[Subjec
 
 
 @given(stories, st.lists(supposed, max_size=6), st.data())
-def test_subjects_that_differ_are_found_by_what_is_not_the_same_object(
-    story: list[wm.AnySight | str], changes: list[wm.AnyChange], data: st.DataObject
-) -> None:
+def test_subjects_that_differ_are_found_by_what_is_not_the_same_object(story, changes, data):
     """From scene to scene, between any two, and with one that was read back, whose objects are all
     others.
     """
@@ -179,9 +167,7 @@ def test_subjects_that_differ_are_found_by_what_is_not_the_same_object(
 
 @settings(max_examples=20)
 @given(stories)
-def test_a_store_written_step_by_step_is_one_written_at_once(
-    story: list[wm.AnySight | str],
-) -> None:
+def test_a_store_written_step_by_step_is_one_written_at_once(story):
     """The same triples."""
     found, (steps, once) = scenes(story), (Store.open(), Store.open())
     for scene in found:

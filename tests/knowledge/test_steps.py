@@ -4,7 +4,6 @@ it answers.
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from msgspec import Raw
@@ -18,11 +17,11 @@ from companion.binding import wiring
 from companion.languages import wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Pose
+from companion.world.scene import Scene
 from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours
 from services.knowledge.behaviours import AGAIN_S, ALONE_S, HELD_S, Mirror
 from services.knowledge.outgoing_messages import NOT_YET
-from services.knowledge.scene import Scene
 
 BODY = wm.SeenBody(BodyPosture(0.0, (0.0,) * 7, (0.0,) * 7, (0.0, 0.0), (0.0,) * 4, (0.0,) * 4))
 DARK = (fact(Kind.NOTHING_IS_SEEN),)
@@ -32,69 +31,68 @@ JAR = wm.SeenObject("jar_1", "jar", Pose((1.0, 0.0, 1.0)), 1.0)
 class Km(Driven):
     """km with ta and pl by hand."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         super().__init__(behaviours.agent(), wiring("km", "test"))
         self.asked = self.seen = 0
         self.step(Started())
 
     @property
-    def memory(self) -> behaviours.Memory:
+    def memory(self):
         return self.state.memory  # type: ignore[no-any-return]
 
-    def subscribes(self) -> list[str]:
+    def subscribes(self):
         """Conversations of the subscriptions said in the last step."""
         return [sent.conversation for sent in self.sends() if sent.performative is P.SUBSCRIBE]
 
-    def met(self, incarnation: int = 1) -> str:
+    def met(self, incarnation=1):
         """ta is there; the subscription."""
         self.step(PeerChanged("ta", incarnation))
         (name,) = self.subscribes()
         return name
 
-    def ta(self, act: P, content: Any = None, **more: Any) -> None:
+    def ta(self, act, content=None, **more):
         """ta's word in the subscription."""
         name = self.memory.soft.subscription
         asked = self.state.soft.conversations[name].conversation.asked
         self.hears("ta", "subscribe", act, content, talk=name, in_reply_to=asked, **more)
 
-    def observed(self, subject: str, content: Any) -> None:
+    def observed(self, subject, content):
         """ta has seen it."""
         self.seen += 1
         self.ta(P.INFORM, content, id=f"{subject}@1.{self.seen}")
 
-    def ask(self, query: Any) -> list[tuple[P, Any]]:
+    def ask(self, query):
         """pl's question; what is said to pl."""
         self.asked += 1
         self.hears("pl", "query", P.QUERY_REF, query, talk=f"pl-1-{self.asked}")
         return self.answers()
 
-    def answers(self) -> list[tuple[P, Any]]:
+    def answers(self):
         """Return the answers to pl in the last step."""
         read = self.core.wiring.languages.read
-        return [
-            (sent.performative, read(sent)[0]) for sent in self.sends() if sent.receiver == "pl"
-        ]
+        to_pl = (sent for sent in self.sends() if sent.receiver == "pl")
+        return [(sent.performative, read(sent)[0]) for sent in to_pl]
 
-    def logged(self, event: str) -> dict[str, Any]:
+    def logged(self, event):
         """Return the fields of the line with this event in the last step."""
         (fields,) = [
             line.fields for effects in self.out for line in effects.logs if line.event == event
         ]
         return fields
 
-    def later(self, seconds: float) -> None:
+    def later(self, seconds):
         """Time passes."""
         self.now += seconds
         self.step(Tick())
 
 
 @pytest.fixture
-def km() -> Km:
+def km():
     """One that just came up."""
     return Km()
 
 
-def names(answer: Any) -> list[str]:
+def names(answer):
     """Ids of the objects."""
     return [one.id for one in answer.objects]
 
@@ -102,7 +100,7 @@ def names(answer: Any) -> list[str]:
 # --- patience -------------------------------------------------------------------------------------
 
 
-def test_a_question_waits_for_the_look_around_and_is_put_off_after_a_while(km: Km) -> None:
+def test_a_question_waits_for_the_look_around_and_is_put_off_after_a_while(km):
     """Each as long as the first, though what was put off is asked again."""
     for _ in range(2):
         assert km.ask(wm.ListObjects()) == []
@@ -112,7 +110,7 @@ def test_a_question_waits_for_the_look_around_and_is_put_off_after_a_while(km: K
         assert km.answers() == [(P.FAILURE, NOT_YET)]
 
 
-def test_a_question_is_answered_when_the_look_around_is_over(km: Km) -> None:
+def test_a_question_is_answered_when_the_look_around_is_over(km):
     """At once, and so is each one after it; nobody is to be woken any more."""
     km.met()
     km.ta(P.AGREE)
@@ -126,7 +124,7 @@ def test_a_question_is_answered_when_the_look_around_is_over(km: Km) -> None:
     assert km.state.wakes == {}
 
 
-def test_without_an_observer_nobody_waits_for_ever(km: Km) -> None:
+def test_without_an_observer_nobody_waits_for_ever(km):
     """The asker is told why nothing is known; there are no objects either way."""
     km.later(ALONE_S - 0.1)
     assert km.memory.patient
@@ -140,7 +138,7 @@ def test_without_an_observer_nobody_waits_for_ever(km: Km) -> None:
     assert Kind.NOT_LOOKED_AROUND not in {one.kind for one in other.why}
 
 
-def test_an_observer_that_agreed_may_take_its_time(km: Km) -> None:
+def test_an_observer_that_agreed_may_take_its_time(km):
     """Till it is gone: then it is waited for as at first."""
     km.met()
     km.later(1.0)
@@ -154,7 +152,7 @@ def test_an_observer_that_agreed_may_take_its_time(km: Km) -> None:
     assert km.memory.blind
 
 
-def test_one_that_seemed_gone_for_a_moment_is_not_waited_for_less(km: Km) -> None:
+def test_one_that_seemed_gone_for_a_moment_is_not_waited_for_less(km):
     """The same life is there again: the look around goes on."""
     km.met()
     km.ta(P.AGREE)
@@ -165,7 +163,7 @@ def test_one_that_seemed_gone_for_a_moment_is_not_waited_for_less(km: Km) -> Non
     assert km.memory.patient
 
 
-def test_one_that_has_not_agreed_and_goes_is_waited_for_no_longer(km: Km) -> None:
+def test_one_that_has_not_agreed_and_goes_is_waited_for_no_longer(km):
     """The wait since km came up goes on."""
     km.met()
     km.later(ALONE_S / 2)
@@ -175,7 +173,7 @@ def test_one_that_has_not_agreed_and_goes_is_waited_for_no_longer(km: Km) -> Non
     assert km.memory.blind
 
 
-def test_a_look_around_that_failed_is_told_and_the_next_observer_gives_hope(km: Km) -> None:
+def test_a_look_around_that_failed_is_told_and_the_next_observer_gives_hope(km):
     """Its reason is km's, until another life of ta looks."""
     km.met()
     km.ta(P.AGREE)
@@ -188,7 +186,7 @@ def test_a_look_around_that_failed_is_told_and_the_next_observer_gives_hope(km: 
     assert km.ask(wm.ListObjects()) == []
 
 
-def test_what_was_seen_stays_seen(km: Km) -> None:
+def test_what_was_seen_stays_seen(km):
     """A later look that fails, or another life of ta, makes nobody wait; a look that succeeds ends
     blindness.
     """
@@ -201,7 +199,7 @@ def test_what_was_seen_stays_seen(km: Km) -> None:
     assert not km.memory.patient
 
 
-def test_a_lost_world_is_forgotten_and_looked_for(km: Km) -> None:
+def test_a_lost_world_is_forgotten_and_looked_for(km):
     """Nothing of before counts, not even what arrives late; questions wait for the look around that
     follows.
     """
@@ -219,7 +217,7 @@ def test_a_lost_world_is_forgotten_and_looked_for(km: Km) -> None:
     assert list(km.memory.scene.things) == ["jar_1"]
 
 
-def test_a_restart_goes_on_waiting_only_where_it_waited(km: Km) -> None:
+def test_a_restart_goes_on_waiting_only_where_it_waited(km):
     """The scene is shown to the store either way."""
     km.state = km.core.boot(km.core.record(km.state))
     km.step(Started(first=False))
@@ -238,7 +236,7 @@ def test_a_restart_goes_on_waiting_only_where_it_waited(km: Km) -> None:
 # --- the subscription -----------------------------------------------------------------------------
 
 
-def test_each_life_of_the_observer_is_subscribed_to_once(km: Km) -> None:
+def test_each_life_of_the_observer_is_subscribed_to_once(km):
     """The older subscription is dropped; other agents are not subscribed to."""
     first = km.met()
     km.step(PeerChanged("ta", 1))
@@ -246,14 +244,11 @@ def test_each_life_of_the_observer_is_subscribed_to_once(km: Km) -> None:
     assert km.subscribes() == []
     second = km.met(2)
     assert first not in km.state.soft.conversations
-    assert (km.memory.soft.subscription, km.memory.soft.incarnation, km.memory.soft.agreed) == (
-        second,
-        2,
-        False,
-    )
+    soft = km.memory.soft
+    assert (soft.subscription, soft.incarnation, soft.agreed) == (second, 2, False)
 
 
-def test_a_subscription_that_is_refused_is_tried_again(km: Km) -> None:
+def test_a_subscription_that_is_refused_is_tried_again(km):
     """After a while, and only while the observer is there."""
     km.met()
     km.ta(P.REFUSE)
@@ -268,7 +263,7 @@ def test_a_subscription_that_is_refused_is_tried_again(km: Km) -> None:
     assert km.subscribes() == []
 
 
-def test_a_subscription_that_is_over_is_renewed_when_the_observer_appears_again(km: Km) -> None:
+def test_a_subscription_that_is_over_is_renewed_when_the_observer_appears_again(km):
     """The same life of it, and nobody has agreed to anything."""
     km.met()
     km.ta(P.AGREE)
@@ -279,7 +274,7 @@ def test_a_subscription_that_is_over_is_renewed_when_the_observer_appears_again(
     assert not km.memory.soft.agreed
 
 
-def test_an_observer_that_cannot_be_understood_is_asked_again(km: Km) -> None:
+def test_an_observer_that_cannot_be_understood_is_asked_again(km):
     """After a while."""
     km.met()
     km.ta(P.AGREE, Raw(b"\xc1"), language="WM")
@@ -290,7 +285,7 @@ def test_an_observer_that_cannot_be_understood_is_asked_again(km: Km) -> None:
 # --- what is known --------------------------------------------------------------------------------
 
 
-def test_the_store_is_told_of_each_new_scene(km: Km) -> None:
+def test_the_store_is_told_of_each_new_scene(km):
     """And of none that is as it was."""
     assert km.tells == [Mirror(Scene())]
     km.met()
@@ -302,7 +297,7 @@ def test_the_store_is_told_of_each_new_scene(km: Km) -> None:
     assert km.tells == []
 
 
-def test_a_hypothetical_state_is_kept_until_it_is_dropped(km: Km) -> None:
+def test_a_hypothetical_state_is_kept_until_it_is_dropped(km):
     """A death takes it, and who asks is told that it is gone."""
     km.met()
     km.ta(P.AGREE)
@@ -316,7 +311,7 @@ def test_a_hypothetical_state_is_kept_until_it_is_dropped(km: Km) -> None:
     assert (act, gone) == (P.FAILURE, wm.UnknownState("p1/0"))
 
 
-def test_what_is_not_known_is_in_the_log_with_all_that_was_asked(km: Km) -> None:
+def test_what_is_not_known_is_in_the_log_with_all_that_was_asked(km):
     """A fact says it shortly."""
     km.met()
     km.ta(P.AGREE)

@@ -2,8 +2,6 @@
 ontology.
 """
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,7 +21,7 @@ SURE = Uncertainty((3e-6, 0.0, 0.0, 4e-6, 0.0, 2e-6), 1e-6)
 number = st.floats(-2.0, 2.0, allow_nan=False)
 poses = st.builds(Pose, st.tuples(number, number, number))
 names = st.sampled_from(["jar_1", "bowl_1", 'odd "name" > x', "schüssel"])
-observations: st.SearchStrategy[wm.AnyObservation] = st.one_of(
+observations = st.one_of(
     st.builds(
         wm.SeenObject,
         names,
@@ -51,9 +49,7 @@ versions = st.tuples(st.integers(1, 3), st.integers(0, 9))
 
 
 @given(st.lists(st.tuples(observations, versions), max_size=8))
-def test_what_is_read_back_is_what_was_written(
-    story: list[tuple[wm.AnyObservation, tuple[int, int]]],
-) -> None:
+def test_what_is_read_back_is_what_was_written(story):
     """A store opened on the same triples has the same scene, whatever was observed in whatever
     order.
     """
@@ -63,7 +59,7 @@ def test_what_is_read_back_is_what_was_written(
     assert Store(store._triples).scene == store.scene
 
 
-def test_a_store_on_disk_is_found_again(tmp_path: Path) -> None:
+def test_a_store_on_disk_is_found_again(tmp_path):
     """Facts, versions and times survive; an old version is ignored afterwards too."""
     store = Store.open(tmp_path / "km")
     for count, observation in enumerate(KITCHEN):
@@ -75,14 +71,14 @@ def test_a_store_on_disk_is_found_again(tmp_path: Path) -> None:
     assert not store_observation(again, KITCHEN[2], (1, 2))
 
 
-def test_an_older_version_is_not_stored(kitchen: Store) -> None:
+def test_an_older_version_is_not_stored(kitchen):
     """`store_observation` returns False, and the scene is the very same object."""
     before = kitchen.scene
     assert not store_observation(kitchen, KITCHEN[0], (1, 0))
     assert kitchen.scene is before
 
 
-def test_facts_are_in_the_terms_of_the_ontology(kitchen: Store) -> None:
+def test_facts_are_in_the_terms_of_the_ontology(kitchen):
     """Class, model, relations, time and version of an object are triples."""
     graph, jar = kitchen.graph(), URIRef(node("thing", "jar_1").value)
     assert (jar, RDF.type, ROCO.Jar) in graph
@@ -91,7 +87,7 @@ def test_facts_are_in_the_terms_of_the_ontology(kitchen: Store) -> None:
     assert str(graph.value(jar, ROCO.version)) == "1.3"
 
 
-def test_people_may_ask_in_sparql(kitchen: Store) -> None:
+def test_people_may_ask_in_sparql(kitchen):
     """Everything that is in a container, by class and superclass."""
     rows = kitchen.graph().query(
         """
@@ -103,13 +99,12 @@ def test_people_may_ask_in_sparql(kitchen: Store) -> None:
     assert {str(row[0]).removeprefix(PREFIXES["thing"]) for row in rows} == {"jar_1", "bowl_1"}
 
 
-def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen: Store) -> None:
+def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen):
     """A jar taken out of the cabinet is no longer in it; what the ontology says of the hand
     stays.
     """
-    store_observation(
-        kitchen, wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.002))), (1, 20)
-    )
+    held = wm.SeenHand(Side.LEFT, "jar_1", "3", Pose((0.0, 0.0, 0.002)))
+    store_observation(kitchen, held, (1, 20))
     store_observation(kitchen, wm.SeenObject("jar_1", "jar", Pose((0.4, 0.4, 1.4)), 9.0), (1, 21))
     graph, jar = kitchen.graph(), URIRef(node("thing", "jar_1").value)
     assert not list(graph.objects(jar, ROCO.isIn))
@@ -119,17 +114,13 @@ def test_facts_of_a_changed_subject_are_replaced_and_not_added(kitchen: Store) -
     assert (ROCO.left_hand, RDF.type, ROCO.Gripper) in graph
 
 
-def test_every_predicate_that_is_written_is_in_the_ontology(kitchen: Store) -> None:
+def test_every_predicate_that_is_written_is_in_the_ontology(kitchen):
     """No property is made up by the store."""
     store_observation(kitchen, wm.FeltContent("jar_1", "bowl_1", 0.06), (1, 30))
-    store_observation(
-        kitchen, wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1))), (1, 31)
-    )
-    store_observation(
-        kitchen,
-        wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06, SURE),
-        (1, 32),
-    )
+    held = wm.SeenHand(Side.RIGHT, "bowl_1", "2", Pose((0.0, 0.0, 0.1)))
+    store_observation(kitchen, held, (1, 31))
+    full = wm.SeenObject("bowl_1", "bowl_high", Pose((0.0, 0.0, 0.1)), 1.0, 0.06, SURE)
+    store_observation(kitchen, full, (1, 32))
     graph = kitchen.graph()
     assert graph.value(URIRef(node("thing", "bowl_1").value), ROCO.contentSeen).toPython() == 0.06
     assert graph.value(
@@ -139,7 +130,7 @@ def test_every_predicate_that_is_written_is_in_the_ontology(kitchen: Store) -> N
     assert all((p, RDF.type, None) in graph for p in used)
 
 
-def test_classes_below_a_class_are_known_at_once() -> None:
+def test_classes_below_a_class_are_known_at_once():
     """A cabinet without doors is a container."""
     assert "CabinetNoDoor" in below()["Container"]
     assert "Table" not in below()["Container"]

@@ -12,9 +12,8 @@ import time
 from urllib.parse import urlencode
 
 import msgspec
+from scripted_partner import Puppet
 
-from agent_runtime.core.agent import Agent, Behaviour
-from agent_runtime.core.events import Local, Received
 from agent_runtime.io.devices import Called
 from agent_runtime.io.run_files import STOP_FILE
 from agent_runtime.testing.memory_bus import MemoryBus
@@ -40,10 +39,6 @@ def place(number, act):
     return Place((f"{step.does} {step.things[0]}", act), step, act, Side.LEFT)
 
 
-class Nothing(msgspec.Struct, frozen=True):
-    """Memory of the pretended coordinator."""
-
-
 class House:
     """hi of a run folder with a coordinator that takes every task; a robot's loop has its flag
     there.
@@ -56,14 +51,13 @@ class House:
         self._lock, self._inside = threading.RLock(), False
         self._wires = MemoryBus()
         self.open()
-        self._wires.add(
-            agent(),
-            wiring("hi", "test"),
-            lambda post: Called(post, lambda word: self.desk.tell(word) or ()),
-        )
-        self._wires.add(
-            Agent("co", "on", Nothing(), {"on": Behaviour(self._act)}), wiring("co", "test")
-        )
+
+        def told(word):
+            self.desk.tell(word)
+            return ()
+
+        self._wires.add(agent(), wiring("hi", "test"), lambda post: Called(post, told))
+        self._wires.add(Puppet("co", self._answer).agent(), wiring("co", "test"))
         self._wires.run_for(0.05)
 
     @property
@@ -83,28 +77,22 @@ class House:
                 self._wires.run_for(0.05)
                 self._inside = False
 
-    def _act(self, memory, turn):
-        event = turn.event
-        if isinstance(event, Received) and event.communicate.performative is P.REQUEST:
-            self.asked.append((event.conversation, event.content))
-            turn.say(
-                event.conversation, P.AGREE, TaskReport(TaskState.WAITING, (fact(Why.IS_NEXT),))
-            )
-        elif isinstance(event, Received) and event.communicate.performative is P.CANCEL:
-            self.cancelled.append(event.conversation)
+    def _answer(self, turn, event):
+        task, act = event.conversation, event.communicate.performative
+        if act is P.REQUEST:
+            self.asked.append((task, event.content))
+            turn.say(task, P.AGREE, TaskReport(TaskState.WAITING, (fact(Why.IS_NEXT),)))
+        elif act is P.CANCEL:
+            self.cancelled.append(task)
             told = TaskReport(TaskState.CANCELLED, (fact(Why.NOT_BEGUN_YET),))
-            turn.say(event.conversation, P.INFORM, told, kind=Kind.CANCEL)
-        elif isinstance(event, Local):
-            event.content(turn)
-        return memory
+            turn.say(task, P.INFORM, told, kind=Kind.CANCEL)
 
     def report(self, task, state, *why, **more):
         """The coordinator reports on a task."""
         kind = P.FAILURE if state is TaskState.FAILED else P.INFORM
         with self._lock:
-            self._wires.post(
-                "co", lambda turn: turn.say(task, kind, TaskReport(state, why, **more))
-            )
+            told = TaskReport(state, why, **more)
+            self._wires.post("co", lambda turn: turn.say(task, kind, told))
             self._wires.run_for(0.05)
 
     def running(self, task="hi-1-1", number=1, act="Grasp", steps=STEPS):
@@ -130,11 +118,8 @@ class PageProcess:
         deploy/healthy.
         """
         before = self.said_ready()
-        settings = {
-            "ROCO_RUN_DIR": str(self.run),
-            "ROCO_CONNECT": self.connect,
-            "PATH": os.environ["PATH"],
-        }
+        settings = {"ROCO_RUN_DIR": str(self.run), "ROCO_CONNECT": self.connect}
+        settings["PATH"] = os.environ["PATH"]
         with (self.run / "page.log").open("ab") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "services.page"], env=settings, stdout=log, stderr=log
@@ -178,18 +163,10 @@ class PageProcess:
 
     def form(self, path, fields, cookie="", **headers):
         """A form, as this page sends it; other headers replace its own, None leaves one out."""
-        told = {
-            "Origin": self.url,
-            "Accept": "application/json",
-            "Content-Type": "application/x-www-form-urlencoded",
-        }
-        return self.ask(
-            "POST",
-            path,
-            urlencode(fields),
-            **({"Cookie": cookie} if cookie else {}),
-            **(told | headers),
-        )
+        form = "application/x-www-form-urlencoded"
+        told = {"Origin": self.url, "Accept": "application/json", "Content-Type": form}
+        told |= {"Cookie": cookie} if cookie else {}
+        return self.ask("POST", path, urlencode(fields), **(told | headers))
 
     def ask(self, verb, path, body=None, **headers):
         """Status, body and headers of an answer."""
@@ -198,11 +175,8 @@ class PageProcess:
         try:
             connection.request(verb, path, body, told)
             answer = connection.getresponse()
-            return (
-                answer.status,
-                answer.read(),
-                {name.lower(): text for name, text in answer.getheaders()},
-            )
+            told = {name.lower(): text for name, text in answer.getheaders()}
+            return answer.status, answer.read(), told
         finally:
             connection.close()
 

@@ -102,9 +102,8 @@ def test_other_pages_may_not_show_or_read_it(page):
     """
     cookie = page.paired()
     for path in ("/", "/pair", *GETS):
-        status, _, _ = page.ask(
-            "GET", path, Cookie=cookie, Host=f"evil.example:{page.address.port}"
-        )
+        host = f"evil.example:{page.address.port}"
+        status, _, _ = page.ask("GET", path, Cookie=cookie, Host=host)
         assert status == 403, path
     for path in GETS:
         assert page.ask("GET", path, Cookie=cookie, Sec_Fetch_Site="same-site")[0] == 403
@@ -125,8 +124,7 @@ def test_a_form_of_another_port_is_refused_in_a_browser(page, house, opened):
     foreign = f"http://localhost:{page.address.port}"
     form = f"<form method=post action='{page.url}/stop'><button>go</button></form><p>{foreign}</p>"
     one.route(
-        "http://127.0.0.1:1/**",
-        lambda route: route.fulfill(content_type="text/html", body=form),
+        "http://127.0.0.1:1/**", lambda route: route.fulfill(content_type="text/html", body=form)
     )
     one.goto("http://127.0.0.1:1/")
     with one.expect_response(f"{page.url}/stop") as answer:
@@ -180,17 +178,15 @@ def test_where_the_loop_is_elsewhere_hi_is_asked(page, house):
 def test_a_code_ends_with_its_time_its_tries_and_the_next_one(tmp_path):
     """Five wrong ones, five minutes, another code: afterwards it pairs nobody."""
     pairs = Pairs(tmp_path / "paired")
-    code = pairs.new_code(0.0)
-    wrong = f"{(int(code) + 1) % 1_000_000:06d}"
-    for _ in range(TRIES - 1):
-        assert pairs.pair(wrong, 1.0) is None
-    assert pairs.pair(code, CODE_S) is not None
-    code = pairs.new_code(0.0)
-    for _ in range(TRIES):
-        assert pairs.pair(f"{(int(code) + 1) % 1_000_000:06d}", 1.0) is None
-    assert pairs.pair(code, 1.0) is None
-    code = pairs.new_code(0.0)
-    assert pairs.pair(code, CODE_S + 1.0) is None
+    for wrong, at, paired in (
+        (TRIES - 1, CODE_S, True),
+        (TRIES, 1.0, False),
+        (0, CODE_S + 1.0, False),
+    ):
+        code = pairs.new_code(0.0)
+        other = f"{(int(code) + 1) % 1_000_000:06d}"
+        assert [pairs.pair(other, 1.0) for _ in range(wrong)] == [None] * wrong
+        assert (pairs.pair(code, at) is not None) == paired, (wrong, at)
     code = pairs.new_code(0.0)
     while pairs.new_code(1.0) == code:
         pass

@@ -33,13 +33,11 @@ def orders(connect, tmp_path):
     heard = []
     options = Options(connect=connect, run_dir=tmp_path)
     key = DESIGN.signal_key(KIND, system="roco", owner="page", peer="ta")
-    ear = open_ear(
-        options,
-        key,
-        lambda data: heard.append(msgspec.msgpack.decode(data, type=Command)),
-        bool,
-        "ta",
-    )
+
+    def hear(data):
+        heard.append(msgspec.msgpack.decode(data, type=Command))
+
+    ear = open_ear(options, key, hear, bool, "ta")
     yield heard
     ear.close()
 
@@ -58,7 +56,7 @@ def begun(house, page, cookie):
 
 def test_the_button_is_there_while_an_act_waits_and_lets_that_one_begin(
     house, page, opened, orders
-) -> None:
+):
     """In words what comes next; the button goes with the wait."""
     one = opened()
     begun(house, page, page.paired())
@@ -78,7 +76,7 @@ def test_the_button_is_there_while_an_act_waits_and_lets_that_one_begin(
     expect(go).to_have_count(0)
 
 
-def test_what_no_longer_waits_is_not_let_begin(house, page, orders) -> None:
+def test_what_no_longer_waits_is_not_let_begin(house, page, orders):
     """A browser that was slow, or somebody who makes up an act: 409, and nothing is said to ta."""
     cookie = page.paired()
     begun(house, page, cookie)
@@ -93,7 +91,7 @@ def test_what_no_longer_waits_is_not_let_begin(house, page, orders) -> None:
     assert len(orders) <= count + 1  # a last one before the page heard of the next wait
 
 
-def test_without_a_cookie_nothing_is_let_begin(house, page, orders) -> None:
+def test_without_a_cookie_nothing_is_let_begin(house, page, orders):
     """As for all that a browser may do."""
     begun(house, page, page.paired())
     waits(house)
@@ -102,7 +100,7 @@ def test_without_a_cookie_nothing_is_let_begin(house, page, orders) -> None:
 
 
 @pytest.mark.parametrize("connect", ["tcp/127.0.0.1:1"])
-def test_without_a_router_the_page_says_so(house, page) -> None:
+def test_without_a_router_the_page_says_so(house, page):
     """Nothing is promised."""
     cookie = page.paired()
     begun(house, page, cookie)

@@ -41,22 +41,38 @@ def over(one):
         return True
 
 
+def head(page, request, *lines):
+    """The head of a request for this page, with these lines."""
+    told = (f"{request} HTTP/1.1", f"Host: 127.0.0.1:{page.address.port}", *lines, "", "")
+    return "\r\n".join(told).encode()
+
+
+def posted(page, cookie, length, *lines):
+    """The head of a sentence with a body of that length."""
+    lines = (f"Origin: {page.url}", f"Cookie: {cookie}", f"Content-Length: {length}", *lines)
+    return head(page, "POST /say", *lines)
+
+
+def answers_of(one, until=b"\0"):
+    """What is answered on a connection, to its end or to these bytes."""
+    said = b""
+    while until not in said and (data := one.recv(65536)):
+        said += data
+    return said
+
+
 def stream(page, cookie):
     """A connection whose stream has begun."""
     one = connected(page)
-    host = f"127.0.0.1:{page.address.port}"
-    one.sendall(f"GET /events HTTP/1.1\r\nHost: {host}\r\nCookie: {cookie}\r\n\r\n".encode())
+    one.sendall(head(page, "GET /events", f"Cookie: {cookie}"))
     assert one.recv(12) == b"HTTP/1.1 200"
     return one
 
 
 def rest(one):
     """All that a stream says until it says that it ends, or ends."""
-    said = b""
     one.settimeout(WITHIN_S)
-    while b"event: bye" not in said and (data := one.recv(65536)):
-        said += data
-    return said
+    return answers_of(one, b"event: bye")
 
 
 def test_half_open_requests_keep_nobody_out(page, house):
@@ -121,9 +137,7 @@ def test_a_head_has_eight_kilobytes_at_most(page):
                 assert one.recv(12) == b"HTTP/1.1 " + status, (more, len(pieces))
     with connected(page) as one:
         one.sendall(head_of(page, 200) + head_of(page, HEAD_BYTES + 1))
-        answers = b""
-        while got := one.recv(65536):
-            answers += got
+        answers = answers_of(one)
         assert answers.count(b"HTTP/1.1 200") == answers.count(b"HTTP/1.1 400") == 1
 
 
@@ -132,32 +146,23 @@ def test_a_body_is_no_head(page):
     may be.
     """
     cookie = page.paired()
-    head = (
-        f"POST /say HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nOrigin:"
-        f" {page.url}\r\nCookie: {cookie}\r\nExpect: 100-continue\r\nContent-Length: 4000\r\n\r\n"
-    )
     with connected(page) as one:
-        one.sendall(head.encode())
+        one.sendall(posted(page, cookie, 4000, "Expect: 100-continue"))
         assert one.recv(65536).startswith(b"HTTP/1.1 100")
         one.sendall(b"text=" + b"a" * 3995 + head_of(page, HEAD_BYTES))
-        answers = b""
-        while b"HTTP/1.1 200" not in answers and (got := one.recv(65536)):
-            answers += got
+        answers = answers_of(one, b"HTTP/1.1 200")
         assert b"head of a request" not in answers
         assert b"HTTP/1.1 200" in answers
 
 
 def test_a_web_socket_is_refused(page):
     """With a sentence, paired or not: there is none."""
-    paired = f"Cookie: {page.paired()}\r\n"
-    for path, cookie in itertools.product(("/", "/events"), ("", paired)):
+    key = ("Sec-WebSocket-Version: 13", "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==")
+    upgrade = ("Connection: Upgrade", "Upgrade: websocket", *key)
+    paired = f"Cookie: {page.paired()}"
+    for path, cookies in itertools.product(("/", "/events"), ((), (paired,))):
         with connected(page) as one:
-            asked = (
-                f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\n{cookie}Connection:"
-                " Upgrade\r\n"
-            )
-            key = "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n"
-            one.sendall(f"{asked}Upgrade: websocket\r\n{key}".encode())
+            one.sendall(head(page, f"GET {path}", *cookies, *upgrade))
             answer = one.recv(65536)
             assert answer.startswith(b"HTTP/1.1 400")
             assert b"no WebSocket" in answer or b"no WebSocket" in one.recv(65536)
@@ -167,11 +172,7 @@ def test_a_body_that_is_too_large_or_never_whole_is_refused(page):
     """Of 50 MB only the first bytes are read; one that lacks is answered in time."""
     cookie = page.paired()
     one = connected(page)
-    head = (
-        f"POST /say HTTP/1.1\r\nHost: 127.0.0.1:{page.address.port}\r\nOrigin:"
-        f" {page.url}\r\nCookie: {cookie}\r\nContent-Length: {{}}\r\n\r\n"
-    )
-    one.sendall(head.format(50_000_000).encode())
+    one.sendall(posted(page, cookie, 50_000_000))
     sent = 0
     try:
         while sent < 50_000_000:
@@ -182,7 +183,7 @@ def test_a_body_that_is_too_large_or_never_whole_is_refused(page):
     assert sent < 5_000_000
     one.close()
     with connected(page) as slow:
-        slow.sendall(head.format(100).encode() + b"text=take")
+        slow.sendall(posted(page, cookie, 100) + b"text=take")
         assert slow.recv(12) == b"HTTP/1.1 408"
 
 

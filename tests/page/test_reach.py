@@ -128,11 +128,8 @@ def test_no_serious_finding_of_axe(house, opened):
 def serious(one):
     """The serious findings of axe-core, with the places."""
     said = Axe().run(one).response["violations"]
-    return [
-        (rule["id"], [node["html"] for node in rule["nodes"]])
-        for rule in said
-        if rule["impact"] in ("serious", "critical")
-    ]
+    bad = [rule for rule in said if rule["impact"] in ("serious", "critical")]
+    return [(rule["id"], [node["html"] for node in rule["nodes"]]) for rule in bad]
 
 
 def test_stop_is_seen_where_the_system_has_the_colours(house, opened):

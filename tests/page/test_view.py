@@ -5,7 +5,6 @@ languages match.
 import base64
 import re
 import socket
-from typing import Any
 
 import msgspec
 import pytest
@@ -36,7 +35,7 @@ PUT, HELD = Evidence(Claim.STANDS, "jar_1"), Evidence(Claim.HELD, "bowl_1", (Sen
 STATE = RobotState(sim_time_s=1.5, body=(0.1,) * 15, mode="hold")
 
 
-def test_both_languages_say_the_same() -> None:
+def test_both_languages_say_the_same():
     """Each row of a language has its row in the other, with as many blanks."""
     english, polish = (
         {name: text.count("{") for name, text in WORDS[language].items()} for language in LANGUAGES
@@ -44,9 +43,9 @@ def test_both_languages_say_the_same() -> None:
     assert english == polish
 
 
-def test_a_person_is_asked_while_the_robot_waits_for_a_pull() -> None:
+def test_a_person_is_asked_while_the_robot_waits_for_a_pull():
     """In the person's language, with the thing in it; at no other time."""
-    others: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    others = {
         "on the way": ({"at": replace(LINE.at, act="MoveJoint")}, {}),
         "before": ({"at": None}, {}),
         "the operator first": ({"asks": "hand over jar_1/give"}, {}),
@@ -61,16 +60,15 @@ def test_a_person_is_asked_while_the_robot_waits_for_a_pull() -> None:
             assert view(heard, language).please == "", when
 
 
-def unchecked(state: TaskState, evidence: tuple[Evidence, ...], language: str) -> str:
+def unchecked(state, evidence, language):
     """What the page says beside an ended task."""
-    line = TaskLine(
-        "hi-1-1", state, "", "put the jar on the table", accepted=True, evidence=evidence
-    )
+    put = "put the jar on the table"
+    line = TaskLine("hi-1-1", state, "", put, accepted=True, evidence=evidence)
     (task,) = view(Heard(hi=True, tasks=(line,)), language).ended
     return task.unchecked
 
 
-def test_only_what_was_done_and_not_checked_is_said() -> None:
+def test_only_what_was_done_and_not_checked_is_said():
     """In the language of the page. A task that failed says why; a claim with a sense behind it
     needs no words.
     """
@@ -80,12 +78,12 @@ def test_only_what_was_done_and_not_checked_is_said() -> None:
         assert unchecked(TaskState.FAILED, (PUT,), language) == ""
 
 
-def test_both_pictures_are_given_as_they_are() -> None:
+def test_both_pictures_are_given_as_they_are():
     """By name; an image of the page's own origin needs no request of the browser. What is no
     telemetry is left out.
     """
-    pictures: list[tuple[str, str]] = []
-    modes: list[str] = []
+    pictures = []
+    modes = []
     eye = RobotEye(None, lambda *picture: pictures.append(picture), modes.append)  # type: ignore[arg-type]
     for told in (STATE, Picture(2.0, b"by the head", b"from the room"), STATE):
         eye._heard(msgspec.msgpack.encode(told))
@@ -98,7 +96,7 @@ def test_both_pictures_are_given_as_they_are() -> None:
     assert (len(pictures), len(modes)) == (2, 1)
 
 
-def test_a_slow_browser_gets_the_newest_picture_of_each_kind() -> None:
+def test_a_slow_browser_gets_the_newest_picture_of_each_kind():
     """Older ones take no memory."""
     streams = Streams()
     for number in range(100):
@@ -108,7 +106,7 @@ def test_a_slow_browser_gets_the_newest_picture_of_each_kind() -> None:
     assert [streams._newest[name][1] for name in PICTURES] == newest
 
 
-def test_a_port_that_is_taken_is_named_with_its_variable() -> None:
+def test_a_port_that_is_taken_is_named_with_its_variable():
     """`roco status` shows these words of a page that was given up."""
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]

@@ -4,7 +4,6 @@ process.
 
 import queue
 import time
-from typing import Any
 
 import pytest
 from scripted_partner import Open, Say, partner
@@ -19,11 +18,11 @@ from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours as knowledge
 from services.knowledge.store import device_at
 from services.planner import behaviours
-from services.planner.device_messages import Answer, Ask, Begin, Found, Local, Stop
+from services.planner.device_messages import Answer, Ask, Begin, Found, Stop
 from services.planner.search_device import SearchDevice
 
 
-def network(name: str) -> hfsm.GroundTaskNetwork:
+def network(name):
     """A task that needs no object."""
     return hfsm.GroundTaskNetwork(name, (hfsm.Task("look_around", ()),))
 
@@ -31,17 +30,17 @@ def network(name: str) -> hfsm.GroundTaskNetwork:
 class Slow(Script):
     """Asks without end."""
 
-    def _go_on(self, answer: wm.AnyAnswer | None) -> None:
+    def _go_on(self, answer):
         self._post(Ask(self._attempt, wm.ListObjects()), 0.01)
 
 
 class Scene:
     """pl with the true km, a scripted co and a scripted ta."""
 
-    def __init__(self, search: Any, settle_s: float = knowledge.ALONE_S + 1.0) -> None:
+    def __init__(self, search, settle_s=knowledge.ALONE_S + 1.0):
         self.wires = MemoryBus()
-        self.heard: list[tuple[int, str, Any]] = []
-        self.asked: list[Any] = []
+        self.heard = []
+        self.asked = []
         self.wires.add(partner("co", self.heard), wiring("co", "test"))
         self.wires.add(
             behaviours.agent(), wiring("pl", "test"), lambda post: search(post, self.asked)
@@ -49,22 +48,22 @@ class Scene:
         self.wires.add(knowledge.agent(), wiring("km", "test"), device_at(None))
         self.wires.run_for(settle_s)
 
-    def ask(self, name: str) -> None:
+    def ask(self, name):
         self.wires.post("co", Open("pl", "request", P.REQUEST, network(name)))
 
-    def until(self, count: int) -> list[tuple[int, str]]:
+    def until(self, count):
         self.wires.run(lambda: len(self.heard) >= count)
         return [(number, word) for number, word, _ in self.heard]
 
 
-def questions(scene: Scene) -> list[Any]:
+def questions(scene):
     """Return pl's questions to km, once each."""
     said = [one for one in scene.wires.traffic if one.sender == "pl" and one.receiver == "km"]
     opened = {one.conversation: one for one in said if one.performative is P.QUERY_REF}
     return [LANGUAGES.read(one)[0] for one in opened.values()]
 
 
-def test_a_plan() -> None:
+def test_a_plan():
     """agree, then the plan; km has no hypothetical state left of it."""
     scene = Scene(Script)
     scene.ask("p1")
@@ -74,7 +73,7 @@ def test_a_plan() -> None:
     assert not scene.wires.memory("km").soft.overlays.states
 
 
-def test_problems_wait_for_their_turn() -> None:
+def test_problems_wait_for_their_turn():
     """Both are agreed to at once, and planned one after the other."""
     scene = Scene(Script)
     scene.ask("p1")
@@ -83,7 +82,7 @@ def test_problems_wait_for_their_turn() -> None:
     assert scene.heard[-1][2].id == "p2"
 
 
-def test_a_cancel_is_answered_at_once() -> None:
+def test_a_cancel_is_answered_at_once():
     """While it searches: within milliseconds, and the next problem is taken; while it waits:
     likewise.
     """
@@ -97,24 +96,20 @@ def test_a_cancel_is_answered_at_once() -> None:
     scene.wires.post("co", Say(0, P.CANCEL))
     scene.until(5)
     assert scene.wires.now - began < 0.1
-    assert [(number, type(content)) for number, _, content in scene.heard[3:]] == [
-        (1, hfsm.NoPlan),
-        (0, hfsm.NoPlan),
-    ]
+    told = [(number, type(content)) for number, _, content in scene.heard[3:]]
+    assert told == [(1, hfsm.NoPlan), (0, hfsm.NoPlan)]
     scene.wires.run_for(0.5)
     assert scene.wires.memory("pl").problem.network.id == "p3"
 
 
-def test_words_of_an_earlier_attempt_are_ignored() -> None:
+def test_words_of_an_earlier_attempt_are_ignored():
     """Words of a killed search do not reach km or co."""
     scene = Scene(Slow)
     scene.ask("p1")
     scene.until(1)
     scene.wires.run_for(0.2)
-    asked, old = (
-        len(questions(scene)),
-        plan_of(network("old"), [(hfsm.Step("look-around"), [look("jar_1")])]),
-    )
+    asked = len(questions(scene))
+    old = plan_of(network("old"), [(hfsm.Step("look-around"), [look("jar_1")])])
     for word in (
         Found(0, hfsm.NoPlan("from before", ())),
         Found(0, old),
@@ -132,14 +127,14 @@ class Forgotten(Script):
 
     begun = 0
 
-    def tell(self, content: object) -> None:
+    def tell(self, content):
         """Ask at once."""
         if isinstance(content, Begin):
             Forgotten.begun += 1
             self._post(Ask(content.attempt, wm.ObjectPose(state="gone", object="jar_1")), 0.01)
 
 
-def test_a_search_whose_facts_are_lost_begins_again_but_not_for_ever() -> None:
+def test_a_search_whose_facts_are_lost_begins_again_but_not_for_ever():
     """Five times, then the person is told why."""
     scene = Scene(Forgotten)
     Forgotten.begun = 0
@@ -151,11 +146,11 @@ def test_a_search_whose_facts_are_lost_begins_again_but_not_for_ever() -> None:
 
 @pytest.mark.process
 @pytest.mark.timeout(120)
-def test_the_true_search_is_killed_and_replaced() -> None:
+def test_the_true_search_is_killed_and_replaced():
     """Stop ends the child at once, in the middle of anything; the next request is searched by
     another one.
     """
-    words: queue.Queue[Local] = queue.Queue()  # type: ignore[valid-type]
+    words = queue.Queue()  # type: ignore[valid-type]
     searcher = SearchDevice(lambda content, delay_s=0.0: words.put(content))  # type: ignore[arg-type]
     try:
         pour = hfsm.GroundTaskNetwork("p1", (hfsm.Task("pour", ("jar", "bowl")),))
@@ -177,7 +172,7 @@ def test_the_true_search_is_killed_and_replaced() -> None:
         searcher.close()
 
 
-def test_a_problem_is_put_off_while_the_world_is_looked_at() -> None:
+def test_a_problem_is_put_off_while_the_world_is_looked_at():
     """km says that it may know later; pl says the same at once, and begins no search."""
     scene = Scene(Script, settle_s=0.1)
     scene.ask("p1")

@@ -2,9 +2,6 @@
 co.
 """
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 from driven import Driven
 from msgspec import Raw
@@ -13,7 +10,7 @@ from scripted_search import look, plan_of
 from agent_runtime.core.events import Local, Receipted, Started, Tick
 from companion.binding import wiring
 from companion.languages import hfsm, wm
-from companion.languages.facts import Fact, Kind, fact
+from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.planner import behaviours
 from services.planner.device_messages import Answer, Ask, Begin, Died, Found, Stop
@@ -24,40 +21,32 @@ ASKED = wm.ListObjects()
 LATER = wm.Unknown((fact(Kind.LOOK_NOT_OVER),), later=True)
 
 
-def network(name: str) -> hfsm.GroundTaskNetwork:
+def network(name):
     """A task that needs no object."""
     return hfsm.GroundTaskNetwork(name, (hfsm.Task("look_around", ()),))
 
 
-def asks(one: Driven, name: str) -> None:
+def asks(one, name):
     """co's problem."""
     one.hears("co", "request", P.REQUEST, network(name), talk=f"co-{name}")
 
 
-def question(one: Driven) -> str:
+def question(one):
     """The conversation in which km was asked last."""
     return [sent.conversation for sent in one.sends() if sent.receiver == "km"][-1]
 
 
-def answers(one: Driven, content: Any, talk: str = "") -> None:
+def answers(one, content, talk=""):
     """km's word."""
-    asked = (
-        next(iter(one.state.soft.asks.values())).communicate
-        if not talk
-        else one.state.soft.asks[talk].communicate
-    )
+    asks = one.state.soft.asks
+    asked = asks[talk or next(iter(asks))].communicate
     unknown = isinstance(content, wm.Unknown | wm.UnknownState)
-    one.hears(
-        "km",
-        "query",
-        P.FAILURE if unknown else P.INFORM_REF,
-        content,
-        talk=asked.conversation,
-        in_reply_to=asked.reply_with,
-    )
+    act = P.FAILURE if unknown else P.INFORM_REF
+    of = {"talk": asked.conversation, "in_reply_to": asked.reply_with}
+    one.hears("km", "query", act, content, **of)
 
 
-def said(one: Driven) -> list[tuple[str, P, Any]]:
+def said(one):
     """To whom, performative and content of all that was said in the last step."""
     read = one.core.wiring.languages.read
     return [
@@ -66,14 +55,14 @@ def said(one: Driven) -> list[tuple[str, P, Any]]:
     ]
 
 
-def fresh() -> Driven:
+def fresh():
     """A pl that just came up."""
     one = Driven(behaviours.agent(SEED), wiring("pl", "test"))
     one.step(Started())
     return one
 
 
-def beginning() -> Driven:
+def beginning():
     """A problem was taken; km is asked to forget what was supposed for it before."""
     one = fresh()
     asks(one, "p1")
@@ -83,33 +72,31 @@ def beginning() -> Driven:
     return one
 
 
-def searching() -> Driven:
+def searching():
     """The search is under way."""
     one = beginning()
     answers(one, wm.Made("p1"))
     return one
 
 
-def waiting() -> Driven:
+def waiting():
     """The search waits for a fact."""
     one = searching()
     one.step(Local(Ask(1, ASKED)))
     return one
 
 
-def test_a_problem_is_agreed_to_and_km_forgets_first() -> None:
+def test_a_problem_is_agreed_to_and_km_forgets_first():
     """Then the search begins, with the seed of this pl, and counted."""
     one = beginning()
-    assert said(one) == [
-        ("co", P.AGREE, hfsm.Taken("p1")),
-        ("km", P.QUERY_REF, wm.DropStates(prefix="p1/")),
-    ]
+    forget = ("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))
+    assert said(one) == [("co", P.AGREE, hfsm.Taken("p1")), forget]
     one = searching()
     assert one.tells == [Begin(1, network("p1"), SEED)]
     assert (one.state.memory.ready, one.state.memory.begun) == (True, 1)
 
 
-def test_a_fact_goes_from_km_to_the_search() -> None:
+def test_a_fact_goes_from_km_to_the_search():
     """Once each way; the question is over then."""
     one = waiting()
     assert said(one) == [("km", P.QUERY_REF, ASKED)]
@@ -125,7 +112,7 @@ def test_a_fact_goes_from_km_to_the_search() -> None:
         (Died("exit status 3"), fact(Kind.ENDED, "search")),
     ],
 )
-def test_a_search_without_a_plan_fails_the_problem(event: Any, why: Fact) -> None:
+def test_a_search_without_a_plan_fails_the_problem(event, why):
     """co is told why, the search is stopped, km forgets; pl is free for the next."""
     one = searching()
     one.step(Local(event))
@@ -138,7 +125,7 @@ def test_a_search_without_a_plan_fails_the_problem(event: Any, why: Fact) -> Non
     assert (one.state.state, one.state.memory.problem) == ("idle", None)
 
 
-def test_a_plan_ends_the_search_without_stopping_it() -> None:
+def test_a_plan_ends_the_search_without_stopping_it():
     """It has ended by itself. What is no longer needed is asked for only once."""
     one = waiting()
     asked = question(one)
@@ -153,7 +140,7 @@ def test_a_plan_ends_the_search_without_stopping_it() -> None:
 
 
 @pytest.mark.parametrize("state", [beginning, waiting])
-def test_while_the_world_is_looked_at_the_problem_is_put_off(state: Callable[[], Driven]) -> None:
+def test_while_the_world_is_looked_at_the_problem_is_put_off(state):
     """co is told to come again; nothing was supposed, so km has nothing to forget."""
     one = state()
     answers(one, LATER)
@@ -163,7 +150,7 @@ def test_while_the_world_is_looked_at_the_problem_is_put_off(state: Callable[[],
 
 
 @pytest.mark.parametrize("state", [beginning, waiting])
-def test_a_km_that_does_not_answer_fails_the_problem(state: Callable[[], Driven]) -> None:
+def test_a_km_that_does_not_answer_fails_the_problem(state):
     """Not before the time is over."""
     one = state()
     one.now += ANSWER_WITHIN_S
@@ -177,32 +164,25 @@ def test_a_km_that_does_not_answer_fails_the_problem(state: Callable[[], Driven]
 
 
 @pytest.mark.parametrize("state", [beginning, waiting])
-def test_a_km_that_cannot_be_understood_fails_the_problem(state: Callable[[], Driven]) -> None:
+def test_a_km_that_cannot_be_understood_fails_the_problem(state):
     """With its reason."""
     one = state()
     asked = next(iter(one.state.soft.asks.values())).communicate
-    rest = {
-        "talk": asked.conversation,
-        "in_reply_to": asked.reply_with,
-        "content": Raw(b"\xc1"),
-        "language": "WM",
-    }
+    rest = {"talk": asked.conversation, "in_reply_to": asked.reply_with}
+    rest |= {"content": Raw(b"\xc1"), "language": "WM"}
     one.hears("km", "query", P.INFORM_REF, **rest)
     ((_, act, content),) = [word for word in said(one) if word[0] == "co"]
     assert act is P.FAILURE
     assert content.why == (fact(Kind.BROKE_OFF, "km"),)
 
 
-def test_hypotheses_lost_begin_the_search_again() -> None:
+def test_hypotheses_lost_begin_the_search_again():
     """As another attempt: words of the one before are ignored."""
     one = waiting()
     answers(one, wm.UnknownState("p1/0"))
     assert said(one) == [("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))]
-    assert (one.state.state, one.state.memory.ready, one.state.memory.begun) == (
-        "initialize",
-        False,
-        2,
-    )
+    assert (one.state.state, one.state.memory.begun) == ("initialize", 2)
+    assert not one.state.memory.ready
     answers(one, wm.Made("p1"))
     assert one.tells == [Begin(2, network("p1"), SEED)]
     assert not one.state.memory.soft.lost
@@ -213,7 +193,7 @@ def test_hypotheses_lost_begin_the_search_again() -> None:
     assert one.state.memory == memory
 
 
-def test_a_restart_begins_the_search_again() -> None:
+def test_a_restart_begins_the_search_again():
     """The child is gone, and so are km's hypotheses of it."""
     one = searching()
     one.state = one.core.boot(one.core.record(one.state))
@@ -222,7 +202,7 @@ def test_a_restart_begins_the_search_again() -> None:
     assert said(one) == [("km", P.QUERY_REF, wm.DropStates(prefix="p1/"))]
 
 
-def test_a_restart_while_km_is_asked_to_forget_asks_again() -> None:
+def test_a_restart_while_km_is_asked_to_forget_asks_again():
     """The question died with the one before."""
     one = beginning()
     one.state = one.core.boot(one.core.record(one.state))
@@ -232,7 +212,7 @@ def test_a_restart_while_km_is_asked_to_forget_asks_again() -> None:
     assert one.tells == [Begin(1, network("p1"), SEED)]
 
 
-def test_of_several_problems_only_the_cancelled_one_is_forgotten() -> None:
+def test_of_several_problems_only_the_cancelled_one_is_forgotten():
     """One that waits, or the one under way: whose search is stopped, whose question is dropped."""
     one = waiting()
     for name in ("p2", "p3"):
@@ -246,10 +226,6 @@ def test_of_several_problems_only_the_cancelled_one_is_forgotten() -> None:
     assert one.tells[0] == Stop(1)
     assert asked not in one.state.soft.asks
     memory = one.state.memory
-    assert (memory.problem.network.id, memory.waiting, memory.attempt, memory.seed) == (
-        "p3",
-        (),
-        1,
-        SEED,
-    )
+    assert (memory.problem.network.id, memory.waiting) == ("p3", ())
+    assert (memory.attempt, memory.seed) == (1, SEED)
     assert memory.cancelled is False

@@ -1,8 +1,6 @@
 """ta between scripted partners, and the parts of plans that its tests are made of."""
 
 from itertools import pairwise
-from types import UnionType
-from typing import Any
 
 from msgspec.structs import replace
 from scripted_partner import Open, Say, partner
@@ -24,14 +22,13 @@ STUCK = (fact(Kind.NO_WAY_HOME, Side.LEFT),)
 CANCELLED = (fact(Kind.CANCELLED),)
 
 
-def plan(*states: hfsm.State) -> hfsm.HierarchicalPlan:
+def plan(*states):
     """A plan of these states."""
-    return hfsm.HierarchicalPlan(
-        "plan", "test", hfsm.Machine("test", states[0].name, states), 1.0, 0
-    )
+    root = hfsm.Machine("test", states[0].name, states)
+    return hfsm.HierarchicalPlan("plan", "test", root, 1.0, 0)
 
 
-def plan_of(*commands: rc.Command) -> hfsm.HierarchicalPlan:
+def plan_of(*commands):
     """A plan of these acts, one after the other."""
     states = [hfsm.ActState(type(one).__name__, one) for one in commands]
     chained = [replace(one, arcs=(hfsm.Arc(OK, two.name),)) for one, two in pairwise(states)]
@@ -43,9 +40,9 @@ class Scene:
     if there are some.
     """
 
-    def __init__(self, *commands: rc.Command, observed: bool = False) -> None:
+    def __init__(self, *commands, observed=False):
         self.wires = MemoryBus()
-        self.heard: dict[str, list[tuple[int, str, Any]]] = {"co": [], "ex": [], "km": []}
+        self.heard = {"co": [], "ex": [], "km": []}
         for name, heard in self.heard.items():
             self.wires.add(partner(name, heard), wiring(name, "test"))
         self.wires.add(behaviours.agent(), wiring("ta", "test"))
@@ -56,49 +53,44 @@ class Scene:
         if observed:
             self.observe()
 
-    def start(self, asked: hfsm.HierarchicalPlan) -> None:
+    def start(self, asked):
         """co requests a plan."""
         self.wires.post("co", Open("ta", "coordinate", P.REQUEST, asked))
 
-    def observe(self) -> None:
+    def observe(self):
         """km subscribes to what is seen."""
         self.wires.post("km", Open("ta", "subscribe", P.SUBSCRIBE, wm.ObserveWorld()))
 
-    def ends(
-        self, outcome: rc.Done | rc.NotDone, number: int = 0, performative: P | None = None
-    ) -> None:
+    def ends(self, outcome, number=0, performative=None):
         """ex ends an act, as soon as it is asked for it."""
         self.hears("ex", number + 1)
         told = P.INFORM if isinstance(outcome, rc.Done) else P.FAILURE
         self.wires.post("ex", Say(number, performative or told, outcome))
 
-    def cancelled(self, key: str, number: int = 0, **more: Any) -> None:
+    def cancelled(self, key, number=0, **more):
         """ex answers a cancel."""
         outcome = rc.NotDone(key, "cancelled", CANCELLED, **more)
         self.wires.post("ex", Say(number, P.INFORM, outcome, languages.Kind.CANCEL))
 
-    def hears(self, name: str, count: int) -> Any:
+    def hears(self, name, count):
         """The nth message that it heard."""
         self.wires.run(lambda: len(self.heard[name]) >= count, limit_s=2000.0)
         return self.heard[name][count - 1][2]
 
-    def news(self, kind: type | UnionType = object) -> list[Any]:
+    def news(self, kind=object):
         """What km was told, of this kind."""
         return [one for _, _, one in self.heard["km"] if one is not None and isinstance(one, kind)]
 
     @property
-    def state(self) -> str:
+    def state(self):
         """The state of ta."""
         return self.wires.nodes["ta"].state.state
 
-    def states(self) -> list[str]:
+    def states(self):
         """The states reported to co."""
-        return [
-            str(content.state)
-            for _, _, content in self.heard["co"]
-            if isinstance(content, sw.Report)
-        ]
+        heard = (content for _, _, content in self.heard["co"])
+        return [str(content.state) for content in heard if isinstance(content, sw.Report)]
 
-    def ex(self, performative: P, content: Any, number: int = 0) -> None:
+    def ex(self, performative, content, number=0):
         """ex says something in its nth conversation."""
         self.wires.post("ex", Say(number, performative, content))

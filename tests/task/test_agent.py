@@ -3,7 +3,6 @@ and when.
 """
 
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -15,7 +14,7 @@ from agent_runtime.testing.memory_bus import Point
 from companion.design import AgentName
 from companion.languages import hfsm, rc, rs, sw, wm
 from companion.languages.evidence import Claim, Evidence, Sense
-from companion.languages.facts import Fact, Facts, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from companion.tasks.hand_over.done import HandOver, HandOverClaim, HandOverKind
 from companion.tasks.pour.done import Pour, PourClaim, PourKind
@@ -34,136 +33,89 @@ FEELS_NOTHING = fact(Kind.ILL, rc.Sensor.LEFT_WRIST, rc.Fault.ZERO, 0.0)
 SUCCEEDED, FAILED, REPLAN = sw.WorkerState.SUCCEEDED, sw.WorkerState.FAILED, sw.WorkerState.REPLAN
 
 
-def done(**more: Any) -> rc.Done:
+def done(**more):
     """An act that ended well."""
     return rc.Done("plan/1", BODY, **more)
 
 
-def not_done(kind: str, *why: Fact, **more: Any) -> rc.NotDone:
+def not_done(kind, *why, **more):
     """An act that did not."""
     return rc.NotDone("plan/1", kind, why or STUCK, BODY, **more)
 
 
-def seen(name: str, at: float = 3.0, content: float | None = None) -> rs.Seen:
+def seen(name, at=3.0, content=None):
     """Something that stands there."""
     return rs.Seen(name, name[:-2], AT, at, content)
 
 
-def held(*by: Sense) -> dict[str, Any]:
+def held(*by):
     """The jar in the hand, as these senses tell."""
     return {"held": HELD, "evidence": (Evidence(Claim.HELD, "jar_1", by, 3.0),)}
 
 
-def poured(arrived: bool | None, content: float | None, after: float = 0.2) -> rc.Done:
+def poured(arrived, content, after=0.2):
     """A pour out of 0.26 kg."""
     bowl, evidence = (seen("bowl_1", content=content),), ARRIVED if arrived else ()
     return done(seen=bowl, weighed=(0.26, after), arrived=arrived, evidence=evidence)
 
 
-def left(mass: float) -> Fact:
+def left(mass):
     """So much [kg] was felt to leave the jar."""
     return fact(PourKind.LEFT, "jar_1", mass)
 
 
-ENDS: dict[str, tuple[rc.Command, rc.Done | rc.NotDone, sw.WorkerState, Facts]] = {
-    "the machine ended it": (HOME, not_done("interrupted"), REPLAN, STUCK),
-    "the machine was busy": (HOME, not_done("busy"), REPLAN, STUCK),
-    "the world ended it": (HOME, not_done("failed"), FAILED, STUCK),
-    "another world": (
-        LOOK,
-        not_done("replan", MOVED := fact(Kind.MOVED, "jar_1", 0.1)),
-        REPLAN,
-        (MOVED,),
-    ),
-    "objects seen, in their order": (
-        LOOK,
-        done(seen=(seen("table_1"), seen("jar_1"))),
-        SUCCEEDED,
-        (fact(Kind.SEEN, "jar_1", "table_1"),),
-    ),
-    "nothing seen": (LOOK, done(), SUCCEEDED, (fact(Kind.SEEN_NOTHING),)),
-    "a wrist that does not feel": (HOME, done(ill=ILL), SUCCEEDED, (FEELS_NOTHING,)),
-    "the same, and it failed": (HOME, not_done("failed", ill=ILL), FAILED, (*STUCK, FEELS_NOTHING)),
-    "put down and not seen": (
-        HOME,
-        done(evidence=(PUT,)),
-        SUCCEEDED,
-        (fact(Kind.NOT_CHECKED, Claim.STANDS, "jar_1"),),
-    ),
-    "taken": (GRASP, done(**held(Sense.FINGERS)), SUCCEEDED, ()),
-    "taken, and no sense told": (
-        GRASP,
-        done(**held()),
-        FAILED,
-        (fact(Kind.NOT_CHECKED, Claim.HELD, "jar_1"),),
-    ),
-    "poured": (
-        POUR,
-        poured(True, 0.058),
-        SUCCEEDED,
-        (left(0.06), fact(PourKind.ARRIVED, "bowl_1", 0.06)),
-    ),
-    "poured aside": (
-        POUR,
-        poured(False, 0.03),
-        FAILED,
-        (
-            left(0.06),
-            fact(PourKind.ARRIVED, "bowl_1", 0.03),
-            fact(PourKind.REST_NOT_THERE, "bowl_1"),
-        ),
-    ),
-    "poured, not seen": (
-        POUR,
-        poured(None, None),
-        FAILED,
-        (left(0.06), fact(PourKind.NOT_SEEN_IN, "bowl_1")),
-    ),
-    "a few grams stay, not told from nothing": (
-        POUR,
-        poured(True, None, 0.21),
-        SUCCEEDED,
-        (left(0.05), fact(PourKind.ARRIVED_SOME, "bowl_1")),
-    ),
-    "some stays": (
-        POUR,
-        poured(True, None, 0.23),
-        SUCCEEDED,
-        (left(0.03), fact(PourKind.STILL_IN, "jar_1", 0.03), fact(PourKind.ARRIVED_SOME, "bowl_1")),
-    ),
-    "poured, not felt": (
-        POUR,
-        done(arrived=True, evidence=ARRIVED),
-        SUCCEEDED,
-        (fact(PourKind.ARRIVED_SOME, "bowl_1"),),
-    ),
+def arrived(mass):
+    """So much [kg] was seen to be in the bowl."""
+    return fact(PourKind.ARRIVED, "bowl_1", mass)
+
+
+MOVED, SEEN = fact(Kind.MOVED, "jar_1", 0.1), fact(Kind.SEEN, "jar_1", "table_1")
+SOME, REST = (fact(kind, "bowl_1") for kind in (PourKind.ARRIVED_SOME, PourKind.REST_NOT_THERE))
+UNCHECKED = {claim: fact(Kind.NOT_CHECKED, claim, "jar_1") for claim in (Claim.STANDS, Claim.HELD)}
+STILL_IN, NOT_SEEN_IN = fact(PourKind.STILL_IN, "jar_1", 0.03), fact(PourKind.NOT_SEEN_IN, "bowl_1")
+SIGHTS = (seen("table_1"), seen("jar_1"))
+ENDS = {
+    "the machine ended it": (HOME, not_done("interrupted"), REPLAN, *STUCK),
+    "the machine was busy": (HOME, not_done("busy"), REPLAN, *STUCK),
+    "the world ended it": (HOME, not_done("failed"), FAILED, *STUCK),
+    "another world": (LOOK, not_done("replan", MOVED), REPLAN, MOVED),
+    "objects seen, in their order": (LOOK, done(seen=SIGHTS), SUCCEEDED, SEEN),
+    "nothing seen": (LOOK, done(), SUCCEEDED, fact(Kind.SEEN_NOTHING)),
+    "a wrist that does not feel": (HOME, done(ill=ILL), SUCCEEDED, FEELS_NOTHING),
+    "the same, and it failed": (HOME, not_done("failed", ill=ILL), FAILED, *STUCK, FEELS_NOTHING),
+    "put down and not seen": (HOME, done(evidence=(PUT,)), SUCCEEDED, UNCHECKED[Claim.STANDS]),
+    "taken": (GRASP, done(**held(Sense.FINGERS)), SUCCEEDED),
+    "taken, and no sense told": (GRASP, done(**held()), FAILED, UNCHECKED[Claim.HELD]),
+    "poured": (POUR, poured(True, 0.058), SUCCEEDED, left(0.06), arrived(0.06)),
+    "poured aside": (POUR, poured(False, 0.03), FAILED, left(0.06), arrived(0.03), REST),
+    "poured, not seen": (POUR, poured(None, None), FAILED, left(0.06), NOT_SEEN_IN),
+    "a few grams stay": (POUR, poured(True, None, 0.21), SUCCEEDED, left(0.05), SOME),
+    "some stays": (POUR, poured(True, None, 0.23), SUCCEEDED, left(0.03), STILL_IN, SOME),
+    "poured, not felt": (POUR, done(arrived=True, evidence=ARRIVED), SUCCEEDED, SOME),
 }
 
 
-def test_the_end_of_an_act_is_that_of_its_plan() -> None:
+def test_the_end_of_an_act_is_that_of_its_plan():
     """With the reasons; km hears of the content that was felt to leave, and of that seen in the
     bowl.
     """
     wrong = {}
-    for name, (command, outcome, state, why) in ENDS.items():
+    for name, (command, outcome, state, *why) in ENDS.items():
         scene = Scene(command, observed=True)
         scene.ends(outcome)
         report = scene.hears("co", 2)
-        if (report.state, report.why) != (state, why):
+        if (report.state, [*report.why]) != (state, why):
             wrong[name] = report
         if command is POUR and isinstance(outcome, rc.Done):
             felt = [round(0.26 - outcome.weighed[1], 3)] if outcome.weighed else []
-            assert (
-                not outcome.arrived
-                or [round(one.left, 3) for one in scene.news(wm.FeltContent)] == felt
-            ), name
-            assert [one.content for one in scene.news(wm.SeenObject)] == [
-                one.content for one in outcome.seen
-            ], name
+            left = [round(one.left, 3) for one in scene.news(wm.FeltContent)]
+            assert not outcome.arrived or left == felt, name
+            sights = [one.content for one in scene.news(wm.SeenObject)]
+            assert sights == [one.content for one in outcome.seen], name
     assert not wrong
 
 
-def test_a_plan_that_leads_nowhere_is_refused() -> None:
+def test_a_plan_that_leads_nowhere_is_refused():
     """The log names the state that is not there, and ta stays idle."""
     scene, logged = Scene(), list[str]()
     scene.wires.on_step = lambda agent, effects: logged.extend(
@@ -179,7 +131,7 @@ def test_a_plan_that_leads_nowhere_is_refused() -> None:
     assert scene.states()[1:] == ["Running", "Failed"]
 
 
-def test_states_are_reported_and_confirmed() -> None:
+def test_states_are_reported_and_confirmed():
     """Running at each state with its path, and one final report."""
     scene = Scene(LOOK, HOME)
     assert scene.hears("co", 1).at.id == "Look"
@@ -194,7 +146,7 @@ def test_states_are_reported_and_confirmed() -> None:
     assert (report.state, report.why) == (FAILED, STUCK)
 
 
-def test_an_unknown_outcome() -> None:
+def test_an_unknown_outcome():
     """The world is looked at without moving an arm, then Replan is reported; the act is not
     repeated.
     """
@@ -208,7 +160,7 @@ def test_an_unknown_outcome() -> None:
     assert [type(content) for _, _, content in scene.heard["ex"]] == [rc.Home, rc.Look]
 
 
-def test_a_late_act_is_cancelled() -> None:
+def test_a_late_act_is_cancelled():
     """Five times its expected time and a margin after the agree; then Replan, once ex has had its
     last word.
     """
@@ -240,23 +192,20 @@ NOT_SEEN = fact(Kind.NOT_SEEN, "jar_1")
         (ON, None, fact(Kind.NOT_ANSWERING, AgentName.KM)),
     ],
 )
-def test_an_answer_that_the_plan_does_not_expect(
-    query: wm.AnyQuery, answer: Any, why: Fact
-) -> None:
+def test_an_answer_that_the_plan_does_not_expect(query, answer, why):
     """A new plan is wanted, and why; without any answer the plan fails."""
     scene = Scene()
     scene.start(plan(hfsm.AskState("is it there?", query)))
     scene.hears("km", 1)
     if answer is not None:
-        scene.wires.post(
-            "km", Say(0, P.INFORM_REF if isinstance(answer, wm.Truth) else P.FAILURE, answer)
-        )
+        act = P.INFORM_REF if isinstance(answer, wm.Truth) else P.FAILURE
+        scene.wires.post("km", Say(0, act, answer))
     report = scene.hears("co", 2)
     assert (report.state, report.why) == (REPLAN if answer else FAILED, (why,))
 
 
 @pytest.mark.parametrize("given", [True, False])
-def test_what_was_told_of_a_hand_over_is_said_at_the_end_of_the_plan(given: bool) -> None:
+def test_what_was_told_of_a_hand_over_is_said_at_the_end_of_the_plan(given):
     """The arm that goes home behind it does not hide it; a look in between tells nothing."""
     give = HandOver("plan/2", Side.LEFT, "jar_1", 1.0, 0.1, 30.0)
     wanted = (LOOK, give, HOME) if given else (LOOK, HOME)
@@ -265,18 +214,15 @@ def test_what_was_told_of_a_hand_over_is_said_at_the_end_of_the_plan(given: bool
     for number, act in enumerate(wanted):
         scene.ends(rc.Done(act.key, BODY, evidence=away if act is give else ()), number)
     report = scene.hears("co", len(wanted) + 1)
-    told = (
-        [HandOverKind.HANDED_OVER, HandOverKind.FELT_LEAVING, HandOverKind.SEEN_LEAVING]
-        if given
-        else []
-    )
+    leaving = [HandOverKind.FELT_LEAVING, HandOverKind.SEEN_LEAVING]
+    told = [HandOverKind.HANDED_OVER, *leaving] if given else []
     assert report.state is SUCCEEDED
     assert [one.kind for one in report.why if isinstance(one.kind, HandOverKind)] == told
     assert Kind.SEEN not in {one.kind for one in report.why}
 
 
 LOST = fact(Kind.LOST, Side.LEFT, "jar_1")
-GONE: list[tuple[rc.Done | rc.NotDone, Fact, wm.AnyObservation]] = [
+GONE = [
     *(
         (not_done(kind, LOST, lost={Side.LEFT: "jar_1"}), LOST, wm.LostObject("jar_1", Side.LEFT))
         for kind in (
@@ -292,9 +238,7 @@ GONE: list[tuple[rc.Done | rc.NotDone, Fact, wm.AnyObservation]] = [
 
 
 @pytest.mark.parametrize(("outcome", "why", "news"), GONE)
-def test_a_loss_is_said_at_once_and_looked_after(
-    outcome: rc.Done | rc.NotDone, why: Fact, news: wm.AnyObservation
-) -> None:
+def test_a_loss_is_said_at_once_and_looked_after(outcome, why, news):
     """co hears why before the look begins, km what is not known any more; then a new plan is
     wanted.
     """
@@ -311,7 +255,7 @@ def test_a_loss_is_said_at_once_and_looked_after(
     assert isinstance(told[-1], wm.SeenBody)
 
 
-def test_in_a_new_world_the_hands_hold_nothing() -> None:
+def test_in_a_new_world_the_hands_hold_nothing():
     """Whatever they held in the one before."""
     scene = Scene(LOOK, HOME, observed=True)
     scene.ends(done(held=HELD))
@@ -320,21 +264,18 @@ def test_in_a_new_world_the_hands_hold_nothing() -> None:
     assert scene.wires.memory("ta").hands == {}
 
 
-def test_a_look_afterwards_that_does_not_see_says_so() -> None:
+def test_a_look_afterwards_that_does_not_see_says_so():
     """With why there was a look at all."""
     scene, touched = Scene(HOME, observed=True), fact(Kind.TOUCHED, Side.LEFT, "jar_1", 0)
     scene.ends(not_done(rc.NotDoneKind.EMPTY, touched))
     look = scene.hears("ex", 2)
-    scene.ends(
-        replace(not_done("failed", ill=(rc.Ill(rc.Sensor.CAMERA, rc.Fault.DARK),)), key=look.key), 1
-    )
-    assert scene.hears("co", 3).why == (
-        touched,
-        fact(Kind.ILL, rc.Sensor.CAMERA, rc.Fault.DARK, 0.0),
-    )
+    dark = (rc.Ill(rc.Sensor.CAMERA, rc.Fault.DARK),)
+    scene.ends(replace(not_done("failed", ill=dark), key=look.key), 1)
+    dark = fact(Kind.ILL, rc.Sensor.CAMERA, rc.Fault.DARK, 0.0)
+    assert scene.hears("co", 3).why == (touched, dark)
 
 
-def test_a_plan_that_fails_says_what_nobody_has_checked() -> None:
+def test_a_plan_that_fails_says_what_nobody_has_checked():
     """It was put down, and the camera shows nothing: whether it stands is not known. A new plan is
     to see it.
     """
@@ -348,7 +289,7 @@ def test_a_plan_that_fails_says_what_nobody_has_checked() -> None:
         assert scene.hears("co", 3).why == (fact(Kind.NOTHING_IS_SEEN), *doubts)
 
 
-def test_what_was_put_down_and_not_seen_is_told_so() -> None:
+def test_what_was_put_down_and_not_seen_is_told_so():
     """km hears where the hand let go of it, and of no sight."""
     scene = Scene(HOME, observed=True)
     scene.ends(done(placed=(seen("jar_1"),)))
@@ -357,7 +298,7 @@ def test_what_was_put_down_and_not_seen_is_told_so() -> None:
 
 
 @pytest.mark.parametrize("looked", [True, False])
-def test_what_nobody_saw_standing_is_told_so_until_it_is_seen(looked: bool) -> None:
+def test_what_nobody_saw_standing_is_told_so_until_it_is_seen(looked):
     """As evidence by the plan that put it down and by the next one: a look at it tells that it
     stands.
     """
@@ -370,7 +311,7 @@ def test_what_nobody_saw_standing_is_told_so_until_it_is_seen(looked: bool) -> N
     assert scene.hears("co", 4).evidence == ((by,) if looked else (PUT,))
 
 
-def test_what_a_wrist_does_not_feel_is_not_checked_to_be_in_the_hand() -> None:
+def test_what_a_wrist_does_not_feel_is_not_checked_to_be_in_the_hand():
     """Fingers told so when they closed on it, then the wrist told otherwise. Nothing told which of
     them is right.
     """
@@ -381,7 +322,7 @@ def test_what_a_wrist_does_not_feel_is_not_checked_to_be_in_the_hand() -> None:
 
 
 @pytest.mark.parametrize("by", [(Sense.WRIST, Sense.EYES), ()])
-def test_km_hears_which_senses_told_what_a_hand_holds(by: tuple[Sense, ...]) -> None:
+def test_km_hears_which_senses_told_what_a_hand_holds(by):
     """Also after an act that says nothing of it: the newest evidence counts until the hand is
     empty.
     """
@@ -394,7 +335,7 @@ def test_km_hears_which_senses_told_what_a_hand_holds(by: tuple[Sense, ...]) -> 
     assert told
 
 
-def test_each_fault_of_each_sense_is_told() -> None:
+def test_each_fault_of_each_sense_is_told():
     """Of which some never come together; with the number of an offset."""
     for sense in rc.Sensor:
         for fault in rc.Fault:
@@ -402,19 +343,18 @@ def test_each_fault_of_each_sense_is_told() -> None:
             assert told == (fact(Kind.ILL, sense, fault, 0.05),)
 
 
-def test_what_was_cancelled_is_not_cancelled_again() -> None:
+def test_what_was_cancelled_is_not_cancelled_again():
     """ex agreed while the cancel was on its way, and its time passes again: nothing more is said to
     it.
     """
     memory = Memory(act=RunningAct("ta-1-1", HOME, agreed=True, stopped=True))
-    turn: Any = SimpleNamespace(
-        event=Woken(acts.PATIENCE), say=lambda *_: pytest.fail("a second cancel")
-    )
+    fail = pytest.fail
+    turn = SimpleNamespace(event=Woken(acts.PATIENCE), say=lambda *_: fail("a second cancel"))
     assert not acts.overdue(memory, turn)
     assert acts.stop(memory, turn) is memory
 
 
-def test_a_robot_that_does_not_answer_a_cancel_is_told_of() -> None:
+def test_a_robot_that_does_not_answer_a_cancel_is_told_of():
     """Once, amid a plan; the answer is waited for all the same, and ends the plan."""
     scene = Scene(HOME)
     scene.wires.run(lambda: scene.heard["ex"][-1][1] == "cancel")
@@ -429,7 +369,7 @@ def test_a_robot_that_does_not_answer_a_cancel_is_told_of() -> None:
     assert scene.states()[-1] == "Replan"
 
 
-def test_a_report_does_not_wait_for_km_for_ever() -> None:
+def test_a_report_does_not_wait_for_km_for_ever():
     """After a while it says what km has not; ta goes on with the next plan."""
     scene = Scene(HOME)
     scene.ends(done())
@@ -441,7 +381,7 @@ def test_a_report_does_not_wait_for_km_for_ever() -> None:
     assert scene.state == "idle"
 
 
-def test_what_the_hands_hold_is_known_from_plan_to_plan() -> None:
+def test_what_the_hands_hold_is_known_from_plan_to_plan():
     """A later plan that must stop puts it down."""
     scene = Scene(observed=True)
     scene.ends(rc.Done("survey-1", BODY))
@@ -459,17 +399,17 @@ def test_what_the_hands_hold_is_known_from_plan_to_plan() -> None:
 # --- looks around for an observer -----------------------------------------------------------------
 
 
-def reasons(scene: Scene) -> list[Facts]:
+def reasons(scene):
     """What km was told of each look around that showed nothing."""
     return [one.why for one in scene.news(wm.NothingSeen)]
 
 
-def looks(scene: Scene) -> list[str]:
+def looks(scene):
     """Keys of the looks that ex was asked for."""
     return [content.key for _, _, content in scene.heard["ex"] if isinstance(content, rc.Look)]
 
 
-def test_a_look_around_whose_end_crosses_the_cancel_is_tried_again() -> None:
+def test_a_look_around_whose_end_crosses_the_cancel_is_tried_again():
     """ex answers late, so its end and ta's cancel cross; ta does not wait in `surveying` for
     ever.
     """
@@ -482,7 +422,7 @@ def test_a_look_around_whose_end_crosses_the_cancel_is_tried_again() -> None:
     assert isinstance(scene.hears("ex", 3), rc.Look)
 
 
-def test_the_posture_is_told_last() -> None:
+def test_the_posture_is_told_last():
     """It ends a look around; nothing else is said of that."""
     scene = Scene(observed=True)
     scene.ends(rc.Done("survey-1", BODY))
@@ -491,7 +431,7 @@ def test_the_posture_is_told_last() -> None:
     assert isinstance(scene.heard["km"][-1][2], wm.SeenBody)
 
 
-def test_a_look_around_that_fails_is_told_after_the_last_try() -> None:
+def test_a_look_around_that_fails_is_told_after_the_last_try():
     """With the reason; tries before it say nothing."""
     scene = Scene(observed=True)
     for number in range(behaviours.SURVEYS):
@@ -501,7 +441,7 @@ def test_a_look_around_that_fails_is_told_after_the_last_try() -> None:
     assert reasons(scene) == [STUCK]
 
 
-def test_a_look_around_that_never_ends_is_told_as_failed() -> None:
+def test_a_look_around_that_never_ends_is_told_as_failed():
     """ex neither agrees nor answers the cancel."""
     scene = Scene(observed=True)
     scene.hears("ex", 2)
@@ -511,14 +451,14 @@ def test_a_look_around_that_never_ends_is_told_as_failed() -> None:
     assert reasons(scene) == [(fact(Kind.NOT_ANSWERING, AgentName.EX),)]
 
 
-def test_an_observer_that_comes_amid_a_plan_does_not_wait_for_a_look() -> None:
+def test_an_observer_that_comes_amid_a_plan_does_not_wait_for_a_look():
     """None is made for it, and it is told so."""
     scene = Scene(HOME, observed=True)
     scene.wires.run_for(1.0)
     assert reasons(scene) == [(fact(Kind.NO_LOOK_IN_A_PLAN),)]
 
 
-def test_acts_beside_plans_are_counted_over_plans() -> None:
+def test_acts_beside_plans_are_counted_over_plans():
     """No look has the key of an earlier one: ex would not do it again. ta is idle after its plan,
     and serves on.
     """
@@ -541,7 +481,7 @@ def test_acts_beside_plans_are_counted_over_plans() -> None:
         assert scene.wires.nodes["ta"].state.wakes == {}
 
 
-def test_a_look_around_is_tried_again_after_a_while_and_not_for_other_news() -> None:
+def test_a_look_around_is_tried_again_after_a_while_and_not_for_other_news():
     """A peer that comes up between the tries is not an outcome of a look."""
     scene = Scene(observed=True)
     scene.ends(rc.NotDone("survey-1", "refused", STUCK, BODY), 0, P.REFUSE)

@@ -12,24 +12,24 @@ from companion.all_languages import HFSM
 from companion.languages import hfsm, rc, wm
 from companion.languages.hfsm import Arc, Machine, Outcome
 from services.task import plan as plans
-from services.task.plan import PlanError, Position
+from services.task.plan import PlanError
 
 OUTCOMES = tuple(Outcome)
 SAFE = Machine("put everything down", "put", (hfsm.ActState("put", rc.Look("k", ())),))
 OTHER_SAFE = Machine("put one thing down", "put", (hfsm.ActState("put", rc.Look("k", ())),))
 
 
-def act(name: str, **arcs: str) -> hfsm.ActState:
+def act(name, **arcs):
     """A leaf that acts, with arcs by outcome."""
     return hfsm.ActState(name, rc.Look(f"p/{name}", ()), _arcs(arcs))
 
 
-def machine(name: str, *states: hfsm.State, safe: Machine | None = None, **arcs: str) -> Machine:
+def machine(name, *states, safe=None, **arcs):
     """A machine that begins with its first state."""
     return Machine(name, states[0].name, states, _arcs(arcs), safe)
 
 
-def _arcs(arcs: dict[str, str]) -> tuple[Arc, ...]:
+def _arcs(arcs):
     return tuple(Arc(Outcome(on), to) for on, to in arcs.items())
 
 
@@ -48,7 +48,7 @@ NESTED = machine(
 )
 
 
-def test_a_plan_begins_with_its_first_leaf() -> None:
+def test_a_plan_begins_with_its_first_leaf():
     """The initial state, and the initial state of that."""
     assert plans.first(NESTED) == ("take", "move")
     assert isinstance(plans.leaf(NESTED, ("take", "move")), hfsm.ActState)
@@ -69,22 +69,20 @@ def test_a_plan_begins_with_its_first_leaf() -> None:
         (("end",), Outcome.REPLAN, Outcome.REPLAN),
     ],
 )
-def test_outcomes_lead_along_arcs(
-    at: Position, outcome: Outcome, leads: Position | Outcome
-) -> None:
+def test_outcomes_lead_along_arcs(at, outcome, leads):
     """An outcome with an arc leads to its target's first leaf; one without is passed up, at last
     out of the plan.
     """
     assert plans.after(NESTED, at, outcome) == leads
 
 
-def test_an_arc_to_nothing_passes_the_outcome_up() -> None:
+def test_an_arc_to_nothing_passes_the_outcome_up():
     """An empty target ends the machine with the same outcome, as the language says."""
     plan = machine("p", machine("a", act("x", succeeded=""), act("y"), succeeded="b"), act("b"))
     assert plans.after(plan, ("a", "x"), Outcome.SUCCEEDED) == ("b",)
 
 
-def test_the_innermost_machine_says_what_is_safe() -> None:
+def test_the_innermost_machine_says_what_is_safe():
     """One without an opinion leaves it to the one around it."""
     assert plans.safe(NESTED, ("take", "grasp")) is SAFE
     assert plans.safe(NESTED, ("place", "release")) is OTHER_SAFE
@@ -106,7 +104,7 @@ def test_the_innermost_machine_says_what_is_safe() -> None:
         (machine("p", act("x"), safe=machine("s", act("y", failed="z"))), "y", "z"),
     ],
 )
-def test_a_plan_that_leads_nowhere_is_refused(plan: Machine, where: str, name: str) -> None:
+def test_a_plan_that_leads_nowhere_is_refused(plan, where, name):
     """The error names where it leads from and where to: what is not there, is there twice, or lies
     behind.
     """
@@ -117,13 +115,13 @@ def test_a_plan_that_leads_nowhere_is_refused(plan: Machine, where: str, name: s
 
 
 @pytest.mark.parametrize("at", [("take",), ("look", "deeper"), ("nobody",), ()])
-def test_a_position_that_is_no_leaf_is_an_error(at: Position) -> None:
+def test_a_position_that_is_no_leaf_is_an_error(at):
     """A machine, something inside a leaf, something unknown, the whole plan."""
     with pytest.raises(PlanError):
         plans.leaf(NESTED, at)
 
 
-def test_the_nested_plan_passes() -> None:
+def test_the_nested_plan_passes():
     """The example of this file is a good one."""
     plans.check(NESTED)
 
@@ -137,27 +135,20 @@ class Drawn:
 
     draw: st.DrawFn
 
-    def machine(self, name: str, depth: int) -> Machine:
+    def machine(self, name, depth):
         """A machine of one to four states."""
         names = [f"{name}{k}" for k in range(self.draw(st.integers(1, 4)))]
         states = tuple(self.state(one, names[k + 1 :], depth) for k, one in enumerate(names))
-        return Machine(
-            name,
-            self.draw(st.sampled_from(names)),
-            states,
-            (),
-            self.draw(st.sampled_from((None, SAFE))),
-        )
+        first, safe = st.sampled_from(names), st.sampled_from((None, SAFE))
+        return Machine(name, self.draw(first), states, (), self.draw(safe))
 
-    def state(self, name: str, later: list[str], depth: int) -> hfsm.State:
+    def state(self, name, later, depth):
         """A leaf or, above the lowest level, a machine."""
-        kind = self.draw(
-            st.sampled_from(("act", "ask", "end", "machine") if depth else ("act", "ask", "end"))
-        )
+        kinds = ("act", "ask", "end", "machine")[: 4 if depth else 3]
+        kind = self.draw(st.sampled_from(kinds))
         on = self.draw(st.sets(st.sampled_from(OUTCOMES)))
-        arcs = tuple(
-            Arc(outcome, self.draw(st.sampled_from(("", *later)))) for outcome in sorted(on)
-        )
+        to = st.sampled_from(("", *later))
+        arcs = tuple(Arc(outcome, self.draw(to)) for outcome in sorted(on))
         match kind:
             case "act":
                 return hfsm.ActState(name, rc.Look(name, ()), arcs)
@@ -171,33 +162,30 @@ class Drawn:
 
 
 @st.composite
-def machines(draw: st.DrawFn) -> Machine:
+def machines(draw):
     """Random plans, three levels deep."""
     return Drawn(draw).machine("s", 2)
 
 
-def leaves(machine: Machine) -> int:
+def leaves(machine):
     """Return the number of leaves."""
     return sum(leaves(state) if isinstance(state, Machine) else 1 for state in machine.states)
 
 
 @given(plan=machines(), data=st.data())
-def test_running_always_ends(plan: Machine, data: st.DataObject) -> None:
+def test_running_always_ends(plan, data):
     """Each leaf is entered at most once, every position is one of a leaf, and an end comes,
     whatever the outcomes.
     """
     plans.check(plan)
-    at: Position | Outcome = plans.first(plan)
+    at = plans.first(plan)
     entered = set()
     while not isinstance(at, Outcome):
         assert at not in entered
         entered.add(at)
         leaf = plans.leaf(plan, at)
-        outcome = (
-            leaf.outcome
-            if isinstance(leaf, hfsm.EndState)
-            else data.draw(st.sampled_from(OUTCOMES))
-        )
+        drawn = data.draw(st.sampled_from(OUTCOMES))
+        outcome = leaf.outcome if isinstance(leaf, hfsm.EndState) else drawn
         assert plans.safe(plan, at) in (None, SAFE)
         at = plans.after(plan, at, outcome)
     assert len(entered) <= leaves(plan)
@@ -205,7 +193,7 @@ def test_running_always_ends(plan: Machine, data: st.DataObject) -> None:
 
 
 @given(plan=machines())
-def test_a_plan_survives_the_wire(plan: Machine) -> None:
+def test_a_plan_survives_the_wire(plan):
     """Encoded and decoded it is the same plan, so it runs the same."""
     whole = hfsm.HierarchicalPlan("p", "pour", plan, 1.0, 2)
     assert HFSM.decode(HFSM.encode(whole)) == whole

@@ -6,7 +6,7 @@ from scripted_partner import Say
 from ta_alone import BODY, HOME, Scene
 
 from companion.languages import hfsm, rc, sw
-from companion.languages.facts import Facts, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from fipa_codec.performatives import Performative as P
 
@@ -14,9 +14,8 @@ JAR = ("jar_1", "side", Pose((0.0, 0.0, 0.0)))
 BOWL = ("bowl_1", "rim", Pose((0.0, 0.0, 0.0)))
 NO_PLACE = (fact(Kind.NO_FREE_PLACE, Side.RIGHT, "bowl_1"),)
 BOTH = {Side.LEFT: JAR, Side.RIGHT: BOWL}
-GO_ON = tuple(
-    hfsm.Arc(outcome, "put down jar_1") for outcome in (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED)
-)
+ENDED = (hfsm.Outcome.SUCCEEDED, hfsm.Outcome.FAILED)
+GO_ON = tuple(hfsm.Arc(outcome, "put down jar_1") for outcome in ENDED)
 SAFE = hfsm.Machine(
     "put everything down",
     "put down bowl_1",
@@ -31,9 +30,7 @@ ROOT = hfsm.Machine("test", "home", (hfsm.ActState("home", HOME),), safe=SAFE)
 PLAN = hfsm.HierarchicalPlan("plan", "test", ROOT, 1.0, 0)
 
 
-def cancelled_while_holding_both(
-    *ends: tuple[dict[Side, tuple[str, str, Pose]], Facts],
-) -> tuple[list[str], sw.Report]:
+def cancelled_while_holding_both(*ends):
     """ta with a plan cancelled in its act; both hands are full. The put-downs end with this in the
     hands, or fail.
 
@@ -48,18 +45,17 @@ def cancelled_while_holding_both(
     scene.wires.post("co", Say(0, P.CANCEL))
     scene.wires.run(lambda: scene.heard["ex"][-1][1] == "cancel")
     scene.cancelled("plan/2", 1, body=BODY, held=BOTH)
-    keys: list[str] = []
+    keys = []
     for number, (kept, failed) in enumerate(ends, start=2):
         keys.append(scene.hears("ex", number + 2).key)
         outcome = rc.NotDone(keys[-1], "failed", failed, BODY, held=kept) if failed else None
-        scene.ex(
-            P.REFUSE if failed else P.INFORM, outcome or rc.Done(keys[-1], BODY, held=kept), number
-        )
+        act = P.REFUSE if failed else P.INFORM
+        scene.ex(act, outcome or rc.Done(keys[-1], BODY, held=kept), number)
     scene.wires.run(lambda: scene.states()[-1] in ("Preempted", "Failed"), limit_s=100.0)
     return keys, scene.heard["co"][-1][2]
 
 
-def test_one_that_fails_keeps_the_other_not_up() -> None:
+def test_one_that_fails_keeps_the_other_not_up():
     """The bowl finds no place, the jar is put down, the bowl is tried again under a key of its own:
     Preempted.
     """
@@ -69,7 +65,7 @@ def test_one_that_fails_keeps_the_other_not_up() -> None:
     assert report.state is sw.WorkerState.PREEMPTED
 
 
-def test_what_cannot_be_put_down_is_told() -> None:
+def test_what_cannot_be_put_down_is_told():
     """After the second try the plan has failed, and the person hears what is held and why."""
     _, report = cancelled_while_holding_both(*(((BOTH, NO_PLACE), ({Side.RIGHT: BOWL}, ())) * 2))
     assert report.state is sw.WorkerState.FAILED

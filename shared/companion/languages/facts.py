@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.languages.evidence import Of
 from companion.languages.open_enums import member
@@ -233,13 +234,8 @@ def fact(kind: AnyKind, *parts: Any) -> Fact:
     Parts are str, Side, float and, as reasons, Fact or Facts.
     """
     left = list(parts)
-    found: dict[str, list[Any]] = {
-        "things": [],
-        "side": [],
-        "numbers": [],
-        "words": [],
-        "because": [],
-    }
+    names = ("things", "side", "numbers", "words", "because")
+    found: dict[str, list[Any]] = {name: [] for name in names}
     for name in kind.parts:
         field = _FIELDS[name.partition(":")[0]]
         if name == "because":
@@ -294,9 +290,9 @@ def fitting(facts: Facts, room: int) -> Facts:
     told: list[Fact] = []
     for one in facts:
         if (left := room - len(msgspec.msgpack.encode(one))) < 0:
-            bare = msgspec.structs.replace(one, because=())
+            bare = replace(one, because=())
             if (left := room - len(msgspec.msgpack.encode(bare)) - _BECAUSE_BYTES) >= 0:
-                told.append(msgspec.structs.replace(one, because=fitting(one.because, left)))
+                told.append(replace(one, because=fitting(one.because, left)))
             break
         told.append(one)
         room = left

@@ -20,10 +20,8 @@ def members(base: type[E]) -> dict[str, E]:
     found: dict[str, E] = {}
     for one in (one for table in base.__subclasses__() for one in table.__members__.values()):
         if one.value in found:
-            raise ValueError(
-                f"both {type(found[one.value]).__name__} and {type(one).__name__} have"
-                f" {one.value!r}"
-            )
+            both = f"{type(found[one.value]).__name__} and {type(one).__name__}"
+            raise ValueError(f"both {both} have {one.value!r}")
         found[one.value] = one
     return found
 

@@ -113,9 +113,8 @@ def schedule(
     for name, step, held in zip(reversed(names), reversed(steps), reversed(in_hand), strict=True):
         rest += step.duration
         resume = _added(taking.get(thing, TAKE_S) for thing in held.values())
-        found.append(
-            hfsm.ScheduleParameters(name, rest, STOP_S + hfsm.PUT_DOWN_S * len(held), resume)
-        )
+        suspend = STOP_S + hfsm.PUT_DOWN_S * len(held)
+        found.append(hfsm.ScheduleParameters(name, rest, suspend, resume))
     return tuple(reversed(found))
 
 
@@ -151,11 +150,12 @@ def _machine(
         hfsm.ActState(_verb(command), replace(command, key=f"{request}/{number}.{index}"))
         for index, command in enumerate(step.commands, start=1)
     ]
+    instead = enumerate(step.instead, start=1)
     otherwise: list[hfsm.State] = [
         hfsm.ActState(
-            f"{_verb(one)} instead {index}", replace(one, key=f"{request}/{number}.instead{index}")
+            f"{_verb(one)} instead {k}", replace(one, key=f"{request}/{number}.instead{k}")
         )
-        for index, one in enumerate(step.instead, start=1)
+        for k, one in instead
     ]
     *states, last = _chained(leaves)
     if otherwise:

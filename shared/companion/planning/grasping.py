@@ -6,17 +6,9 @@ from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.models import HANDLE, LYING
+from companion.planning import steps
 from companion.planning.methods import fallen
 from companion.planning.situation import Situation, configured, on_wire
-from companion.planning.steps import (
-    CLOSE_S,
-    Geometry,
-    Step,
-    approach_points,
-    free_speed,
-    horizontal,
-    move,
-)
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
 from velma.kinematics.tasks.speeds import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
@@ -31,13 +23,13 @@ TORSO = {"side": (-0.7, 0.7), "rim_two_inside": (-1.0, 1.0), "rim_one_inside": (
 
 
 def take(
-    geometry: Geometry,
+    geometry: steps.Geometry,
     state: str,
     name: str,
     side: Side,
     *number: str,
     only: frozenset[str] | None = None,
-) -> Step | None:
+) -> steps.Step | None:
     """The step that grasps an object where it stands and pulls it out; the hand must be empty.
 
     `number`: of the try, each of which may choose another grasp. `only`: of these grasps, if any.
@@ -60,7 +52,7 @@ def take(
         side=side,
         object=name,
         grasp=grasp.id,
-        approach=approach_points(approach.steps),
+        approach=steps.approach_points(approach.steps),
         squeeze=grasp.squeeze,
         speed=grasp.speed,
         mass=geometry.model(here.state, name).mass,
@@ -68,23 +60,18 @@ def take(
     x, y, z = (float(v) for v in target.out * target.distance)
     segments = (rc.Segment((0.0, 0.0, LIFT_M), LIFT_SPEED), rc.Segment((x, y, z), LOADED_SPEED))
     pull = rc.MoveCartesian(key="", side=side, segments=segments)
+    in_grip = on_wire(approach.steps[-1][0].inverse())
     changes = (
-        wm.Grasped(
-            object=name, side=side, grasp=grasp.id, pose=on_wire(approach.steps[-1][0].inverse())
-        ),
+        wm.Grasped(object=name, side=side, grasp=grasp.id, pose=in_grip),
         *configured(side, approach.way_out[-1], grasp.closed),
     )
-    duration = (
-        way.duration
-        + geometry.duration(approach.way_in, APPROACH_SPEED)
-        + CLOSE_S
-        + geometry.duration(approach.way_out, LOADED_SPEED)
-    )
-    commands = (move(side, way, free_speed(here), approach.steps[0][1]), close, pull)
-    return Step(hfsm.Step("take", (name,)), commands, changes, duration)
+    duration = way.duration + geometry.duration(approach.way_in, APPROACH_SPEED) + steps.CLOSE_S
+    duration += geometry.duration(approach.way_out, LOADED_SPEED)
+    commands = (steps.move(side, way, steps.free_speed(here), approach.steps[0][1]), close, pull)
+    return steps.Step(hfsm.Step("take", (name,)), commands, changes, duration)
 
 
-def reachable(geometry: Geometry, state: str, name: str, side: Side) -> bool:
+def reachable(geometry: steps.Geometry, state: str, name: str, side: Side) -> bool:
     """Whether a thing can be grasped with a hand and pulled out at all; looked for once in a
     state.
     """
@@ -92,14 +79,13 @@ def reachable(geometry: Geometry, state: str, name: str, side: Side) -> bool:
     if key not in geometry.reachable:
         known = preferred(geometry, state, name)
         target = _target(geometry, state, name, known[0].out)
-        geometry.reachable[key] = bool(
-            _approaches(geometry, geometry.at(state), side, target, known, (), 1)
-        )
+        ways = _approaches(geometry, geometry.at(state), side, target, known, (), 1)
+        geometry.reachable[key] = bool(ways)
     return geometry.reachable[key]
 
 
 def graspable(
-    geometry: Geometry, here: Situation, side: Side, name: str, known: list[wm.GraspDef]
+    geometry: steps.Geometry, here: Situation, side: Side, name: str, known: list[wm.GraspDef]
 ) -> bool:
     """Whether a thing can be grasped and pulled out by one of its known grasps, in the collision
     world of `here`.
@@ -109,7 +95,7 @@ def graspable(
 
 
 def _approaches(
-    geometry: Geometry,
+    geometry: steps.Geometry,
     here: Situation,
     side: Side,
     target: Target,
@@ -138,7 +124,7 @@ def _approaches(
     return found
 
 
-def preferred(geometry: Geometry, state: str, name: str) -> list[wm.GraspDef]:
+def preferred(geometry: steps.Geometry, state: str, name: str) -> list[wm.GraspDef]:
     """The known grasps of an object of the same kind as its first one."""
     known = geometry.ask(wm.GraspSet(state=state, object=name), wm.Grasps).grasps
     return [g for g in known if g.kind == known[0].kind]
@@ -149,7 +135,7 @@ def ways(known: list[wm.GraspDef]) -> list[GraspWay]:
     return [GraspWay(g.id, tuple((transform(s.pose), s.fingers) for s in g.steps)) for g in known]
 
 
-def _target(geometry: Geometry, state: str, name: str, distance: float) -> Target:
+def _target(geometry: steps.Geometry, state: str, name: str, distance: float) -> Target:
     """An object as it is grasped. It leaves its place out of the opening of what it is in; else
     towards the robot.
     """
@@ -157,5 +143,5 @@ def _target(geometry: Geometry, state: str, name: str, distance: float) -> Targe
     if geometry.facts.inside(state, name):
         out = geometry.outwards(state, geometry.facts.support(state, name))
     else:
-        out = horizontal(-pose.translation)
+        out = steps.horizontal(-pose.translation)
     return Target(name, pose, model.symmetric, out, distance)

@@ -116,9 +116,8 @@ class StateFacts:
 
     def moveable(self, state: str) -> tuple[str, ...]:
         """All things that can be taken."""
-        return tuple(
-            one.id for one in self._ask(wm.MoveableObjects(state=state), wm.Objects).objects
-        )
+        known = self._ask(wm.MoveableObjects(state=state), wm.Objects)
+        return tuple(one.id for one in known.objects)
 
     def beside(self, state: str, name: str) -> list[str]:
         """What stands near the thing and can be taken, nearest first; nothing that the plan itself
@@ -131,19 +130,19 @@ class StateFacts:
         """The other moveable things within a distance and a difference of height [m], nearest
         first.
         """
-        at = {
-            one: np.array(self._ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose.xyz)
+        poses = {
+            one: self._ask(wm.ObjectPose(state=state, object=one), wm.PoseOf).pose
             for one in self.moveable(state)
         }
+        at = {one: np.array(pose.xyz) for one, pose in poses.items()}
         if name not in at:
             return []
         away = {one: xyz - at[name] for one, xyz in at.items() if one != name}
         distance = {
             one: float(np.hypot(x, y)) for one, (x, y, z) in away.items() if abs(z) < height
         }
-        return sorted(
-            (one for one, far in distance.items() if far < radius), key=distance.__getitem__
-        )
+        close = (one for one, far in distance.items() if far < radius)
+        return sorted(close, key=distance.__getitem__)
 
     def origin(self, state: str, name: str) -> wm.PoseOf:
         """Where the thing stood before it was taken."""
@@ -242,8 +241,5 @@ class Known:
 
 def away(known: Known, km: str) -> list[Side]:
     """The sides of empty arms that are not at home."""
-    return [
-        side
-        for side in Side
-        if not known.facts.in_hand(km, side) and not known.facts.at_home(km, side)
-    ]
+    full_or_home = known.facts.in_hand, known.facts.at_home
+    return [side for side in Side if not any(is_so(km, side) for is_so in full_or_home)]

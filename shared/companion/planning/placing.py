@@ -272,10 +272,8 @@ def inserted(
     Those come first after which the hand gets farthest away, so that it is out of the opening
     before it goes home.
     """
-    base_z, kind = (
-        geometry.model(here.state, name).base_z,
-        preferred(geometry, here.state, name)[0].kind,
-    )
+    base_z = geometry.model(here.state, name).base_z
+    kind = preferred(geometry, here.state, name)[0].kind
     found = insertions(
         geometry.robot,
         here.world,
@@ -438,10 +436,6 @@ def _placing(
         wm.Moved(object=held.object, pose=on_wire(placing.place), on=placing.support, exact=False),
         *configured(side, placing.way_back[-1], placing.retreat[0][1]),
     )
-    duration = (
-        motion.duration
-        + geometry.duration(placing.way_down, DOWN_SPEED)
-        + OPEN_S
-        + geometry.duration(placing.way_back, RETREAT_SPEED)
-    )
+    duration = motion.duration + geometry.duration(placing.way_down, DOWN_SPEED) + OPEN_S
+    duration += geometry.duration(placing.way_back, RETREAT_SPEED)
     return Step(hfsm.Step("place", (held.object,)), commands, changes, duration)

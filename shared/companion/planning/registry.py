@@ -93,6 +93,5 @@ def tasks() -> dict[str, tuple[Argument, ...]]:
 
 def object_arguments(task: str, arguments: tuple[str, ...]) -> tuple[str, ...]:
     """The arguments of a task that are things."""
-    return tuple(
-        one for one, kind in zip(arguments, tasks()[task], strict=True) if kind is Argument.THING
-    )
+    named = zip(arguments, tasks()[task], strict=True)
+    return tuple(one for one, kind in named if kind is Argument.THING)

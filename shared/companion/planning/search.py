@@ -227,9 +227,8 @@ class Search:
     def _reject(self, method: str, arguments: tuple[str, ...], why: tuple[Fact, ...]) -> None:
         """Note what was tried and left; the same thing for the same reason once."""
         if len(self._rejected) < MOST_REJECTED:
-            self._rejected.setdefault(
-                Rejected(method, tuple(filter(None, arguments)), fitting(why, LARGEST_WHY))
-            )
+            of = tuple(filter(None, arguments))
+            self._rejected.setdefault(Rejected(method, of, fitting(why, LARGEST_WHY)))
 
     # --- actions without a step -------------------------------------------------------------------
 
@@ -352,9 +351,8 @@ def _ground(asking: Asking, task: hfsm.Task) -> tuple[str, ...]:
     kinds = tasks().get(task.name)
     if kinds is None or len(kinds) != len(task.arguments):
         raise NotATask(fact(Kind.NOT_A_TASK, task.name))
-    arguments = tuple(
-        _WORDS[kind](asking, word) for kind, word in zip(kinds, task.arguments, strict=True)
-    )
+    named = zip(kinds, task.arguments, strict=True)
+    arguments = tuple(_WORDS[kind](asking, word) for kind, word in named)
     if task.name in REFUSED and (why := REFUSED[task.name](*arguments)):
         raise NotATask(why)
     return (task.name, *arguments)

@@ -107,9 +107,10 @@ def _roomy(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
 
 def configured(side: Side, q: np.ndarray, fingers: float | None = None) -> tuple[wm.AnyChange, ...]:
     """The changes to torso and arm as in q (15,) [rad], and to the finger angle [rad]."""
+    arm = tuple(float(x) for x in q[names.ARM[side]])
     changes: list[wm.AnyChange] = [
         wm.Configured(part="torso", q=(float(q[names.TORSO]),)),
-        wm.Configured(part=f"{side}_arm", q=tuple(float(x) for x in q[names.ARM[side]])),
+        wm.Configured(part=f"{side}_arm", q=arm),
     ]
     if fingers is not None:
         changes.append(wm.Configured(part=f"{side}_hand", q=(fingers, fingers, fingers, 0.0)))

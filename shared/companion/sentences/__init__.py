@@ -320,9 +320,7 @@ def about(content: object) -> str:
     if isinstance(content, cmd.TaskReport | sw.Report):
         return " ".join(filter(None, (content.state, at(content.at))))
     told = [
-        one
-        for one in (getattr(content, name, "") for name in _TELLING)
-        if one and isinstance(one, str)
+        one for name in _TELLING if (one := getattr(content, name, "")) and isinstance(one, str)
     ]
     return plain(" ".join((spaced(type(content).__name__), *told)))
 

@@ -109,9 +109,8 @@ def free_spot(
     ]
     if height is not None:
         spots = [(name, spot) for name, spot in spots if abs(spot[2] - height) < SAME_M]
-    keep = upright(
-        here.robot, side, held.T_grip_object, max(largest, tilt(held_pose(here, side)) + 0.1)
-    )
+    most = max(largest, tilt(held_pose(here, side)) + 0.1)
+    keep = upright(here.robot, side, held.T_grip_object, most)
     for margin in moving.ROOM_M if spots else ():
         with attaching.room(here.world, margin):
             found = placings(

@@ -39,9 +39,8 @@ def evidence(
         of = getattr(command, check.of) if check.of else held.object if held is not None else ""
         if check.of and not of:
             continue
-        by = tuple(
-            sense for sense in check.by if tells[check.claim, sense](here, command, sensed, of)
-        )
+        telling = {sense: tells[check.claim, sense] for sense in check.by}
+        by = tuple(sense for sense, tell in telling.items() if tell(here, command, sensed, of))
         of_place = Sense.EYES in by and tells[check.claim, Sense.EYES] is seen
         uncertainty = here.uncertain.get(of) if of_place else None
         within = 0.0 if uncertainty is None else uncertainty.deviation

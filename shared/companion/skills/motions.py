@@ -93,11 +93,8 @@ def aim(torso: float, point: Point) -> HeadGoal:
     pan = math.remainder(math.atan2(y, x) - torso, math.tau)
     tilt = -math.atan2(z - EYE_HEIGHT_M, math.hypot(x, y)) - CAMERA_DIP
     low, high = names.HEAD_LOWER, names.HEAD_UPPER
-    return HeadGoal(
-        float(np.clip(pan, low[0] + 0.01, high[0] - 0.01)),
-        float(np.clip(tilt, low[1] + 0.01, high[1])),
-        LOOK_SPEED,
-    )
+    pan = float(np.clip(pan, low[0] + 0.01, high[0] - 0.01))
+    return HeadGoal(pan, float(np.clip(tilt, low[1] + 0.01, high[1])), LOOK_SPEED)
 
 
 def along(

@@ -67,11 +67,8 @@ def _carried_out(here: Situation, command: rc.Command) -> Performance:
             elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
             elif sensed.ended == Phase.LOST:
-                lost = [
-                    side
-                    for side in here.held
-                    if side in sensed.grips and sensed.grips[side].felt == Grip.LOST
-                ]
+                felt = {side: sensed.grips[side].felt for side in here.held if side in sensed.grips}
+                lost = [side for side, grip in felt.items() if grip == Grip.LOST]
                 unfelt = {side: known[side] for side in lost}
                 return (yield from _emptied(here, sights, command.key, Phase.LOST, unfelt, began))
             else:
@@ -134,11 +131,8 @@ def _emptied(
         if (yield from _gone(here, key, side, known)):
             sides.append(side)
             continue
-        name, mass, inside = (
-            here.held[side].object,
-            here.held[side].mass,
-            here.held[side].T_grip_object,
-        )
+        held = here.held[side]
+        name, mass, inside = held.object, held.mass, held.T_grip_object
         # felt from the beginning
         take(here, (yield motions.still(here, key, **motions.payload(side, mass, inside))))
         why = (fact(Kind.WRIST_DOUBTED, side, name),)
@@ -170,18 +164,15 @@ def _gone(here: Situation, key: str, side: str, inside: pin.SE3) -> Generator[Mo
         sensed = yield motions.still(here, key, watch=at.translation, settle_s=SAG_S)
         # what is seen may be in no hand
         here.stand(sensed.q, sensed.head, sensed.fingers, sensed.time)
-        up = (
-            here.robot.grip(sensed.measured, side).translation[2]
-            - here.robot.grip(sensed.q, side).translation[2]
-        )
+        now, begun = (here.robot.grip(q, side).translation[2] for q in (sensed.measured, sensed.q))
+        up = now - begun
         if up > here.held[side].mass * GRAVITY / CartesianGains().stiffness[0] / 2.0:
             # it is above its set-point as it is without its load, which is still fed forward
             return True
         sight = next((one for one in sensed.sights if one.name == name), None)
         if sight is not None:
-            return bool(
-                np.linalg.norm(sight.T_world_object.translation - at.translation) > IN_HAND_M
-            )
+            apart = np.linalg.norm(sight.T_world_object.translation - at.translation)
+            return bool(apart > IN_HAND_M)
     return bool(sensed.sights) and here.surely_seen(name, at)
 
 
@@ -214,41 +205,28 @@ def ended(
     seen, placed = _seen_and_placed(here, sights, began)
     took, missing = here.time - began, tuple(sorted(here.missing))
     return rc.NotDone(
-        key,
-        kind,
-        why,
-        posture(here),
-        seen,
-        held(here),
-        took,
-        placed=placed,
-        missing=missing,
-        ill=here.ill,
-    )
+        key, kind, why, posture(here), seen, held(here), took,
+        placed=placed, missing=missing, ill=here.ill,
+    )  # fmt: skip
 
 
 def _seen_and_placed(
     here: Situation, sights: Names, began: float
 ) -> tuple[tuple[rs.Seen, ...], tuple[rs.Seen, ...]]:
     """What was seen in this act, and what a hand let go of in it and that was not seen since."""
-    seen = (
-        name
-        for name in sights
-        if name not in here.placed and (name in here.seen or here.holder(name))
-    )
+    told = (name for name in sights if name not in here.placed)
+    seen = (name for name in told if name in here.seen or here.holder(name))
     placed = ((name, at) for name, at in here.placed.items() if at >= began)
-    return tuple(_at(here, name, here.time) for name in seen), tuple(
-        _at(here, name, at) for name, at in placed
-    )
+    put = tuple(_at(here, name, at) for name, at in placed)
+    return tuple(_at(here, name, here.time) for name in seen), put
 
 
 def _at(here: Situation, name: str, time: float) -> rs.Seen:
     side = here.holder(name)
-    pose = (
-        here.seen[name]
-        if side is None
-        else here.robot.grip(here.q, side) * here.held[side].T_grip_object
-    )
+    if side is None:
+        pose = here.seen[name]
+    else:
+        pose = here.robot.grip(here.q, side) * here.held[side].T_grip_object
     content = here.contents[name] if name in here.looked_into else None
     uncertainty = here.uncertain.get(name) if side is None else None
     return rs.Seen(name, here.models[name], Pose(*xyz_quat(pose)), time, content, uncertainty)

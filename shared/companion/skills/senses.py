@@ -48,11 +48,8 @@ def take(here: Situation, sensed: Sensed) -> None:
 
 def faulty(here: Situation, sensed: Sensed) -> tuple[rc.Ill, ...]:
     """The faulty sensors; call it after the sights of the motion were taken."""
-    found = [
-        rc.Ill(WRIST[Side(side)], rc.Fault(grip.wrong))
-        for side, grip in sensed.grips.items()
-        if grip.wrong
-    ]
+    wrong = {side: grip.wrong for side, grip in sensed.grips.items() if grip.wrong}
+    found = [rc.Ill(WRIST[Side(side)], rc.Fault(one)) for side, one in wrong.items()]
     if sensed.wrong:
         found.append(rc.Ill(rc.Sensor.CAMERA, rc.Fault(sensed.wrong)))
     elif here.blind >= BLIND_LOOKS:
@@ -109,11 +106,8 @@ def _off(here: Situation) -> bool:
 
 def _beside(here: Situation, side: Side) -> bool:
     """Whether the hand is elsewhere; where a slip was felt, that tells why its thing is."""
-    return (
-        side in here.held
-        and not here.held[side].slipped
-        and here.held[side].turned()[1] > MOST_BESIDE_M
-    )
+    held = here.held.get(side)
+    return held is not None and not held.slipped and held.turned()[1] > MOST_BESIDE_M
 
 
 def _short(angle: float) -> float:

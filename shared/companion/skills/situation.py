@@ -288,9 +288,8 @@ class Situation:
             return False
         shown, pose = self.in_view(name, at), self.seen[name] if at is None else at
         camera = self.robot.camera(float(self.q[names.TORSO]), *self.head)
-        framed = (
-            number for number, corners in self._markers_at(name, pose) if _framed(corners, camera)
-        )
+        markers = self._markers_at(name, pose)
+        framed = (number for number, corners in markers if _framed(corners, camera))
         return len(shown & set(framed)) >= SURE_MARKERS
 
     def in_view(self, name: str, at: pin.SE3 | None = None) -> frozenset[int]:
@@ -303,9 +302,8 @@ class Situation:
         if at is None and not self._stands(name):
             return frozenset()
         eye, pose = self._eye(self.q), self.seen[name] if at is None else at
-        return frozenset(
-            number for number, at in self._markers_at(name, pose) if self._shown(name, at, eye)
-        )
+        markers = self._markers_at(name, pose)
+        return frozenset(number for number, at in markers if self._shown(name, at, eye))
 
     def _markers_at(self, name: str, pose: pin.SE3) -> Iterator[tuple[int, Array]]:
         """Yield the number and the corners (4, 3) [m, world] of each marker of a thing at this pose
@@ -330,17 +328,10 @@ class Situation:
             for name, model in self.models.items()
             if model not in DOORS and not models.MODELS[model].moveable
         )
-        corners = (
-            (name, at)
-            for name in fixed
-            if name in self.seen
-            for _, at in self._markers_at(name, self.seen[name])
-        )
-        sure = (
-            at
-            for name, at in corners
-            if _framed(at, camera) and self._shown(name, at, camera.translation)
-        )
+        seen = ((name, self.seen[name]) for name in fixed if name in self.seen)
+        corners = ((name, at) for name, pose in seen for _, at in self._markers_at(name, pose))
+        framed = ((name, at) for name, at in corners if _framed(at, camera))
+        sure = (at for name, at in framed if self._shown(name, at, camera.translation))
         return len(list(islice(sure, SURE_MARKERS))) == SURE_MARKERS
 
     def above(self, name: str, at: pin.SE3 | None = None) -> frozenset[str]:

@@ -66,11 +66,8 @@ def known(place: "Path | Run", at: float | None = None) -> Known:
     heard = [Heard(one.received, one.wire) for one in spoken if KM in (one.sender, one.receiver)]
     heard += [Heard(when) for when in lives.values()]
     kept = tuple(sorted((one for one in heard if one.at <= until), key=lambda one: one.at))
-    when = (
-        f"{end - begin:.1f} s, the last communicate"
-        if at is None
-        else f"{at:g} of {end - begin:.1f} s"
-    )
+    end_s = end - begin
+    when = f"{end_s:.1f} s, the last communicate" if at is None else f"{at:g} of {end_s:.1f} s"
     return Known(kept, begin, f"as km knew it at {when}")
 
 
@@ -78,12 +75,9 @@ def answered(question: Question) -> Answer:
     """The answer. Raise AskError where there is none in time."""
     command = [sys.executable, "-P", "-m", ANSWERER]
     try:
+        longest, data = question.seconds + READING_S, msgspec.msgpack.encode(question)
         done = subprocess.run(
-            command,
-            input=msgspec.msgpack.encode(question),
-            capture_output=True,
-            timeout=question.seconds + READING_S,
-            check=False,
+            command, input=data, capture_output=True, timeout=longest, check=False
         )
     except subprocess.TimeoutExpired as error:
         raise AskError(

@@ -9,10 +9,5 @@ from companion.design import DESIGN
 
 ONE, TWO = ("roco",), ("velma1", "velma2")
 """Systems of deploy/compose.yaml, and of compose.two.yaml beside it."""
-FOLDERS = sorted(
-    {
-        str(seat.folder)
-        for systems in (ONE, TWO)
-        for seat in seats(Path("/keys"), DESIGN, systems, apart=True)
-    }
-)
+ALL = (seats(Path("/keys"), DESIGN, systems, apart=True) for systems in (ONE, TWO))
+FOLDERS = sorted({str(seat.folder) for some in ALL for seat in some})

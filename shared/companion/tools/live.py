@@ -50,9 +50,8 @@ class Live:
                 t=one.received, plan=content.id, tasks=tasks, states=tuple(states_of(content.root))
             )
         elif isinstance(content, hfsm.GroundTaskNetwork):
-            self._tasks[one.conversation] = tuple(
-                Task(task.name, task.arguments) for task in content.tasks
-            )
+            tasks = tuple(Task(task.name, task.arguments) for task in content.tasks)
+            self._tasks[one.conversation] = tasks
         elif isinstance(content, sw.Report):
             outcome = content.state.lower() if content.state in sw.FINAL else ""
             if content.at or outcome:

@@ -12,6 +12,7 @@ from enum import StrEnum
 from pathlib import Path
 
 import msgspec
+from msgspec.structs import replace
 
 from topdown.check.adding_up import sums
 from topdown.check.estimate import total
@@ -89,22 +90,16 @@ def _findings(design: Design, stated: Statements) -> Iterator[Finding]:
     if stated.tally is not None:
         counts = {(sender, receiver): count for sender, receiver, count in stated.tally.counts}
         for one in sums(design, counts, stated.tally.where):
-            yield msgspec.structs.replace(one, at=("tally",))
+            yield replace(one, at=("tally",))
 
 
 def _agree(claim: Claim) -> bool:
     spans = [bounds(one) for one in claim.stated]
     figures = [span for span in spans if span is not None]
     if len(figures) < len(spans):
-        return (
-            len(
-                {
-                    frozenset(one.says) if isinstance(one.says, tuple) else one.says
-                    for one in claim.stated
-                }
-            )
-            <= 1
-        )
+        says = (one.says for one in claim.stated)
+        said = {frozenset(one) if isinstance(one, tuple) else one for one in says}
+        return len(said) <= 1
     least = max((low for low, _ in figures), default=0.0)
     most = min((high for _, high in figures), default=0.0)
     return least - most <= claim.tolerance * max(abs(least), abs(most))
@@ -131,12 +126,9 @@ def statement_text(one: Statement, unit: str) -> str:
         return ", ".join(one.says) if isinstance(one.says, tuple) else str(one.says)
     low, high = span
     shown = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-    shown = (
-        f"at least {low:g}"
-        if high == math.inf
-        else f"at most {high:g}"
-        if low == -math.inf
-        else shown
-    )
+    if high == math.inf:
+        shown = f"at least {low:g}"
+    elif low == -math.inf:
+        shown = f"at most {high:g}"
     how = " (sum)" if one.sum else " (computed)" if one.product else ""
     return f"{shown}{' ' + unit if unit else ''}{how}"

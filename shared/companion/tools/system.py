@@ -32,7 +32,7 @@ SAYS = {
         "hold": "holds the joints",
         "stopped": "stopped by a person",
         **{act.__name__: row.says for act, row in SHOWN.items()},
-    },
+    }
 }
 
 JOB = Job(

@@ -81,9 +81,8 @@ def _planned(history: History, plan: Made) -> Iterator[Fact]:
     said = [one for one in history.said if one.conversation == plan.conversation]
     asked = next(one for one in said if isinstance(one.content, hfsm.GroundTaskNetwork))
     yield Fact(asked.sent, f"co asked pl for {name}: {plain(plan.task)}", _record(asked))
-    answer = next(
-        (one for one in said if isinstance(one.content, hfsm.HierarchicalPlan | hfsm.NoPlan)), None
-    )
+    plans = (one for one in said if isinstance(one.content, hfsm.HierarchicalPlan | hfsm.NoPlan))
+    answer = next(plans, None)
     if answer is None:
         return
     record, content = _record(answer), answer.content
@@ -199,18 +198,11 @@ def believed(run: Run, name: str, at: float | None = None) -> Why | None:
             told[float(written(since)), content].append(
                 _sentence(_local(relation), value, content=content)
             )
-    facts = [
-        fact
-        for (since, content), texts in told.items()
-        for fact in _observed(run, since, thing, texts, content)
-    ]
+    observed = (_observed(run, at, thing, texts, of) for (at, of), texts in told.items())
+    facts = [fact for some in observed for fact in some]
     facts += _confirmed(run, thing, at)
-    return Why(
-        thing,
-        f"{plain(thing)}: {known.words}",
-        known.begin,
-        (Passage("what is believed", tuple(facts)),),
-    )
+    believed = (Passage("what is believed", tuple(facts)),)
+    return Why(thing, f"{plain(thing)}: {known.words}", known.begin, believed)
 
 
 def _asked(known: asking.Known, text: str) -> list[list[Term]]:
@@ -242,22 +234,16 @@ def _observed(run: Run, since: float, thing: str, texts: list[str], content: boo
     thing.
     """
     at = run.trace.begin + since
-    said = [
-        one for one in run.history.said if one.receiver == KM and abs(one.received - at) < 0.001
-    ]
-    about = [
-        one
-        for one in said
-        if _tells(one, thing) and isinstance(one.content, wm.FeltContent) is content
-    ] or said
+    to_km = (one for one in run.history.said if one.receiver == KM)
+    said = [one for one in to_km if abs(one.received - at) < 0.001]
+    of_thing = (one for one in said if _tells(one, thing))
+    about = [one for one in of_thing if isinstance(one.content, wm.FeltContent) is content] or said
     message = run.trace.messages.get(about[-1].identity) if about else None
     words = "; ".join(texts)
     if message is None:
         return [Fact(at, words)]
-    return [
-        Fact(at, words, record(message)),
-        Fact(message.sent, _source(run.trace, message), record(message)),
-    ]
+    first = Fact(at, words, record(message))
+    return [first, Fact(message.sent, _source(run.trace, message), record(message))]
 
 
 def _source(trace: Trace, told: Message) -> str:
@@ -281,14 +267,10 @@ def _tells(one: Spoken, thing: str) -> bool:
 def _confirmed(run: Run, thing: str, at: float | None) -> list[Fact]:
     """When the thing was seen or felt last."""
     until = float("inf") if at is None else run.trace.begin + at
-    said = [
-        one
-        for one in run.history.said
-        if one.receiver == KM and one.received <= until and _tells(one, thing)
-    ]
+    to_km = (one for one in run.history.said if one.receiver == KM and one.received <= until)
+    said = [one for one in to_km if _tells(one, thing)]
     if not said:
         return []
     last = run.trace.messages[said[-1].identity]
-    return [
-        Fact(last.sent, f"{last.sender} told {last.receiver} of it last: {last.text}", record(last))
-    ]
+    text = f"{last.sender} told {last.receiver} of it last: {last.text}"
+    return [Fact(last.sent, text, record(last))]

@@ -22,19 +22,14 @@ from companion.languages.open_enums import members
 pytestmark = pytest.mark.timeout(60)
 CLAIMS = members(AnyClaim)
 THINGS = st.sampled_from(["jar_1", "bowl_1", ""])
-TOLD = st.lists(
-    st.builds(
-        Evidence,
-        st.sampled_from(list(CLAIMS.values())),
-        THINGS,
-        st.lists(st.sampled_from(Sense), unique=True, max_size=3).map(tuple),
-        st.floats(0.0, 1e6),
-    ),
-    max_size=8,
+SENSES = st.lists(st.sampled_from(Sense), unique=True, max_size=3).map(tuple)
+SAID = st.builds(
+    Evidence, st.sampled_from(list(CLAIMS.values())), THINGS, SENSES, st.floats(0.0, 1e6)
 )
+TOLD = st.lists(SAID, max_size=8)
 
 
-def test_each_act_says_what_must_be_true_after_it() -> None:
+def test_each_act_says_what_must_be_true_after_it():
     """Each check names senses, a field of the command and a claim; each claim is one of a check."""
     for act, row in ACTS.items():
         assert row.checks, act
@@ -43,7 +38,7 @@ def test_each_act_says_what_must_be_true_after_it() -> None:
     assert {check.claim for row in ACTS.values() for check in row.checks} == set(CLAIMS.values())
 
 
-def test_a_claim_survives_the_wire() -> None:
+def test_a_claim_survives_the_wire():
     """As the same member, with what it says of itself; an unknown one is refused."""
     for claim in CLAIMS.values():
         data = msgspec.msgpack.encode(Evidence(claim, "jar_1"))
@@ -54,7 +49,7 @@ def test_a_claim_survives_the_wire() -> None:
 
 
 @given(TOLD, TOLD, st.sets(THINGS))
-def test_the_last_word_counts(known: list[Evidence], told: list[Evidence], held: set[str]) -> None:
+def test_the_last_word_counts(known, told, held):
     """Of each claim about a thing one word is kept, the newest; what a hand holds stands nowhere,
     and the reverse.
     """
@@ -62,18 +57,19 @@ def test_the_last_word_counts(known: list[Evidence], told: list[Evidence], held:
     assert len({(one.claim, one.of) for one in found}) == len(found)
     for one in found:
         assert one.claim.kept
-        assert one == next(
+        of_it = (
             word
             for word in reversed([*known, *told])
             if (word.claim, word.of) == (one.claim, one.of)
         )
+        assert one == next(of_it)
         assert one.claim is not Claim.STANDS or one.of not in held
         assert one.claim is not Claim.HELD or one.of in held
     assert newest(found, (), held) == found
 
 
 @given(TOLD, st.integers(0, 400))
-def test_what_fits_begins_with_what_was_not_checked(known: list[Evidence], room: int) -> None:
+def test_what_fits_begins_with_what_was_not_checked(known, room):
     """No more bytes than there is room for, and nothing that was checked before all is told that
     was not.
     """

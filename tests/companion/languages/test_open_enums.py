@@ -9,7 +9,7 @@ from companion.languages.open_enums import member, members
 pytestmark = pytest.mark.timeout(60)
 
 
-def test_members_of_all_tables_are_found_by_value() -> None:
+def test_members_of_all_tables_are_found_by_value():
     """Each as a member of its own table."""
 
     class Base(StrEnum):
@@ -27,7 +27,7 @@ def test_members_of_all_tables_are_found_by_value() -> None:
         member(Base, "three")
 
 
-def test_two_members_with_one_value_are_refused() -> None:
+def test_two_members_with_one_value_are_refused():
     """In two tables, or as two names in one, which Python would take for the same member."""
 
     class Base(StrEnum):

@@ -3,7 +3,6 @@ is importable.
 """
 
 import sys
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import pytest
 from msgspec.structs import replace
 
 from companion.languages import hfsm
-from services.knowledge.scene import Scene
 from velma.model import scene as model
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -22,13 +20,13 @@ First = tuple[Km, hfsm.HierarchicalPlan]
 
 
 @pytest.fixture(scope="session")
-def beginning() -> Scene:
+def beginning():
     """The canonical scene after the survey."""
     return surveyed(model.load())
 
 
 @pytest.fixture(scope="session")
-def env2() -> Scene:
+def env2():
     """The second recorded scene after the survey: a box is beside the jar in the cabinet, another
     before the bowl.
     """
@@ -36,11 +34,11 @@ def env2() -> Scene:
 
 
 @pytest.fixture(scope="session")
-def doors() -> Callable[[float, float], Scene]:
+def doors():
     """Makes the scene with doors after the survey, the left and the right one open so far [rad]."""
 
     @cache
-    def made(*angles: float) -> Scene:
+    def made(*angles):
         whole = model.load(model.CANONICAL.with_stem("doors"))
         open_by = dict(zip(("door_1", "door_2"), angles, strict=True))
         hung = (
@@ -52,7 +50,7 @@ def doors() -> Callable[[float, float], Scene]:
 
 
 @pytest.fixture(scope="session")
-def first(beginning: Scene) -> First:
+def first(beginning):
     """The first plan, and km as it was asked for it."""
     km = Km(beginning)
     plan = km.plan("pour", "jar", "bowl")
@@ -61,25 +59,25 @@ def first(beginning: Scene) -> First:
 
 
 @pytest.fixture(scope="session")
-def jar_carried(first: First) -> Scene:
+def jar_carried(first):
     """The left hand carries the jar, the bowl is still in the cabinet."""
     return first[0].believed(2)
 
 
 @pytest.fixture(scope="session")
-def bowl_out(first: First) -> Scene:
+def bowl_out(first):
     """Both hands are full."""
     return first[0].believed(3)
 
 
 @pytest.fixture(scope="session")
-def bowl_placed(first: First) -> Scene:
+def bowl_placed(first):
     """The bowl was put down and looked at, the right arm is home: the first plan has ended."""
     return first[0].believed(-1)
 
 
 @pytest.fixture(scope="session")
-def second(bowl_placed: Scene) -> First:
+def second(bowl_placed):
     """The second plan, and km as it was asked for it."""
     km = Km(bowl_placed)
     plan = km.plan("pour", "jar", "bowl", request="p2")

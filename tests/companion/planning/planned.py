@@ -2,23 +2,19 @@
 for observed.
 """
 
-from collections.abc import Callable
-
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
 from companion.planning.search import search
 from companion.skills.motions import aim
+from companion.world.observe import observed
 from services.executor import simulation
 from services.knowledge import answers
-from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
-from services.knowledge.scene import Scene
 from services.knowledge.store import Store
 from services.task.outgoing_messages import SURVEY
 from velma import names
 from velma.kinematics.frames import xyz_quat
-from velma.model import scene as model
 from velma.sim.mujoco_backend import MujocoBackend
 
 SEED = 7
@@ -29,13 +25,11 @@ class Km:
     to.
     """
 
-    def __init__(
-        self, scene: Scene, starved: Callable[[wm.AnyQuery], bool] = lambda query: False
-    ) -> None:
+    def __init__(self, scene, starved=lambda query: False):
         self.scene, self.overlays, self.starved = scene, Overlays(), starved
-        self.asked: list[wm.AnyQuery] = []
+        self.asked = []
 
-    def ask(self, query: wm.AnyQuery) -> wm.AnyAnswer:
+    def ask(self, query):
         """The answer; Unknown to what km is starved of."""
         self.asked.append(query)
         if self.starved(query):
@@ -43,19 +37,16 @@ class Km:
         self.overlays, answer = answers.ask(self.scene, self.overlays, query)
         return answer
 
-    def plan(
-        self, *task: str, request: str = "p1", seed: int = SEED
-    ) -> hfsm.HierarchicalPlan | hfsm.NoPlan:
+    def plan(self, *task, request="p1", seed=SEED):
         """Return the search's result for a task."""
-        return search(
-            hfsm.GroundTaskNetwork(request, (hfsm.Task(task[0], task[1:]),)), self.ask, seed
-        )
+        asked = hfsm.GroundTaskNetwork(request, (hfsm.Task(task[0], task[1:]),))
+        return search(asked, self.ask, seed)
 
-    def believed(self, number: int) -> Scene:
+    def believed(self, number):
         """The scene once the hypothetical state with this number was observed to be so."""
         supposed = list(self.overlays.states.values())[number].scene
         joints = supposed.joints
-        seen: list[wm.AnyObservation] = [
+        seen = [
             wm.SeenBody(BodyPosture(joints["torso"][0], *(joints[part] for part in PARTS))),
             *(
                 wm.SeenHand(side, held.object, held.grasp, held.pose)
@@ -70,7 +61,7 @@ class Km:
         return told(self.scene, *seen)
 
 
-def told(scene: Scene, *observations: wm.AnyObservation) -> Scene:
+def told(scene, *observations):
     """The scene with these observations, newer than all before."""
     newest, _ = max(scene.versions.values(), default=(0, 0))
     for count, observation in enumerate(observations):
@@ -81,14 +72,12 @@ def told(scene: Scene, *observations: wm.AnyObservation) -> Scene:
 PARTS = ("right_arm", "left_arm", "head", "right_hand", "left_hand")
 
 
-def steps(plan: hfsm.HierarchicalPlan | hfsm.NoPlan) -> list[str]:
+def steps(plan):
     """Names of the states of a plan."""
     return [state.name for state in plan.root.states]
 
 
-def acts(
-    plan: hfsm.HierarchicalPlan | hfsm.NoPlan, kind: type[rc.Command] = rc.Command
-) -> list[rc.Command]:
+def acts(plan, kind=rc.Command):
     """The acts of a plan that are of this kind, in their order; a failure with its reason where
     there is none.
     """
@@ -96,22 +85,19 @@ def acts(
     return [act for act in hfsm.acts(plan.root) if isinstance(act, kind)]
 
 
-def ends(plan: hfsm.HierarchicalPlan) -> hfsm.Outcome:
+def ends(plan):
     """The end of a plan if all its acts succeed."""
     return getattr(plan.root.states[-1], "outcome", hfsm.Outcome.SUCCEEDED)
 
 
-def surveyed(scene: model.Scene) -> Scene:
+def surveyed(scene):
     """Return km's scene when the robot stands in its start posture and has looked around, with the
     receptor's noise.
     """
-    backend, eye, models = (
-        MujocoBackend(scene),
-        simulation.receptor(scene),
-        simulation.model_names(scene),
-    )
+    backend, eye = MujocoBackend(scene), simulation.receptor(scene)
+    models = simulation.model_names(scene)
     qpos, store = backend.configuration().copy(), Store.open()
-    told: list[wm.AnyObservation] = []
+    told = []
     for point in SURVEY.at:
         goal = aim(0.0, point)
         for name, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
@@ -121,9 +107,7 @@ def surveyed(scene: model.Scene) -> Scene:
             wm.SeenObject(s.name, models[s.name], Pose(*xyz_quat(s.T_world_object)), 1.0)
             for s in seen
         ]
-    right, left = (
-        tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left")
-    )
+    right, left = (tuple(map(float, names.START[names.ARM[side]])) for side in ("right", "left"))
     told.append(wm.SeenBody(BodyPosture(0.0, right, left, (0.0, 0.0), (0.0,) * 4, (0.0,) * 4)))
     told += [wm.SeenHand(side) for side in Side]
     for count, observation in enumerate(told):

@@ -1,7 +1,5 @@
 """Doors are opened for what stands behind them, and for what may."""
 
-from collections.abc import Sequence
-
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
@@ -18,7 +16,6 @@ from companion.tasks.open_door.done import OpenDoor
 from velma.kinematics.collision import World
 from velma.kinematics.frames import transform
 from velma.kinematics.robot import Robot
-from velma.kinematics.shapes import Box
 from velma.kinematics.tasks import opening
 from velma.model import scene as model
 
@@ -28,14 +25,14 @@ DOORS = {"door_1", "door_2"}
 SEEN_WITHIN = 0.01  # [rad] of the noise of two yaws
 
 
-def opened(plan: hfsm.HierarchicalPlan) -> list[str]:
+def opened(plan):
     """Return the doors that a plan opens, in this order."""
     return [act.door for act in acts(plan, OpenDoor)]
 
 
 @settings(max_examples=8, deadline=None)
 @given(angles=st.tuples(st.floats(0.0, 1.5), st.floats(0.0, 1.5)))
-def test_doors_that_are_not_open_enough_are_closed(doors, angles: tuple[float, float]) -> None:
+def test_doors_that_are_not_open_enough_are_closed(doors, angles):
     """By the poses that were seen; each hangs at the cabinet in whose opening it is."""
     asking = Asking(Km(doors(*angles)).ask, "p")
     found = dict(leaves.closed(asking, ""))
@@ -47,15 +44,13 @@ def test_doors_that_are_not_open_enough_are_closed(doors, angles: tuple[float, f
 
 
 @pytest.mark.parametrize("beside", [True, False])
-def test_a_door_that_a_hand_is_beside_is_as_thick_as_it_is(
-    beside: bool, doors, monkeypatch
-) -> None:
+def test_a_door_that_a_hand_is_beside_is_as_thick_as_it_is(beside, doors, monkeypatch):
     """Paths keep off the others by more: but a hand that let go of a door is nearer, and has to get
     away.
     """
     put, thick = World.put, dict[str, float]()
 
-    def noted(world: World, name: str, shapes: Sequence[Box], *more: object) -> None:
+    def noted(world, name, shapes, *more):
         thick[name] = getattr(shapes[0], "size", (0.0,))[0]
         put(world, name, shapes, *more)
 
@@ -68,7 +63,7 @@ def test_a_door_that_a_hand_is_beside_is_as_thick_as_it_is(
 
 
 @pytest.mark.parametrize("task", [("pour", "jar", "bowl"), ("take", "jar", "")])
-def test_a_door_is_opened_to_look_for_a_thing(task, doors) -> None:
+def test_a_door_is_opened_to_look_for_a_thing(task, doors):
     """One, then the robot looks around and plans again, whether it sees the thing or not."""
     plan = Km(doors(0.0, 0.0)).plan(*task)
     (door,) = opened(plan)
@@ -82,7 +77,7 @@ def test_a_door_is_opened_to_look_for_a_thing(task, doors) -> None:
     ("angles", "closed"),
     [((0.0, WIDE), "door_1"), ((WIDE, 0.0), "door_2"), ((WIDE, 0.5), "door_2")],
 )
-def test_the_other_door_is_opened_for_a_thing_that_was_seen(angles, closed: str, doors) -> None:
+def test_the_other_door_is_opened_for_a_thing_that_was_seen(angles, closed, doors):
     """Before anything is taken; where the leaf is then is looked at."""
     plan = Km(doors(*angles)).plan("take", "jar", "")
     assert opened(plan) == [closed]
@@ -90,7 +85,7 @@ def test_the_other_door_is_opened_for_a_thing_that_was_seen(angles, closed: str,
 
 
 @pytest.mark.parametrize("angles", [(0.0, WIDE), (WIDE, 0.0)])
-def test_the_hand_turns_no_farther_than_the_leaf(angles, doors) -> None:
+def test_the_hand_turns_no_farther_than_the_leaf(angles, doors):
     """It slides about the upright bar against the turn, or not at all, from one way to hold it to
     another.
     """
@@ -106,16 +101,14 @@ def test_the_hand_turns_no_farther_than_the_leaf(angles, doors) -> None:
     assert any(hand.isApprox(end, 1e-6) for hand in hands)
 
 
-def test_a_turn_whose_end_no_arm_reaches_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_turn_whose_end_no_arm_reaches_is_not_tried(monkeypatch):
     """With the cabinet 0.4 m to the left the near door ends beside the robot: the other one is
     opened.
     """
     whole = model.load(model.CANONICAL.with_stem("doors"))
     beside = (
-        replace(one, xyz=model.NOWHERE)
-        if one.of
-        else replace(one, xyz=(one.xyz[0], one.xyz[1] + 0.4, one.xyz[2]))
-        for one in whole.things
+        replace(t, xyz=model.NOWHERE if t.of else (t.xyz[0], t.xyz[1] + 0.4, t.xyz[2]))
+        for t in whole.things
     )
     tried, arc = [], opening.arc
     monkeypatch.setattr(opening, "arc", lambda *words: tried.append(words[4]) or arc(*words))
@@ -124,7 +117,7 @@ def test_a_turn_whose_end_no_arm_reaches_is_not_tried(monkeypatch: pytest.Monkey
     assert set(tried) == {"door_2"}
 
 
-def test_open_doors_are_left_as_they_are(doors) -> None:
+def test_open_doors_are_left_as_they_are(doors):
     """The jar is taken from between them; a thing that nobody has seen is looked for as ever; a
     door is not taken, nor put elsewhere, and the robot says why.
     """

@@ -13,7 +13,6 @@ from companion.languages import hfsm, rc
 from companion.languages.facts import fact
 from companion.tasks.hand_over.done import HandOver, HandOverKind
 from companion.tasks.hand_over.plan import OVER_M, WAIT_S
-from services.knowledge.scene import Scene
 from services.task import plan as plans
 from velma import names
 from velma.kinematics.frames import tilt, transform
@@ -25,11 +24,9 @@ OUT = ("hand over jar_1", "hand-over")
 Outcome = hfsm.Outcome
 
 
-def way(
-    plan: hfsm.HierarchicalPlan, at: plans.Position, outcome: Outcome
-) -> tuple[list[rc.Command], hfsm.EndState | Outcome]:
+def way(plan, at, outcome):
     """Return the acts after this outcome of a leaf where all of them succeed, and the end."""
-    acts: list[rc.Command] = []
+    acts = []
     following = plans.after(plan.root, at, outcome)
     while not isinstance(following, Outcome):
         leaf = plans.leaf(plan.root, following)
@@ -40,19 +37,19 @@ def way(
     return acts, following
 
 
-def command(plan: hfsm.HierarchicalPlan, *at: str) -> rc.Command:
+def command(plan, *at):
     leaf = plans.leaf(plan.root, at)
     return leaf.command
 
 
 @pytest.fixture(scope="module")
-def plan(beginning: Scene) -> hfsm.HierarchicalPlan:
+def plan(beginning):
     found = Km(beginning).plan("hand_over", "jar")
     assert isinstance(found, hfsm.HierarchicalPlan), found
     return found
 
 
-def test_it_is_taken_and_given_and_the_hand_is_drawn_back(plan) -> None:
+def test_it_is_taken_and_given_and_the_hand_is_drawn_back(plan):
     """Slowly, since a person is near; at the end no hand holds it."""
     hand = command(plan, *OUT).side
     assert steps(plan) == ["take jar_1", "hand over jar_1", f"home {hand}"]
@@ -64,7 +61,7 @@ def test_it_is_taken_and_given_and_the_hand_is_drawn_back(plan) -> None:
     plans.check(plan.root)
 
 
-def test_where_nobody_takes_it_it_is_put_down_and_the_plan_has_failed(plan) -> None:
+def test_where_nobody_takes_it_it_is_put_down_and_the_plan_has_failed(plan):
     acts, end = way(plan, OUT, Outcome.FAILED)
     assert [type(one).__name__ for one in acts] == ["MoveJoint", "Release", "MoveJoint"]
     assert isinstance(acts[1], rc.Release)
@@ -73,18 +70,13 @@ def test_where_nobody_takes_it_it_is_put_down_and_the_plan_has_failed(plan) -> N
     assert len({one.key for one in acts}) == len(acts)
 
 
-def test_another_plan_is_made_where_the_world_is_not_as_planned(plan) -> None:
+def test_another_plan_is_made_where_the_world_is_not_as_planned(plan):
     assert way(plan, OUT, Outcome.REPLAN) == ([], Outcome.REPLAN)
 
 
-def test_it_is_held_out_level_over_an_edge_that_looks_away_from_the_robot(
-    plan, beginning: Scene
-) -> None:
-    lead, give, grasp = (
-        command(plan, OUT[0], "move-joint"),
-        command(plan, *OUT),
-        command(plan, "take jar_1", "grasp"),
-    )
+def test_it_is_held_out_level_over_an_edge_that_looks_away_from_the_robot(plan, beginning):
+    lead, give = command(plan, OUT[0], "move-joint"), command(plan, *OUT)
+    grasp = command(plan, "take jar_1", "grasp")
     assert isinstance(lead, rc.MoveJoint)
     assert isinstance(give, HandOver)
     q = np.array(names.START)
@@ -99,7 +91,7 @@ def test_it_is_held_out_level_over_an_edge_that_looks_away_from_the_robot(
     assert height == pytest.approx(OVER_M, abs=0.05)
 
 
-def _from_edge(table, point) -> tuple[float, float]:
+def _from_edge(table, point):
     """How far a point is from the nearest edge of a table's top, and the jar's foot from the top
     [m].
     """
@@ -110,7 +102,7 @@ def _from_edge(table, point) -> tuple[float, float]:
     return (min(aside) if outside < 0.02 else outside), z - 0.1
 
 
-def test_what_is_held_is_only_handed_over(jar_carried: Scene) -> None:
+def test_what_is_held_is_only_handed_over(jar_carried):
     found = Km(jar_carried).plan("hand_over", "jar")
     assert steps(found)[0] == "hand over jar_1"
     assert all(a != b for a, b in pairwise(steps(found)))

@@ -6,7 +6,6 @@ things of a scene, also those that the look around does not show. What our grasp
 refused with facts that name the things.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +13,10 @@ import pytest
 from planned import Km, acts, ends, steps, told
 
 from companion.languages import hfsm, rc, wm
-from companion.languages.facts import Facts, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
 from companion.models import GRASPS, KNOWN_AS
-from services.knowledge.scene import Scene
+from companion.world.scene import Scene
 from velma import names
 from velma.kinematics.frames import standing, xyz_quat
 from velma.model import scene as scenes
@@ -27,35 +26,28 @@ OPEN, STILL = (0.0,) * 4, (0.0, 0.0)
 pytestmark = pytest.mark.timeout(300)
 
 
-def at_home(torso: float = 0.0) -> wm.SeenBody:
+def at_home(torso=0.0):
     """Both arms in their start posture."""
-    right, left = (
-        tuple(float(x) for x in names.START[names.ARM[side]]) for side in ("right", "left")
-    )
+    right, left = (tuple(map(float, names.START[names.ARM[side]])) for side in ("right", "left"))
     return wm.SeenBody(BodyPosture(torso, right, left, STILL, OPEN, OPEN))
 
 
 @pytest.fixture(scope="module")
-def known() -> Callable[[str], Scene]:
+def known():
     """Km's scene where everything of a published world is where it was published."""
 
-    def scene_of(name: str) -> Scene:
+    def scene_of(name):
         things = scenes.load(Path(__file__).parent / "scenes" / f"{name}.toml").things
+        poses = {t.id: Pose(*xyz_quat(standing(np.array(t.xyz), t.yaw))) for t in things}
         seen = (
-            wm.SeenObject(
-                t.id,
-                KNOWN_AS.get(t.model, t.model),
-                Pose(*xyz_quat(standing(np.array(t.xyz), t.yaw))),
-                1.0,
-            )
-            for t in things
+            wm.SeenObject(t.id, KNOWN_AS.get(t.model, t.model), poses[t.id], 1.0) for t in things
         )
         return told(Scene(), *seen, at_home(), *(wm.SeenHand(side) for side in Side))
 
     return scene_of
 
 
-def test_k_both_are_in_the_cabinet(first, second) -> None:
+def test_k_both_are_in_the_cabinet(first, second):
     """The paper's task: both are taken, the bowl is put down and seen, then the jar is poured."""
     assert steps(first[1])[-1] == "replan"
     assert steps(second[1])[-1] == "pour jar_1 bowl_1"
@@ -67,7 +59,7 @@ G_LEFT = (1.186, -0.493, 1.102, 1.000, -0.685, 0.930, 0.589)
 G_TORSO, G_FINGERS = 0.347, (1.658, 1.658, 1.180, 0.0)
 
 
-def test_g_the_bowl_is_in_a_hand(beginning: Scene) -> None:
+def test_g_the_bowl_is_in_a_hand(beginning):
     """It is put down and looked at; then the jar is taken and poured, by either hand."""
     held = next(grasp for grasp in GRASPS["bowl_high"] if grasp.id == "5").steps[-1].pose
     posture = BodyPosture(G_TORSO, G_RIGHT, G_LEFT, STILL, OPEN, G_FINGERS)
@@ -81,7 +73,7 @@ def test_g_the_bowl_is_in_a_hand(beginning: Scene) -> None:
     assert steps(after) == ["take jar_1", "pour jar_1 bowl_1"]
 
 
-def test_o_boxes_stand_before_jar_and_bowl(env2: Scene) -> None:
+def test_o_boxes_stand_before_jar_and_bowl(env2):
     """The one beside the jar is put aside, then the jar is poured into the bowl where that
     stands.
     """
@@ -108,9 +100,7 @@ def test_o_boxes_stand_before_jar_and_bowl(env2: Scene) -> None:
         "y3: a bowl among three boxes",
     ],
 )
-def test_what_the_grasps_cannot_do_is_refused(
-    known, world: str, task: tuple[str, ...], things, why: Facts
-) -> None:
+def test_what_the_grasps_cannot_do_is_refused(known, world, task, things, why):
     """The reasons name the things."""
     plan = Km(known(world)).plan(*task)
     assert things <= {thing for one in plan.why for thing in one.things}, plan.why

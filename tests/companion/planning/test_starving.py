@@ -8,7 +8,7 @@ from planned import Km
 
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
-from services.knowledge.scene import Scene
+from companion.world.scene import Scene
 
 POUR = ("pour", "jar", "bowl")
 SOON = (
@@ -22,7 +22,7 @@ LATE = (wm.RobotReach, wm.FlatSurfaces, wm.CollisionsInVolume)  # of tables and 
 pytestmark = pytest.mark.timeout(240)
 
 
-def test_these_are_all_that_is_asked(first, second) -> None:
+def test_these_are_all_that_is_asked(first, second):
     """The kinds starved below are those of both plans."""
     asked = {type(query) for km, _ in (first, second) for query in km.asked}
     assert asked == {*SOON, *LATE}
@@ -38,23 +38,22 @@ def test_these_are_all_that_is_asked(first, second) -> None:
         ("bowl_placed", (wm.ObjectHole, wm.ObjectModel, wm.ObjectPose, wm.EnvironmentShapes)),
     ],
 )
-def test_starved_of_a_kind_there_is_no_plan(begin: str, kinds: tuple[type, ...], request) -> None:
+def test_starved_of_a_kind_there_is_no_plan(begin, kinds, request):
     """km's reason is told, and nothing is planned without the fact."""
     for kind in kinds:
         km = Km(request.getfixturevalue(begin), lambda query, kind=kind: isinstance(query, kind))
         assert fact(Kind.UNKNOWN_TO_KM, kind.__name__) in km.plan(*POUR).why, kind
 
 
-def test_starved_of_a_thing_there_is_no_plan(beginning: Scene) -> None:
+def test_starved_of_a_thing_there_is_no_plan(beginning):
     """Source, destination and what they stand in: each is asked about by name."""
     for name in ("jar_1", "bowl_1", "cabinet_2"):
-        plan = Km(beginning, lambda query, name=name: getattr(query, "object", "") == name).plan(
-            *POUR
-        )
+        starved = Km(beginning, lambda query, name=name: getattr(query, "object", "") == name)
+        plan = starved.plan(*POUR)
         assert Kind.UNKNOWN_TO_KM in {one.kind for one in plan.why}, name
 
 
-def test_an_answer_of_another_kind_is_no_answer(beginning: Scene) -> None:
+def test_an_answer_of_another_kind_is_no_answer(beginning):
     """The search takes only an answer to its question, whatever km says."""
     mad = Km(beginning)
     truthful = mad.ask
@@ -62,7 +61,7 @@ def test_an_answer_of_another_kind_is_no_answer(beginning: Scene) -> None:
     assert fact(Kind.UNKNOWN_TO_KM, "GraspSet") in mad.plan(*POUR).why
 
 
-def test_what_was_never_seen_is_looked_for_once(beginning: Scene) -> None:
+def test_what_was_never_seen_is_looked_for_once(beginning):
     """A look wherever the head turns; then km is asked for it, and if it does not know it, the task
     fails.
     """
@@ -74,7 +73,7 @@ def test_what_was_never_seen_is_looked_for_once(beginning: Scene) -> None:
         assert end.outcome is hfsm.Outcome.REPLAN
 
 
-def test_a_search_leaves_nothing_behind(beginning: Scene) -> None:
+def test_a_search_leaves_nothing_behind(beginning):
     """Neither one that fails nor one that is broken off: the process that searches lives as long as
     the robot.
     """

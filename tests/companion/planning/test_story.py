@@ -20,16 +20,13 @@ from velma.kinematics.tasks.carrying import CARRY_TILT
 REPLAN = hfsm.Outcome.REPLAN
 
 
-def put_down(machine: hfsm.Machine | None) -> list[str]:
+def put_down(machine):
     """Return the things put down where a plan is cancelled, in order."""
-    return (
-        []
-        if machine is None
-        else [c.object for c in hfsm.acts(machine) if isinstance(c, rc.Release)]
-    )
+    releases = hfsm.acts(machine) if machine is not None else ()
+    return [command.object for command in releases if isinstance(command, rc.Release)]
 
 
-def test_the_first_plan_takes_both_and_puts_the_bowl_down(first) -> None:
+def test_the_first_plan_takes_both_and_puts_the_bowl_down(first):
     """The jar with the left hand and out of the way, the bowl with the right one; then the bowl is
     to be localized.
     """
@@ -46,12 +43,11 @@ def test_the_first_plan_takes_both_and_puts_the_bowl_down(first) -> None:
         ("Release", right),
         ("MoveJoint", right), ("Look", None),
     ]  # fmt: skip
-    assert plan.root.states[-1] == hfsm.EndState(
-        "replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),)
-    )
+    end = hfsm.EndState("replan", REPLAN, (fact(Kind.LOCALIZED, "bowl_1"),))
+    assert plan.root.states[-1] == end
 
 
-def test_the_second_plan_pours(second) -> None:
+def test_the_second_plan_pours(second):
     """Now that the bowl was seen where it stands, the jar is tilted over it, and that is the
     end.
     """
@@ -64,7 +60,7 @@ def test_the_second_plan_pours(second) -> None:
     assert put_down(plan.root.safe) == ["jar_1"]
 
 
-def test_the_bowl_goes_onto_a_table(first) -> None:
+def test_the_bowl_goes_onto_a_table(first):
     """The place is told with what it stands on, clear of the edge, upright."""
     (release,) = acts(first[1], rc.Release)
     assert release.surface == "table_1"
@@ -75,7 +71,7 @@ def test_the_bowl_goes_onto_a_table(first) -> None:
     assert release.retreat
 
 
-def test_what_is_held_is_put_down_when_cancelled(first) -> None:
+def test_what_is_held_is_put_down_when_cancelled(first):
     """In every step all that a hand may hold by then, the last taken first."""
     machines = [state for state in first[1].root.states if isinstance(state, hfsm.Machine)]
     assert {state.name: put_down(state.safe) for state in machines} == {
@@ -88,7 +84,7 @@ def test_what_is_held_is_put_down_when_cancelled(first) -> None:
     }
 
 
-def test_ta_can_run_the_plans(first, second) -> None:
+def test_ta_can_run_the_plans(first, second):
     """Every arc leads on, every act has a key of its own that names the request, and the wire keeps
     it all.
     """
@@ -100,7 +96,7 @@ def test_ta_can_run_the_plans(first, second) -> None:
         assert HFSM.decode(HFSM.encode(plan)) == plan
 
 
-def test_motions_begin_where_the_robot_stands(first) -> None:
+def test_motions_begin_where_the_robot_stands(first):
     """The first path begins in the observed posture, and its points are never far apart."""
     _, plan = first
     moves = acts(plan, rc.MoveJoint)
@@ -112,27 +108,24 @@ def test_motions_begin_where_the_robot_stands(first) -> None:
     assert moves[-1].path[-1][1:] == pytest.approx(home)
 
 
-def test_what_is_carried_stays_upright(first) -> None:
+def test_what_is_carried_stays_upright(first):
     """All the way from before the cabinet to where the other arm has room."""
-    grasp, carry, q = (
-        acts(first[1], rc.Grasp)[0],
-        acts(first[1], rc.MoveJoint)[1],
-        np.array(names.START),
-    )
+    grasp, carry = acts(first[1], rc.Grasp)[0], acts(first[1], rc.MoveJoint)[1]
+    q = np.array(names.START)
     inside = transform(grasp.approach[-1].at).inverse()
     for point in carry.path[:: max(1, len(carry.path) // 20)]:
         q[names.COLUMNS["left"]] = point
         assert tilt(Robot().grip(q, "left") * inside) < CARRY_TILT + 0.01
 
 
-def test_queries_are_counted_as_asked(first, second) -> None:
+def test_queries_are_counted_as_asked(first, second):
     """The number told with the plan is that of the queries km saw, none of them twice."""
     for km, plan in (first, second):
         assert plan.queries == len(km.asked)
         assert max(Counter(km.asked).values()) == 1
 
 
-def test_hypothetical_states_bear_the_requests_name(first, second) -> None:
+def test_hypothetical_states_bear_the_requests_name(first, second):
     """So that they can be dropped by it; after the first one is made, the observed world is not
     asked any more.
     """
@@ -145,7 +138,7 @@ def test_hypothetical_states_bear_the_requests_name(first, second) -> None:
         assert not km.overlays.drop(f"{plan.id}/").states
 
 
-def test_the_same_seed_gives_the_same_plan(bowl_placed, second) -> None:
+def test_the_same_seed_gives_the_same_plan(bowl_placed, second):
     """Chance is the request's; another seed moves otherwise."""
     again = Km(bowl_placed).plan("pour", "jar", "bowl", request="p2")
     assert again == second[1]
@@ -153,7 +146,7 @@ def test_the_same_seed_gives_the_same_plan(bowl_placed, second) -> None:
     assert acts(other) != acts(again)
 
 
-def test_the_expected_duration_is_plausible(first, second) -> None:
+def test_the_expected_duration_is_plausible(first, second):
     """Below the limit of the main job together, and no less than the slow parts of it."""
     assert 25.0 < first[1].duration < 90.0
     assert 5.0 < second[1].duration < 40.0

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from companion.skills import emergency_place
-from companion.skills.situation import Held, Situation, beginning
+from companion.skills.situation import Held, beginning
 from velma.kinematics.frames import standing
 from velma.kinematics.robot import Robot
 
@@ -26,7 +26,7 @@ RETREAT = [
 
 
 @pytest.fixture
-def far_out() -> Situation:
+def far_out():
     """The afternoon of docs/scheduling.md with seed 10, when "put down the bowl" was cancelled."""
     here = beginning(Robot(), THINGS, {})
     here.q = np.array(Q)
@@ -38,7 +38,7 @@ def far_out() -> Situation:
     return here
 
 
-def test_what_is_held_far_out_is_put_down_there(far_out: Situation) -> None:
+def test_what_is_held_far_out_is_put_down_there(far_out):
     """A spot as far from the shoulder as the hand is now can be reached."""
     found = emergency_place.free_spot(far_out, LEFT, RETREAT)
     place, path = found

@@ -6,18 +6,15 @@ import dataclasses
 
 import pytest
 from msgspec.structs import replace
-from robot import Acting
 
 from companion.acts import ACTS
 from companion.languages import rc
-from companion.languages.evidence import AnyClaim, Claim, Evidence, Sense
+from companion.languages.evidence import Claim, Sense
 from companion.languages.values import Side
 from companion.skills import motions
 from companion.skills.evidence import TELLS
 from companion.skills.evidence import evidence as evidence_of
 from companion.skills.performing import SKILLS
-from companion.skills.situation import Situation
-from companion.skills.skill import Sensed
 from services.executor.simulation import InProcess
 from velma.control.grip import Grip
 
@@ -25,16 +22,16 @@ JAR, LEFT = "jar_1", Side.LEFT
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
 
-def evidence(here: Situation, command: rc.Command, sensed: Sensed) -> tuple[Evidence, ...]:
+def evidence(here, command, sensed):
     """The evidence for an act that is done."""
     return evidence_of(here, command, sensed, SKILLS[type(command)].tells)
 
 
-def test_each_sense_of_the_table_can_tell() -> None:
+def test_each_sense_of_the_table_can_tell():
     """What ex judges is what the language says, no more and no less; a task adds only what its own
     acts claim.
     """
-    told: set[tuple[AnyClaim, Sense]] = set()
+    told = set()
     for act, row in SKILLS.items():
         claims = {(check.claim, sense) for check in ACTS[act].checks for sense in check.by}
         assert set(row.tells) <= claims <= {*TELLS, *row.tells}
@@ -43,14 +40,14 @@ def test_each_sense_of_the_table_can_tell() -> None:
     assert set(SKILLS) == set(ACTS)
 
 
-def sensed_by(acting: Acting) -> Sensed:
+def sensed_by(acting):
     """Return what the robot senses where it stands, its head on the jar."""
     body = InProcess(acting.core, acting.eye)
     at = acting.here.robot.grip(acting.here.q, LEFT).translation
     return body.do(motions.still(acting.here, "look", watch=at, settle_s=0.3))
 
 
-def told(acting: Acting, sensed: Sensed) -> set[Sense]:
+def told(acting, sensed):
     """Return which senses tell that the left hand holds the jar."""
     acting.here.begin()
     acting.here.see(sensed.sights)
@@ -61,7 +58,7 @@ def told(acting: Acting, sensed: Sensed) -> set[Sense]:
     return set(held.by)
 
 
-def test_each_sense_is_missed_alone(jar_out: Acting) -> None:
+def test_each_sense_is_missed_alone(jar_out):
     """Without one of them the others still tell; without any the claim is there, and not
     checked.
     """
@@ -77,7 +74,7 @@ def test_each_sense_is_missed_alone(jar_out: Acting) -> None:
     assert told(jar_out, dataclasses.replace(numb, grips=unsure)) == set()
 
 
-def test_an_empty_hand_claims_nothing(jar_out: Acting) -> None:
+def test_an_empty_hand_claims_nothing(jar_out):
     """A motion of the other hand says only that the arm is there."""
     sensed = sensed_by(jar_out)
     move = rc.MoveJoint("act", Side.RIGHT, (), 0.1)

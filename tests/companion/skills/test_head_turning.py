@@ -7,7 +7,7 @@ import numpy as np
 from companion.skills import motions
 from companion.skills.loop_messages import KNOT_S, HeadGoal
 from companion.skills.motions import AHEAD, LOOK_SPEED, ROOM_M, turning
-from companion.skills.situation import Situation, beginning
+from companion.skills.situation import beginning
 from velma import names
 from velma.kinematics.robot import Robot
 
@@ -16,12 +16,12 @@ ASIDE = HeadGoal(1.2, 0.5, LOOK_SPEED)
 
 
 @cache
-def situation() -> Situation:
+def situation():
     return beginning(Robot(), {}, {})
 
 
 @cache
-def raised() -> list[np.ndarray]:
+def raised():
     """Postures (15,) that are free with the head ahead, and in which an arm is beside the head."""
     here, rng, found = situation(), np.random.default_rng(3), []
     low, high = here.robot.lower, here.robot.upper
@@ -35,7 +35,7 @@ def raised() -> list[np.ndarray]:
     return found
 
 
-def meets(q: np.ndarray, heads: np.ndarray) -> bool:
+def meets(q, heads):
     """Whether an arm is near the head in one of these directions (n, 2) [rad], and not when it
     looks ahead.
     """
@@ -53,7 +53,7 @@ def meets(q: np.ndarray, heads: np.ndarray) -> bool:
         world.margin = before
 
 
-def test_it_turns_where_no_arm_is_in_its_way() -> None:
+def test_it_turns_where_no_arm_is_in_its_way():
     """At rest: the goal is the wanted one, or else ahead where an arm is beside what it passes."""
     here, way, goals = situation(), np.linspace((0.0, 0.0), (ASIDE.pan, ASIDE.tilt), 200), set()
     here.head = (0.0, 0.0)
@@ -64,7 +64,7 @@ def test_it_turns_where_no_arm_is_in_its_way() -> None:
     assert goals == {ASIDE, AHEAD}
 
 
-def test_it_turns_back_before_an_arm_that_comes() -> None:
+def test_it_turns_back_before_an_arm_that_comes():
     """It was turned before the motion; the arm comes where it is: it looks ahead, as the path was
     planned.
     """
@@ -77,7 +77,7 @@ def test_it_turns_back_before_an_arm_that_comes() -> None:
     assert turning(here, list(path), None) is None
 
 
-def test_a_motion_has_that_goal() -> None:
+def test_a_motion_has_that_goal():
     """Each motion of a skill, with an arm or without."""
     here = situation()
     point = (0.39, 1.0, 1.03)

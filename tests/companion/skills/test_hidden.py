@@ -3,7 +3,6 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot import Acting
 
 from companion.skills import situation
 from velma import names
@@ -12,9 +11,7 @@ BOWL = "bowl_1"
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
 
-def test_fingers_that_are_closed_round_a_thing_hide_what_is_behind_them(
-    jar_out: Acting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_fingers_that_are_closed_round_a_thing_hide_what_is_behind_them(jar_out, monkeypatch):
     """Open ones, with which paths are checked, would leave it in view. Markers are as small as what
     hides them.
     """
@@ -37,9 +34,7 @@ def test_fingers_that_are_closed_round_a_thing_hide_what_is_behind_them(
     ("side", "angle", "read"),
     [(0.026, 23.0, True), (0.026, 42.0, True), (0.026, 59.0, False), (0.06, 59.0, True)],
 )
-def test_a_marker_that_is_narrow_in_the_picture_is_not_surely_read(
-    jar_out: Acting, side: float, angle: float, read: bool
-) -> None:
+def test_a_marker_that_is_narrow_in_the_picture_is_not_surely_read(jar_out, side, angle, read):
     """A jar 1 m away showed three markers, turned so, and was not seen by the two that were read
     (env2, seed 134).
     """
@@ -55,7 +50,7 @@ def test_a_marker_that_is_narrow_in_the_picture_is_not_surely_read(
     assert (here.in_view(BOWL) == {0}) is read
 
 
-def facing(eye: np.ndarray, at: np.ndarray, side: float) -> np.ndarray:
+def facing(eye, at, side):
     """Return the corners (4, 3) of a marker of this size [m] that faces the eye."""
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), eye - at).matrix()
     half = side / 2.0

@@ -4,24 +4,20 @@ simulated physics.
 
 import numpy as np
 import pytest
-from robot import Acting
 
-from companion.languages import rc
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.skills.situation import Sight, Situation
 from companion.tasks.pour.done import Pour
-from services.executor.loop.core import LoopCore
 from velma.control.grip import HAND_KG
 from velma.names import COLUMNS
-from velma.sim.backend import State
 
 JAR, LEFT = "jar_1", Side.LEFT
 JAR_KG = 0.26  # with its content
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
 
-def slippery(core: LoopCore) -> None:
+def slippery(core):
     """The hands have no friction any more."""
     model = core.backend.model
     for geom in range(model.ngeom):
@@ -32,32 +28,30 @@ def slippery(core: LoopCore) -> None:
 class Trick:
     """Friction goes as soon as an arm moves; never cancels anything."""
 
-    def __init__(self) -> None:
-        self.at_s: float | None = None
+    def __init__(self):
+        self.at_s = None
 
-    def __call__(self, _motion: object, core: LoopCore) -> bool:
+    def __call__(self, _motion, core):
         if self.at_s is None and np.abs(core.state.v).max() > 0.1:
             self.at_s = core.state.time
             slippery(core)
         return False
 
 
-def swing(acting: Acting) -> rc.MoveJoint:
+def swing(acting):
     """A turn of the torso with the left arm as it is."""
     turned = acting.here.q.copy()
     turned[COLUMNS[LEFT][0]] += 0.3
     return acting.move(LEFT, [acting.here.q, turned])
 
 
-def test_a_jar_that_falls_is_told_within_a_second(
-    jar_out: Acting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_jar_that_falls_is_told_within_a_second(jar_out, monkeypatch):
     """The act ends as lost and names the jar; the hand is open and empty; pouring the jar is
     refused.
     """
     trick, cycle = Trick(), jar_out.core.cycle
 
-    def tricked() -> None:
+    def tricked():
         cycle()
         trick(None, jar_out.core)
 
@@ -75,15 +69,13 @@ def test_a_jar_that_falls_is_told_within_a_second(
 
 
 @pytest.mark.parametrize("sees", [True, False])
-def test_no_hand_opens_because_of_the_wrist_alone(
-    sees: bool, jar_out: Acting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_hand_opens_because_of_the_wrist_alone(sees, jar_out, monkeypatch):
     """Its sensor begins to read an empty hand: the act is not done, and the jar stays in the hand,
     seen or not.
     """
     observe, share = jar_out.core.backend.observe, HAND_KG / (HAND_KG + JAR_KG)
 
-    def light() -> State:
+    def light():
         state = observe()
         assert state.wrist is not None
         state.wrist = state.wrist * [[1.0], [share]]
@@ -99,7 +91,7 @@ def test_no_hand_opens_because_of_the_wrist_alone(
     assert jar_out.truth.fingers_on[JAR]["left"] >= 3
 
 
-def test_a_jar_that_is_not_lifted_is_not_taken(holding: Acting) -> None:
+def test_a_jar_that_is_not_lifted_is_not_taken(holding):
     """The hand has closed on it, and slides off as it rises: the act ends, nothing is in the
     hand.
     """
@@ -110,16 +102,14 @@ def test_a_jar_that_is_not_lifted_is_not_taken(holding: Acting) -> None:
     assert holding.truth.tilt_deg[JAR] < 10.0
 
 
-def test_a_hand_that_closes_on_nothing_says_so_and_backs_out(
-    before_the_jar: Acting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_hand_that_closes_on_nothing_says_so_and_backs_out(before_the_jar, monkeypatch):
     """Before the fingers are closed to the end; the jar is taken away while the hand reaches for
     it.
     """
     core, stood = before_the_jar.core, before_the_jar.here.seen[JAR]
     at = core.backend.model.joint(JAR).qposadr[0]
 
-    def look(*_: object) -> list[Sight]:
+    def look(*_):
         core.backend.data.qpos[at : at + 3] = (2.0, 2.0, 0.1)
         return [Sight(JAR, stood)] if JAR in before_the_jar.here.seen else []
 
@@ -130,9 +120,7 @@ def test_a_hand_that_closes_on_nothing_says_so_and_backs_out(
 
 
 @pytest.mark.parametrize("sure", [True, False])
-def test_a_jar_that_is_gone_is_missing(
-    before_the_jar: Acting, sure: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_jar_that_is_gone_is_missing(before_the_jar, sure, monkeypatch):
     """The hand does not reach for it where the eyes would surely see it; else it closes on
     nothing.
     """
@@ -141,15 +129,12 @@ def test_a_jar_that_is_gone_is_missing(
     at = core.backend.model.joint(JAR).qposadr[0]
     core.backend.data.qpos[at : at + 3] = (2.0, 2.0, 0.1)
     outcome = before_the_jar.act(before_the_jar.taking[1])
-    assert (outcome.kind, outcome.missing, outcome.held) == (
-        "missing" if sure else "empty",
-        (JAR,),
-        {},
-    )
+    kind = "missing" if sure else "empty"
+    assert (outcome.kind, outcome.missing, outcome.held) == (kind, (JAR,), {})
     assert JAR not in before_the_jar.here.seen
 
 
-def test_what_is_carried_is_felt(jar_out: Acting) -> None:
+def test_what_is_carried_is_felt(jar_out):
     """A free motion with the jar is done, and the jar weighs what it weighs."""
     jar_out.done(swing(jar_out))
     assert jar_out.core.report.left.grip.felt == "held"

@@ -2,20 +2,15 @@
 the world's.
 """
 
-from collections.abc import Callable
-
-import numpy as np
 import pytest
-from robot import Acting
 
 from companion.languages import rc
-from companion.languages.facts import Facts, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.look_around import POINTS
 from companion.skills import senses
 from companion.skills.performing import SKILLS, perform
 from companion.skills.senses import BLIND_LOOKS
-from companion.skills.situation import Neck, Situation
 from companion.tasks.pour.done import Pour
 from services.executor.pixel_receptor import OwnPixelReceptor
 from services.executor.receptor import Receptor
@@ -24,33 +19,30 @@ from velma import names
 from velma.control import grip
 from velma.eyes import health
 from velma.model.scene import load, vary
-from velma.sim.backend import State
 
 JAR, BOWL, LEFT = "jar_1", "bowl_1", Side.LEFT
 OFF = 0.05
-CAMERA, WRIST = (
-    rc.Ill(rc.Sensor.CAMERA, rc.Fault.FROZEN),
-    rc.Ill(rc.Sensor.LEFT_WRIST, rc.Fault.ZERO),
-)
+CAMERA = rc.Ill(rc.Sensor.CAMERA, rc.Fault.FROZEN)
+WRIST = rc.Ill(rc.Sensor.LEFT_WRIST, rc.Fault.ZERO)
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 
 
 class Unwell(Receptor):
     """Eyes whose camera is not well: they see nothing, and say why, if they know."""
 
-    def __init__(self, wrong: str) -> None:
+    def __init__(self, wrong):
         self.wrong = wrong
 
-    def look(self, _qpos: np.ndarray, _neck: Neck | None = None) -> list:
+    def look(self, _qpos, _neck=None):
         """Return nothing."""
         return []
 
 
-def spoilt(acting: Acting, spoil: Callable[[State], None], monkeypatch: pytest.MonkeyPatch) -> None:
+def spoilt(acting, spoil, monkeypatch):
     """From now on the loop of this robot measures otherwise."""
     observe = acting.core.backend.observe
 
-    def observed() -> State:
+    def observed():
         state = observe()
         state.q, state.wrist = state.q.copy(), state.wrist.copy()
         spoil(state)
@@ -59,65 +51,56 @@ def spoilt(acting: Acting, spoil: Callable[[State], None], monkeypatch: pytest.M
     monkeypatch.setattr(acting.core.backend, "observe", observed)
 
 
-def measured_off(joint: int) -> Callable[[State], None]:
+def measured_off(joint):
     """A joint of the body is measured 0.05 rad too far."""
 
-    def spoil(state: State) -> None:
+    def spoil(state):
         state.q[joint] += OFF
 
     return spoil
 
 
-def drifting(joint: int) -> Callable[[State], None]:
+def drifting(joint):
     """A joint of the body is measured more and more too far, within three seconds by 0.05 rad."""
-    began: list[float] = []
+    began = []
 
-    def spoil(state: State) -> None:
+    def spoil(state):
         began.append(state.time)
         state.q[joint] += OFF * min(1.0, (state.time - began[0]) / 3.0)
 
     return spoil
 
 
-def numb(state: State) -> None:
+def numb(state):
     """Both wrists read zero."""
     state.wrist[:] = 0.0
 
 
-def at(acting: Acting, name: str, times: int = 1) -> rc.Look:
+def at(acting, name, times=1):
     """A look, or several, at a thing: where it stands or in a hand."""
     side = acting.here.holder(name)
-    held = (
-        None
-        if side is None
-        else acting.robot.grip(acting.here.q, side) * acting.here.held[side].T_grip_object
-    )
-    x, y, z = (acting.here.seen[name] if held is None else held).translation
+    at = acting.here.seen.get(name)
+    if side is not None:
+        at = acting.robot.grip(acting.here.q, side) * acting.here.held[side].T_grip_object
+    x, y, z = at.translation
     return rc.Look(acting._key(), ((float(x), float(y), float(z)),) * times)
 
 
-def acts_of(acting: Acting) -> dict[str, rc.Command]:
+def acts_of(acting):
     """One of each kind."""
     move, grasp, pull = acting.taking
     pour = Pour("pour", LEFT, JAR, BOWL, 0.0, 0.0, (0.3, 2.0), 1.0, 0.2)
-    acts = (
-        move,
-        grasp,
-        pull,
-        pour,
-        acting.put_down(JAR, LEFT),
-        rc.Home("home", LEFT),
-        acting.look(),
-    )
+    home = rc.Home("home", LEFT)
+    acts = (move, grasp, pull, pour, acting.put_down(JAR, LEFT), home, acting.look())
     return {type(act).__name__: act for act in acts}
 
 
-def refused(here: Situation, act: rc.Command) -> Facts:
+def refused(here, act):
     """Why it is not begun."""
     return senses.refused(here, act, SKILLS[type(act)])
 
 
-def test_the_faults_of_a_sense_are_those_that_are_told() -> None:
+def test_the_faults_of_a_sense_are_those_that_are_told():
     """What wrist and eyes find wrong has a name in RC."""
     assert {str(one) for one in (*grip.Wrong, *health.Wrong)} <= {str(one) for one in rc.Fault}
 
@@ -141,9 +124,7 @@ def test_the_faults_of_a_sense_are_those_that_are_told() -> None:
     ],
     ids=str,  # the same in each process: of no set
 )
-def test_an_act_that_no_sense_checks_is_not_begun(
-    before_the_jar: Acting, ill: tuple[rc.Ill, ...], not_begun: tuple[str, ...]
-) -> None:
+def test_an_act_that_no_sense_checks_is_not_begun(before_the_jar, ill, not_begun):
     """It is refused before anything moves, with the senses as data; a look is begun with any."""
     here = before_the_jar.here
     here.ill = ill
@@ -156,16 +137,15 @@ def test_an_act_that_no_sense_checks_is_not_begun(
             assert (told.kind, told.ill) == (rc.NotDoneKind.REFUSED, ill)
 
 
-def test_a_hand_without_a_sensor_does_not_check(before_the_jar: Acting) -> None:
+def test_a_hand_without_a_sensor_does_not_check(before_the_jar):
     """So a grasp is not begun with a camera alone that does not see."""
     here = before_the_jar.here
     here.ill, here.numb = (CAMERA,), {LEFT}
-    assert refused(here, before_the_jar.taking[1]) == (
-        fact(Kind.NOT_BEGUN, fact(Kind.UNCHECKABLE, LEFT)),
-    )
+    why = fact(Kind.NOT_BEGUN, fact(Kind.UNCHECKABLE, LEFT))
+    assert refused(here, before_the_jar.taking[1]) == (why,)
 
 
-def test_what_a_sense_was_is_remembered(jar_out: Acting) -> None:
+def test_what_a_sense_was_is_remembered(jar_out):
     """By the next act, and where the thing was seen in the hand."""
     jar_out.done(at(jar_out, JAR))
     jar_out.here.ill = (CAMERA,)
@@ -178,9 +158,7 @@ def test_what_a_sense_was_is_remembered(jar_out: Acting) -> None:
 
 
 @pytest.mark.parametrize("wrong", ["frozen", ""])
-def test_with_a_camera_that_does_not_see_nothing_is_missing(
-    before_the_jar: Acting, wrong: str
-) -> None:
+def test_with_a_camera_that_does_not_see_nothing_is_missing(before_the_jar, wrong):
     """What it is looked for is where it was; the look is not done, since the eyes do not see. Also
     where no picture tells, and only the furniture is not in it.
     """
@@ -192,7 +170,7 @@ def test_with_a_camera_that_does_not_see_nothing_is_missing(
     assert set(before_the_jar.here.seen) == known
 
 
-def test_a_grasp_without_the_camera_is_checked_by_the_wrist(before_the_jar: Acting) -> None:
+def test_a_grasp_without_the_camera_is_checked_by_the_wrist(before_the_jar):
     """It goes on, and says that the camera does not see; so does putting down."""
     before_the_jar.eye = Unwell("frozen")
     for act in (*before_the_jar.taking[1:], before_the_jar.put_down(JAR, LEFT)):
@@ -202,17 +180,13 @@ def test_a_grasp_without_the_camera_is_checked_by_the_wrist(before_the_jar: Acti
     assert before_the_jar.truth.tilt_deg[JAR] < 2.0
 
 
-def test_a_grasp_that_nothing_checks_ends_before_the_hand_closes(
-    before_the_jar: Acting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_grasp_that_nothing_checks_ends_before_the_hand_closes(before_the_jar, monkeypatch):
     """Where both become unwell on the way; the hand has not touched the jar."""
     before_the_jar.eye = Unwell("frozen")
     spoilt(before_the_jar, numb, monkeypatch)
     told = before_the_jar.act(before_the_jar.taking[1])
-    assert (told.kind, {one.sense for one in told.ill}) == (
-        rc.NotDoneKind.FAILED,
-        {*WRISTS, rc.Sensor.CAMERA},
-    )
+    assert told.kind == rc.NotDoneKind.FAILED
+    assert {one.sense for one in told.ill} == {*WRISTS, rc.Sensor.CAMERA}
     assert not before_the_jar.here.held
     assert not any(before_the_jar.core.report.left.touched)
 
@@ -224,9 +198,7 @@ WRISTS = (rc.Sensor.RIGHT_WRIST, rc.Sensor.LEFT_WRIST)
 
 @pytest.mark.process
 @pytest.mark.needs_opengl
-def test_a_torso_that_is_measured_wrong_is_told_and_no_arm_moves(
-    before_the_jar: Acting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_torso_that_is_measured_wrong_is_told_and_no_arm_moves(before_the_jar, monkeypatch):
     """By 0.05 rad, from one look to the next: nothing has moved, nothing is missing."""
     eye = OwnPixelReceptor(vary(load(), 7))
     try:
@@ -248,9 +220,7 @@ def test_a_torso_that_is_measured_wrong_is_told_and_no_arm_moves(
 
 
 @pytest.mark.parametrize("joint", [8, 11], ids=["shoulder", "elbow"])
-def test_an_arm_that_is_measured_wrong_is_told(
-    jar_out: Acting, joint: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_arm_that_is_measured_wrong_is_told(jar_out, joint, monkeypatch):
     """By two looks that agree: the jar has turned in the hand, which feels that it holds it. Only
     putting it down, by where it is seen, is begun.
     """
@@ -267,9 +237,7 @@ def test_an_arm_that_is_measured_wrong_is_told(
 
 
 @pytest.mark.parametrize("joint", [8, 11], ids=["shoulder", "elbow"])
-def test_an_arm_that_is_wrong_at_once_feels_like_a_slip(
-    jar_out: Acting, joint: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_arm_that_is_wrong_at_once_feels_like_a_slip(jar_out, joint, monkeypatch):
     """It is one or the other, which is told; by sight the arm goes on."""
     assert not jar_out.done(at(jar_out, JAR, 2)).ill
     spoilt(jar_out, measured_off(joint), monkeypatch)
@@ -279,7 +247,7 @@ def test_an_arm_that_is_wrong_at_once_feels_like_a_slip(
     assert not any(refused(jar_out.here, act) for act in acts_of(jar_out).values())
 
 
-def test_the_look_around_shows_no_fault(before_the_jar: Acting) -> None:
+def test_the_look_around_shows_no_fault(before_the_jar):
     """With good senses."""
     for _ in range(2):
         assert not before_the_jar.done(rc.Look(before_the_jar._key(), POINTS)).ill

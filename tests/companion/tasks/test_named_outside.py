@@ -4,7 +4,6 @@ changes its folder.
 
 import ast
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -34,7 +33,7 @@ ALLOWED = {
 }
 
 
-def _python(path: Path) -> Iterator[str]:
+def _python(path):
     """Yield what a program names: classes, the rooms of tasks, and tasks by their names alone."""
     for node in ast.walk(ast.parse(path.read_text())):
         match node:
@@ -53,13 +52,13 @@ def _python(path: Path) -> Iterator[str]:
                 yield f"{node.lineno}: {module}"
 
 
-def _others(path: Path) -> Iterator[str]:
+def _others(path):
     """Yield the classes that a file of data, words or a page's script names."""
     for number, line in enumerate(path.read_text().splitlines(), start=1):
         yield from (f"{number}: {name}" for name in WORDS.findall(line))
 
 
-def _named() -> Iterator[tuple[str, str]]:
+def _named():
     for folder in PRODUCT:
         for path in sorted((ROOT / folder).rglob("*")):
             if path.is_relative_to(ROOM) or "__pycache__" in path.parts:
@@ -71,7 +70,7 @@ def _named() -> Iterator[tuple[str, str]]:
                 yield from ((name, one) for one in _others(path))
 
 
-def test_no_task_is_named_outside_its_room() -> None:
+def test_no_task_is_named_outside_its_room():
     """But for what stands in ALLOWED, with its reason."""
     named = list(_named())
     assert not [f"{name}:{one}" for name, one in named if name not in ALLOWED]

@@ -8,7 +8,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "operate"))
 
-from synthetic import Run, pour
+from synthetic import pour
 
 from companion.tools import asking
 from companion.tools.system import SYSTEM
@@ -20,7 +20,7 @@ _opened = cache(lambda place: _open(place, SYSTEM))
 
 
 @pytest.fixture
-def answered_here(monkeypatch: pytest.MonkeyPatch) -> None:
+def answered_here(monkeypatch):
     """Questions are answered in this process."""
     monkeypatch.setattr(asked, "bound", lambda seconds: None)
     monkeypatch.setattr(asking, "answered", asked.answer)
@@ -28,6 +28,6 @@ def answered_here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="session")
-def pouring() -> Run:
+def pouring():
     """A whole run of the main job, as it would go by a tap."""
     return pour(seed=1)

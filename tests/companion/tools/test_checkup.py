@@ -9,7 +9,7 @@ from velma.sim import gl
 
 
 @pytest.mark.needs_opengl
-def test_the_library_that_draws_is_named() -> None:
+def test_the_library_that_draws_is_named():
     """It drew."""
     (there,) = CHECKS.machine["OpenGL"]()
     assert there.level is Level.FINE
@@ -17,7 +17,7 @@ def test_the_library_that_draws_is_named() -> None:
 
 
 @pytest.mark.usefixtures("no_opengl")
-def test_what_is_in_the_way_of_drawing_is_a_note() -> None:
+def test_what_is_in_the_way_of_drawing_is_a_note():
     """With what to install, and no more than a note, since all but the camera works."""
     (gone,) = CHECKS.machine["OpenGL"]()
     assert gone.level is Level.NOTE

@@ -2,8 +2,6 @@
 disagree are named.
 """
 
-from pathlib import Path
-
 from companion.design import DESIGN
 from companion.tools.paper_statements import Kind, findings
 
@@ -37,7 +35,7 @@ SPOILT = (
 )
 
 
-def test_statements_that_disagree_are_named_and_no_others(tmp_path: Path) -> None:
+def test_statements_that_disagree_are_named_and_no_others(tmp_path):
     """One finding for each, with its line."""
     file = tmp_path / "statements.toml"
     file.write_text(SOUND)

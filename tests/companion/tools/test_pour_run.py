@@ -8,9 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -29,25 +27,25 @@ RESTS = {"ta": "idle", "ex": "idle"}
 
 
 @pytest.fixture
-def told() -> io.StringIO:
+def told():
     """Text that a person reads."""
     return io.StringIO()
 
 
-def rested(run: Path, told: io.StringIO, alive: bool = True, within_s: float = 0.3) -> list[str]:
+def rested(run, told, alive=True, within_s=0.3):
     """Wait for them."""
     watch = Watch(SYSTEM, run, "title", Console(file=told, width=200))
     return pour_run.at_rest(run, RESTS, watch, lambda: alive, within_s)
 
 
-def beats(run: Path, agent: str, state: str, later_s: float = 60.0) -> None:
+def beats(run, agent, state, later_s=60.0):
     """Write what it said last; `later_s` after now."""
     said = {"agent": agent, "state": state, "at": time.time() + later_s}
     heartbeat_file(run, agent).write_bytes(msgspec.json.encode(said))
 
 
 @contextmanager
-def runs(run: Path, process: ProcessStatus) -> Iterator[None]:
+def runs(run, process):
     """Be the supervisor of a fleet of one process."""
     with folder.kept(run):
         told = Fleet("roco", "", os.getpid(), time.time(), (process,))
@@ -55,7 +53,7 @@ def runs(run: Path, process: ProcessStatus) -> Iterator[None]:
         yield
 
 
-def test_who_rests_is_not_waited_for(tmp_path: Path, told: io.StringIO) -> None:
+def test_who_rests_is_not_waited_for(tmp_path, told):
     """An agent at rest costs no wait, whatever the bound."""
     for agent in RESTS:
         beats(tmp_path, agent, "idle")
@@ -63,7 +61,7 @@ def test_who_rests_is_not_waited_for(tmp_path: Path, told: io.StringIO) -> None:
     assert "waiting" not in told.getvalue()
 
 
-def test_who_still_stops_is_named_once_and_given_up(tmp_path: Path, told: io.StringIO) -> None:
+def test_who_still_stops_is_named_once_and_given_up(tmp_path, told):
     """In one line, though it is looked for again and again."""
     beats(tmp_path, "ta", "idle")
     beats(tmp_path, "ex", "stopping")
@@ -71,7 +69,7 @@ def test_who_still_stops_is_named_once_and_given_up(tmp_path: Path, told: io.Str
     assert told.getvalue().count("waiting until the robot is at rest: ex is stopping\n") == 1
 
 
-def test_what_was_said_before_is_not_believed(tmp_path: Path, told: io.StringIO) -> None:
+def test_what_was_said_before_is_not_believed(tmp_path, told):
     """An agent that was idle before its act still says so until its next heartbeat; one may say
     nothing at all.
     """
@@ -80,7 +78,7 @@ def test_what_was_said_before_is_not_believed(tmp_path: Path, told: io.StringIO)
 
 
 @pytest.mark.process
-def test_a_process_that_is_frozen_is_waited_for(tmp_path: Path, told: io.StringIO) -> None:
+def test_a_process_that_is_frozen_is_waited_for(tmp_path, told):
     """A monitor that sleeps through the end of the task has not recorded it; the supervisor starts
     another one.
     """
@@ -95,9 +93,7 @@ def test_a_process_that_is_frozen_is_waited_for(tmp_path: Path, told: io.StringI
 
 
 @pytest.mark.parametrize("state", ProcessState)
-def test_a_process_that_will_be_ready_is_waited_for(
-    tmp_path: Path, told: io.StringIO, state: ProcessState
-) -> None:
+def test_a_process_that_will_be_ready_is_waited_for(tmp_path, told, state):
     """One that was given up, or ended on purpose, is not."""
     for agent in RESTS:
         beats(tmp_path, agent, "idle")
@@ -107,9 +103,7 @@ def test_a_process_that_will_be_ready_is_waited_for(
 
 
 @pytest.mark.parametrize("later_s", [-1.0, 1.0, None])
-def test_a_monitor_that_began_again_is_waited_for(
-    tmp_path: Path, told: io.StringIO, later_s: float | None
-) -> None:
+def test_a_monitor_that_began_again_is_waited_for(tmp_path, told, later_s):
     """Until it has recorded something of the robot, of which it hears twice a second; it may never
     have.
     """
@@ -123,7 +117,7 @@ def test_a_monitor_that_began_again_is_waited_for(
     assert rested(tmp_path, told) == ([] if heard else ["monitor has not heard of the robot"])
 
 
-def test_a_fleet_that_is_gone_is_not_waited_for(tmp_path: Path, told: io.StringIO) -> None:
+def test_a_fleet_that_is_gone_is_not_waited_for(tmp_path, told):
     """Its agents come to no rest any more."""
     beats(tmp_path, "ta", "running")
     assert rested(tmp_path, told, alive=False, within_s=1e9)

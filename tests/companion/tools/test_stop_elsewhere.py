@@ -6,7 +6,6 @@ In a namespace of its own: fleets of other tests, which run at the same time, ar
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -56,7 +55,7 @@ print([loop.stdout.readline().strip() for loop in loops])
 
 
 @pytest.mark.parametrize("words", [["stop"], ["say", "stój"]])
-def test_a_stop_elsewhere_holds_the_robots_of_all_fleets(words: list[str], tmp_path: Path) -> None:
+def test_a_stop_elsewhere_holds_the_robots_of_all_fleets(words, tmp_path):
     """Also of one whose folder was deleted; each is told with the command that releases it. Without
     any it fails.
     """
@@ -68,17 +67,8 @@ def test_a_stop_elsewhere_holds_the_robots_of_all_fleets(words: list[str], tmp_p
             "needs a process namespace (as root, in a container with CAP_SYS_ADMIN: scripts/test)"
         )
     environment = {name: value for name, value in os.environ.items() if name != RUN_FOLDER_VARIABLE}
-    command = [
-        ALONE[0],
-        *user,
-        *ALONE[1:],
-        sys.executable,
-        "-P",
-        "-c",
-        INSIDE,
-        str(tmp_path),
-        *words,
-    ]
+    inside = [sys.executable, "-P", "-c", INSIDE, str(tmp_path), *words]
+    command = [ALONE[0], *user, *ALONE[1:], *inside]
     done = subprocess.run(
         command, env=environment, capture_output=True, text=True, check=False, timeout=100
     )

@@ -1,12 +1,11 @@
 """Table of runs that did the main job or not: one thing changed at a time."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import msgspec
 import pytest
 import synthetic
-from synthetic import Run
+from msgspec.structs import replace
 
 from companion.languages import cmd, hfsm, rc, sw
 from companion.languages.facts import Kind, fact
@@ -23,15 +22,17 @@ from fipa_codec.performatives import Performative as P
 from operate.file_names import FLEET_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.recording import history
-from operate.recording.records import Spoken, understood
+from operate.recording.records import understood
 from operate.recording.run import Run as RecordedRun
 
 Change = Callable[[TrueState], TrueState]
 
+NO_TRUTH = "the true state of the simulation was not recorded at the end of the task"
 
-def changed(**fields: object) -> Change:
+
+def changed(**fields):
     """The truth with other fields."""
-    return lambda truth: msgspec.structs.replace(truth, **fields)
+    return lambda truth: replace(truth, **fields)
 
 
 TRUTHS = [
@@ -72,7 +73,7 @@ TRUTHS = [
 @pytest.mark.parametrize(
     ("change", "reason"), [case[1:] for case in TRUTHS], ids=[case[0] for case in TRUTHS]
 )
-def test_success_by_the_truth(pouring: Run, change: Change, reason: str | None) -> None:
+def test_success_by_the_truth(pouring, change, reason):
     """Success is no reason against it; a failure names what was wrong."""
     past = _past(pouring)
     past = synthetic.with_truth(past, tuple((at, change(one)) for at, one in truth(past)))
@@ -80,35 +81,25 @@ def test_success_by_the_truth(pouring: Run, change: Change, reason: str | None) 
     assert found is None if reason is None else found is not None and reason in found
 
 
-def test_without_the_truth_there_is_no_success(pouring: Run) -> None:
+def test_without_the_truth_there_is_no_success(pouring):
     """Nothing is assumed."""
     past = synthetic.with_truth(_past(pouring), ())
-    assert (
-        verdict.failure(past)
-        == "the true state of the simulation was not recorded at the end of the task"
-    )
+    assert verdict.failure(past) == NO_TRUTH
 
 
 @pytest.mark.parametrize("before_s", [0.9, 1.1])
-def test_a_truth_from_before_the_end_of_the_task_is_none(pouring: Run, before_s: float) -> None:
+def test_a_truth_from_before_the_end_of_the_task_is_none(pouring, before_s):
     """A monitor that slept while it was poured has seen a jar that was full."""
     past = _past(pouring)
     command = plans.task_command(past)
     end = command and plans.task_end(past, command)
     assert end
     past = synthetic.with_truth(past, ((end.received - before_s, truth(past)[-1][1]),))
-    assert verdict.failure(past) == (
-        None
-        if before_s < 1.0
-        else (
-            "the true state of the simulation was not recorded at the end of the task, only at"
-            " other times"
-        )
-    )
+    assert verdict.failure(past) == (None if before_s < 1.0 else f"{NO_TRUTH}, only at other times")
     assert (poured(past, command).fraction is None) == (before_s > 1.0)
 
 
-def put_down(run: Run) -> None:
+def put_down(run):
     """The person has the jar put down after the pour, and the content is tipped out of the bowl
     meanwhile.
     """
@@ -123,7 +114,7 @@ def put_down(run: Run) -> None:
     run.wait(2.0)
 
 
-def test_a_pour_is_judged_at_its_own_end() -> None:
+def test_a_pour_is_judged_at_its_own_end():
     """What is asked for afterwards changes nothing: no hand holds the jar then, and the bowl is
     empty.
     """
@@ -132,18 +123,13 @@ def test_a_pour_is_judged_at_its_own_end() -> None:
     past = _past(run)
     assert not truth(past)[-1][1].fingers_on["jar_1"]["left"]
     told = report.build(past)
-    assert (told.success, told.failure, told.poured_fraction) == (
-        True,
-        None,
-        pytest.approx(29 / 30),
-    )
-    assert [(one.asked, one.outcome, one.success) for one in told.tasks] == [
-        ("pour into jar bowl", "done", True),
-        ("put down jar", "done", True),
-    ]
+    assert (told.success, told.failure) == (True, None)
+    assert told.poured_fraction == pytest.approx(29 / 30)
+    asked = [("pour into jar bowl", "done", True), ("put down jar", "done", True)]
+    assert [(one.asked, one.outcome, one.success) for one in told.tasks] == asked
 
 
-def test_each_pour_of_a_run_has_its_own_verdict() -> None:
+def test_each_pour_of_a_run_has_its_own_verdict():
     """A second one whose bowl is empty at its end fails, and the first one stays a success."""
     run = synthetic.pour(queries=5)
     put_down(run)
@@ -157,7 +143,7 @@ def test_each_pour_of_a_run_has_its_own_verdict() -> None:
     assert "0% of the content is in the bowl" in str(told.tasks[2].failure)
 
 
-def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next_act() -> None:
+def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next_act():
     """The world stands still until the robot acts; after that the truth is of another moment."""
     run = synthetic.pour(queries=5)
     put_down(run)
@@ -170,18 +156,14 @@ def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next
     assert verdict.failure(synthetic.with_truth(past, heard)) is None
     late = tuple(one for one in heard if one[0] > moved)
     found = verdict.failure(synthetic.with_truth(past, late))
-    assert (
-        found
-        == "the true state of the simulation was not recorded at the end of the task, only at other"
-        " times"
-    )
+    assert found == f"{NO_TRUTH}, only at other times"
 
 
-def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) -> None:
+def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring):
     """A truth without poses is judged by observed tables."""
     past = _past(pouring)
     at, last = truth(past)[-1]
-    bare = msgspec.structs.replace(last, poses={}, models={})
+    bare = replace(last, poses={}, models={})
     assert verdict.failure(synthetic.with_truth(past, ((at, bare),))) is None
 
 
@@ -201,19 +183,15 @@ def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring: Run) 
         (lambda one: one.channel == "C3" and one.sender == "pl", "no answer came"),
     ],
 )
-def test_every_plan_and_the_task_must_end(
-    pouring: Run, kind: Callable[[Spoken], bool], reason: str
-) -> None:
+def test_every_plan_and_the_task_must_end(pouring, kind, reason):
     """A communicate that was never said is missed."""
     past = _past(pouring)
-    found = verdict.failure(
-        msgspec.structs.replace(past, said=tuple(one for one in past.said if not kind(one)))
-    )
+    found = verdict.failure(replace(past, said=tuple(one for one in past.said if not kind(one))))
     assert found is not None
     assert reason in found
 
 
-def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
+def aside(run, command, *, agreed):
     """Say another command, which comes to nothing: co refuses it, or pl finds no plan for it. Its
     conversation.
     """
@@ -224,14 +202,8 @@ def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
         run.say("co", "hi", P.AGREE, waiting, talk=talk, protocol="request")
         asked = hfsm.GroundTaskNetwork(f"{talk}-plan1", (hfsm.Task("take", ("cup", "")),))
         run.say("co", "pl", P.REQUEST, asked, talk=network, protocol="request")
-        run.say(
-            "pl",
-            "co",
-            P.REFUSE,
-            hfsm.NoPlan(asked.id, (fact(Kind.NOT_SEEN, "cup"),)),
-            talk=network,
-            protocol="request",
-        )
+        refusal = hfsm.NoPlan(asked.id, (fact(Kind.NOT_SEEN, "cup"),))
+        run.say("pl", "co", P.REFUSE, refusal, talk=network, protocol="request")
         failed = cmd.TaskReport(cmd.TaskState.FAILED, (fact(Kind.NOT_SEEN, "cup"),))
         run.say("co", "hi", P.INFORM, failed, talk=talk, protocol="request")
     else:
@@ -242,9 +214,7 @@ def aside(run: Run, command: cmd.Command, *, agreed: bool) -> str:
 
 @pytest.mark.parametrize("agreed", [False, True])
 @pytest.mark.parametrize("command", [Take("cup"), PourInto("cup", "bowl")])
-def test_another_command_that_comes_to_nothing_is_no_failure(
-    command: cmd.Command, agreed: bool
-) -> None:
+def test_another_command_that_comes_to_nothing_is_no_failure(command, agreed):
     """The content is in the bowl; what else was asked for is told beside it, by its own name."""
     run = synthetic.pour(queries=5)
     aside(run, command, agreed=agreed)
@@ -258,16 +228,16 @@ def test_another_command_that_comes_to_nothing_is_no_failure(
     assert sum("refused" in text for bar in story.bars(past) for text in bar.texts) == 0
 
 
-def test_a_plan_of_the_job_that_is_refused_stays_a_failure() -> None:
+def test_a_plan_of_the_job_that_is_refused_stays_a_failure():
     """Also while other commands are refused."""
     run = synthetic.pour(queries=5)
     aside(run, Take("cup"), agreed=False)
     past = _past(run)
     kept = tuple(one for one in past.said if not (one.channel == "C3" and one.sender == "pl"))
-    assert "no answer came" in str(verdict.failure(msgspec.structs.replace(past, said=kept)))
+    assert "no answer came" in str(verdict.failure(replace(past, said=kept)))
 
 
-def test_a_plan_that_was_put_off_is_no_plan() -> None:
+def test_a_plan_that_was_put_off_is_no_plan():
     """The robot looked around first: the request that came to a plan is the first one, and the pour
     is a success.
     """
@@ -285,26 +255,25 @@ def test_a_plan_that_was_put_off_is_no_plan() -> None:
     ]
 
 
-def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job() -> None:
+def test_a_refused_pour_before_the_one_that_was_done_is_not_the_job():
     """The report is of the command that was taken."""
     run = synthetic.pour(queries=5)
     talk = aside(run, PourInto("jar", "bowl"), agreed=False)
     past = _past(run)
     first = tuple(one for one in past.said if one.conversation == talk)
-    past = msgspec.structs.replace(
-        past, said=(*first, *(one for one in past.said if one not in first))
-    )
+    past = replace(past, said=(*first, *(one for one in past.said if one not in first)))
     assert verdict.failure(past) is None
-    alone = msgspec.structs.replace(past, said=first)
+    alone = replace(past, said=first)
     assert str(verdict.failure(alone)).startswith("the task ended, refused: busy")
 
 
-def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path: Path) -> None:
+def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path):
     """Of processes that were needed; instead of what follows from it."""
     state = ProcessState
+    why = "ended with code 2: loop: scene: file is none"
     processes = (
         ProcessStatus("router", state.STOPPED),
-        ProcessStatus("loop", state.GIVEN_UP, note="ended with code 2: loop: scene: file is none"),
+        ProcessStatus("loop", state.GIVEN_UP, note=why),
         ProcessStatus("monitor", state.GIVEN_UP, note="no room", optional=True),
     )
     whole = Fleet("roco", "", 7, 0.0, processes)
@@ -312,15 +281,14 @@ def test_a_fleet_that_did_not_come_up_names_who_is_to_blame(tmp_path: Path) -> N
     blamed = "loop did not run (given-up: ended with code 2: loop: scene: file is none)"
     assert verdict.failure(RecordedRun(tmp_path, SYSTEM).history) == blamed
     (tmp_path / FLEET_FILE).unlink()
-    assert (
-        verdict.failure(RecordedRun(tmp_path, SYSTEM).history) == "no command of a person was heard"
-    )
+    failure = verdict.failure(RecordedRun(tmp_path, SYSTEM).history)
+    assert failure == "no command of a person was heard"
 
 
-def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:
+def test_a_job_that_was_done_is_done_whoever_died_then(pouring):
     """A process that is away in the end is a cause only where something failed."""
     dead = (ProcessStatus("km", ProcessState.BACKING_OFF, note="killed by signal 9"),)
-    past = msgspec.structs.replace(_past(pouring), down=dead)
+    past = replace(_past(pouring), down=dead)
     assert verdict.failure(past) is None
     past = synthetic.with_truth(past, ())
     assert str(verdict.failure(past)).startswith(
@@ -328,5 +296,5 @@ def test_a_job_that_was_done_is_done_whoever_died_then(pouring: Run) -> None:
     )
 
 
-def _past(run: Run) -> history.History:
+def _past(run):
     return history.of_records([understood(sample, SYSTEM) for sample in run.samples], SYSTEM)

@@ -4,7 +4,6 @@ them.
 
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -17,21 +16,20 @@ pytestmark = pytest.mark.usefixtures("answered_here")
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
 
-def asked(*words: str) -> Any:
+def asked(*words):
     """Return the verb's JSON output about this run."""
     done = CliRunner().invoke(app, [*words, "--run", str(POUR), "--format", "json"])
     assert done.exit_code == 0, done.stderr
     return json.loads(done.stdout)
 
 
-def told(why: Any, title: str) -> list[str]:
+def told(why, title):
     """The sentences of a passage."""
-    return next(
-        [fact["text"] for fact in one["facts"]] for one in why["passages"] if one["title"] == title
-    )
+    facts = next(one["facts"] for one in why["passages"] if one["title"] == title)
+    return [fact["text"] for fact in facts]
 
 
-def test_why_two_plans() -> None:
+def test_why_two_plans():
     """The first one says that it ends with a new plan and ended so, with the reason; the second one
     succeeded.
 
@@ -40,19 +38,15 @@ def test_why_two_plans() -> None:
     why = asked("why")
     assert why == asked("why", "hi-1-1")
     plans, went = told(why, "why these plans"), told(why, "how they went")
-    assert [text for text in plans if text.startswith("co asked")] == [
-        "co asked pl for plan 1: pour jar bowl",
-        "co asked pl for plan 2: pour jar bowl",
-    ]
-    assert (
-        "pl found plan 1 with 91 answers of km, to take 48 s: take jar, carry jar, take bowl"
-        in plans[1]
-    )
+    wanted = [text for text in plans if text.startswith("co asked")]
+    assert wanted == [f"co asked pl for plan {number}: pour jar bowl" for number in (1, 2)]
+    text = "pl found plan 1 with 91 answers of km, to take 48 s: take jar, carry jar, take bowl"
+    assert text in plans[1]
     assert went[0].startswith("ta ended plan 1 with Replan after 11 acts: ")
     assert went[1].startswith("ta ended plan 2 with Succeeded after 2 acts")
 
 
-def test_what_is_believed_of_a_thing_is_what_ask_answers() -> None:
+def test_what_is_believed_of_a_thing_is_what_ask_answers():
     """The place, the time since when, and the observer are the same in both."""
     query = (
         "SELECT ?where ?since WHERE { GRAPH ?said { thing:jar_1 roco:isIn ?where } ?said"
@@ -64,12 +58,11 @@ def test_what_is_believed_of_a_thing_is_what_ask_answers() -> None:
     at = next(n for n, fact in enumerate(facts) if "it is in cabinet 2" in fact["text"])
     assert facts[at]["at"] - why["begin"] == pytest.approx(float(row["since"]["value"]), abs=0.002)
     assert facts[at]["record"] == "C6 ta > km inform, id object/jar_1@1.8"
-    assert facts[at + 1]["text"].startswith(
-        "ta told km so (object/jar_1); ex had reported it at the end of “look”"
-    )
+    told = "ta told km so (object/jar_1); ex had reported it at the end of “look”"
+    assert facts[at + 1]["text"].startswith(told)
 
 
-def test_beliefs_change() -> None:
+def test_beliefs_change():
     """In the hand it is in no cabinet; after the pour its content is in the bowl; before a look
     nothing is believed.
     """
@@ -81,18 +74,13 @@ def test_beliefs_change() -> None:
     assert (done.exit_code, "is no task of this run" in done.stderr) == (2, True)
 
 
-def test_an_end_that_only_a_failure_reaches_is_told_as_one() -> None:
+def test_an_end_that_only_a_failure_reaches_is_told_as_one():
     """A plan that has another way for an act that fails is not to end so."""
     failing = hfsm.Arc(hfsm.Outcome.FAILED, "failed")
     look = hfsm.ActState(
         "look", rc.Look(key="k", at=()), arcs=(failing, hfsm.Arc(hfsm.Outcome.SUCCEEDED, "replan"))
     )
-    ends = (
-        hfsm.EndState("failed", hfsm.Outcome.FAILED),
-        hfsm.EndState("replan", hfsm.Outcome.REPLAN),
-    )
+    outcomes = {"failed": hfsm.Outcome.FAILED, "replan": hfsm.Outcome.REPLAN}
+    ends = tuple(hfsm.EndState(name, outcome) for name, outcome in outcomes.items())
     said = list(_ends(hfsm.Machine("root", "look", (look, *ends))))
-    assert said == [
-        "the plan ends, if an act fails, with failed",
-        "the plan is to end with replan",
-    ]
+    assert said == ["the plan ends, if an act fails, with failed", "the plan is to end with replan"]

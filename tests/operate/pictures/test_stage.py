@@ -142,7 +142,7 @@ def test_the_way_taken_ends_at_the_hand(true_past: history.History, true_sheet: 
     frames = robot.world_frames(robot.links(), q)
     for side, name in GRIP_BODY.items():
         trail = true_sheet.of(f"{DONE}/{side}")[-1][1][0]
-        assert np.linalg.norm(trail[-1] - frames[name][:3, 3]) < 0.02
+        assert np.linalg.norm(trail[-1] - frames[name].xyz) < 0.02
 
 
 def test_every_joint_is_drawn_as_it_was_measured_last(

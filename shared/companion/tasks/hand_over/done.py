@@ -44,17 +44,11 @@ class HandOverKind(AnyKind):
 def outcome_facts(command: HandOver, done: Done) -> Facts:
     """Facts that it was handed over, and whether it was felt and seen to leave."""
     by = next((one.by for one in done.evidence if one.claim is HandOverClaim.GIVEN), ())
-    felt = (
-        (fact(HandOverKind.FELT_LEAVING, command.side, command.object),)
-        if Sense.WRIST in by
-        else ()
-    )
+    leaving = fact(HandOverKind.FELT_LEAVING, command.side, command.object)
+    felt = (leaving,) if Sense.WRIST in by else ()
     seen = HandOverKind.SEEN_LEAVING if Sense.EYES in by else HandOverKind.NOT_SEEN_LEAVING
-    return (
-        fact(HandOverKind.HANDED_OVER, command.side, command.object),
-        *felt,
-        fact(seen, command.object),
-    )
+    over = fact(HandOverKind.HANDED_OVER, command.side, command.object)
+    return (over, *felt, fact(seen, command.object))
 
 
 def sights(command: HandOver, done: Done) -> tuple[AnySight, ...]:

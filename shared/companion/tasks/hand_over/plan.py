@@ -45,11 +45,9 @@ TORSO = (-1.2, 1.2)
 def hand_over_held(known: Known, km: str, name: str) -> Subtasks | None:
     """Hand over what a hand holds, and draw that one back."""
     side = known.facts.holder(km, name)
-    return (
-        [("a_hand_over", side), ("a_draw_back", side)]
-        if side
-        else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
-    )
+    if not side:
+        return known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+    return [("a_hand_over", side), ("a_draw_back", side)]
 
 
 def hand_over_with(known: Known, km: str, hand: Side, name: str) -> Subtasks | None:
@@ -103,11 +101,8 @@ def draw_back(geometry: Geometry, state: str, side: Side) -> Step | None:
     found = home(geometry, state, side)
     if found is None:
         return None
-    slow = [
-        msgspec.structs.replace(one, speed=LOADED_SPEED)
-        for one in found.commands
-        if isinstance(one, rc.MoveJoint)
-    ]
+    moves = (one for one in found.commands if isinstance(one, rc.MoveJoint))
+    slow = [msgspec.structs.replace(one, speed=LOADED_SPEED) for one in moves]
     return replace(found, commands=tuple(slow))
 
 

@@ -28,11 +28,10 @@ def look(here: Situation, command: rc.Look) -> Skill:
     seen at the end.
     """
     for point in command.at:
-        near = (
-            name
-            for name, pose in here.seen.items()
-            if np.linalg.norm(pose.translation - point) < THERE_M
-        )
+        distances = {
+            name: np.linalg.norm(pose.translation - point) for name, pose in here.seen.items()
+        }
+        near = (name for name, distance in distances.items() if distance < THERE_M)
         sought = {name for name in near if here.holder(name) is None}  # what should stand there
         sensed = yield motions.still(here, command.key, watch=point, settle_s=REST_S)
         for turned in _turned(here) if _unseen(here, sought, sensed) else ():

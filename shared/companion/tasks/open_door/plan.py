@@ -275,10 +275,9 @@ def _opening(
         least=leaf.least,
         end=on_wire(way.end),
     )
-    changes = (
-        wm.Moved(object=leaf.name, pose=on_wire(opening.turned(leaf.pose, leaf.turn))),
-        *configured(side, way.last, steps[-1][1]),
-    )
+    opened_pose = on_wire(opening.turned(leaf.pose, leaf.turn))
+    moved = wm.Moved(object=leaf.name, pose=opened_pose)
+    changes = (moved, *configured(side, way.last, steps[-1][1]))
     duration = leading + geometry.duration(way.path, PULL_SPEED) + CLOSE_S + OPEN_S
     return Step(hfsm.Step("open", (leaf.name,)), (lead, command), changes, duration)
 

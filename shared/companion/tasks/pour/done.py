@@ -74,9 +74,8 @@ def outcome_facts(pour: Pour, done: Done) -> Facts:
 def _felt(pour: Pour, before: float, after: float) -> Facts:
     """How much [kg] was felt to leave a source, and how much to stay in it, to a gram."""
     rest = after - pour.empty_mass
-    still = (
-        (fact(PourKind.STILL_IN, pour.source, round(rest, 3)),) if rest > LEAST_WEIGHED_KG else ()
-    )
+    left = fact(PourKind.STILL_IN, pour.source, round(rest, 3))
+    still = (left,) if rest > LEAST_WEIGHED_KG else ()
     return (fact(PourKind.LEFT, pour.source, round(before - after, 3)), *still)
 
 
@@ -88,11 +87,10 @@ def _looked_into(pour: Pour, done: Done) -> Facts:
     if done.arrived is None:
         return (fact(PourKind.NOT_SEEN_IN, name),)
     seen = next((one.content for one in done.seen if one.object == name), None)
-    there = (
-        fact(PourKind.ARRIVED_SOME, name)
-        if seen is None
-        else fact(PourKind.ARRIVED, name, round(seen, 2))
-    )
+    if seen is None:
+        there = fact(PourKind.ARRIVED_SOME, name)
+    else:
+        there = fact(PourKind.ARRIVED, name, round(seen, 2))
     return (there,) if done.arrived else (there, fact(PourKind.REST_NOT_THERE, name))
 
 

@@ -107,9 +107,8 @@ class Watch:
         for sight in sensed.sights:
             if sight.name != self._name and here.holder(sight.name) is None:
                 here.place(sight.name, sight.T_world_object)
-        wrong = self._above() or next(
-            (self._aside(one) for one in sensed.sights if one.name == self._name), ()
-        )
+        sights = (one for one in sensed.sights if one.name == self._name)
+        wrong = self._above() or next((self._aside(one) for one in sights), ())
         if wrong:
             self._wrong += 1
         seen = any(one.name == self._name for one in sensed.sights)
@@ -118,17 +117,13 @@ class Watch:
         if seen:
             self._seen_by, self._unseen, self._markers = here.in_view(self._name, self._at), 0, 0.0
         elif sure := self._sure():
-            self._unseen, self._markers = (
-                self._unseen + 1,
-                self._markers + sure * (1.0 if sensed.sights else 0.5),
-            )
+            self._unseen += 1
+            self._markers += sure * (1.0 if sensed.sights else 0.5)
         if self._wrong >= SEEN_WRONG:
             self.why = (fact(PourKind.DURING_THE_TILT, wrong),)
         elif self._unseen >= UNSEEN and self._markers >= MARKERS:
-            self.why, self.gone = (
-                (fact(PourKind.DURING_THE_TILT, fact(Kind.OUT_OF_VIEW, self._name)),),
-                True,
-            )
+            self.why = (fact(PourKind.DURING_THE_TILT, fact(Kind.OUT_OF_VIEW, self._name)),)
+            self.gone = True
 
     def _above(self) -> Facts:
         """What is above it that was not there before, () for nothing."""
@@ -464,17 +459,8 @@ def _stream(here: Situation, command: Pour) -> Stream:
 
 def _tilt(here: Situation, command: Pour, flow: Stream, q: np.ndarray) -> list[np.ndarray] | None:
     T_grip_object = here.held[command.side].T_grip_object
-    return follow(
-        here.robot,
-        here.world,
-        command.side,
-        q,
-        T_grip_object,
-        flow,
-        command.azimuth,
-        command.spin,
-        command.tilts,
-    )
+    about = (command.azimuth, command.spin, command.tilts)
+    return follow(here.robot, here.world, command.side, q, T_grip_object, flow, *about)
 
 
 def _arrived(here: Situation, command: Pour, sensed: Sensed, of: str) -> bool:

@@ -91,13 +91,8 @@ def pour_taking_both(
         return known.unfit(fact(Kind.STANDS_FREE, destination))
     if (holder := known.facts.holder(km, source)) not in (None, first):
         return known.unfit(fact(Kind.HOLDS, holder, source))
-    return [
-        ("take", source, first),
-        ("a_carry", first),
-        ("take", destination, OTHER[first]),
-        ("set_down", destination),
-        ("localize", destination),
-    ]
+    taken = [("take", source, first), ("a_carry", first), ("take", destination, OTHER[first])]
+    return [*taken, ("set_down", destination), ("localize", destination)]
 
 
 def pour_taken_again(known: Known, km: str, source: str, destination: str) -> Subtasks | None:
@@ -131,11 +126,8 @@ def _pour_with(
     if held := known.facts.in_hand(km, hand):
         known.failed(fact(Kind.HOLDS, hand, held))
         return None
-    return [
-        (which, source, destination, hand),
-        ("take", source, hand),
-        ("a_pour", source, destination, hand),
-    ]
+    tilted = ("a_pour", source, destination, hand)
+    return [(which, source, destination, hand), ("take", source, hand), tilted]
 
 
 def _open(known: Known, km: str, name: str) -> bool:
@@ -193,14 +185,10 @@ def _samples(
     geometry: Geometry, here: Situation, source: str, destination: str, hand: Side
 ) -> Iterator[bool]:
     """Yield, for some grasp and tilt after the other, whether the hand can pour so."""
-    known, flow = (
-        preferred(geometry, here.state, source),
-        _stream(geometry, here.state, source, destination),
-    )
-    poses, rng = (
-        [transform(grasp.steps[-1].pose) for grasp in known],
-        geometry.rng("hands", source, destination, hand),
-    )
+    known = preferred(geometry, here.state, source)
+    flow = _stream(geometry, here.state, source, destination)
+    poses = [transform(grasp.steps[-1].pose) for grasp in known]
+    rng = geometry.rng("hands", source, destination, hand)
     while True:
         k = int(rng.integers(len(known)))
         here.world.attach(source, hand, poses[k])
@@ -218,16 +206,10 @@ def pour(
     back.
     """
     here = geometry.at(state)
-    found = tiltings(
-        geometry.robot,
-        here.world,
-        side,
-        here.q,
-        here.held[side].T_grip_object,
-        _stream(geometry, state, source, destination),
-        geometry.rng("pour", source, destination),
-        tries=tries,
-    )
+    flow = _stream(geometry, state, source, destination)
+    rng = geometry.rng("pour", source, destination)
+    held = here.held[side].T_grip_object
+    found = tiltings(geometry.robot, here.world, side, here.q, held, flow, rng, tries=tries)
     while some := list(islice(found, TILTINGS)):
         reached = geometry.free_motion(
             here, side, [t.path[0] for t in some], largest_tilt=HELD_TILT
@@ -245,16 +227,10 @@ def pour(
                 hold=HOLD_S,
                 empty_mass=geometry.model(state, source).mass,
             )
-            changes = (
-                wm.Poured(source=source, destination=destination),
-                *configured(side, tilting.path[0]),
-            )
-            duration = (
-                way.duration
-                + geometry.duration(tilting.path, TILT_SPEED)
-                + HOLD_S
-                + geometry.duration(tilting.path, BACK_SPEED)
-            )
+            poured = wm.Poured(source=source, destination=destination)
+            changes = (poured, *configured(side, tilting.path[0]))
+            duration = way.duration + geometry.duration(tilting.path, TILT_SPEED) + HOLD_S
+            duration += geometry.duration(tilting.path, BACK_SPEED)
             commands = (move(side, way, LOADED_SPEED), command)
             return Step(hfsm.Step("pour", (source, destination)), commands, changes, duration)
     geometry.failed(fact(PourKind.NO_POUR, side, source, destination))

@@ -19,6 +19,7 @@ from companion.telemetry import TrueState
 from companion.tools.report import plans
 from companion.tools.report.judges import Figures, Judge, Share
 from companion.tools.report.verdict import LEAST_LINKS, MOST_TILT_DEG, truth_at_end
+from companion.world.geometry import unplace
 from operate.recording.history import History
 from operate.recording.records import Spoken
 
@@ -79,11 +80,8 @@ def against(history: History, command: Spoken) -> Iterator[str]:
     if state.bowl_links:
         yield "a hand still touches the bowl"
     if not state.bowl_on_table:
-        yield (
-            "the bowl is not on a table"
-            if state.bowl_on_table is False
-            else "where the bowl stands was not recorded"
-        )
+        told = state.bowl_on_table is False
+        yield "the bowl is not on a table" if told else "where the bowl stands was not recorded"
 
 
 def true(one: Evidence, truth: TrueState) -> bool | None:
@@ -126,10 +124,8 @@ def figures(history: History) -> Figures:
 
 def _vessel(truth: TrueState, kind: str) -> str:
     """The id of the first vessel of this kind, "" for none."""
-    return next(
-        (name for name in sorted(truth.tilt_deg) if truth.models.get(name, name).startswith(kind)),
-        "",
-    )
+    of_kind = (name for name in truth.tilt_deg if truth.models.get(name, name).startswith(kind))
+    return min(of_kind, default="")
 
 
 def _on_table(history: History, truth: TrueState, vessel: str) -> bool | None:
@@ -148,11 +144,8 @@ def _on_table(history: History, truth: TrueState, vessel: str) -> bool | None:
 
 def _tables(history: History, truth: TrueState) -> list[tuple[str, Pose]]:
     """Models and poses of all tables: true ones, else the ones km was told of."""
-    true = [
-        (model, truth.poses[name])
-        for name, model in truth.models.items()
-        if model in TABLES and name in truth.poses
-    ]
+    there = ((name, model) for name, model in truth.models.items() if name in truth.poses)
+    true = [(model, truth.poses[name]) for name, model in there if model in TABLES]
     if true:
         return true
     seen = (one.content for one in history.said if isinstance(one.content, wm.SeenObject))
@@ -160,15 +153,11 @@ def _tables(history: History, truth: TrueState) -> list[tuple[str, Pose]]:
 
 
 def _stands_on(x: float, y: float, base: float, model: str, table: Pose) -> bool:
-    """Tables stand upright, turned about z: w and z of the quaternion are all there is."""
-    w, z = table.quat_wxyz[0], table.quat_wxyz[3]
-    cosine, sine = w * w - z * z, 2 * w * z
-    dx, dy = x - table.xyz[0], y - table.xyz[1]
-    along, across = cosine * dx + sine * dy, cosine * dy - sine * dx
+    along, across, up = unplace(table, (x, y, base))
     return any(
         abs(along - top.x) <= top.along_x / 2
         and abs(across - top.y) <= top.along_y / 2
-        and abs(base - top.z - table.xyz[2]) <= ON_TABLE_M
+        and abs(up - top.z) <= ON_TABLE_M
         for top in MODELS[model].surfaces
     )
 

@@ -16,11 +16,9 @@ class PutDown(Command, frozen=True):
 
     @property
     def task(self) -> hfsm.Task:
-        return (
-            hfsm.Task("put_at", (self.object, self.place))
-            if self.place
-            else hfsm.Task("put_down", (self.object,))
-        )
+        if not self.place:
+            return hfsm.Task("put_down", (self.object,))
+        return hfsm.Task("put_at", (self.object, self.place))
 
     @property
     def says(self) -> str:

@@ -125,9 +125,8 @@ def _lower(here: Situation, command: rc.Release, place: pin.SE3, path: list[np.n
         contact_m=CONTACT_M,
         settle_s=SETTLE_S,
     )  # fmt: skip
-    above = (here.robot.grip(here.q, side) * here.held[side].T_grip_object).translation[
-        2
-    ] - place.translation[2]
+    held = here.robot.grip(here.q, side) * here.held[side].T_grip_object
+    above = held.translation[2] - place.translation[2]
     if above > HIGH_M:
         raise _Met(fact(Kind.MET_SOMETHING, side, command.object, above), place, above)
 
@@ -140,9 +139,8 @@ def _place(here: Situation, side: str, command: rc.Release) -> tuple[pin.SE3, li
     held = here.held[side]
     if command.place is not None:
         place = transform(command.place)
-        return place, _through(
-            here, side, place * held.T_grip_object.inverse(), command.way or ((0.0, 0.0, ABOVE_M),)
-        )
+        through = command.way or ((0.0, 0.0, ABOVE_M),)
+        return place, _through(here, side, place * held.T_grip_object.inverse(), through)
     standing = emergency_place.standing_here(here, side)
     if standing is not None:
         return standing, []
@@ -161,14 +159,9 @@ def _let_go(here: Situation, side: str, command: rc.Release) -> Skill:
     """
     grip, object_name = here.robot.grip(here.q, side), command.object
     unload = motions.payload(side)
+    opening = {**unload, **motions.hand(side, Open(OPEN_BY, OPEN_SPEED))}
     yield from despite_cancel(
-        lambda: motions.still(
-            here,
-            command.key,
-            settle_s=OPEN_WAIT_S,
-            **unload,
-            **motions.hand(side, Open(OPEN_BY, OPEN_SPEED)),
-        )
+        lambda: motions.still(here, command.key, settle_s=OPEN_WAIT_S, **opening)
     )
     here.let_go(side)
     wide = command.retreat[0].fingers

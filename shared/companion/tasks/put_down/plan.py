@@ -50,11 +50,9 @@ def stands(known: Known, km: str, name: str) -> Subtasks | None:
 def set_down(known: Known, km: str, name: str) -> Subtasks | None:
     """Put it down, and bring the hand home; whoever needs it there looks at it."""
     side = known.facts.holder(km, name)
-    return (
-        [("a_place", side), ("a_home", side)]
-        if side
-        else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
-    )
+    if not side:
+        return known.unfit(fact(Kind.NO_HAND_HOLDS, name))
+    return [("a_place", side), ("a_home", side)]
 
 
 def _home_and_look(known: Known, km: str, name: str) -> Subtasks:
@@ -99,12 +97,8 @@ def set_at_try(
     known: Known, km: str, number: str, name: str, hand: Side, where: str
 ) -> Subtasks | None:
     """Take it by some grasp, from which it can be put there: not every one leaves a way."""
-    return [
-        ("a_take_to", name, hand, number, where),
-        ("a_place", hand, where),
-        ("a_home", hand),
-        ("a_confirm", name),
-    ]
+    placed = [("a_place", hand, where), ("a_home", hand), ("a_confirm", name)]
+    return [("a_take_to", name, hand, number, where), *placed]
 
 
 # --- the step that takes it for a place -----------------------------------------------------------

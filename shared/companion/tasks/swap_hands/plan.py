@@ -9,11 +9,8 @@ def swap_hands(known: Known, km: str, name: str) -> Subtasks | None:
     """Put down what is held, look at it, take it with the other hand to where that one could put it
     down.
     """
-    held = {
-        side: thing
-        for side in OTHER
-        if (thing := known.facts.in_hand(km, side)) and name in ("", thing)
-    }
+    in_hands = {side: known.facts.in_hand(km, side) for side in OTHER}
+    held = {side: thing for side, thing in in_hands.items() if thing and name in ("", thing)}
     if len(held) != 1:
         none = fact(Kind.NO_HAND_HOLDS, name) if name else fact(Kind.HANDS_EMPTY)
         known.failed(fact(Kind.HANDS_FULL) if held else none)
@@ -25,7 +22,4 @@ def swap_hands(known: Known, km: str, name: str) -> Subtasks | None:
     return [("set_down", thing), ("a_confirm", thing), ("hold_out", thing, OTHER[side])]
 
 
-PLAN = Plan(
-    tasks={"swap_hands": (Argument.THING,)},
-    methods={"swap_hands": (swap_hands,)},
-)
+PLAN = Plan(tasks={"swap_hands": (Argument.THING,)}, methods={"swap_hands": (swap_hands,)})

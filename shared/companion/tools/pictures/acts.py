@@ -18,6 +18,7 @@ from companion.telemetry import RobotState
 from companion.tools.pictures import robot
 from companion.tools.pictures.scene import Scene
 from companion.tools.shown import SHOWN
+from companion.world.geometry import compose, rotate
 from operate.pictures.colours import AXES, ORANGE, SIDES
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, arrows, strips
@@ -35,6 +36,7 @@ TRAIL_S = 0.2
 fastest hand.
 """
 FRAME_M = 0.05
+EDGES = ((FRAME_M, 0.0, 0.0), (0.0, FRAME_M, 0.0), (0.0, 0.0, FRAME_M))
 
 
 class Acts:
@@ -70,46 +72,41 @@ class Acts:
             case Spoken(content=rc.Done() | rc.NotDone()):
                 self._draw(happening.at, [], [])
 
-    def _draw(self, at: float, paths: list[Array], frames: list[Array]) -> None:
+    def _draw(self, at: float, paths: list[Array], frames: list[Pose]) -> None:
         self._sheet.add(PLANNED, strips, at, paths)
-        origins = [frame[:3, 3] for frame in frames for _ in range(3)]
-        vectors = [FRAME_M * frame[:3, k] for frame in frames for k in range(3)]
+        origins = [frame.xyz for frame in frames for _ in EDGES]
+        vectors = [rotate(frame.quat_wxyz, edge) for frame in frames for edge in EDGES]
         self._sheet.add(FRAMES, arrows, at, (origins, vectors))
 
-    def _planned(self, command: rc.Command) -> tuple[list[Array], list[Array]]:
-        """Paths (n, 3) of the grip frame in the world, and frames (4, 4) worth seeing."""
+    def _planned(self, command: rc.Command) -> tuple[list[Array], list[Pose]]:
+        """Paths (n, 3) of the grip frame in the world, and frames worth seeing."""
         match command:
             case rc.MoveJoint(side=side, path=path):
-                chosen = np.unique(
-                    np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS)).astype(int)
-                )
-                frames = [
-                    self._grip(
-                        side,
-                        dict(zip((BODY[column] for column in COLUMNS[side]), path[k], strict=True)),
-                    )
-                    for k in chosen
-                ]
-                return [np.array([frame[:3, 3] for frame in frames])], frames[-1:]
+                steps = np.linspace(0, len(path) - 1, min(len(path), MOST_POINTS))
+                chosen = np.unique(steps.astype(int))
+                columns = [BODY[column] for column in COLUMNS[side]]
+                postures = (dict(zip(columns, path[k], strict=True)) for k in chosen)
+                frames = [self._grip(side, posture) for posture in postures]
+                return [np.array([frame.xyz for frame in frames])], frames[-1:]
             case rc.MoveCartesian(side=side, segments=segments):
-                start = self._grip(side, {})[:3, 3]
+                start = self._grip(side, {}).xyz
                 return [np.cumsum([start, *(np.array(one.offset) for one in segments)], axis=0)], []
             case rc.Release(place=Pose() as place):
-                return [], [robot.frame(place)]
+                return [], [place]
         row = SHOWN.get(type(command))  # a hand that comes to an object as it stands now
         of = getattr(command, row.points_on) if row and row.points_on else ""
         if of not in self._scene.poses:
             return [], []
-        on = robot.frame(self._scene.poses[of])
-        frames = [on @ robot.frame(point.at) for point in getattr(command, "approach", ())][-8:]
-        return [np.array([frame[:3, 3] for frame in frames])], frames
+        approach = getattr(command, "approach", ())[-8:]
+        frames = [compose(self._scene.poses[of], point.at) for point in approach]
+        return [np.array([frame.xyz for frame in frames])], frames
 
-    def _grip(self, side: str, instead: dict[str, float]) -> Array:
-        """T_world_grip (4, 4) of a hand at the present joints, some of them others."""
+    def _grip(self, side: str, instead: dict[str, float]) -> Pose:
+        """T_world_grip of a hand at the present joints, some of them others."""
         return robot.world_frames(self._chains[side], self._q | instead)[GRIP_BODY[side]]
 
     def _lengthen(self, at: float, side: str, sim: float) -> None:
-        here, trail = self._grip(side, {})[:3, 3], self._trails[side]
+        here, trail = np.array(self._grip(side, {}).xyz), self._trails[side]
         if not trail or np.linalg.norm(here - trail[-1]) > TRAIL_STEP_M:
             trail.append(here)
             if len(trail) > 1:

@@ -18,6 +18,7 @@ from companion.telemetry import RobotState, TrueState
 from companion.tools.beliefs import MOST_APART_MM, Belief, Beliefs
 from companion.tools.pictures import robot, scene
 from companion.tools.pictures.scene import Scene
+from companion.world.geometry import compose
 from operate.pictures.colours import GHOST, INK
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import HIDDEN, Sheet, labels, strips, transforms
@@ -112,7 +113,7 @@ class Believed:
         if not self._q:
             return None
         frames = robot.world_frames(self._chains[belief.side], self._q)
-        return robot.pose(frames[GRIP_BODY[belief.side]] @ robot.frame(belief.in_grip))
+        return compose(frames[GRIP_BODY[belief.side]], belief.in_grip)
 
     def _ghost(self, at: float, belief: Belief, pose: Pose | None) -> None:
         entity = f"{BELIEVED}/{belief.object}"

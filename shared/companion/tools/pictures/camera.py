@@ -45,12 +45,8 @@ class Camera:
             return
         if not self._any:  # enlarged smoothly: its pixels are larger than the screen's
             self._any = True
-            self._sheet.static(
-                CAMERA,
-                rr.EncodedImage.from_fields(
-                    magnification_filter=rr.components.MagnificationFilter.Linear
-                ),
-            )
+            linear = rr.components.MagnificationFilter.Linear
+            self._sheet.static(CAMERA, rr.EncodedImage.from_fields(magnification_filter=linear))
             # A negative radius is in points of the screen.
             lens = rr.Pinhole(
                 resolution=SIZE, focal_length=FOCAL, image_plane_distance=BEFORE_M, color=GREY

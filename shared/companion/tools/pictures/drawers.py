@@ -46,34 +46,11 @@ class Signals:
         match happening.what:
             case RobotState() as state:
                 self._joints(happening.at, "position", state.body, state.sim_time_s)
-                self._draw(
-                    happening.at,
-                    "signals/position/head",
-                    ("pan", "tilt"),
-                    state.head,
-                    state.sim_time_s,
-                )
-                self._draw(
-                    happening.at,
-                    "loop/late",
-                    QUANTILES,
-                    _numbers(state.lateness_us),
-                    state.sim_time_s,
-                )
-                self._draw(
-                    happening.at,
-                    "loop/computes",
-                    QUANTILES,
-                    _numbers(state.compute_us),
-                    state.sim_time_s,
-                )
-                self._draw(
-                    happening.at,
-                    "loop/missed",
-                    ("missed cycles",),
-                    (state.missed,),
-                    state.sim_time_s,
-                )
+                t, at = state.sim_time_s, happening.at
+                self._draw(at, "signals/position/head", ("pan", "tilt"), state.head, t)
+                self._draw(at, "loop/late", QUANTILES, _numbers(state.lateness_us), t)
+                self._draw(at, "loop/computes", QUANTILES, _numbers(state.compute_us), t)
+                self._draw(at, "loop/missed", ("missed cycles",), (state.missed,), t)
             case TrueState() as truth:
                 if len(truth.torque_Nm) == len(BODY):
                     self._joints(happening.at, "torque", truth.torque_Nm, truth.time_s)
@@ -85,13 +62,8 @@ class Signals:
         self._draw(at, f"signals/{kind}/torso", ("torso",), (body[TORSO],), sim)
         for side in ARMS:
             values = [body[column] for column in ARM[side]]
-            self._draw(
-                at,
-                f"signals/{kind}/{side}",
-                tuple(f"{side} {k}" for k in range(len(values))),
-                values,
-                sim,
-            )
+            curves = tuple(f"{side} {k}" for k in range(len(values)))
+            self._draw(at, f"signals/{kind}/{side}", curves, values, sim)
 
     def _draw(
         self, at: float, entity: str, names: Sequence[str], values: Sequence[float], sim: float
@@ -127,11 +99,8 @@ class ActLanes:
             case RobotState() as robot:
                 self._loop.enter(at, robot.mode or REST)
             case Spoken(content=sw.Report() as report):
-                step = (
-                    worded(report.at.step, Reader.OPERATOR)
-                    if report.at and report.at.step
-                    else self._plan.now
-                )
+                begun = report.at.step if report.at else None
+                step = worded(begun, Reader.OPERATOR) if begun else self._plan.now
                 self._plan.enter(at, REST if report.state in sw.FINAL else step or REST)
             case Spoken(channel="C5") as one:
                 self._acting(at, one)
@@ -152,18 +121,9 @@ class ActLanes:
 def drawers(sheet: Sheet) -> tuple[Drawer, ...]:
     """All of them, in the order in which they draw."""
     scene = Scene(sheet)
-    return (
-        Velma(sheet),
-        scene,
-        Contacts(sheet),
-        Believed(sheet, scene),
-        Acts(sheet, scene),
-        Imagined(sheet, scene),
-        Camera(sheet),
-        ActLanes(sheet),
-        Plan(sheet),
-        Signals(sheet),
-    )
+    things = (Contacts(sheet), Believed(sheet, scene), Acts(sheet, scene), Imagined(sheet, scene))
+    more = (Camera(sheet), ActLanes(sheet), Plan(sheet), Signals(sheet))
+    return (Velma(sheet), scene, *things, *more)
 
 
 # --- Layout of a run of the Robot Companion in the viewer: tabs for the run, conversations, numbers
@@ -196,13 +156,9 @@ def blueprint(end_s: float | None) -> rrb.Blueprint:
             position=(2.15, -1.7, 1.75), look_target=(0.5, -0.18, 0.9), eye_up=(0.0, 0.0, 1.0)
         ),
     )
-    seen = rrb.Vertical(
-        space,
-        rrb.Horizontal(
-            views.graph(), rrb.TextDocumentView(origin="plan", name="plan"), column_shares=(5, 3)
-        ),
-        row_shares=(5, 3),
-    )
+    plan = rrb.TextDocumentView(origin="plan", name="plan")
+    below = rrb.Horizontal(views.graph(), plan, column_shares=(5, 3))
+    seen = rrb.Vertical(space, below, row_shares=(5, 3))
     told = rrb.Vertical(
         views.states("agents, plan, act", axis),
         rrb.Horizontal(

@@ -5,14 +5,13 @@ It is known as far as the plan says it: arms after their last free motion. What 
 (approach, pouring) is not drawn.
 """
 
-import numpy as np
-
 from companion.languages import hfsm, rc, sw
 from companion.languages.values import Pose, Side
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot, scene
 from companion.tools.pictures.scene import Scene
 from companion.tools.pictures.velma import entity, placed, shaped
+from companion.world.geometry import compose, inverse
 from operate.pictures.colours import PLANNED
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import HIDDEN, Sheet, transforms
@@ -52,9 +51,7 @@ class End:
                         self.places[name] = place
         frames = robot.world_frames(robot.links(), self.q)
         for side, (name, grip) in held.items():
-            self.places[name] = robot.pose(
-                frames[GRIP_BODY[side]] @ np.linalg.inv(robot.frame(grip))
-            )
+            self.places[name] = compose(frames[GRIP_BODY[side]], inverse(grip))
 
 
 class Imagined:

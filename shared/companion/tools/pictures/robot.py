@@ -1,7 +1,7 @@
 """Velma for the eye: links with their looks, and how each stands to its parent, read from
 velma/model/robot.xml.
 
-Numpy alone, no simulator: the monitor draws, it does not compute dynamics. Quaternions have w
+No simulator: the monitor draws, it does not compute dynamics. Quaternions have w
 first; all turning joints of the model are hinges through their body's origin.
 """
 
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 import velma.model
 from companion.languages.values import Pose
-from companion.quaternions import product
 from companion.telemetry import RobotState
+from companion.world.geometry import compose, product
 from velma.names import BODY, DISTAL, HEAD, PROXIMAL, SIDES, SPREAD
 
 Array = NDArray[np.float64]
@@ -77,15 +77,13 @@ def turned(link: Link, q: float) -> Four:
     return product(link.quat_wxyz, (math.cos(q / 2), s * x, s * y, s * z))
 
 
-def world_frames(all_links: tuple[Link, ...], q: dict[str, float]) -> dict[str, Array]:
-    """Link name -> T_world_link (4, 4). Joints that `q` leaves out are at 0."""
-    frames: dict[str, Array] = {}
+def world_frames(all_links: tuple[Link, ...], q: dict[str, float]) -> dict[str, Pose]:
+    """Link name -> T_world_link. Joints that `q` leaves out are at 0."""
+    frames: dict[str, Pose] = {}
     for link in all_links:
         quat = turned(link, q.get(link.joint, 0.0)) if link.joint else link.quat_wxyz
-        local = np.eye(4)
-        local[:3, :3], local[:3, 3] = matrix(quat), link.at
-        above = frames[link.path[-2]] if len(link.path) > 1 else np.eye(4)
-        frames[link.name] = above @ local
+        local = Pose(link.at, quat)
+        frames[link.name] = compose(frames[link.path[-2]], local) if len(link.path) > 1 else local
     return frames
 
 
@@ -95,43 +93,6 @@ def chain(all_links: tuple[Link, ...], name: str) -> tuple[Link, ...]:
     return tuple(link for link in all_links if link.path == path[: len(link.path)])
 
 
-def frame(pose: Pose) -> Array:
-    """A pose as a matrix (4, 4)."""
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = matrix(pose.quat_wxyz), pose.xyz
-    return found
-
-
-def pose(frame: Array) -> Pose:
-    """A matrix (4, 4) as a pose; the turn is the eigenvector of Bar-Itzhack's symmetric matrix
-    (2000).
-    """
-    (a, b, c), (d, e, f), (g, h, i) = frame[:3, :3]
-    symmetric = (
-        (a + e + i, h - f, c - g, d - b),
-        (h - f, a - e - i, b + d, c + g),
-        (c - g, b + d, e - a - i, f + h),
-        (d - b, c + g, f + h, i - a - e),
-    )
-    w, x, y, z = np.linalg.eigh(np.array(symmetric))[1][:, -1].tolist()
-    at = frame[:3, 3].tolist()
-    return Pose((at[0], at[1], at[2]), (w, x, y, z))
-
-
-def matrix(quat_wxyz: Four) -> Array:
-    """The rotation (3, 3) of a quaternion."""
-    w, x, y, z = quat_wxyz
-    length = math.sqrt(w * w + x * x + y * y + z * z)
-    w, x, y, z = w / length, x / length, y / length, z / length
-    return np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        )
-    )
-
-
 def _links(body: ET.Element, above: tuple[str, ...]) -> list[Link]:
     name = body.attrib["name"]
     joint = body.find("joint")
@@ -139,7 +100,7 @@ def _links(body: ET.Element, above: tuple[str, ...]) -> list[Link]:
         name=name,
         path=(*above, name),
         at=_three(body.get("pos")),
-        quat_wxyz=_four(body.get("quat")),
+        quat_wxyz=_turn(body.get("quat")),
         joint=joint.attrib["name"] if joint is not None else "",
         axis=_three(joint.get("axis"), (0.0, 0.0, 1.0)) if joint is not None else (0.0, 0.0, 1.0),
         shapes=tuple(_shape(geom) for geom in body.findall("geom") if geom.get("class") == LOOK),
@@ -150,7 +111,7 @@ def _links(body: ET.Element, above: tuple[str, ...]) -> list[Link]:
 def _shape(geom: ET.Element) -> Shape:
     """A look; `fromto` shapes become centre, length and a turn of z onto their axis."""
     kind, size = geom.attrib["type"], _numbers(geom.get("size"))
-    at, quat = _three(geom.get("pos")), _four(geom.get("quat"))
+    at, quat = _three(geom.get("pos")), _turn(geom.get("quat"))
     if ends := _numbers(geom.get("fromto")):
         a, b = np.array(ends[:3]), np.array(ends[3:])
         length = float(np.linalg.norm(b - a))
@@ -183,3 +144,10 @@ def _three(
 def _four(text: str | None, default: Four = (1.0, 0.0, 0.0, 0.0)) -> Four:
     numbers = _numbers(text)
     return (numbers[0], numbers[1], numbers[2], numbers[3]) if numbers else default
+
+
+def _turn(text: str | None) -> Four:
+    """A quaternion as MJCF has it, which need not be of length 1."""
+    length = math.hypot(*(quat := _four(text)))
+    w, x, y, z = (part / length for part in quat)
+    return w, x, y, z

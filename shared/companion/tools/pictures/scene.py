@@ -43,9 +43,8 @@ def looks(model: str, colour: tuple[float, ...] | None = None) -> list[Drawn]:
         return [(vessel.mesh, _mesh(vessel, colour or MATERIALS[vessel.material][0]))]
     if model not in MODELS:
         return []
-    colour = colour or next(
-        (rgba for kind, rgba in COLOURS.items() if model.startswith(kind)), OTHER
-    )
+    fitting = (rgba for kind, rgba in COLOURS.items() if model.startswith(kind))
+    colour = colour or next(fitting, OTHER)
     shapes = MODELS[model].shapes
     boxes = [shape for shape in shapes if isinstance(shape, Box)]
     round_ones = [shape for shape in shapes if isinstance(shape, Cylinder)]

@@ -3,12 +3,14 @@
 from itertools import groupby
 from typing import Any
 
-import msgspec
 import numpy as np
 import rerun as rr
+from msgspec.structs import replace
 
+from companion.languages.values import Pose
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot
+from companion.world.geometry import place
 from operate.pictures.colours import AXES
 from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, transforms
@@ -84,7 +86,7 @@ def shaped(
 ) -> None:
     """Draw the shapes of a link. `rgba`: of all of them, 0 to 1; None: each has its own."""
     for kind, some in groupby(sorted(link.shapes, key=lambda s: s.kind), key=lambda s: s.kind):
-        shapes = [msgspec.structs.replace(shape, rgba=rgba or shape.rgba) for shape in some]
+        shapes = [replace(shape, rgba=rgba or shape.rgba) for shape in some]
         sheet.static(f"{entity(link, root)}/{kind}", _drawn(kind, shapes))
 
 
@@ -104,7 +106,7 @@ def _drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:
     if kind == "cylinder":
         return rr.Cylinders3D(lengths=lengths, radii=radii, centers=at, **look)
     # A capsule of Rerun begins at its origin; ours are given by their centres.
-    starts = [np.array(s.at) - robot.matrix(s.quat_wxyz)[:, 2] * s.size[1] / 2 for s in shapes]
+    starts = [place(Pose(s.at, s.quat_wxyz), (0.0, 0.0, -s.size[1] / 2)) for s in shapes]
     return rr.Capsules3D(lengths=lengths, radii=radii, translations=starts, **look)
 
 

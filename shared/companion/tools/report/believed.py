@@ -7,7 +7,6 @@ Must not know: success.
 import math
 
 import msgspec
-import numpy as np
 
 from companion.languages import cmd
 from companion.languages.evidence import Claim, ClaimOfAct, Evidence, Sense
@@ -18,8 +17,10 @@ from companion.tools.beliefs import Belief, Beliefs
 from companion.tools.pictures import robot
 from companion.tools.report import plans, verdict
 from companion.tools.report.judges import judges
+from companion.world.geometry import place
 from operate.recording.history import History
 from operate.recording.records import Spoken
+from operate.structs import alike
 from velma.names import BODY, GRIP_BODY
 
 
@@ -62,12 +63,8 @@ def claims(history: History, command: Spoken) -> tuple[Claimed, ...]:
     said = (
         end.content.evidence if end is not None and isinstance(end.content, cmd.TaskReport) else ()
     )
-    return tuple(
-        Claimed(
-            one.claim, one.of, one.by, one.at, one.within, _true(one, truth), plain(evidence(one))
-        )
-        for one in said
-    )
+    rows = ((one, _true(one, truth), plain(evidence(one))) for one in said)
+    return tuple(alike(Claimed, one, true=true, words=words) for one, true, words in rows)
 
 
 def _true(one: Evidence, truth: TrueState | None) -> bool | None:
@@ -89,10 +86,8 @@ def beliefs(history: History) -> tuple[Believed, ...]:
     for one in history.said:
         beliefs.hear(one)
     true = _places(verdict.last_truth(history))
-    return tuple(
-        _believed(history, beliefs, name, true.get(name))
-        for name in sorted(beliefs.objects | set(true))
-    )
+    names = sorted(beliefs.objects | set(true))
+    return tuple(_believed(history, beliefs, name, true.get(name)) for name in names)
 
 
 def _believed(history: History, beliefs: Beliefs, name: str, true_at: Vector | None) -> Believed:
@@ -112,10 +107,7 @@ def _in_hand(body: BodyPosture | None, one: Belief) -> Vector | None:
     if body is None or one.side is None or one.in_grip is None:
         return None
     frames = robot.world_frames(robot.links(), _joints(body))
-    x, y, z, _ = (
-        float(part) for part in frames[GRIP_BODY[one.side]] @ np.array([*one.in_grip.xyz, 1.0])
-    )
-    return x, y, z
+    return place(frames[GRIP_BODY[one.side]], one.in_grip.xyz)
 
 
 def _joints(body: BodyPosture) -> dict[str, float]:

@@ -91,11 +91,8 @@ def _knowledge(history: History) -> Iterator[Event]:
     there is none).
     """
     first = min((plan.start for plan in ran(history)), default=float("inf"))
-    seen = [
-        o.received
-        for o in history.said
-        if isinstance(o.content, wm.SeenObject) and o.received < first
-    ]
+    sights = (one for one in history.said if isinstance(one.content, wm.SeenObject))
+    seen = [one.received for one in sights if one.received < first]
     if seen:
         yield Event(seen[0], Kind.FIRST_THING, (), ("C5", "C6"))
         yield Event(seen[-1], Kind.SURROUNDINGS, (), ("C5", "C6"))
@@ -158,11 +155,8 @@ def _localized(
 ) -> Iterator[Event]:
     """The first observation of what was put down, after the first look that followed."""
     assert release.end is not None
-    looks = (
-        act.end
-        for act in all_acts
-        if isinstance(act.command, rc.Look) and act.done and act.start > release.end
-    )
+    later = (act for act in all_acts if act.done and act.start > release.end)
+    looks = (act.end for act in later if isinstance(act.command, rc.Look))
     looked = next((end for end in looks if end is not None), None)
     if looked is None:
         return

@@ -90,11 +90,8 @@ def peak_kbit_s(said: Sequence[SentMessage], plan: Plan, step_s: float) -> float
 
 def kbit_s(plan: Plan, said: Sequence[SentMessage], step: float, bins: int) -> np.ndarray:
     """Return the bandwidth of C4 in each step [kbit/s], (bins,); 0 after the plan is there."""
-    some = [
-        one
-        for one in said
-        if one.channel == "C4" and plan.t <= one.t <= plan.t + (plan.wall_s or 0.0)
-    ]
+    until = plan.t + (plan.wall_s or 0.0)
+    some = [one for one in said if one.channel == "C4" and plan.t <= one.t <= until]
     at, weights = [one.t - plan.t for one in some], [8.0 * one.size / 1000 for one in some]
     counted, _ = np.histogram(at, bins=bins, range=(0.0, bins * step), weights=weights)
     return np.asarray(counted / step)

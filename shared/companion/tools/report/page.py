@@ -5,6 +5,7 @@ what is missing.
 import base64
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from matplotlib.axes import Axes
 
@@ -47,10 +48,8 @@ def planning(history: History, plan: Plan, made: Made) -> str:
         axes.stairs(kilobits, edges, fill=True, color=ACCENT, alpha=0.85, zorder=3)
         axes.axhline(mean, color=INK, linewidth=1, linestyle=(0, (4, 3)), zorder=4)
         _waits(axes, made, start, plan.wall_s)
-        label = (
-            f"plan {plan.number}, in steps of {step:g} s: mean {_kilobits(mean)}, peak"
-            f" {_kilobits(kilobits.max())}"
-        )
+        peak = f"{_kilobits(mean)}, peak {_kilobits(kilobits.max())}"
+        label = f"plan {plan.number}, in steps of {step:g} s: mean {peak}"
         axes.set_title(f"{label}{_theirs(plan.number)}", loc="left", fontsize=9, color=FAINT)
         axes.set_xlabel(f"time after the request for plan {plan.number} [s]")
         axes.set_ylabel("kbit/s")
@@ -74,16 +73,8 @@ def _waits(axes: Axes, made: Made, start: float, wall_s: float) -> None:
             axes.axvspan(asked - start, answered - start, color=BAND, zorder=0, linewidth=0)
             text = f"one answer of km takes {answered - asked:.1f} s"
             middle = (asked + answered) / 2 - start
-            axes.text(
-                middle,
-                0.9,
-                text,
-                transform=axes.get_xaxis_transform(),
-                ha="center",
-                va="top",
-                color=ACCENT,
-                fontsize=8,
-            )
+            look: dict[str, Any] = {"color": ACCENT, "fontsize": 8, "ha": "center", "va": "top"}
+            axes.text(middle, 0.9, text, transform=axes.get_xaxis_transform(), **look)
 
 
 def _theirs(number: int) -> str:

@@ -79,22 +79,16 @@ def made(history: History) -> tuple[Made, ...]:
     then.
     """
     asked = [one for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork)]
-    put_off = {
-        one.conversation
-        for one in history.said
-        if isinstance(one.content, hfsm.NoPlan) and one.content.later
-    }
+    none = (one for one in history.said if isinstance(one.content, hfsm.NoPlan))
+    put_off = {one.conversation for one in none if one.content.later}
     asked = [one for one in asked if one.conversation not in put_off]
     return tuple(_made(history, number, one) for number, one in enumerate(asked, start=1))
 
 
 def ran(history: History) -> tuple[Ran, ...]:
     """All plans given to ta, in the order of time."""
-    asked = [
-        one
-        for one in history.said
-        if one.channel == "C1" and isinstance(one.content, hfsm.HierarchicalPlan)
-    ]
+    to_ta = (one for one in history.said if one.channel == "C1")
+    asked = [one for one in to_ta if isinstance(one.content, hfsm.HierarchicalPlan)]
     return tuple(_ran(history, number, one) for number, one in enumerate(asked, start=1))
 
 
@@ -118,11 +112,8 @@ def asked(command: Spoken) -> str:
 def asked_of(command: Spoken) -> tuple[str, ...]:
     """The class of a command, and what is to be done with what."""
     what = command.content
-    fields = [
-        getattr(what, name)
-        for name in what.__struct_fields__
-        if name not in cmd.Command.__struct_fields__
-    ]
+    general = cmd.Command.__struct_fields__
+    fields = [getattr(what, name) for name in what.__struct_fields__ if name not in general]
     return (type(what).__name__, *(one for one in fields if one and isinstance(one, str)))
 
 
@@ -143,25 +134,19 @@ def outcome(end: Spoken | None) -> str:
     """
     if end is None:
         return ""
-    return (
-        REFUSED
-        if end.performative in REFUSALS
-        else str(getattr(end.content, "state", end.performative))
-    )
+    if end.performative in REFUSALS:
+        return REFUSED
+    return str(getattr(end.content, "state", end.performative))
 
 
 def others_plans(history: History, command: Spoken) -> frozenset[str]:
     """The ids of plans that were asked for, or carried out, for other commands than this one: co
     names them by it.
     """
-    marks = tuple(
-        f"{one.conversation}-plan"
-        for one in commands(history)
-        if one.conversation != command.conversation
-    )
-    named = (
-        one.content.id for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork)
-    )
+    others = {one.conversation for one in commands(history)} - {command.conversation}
+    marks = tuple(f"{one}-plan" for one in others)
+    contents = (one.content for one in history.said)
+    named = (content.id for content in contents if isinstance(content, hfsm.GroundTaskNetwork))
     return frozenset(name for name in named if name.startswith(marks))
 
 
@@ -261,14 +246,8 @@ def _act(history: History, asked: Spoken) -> Act:
     agreed = next((one.received for one in answers if one.performative == Performative.AGREE), None)
     end = next((one for one in answers if one.performative != Performative.AGREE), None)
     done = end is not None and isinstance(end.content, rc.Done)
-    return Act(
-        asked.content,
-        asked.received,
-        agreed,
-        None if end is None else end.received,
-        done,
-        reason(end),
-    )
+    until = None if end is None else end.received
+    return Act(asked.content, asked.received, agreed, until, done, reason(end))
 
 
 def reason(end: Spoken | None) -> str:

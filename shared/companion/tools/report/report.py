@@ -8,6 +8,7 @@ from the first communicate [s of wall time].
 from math import fsum
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.design import DESIGN
 from companion.sentences import happened
@@ -16,11 +17,13 @@ from companion.tools.report import believed, events, plans, verdict
 from companion.tools.report.clock import Clock
 from companion.tools.report.judges import Figures, Share, judges
 from companion.tools.report.paper import TABLE_8
+from companion.tools.system import SYSTEM
 from companion.tools.telemetry import paced, robot, truth
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from operate.reports import counts
-from operate.reports.report import FaultAt, HoleAt, Judged, faults, holes, judged
+from operate.reports import report as general
+from operate.reports.report import FaultAt, HoleAt, Judged
 from operate.structs import alike
 
 
@@ -147,7 +150,9 @@ def build(history: History) -> Report:
     """The figures of a run."""
     clock, failure = Clock(history), verdict.failure(history)
     figures = next((one.figures(history) for one in judges() if one.figures), Figures())
-    report = Report(
+    report = alike(
+        Report,
+        general.build(history, SYSTEM),
         success=failure is None,
         failure=failure,
         poured_fraction=figures.poured_fraction,
@@ -156,23 +161,15 @@ def build(history: History) -> Report:
         wall_time_s=_wall_time(history),
         energy_J=_energy(history),
         communicates=counts.communicates(history, DESIGN, TABLE_8),
-        judged=judged(history),
         plans=_plans(history),
         events=_events(history, clock),
-        latency=counts.latencies(history, DESIGN),
         loop=_loop(history),
-        seed=history.setting.seed if history.setting else None,
-        speed=history.setting.speed if history.setting else None,
-        scene=history.setting.scene if history.setting else None,
-        began=history.begin,
-        holes=holes(history),
         missing=(),
-        faults=faults(history),
         beliefs=believed.beliefs(history),
         poured=figures.poured,
         tasks=tuple(_task(history, command) for command in plans.commands(history)),
     )
-    return msgspec.structs.replace(report, missing=_missing(report, history))
+    return replace(report, missing=_missing(report, history))
 
 
 def _task(history: History, command: Spoken) -> Task:
@@ -194,10 +191,8 @@ def _sim_time(history: History, clock: Clock) -> float | None:
     surer beginning.
     """
     asked = [act for act in plans.acts(history) if act.end is not None and act.agreed is not None]
-    spans = [
-        ((act.agreed if paced(history) else act.start) or act.start, act.end or act.start)
-        for act in asked
-    ]
+    begins = [(act, act.agreed if paced(history) else act.start) for act in asked]
+    spans = [(begun or act.start, act.end or act.start) for act, begun in begins]
     return clock.spent(spans) if spans else None
 
 
@@ -257,16 +252,12 @@ def _loop(history: History) -> Loop | None:
 
 def _missing(report: Report, history: History) -> tuple[str, ...]:
     """A sentence for each figure that is null."""
-    no_telemetry = (
-        "the robot's telemetry was not recorded"
-        if not robot(history)
-        else "the task did not come so far"
-    )
-    no_truth = (
-        "the truth was not recorded at the end of the task"
-        if verdict.truth_at_end(history, plans.task_command(history)) is None
-        else "the scene has no such thing"
-    )
+    no_telemetry = "the robot's telemetry was not recorded"
+    if robot(history):
+        no_telemetry = "the task did not come so far"
+    truth_there = verdict.truth_at_end(history, plans.task_command(history)) is not None
+    unrecorded = "the truth was not recorded at the end of the task"
+    no_truth = "the scene has no such thing" if truth_there else unrecorded
     reasons = {
         "poured_fraction": no_truth,
         "bowl_tilt_deg": no_truth,

@@ -5,6 +5,7 @@ Wall time, as everything that is compared with the paper's Table 7.
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import msgspec
 from matplotlib.axes import Axes
@@ -59,9 +60,8 @@ def story(history: History) -> str:
     if not history.said:
         return ""
     found = list(bars(history))
-    until = (
-        max((bar.end for bar in found), default=history.said[-1].received) - history.begin or 1.0
-    )
+    last = max((bar.end for bar in found), default=history.said[-1].received)
+    until = last - history.begin or 1.0
     with drawing("story", 2.9, "Who was busy when") as (axes, svg):
         for bar in found:
             _draw(axes, bar, history.begin, until)
@@ -86,13 +86,8 @@ def bars(history: History) -> Iterator[Bar]:
         until = end.received if end is not None else history.said[-1].received
         state = outcome(end) or "not ended"
         colour = ACCENT if state == cmd.TaskState.DONE else FAILED
-        yield Bar(
-            LANES[0],
-            max(free, command.received),
-            until,
-            colour,
-            (f"{asked(command)}: {state}", state),
-        )
+        texts = (f"{asked(command)}: {state}", state)
+        yield Bar(LANES[0], max(free, command.received), until, colour, texts)
         free = max(free, until)
     for plan in made(history):
         until = plan.end if plan.end is not None else history.said[-1].received
@@ -106,13 +101,9 @@ def steps(history: History) -> Iterator[Bar]:
     """ta's way through the machines of its plans."""
     for plan in ran(history):
         until = plan.end if plan.end is not None else history.said[-1].received
-        reports = [
-            (one.received, one.content.at)
-            for one in history.said
-            if one.conversation == plan.conversation
-            and isinstance(one.content, sw.Report)
-            and one.content.at
-        ]
+        told = (one for one in history.said if one.conversation == plan.conversation)
+        of_ta = ((one.received, one.content) for one in told if isinstance(one.content, sw.Report))
+        reports = [(t, report.at) for t, report in of_ta if report.at]
         starts = [
             one
             for n, one in enumerate(reports)
@@ -125,11 +116,9 @@ def steps(history: History) -> Iterator[Bar]:
 
 def _texts(place: hfsm.Place) -> tuple[str, ...]:
     """Return what ta does in words, and shorter; the end of a plan is no step."""
-    return (
-        ()
-        if place.step is None
-        else (step(place.step, Reader.OPERATOR), place.step.does.replace("-", " "))
-    )
+    if place.step is None:
+        return ()
+    return (step(place.step, Reader.OPERATOR), place.step.does.replace("-", " "))
 
 
 def _acts(history: History) -> Iterator[Bar]:
@@ -152,34 +141,17 @@ def word_of(act: Act) -> str:
 
 def _draw(axes: Axes, bar: Bar, begin: float, until: float) -> None:
     lane, long = LANES.index(bar.lane), bar.end - bar.start
-    axes.barh(
-        lane,
-        long,
-        left=bar.start - begin,
-        height=0.66,
-        color=bar.colour,
-        edgecolor="white",
-        linewidth=0.8,
-        zorder=3,
-    )
+    edge: dict[str, Any] = {"edgecolor": "white", "linewidth": 0.8, "zorder": 3}
+    axes.barh(lane, long, left=bar.start - begin, height=0.66, color=bar.colour, **edge)
     room = long / until * PLOT_IN
     text = next((text for text in bar.texts if len(text) * LETTER_IN < room), "")
-    axes.text(
-        bar.start - begin + long / 2,
-        lane,
-        text,
-        ha="center",
-        va="center",
-        color=bar.ink,
-        fontsize=7.5,
-        zorder=4,
-    )
+    look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.5, "zorder": 4}
+    axes.text(bar.start - begin + long / 2, lane, text, color=bar.ink, **look)
 
 
 def _ticks(axes: Axes, history: History) -> None:
     """Draw the messages to and from km, a line each."""
-    told = [
-        one.received - history.begin for one in history.said if "km" in (one.sender, one.receiver)
-    ]
+    of_km = (one for one in history.said if "km" in (one.sender, one.receiver))
+    told = [one.received - history.begin for one in of_km]
     lane = LANES.index("km")
     axes.vlines(told, lane - 0.33, lane + 0.33, color=ACCENT, linewidth=0.5, alpha=0.5, zorder=3)

@@ -13,6 +13,11 @@ from operate.experiments.tables import table
 from operate.recording.history import History
 from velma.names import BODY
 
+TEXTS, COUNTS = ("mode", "act", "skill"), ("cycles", "missed", "skipped", "faults")
+QUANTILES = (
+    "lateness_p50_us", "lateness_p99_us", "lateness_max_us", "compute_p50_us", "compute_p99_us",
+)  # fmt: skip
+
 
 def of_history(history: History) -> dict[str, pyarrow.Table]:
     """Return the tables by name."""
@@ -24,17 +29,17 @@ def happened(history: History) -> pyarrow.Table:
     channels, text.
     """
     clock, found = Clock(history), events(history)
+    names = [(one.name, " ".join(one.channels), one.text) for one in found]
     columns: dict[str, list[Any]] = {
         "t": [one.at - history.begin for one in found],
         "sim_s": [clock.sim(one.at) for one in found],
-        "name": [one.name for one in found],
-        "channels": [" ".join(one.channels) for one in found],
-        "text": [one.text for one in found],
+        **{
+            column: [one[n] for one in names]
+            for n, column in enumerate(("name", "channels", "text"))
+        },
     }
-    types = {
-        name: pyarrow.float64() if name in ("t", "sim_s") else pyarrow.string() for name in columns
-    }
-    return table(types, columns)
+    types = dict.fromkeys(columns, pyarrow.string())
+    return table(types | dict.fromkeys(("t", "sim_s"), pyarrow.float64()), columns)
 
 
 def telemetry(history: History) -> pyarrow.Table:
@@ -45,26 +50,14 @@ def telemetry(history: History) -> pyarrow.Table:
     columns: dict[str, list[Any]] = {
         "t": [at - history.begin for at, _ in states],
         "sim_s": [state.sim_time_s for _, state in states],
-        "work_J": [state.work_J for _, state in states],
-        "mode": [state.mode for _, state in states],
-        "act": [state.act for _, state in states],
-        "skill": [state.skill for _, state in states],
-        "cycles": [state.cycles for _, state in states],
-        "missed": [state.missed for _, state in states],
-        "skipped": [state.skipped for _, state in states],
-        "faults": [state.faults for _, state in states],
-        "lateness_p50_us": [state.lateness_us.p50 for _, state in states],
-        "lateness_p99_us": [state.lateness_us.p99 for _, state in states],
-        "lateness_max_us": [state.lateness_us.max for _, state in states],
-        "compute_p50_us": [state.compute_us.p50 for _, state in states],
-        "compute_p99_us": [state.compute_us.p99 for _, state in states],
     }
-    types = {
-        name: pyarrow.string() if name in ("mode", "act", "skill") else pyarrow.float64()
-        for name in columns
-    }
-    types |= dict.fromkeys(("cycles", "missed", "skipped", "faults"), pyarrow.int64())
+    for name in ("work_J", *TEXTS, *COUNTS):
+        columns[name] = [getattr(state, name) for _, state in states]
+    for name in QUANTILES:  # lateness_p50_us: p50 of lateness_us
+        of, _, quantile = name.removesuffix("_us").partition("_")
+        columns[name] = [getattr(getattr(state, f"{of}_us"), quantile) for _, state in states]
     for n, joint in enumerate(BODY):
         columns[joint] = [state.body[n] if n < len(state.body) else None for _, state in states]
-        types[joint] = pyarrow.float64()
+    types = dict.fromkeys(columns, pyarrow.float64())
+    types |= dict.fromkeys(TEXTS, pyarrow.string()) | dict.fromkeys(COUNTS, pyarrow.int64())
     return table(types, columns)

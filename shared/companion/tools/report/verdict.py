@@ -45,9 +45,8 @@ def truth_at_end(history: History, command: Spoken | None) -> TrueState | None:
     recorded, end = truth(history), task_end(history, command) if command is not None else None
     if end is None:
         return recorded[-1][1] if recorded else None
-    moved = min(
-        (act.start for act in acts(history) if act.start > end.received), default=float("inf")
-    )
+    later = (act.start for act in acts(history) if act.start > end.received)
+    moved = min(later, default=float("inf"))
     before = [one for at, one in recorded if end.received - STALE_S <= at <= end.received]
     after = [one for at, one in recorded if end.received < at < moved]
     return next(iter((*before[-1:], *after)), None)
@@ -101,10 +100,8 @@ def _not_whole(history: History) -> Iterator[str]:
     of all else.
     """
     for process in history.down:
-        yield (
-            f"{process.name} did not run"
-            f" ({process.state}{': ' + process.note if process.note else ''})"
-        )
+        note = f": {process.note}" if process.note else ""
+        yield f"{process.name} did not run ({process.state}{note})"
 
 
 def _of_plans(history: History, command: Spoken) -> Iterator[str]:

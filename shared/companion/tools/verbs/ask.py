@@ -120,8 +120,6 @@ def _print_table(told: Rows, known: asking.Known) -> None:
         table.add_row(*(Text("" if term is None else asking.short(term)) for term in row))
     console = Console()
     console.print(table)
-    count = (
-        f"{len(told.rows)}"
-        f" row{'s' * (len(told.rows) != 1)}{', and there are more (--rows)' * told.cut}"
-    )
+    rows, more = len(told.rows), ", and there are more (--rows)" * told.cut
+    count = f"{rows} row{'s' * (rows != 1)}{more}"
     console.print(f"{count}; {known.words}", style="dim", highlight=False)

@@ -45,10 +45,8 @@ class Pace(msgspec.Struct, frozen=True):
     @property
     def sentence(self) -> str:
         """For a person, without a full stop."""
-        return (
-            f"{100 * self.late / max(1, self.periods):.0f} % of the control loop's cycles are late"
-            " here now"
-        )
+        late = 100 * self.late / max(1, self.periods)
+        return f"{late:.0f} % of the control loop's cycles are late here now"
 
 
 def measure(slots: Path | None = None) -> Pace | None:
@@ -160,22 +158,15 @@ def opengl() -> Iterator[Check]:
 def library() -> Iterator[Check]:
     """Whether the hot loops of planner and control loop run compiled here."""
     if compiled.library() is not None:
-        yield Check(
-            "compiled",
-            Level.FINE,
-            "collision checks, inverse kinematics and the torque law run in C",
-        )
+        how = "collision checks, inverse kinematics and the torque law run in C"
+        yield Check("compiled", Level.FINE, how)
     else:
         remedy = (
             "`python -m velma.compiled` builds it, with a C compiler (Debian: apt install gcc"
             " libc6-dev)"
         )
-        yield Check(
-            "compiled",
-            Level.NOTE,
-            "no library of velma.compiled: planning takes twice as long",
-            remedy,
-        )
+        slow = "no library of velma.compiled: planning takes twice as long"
+        yield Check("compiled", Level.NOTE, slow, remedy)
 
 
 CHECKS = Checks(

@@ -129,10 +129,8 @@ def sensor(
                 " side"
             )
         if sense is Of.ENCODER and not joint:
-            raise UsageError(
-                "which encoder? name its joint: --joint, one of"
-                f" {', '.join(disturbances.ON[Of.ENCODER])}"
-            )
+            joints = ", ".join(disturbances.ON[Of.ENCODER])
+            raise UsageError(f"which encoder? name its joint: --joint, one of {joints}")
         ordered(one, at, for_, within, target, run_dir, form)
 
 
@@ -284,9 +282,8 @@ def _write(fleet: Target, name: str, instead: tuple[Disturbance, ...]) -> None:
     itself.
     """
     before, now = disturbances.decoded(fleet.read(LOOP, DISTURBANCES_FILE)), time.time()
-    others = tuple(
-        one for one in before if one.id != name and (one.until is None or one.until > now)
-    )
+    lasting = (one for one in before if one.until is None or one.until > now)
+    others = tuple(one for one in lasting if one.id != name)
     if (after := (*others, *instead)) != before:
         fleet.put(DISTURBANCES_FILE, disturbances.encoded(after))
 

@@ -112,10 +112,8 @@ def when_started(
         if not until:
             until = time.monotonic() + STARTING_S
             if form is Format.TEXT:
-                print(
-                    f"roco: the fleet is starting; waiting for it, at most {STARTING_S:.0f} s",
-                    file=sys.stderr,
-                )
+                waits = f"waiting for it, at most {STARTING_S:.0f} s"
+                print(f"roco: the fleet is starting; {waits}", file=sys.stderr)
         elif time.monotonic() > until:
             words = (
                 f"the fleet is still starting after {STARTING_S:.0f} s; see `roco status` ({found})"

@@ -83,10 +83,8 @@ def door(fleet: Target) -> Door:
         address = msgspec.json.decode(told, type=PageAddress)
         status, data = answered(address, "POST", "/code", patience_s=ANSWER_S)
         if status != http.client.OK:
-            raise PageError(
-                f"the page of {fleet.where} gave no code ({status}):"
-                f" {data[:200].decode(errors='replace')}"
-            )
+            why = data[:200].decode(errors="replace")
+            raise PageError(f"the page of {fleet.where} gave no code ({status}): {why}")
         code = msgspec.json.decode(data, type=Pairing)
     except (OSError, http.client.HTTPException, msgspec.DecodeError) as error:
         raise PageError(

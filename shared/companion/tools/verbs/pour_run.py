@@ -144,9 +144,8 @@ def follow(
     while task.state not in ENDED:
         try:
             tasks = hi().tasks()
-            mine = (
-                line for line in tasks if task.task in ("", line.task) and line.said == sentence
-            )
+            said = (line for line in tasks if line.said == sentence)
+            mine = (line for line in said if task.task in ("", line.task))
             task = next(mine, None) or hi().say(sentence)
             heard = time.monotonic()
             watch.look(tasks=tasks)
@@ -351,10 +350,8 @@ def _page(run: Path, console: Console, form: Format, *, opened: bool) -> None:
     found = door_when_there(run)
     if found is None:
         return
-    console.out(
-        msgspec.json.encode(found).decode() if form is Format.JSON else f"page: {found.url}",
-        highlight=False,
-    )
+    told = msgspec.json.encode(found).decode() if form is Format.JSON else f"page: {found.url}"
+    console.out(told, highlight=False)
     if opened:
         webbrowser.open(found.url)
 

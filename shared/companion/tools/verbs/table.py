@@ -8,7 +8,7 @@ VERBS: Table = {
         "demo": (
             f"{ROOM}.pour_run:demo",
             "Run the main job from start to end, watched: up, say, report, down.",
-        ),
+        )
     },
     "The robot": {
         "say": (
@@ -42,6 +42,6 @@ VERBS: Table = {
                 "Repeat the main job, a fresh fleet each time; report.html, .json and .md set it"
                 " beside the paper."
             ),
-        ),
+        )
     },
 }

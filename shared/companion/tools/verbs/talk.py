@@ -110,11 +110,10 @@ def say(
     with problems(form):
         wish = Say(text, int(first), within, later or seconds_until(at, datetime.now()))
         stops = stop_words(text, _answers(text, target, run_dir))
-        task = (
-            _stopped(text, target, run_dir, form)
-            if stops
-            else _said_when_started(wish, target, run_dir, form)
-        )
+        if stops:
+            task = _stopped(text, target, run_dir, form)
+        else:
+            task = _said_when_started(wish, target, run_dir, form)
         if task.task:
             task = followed(lambda: Hi(address(targets.find(target, run_dir))), task, wait, form)
         tell_task(task, form)
@@ -149,11 +148,9 @@ def followed(hi: Callable[[], Hi], said: TaskLine, wait: bool, form: Format) -> 
         task = _until(hi, name, wait, form)
         if task.state in ENDED and task.state != TaskState.DONE:
             return task
-    return (
-        task
-        if wait or task.state in ENDED
-        else replace(said, state=said.state if said.then else task.state)
-    )
+    if wait or task.state in ENDED:
+        return task
+    return replace(said, state=said.state if said.then else task.state)
 
 
 def _until(hi: Callable[[], Hi], name: str, wait: bool, form: Format) -> TaskLine:
@@ -179,10 +176,8 @@ def _until(hi: Callable[[], Hi], name: str, wait: bool, form: Format) -> TaskLin
         ):
             print(before := now, file=sys.stderr)
         if not taken and time.monotonic() - asked > TAKEN_S:
-            words = (
-                f"the coordinator has not taken {name} within {TAKEN_S:g} s; it goes on when it"
-                " does, or `roco cancel`"
-            )
+            late = f"the coordinator has not taken {name} within {TAKEN_S:g} s"
+            words = f"{late}; it goes on when it does, or `roco cancel`"
             raise HiError(http.HTTPStatus.SERVICE_UNAVAILABLE, words)
         time.sleep(PERIOD_S)
 
@@ -223,11 +218,9 @@ def _loop_here(fleet: Target) -> bool:
     """Whether a control loop has had the stop flag of this fleet mapped, on this machine or in its
     containers.
     """
-    return (
-        not isinstance(fleet, Local)
-        or (fleet.run / SLOTS_FILE).exists()
-        or bool(fleet_processes.deleted_files(fleet.run, STOP_FILE))
-    )
+    if not isinstance(fleet, Local) or (fleet.run / SLOTS_FILE).exists():
+        return True
+    return bool(fleet_processes.deleted_files(fleet.run, STOP_FILE))
 
 
 def _said_when_started(wish: Say, target: str, run_dir: Path | None, form: Format) -> TaskLine:
@@ -327,11 +320,9 @@ def held(target: str, run_dir: Path | None, form: Format) -> list[Target]:
         else:
             stopped += [fleet] if _loop_here(fleet) else []
     if not stopped:
-        raise (
-            failed[0]
-            if failed
-            else FleetError(NOT_HERE.format(where=" or ".join(one.where for one in fleets)))
-        )
+        if failed:
+            raise failed[0]
+        raise FleetError(NOT_HERE.format(where=" or ".join(one.where for one in fleets)))
     for one in failed:
         tell_problem(one, form)
     return stopped

@@ -16,7 +16,7 @@ from hand_over import measured
 @pytest.mark.needs_opengl
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("person", ["pulls", "nobody"])  # a knock: test_performed.py
-def test_it_is_given_to_whom_pulls_and_else_put_down(person: str) -> None:
+def test_it_is_given_to_whom_pulls_and_else_put_down(person):
     """Canonical scene, seed 4: the robot's words are true, nothing falls, all content stays in the
     jar.
     """

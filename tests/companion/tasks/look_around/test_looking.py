@@ -2,20 +2,17 @@
 longer.
 """
 
-from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot import Acting
 
 from companion.languages import rc
-from companion.skills.loop_messages import Motion
 from companion.skills.motions import aim
 from companion.skills.performing import perform
 from companion.skills.senses import MORE_LOOKS, missed
-from companion.skills.situation import Sight, Situation
+from companion.skills.situation import Sight
 from companion.skills.skill import Sensed
 from companion.tasks.look_around.perform import look
 from velma import names
@@ -26,7 +23,7 @@ pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes
 
 
 @pytest.fixture
-def cabinet_gone(jar_out: Acting) -> Situation:
+def cabinet_gone(jar_out):
     """The bowl stands where nothing but an arm can hide it, and near enough."""
     here = jar_out.here
     here.forget("cabinet_2")
@@ -37,9 +34,7 @@ def cabinet_gone(jar_out: Acting) -> Situation:
 
 
 @pytest.mark.parametrize("turned", [0.0, 1.2, -1.2])
-def test_what_is_out_of_the_picture_is_not_surely_seen(
-    cabinet_gone: Situation, turned: float
-) -> None:
+def test_what_is_out_of_the_picture_is_not_surely_seen(cabinet_gone, turned):
     """The head does not turn everywhere: what is in a raised hand beside it may be there, but in no
     picture.
     """
@@ -49,9 +44,7 @@ def test_what_is_out_of_the_picture_is_not_surely_seen(
         assert here.surely_seen(BOWL, at) == (turned == 0.0)
 
 
-def looked(
-    here: Situation, at: Sequence[tuple[float, float, float]], seen_from: int
-) -> list[Motion]:
+def looked(here, at, seen_from):
     """Return the motions of a look; a table is seen in each, the bowl from the n-th one on."""
     work, motions = look(here, rc.Look("look", tuple(at))), []
     bowl, table = Sight(BOWL, here.seen[BOWL]), table_of(here)
@@ -67,26 +60,24 @@ def looked(
         return motions
 
 
-def table_of(here: Situation) -> Sight:
+def table_of(here):
     """A table, as it is known."""
     return Sight("table_1", here.seen["table_1"])
 
 
-def sensed(here: Situation, sights: list[Sight]) -> Sensed:
+def sensed(here, sights):
     """What a motion ends with."""
     return Sensed("done", (), here.q, here.q, {}, {}, {}, here.head, sights, here.time)
 
 
-def test_a_thing_that_is_seen_is_looked_at_once(jar_out: Acting) -> None:
+def test_a_thing_that_is_seen_is_looked_at_once(jar_out):
     """The torso rests."""
     at = tuple(float(x) for x in jar_out.here.seen[BOWL].translation)
     assert len(looked(jar_out.here, [at], 1)) == 1
 
 
 @pytest.mark.parametrize(("seen_from", "motions"), [(2, 2), (3, 3), (99, 3)])
-def test_the_torso_turns_until_a_hidden_thing_is_seen(
-    seen_from: int, motions: int, jar_out: Acting
-) -> None:
+def test_the_torso_turns_until_a_hidden_thing_is_seen(seen_from, motions, jar_out):
     """To one side, then to the other; where it is seen from neither, the look ends."""
     here = jar_out.here
     before = float(here.q[names.TORSO])
@@ -99,12 +90,12 @@ def test_the_torso_turns_until_a_hidden_thing_is_seen(
     assert all(np.allclose(arm, arms[0]) for arm in arms)
 
 
-def test_a_place_where_nothing_should_be_is_looked_at_once(jar_out: Acting) -> None:
+def test_a_place_where_nothing_should_be_is_looked_at_once(jar_out):
     """A look around turns the head alone."""
     assert len(looked(jar_out.here, [(1.0, 0.0, 2.0), (0.6, -0.9, 1.6)], 99)) == 2
 
 
-def test_a_thing_that_is_not_where_nothing_hides_it_is_missing(cabinet_gone: Situation) -> None:
+def test_a_thing_that_is_not_where_nothing_hides_it_is_missing(cabinet_gone):
     """After the torso has turned, too; one that is seen at last is not."""
     here = cabinet_gone
     at = tuple(float(x) for x in here.seen[BOWL].translation)
@@ -115,7 +106,7 @@ def test_a_thing_that_is_not_where_nothing_hides_it_is_missing(cabinet_gone: Sit
     assert here.missing == {BOWL}
 
 
-def test_eyes_that_see_nothing_at_all_miss_nothing(cabinet_gone: Situation) -> None:
+def test_eyes_that_see_nothing_at_all_miss_nothing(cabinet_gone):
     """The picture is black: no furniture is in it either."""
     here = cabinet_gone
     here.begin()
@@ -123,13 +114,11 @@ def test_eyes_that_see_nothing_at_all_miss_nothing(cabinet_gone: Situation) -> N
     assert here.miss(BOWL, [table_of(here)])
 
 
-def test_a_thing_that_may_be_hidden_is_not_missing(cabinet_gone: Situation) -> None:
+def test_a_thing_that_may_be_hidden_is_not_missing(cabinet_gone):
     """A box stands before it."""
     here = cabinet_gone
-    bowl, eye = (
-        here.seen[BOWL].translation,
-        here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation,
-    )
+    bowl = here.seen[BOWL].translation
+    eye = here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation
     here.models = {**here.models, "box_1": "box3"}
     here.place("box_1", pin.SE3(np.eye(3), eye + 0.5 * (bowl - eye)))
     here.begin()
@@ -137,7 +126,7 @@ def test_a_thing_that_may_be_hidden_is_not_missing(cabinet_gone: Situation) -> N
     assert here.missing == set()
 
 
-def test_what_is_missing_is_told_and_forgotten(cabinet_gone: Situation) -> None:
+def test_what_is_missing_is_told_and_forgotten(cabinet_gone):
     """The outcome names it; the next act does not know of it."""
     here = cabinet_gone
     at = tuple(float(x) for x in here.seen[BOWL].translation)
@@ -150,7 +139,7 @@ def test_what_is_missing_is_told_and_forgotten(cabinet_gone: Situation) -> None:
     assert again.missing == ()
 
 
-def performed(here: Situation, command: rc.Look) -> rc.Done | rc.NotDone:
+def performed(here, command):
     """Perform it; a table is seen, and nothing else."""
     work = perform(here, command)
     try:
@@ -165,9 +154,7 @@ def performed(here: Situation, command: rc.Look) -> rc.Done | rc.NotDone:
 
 
 @pytest.mark.parametrize("seen_at", [0, 1, MORE_LOOKS, MORE_LOOKS + 1])
-def test_a_picture_that_shows_nothing_is_followed_by_others(
-    cabinet_gone: Situation, seen_at: int
-) -> None:
+def test_a_picture_that_shows_nothing_is_followed_by_others(cabinet_gone, seen_at):
     """Only a thing that is in none of them is missing."""
     here = cabinet_gone
     here.begin()

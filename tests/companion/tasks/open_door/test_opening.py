@@ -13,8 +13,8 @@ from companion.languages.values import Side
 from companion.planning.methods import Asking
 from companion.planning.steps import Geometry
 from companion.tasks.open_door.plan import ENOUGH, open_door
+from companion.world.observe import observed
 from services.knowledge.answers import ask
-from services.knowledge.observe import observed
 from services.knowledge.overlays import Overlays
 from services.knowledge.store import Store
 from services.task.outgoing_messages import observations
@@ -30,12 +30,12 @@ OWN = {"door_1": Side.LEFT, "door_2": Side.RIGHT}
 MOST_N = 60.0
 
 
-def angle(acting: Acting, door: str) -> float:
+def angle(acting, door):
     """How far a leaf truly is open."""
     return SENSE[door] * float(acting.core.backend.data.joint(door).qpos[0])
 
 
-def planned(done: rc.Done, door: str) -> tuple[rc.Command, ...]:
+def planned(done, door):
     """What the planner would have the leaf's own hand do, by what km knows after an act."""
     store, overlays = Store.open(), Overlays()
     for number, one in enumerate(observations(done)):
@@ -47,14 +47,13 @@ def planned(done: rc.Done, door: str) -> tuple[rc.Command, ...]:
         return answer
 
     asking = Asking(answered, "p")
-    step = open_door(
-        Geometry(asking, Robot(), 1), asking.suppose("", ()), door, "cabinet_2", OWN[door]
-    )
+    geometry = Geometry(asking, Robot(), 1)
+    step = open_door(geometry, asking.suppose("", ()), door, "cabinet_2", OWN[door])
     return step.commands
 
 
 @pytest.fixture(scope="module")
-def before() -> tuple[Acting, dict[str, tuple[rc.Command, ...]]]:
+def before():
     """A robot that has looked around before the closed cabinet, and the commands that open each
     leaf.
     """
@@ -63,9 +62,7 @@ def before() -> tuple[Acting, dict[str, tuple[rc.Command, ...]]]:
     return acting, {door: planned(seen, door) for door in SENSE}
 
 
-def watched(
-    acting: Acting, commands: tuple[rc.Command, ...]
-) -> tuple[list[rc.Done | rc.NotDone], float]:
+def watched(acting, commands):
     """The outcomes, and the largest force at a wrist [N]."""
     most, step = [0.0], acting.core.backend.step
 
@@ -82,7 +79,7 @@ def watched(
 
 
 @pytest.mark.parametrize("door", SENSE)
-def test_a_leaf_is_opened_by_its_handle(before, door: str) -> None:
+def test_a_leaf_is_opened_by_its_handle(before, door):
     """So far as is enough, with a force that a hand gives; the other leaf and what is behind stay;
     the arm is free.
     """
@@ -103,7 +100,7 @@ def test_a_leaf_is_opened_by_its_handle(before, door: str) -> None:
     assert angle(acting, door) > ENOUGH - math.radians(1.0)
 
 
-def test_what_is_seen_decides(before) -> None:
+def test_what_is_seen_decides(before):
     """A leaf that is held half way is not open, whatever the hand was told."""
     known, commands = before
     acting = known.copied()
@@ -113,7 +110,7 @@ def test_what_is_seen_decides(before) -> None:
     assert angle(acting, DOOR) < 0.7
 
 
-def test_a_leaf_that_moved_meanwhile_is_not_turned_blindly(before) -> None:
+def test_a_leaf_that_moved_meanwhile_is_not_turned_blindly(before):
     """It is open already, and not where the hand goes: the robot says why it did not open it."""
     known, commands = before
     acting = known.copied()
@@ -125,7 +122,7 @@ def test_a_leaf_that_moved_meanwhile_is_not_turned_blindly(before) -> None:
     assert ended.why
 
 
-def test_a_cancel_lets_the_handle_go(before) -> None:
+def test_a_cancel_lets_the_handle_go(before):
     """Amid the turn: the hand is drawn back, and goes home."""
     known, commands = before
     acting = known.copied()

@@ -2,19 +2,14 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-if TYPE_CHECKING:
-    from robot import Acting
-
-    from companion.tasks.pour.done import Pour
 
 
 @pytest.fixture(scope="session")
-def _over_the_bowl(_jar_out: "Acting") -> "tuple[Acting, Pour]":
+def _over_the_bowl(_jar_out):
     from tilts import in_view
 
     acting = _jar_out.copied()
@@ -23,7 +18,7 @@ def _over_the_bowl(_jar_out: "Acting") -> "tuple[Acting, Pour]":
 
 
 @pytest.fixture
-def over_the_bowl(_over_the_bowl: "tuple[Acting, Pour]") -> "tuple[Acting, Pour]":
+def over_the_bowl(_over_the_bowl):
     """The jar is in the left hand, the bowl in view on the nearest table, and this is a pour that
     is possible there.
 

@@ -4,22 +4,21 @@ hand feels.
 
 import dataclasses
 import math
-from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from robot import Acting
 from tilts import BOWL, JAR, LEFT
 
 from companion import models
 from companion.languages import rc
 from companion.languages.facts import fact
-from companion.skills.loop_messages import GripReport, Motion
+from companion.skills.loop_messages import GripReport
 from companion.skills.motions import aim, turned
 from companion.skills.performing import perform
 from companion.skills.senses import MORE_LOOKS
-from companion.skills.situation import Sight, Situation, Unfinished
+from companion.skills.situation import Sight, Unfinished
 from companion.skills.skill import Sensed
 from companion.tasks.pour.done import Pour, PourKind
 from companion.tasks.pour.perform import _away
@@ -36,14 +35,7 @@ pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes
 Over = tuple[Acting, Pour]
 
 
-def performed(
-    here: Situation,
-    command: Pour,
-    before: float,
-    *after: float,
-    cancelled: int = -1,
-    content: tuple[float | None, float | None] = (None, None),
-) -> tuple[rc.Done | rc.NotDone, list[Motion]]:
+def performed(here, command, before, *after, cancelled=-1, content=(None, None)):
     """Perform a pour with these masses [kg] felt: before, and after each tilt, which has two
     motions.
 
@@ -63,9 +55,7 @@ def performed(
         return stop.value, motions
 
 
-def _sensed(
-    here: Situation, motion: Motion, mass: float, cancelled: bool, content: float | None
-) -> Sensed:
+def _sensed(here, motion, mass, cancelled, content):
     q = motion.path()[-1]
     felt = Grip.HELD if mass else Grip.UNSURE
     grips = {} if math.isnan(mass) else {str(LEFT): GripReport(felt=felt, mass=mass)}
@@ -76,7 +66,7 @@ def _sensed(
     return Sensed(ended, (), q, q, {}, {}, grips, head, sights, here.time + 1.0)
 
 
-def told(outcome: rc.Done | rc.NotDone) -> Any:
+def told(outcome):
     """What a pour that was done weighed and saw arrive; the kind of one that was not done."""
     return (outcome.weighed, outcome.arrived) if isinstance(outcome, rc.Done) else outcome.kind
 
@@ -116,7 +106,7 @@ POURS = [
 ]
 
 
-def test_what_left_the_jar_is_felt_and_looked_for_in_the_bowl(over_the_bowl: Over) -> None:
+def test_what_left_the_jar_is_felt_and_looked_for_in_the_bowl(over_the_bowl):
     """What is seen there is told."""
     acting, command = over_the_bowl
     wrong = []
@@ -136,17 +126,15 @@ HIDDEN = [(0.0, 0.03, True), (0.0, 0.006, True), (0.0, 0.004, None), (0.0, 0.0, 
           (0.03, 0.04, None)]  # fmt: skip
 
 
-def test_a_look_that_something_hides_tells_the_least(over_the_bowl: Over) -> None:
+def test_a_look_that_something_hides_tells_the_least(over_the_bowl):
     """A box stands between the head and the bowl, wherever the hand is: there is as much as is
     seen, or more.
     """
     acting, command = over_the_bowl
     for had, seen, arrived in HIDDEN:
         here = acting.copied().here
-        bowl, eye = (
-            here.seen[BOWL].translation,
-            here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation,
-        )
+        bowl = here.seen[BOWL].translation
+        eye = here.robot.camera(here.q[names.TORSO], 0.0, 0.5).translation
         here.place("box_1", standing(eye + 0.3 * (bowl - eye)))
         here.contents[BOWL] = had
         outcome, _ = performed(here, command, FULL, EMPTY, content=(None, seen))
@@ -154,29 +142,28 @@ def test_a_look_that_something_hides_tells_the_least(over_the_bowl: Over) -> Non
         assert all(one.content is None for one in outcome.seen)
 
 
-def test_the_second_tilt_goes_farther(over_the_bowl: Over) -> None:
+def test_the_second_tilt_goes_farther(over_the_bowl):
     """And the last motion of a pour ends where nothing is before the bowl."""
     acting, command = over_the_bowl
     here = acting.here
     _, motions = performed(here, command, FULL, HALF, EMPTY)
     grips = (here.robot.grip(motion.path()[-1], LEFT) for motion in motions)
     inside = here.held[LEFT].T_grip_object
-    before, first, _, second, _, _ = (
-        float(np.arccos((grip * inside).rotation[2, 2])) for grip in grips
-    )
+    tilts = (float(np.arccos((grip * inside).rotation[2, 2])) for grip in grips)
+    before, first, _, second, _, _ = tilts
     assert (before, first) == pytest.approx((FIRST_TILT, LAST_TILT), abs=0.02)
     assert second > first + 0.2
     assert here.hidden(BOWL, motions[-1].path()[-1]) == 0
 
 
-def test_a_pour_with_nothing_in_the_hand_at_its_end_is_not_done(over_the_bowl: Over) -> None:
+def test_a_pour_with_nothing_in_the_hand_at_its_end_is_not_done(over_the_bowl):
     """The jar was felt after the tilt, and is no more when the bowl is looked into."""
     acting, command = over_the_bowl
     assert told(performed(acting.here, command, FULL, EMPTY, 0.0)[0]) in ("empty", "replan")
 
 
 @pytest.mark.parametrize("left", [EMPTY, HALF])
-def test_a_pour_that_goes_on_counts_from_its_beginning(left: float, over_the_bowl: Over) -> None:
+def test_a_pour_that_goes_on_counts_from_its_beginning(left, over_the_bowl):
     """Cancelled in the middle, when all or half has left the jar, the next one is done, and all of
     it was felt.
     """
@@ -188,14 +175,14 @@ def test_a_pour_that_goes_on_counts_from_its_beginning(left: float, over_the_bow
     assert told(performed(here, command, EMPTY, EMPTY)[0]) == "failed", "a third one pours nothing"
 
 
-def test_a_second_tilt_that_is_cancelled_counts_too(over_the_bowl: Over) -> None:
+def test_a_second_tilt_that_is_cancelled_counts_too(over_the_bowl):
     """What had left in the first one, and in the second until then, is not forgotten."""
     acting, command = over_the_bowl
     assert told(performed(acting.here, command, FULL, HALF, EMPTY, cancelled=3)[0]) == "cancelled"
     assert acting.here.unfinished[JAR].left == pytest.approx(FULL - EMPTY)
 
 
-def test_content_taken_out_between_two_tilts_was_not_poured(over_the_bowl: Over) -> None:
+def test_content_taken_out_between_two_tilts_was_not_poured(over_the_bowl):
     """Nothing left in the first tilt, somebody empties the jar, nothing leaves in the second: the
     pour fails.
     """
@@ -204,7 +191,7 @@ def test_content_taken_out_between_two_tilts_was_not_poured(over_the_bowl: Over)
     assert told(performed(acting.here, command, EMPTY, EMPTY)[0]) == "failed"
 
 
-def test_a_tilt_that_was_not_weighed_counts_from_its_beginning(over_the_bowl: Over) -> None:
+def test_a_tilt_that_was_not_weighed_counts_from_its_beginning(over_the_bowl):
     """The skill process dies while the jar is tilted: the next one has the weight before that tilt
     from the journal.
     """
@@ -213,20 +200,19 @@ def test_a_tilt_that_was_not_weighed_counts_from_its_beginning(over_the_bowl: Ov
     assert performed(acting.here, command, EMPTY, EMPTY)[0].weighed == (FULL, EMPTY)
 
 
-def test_a_pour_into_another_thing_begins_by_itself(over_the_bowl: Over) -> None:
+def test_a_pour_into_another_thing_begins_by_itself(over_the_bowl):
     """Content that left the jar before did not go there."""
     acting, command = over_the_bowl
     here = acting.here
     performed(here, command, FULL, EMPTY, cancelled=TILTED)
     here.place("bowl_2", here.seen[BOWL])
     here.forget(BOWL)
-    outcome, _ = performed(
-        here, msgspec.structs.replace(command, destination="bowl_2"), EMPTY, EMPTY
-    )
+    other = replace(command, destination="bowl_2")
+    outcome, _ = performed(here, other, EMPTY, EMPTY)
     assert outcome.why == (fact(PourKind.NOTHING_LEFT, JAR, EMPTY, EMPTY),)
 
 
-def test_content_of_an_earlier_tilt_counts_as_poured(over_the_bowl: Over) -> None:
+def test_content_of_an_earlier_tilt_counts_as_poured(over_the_bowl):
     """Half had left before an interruption: all of it must be there, more than was in the bowl
     before.
     """
@@ -238,47 +224,37 @@ def test_content_of_an_earlier_tilt_counts_as_poured(over_the_bowl: Over) -> Non
     assert performed(here, command, HALF, EMPTY, content=(None, 0.03))[0].arrived is False
 
 
-def test_a_cancel_while_it_looks_changes_nothing(over_the_bowl: Over) -> None:
+def test_a_cancel_while_it_looks_changes_nothing(over_the_bowl):
     """All has left the jar: the pour is done, and it was not looked into."""
     acting, command = over_the_bowl
-    assert told(performed(acting.here, command, FULL, EMPTY, cancelled=LOOK - 1)[0]) == (
-        (FULL, EMPTY),
-        None,
-    )
+    outcome, _ = performed(acting.here, command, FULL, EMPTY, cancelled=LOOK - 1)
+    assert told(outcome) == ((FULL, EMPTY), None)
 
 
-def test_the_hand_is_drawn_aside_where_the_elbow_is_near_the_head(over_the_bowl: Over) -> None:
+def test_the_hand_is_drawn_aside_where_the_elbow_is_near_the_head(over_the_bowl):
     """The posture, the bowl and the azimuth of a pour after a stop: the head could not turn to the
     bowl.
     """
     acting, command = over_the_bowl
     here = acting.here
     here.place(BOWL, standing(np.array([0.630, -0.490, 0.775])))
-    here.q[[names.TORSO, *names.ARM["left"]]] = [
-        -0.954,
-        -2.557,
-        2.064,
-        -2.190,
-        1.663,
-        1.771,
-        0.696,
-        1.003,
-    ]
+    left = [-0.954, -2.557, 2.064, -2.190, 1.663, 1.771, 0.696, 1.003]
+    here.q[[names.TORSO, *names.ARM["left"]]] = left
     here.head = (0.0, 0.0)
     rim = here.seen[BOWL].act(np.array(models.MODELS[here.models[BOWL]].hole.centre))
     assert turned(here, here.q, rim) is None
-    path = _away(here, msgspec.structs.replace(command, azimuth=0.2), rim)
+    path = _away(here, replace(command, azimuth=0.2), rim)
     head = turned(here, path[-1], rim)
     assert here.hidden(BOWL, path[-1], (head.pan, head.tilt)) == 0
 
 
-def test_nothing_is_tilted_over_a_bowl_that_is_gone(over_the_bowl: Over) -> None:
+def test_nothing_is_tilted_over_a_bowl_that_is_gone(over_the_bowl):
     """It is in none of some pictures below the jar, where some of it would be in view: the jar
     stays upright.
     """
     acting, command = over_the_bowl
     here = acting.here
-    sights: list[Sight] = [Sight("table_1", here.seen["table_1"])]
+    sights = [Sight("table_1", here.seen["table_1"])]
     work = perform(here, command)
     motion = next(work)
     sensed = _sensed(here, motion, FULL, False, None)
@@ -294,7 +270,7 @@ def test_nothing_is_tilted_over_a_bowl_that_is_gone(over_the_bowl: Over) -> None
 
 
 @pytest.mark.parametrize("seen", [0.0, 0.03])
-def test_content_may_cover_what_is_inside(seen: float, over_the_bowl: Over) -> None:
+def test_content_may_cover_what_is_inside(seen, over_the_bowl):
     """Markers inside tell where a bowl is until something is in it, poured or seen; those outside
     always do.
     """
@@ -316,9 +292,7 @@ def test_content_may_cover_what_is_inside(seen: float, over_the_bowl: Over) -> N
 
 
 @pytest.mark.parametrize(("aside", "kind"), [(0.005, ""), (0.05, "replan")])
-def test_nothing_is_tilted_over_a_bowl_that_was_moved(
-    aside: float, kind: str, over_the_bowl: Over
-) -> None:
+def test_nothing_is_tilted_over_a_bowl_that_was_moved(aside, kind, over_the_bowl):
     """It is seen beside where it was: the stream would miss it. Millimetres are noise."""
     acting, command = over_the_bowl
     work = perform(acting.here, command)

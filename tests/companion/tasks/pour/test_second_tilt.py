@@ -2,10 +2,8 @@
 
 import mujoco
 import pytest
-from robot import Acting
 from tilts import BOWL, JAR, brought
 
-from services.executor.loop.core import LoopCore
 from velma.sim.truth import TruthReader
 
 GRAIN_KG = 0.002  # velma/model/objects.yaml
@@ -21,21 +19,18 @@ class Clog:
     rest stays.
     """
 
-    def __init__(self, core: LoopCore) -> None:
-        self._model, self._truth, self._cycle = (
-            core.backend.model,
-            TruthReader(core.backend),
-            core.cycle,
-        )
+    def __init__(self, core):
+        self._model, self._cycle = core.backend.model, core.cycle
+        self._truth = TruthReader(core.backend)
         # its boxes are those of the first place
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         self._bottom = self._model.geom(f"{JAR}_bottom").id
         self._below = float(self._model.geom_pos[self._bottom, 2])
         self._clogged = False
-        self.left: int | None = None
+        self.left = None
         core.cycle = self  # type: ignore[assignment]
 
-    def __call__(self) -> None:
+    def __call__(self):
         """Run a cycle."""
         self._cycle()
         if self.left is not None:
@@ -51,7 +46,7 @@ class Clog:
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_a_jar_that_clogs_is_tilted_again(jar_out: Acting) -> None:
+def test_a_jar_that_clogs_is_tilted_again(jar_out):
     """Much was left after the first tilt; at the end the content is in the bowl, and the hand felt
     how much left.
     """

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.timeout(60)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.5, math.pi / 2, -2.0])
-def test_a_point_on_a_turned_table_is_on_it(yaw: float) -> None:
+def test_a_point_on_a_turned_table_is_on_it(yaw):
     """A corner of the top belongs to it, whichever way the table is turned; a point outside does
     not.
     """

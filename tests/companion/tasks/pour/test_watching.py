@@ -9,18 +9,15 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot import Acting
 from tilts import BOWL, JAR, LEFT, brought, hidden
 
-from companion.languages import rc
-from companion.languages.facts import Fact, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.skills.loop_messages import Cancel, GripReport, LookAgain, Phase
 from companion.skills.performing import perform
 from companion.skills.situation import Sight, Situation
 from companion.skills.skill import Sensed
 from companion.tasks.pour.done import Pour, PourKind
 from companion.tasks.pour.perform import DOUBT_S, LOOK_EVERY_S
-from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess
 from velma import names
 from velma.control.grip import Grip
@@ -39,14 +36,12 @@ Tilt = tuple[Situation, Pour]
 
 
 @pytest.fixture
-def over(over_the_bowl: tuple[Acting, Pour]) -> Tilt:
+def over(over_the_bowl):
     """The jar is in the left hand above the bowl, which is in view."""
     return over_the_bowl[0].here, over_the_bowl[1]
 
 
-def looked(
-    here: Situation, pour: Pour, see: See, looks: int = 8, wrong: str = ""
-) -> tuple[list[object], rc.Done | rc.NotDone]:
+def looked(here, pour, see, looks=8, wrong=""):
     """Perform a pour whose tilt is looked at so often, at rest in its first posture; return answers
     and outcome.
 
@@ -61,11 +56,8 @@ def looked(
             ended = "done"
             for n in range(looks if motion.look_every_s else 0):
                 last = see(here, n)
-                answers.append(
-                    work.send(
-                        replace(_sensed(here, upright, str(Phase.RUNNING), last), wrong=wrong)
-                    )
-                )
+                running = _sensed(here, upright, str(Phase.RUNNING), last)
+                answers.append(work.send(replace(running, wrong=wrong)))
                 if isinstance(answers[-1], Cancel):
                     ended = "cancelled"
                     break
@@ -75,52 +67,49 @@ def looked(
         return answers, stop.value
 
 
-def _sensed(here: Situation, q: np.ndarray, ended: str, sights: list[Sight]) -> Sensed:
+def _sensed(here, q, ended, sights):
     grips = {str(LEFT): GripReport(felt=Grip.HELD, mass=FULL)}
     return Sensed(ended, (), q, q, {}, {}, grips, here.head, sights, here.time + 0.1)
 
 
-def standing_ones(here: Situation, *without: str) -> list[Sight]:
+def standing_ones(here, *without):
     """All things in their places."""
     there = [name for name in here.seen if here.holder(name) is None and name not in without]
     return [Sight(name, here.seen[name]) for name in there]
 
 
-def aside(here: Situation, by: float) -> list[Sight]:
+def aside(here, by):
     """The bowl so far from its place [m]."""
-    return [
-        *standing_ones(here, BOWL),
-        Sight(BOWL, pin.SE3(np.eye(3), np.array([by, 0.0, 0.0])) * here.seen[BOWL]),
-    ]
+    beside = pin.SE3(np.eye(3), np.array([by, 0.0, 0.0])) * here.seen[BOWL]
+    return [*standing_ones(here, BOWL), Sight(BOWL, beside)]
 
 
-def fallen(here: Situation) -> list[Sight]:
+def fallen(here):
     """The bowl on its side."""
     pose = here.seen[BOWL]
     turned = pin.SE3(pin.exp3(np.array([1.2, 0.0, 0.0])) @ pose.rotation, pose.translation)
     return [*standing_ones(here, BOWL), Sight(BOWL, turned)]
 
 
-def boxed(here: Situation, across: float, azimuth: float = 0.0) -> list[Sight]:
+def boxed(here, across, azimuth=0.0):
     """A box in the air, so far from the middle above the bowl [m], in this direction [rad]."""
-    at = here.seen[BOWL].translation + np.array(
-        [across * np.cos(azimuth), across * np.sin(azimuth), 0.35]
-    )
+    x, y = across * np.cos(azimuth), across * np.sin(azimuth)
+    at = here.seen[BOWL].translation + np.array([x, y, 0.35])
     return [*standing_ones(here, "box_1"), Sight("box_1", standing(at))]
 
 
-def is_tilted_on(answers: list[object]) -> bool:
+def is_tilted_on(answers):
     return bool(answers) and all(isinstance(one, LookAgain) for one in answers)
 
 
-def test_an_undisturbed_bowl_is_looked_at_and_nothing_else_happens(over: Tilt) -> None:
+def test_an_undisturbed_bowl_is_looked_at_and_nothing_else_happens(over):
     """At least twice a simulated second; a few millimetres are noise."""
     assert LOOK_EVERY_S <= 0.5
     answers, _ = looked(*over, lambda here, n: aside(here, 0.005 * (-1) ** n))
     assert answers == [LookAgain("pour", LOOK_EVERY_S)] * len(answers)
 
 
-def test_a_camera_that_is_not_well_tells_nothing_of_the_bowl(over: Tilt) -> None:
+def test_a_camera_that_is_not_well_tells_nothing_of_the_bowl(over):
     """A picture that went dark is no bowl that went."""
     answers, _ = looked(*over, lambda here, n: [], wrong=health.Wrong.DARK)
     assert is_tilted_on(answers)
@@ -151,7 +140,7 @@ def test_a_camera_that_is_not_well_tells_nothing_of_the_bowl(over: Tilt) -> None
         ),
     ],
 )
-def test_what_happens_to_the_bowl_ends_the_tilt(over: Tilt, see: See, kind: str, why: Fact) -> None:
+def test_what_happens_to_the_bowl_ends_the_tilt(over, see, kind, why):
     """Within some looks, which come soon after each other; the content is what was weighed, and the
     reason is true.
     """
@@ -166,17 +155,17 @@ def test_what_happens_to_the_bowl_ends_the_tilt(over: Tilt, see: See, kind: str,
 
 
 @pytest.mark.parametrize("late", [False, True])
-def test_a_bowl_that_is_seen_again_is_not_missing(over: Tilt, late: bool) -> None:
+def test_a_bowl_that_is_seen_again_is_not_missing(over, late):
     """Somebody's hand was before it during the tilt, and for a look longer."""
 
-    def see(here: Situation, n: int) -> list[Sight]:
+    def see(here, n):
         return standing_ones(here, BOWL)
 
     here, pour = over
     work = perform(here, pour)
     upright = next(work).path()[-1]
     work.send(_sensed(here, upright, "done", standing_ones(here)))
-    answer: object = None
+    answer = None
     while not isinstance(answer, Cancel):
         answer = work.send(_sensed(here, upright, str(Phase.RUNNING), see(here, 0)))
     work.send(_sensed(here, upright, "cancelled", see(here, 0)))
@@ -189,9 +178,7 @@ def test_a_bowl_that_is_seen_again_is_not_missing(over: Tilt, late: bool) -> Non
 
 
 @pytest.mark.parametrize("gone", [True, False])
-def test_a_bowl_that_the_jar_hides_is_looked_for_with_the_hand_drawn_back(
-    jar_out: Acting, gone: bool
-) -> None:
+def test_a_bowl_that_the_jar_hides_is_looked_for_with_the_hand_drawn_back(jar_out, gone):
     """During the tilt it would surely be seen and was not; upright, the jar hides it: that it is
     not seen then proves nothing.
     """
@@ -225,25 +212,23 @@ def test_a_bowl_that_the_jar_hides_is_looked_for_with_the_hand_drawn_back(
         lambda here, n: boxed(here, 0.4),
     ],
 )
-def test_what_proves_nothing_ends_no_tilt(over: Tilt, see: See) -> None:
+def test_what_proves_nothing_ends_no_tilt(over, see):
     """Less than half of the rim's radius, single wrong sights, dark pictures, a thing beside."""
     answers, _ = looked(*over, see, looks=12)
     assert is_tilted_on(answers)
 
 
-def test_a_bowl_that_is_hidden_is_not_missing(over: Tilt) -> None:
+def test_a_bowl_that_is_hidden_is_not_missing(over):
     """A box stands between the head and the bowl: nobody could see it there."""
     here, _ = over
     eye = here._eye(here.q)
     here.place("box_1", standing(eye + 0.3 * (here.seen[BOWL].translation - eye)))
     assert not here.in_view(BOWL)
-    answers, _ = looked(
-        *over, lambda here, n: standing_ones(here, BOWL) if n else standing_ones(here), looks=12
-    )
+    answers, _ = looked(*over, lambda here, n: standing_ones(here, *[BOWL] * bool(n)), looks=12)
     assert is_tilted_on(answers)
 
 
-def test_what_stood_there_before_is_not_above(over: Tilt) -> None:
+def test_what_stood_there_before_is_not_above(over):
     """The tilt was planned with it."""
     here, pour = over
     here.see(boxed(here, 0.12, pour.azimuth))  # where the jar does not come from
@@ -253,9 +238,7 @@ def test_what_stood_there_before_is_not_above(over: Tilt) -> None:
 
 
 @pytest.mark.parametrize(("degrees", "gone"), [(30, True), (60, False)])
-def test_nothing_falls_beside_a_bowl_that_is_taken_away(
-    jar_out: Acting, degrees: float, gone: bool
-) -> None:
+def test_nothing_falls_beside_a_bowl_that_is_taken_away(jar_out, degrees, gone):
     """It is removed or pushed by 12 cm while the jar is tilted: the jar is upright in 3 s, all of
     its content in it.
     """
@@ -264,18 +247,13 @@ def test_nothing_falls_beside_a_bowl_that_is_taken_away(
     body = InProcess(core, jar_out.eye)
     cycle, upright = core.cycle, list[float]()
 
-    def disturbed() -> None:
+    def disturbed():
         cycle()
         leans = np.degrees(np.arccos(truth.pose(JAR)[0][2, 2]))
         if not happened and leans > degrees:
             happened.append(core.state.time)
-            place(
-                core,
-                BOWL,
-                np.array([-2.0, 2.0, 0.001])
-                if gone
-                else truth.pose(BOWL)[1] + np.array([0.0, 0.12, 0.0]),
-            )
+            pushed = truth.pose(BOWL)[1] + np.array([0.0, 0.12, 0.0])
+            place(core, BOWL, np.array([-2.0, 2.0, 0.001]) if gone else pushed)
         elif happened and not upright and core.state.time > happened[0] + 0.5 and leans < 25.0:
             upright.append(core.state.time)
 
@@ -286,7 +264,7 @@ def test_nothing_falls_beside_a_bowl_that_is_taken_away(
     assert truth.read().grains_in[JAR] == truth.read().grains
 
 
-def place(core: LoopCore, name: str, xyz: np.ndarray) -> None:
+def place(core, name, xyz):
     """Put a thing at rest at `xyz` (3,) [m, world]."""
     model, data = core.backend.model, core.backend.data
     joint = model.body(name).jntadr[0]

@@ -7,18 +7,14 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from robot import Acting
 
 from companion.languages import rc
 from companion.languages.evidence import Claim, Sense
-from companion.languages.facts import Facts, Kind, fact
+from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from companion.skills.emergency_place import free_spot
-from companion.skills.situation import Neck
-from services.executor.device_messages import ByRays, Felt, Setup
-from services.executor.eye_messages import Saw, See
+from services.executor.device_messages import Felt, Setup
 from services.executor.receptor import Receptor
-from services.executor.situation_record import SituationRecord
 from services.executor.skill_process import Stage, remembered
 from velma.kinematics.frames import lies, transform, xyz_quat
 from velma.kinematics.tasks.placing import ABOVE_M
@@ -35,10 +31,10 @@ pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes
 class Blind(Receptor):
     """Sees nothing."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         pass
 
-    def look(self, qpos: np.ndarray, neck: Neck) -> list:
+    def look(self, qpos, neck):
         """Return nothing."""
         return []
 
@@ -46,10 +42,10 @@ class Blind(Receptor):
 class NotLeft(Receptor):
     """Sees while the jar is held, and `more` times after the hand has let go of it."""
 
-    def __init__(self, acting: Acting, more: int) -> None:
+    def __init__(self, acting, more):
         self._acting, self._eye, self._more = acting, acting.eye, more
 
-    def look(self, qpos: np.ndarray, neck: Neck) -> list:
+    def look(self, qpos, neck):
         """Return what the other eye sees."""
         held = self._acting.here.holder(JAR) is not None
         self._more -= not held
@@ -59,18 +55,16 @@ class NotLeft(Receptor):
 class Without(Receptor):
     """Sees all but the jar."""
 
-    def __init__(self, eye: Receptor) -> None:
+    def __init__(self, eye):
         self._eye = eye
 
-    def look(self, qpos: np.ndarray, neck: Neck) -> list:
+    def look(self, qpos, neck):
         """Return what the other eye sees, without the jar."""
         return [one for one in self._eye.look(qpos, neck) if one.name != JAR]
 
 
 @pytest.mark.parametrize("more", [None, 0, 1])
-def test_what_is_put_down_unseen_is_where_the_hand_left_it(
-    jar_out: Acting, more: int | None
-) -> None:
+def test_what_is_put_down_unseen_is_where_the_hand_left_it(jar_out, more):
     """Also when it was seen in the hand in the same act, or beside the open hand, which may topple
     it as it leaves.
 
@@ -85,10 +79,9 @@ def test_what_is_put_down_unseen_is_where_the_hand_left_it(
     assert placed.at < jar_out.here.time
     assert placed.uncertainty is None
     assert stands(done) == ((), 0.0)
-    kept: SituationRecord = remembered(jar_out.here, "")
-    assert kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "").placed == done.placed, (
-        "also if its end is not told"
-    )
+    kept = remembered(jar_out.here, "")
+    told = kept.not_done("act", rc.NotDoneKind.INTERRUPTED, "")
+    assert told.placed == done.placed, "also if its end is not told"
 
 
 class Pushed(Receptor):
@@ -96,21 +89,17 @@ class Pushed(Receptor):
     tilted.
     """
 
-    def __init__(self, acting: Acting, shift: tuple[float, float, float], pitch: float) -> None:
+    def __init__(self, acting, shift, pitch):
         self._acting, self._eye, self._shift, self._pitch = acting, acting.eye, shift, pitch
         self.pushed = False
 
-    def look(self, qpos: np.ndarray, neck: Neck) -> list:
+    def look(self, qpos, neck):
         """Return what the other eye sees."""
         if not self.pushed and self._acting.here.put:
             self.pushed = True
             at = np.add(self._acting.truth.at[JAR], self._shift)
-            put(
-                self._acting,
-                JAR,
-                at,
-                (math.cos(self._pitch / 2), 0.0, math.sin(self._pitch / 2), 0.0),
-            )
+            half = self._pitch / 2
+            put(self._acting, JAR, at, (math.cos(half), 0.0, math.sin(half), 0.0))
             qpos = self._acting.core.backend.configuration()
         return self._eye.look(qpos, neck)
 
@@ -123,22 +112,20 @@ class Pushed(Receptor):
         ((0.12, 0.0, 0.0), 0.0, Kind.ASIDE),
     ],
 )
-def test_what_is_put_down_is_looked_at(
-    shift: tuple[float, float, float], pitch: float, told: Kind | None, jar_out: Acting
-) -> None:
+def test_what_is_put_down_is_looked_at(shift, pitch, told, jar_out):
     """What fell over or stands elsewhere was not put down, and is told as it is seen."""
     jar_out.eye = Pushed(jar_out, shift, pitch)
     outcome = jar_out.act(jar_out.put_down(JAR, LEFT))
     assert jar_out.eye.pushed
     assert isinstance(outcome, rc.NotDone if told else rc.Done), outcome
-    why: Facts = getattr(outcome, "why", ())
+    why = getattr(outcome, "why", ())
     assert [(one.kind, one.things) for one in why] == ([(told, (JAR,))] if told else [])
     (jar,) = [one for one in outcome.seen if one.object == JAR]
     assert np.linalg.norm(np.array(jar.pose.xyz) - jar_out.truth.at[JAR]) < NEAR_M
     assert lies(transform(jar.pose)) is bool(pitch)
 
 
-def test_what_meets_something_unseen_is_put_down_beside_it(jar_out: Acting) -> None:
+def test_what_meets_something_unseen_is_put_down_beside_it(jar_out):
     """A bowl's rim is at the jar's place: the jar is put down beside it, upright, on the same
     surface.
     """
@@ -148,21 +135,15 @@ def test_what_meets_something_unseen_is_put_down_beside_it(jar_out: Acting) -> N
     put(jar_out, BOWL, place.translation + np.array([0.0, RIM_M, 0.005 - JAR_M / 2]))
     jar_out.eye, at = Blind(), Pose(*xyz_quat(place))
     jar_out.done(jar_out.move(LEFT, [jar_out.here.q, *path]))
-    jar_out.done(
-        rc.Release("act", LEFT, JAR, "table_1", at, jar_out.retreats[JAR], ((0.0, 0.0, ABOVE_M),))
-    )
+    at_table = ("act", LEFT, JAR, "table_1", at, jar_out.retreats[JAR])
+    jar_out.done(rc.Release(*at_table, ((0.0, 0.0, ABOVE_M),)))
     truth = jar_out.truth
     assert truth.tilt_deg[JAR] < 2.0
     assert abs(truth.at[JAR][2] - place.translation[2]) < 0.01
     assert np.linalg.norm(np.subtract(truth.at[JAR], truth.at[BOWL])[:2]) > 0.1, "not in the bowl"
 
 
-def put(
-    acting: Acting,
-    name: str,
-    xyz: np.ndarray,
-    turned: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
-) -> None:
+def put(acting, name, xyz, turned=(1.0, 0.0, 0.0, 0.0)):
     """Put a thing at `xyz` (3,) [m], turned by a quaternion (w, x, y, z), where nobody looks."""
     model, data = acting.core.backend.model, acting.core.backend.data
     joint = model.body(name).jntadr[0]
@@ -173,7 +154,7 @@ def put(
     acting.core.hold(0.2)
 
 
-def test_what_is_put_down_and_seen_there_is_told_as_seen(jar_out: Acting) -> None:
+def test_what_is_put_down_and_seen_there_is_told_as_seen(jar_out):
     """With the time of the last sight, and how surely it is known."""
     by, within = stands(jar_out.done(jar_out.put_down(JAR, LEFT)))
     assert by == (Sense.EYES,)
@@ -184,24 +165,21 @@ def test_what_is_put_down_and_seen_there_is_told_as_seen(jar_out: Acting) -> Non
     assert jar.uncertainty is not None
 
 
-def test_a_look_that_is_to_confirm_it_and_does_not_see_it_says_so(jar_out: Acting) -> None:
+def test_a_look_that_is_to_confirm_it_and_does_not_see_it_says_so(jar_out):
     """Also where an earlier one saw it: an arm that left since may have toppled it. One for nothing
     tells nothing.
     """
     assert stands(jar_out.done(jar_out.put_down(JAR, LEFT)))[0] == (Sense.EYES,)
     there = (tuple(jar_out.here.seen[JAR].translation),)
     assert stands(jar_out.done(rc.Look("look", there, put=JAR)))[0] == (Sense.EYES,)
-    assert not [
-        one for one in jar_out.done(rc.Look("look", there)).evidence if one.claim is Claim.STANDS
-    ]
+    look = jar_out.done(rc.Look("look", there))
+    assert Claim.STANDS not in [one.claim for one in look.evidence]
     jar_out.eye = Without(jar_out.eye)
     assert stands(jar_out.done(rc.Look("look", there, put=JAR))) == ((), 0.0)
 
 
 @pytest.mark.parametrize("toppled", [True, False])
-def test_another_skill_process_compares_what_was_put_down_too(
-    jar_out: Acting, toppled: bool
-) -> None:
+def test_another_skill_process_compares_what_was_put_down_too(jar_out, toppled):
     """Each act begins from what ex remembers; the one that sees the jar next tells whether it
     stands.
     """
@@ -209,31 +187,25 @@ def test_another_skill_process_compares_what_was_put_down_too(
     jar_out.done(jar_out.put_down(JAR, LEFT))
     stood, here = tuple(jar_out.truth.at[JAR]), jar_out.here
     if toppled:
-        put(
-            jar_out,
-            JAR,
-            np.add(stood, (0.05, 0.0, JAR_RADIUS_M - JAR_M / 2)),
-            (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0),
-        )
+        beside = np.add(stood, (0.05, 0.0, JAR_RADIUS_M - JAR_M / 2))
+        put(jar_out, JAR, beside, (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0))
     felt = Felt(here.q.tobytes(), here.q.tobytes(), here.head, here.time)
-    jar_out.here, jar_out.eye = (
-        Stage(Setup(), _unchanged, _unasked).situation(remembered(here, ""), felt),
-        eye,
-    )
+    stage = Stage(Setup(), _unchanged, _unasked)
+    jar_out.here, jar_out.eye = stage.situation(remembered(here, ""), felt), eye
     outcome = jar_out.act(rc.Look("look", (stood,)))
     assert outcome.placed == ()
     assert getattr(outcome, "why", ()) == ((fact(Kind.FELL_OVER, JAR),) if toppled else ())
 
 
-def _unchanged(eyes: ByRays) -> None:
+def _unchanged(eyes):
     raise AssertionError(eyes.reason)
 
 
-def _unasked(look: See) -> Saw:
+def _unasked(look):
     raise AssertionError(look)
 
 
-def stands(done: rc.Done) -> tuple[tuple[Sense, ...], float]:
+def stands(done):
     """Return by which senses it is told that the jar stands, and the standard deviation of its
     place [m].
     """

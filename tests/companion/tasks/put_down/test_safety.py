@@ -5,13 +5,12 @@ physics.
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot import LIFT_M, Acting, CancelWhen
+from robot import LIFT_M
 
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
-from companion.skills.loop_messages import Close, Motion, Move, Open, Phase
-from services.executor.loop.core import LoopCore
+from companion.skills.loop_messages import Close, Move, Open, Phase
 from velma.kinematics import ik
 from velma.kinematics.frames import standing, xyz_quat
 from velma.names import ARM, START
@@ -20,7 +19,7 @@ JAR, LEFT = "jar_1", Side.LEFT
 UPRIGHT_DEG, QUARTER = 3.0, np.pi / 4
 
 
-def stands(acting: Acting) -> None:
+def stands(acting):
     """The jar stands upright and no hand touches it."""
     truth = acting.truth
     assert truth.tilt_deg[JAR] < UPRIGHT_DEG
@@ -28,16 +27,16 @@ def stands(acting: Acting) -> None:
     assert not acting.here.held
 
 
-def is_home(acting: Acting) -> None:
+def is_home(acting):
     """The left arm is in its start posture."""
     assert np.abs(acting.core.state.q - START)[ARM["left"]].max() < 0.03
 
 
-def closing_for(seconds: float) -> CancelWhen:
+def closing_for(seconds):
     """Cancel so long after the fingers began to close."""
-    began: list[float] = []
+    began = []
 
-    def when(motion: Motion, core: LoopCore) -> bool:
+    def when(motion, core):
         if isinstance(motion.left, Close):
             began.append(core.state.time)
         return bool(began) and core.state.time - began[0] > seconds
@@ -46,7 +45,7 @@ def closing_for(seconds: float) -> CancelWhen:
 
 
 @pytest.mark.parametrize("seconds", [0.05, 1.2])
-def test_a_cancelled_grasp_backs_out(before_the_jar: Acting, seconds: float) -> None:
+def test_a_cancelled_grasp_backs_out(before_the_jar, seconds):
     """Cancelled while its fingers close, the hand opens and draws back to where it can move
     freely.
     """
@@ -56,7 +55,7 @@ def test_a_cancelled_grasp_backs_out(before_the_jar: Acting, seconds: float) -> 
     assert before_the_jar.here.world.free(before_the_jar.core.setpoint)
 
 
-def test_what_has_just_been_grasped_is_left_where_it_stands(holding: Acting) -> None:
+def test_what_has_just_been_grasped_is_left_where_it_stands(holding):
     """Nothing moves but the hand."""
     stood = np.array(holding.truth.at[JAR])
     holding.done(holding.put_down(JAR, LEFT))
@@ -64,11 +63,11 @@ def test_what_has_just_been_grasped_is_left_where_it_stands(holding: Acting) -> 
     assert np.linalg.norm(holding.truth.at[JAR] - stood) < 0.01
 
 
-def test_half_out_it_is_put_back(holding: Acting) -> None:
+def test_half_out_it_is_put_back(holding):
     """Cancelled between shelf and open, the jar goes back where it stood."""
     stood = np.array(holding.truth.at[JAR])
 
-    def half_way(motion: Motion, core: LoopCore) -> bool:
+    def half_way(motion, core):
         return bool(np.linalg.norm((holding.truth.at[JAR] - stood)[:2]) > 0.14)
 
     outcome = holding.act(holding.taking[2], half_way)
@@ -79,16 +78,15 @@ def test_half_out_it_is_put_back(holding: Acting) -> None:
     assert np.linalg.norm(holding.truth.at[JAR] - stood) < 0.03
 
 
-def test_a_tilted_jar_is_put_down_upright(jar_out: Acting) -> None:
+def test_a_tilted_jar_is_put_down_upright(jar_out):
     """From a tilt of 45 degrees in mid-air ex finds a place and a way there, and stands it up."""
     grip = jar_out.robot.grip(jar_out.here.q, LEFT)
     jar = grip * jar_out.here.held[LEFT].T_grip_object
     for sign in (1.0, -1.0):
         turn = pin.SE3(pin.exp3(sign * QUARTER * grip.rotation[:, 2]), np.zeros(3))
         about = pin.SE3(np.eye(3), jar.translation)
-        tilted = ik.solve(
-            jar_out.robot, LEFT, about * turn * about.inverse() * grip, jar_out.here.q
-        )
+        goal = about * turn * about.inverse() * grip
+        tilted = ik.solve(jar_out.robot, LEFT, goal, jar_out.here.q)
         if tilted is not None:
             break
     assert tilted is not None
@@ -101,25 +99,24 @@ def test_a_tilted_jar_is_put_down_upright(jar_out: Acting) -> None:
 
 
 @pytest.mark.parametrize("kind", [Open, Move])
-def test_letting_go_is_carried_to_its_end(holding: Acting, kind: type) -> None:
+def test_letting_go_is_carried_to_its_end(holding, kind):
     """A cancel while the fingers open changes nothing: the hand lets go and draws back to where it
     is free.
     """
-    outcome = holding.act(
-        holding.put_down(JAR, LEFT), lambda motion, core: isinstance(motion.left, kind)
-    )
+    down = holding.put_down(JAR, LEFT)
+    outcome = holding.act(down, lambda motion, core: isinstance(motion.left, kind))
     assert isinstance(outcome, rc.Done)
     assert not outcome.held
     stands(holding)
     assert holding.here.world.free(holding.core.setpoint)
 
 
-def test_cancelled_on_the_way_down_it_is_still_held(jar_out: Acting) -> None:
+def test_cancelled_on_the_way_down_it_is_still_held(jar_out):
     """A put-down that is cancelled in the air leaves the jar in the hand; the next one puts it
     down.
     """
 
-    def moving(motion: Motion, core: LoopCore) -> bool:
+    def moving(motion, core):
         return bool(np.abs(core.state.v).max() > 0.1)
 
     outcome = jar_out.act(jar_out.put_down(JAR, LEFT), moving)
@@ -130,9 +127,7 @@ def test_cancelled_on_the_way_down_it_is_still_held(jar_out: Acting) -> None:
     stands(jar_out)
 
 
-def test_what_slips_while_it_is_put_down_is_put_down(
-    jar_out: Acting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_slips_while_it_is_put_down_is_put_down(jar_out, monkeypatch):
     """Pushed with 3 N for 0.2 s, which ends a motion as slipped, it is lowered from there, and
     stands.
     """
@@ -143,7 +138,7 @@ def test_what_slips_while_it_is_put_down_is_put_down(
         [],
     )
 
-    def pushed() -> None:
+    def pushed():
         cycle()
         if not pushed_at and np.abs(core.state.v).max() > 0.1:
             pushed_at.append(core.state.time)
@@ -156,7 +151,7 @@ def test_what_slips_while_it_is_put_down_is_put_down(
     stands(jar_out)
 
 
-def test_a_thing_goes_through_an_opening_to_its_place(jar_out: Acting) -> None:
+def test_a_thing_goes_through_an_opening_to_its_place(jar_out):
     """In from the front and down where it stood, upright; the hand comes out and home."""
     seen = jar_out.here.seen[JAR]
     out = jar_out.taking[2].segments[1].offset
@@ -169,21 +164,21 @@ def test_a_thing_goes_through_an_opening_to_its_place(jar_out: Acting) -> None:
     is_home(jar_out)
 
 
-def test_an_opening_that_is_blocked_is_told(jar_out: Acting) -> None:
+def test_an_opening_that_is_blocked_is_told(jar_out):
     """If something stands in the way, nothing moves: a new plan is wanted."""
     seen, before = jar_out.here.seen[JAR], jar_out.core.setpoint.copy()
     out = jar_out.taking[2].segments[1].offset
     bowl = seen.translation + 0.5 * np.array(out)
     jar_out.here.place("bowl_1", standing((bowl[0], bowl[1], bowl[2] - 0.1)))
     way = ((out[0], out[1], LIFT_M), (0.0, 0.0, LIFT_M))
-    outcome = jar_out.act(
-        rc.Release("in", LEFT, JAR, "cabinet_2", Pose(*xyz_quat(seen)), jar_out.retreats[JAR], way)
-    )
+    place = Pose(*xyz_quat(seen))
+    into = rc.Release("in", LEFT, JAR, "cabinet_2", place, jar_out.retreats[JAR], way)
+    outcome = jar_out.act(into)
     assert (outcome.kind, set(outcome.held)) == ("replan", {LEFT})
     assert (jar_out.core.setpoint == before).all()
 
 
-def test_an_arm_comes_home_from_among_things(holding: Acting) -> None:
+def test_an_arm_comes_home_from_among_things(holding):
     """With its open hand still around the jar the arm first gets free, then goes home; the jar
     stays where it is.
     """
@@ -197,14 +192,14 @@ def test_an_arm_comes_home_from_among_things(holding: Acting) -> None:
     assert np.linalg.norm(holding.truth.at[JAR] - stood) < 0.02
 
 
-def test_an_empty_hand_has_nothing_to_put_down(before_the_jar: Acting) -> None:
+def test_an_empty_hand_has_nothing_to_put_down(before_the_jar):
     """It is done, and nothing moves."""
     before = before_the_jar.core.setpoint.copy()
     before_the_jar.done(before_the_jar.put_down(JAR, LEFT))
     assert (before_the_jar.core.setpoint == before).all()
 
 
-def test_a_full_hand_does_not_go_home(jar_out: Acting) -> None:
+def test_a_full_hand_does_not_go_home(jar_out):
     """It says why."""
     outcome = jar_out.act(jar_out.home(LEFT))
     assert outcome.why == (fact(Kind.PUT_DOWN_FIRST, LEFT, JAR),)

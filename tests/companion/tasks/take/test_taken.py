@@ -11,13 +11,13 @@ from robot import LIFT_M, Acting
 from companion import models
 from companion.languages.values import Side
 from velma.model.kinds import BOXES, Model
-from velma.model.scene import CANONICAL, Scene, SceneObject, load
+from velma.model.scene import CANONICAL, SceneObject, load
 
 BOX, JAR, RIGHT = "box_1", "jar_1", Side.RIGHT
 pytestmark = pytest.mark.timeout(180)  # 75 s at a load of 12 (measured)
 
 
-def taken(name: str, seed: int, scene: Scene) -> Acting:
+def taken(name, seed, scene):
     """A robot that has looked around and taken it: it comes along in three fingers or more."""
     acting = Acting(seed, scene)
     acting.done(acting.look())
@@ -30,7 +30,7 @@ def taken(name: str, seed: int, scene: Scene) -> Acting:
     return acting
 
 
-def stands_again(acting: Acting, name: str) -> None:
+def stands_again(acting, name):
     acting.done(acting.put_down(name, RIGHT))
     assert acting.truth.fingers_on[name] == {"right": 0, "left": 0}
     assert acting.truth.tilt_deg[name] < 2.0
@@ -38,21 +38,20 @@ def stands_again(acting: Acting, name: str) -> None:
 
 
 @pytest.mark.parametrize("model", BOXES)
-def test_a_box_is_taken_and_put_down(model: Model) -> None:
+def test_a_box_is_taken_and_put_down(model):
     """From above, of each size; it hangs upright, and stands again."""
     scene = load(CANONICAL.with_name("box.toml"))
     height = -models.MODELS[model].base.z + 0.776
-    things = (
-        replace(one, model=model, xyz=(*one.xyz[:2], height)) if one.id == BOX else one
-        for one in scene.things
-    )
+    box = next(one for one in scene.things if one.id == BOX)
+    box = replace(box, model=model, xyz=(*box.xyz[:2], height))
+    things = (box if one.id == BOX else one for one in scene.things)
     acting = taken(BOX, 7, replace(scene, things=tuple(things)))
     assert acting.truth.tilt_deg[BOX] < 5.0
     stands_again(acting, BOX)
 
 
 @pytest.mark.parametrize("yaw", [0.3, 1.3])
-def test_a_jar_that_lies_is_taken_and_stood_up(yaw: float) -> None:
+def test_a_jar_that_lies_is_taken_and_stood_up(yaw):
     """Across its axis, which has this heading [rad]."""
     jar = SceneObject(JAR, Model.JAR, (0.58, -0.52, 0.815), yaw=yaw, pitch=math.pi / 2)
     canonical = load()

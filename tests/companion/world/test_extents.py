@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.languages.values import Box, Pose, Shape
-from companion.models import MODELS, Model
-from services.knowledge import geometry, relations
-from services.knowledge.extents import CELL_M, FAR_M, TOUCH_M, WIDE_M, cells, cells_of, extent
-from services.knowledge.scene import Scene, SceneObject, SceneObjects
+from companion.languages.values import Box, Pose
+from companion.models import MODELS
+from companion.world import geometry, relations
+from companion.world.extents import CELL_M, FAR_M, TOUCH_M, WIDE_M, cells, cells_of, extent
+from companion.world.scene import Scene, SceneObject, SceneObjects
 
 from .test_geometry import poses, shapes
 
@@ -31,9 +31,7 @@ ANYWHERE = (
 """Poses that are none, or far beyond any room."""
 
 
-def with_point_at(
-    model: Model, height: float, point: tuple[float, float, float], turn: Pose
-) -> SceneObject:
+def with_point_at(model, height, point, turn):
     """A thing with the point of its axis that is so high above its base there."""
     x, y, z = geometry.rotate(turn.quat_wxyz, (0.0, 0.0, model.base.z + height))
     return SceneObject(
@@ -41,7 +39,7 @@ def with_point_at(
     )
 
 
-def near(thing: SceneObject, other: SceneObject) -> bool:
+def near(thing, other):
     """Whether the other one is among those that a thing is compared with, and the other way
     round.
     """
@@ -52,19 +50,15 @@ def near(thing: SceneObject, other: SceneObject) -> bool:
 
 
 @given(models, poses(), models.filter(lambda model: model.surfaces), poses(), st.data())
-def test_what_stands_on_a_surface_shares_a_cell_with_it(
-    model: Model, turn: Pose, under: Model, pose: Pose, data: st.DataObject
-) -> None:
+def test_what_stands_on_a_surface_shares_a_cell_with_it(model, turn, under, pose, data):
     """Wherever on it, up to its edges and to the gap that still counts as touching, however both
     are tilted.
     """
     flat = data.draw(st.sampled_from(under.surfaces))
     at = (flat.x + data.draw(share) * flat.along_x, flat.y + data.draw(share) * flat.along_y)
     point = (*at, flat.z + data.draw(share) * 2 * TOUCH_M)
-    thing, other = (
-        with_point_at(model, 0.0, geometry.place(pose, point), turn),
-        SceneObject("other", under.name, pose),
-    )
+    thing = with_point_at(model, 0.0, geometry.place(pose, point), turn)
+    other = SceneObject("other", under.name, pose)
     assert near(thing, other)
     assert relations._support(thing, model, [other]) in ("other", "")
 
@@ -76,9 +70,7 @@ def test_what_stands_on_a_surface_shares_a_cell_with_it(
     poses(),
     st.tuples(share, share, share),
 )
-def test_what_is_inside_shares_a_cell_with_it(
-    model: Model, turn: Pose, around: Model, pose: Pose, part: tuple[float, float, float]
-) -> None:
+def test_what_is_inside_shares_a_cell_with_it(model, turn, around, pose, part):
     """Wherever in the box around it the foot is."""
     low, high = relations._interior(around.name)
     x, y, z = ((a + b) / 2 + s * (b - a) for a, b, s in zip(low, high, part, strict=True))
@@ -87,9 +79,7 @@ def test_what_is_inside_shares_a_cell_with_it(
 
 
 @given(models, poses(), shapes, poses())
-def test_what_a_volume_meets_shares_a_cell_with_it(
-    model: Model, pose: Pose, volume: Shape, at: Pose
-) -> None:
+def test_what_a_volume_meets_shares_a_cell_with_it(model, pose, volume, at):
     """Each shape of a thing that overlaps it."""
     if any(geometry.overlap(shape, pose, volume, at) for shape in model.shapes):
         things = SceneObjects({"thing": SceneObject("thing", model.name, pose)})
@@ -97,7 +87,7 @@ def test_what_a_volume_meets_shares_a_cell_with_it(
 
 
 @given(models, poses())
-def test_the_extent_of_a_thing_holds_all_that_relations_look_at(model: Model, pose: Pose) -> None:
+def test_the_extent_of_a_thing_holds_all_that_relations_look_at(model, pose):
     """Its shapes, what counts as on its surfaces, its base and its foot."""
     box = extent(model.name, pose)
     assert box is not None
@@ -109,14 +99,12 @@ def test_the_extent_of_a_thing_holds_all_that_relations_look_at(model: Model, po
             tuple(c + s * h for c, s, h in zip(flat.centre, sign, half, strict=True))
             for sign in SIGNS
         ]
-    assert all(
-        geometry.within(box, point)
-        for point in (*corners, *(geometry.place(pose, one) for one in points))
-    )
+    placed = (geometry.place(pose, one) for one in points)
+    assert all(geometry.within(box, point) for point in (*corners, *placed))
 
 
 @pytest.mark.parametrize("pose", ANYWHERE)
-def test_what_is_nowhere_is_compared_with_everything(pose: Pose) -> None:
+def test_what_is_nowhere_is_compared_with_everything(pose):
     """A pose that is not rigid, not finite or too far away breaks nothing; an unknown model touches
     nothing.
     """
@@ -126,15 +114,14 @@ def test_what_is_nowhere_is_compared_with_everything(pose: Pose) -> None:
 
 
 @given(st.tuples(lengths, lengths))
-def test_the_cells_of_a_volume_are_few_or_all(size: tuple[float, float]) -> None:
+def test_the_cells_of_a_volume_are_few_or_all(size):
     """However large it is along either axis."""
     found = cells(geometry.bounds(Box((*size, 1.0)), ORIGIN))
-    assert (
-        found is None if max(size) > WIDE_M else 0 < len(found or ()) <= (WIDE_M / CELL_M + 2) ** 2
-    )
+    most = (WIDE_M / CELL_M + 2) ** 2
+    assert found is None if max(size) > WIDE_M else 0 < len(found or ()) <= most
 
 
-def test_things_far_apart_are_not_compared() -> None:
+def test_things_far_apart_are_not_compared():
     """A jar 2 m from a table, and a scene of them."""
     jars = {
         f"jar_{n}": SceneObject(f"jar_{n}", "jar", Pose((2.0 * n, 0.0, 0.0))) for n in range(100)

@@ -11,7 +11,7 @@ from itertools import product
 
 from companion.languages.values import Box, Pose
 from companion.models import MODELS
-from services.knowledge import geometry
+from companion.world import geometry
 
 # An object whose base is this close to a surface stands on it: poses are seen with some 4 mm error,
 # and an object tilted by a degree or two stands a few mm higher; estimate.

@@ -6,12 +6,13 @@ HTTP, how tasks are carried out.
 """
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.all_languages import AnyCommand
 from companion.commands import Offer
-from services.human_interface.catalogue import MAKE, TASKS, THINGS, can, say
+from services.human_interface.catalogue import MAKE, TASKS, THINGS, abilities, say
+from services.human_interface.device_messages import Clause, Meaning, NamedObject
 from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
-from services.human_interface.local import Clause, Meaning, NamedObject
 
 MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estimate)
 
@@ -76,7 +77,7 @@ def outcome(meaning: Meaning, context: Context) -> Outcome:
     try:
         tasks = _tasks(clauses, context, language)
     except _Doubt as doubt:
-        return _asked(meaning, context, doubt)
+        return _ask_back(meaning, context, doubt)
     if meaning.guessed:
         return Ask(say(language, "mean", in_words(tasks, language)), (Option("", tasks),))
     return Act(tasks)
@@ -91,13 +92,11 @@ def _without_task(meaning: Meaning, context: Context) -> Outcome:
     if clause.lacks:
         return Ask(say(language, "lacking", TASKS[clause.does].example[language]))
     if clause.does == "the":
-        return _named(meaning, context)
+        return _outcome_of_a_name(meaning, context)
     if clause.does == "yes":
-        return (
-            Act(context.options[0].tasks)
-            if len(context.options) == 1
-            else Ask(_unasked(language, context))
-        )
+        if len(context.options) == 1:
+            return Act(context.options[0].tasks)
+        return Ask(_unasked(language, context))
     if clause.does == "no":
         return Ask(say(language, "not_then")) if context.options else Tell("stop")
     if meaning.guessed:
@@ -105,17 +104,14 @@ def _without_task(meaning: Meaning, context: Context) -> Outcome:
     return Tell(clause.does, clause.task)
 
 
-def _named(meaning: Meaning, context: Context) -> Outcome:
+def _outcome_of_a_name(meaning: Meaning, context: Context) -> Outcome:
     """Return the outcome of a thing's name alone: the option offered under that name, or the first
     wish for a thing.
     """
     thing, language = meaning.clauses[0].things[0], meaning.language
     if thing.quality or thing.ref or len(thing.kinds) != 1 or meaning.guessed:
-        return Ask(
-            _not_understood(
-                Meaning(language, why="sorry", strange="" if thing.kinds else thing.said)
-            )
-        )
+        strange = "" if thing.kinds else thing.said
+        return Ask(_not_understood(Meaning(language, why="sorry", strange=strange)))
     name = f"{thing.kinds[0]}_{thing.number}" if thing.number else thing.kinds[0]
     for option in context.options:
         if option.thing == name:
@@ -130,7 +126,7 @@ _FIRST = next(
 
 
 def _unasked(language: str, context: Context) -> str:
-    names = ", ".join(called(option.thing, language) for option in context.options)
+    names = ", ".join(noun(option.thing, language) for option in context.options)
     return say(language, "which", names) if names else say(language, "nothing_asked")
 
 
@@ -143,7 +139,7 @@ def _not_understood(meaning: Meaning) -> str:
     elif meaning.why == "many":
         first = say(language, "many", MOST_WISHES)
     strange = f" {say(language, 'strange', meaning.strange)}" if meaning.strange else ""
-    return f"{first}{strange} {say(language, 'understood', can(language))}"
+    return f"{first}{strange} {say(language, 'understood', abilities(language))}"
 
 
 # --- things ---------------------------------------------------------------------------------------
@@ -162,7 +158,7 @@ def _tasks(clauses: tuple[Clause, ...], context: Context, language: str) -> tupl
         )
         if len(set(zip(names, uses, strict=True))) < len(names):
             raise _Doubt(
-                clause.things[1], say(language, f"itself_{uses[1]}", called(names[1], language))
+                clause.things[1], say(language, f"itself_{uses[1]}", noun(names[1], language))
             )
         tasks.append(MAKE[clause.does](names, clause.side))
         mentioned = with_mentioned(mentioned, *names)
@@ -174,7 +170,7 @@ def with_mentioned(before: tuple[str, ...], *names: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*names, *before)))[:MOST_MENTIONED]
 
 
-def without(context: Context, *things: str) -> Context:
+def forget_objects(context: Context, *things: str) -> Context:
     """Return the context without these things. If one thing of a kind was seen, the name of the
     kind means it.
     """
@@ -184,7 +180,7 @@ def without(context: Context, *things: str) -> Context:
     gone = {only.get(name, name) for name in things}
     mentioned = tuple(name for name in context.mentioned if only.get(name, name) not in gone)
     kept = None if context.seen is None else tuple(name for name in seen if name not in gone)
-    return msgspec.structs.replace(context, seen=kept, mentioned=mentioned)
+    return replace(context, seen=kept, mentioned=mentioned)
 
 
 def kind_of(name: str) -> str:
@@ -205,7 +201,7 @@ def _resolved_object(
         raise _Doubt(thing, say(language, "unknown", thing.said), fit)
     possible = tuple(kind for kind in thing.kinds if kind in fit)
     if not possible:
-        raise _Doubt(thing, say(language, f"cannot_{use}", called(thing.kinds[0], language, 2)))
+        raise _Doubt(thing, say(language, f"cannot_{use}", noun(thing.kinds[0], language, 2)))
     if thing.quality:
         raise _Doubt(thing, say(language, "quality", thing.quality), possible)
     if len(possible) > 1:
@@ -231,7 +227,7 @@ def _referred(
     return known[at]
 
 
-def _asked(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
+def _ask_back(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
     """The question, with an option for each thing that would make the sentence clear."""
     language = meaning.language
     options = []
@@ -239,9 +235,7 @@ def _asked(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
         kind, _, number = name.partition("_")
         known = NamedObject(name, (kind,), int(number or 0))
         clauses = tuple(
-            msgspec.structs.replace(
-                one, things=tuple(known if thing is doubt.thing else thing for thing in one.things)
-            )
+            replace(one, things=tuple(known if it is doubt.thing else it for it in one.things))
             for one in meaning.clauses
         )
         try:
@@ -252,10 +246,10 @@ def _asked(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
         question = say(language, "mean", in_words(options[0].tasks, language))
     elif options:
         question = say(
-            language, "which", ", ".join(called(option.thing, language) for option in options)
+            language, "which", ", ".join(noun(option.thing, language) for option in options)
         )
     else:
-        question = say(language, "understood", can(language))
+        question = say(language, "understood", abilities(language))
     return Ask(f"{doubt.text} {question}".strip(), tuple(options))
 
 
@@ -268,9 +262,8 @@ def in_words(tasks: tuple[AnyCommand, ...], language: str = "en") -> str:
 
 
 def _task_in_words(task: AnyCommand, language: str) -> str:
-    fields = {
-        name: _InWords(name, str(getattr(task, name)), language) for name in task.__struct_fields__
-    }
+    values = {name: str(getattr(task, name)) for name in task.__struct_fields__}
+    fields = {name: _InWords(name, value, language) for name, value in values.items()}
     return say(language, task.says, **fields)
 
 
@@ -286,16 +279,16 @@ class _InWords:
         if self._field == "side":
             return _hand(self._value, self._language)
         if self._field == "place":
-            forms = (called(self._value, self._language, one) for one in range(3))
+            forms = (noun(self._value, self._language, one) for one in range(3))
             return THINGS[self._value.partition("_")[0]].to[self._language].format(*forms)
-        return called(self._value, self._language, int(case or 0))
+        return noun(self._value, self._language, int(case or 0))
 
 
 def _hand(side: str, language: str) -> str:
     return {"left": "lewą", "right": "prawą"}[side] if language == "pl" else side
 
 
-def called(name: str, language: str, case: int = 0) -> str:
+def noun(name: str, language: str, case: int = 0) -> str:
     """Return the name of a thing in words; Polish: nominative, genitive, accusative."""
     kind, _, number = name.partition("_")
     forms = getattr(THINGS[kind], language)

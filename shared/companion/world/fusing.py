@@ -8,7 +8,7 @@ errors depend on each other. Pure.
 import math
 
 from companion.languages.values import Pose, Uncertainty, Vector
-from companion.quaternions import conjugate, product
+from companion.world.geometry import conjugate, product
 
 AGREE = 18.5
 """Squared deviation, by both covariances, that 99.9 % of true pairs have at most: chi-squared, 4

@@ -1,5 +1,5 @@
 """Rigid transforms and overlap of convex shapes in plain Python: enough for relations and volumes,
-no robot.
+no robot. numpy takes much longer for so few numbers.
 
 Poses are `T_A_B` (companion.languages.values), metres, quaternions w first. `overlap` is GJK on
 support functions (Gilbert, Johnson, Keerthi 1988): for convex shapes, true where they share a
@@ -10,14 +10,32 @@ import math
 from collections.abc import Iterable
 
 from companion.languages.values import Box, Cylinder, Pose, Shape, Sphere, Vector
-from companion.quaternions import Quat, conjugate, product
 
 Bounds = tuple[Vector, Vector]
+Quat = tuple[float, float, float, float]
 # GJK needs a few iterations for such shapes; undecided after these, they count as touching (safe
 # side).
 ROUNDS = 32
 # Squared length below which a direction counts as zero: a nanometre, far below any measurement.
 _SAME = 1e-18
+
+
+def product(a: Quat, b: Quat) -> Quat:
+    """The Hamilton product: the turn b, then the turn a."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def conjugate(quat_wxyz: Quat) -> Quat:
+    """The inverse of a turn."""
+    w, x, y, z = quat_wxyz
+    return w, -x, -y, -z
 
 
 def rotate(quat_wxyz: Quat, v: Vector) -> Vector:
@@ -43,6 +61,11 @@ def unplace(pose: Pose, point: Vector) -> Vector:
 def compose(first: Pose, second: Pose) -> Pose:
     """Return T_A_C of T_A_B and T_B_C."""
     return Pose(place(first, second.xyz), product(first.quat_wxyz, second.quat_wxyz))
+
+
+def inverse(pose: Pose) -> Pose:
+    """Return T_B_A of T_A_B."""
+    return Pose(unplace(pose, (0.0, 0.0, 0.0)), conjugate(pose.quat_wxyz))
 
 
 def half_sizes(shape: Shape) -> Vector:

@@ -6,13 +6,13 @@ Pure functions of a scene. Must not know: where poses come from.
 from collections.abc import Set
 from functools import cache
 
-import msgspec
+from msgspec.structs import replace
 
 from companion.languages.values import Pose, Vector
 from companion.models import MODELS, Flat, Model
-from services.knowledge import geometry
-from services.knowledge.extents import TOUCH_M, cells_of
-from services.knowledge.scene import Scene, SceneObject
+from companion.world import geometry
+from companion.world.extents import TOUCH_M, cells_of
+from companion.world.scene import Scene, SceneObject
 
 # The foot of an object is taken this far above its base, so that an object on a roof is not inside;
 # estimate.
@@ -28,13 +28,11 @@ def related(scene: Scene, now: float, *touched: str) -> Scene:
     objects = scene.marked
     moved = [objects[name] for name in touched if name in objects]
     near = {name for one in moved for name in (one.id, *objects.upon(one.id), *_near(scene, one))}
-    concerned = (
-        objects[name] for name in near if any(_concerns(one, objects[name]) for one in moved)
-    )
-    renewed = [
-        after for object in concerned if (after := _related(scene, object, now)) is not object
-    ]
-    return msgspec.structs.replace(scene, things=objects.having(renewed)) if renewed else scene
+    close = (objects[name] for name in near)
+    concerned = (other for other in close if any(_concerns(one, other) for one in moved))
+    computed = ((object, _related(scene, object, now)) for object in concerned)
+    renewed = [after for object, after in computed if after is not object]
+    return replace(scene, things=objects.having(renewed)) if renewed else scene
 
 
 def _near(scene: Scene, object: SceneObject) -> Set[str]:
@@ -60,13 +58,8 @@ def relate(scene: Scene, object: SceneObject) -> tuple[str, tuple[str, ...]]:
     if scene.holder(object.id) is not None:
         return "", ()  # it moves with the hand
     others = [scene.things[name] for name in _near(scene, object) if name != object.id]
-    inside = tuple(
-        sorted(
-            other.id
-            for other in others
-            if other.known and _is_in(object, model, other, other.known)
-        )
-    )
+    known = ((other, other.known) for other in others if other.known)
+    inside = tuple(sorted(other.id for other, of in known if _is_in(object, model, other, of)))
     return _support(object, model, others), inside
 
 
@@ -74,7 +67,7 @@ def _related(scene: Scene, object: SceneObject, now: float) -> SceneObject:
     on, inside = relate(scene, object)
     if (on, inside) == (object.on, object.inside):
         return object
-    return msgspec.structs.replace(object, on=on, inside=inside, related_at=now)
+    return replace(object, on=on, inside=inside, related_at=now)
 
 
 def _support(object: SceneObject, model: Model, others: list[SceneObject]) -> str:

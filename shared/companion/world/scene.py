@@ -8,10 +8,11 @@ into the journal. Must not know: stores, agents, queries.
 from collections.abc import Iterable, Mapping, Set
 
 import msgspec
+from msgspec.structs import replace
 
 from companion.languages.values import Pose, Shape, Side, Uncertainty
 from companion.models import MODELS, Model
-from services.knowledge.extents import Cells, cells_of
+from companion.world.extents import Cells, cells_of
 
 PARTS = {"torso": 1, "right_arm": 7, "left_arm": 7, "head": 2, "right_hand": 4, "left_hand": 4}
 """Number of joints by part of the body."""
@@ -118,13 +119,9 @@ def _marks(object: SceneObject | None) -> frozenset[Mark]:
     if object is None:
         return frozenset()
     cells = cells_of(object.model, object.pose)
-    return frozenset(
-        (
-            *((None,) if cells is None else cells),
-            *object.inside,
-            *((object.on,) if object.on else ()),
-        )
-    )
+    anywhere: tuple[Mark, ...] = (None,)
+    on = (object.on,) if object.on else ()
+    return frozenset((*(anywhere if cells is None else cells), *object.inside, *on))
 
 
 class Held(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -180,7 +177,7 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
 
     def with_object(self, object: SceneObject) -> "Scene":
         lost = {name: one for name, one in self.lost.items() if name != object.id}
-        return msgspec.structs.replace(self, things=self.marked.having((object,)), lost=lost)
+        return replace(self, things=self.marked.having((object,)), lost=lost)
 
     def without(self, name: str, side: Side | None, *, given: bool = False) -> "Scene":
         """The scene after the hand `side` lost this object, or gave it to a person, or it was
@@ -188,13 +185,10 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
         """
         known = self.things.get(name) or self.lost.get(name)
         kind = known.kind if known is not None else "PhysicalObject"
-        hands = {
-            where: Held() if held.object == name else held for where, held in self.hands.items()
-        }
+        items = self.hands.items()
+        hands = {where: Held() if held.object == name else held for where, held in items}
         lost = {**self.lost, name: Lost(kind, side, given)}
-        return msgspec.structs.replace(
-            self, things=self.marked.without(name), hands=hands, lost=lost
-        )
+        return replace(self, things=self.marked.without(name), hands=hands, lost=lost)
 
     def with_hand(self, side: Side, held: Held) -> "Scene":
         """The scene with this hand; an object in it leaves the other hand, and its pose is not
@@ -204,10 +198,8 @@ class Scene(msgspec.Struct, frozen=True, omit_defaults=True):
             other: Held() if held.object and what.object == held.object else what
             for other, what in self.hands.items()
         }
-        scene = msgspec.structs.replace(self, hands={**hands, side: held})
+        scene = replace(self, hands={**hands, side: held})
         object = self.things.get(held.object)
-        return (
-            scene.with_object(msgspec.structs.replace(object, exact=False, on=""))
-            if object
-            else scene
-        )
+        if object is None:
+            return scene
+        return scene.with_object(replace(object, exact=False, on=""))

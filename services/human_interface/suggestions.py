@@ -10,7 +10,7 @@ from companion.all_languages import AnyCommand
 from companion.commands import Offer
 from companion.run_files import InWords, Wish
 from services.human_interface.catalogue import MAKE, TASKS, THINGS
-from services.human_interface.wishes import Context, Option, called, in_words, kind_of
+from services.human_interface.interpretation import Context, Option, in_words, kind_of, noun
 
 YES, NO = {"en": "yes", "pl": "tak"}, {"en": "no", "pl": "nie"}
 MOST_THINGS = 6
@@ -23,7 +23,7 @@ def wishes(context: Context) -> tuple[Wish, ...]:
     return tuple(
         Wish(
             does,
-            InWords(called(name, "en"), called(name, "pl")),
+            InWords(noun(name, "en"), noun(name, "pl")),
             InWords(in_words((task,)), in_words((task,), "pl")),
         )
         for name in things
@@ -37,9 +37,8 @@ def _about(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, AnyCommand
     """
     for does, wish in TASKS.items():
         if wish.offer is Offer.THINGS:
-            others = itertools.permutations(
-                [one for one in things if one != name], len(wish.uses) - 1
-            )
+            beside = [one for one in things if one != name]
+            others = itertools.permutations(beside, len(wish.uses) - 1)
             for names in ((name, *rest) for rest in others):
                 if all(
                     use in THINGS[kind_of(one)].can
@@ -52,20 +51,16 @@ def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
     """Return the sentences that answer a question: a name or "yes" for each option, and "no"; none
     where it is none.
     """
-    names = [called(one.thing, language) if len(options) > 1 else YES[language] for one in options]
+    names = [noun(one.thing, language) if len(options) > 1 else YES[language] for one in options]
     return (*names, NO[language]) if names else ()
 
 
 def _offered_objects(context: Context) -> tuple[str, ...]:
     """The things that something is offered for, the only one of its kind without a number."""
     uses = {wish.uses[0] for wish in TASKS.values() if wish.offer is Offer.THINGS}
-    seen = tuple(
-        name
-        for name in context.seen or ()
-        if kind_of(name) in THINGS and uses & {*THINGS[kind_of(name)].can}
-    )
+    known = [name for name in context.seen or () if kind_of(name) in THINGS]
+    seen = tuple(name for name in known if uses & {*THINGS[kind_of(name)].can})
     kinds = [kind_of(name) for name in seen]
     named = tuple(name if kinds.count(kind_of(name)) > 1 else kind_of(name) for name in seen)
-    return tuple(
-        dict.fromkeys((*named, *(name for name in context.mentioned if kind_of(name) not in kinds)))
-    )
+    mentioned = (name for name in context.mentioned if kind_of(name) not in kinds)
+    return tuple(dict.fromkeys((*named, *mentioned)))

@@ -6,13 +6,13 @@ Pure: a scene in, a scene out. Must not know: who observed, protocols.
 
 import math
 
-import msgspec
+from msgspec.structs import replace
 
-from companion.fusing import fused
 from companion.languages import wm
 from companion.languages.values import Pose
-from services.knowledge.relations import related
-from services.knowledge.scene import Held, Origin, Scene, SceneObject
+from companion.world.fusing import fused
+from companion.world.relations import related
+from companion.world.scene import Held, Origin, Scene, SceneObject
 
 ELSEWHERE_M = 0.1
 """Farther than an object is pushed by a hand that misses it, and than a sight errs (estimate)."""
@@ -55,7 +55,7 @@ def observed(scene: Scene, observation: wm.AnySight, version: Version, now: floa
     ):
         return scene
     at = observation.at if isinstance(observation, wm.SeenObject | wm.PlacedObject) else now
-    stamped = msgspec.structs.replace(
+    stamped = replace(
         scene, versions={**scene.versions, subject: version}, times={**scene.times, subject: at}
     )
     return _noted(stamped, observation, at)
@@ -82,15 +82,11 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
             pose, uncertainty = fused((kept.pose, sure), (pose, observation.uncertainty))
             content = kept.content if content is None else content
             told = {"pose": pose, "uncertainty": uncertainty, "content": content}
-            seen = msgspec.structs.replace(
-                kept, model=model, at=at, exact=exact, origin=origin, **told
-            )
+            seen = replace(kept, model=model, at=at, exact=exact, origin=origin, **told)
             return related(scene.with_object(seen), at, name)
         case wm.PlacedObject(object=name, model=model, pose=pose):
             kept = scene.things.get(name, SceneObject(name, model, pose))
-            left = msgspec.structs.replace(
-                kept, model=model, pose=pose, at=at, exact=False, uncertainty=None
-            )
+            left = replace(kept, model=model, pose=pose, at=at, exact=False, uncertainty=None)
             return related(scene.with_object(left), at, name)
         case wm.SeenHand(side=side, object=name, grasp=grasp, pose=pose):
             before = scene.hands.get(side, Held()).object
@@ -104,7 +100,7 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
         case wm.MissingObject(object=name):
             return scene.without(name, None)
         case wm.FeltContent(source=source, destination=destination):
-            return msgspec.structs.replace(scene, contents={**scene.contents, source: destination})
+            return replace(scene, contents={**scene.contents, source: destination})
         case wm.SeenBody(body=body):
             joints = {
                 "torso": (body.torso,),
@@ -114,7 +110,7 @@ def _noted(scene: Scene, observation: wm.AnySight, at: float) -> Scene:
                 "right_hand": body.right_hand,
                 "left_hand": body.left_hand,
             }
-            return msgspec.structs.replace(scene, joints=joints)
+            return replace(scene, joints=joints)
 
 
 def _taken(scene: Scene, name: str) -> Scene:
@@ -124,7 +120,7 @@ def _taken(scene: Scene, name: str) -> Scene:
     object = scene.things.get(name)
     if object is None or object.origin is not None or not object.exact:
         return scene
-    return scene.with_object(msgspec.structs.replace(object, origin=Origin(object.pose, object.on)))
+    return scene.with_object(replace(object, origin=Origin(object.pose, object.on)))
 
 
 def _moved_by_others(object: SceneObject, pose: Pose) -> bool:

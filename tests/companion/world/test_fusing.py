@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from companion.fusing import fused
 from companion.languages.values import Pose, Uncertainty
+from companion.world.fusing import fused
 
 Array = NDArray[np.float64]
 AT = np.array([0.85, 0.37, 1.28])
@@ -28,25 +28,25 @@ roots = st.tuples(squares, st.floats(2e-4, 5e-3)).map(
 """Square roots of covariances: some 0.1 mm to 1 cm, in any direction."""
 
 
-def uncertain(covariance: Array, turn: float = 1e-5) -> Uncertainty:
+def uncertain(covariance, turn=1e-5):
     """As it travels."""
     return Uncertainty(tuple(covariance[UPPER].tolist()), turn)  # type: ignore[arg-type]
 
 
-def pose(xyz: Array, about: float = 0.0, tilt: float = 0.0) -> Pose:
+def pose(xyz, about=0.0, tilt=0.0):
     """Turned about the vertical, then tilted about x."""
     a, b, c, d = math.cos(about / 2), math.sin(about / 2), math.cos(tilt / 2), math.sin(tilt / 2)
     return Pose((float(xyz[0]), float(xyz[1]), float(xyz[2])), (a * c, a * d, -b * d, b * c))
 
 
-def whole(upper: tuple[float, ...]) -> Array:
+def whole(upper):
     """The symmetric matrix (3, 3)."""
     matrix = np.zeros((3, 3))
     matrix[UPPER] = upper
     return matrix + np.triu(matrix, 1).T
 
 
-def gain(a: Array, b: Array) -> tuple[Array, Array]:
+def gain(a, b):
     """The share (3, 3) of a deviation between two sights by which the fused one follows the newer;
     its covariance.
     """
@@ -58,7 +58,7 @@ def gain(a: Array, b: Array) -> tuple[Array, Array]:
 
 
 @given(roots, roots, squares)
-def test_it_is_never_surer_than_what_is_known(root_a: Array, root_b: Array, shared: Array) -> None:
+def test_it_is_never_surer_than_what_is_known(root_a, root_b, shared):
     """Whatever correlation the errors of both have: the error of the fused place is within the told
     covariance.
     """
@@ -72,7 +72,7 @@ def test_it_is_never_surer_than_what_is_known(root_a: Array, root_b: Array, shar
 
 
 @given(roots, roots)
-def test_it_is_at_least_as_sure_as_the_better_one(root_a: Array, root_b: Array) -> None:
+def test_it_is_at_least_as_sure_as_the_better_one(root_a, root_b):
     """By the volume of the ellipsoid."""
     a, b = root_a @ root_a.T, root_b @ root_b.T
     _, told = gain(a, b)
@@ -80,7 +80,7 @@ def test_it_is_at_least_as_sure_as_the_better_one(root_a: Array, root_b: Array) 
 
 
 @given(roots)
-def test_of_two_equal_ones_it_is_the_middle(root: Array) -> None:
+def test_of_two_equal_ones_it_is_the_middle(root):
     """And not surer than one of them: the same camera errs the same way."""
     follow, told = gain(root @ root.T, root @ root.T)
     assert follow == pytest.approx(np.eye(3) / 2, abs=1e-5)
@@ -88,7 +88,7 @@ def test_of_two_equal_ones_it_is_the_middle(root: Array) -> None:
 
 
 @given(roots, roots, squares)
-def test_what_does_not_agree_was_moved(root_a: Array, root_b: Array, direction: Array) -> None:
+def test_what_does_not_agree_was_moved(root_a, root_b, direction):
     """Then the newer one counts alone; within a deviation it does not."""
     a, b = root_a @ root_a.T, root_b @ root_b.T
     unit = direction[0] / max(1e-9, np.linalg.norm(direction[0]))
@@ -101,7 +101,7 @@ def test_what_does_not_agree_was_moved(root_a: Array, root_b: Array, direction: 
 
 
 @given(st.floats(-3.1, 3.1), st.floats(-0.004, 0.004), st.floats(1e-6, 1e-4), st.floats(1e-6, 1e-4))
-def test_the_surer_rotation_counts(about: float, off: float, sure: float, unsure: float) -> None:
+def test_the_surer_rotation_counts(about, off, sure, unsure):
     """Also across half a turn."""
     covariance = 1e-6 * np.eye(3)
     kept = pose(AT, about), uncertain(covariance, sure)
@@ -131,8 +131,6 @@ def test_the_surer_rotation_counts(about: float, off: float, sure: float, unsure
     ],
     ids=["before unknown", "now unknown", "nothing", "no covariance", "tipped", "turned"],
 )
-def test_the_newer_one_counts_alone(
-    kept: tuple[Pose, Uncertainty], seen: tuple[Pose, Uncertainty]
-) -> None:
+def test_the_newer_one_counts_alone(kept, seen):
     """Where there is nothing to weigh by, or it stands otherwise."""
     assert fused(kept, seen) == seen
