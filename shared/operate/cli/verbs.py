@@ -174,10 +174,7 @@ VERBS: Table = {
             ".design.check:check",
             "Check a design: steps, channels, messages both ways, interfaces.",
         ),
-        "design diff": (
-            ".design.diff:diff_",
-            "Tell what changed between two designs.",
-        ),
+        "design diff": (".design.diff:diff_", "Tell what changed between two designs."),
         "design export": (
             ".design.export:export",
             "Write the models of a design's protocols for spin (Promela).",

@@ -15,7 +15,7 @@ import typer
 from rich.table import Table
 
 from operate.cli.design import files
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, option
 from operate.cli.terminal.console import Console
 from topdown.check import recorded
 from topdown.check.estimate import Estimate, Measured, estimate, measure
@@ -40,19 +40,14 @@ def check(
     file: files.File = None,
     run: files.Recording = None,
     ruled: Annotated[
-        bool, typer.Option("--rulings", help="Also what the design rules, entry by entry.")
+        bool, option("Also what the design rules, entry by entry.", "--rulings")
     ] = False,
     estimated: Annotated[
         bool,
-        typer.Option(
-            "--estimate", help="Also counts, sizes, bandwidth, latencies, bottlenecks to expect."
-        ),
+        option("Also counts, sizes, bandwidth, latencies, bottlenecks to expect.", "--estimate"),
     ] = False,
     within: Annotated[
-        float,
-        typer.Option(
-            help="Of the estimate beside a recording: the error that is wanted, as a share."
-        ),
+        float, option("Of the estimate beside a recording: the error that is wanted, as a share.")
     ] = WITHIN,
     form: Form = Format.TEXT,
 ) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from operate.cli.design import files
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, argument
 from topdown.check.difference import Change, Way, diff
 from topdown.model.design import load
 
@@ -19,8 +19,8 @@ MARKS = {Way.ADDED: "+", Way.REMOVED: "-", Way.CHANGED: "~"}
 
 
 def diff_(
-    old: Annotated[Path, typer.Argument(help="A design file.")],
-    new: Annotated[Path, typer.Argument(help="The design file it became.")],
+    old: Annotated[Path, argument("A design file.")],
+    new: Annotated[Path, argument("The design file it became.")],
     form: Form = Format.TEXT,
 ) -> None:
     """Tell what changed between two designs, whatever the order of their entries. Exits with 1

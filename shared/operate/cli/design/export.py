@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from operate.cli import completion
 from operate.cli.design import files
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, option
 from topdown.model.design import Design, load
 from topdown.model.errors import NoSuchEntry
 from topdown.prove.net import NetModel
@@ -20,30 +19,21 @@ from topdown.prove.promela import promela
 
 Promela = Annotated[
     Path | None,
-    typer.Option(
-        "--promela", help="Write Promela for spin here: a file for one use, a folder for more."
-    ),
+    option("Write Promela for spin here: a file for one use, a folder for more.", "--promela"),
 ]
 Use = Annotated[
     list[str] | None,
-    typer.Option(
-        "--use",
-        help="A use of a protocol by name; may be given again.",
-        autocompletion=completion.uses,
-    ),
+    option("A use of a protocol by name; may be given again.", "--use", complete=completion.uses),
 ]
 Pair = Annotated[
     str | None,
-    typer.Option(
-        "--pair",
-        help="Two agents with - between: all uses between them.",
-        autocompletion=completion.pairs,
+    option(
+        "Two agents with - between: all uses between them.", "--pair", complete=completion.pairs
     ),
 ]
-Faults = Annotated[int, typer.Option(min=0, help="How many faults at most.")]
+Faults = Annotated[int, option("How many faults at most.", min=0)]
 Ideal = Annotated[
-    bool,
-    typer.Option("--ideal", help="Durable uses over ideal queues, without copies and receipts."),
+    bool, option("Durable uses over ideal queues, without copies and receipts.", "--ideal")
 ]
 
 

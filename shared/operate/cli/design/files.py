@@ -12,7 +12,7 @@ import msgspec
 import typer
 
 from operate.cli.errors import ConsoleError
-from operate.cli.output import Format, tell_problem
+from operate.cli.output import Format, argument, option, tell_problem
 from operate.cli.traffic.observed import recording
 from operate.system import NoSystemError, here
 from topdown import check
@@ -27,11 +27,10 @@ NARROW, WIDE = 60, 160
 
 
 File = Annotated[
-    Path | None,
-    typer.Argument(help="A design file; else that of the system here.", show_default=False),
+    Path | None, argument("A design file; else that of the system here.", show_default=False)
 ]
 Recording = Annotated[
-    Path | None, typer.Option("--recording", help="A run's folder, or a .json of observations.")
+    Path | None, option("A run's folder, or a .json of observations.", "--recording")
 ]
 
 

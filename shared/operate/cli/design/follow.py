@@ -11,18 +11,14 @@ import typer
 
 from agent_runtime.io.steplog import deeds
 from operate.cli.design import files
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, argument, option
 from operate.run_folder import STEPS
 from operate.system import of_run
 from topdown.model.design import load
 from topdown.prove.paths import Deviation, Follower
 
-Run = Annotated[
-    Path, typer.Argument(help="A run's folder; its agents' steps are in RUN/steps.", exists=True)
-]
-Design = Annotated[
-    Path | None, typer.Option("--design", help="A design file; else that of the run's system.")
-]
+Run = Annotated[Path, argument("A run's folder; its agents' steps are in RUN/steps.", exists=True)]
+Design = Annotated[Path | None, option("A design file; else that of the run's system.", "--design")]
 
 
 def follow(run: Run, design: Design = None, form: Form = Format.TEXT) -> None:

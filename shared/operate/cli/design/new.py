@@ -6,24 +6,21 @@ from typing import Annotated
 import msgspec
 import typer
 
-from operate.cli.output import Form, Format, tell_problem
+from operate.cli.output import Form, Format, argument, option, tell_problem
 from topdown.model.errors import TopdownError
 from topdown.model.loading import text_of
 from topdown.scaffold import Outcome, scaffold, smallest
 
 
 def new(
-    folder: Annotated[Path, typer.Argument(help="The project's folder; made where missing.")],
+    folder: Annotated[Path, argument("The project's folder; made where missing.")],
     name: Annotated[
-        str, typer.Option(help="Name of package and system; else the design's, or the folder's.")
+        str, option("Name of package and system; else the design's, or the folder's.")
     ] = "",
     source: Annotated[
         Path | None,
-        typer.Option(
-            "--from",
-            exists=True,
-            dir_okay=False,
-            help="A design file; else the smallest system begins.",
+        option(
+            "A design file; else the smallest system begins.", "--from", exists=True, dir_okay=False
         ),
     ] = None,
     form: Form = Format.TEXT,

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
@@ -17,7 +16,7 @@ from operate.cli import completion
 from operate.cli.design import files
 from operate.cli.design.show import write
 from operate.cli.errors import UsageError
-from operate.cli.output import Form, Format, tell_json
+from operate.cli.output import Form, Format, argument, option, tell_json
 from operate.system import NoSystemError, here
 from topdown.draw import document
 from topdown.draw.document import Grid
@@ -81,14 +80,9 @@ class Shown(msgspec.Struct, frozen=True):
 
 def protocol(
     name: Annotated[
-        str,
-        typer.Argument(
-            metavar="[NAME]", help="A protocol.", autocompletion=completion.every_protocol
-        ),
+        str, argument("A protocol.", complete=completion.every_protocol, metavar="[NAME]")
     ] = "",
-    svg: Annotated[
-        Path | None, typer.Option("--svg", help="Draw the exchange, and write it here.")
-    ] = None,
+    svg: Annotated[Path | None, option("Draw the exchange, and write it here.", "--svg")] = None,
     form: Form = Format.TEXT,
 ) -> None:
     """List the protocols that a design can follow; show the tables of one: who may say what in

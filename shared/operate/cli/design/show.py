@@ -13,7 +13,7 @@ import typer
 
 from operate.cli import completion
 from operate.cli.design import files
-from operate.cli.output import Form, Format, tell_problem
+from operate.cli.output import Form, Format, option, tell_problem
 from operate.system import NoSystemError
 from topdown.draw import book, document
 from topdown.draw.document import Figure, Section
@@ -23,35 +23,29 @@ from topdown.model.errors import TopdownError
 
 def show(
     file: files.File = None,
-    what: Annotated[
-        list[book.What] | None, typer.Option(help="What to show; may be repeated.")
-    ] = None,
+    what: Annotated[list[book.What] | None, option("What to show; may be repeated.")] = None,
     step: Annotated[
         int | None,
-        typer.Option(
-            help="Of steps and tree: after which step; else all, and the last.",
-            autocompletion=completion.steps,
+        option(
+            "Of steps and tree: after which step; else all, and the last.",
+            complete=completion.steps,
         ),
     ] = None,
     agent: Annotated[
         str | None,
-        typer.Option(
-            help="Of interfaces and machines: whose; else all.", autocompletion=completion.agents
-        ),
+        option("Of interfaces and machines: whose; else all.", complete=completion.agents),
     ] = None,
     protocol: Annotated[
         str | None,
-        typer.Option(
-            help="Of protocols: which use, or the table they follow.",
-            autocompletion=completion.protocols_and_uses,
+        option(
+            "Of protocols: which use, or the table they follow.",
+            complete=completion.protocols_and_uses,
         ),
     ] = None,
-    html: Annotated[
-        Path | None, typer.Option(help="Write one self-contained page of it here.")
-    ] = None,
-    svg: Annotated[Path | None, typer.Option(help="Write its figures into this folder.")] = None,
+    html: Annotated[Path | None, option("Write one self-contained page of it here.")] = None,
+    svg: Annotated[Path | None, option("Write its figures into this folder.")] = None,
     long: Annotated[
-        bool, typer.Option("--long", help="Also the rows behind diagrams, which a page folds.")
+        bool, option("Also the rows behind diagrams, which a page folds.", "--long")
     ] = False,
     form: Form = Format.TEXT,
 ) -> None:

@@ -12,7 +12,7 @@ import typer
 
 from operate.cli import completion
 from operate.cli.design import files
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, option
 from operate.cli.terminal.console import Console
 from topdown.model.design import load
 from topdown.prove import counterexample, durable, volatile
@@ -28,40 +28,34 @@ TITLES = {
 
 Faults = Annotated[
     str,
-    typer.Option(
-        help="How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.",
-        autocompletion=completion.faults,
+    option(
+        "How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.",
+        complete=completion.faults,
     ),
 ]
 Layers = Annotated[
     list[int] | None,
-    typer.Option(
-        "--layer", help="Only this layer; may be given again.", autocompletion=completion.layers
-    ),
+    option("Only this layer; may be given again.", "--layer", complete=completion.layers),
 ]
 Step = Annotated[
     int | None,
-    typer.Option(
-        help="Only the channels that this step of the design created or changed.",
-        autocompletion=completion.steps,
+    option(
+        "Only the channels that this step of the design created or changed.",
+        complete=completion.steps,
     ),
 ]
 Gone = Annotated[
     list[str] | None,
-    typer.Option(
-        help="Besides: this agent may die for good, and wishes of persons still end.",
-        autocompletion=completion.agents,
+    option(
+        "Besides: this agent may die for good, and wishes of persons still end.",
+        complete=completion.agents,
     ),
 ]
 Seconds = Annotated[
-    float | None, typer.Option(help="CPU seconds for each verdict; what is open then is said.")
+    float | None, option("CPU seconds for each verdict; what is open then is said.")
 ]
-SkipStart = Annotated[
-    bool, typer.Option("--skip-start", help="Leave out the start of all agents (layer 3).")
-]
-Long = Annotated[
-    bool, typer.Option("--long", help="Also what the model leaves out, and why that is safe.")
-]
+SkipStart = Annotated[bool, option("Leave out the start of all agents (layer 3).", "--skip-start")]
+Long = Annotated[bool, option("Also what the model leaves out, and why that is safe.", "--long")]
 
 
 def verify(

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
-import typer
 from rich.table import Table
 from rich.text import Text
 
@@ -29,7 +28,7 @@ from operate.cli.errors import FleetError, UsageError
 from operate.cli.faults.kinds import KINDS, VERBS, Kind
 from operate.cli.fleet import running_fleets
 from operate.cli.fleet.up import Rate, Speed
-from operate.cli.output import FirstSeed, Form, Format, problems, tell_json, tell_problem
+from operate.cli.output import FirstSeed, Form, Format, option, problems, tell_json, tell_problem
 from operate.cli.runs import folders, trials
 from operate.cli.runs.experiment import span
 from operate.cli.terminal.console import Console
@@ -380,28 +379,22 @@ def _kinds(incomplete: str) -> list[str]:
 
 
 def chaos(
-    runs: Annotated[int, typer.Option(min=1, help="How many runs.")] = 10,
+    runs: Annotated[int, option("How many runs.", min=1)] = 10,
     seed: FirstSeed = 1,
     budget: Annotated[
-        float, typer.Option(min=0.0, help="No run begins after so many minutes; 0: all do.")
+        float, option("No run begins after so many minutes; 0: all do.", min=0.0)
     ] = 0.0,
-    kind: Annotated[
-        str, typer.Option(help="Kinds of faults, comma between; else all.", autocompletion=_kinds)
-    ] = "",
+    kind: Annotated[str, option("Kinds of faults, comma between; else all.", complete=_kinds)] = "",
     on: Annotated[
-        str,
-        typer.Option(
-            help="Processes to hit, comma between; else all.", autocompletion=completion.started
-        ),
+        str, option("Processes to hit, comma between; else all.", complete=completion.started)
     ] = "",
     speed: Rate = Speed.MAX,
     out: Annotated[
-        Path | None, typer.Option(help="Where it is written; else experiments/chaos-<time>.")
+        Path | None, option("Where it is written; else experiments/chaos-<time>.")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with what is in --out.")] = False,
+    resume: Annotated[bool, option("Go on with what is in --out.", "--resume")] = False,
     keep: Annotated[
-        bool,
-        typer.Option("--keep", help="Keep the folders of all runs, not only of those to look at."),
+        bool, option("Keep the folders of all runs, not only of those to look at.", "--keep")
     ] = False,
     form: Form = Format.TEXT,
 ) -> None:

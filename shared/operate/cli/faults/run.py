@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from operate.cli import interrupts
 from operate.cli.errors import FleetError, UsageError
@@ -23,7 +22,7 @@ from operate.cli.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
 from operate.cli.faults.verbs import heal_left
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import named
-from operate.cli.output import Form, Format, RunDir, problems
+from operate.cli.output import Form, Format, RunDir, argument, option, problems
 
 # --- A scenario: faults in a TOML file, of which a seed chooses what the file leaves open. Pure but
 # for `load`
@@ -162,8 +161,8 @@ HEAL_S = 100.0
 
 
 def run(
-    file: Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="A scenario (TOML).")],
-    seed: Annotated[int, typer.Option(min=0, help="Chooses what the scenario leaves open.")] = 1,
+    file: Annotated[Path, argument("A scenario (TOML).", exists=True, dir_okay=False)],
+    seed: Annotated[int, option("Chooses what the scenario leaves open.", min=0)] = 1,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,

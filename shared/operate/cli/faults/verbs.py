@@ -7,36 +7,42 @@ from functools import partial
 from typing import Annotated
 
 import msgspec
-import typer
 
 from operate.cli import completion, interrupts
 from operate.cli.errors import UsageError
 from operate.cli.faults import inflict, moments
 from operate.cli.faults.kinds import KINDS, VERBS, Kind
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
+from operate.cli.output import (
+    Form,
+    Format,
+    Reply,
+    RunDir,
+    argument,
+    option,
+    problems,
+    tell,
+    tell_json,
+    tell_problem,
+)
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.fault_lines import latest, read
 from operate.run_folder import Fault
 
-Process = Annotated[
-    str, typer.Argument(metavar="PROCESS", help="A process.", autocompletion=targets.processes)
-]
+Process = Annotated[str, argument("A process.", complete=targets.processes, metavar="PROCESS")]
 At = Annotated[
     str,
-    typer.Option(
+    option(
+        "When it begins: seconds from now, a state (STATE or AGENT:STATE), the Nth message of"
+        " the process (3rd-message), an event of the run (event:NAME) or a step of the plan"
+        " (plan:STEP); else at once.",
         "--at",
+        complete=completion.moments,
         metavar="MOMENT",
-        help=(
-            "When it begins: seconds from now, a state (STATE or AGENT:STATE), the Nth message of"
-            " the process (3rd-message), an event of the run (event:NAME) or a step of the plan"
-            " (plan:STEP); else at once."
-        ),
-        autocompletion=completion.moments,
     ),
 ]
-Within = Annotated[float, typer.Option("--within", min=0.1, help="Seconds to wait for the moment.")]
+Within = Annotated[float, option("Seconds to wait for the moment.", "--within", min=0.1)]
 HEADS = ("begun", "fault", "lasted", "what came of it")
 WITHIN_S = 300.0
 """Estimate: longer than a pour on a loaded machine."""
@@ -62,32 +68,28 @@ def kinds(incomplete: str) -> list[str]:
 
 
 def fault(
-    kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="What is done to it.", autocompletion=kinds)
-    ],
+    kind: Annotated[str, argument("What is done to it.", complete=kinds, metavar="KIND")],
     process: Process,
     amount: Annotated[
         float | None,
-        typer.Argument(
-            metavar="[AMOUNT]", help="delay, clock: seconds; loss, corrupt: a share; rate: bytes."
-        ),
+        argument("delay, clock: seconds; loss, corrupt: a share; rate: bytes.", metavar="[AMOUNT]"),
     ] = None,
     per_second: Annotated[
-        float | None, typer.Option(min=1.0, help="flood: so many a second; else 500.")
+        float | None, option("flood: so many a second; else 500.", min=1.0)
     ] = None,
     speaker: Annotated[
         str,
-        typer.Option(
+        option(
+            "flood: who floods, the operator or a peer.",
             "--as",
+            complete=completion.agents,
             metavar="NAME",
-            help="flood: who floods, the operator or a peer.",
-            autocompletion=completion.agents,
         ),
     ] = "",
     at: At = "",
     for_: Annotated[
         float | None,
-        typer.Option("--for", min=0.0, help="Seconds until it is healed; else as its kind has it."),
+        option("Seconds until it is healed; else as its kind has it.", "--for", min=0.0),
     ] = None,
     within: Within = WITHIN_S,
     target: targets.Name = "",

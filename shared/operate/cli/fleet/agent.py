@@ -4,7 +4,6 @@ import time
 from typing import Annotated
 
 import msgspec
-import typer
 
 from agent_runtime.core.control import Order, Pause, Resume
 from agent_runtime.core.errors import JournalError
@@ -14,16 +13,12 @@ from operate.cli.errors import FleetError
 from operate.cli.fleet import operator, targets
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.targets import LOG_LINES, Target, named
-from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.cli.output import Form, Format, RunDir, argument, problems, tell_json, waiting
 from operate.cli.runs import folders
 from operate.run_folder import ProcessState
 
-Process = Annotated[
-    str, typer.Argument(metavar="NAME", help="A process.", autocompletion=targets.processes)
-]
-Agent = Annotated[
-    str, typer.Argument(metavar="AGENT", help="An agent.", autocompletion=targets.processes)
-]
+Process = Annotated[str, argument("A process.", complete=targets.processes, metavar="NAME")]
+Agent = Annotated[str, argument("An agent.", complete=targets.processes, metavar="AGENT")]
 PERIOD_S = 0.1  # estimate: how often a waiting person's picture is renewed
 STOP_S = 130.0  # the monitor may take two minutes for its reports
 READY_S = 90.0  # as for the whole fleet

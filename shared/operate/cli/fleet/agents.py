@@ -13,7 +13,7 @@ from operate.cli.errors import NO, NoRunError
 from operate.cli.fleet import targets
 from operate.cli.fleet.process_status import Info, Row, rows
 from operate.cli.fleet.targets import LOG_LINES, Target, named
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
 
 BETWEEN_S = 0.5
 """Between the two looks whose difference is the share of a processor: 50 ticks of the kernel's
@@ -31,31 +31,24 @@ class Agents(msgspec.Struct, frozen=True):
 def agents(
     names: Annotated[
         list[str] | None,
-        typer.Argument(
-            metavar="[NAME]...",
-            help="All that is known of these.",
-            autocompletion=targets.processes,
-        ),
+        argument("All that is known of these.", complete=targets.processes, metavar="[NAME]..."),
     ] = None,
     offers: Annotated[
-        bool, typer.Option("--offers", help="What they offer and ask, as the design says.")
+        bool, option("What they offer and ask, as the design says.", "--offers")
     ] = False,
     protocol: Annotated[
         str,
-        typer.Option(
-            help="Who offers this protocol, or use of one.",
-            autocompletion=completion.protocols_and_uses,
-        ),
+        option("Who offers this protocol, or use of one.", complete=completion.protocols_and_uses),
     ] = "",
     ontology: Annotated[
-        str, typer.Option(help="Offers of this ontology.", autocompletion=completion.ontologies)
+        str, option("Offers of this ontology.", complete=completion.ontologies)
     ] = "",
     language: Annotated[
-        str, typer.Option(help="Offers in this language.", autocompletion=completion.languages)
+        str, option("Offers in this language.", complete=completion.languages)
     ] = "",
-    up: Annotated[bool, typer.Option("--up", help="Offers of agents that are up.")] = False,
+    up: Annotated[bool, option("Offers of agents that are up.", "--up")] = False,
     long: Annotated[
-        bool, typer.Option("--long", help="Offers with arguments and answers of each act.")
+        bool, option("Offers with arguments and answers of each act.", "--long")
     ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,

@@ -9,47 +9,40 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from agent_runtime.io import issuing
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import RIGHTS, KeysError
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
 from operate.cli.runs import folders
 from operate.system import here, of_design
 
 
 def make(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Where to; what is there is replaced.")
-    ],
-    days: Annotated[float, typer.Option(min=0.01, help="How long they hold.")] = issuing.DAYS,
+    folder: Annotated[Path, argument("Where to; what is there is replaced.", metavar="DIR")],
+    days: Annotated[float, option("How long they hold.", min=0.01)] = issuing.DAYS,
     system: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
+            "Prefix of every key; several behind one router; else the system's own.",
+            complete=completion.systems,
             envvar=["ROCO_SYSTEMS", "ROCO_SYSTEM"],
-            help="Prefix of every key; several behind one router; else the system's own.",
-            autocompletion=completion.systems,
         ),
     ] = None,
     host: Annotated[
         list[str] | None,
-        typer.Option(
-            envvar="ROCO_HOSTS",
-            help="One more name or address of a host of the router, or of agents.",
+        option(
+            "One more name or address of a host of the router, or of agents.", envvar="ROCO_HOSTS"
         ),
     ] = None,
-    design: Annotated[
-        Path | None, typer.Option(help="A design file; else that of the system here.")
-    ] = None,
+    design: Annotated[Path | None, option("A design file; else that of the system here.")] = None,
     apart: Annotated[
-        bool, typer.Option(help="A folder for each identity: each process sees its own alone.")
+        bool, option("A folder for each identity: each process sees its own alone.")
     ] = False,
     keep: Annotated[
-        float | None,
-        typer.Option(metavar="DAYS", help="Leave all as it is where it holds so many days more."),
+        float | None, option("Leave all as it is where it holds so many days more.", metavar="DAYS")
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -75,13 +68,7 @@ def make(
         ]
         try:
             made = issuing.issue(
-                folder,
-                found.design,
-                names,
-                days=days,
-                hosts=hosts,
-                apart=apart,
-                keep_days=keep,
+                folder, found.design, names, days=days, hosts=hosts, apart=apart, keep_days=keep
             )
         except UnicodeError as error:
             raise ConsoleError(str(error)) from error
@@ -113,19 +100,17 @@ class Revoked(msgspec.Struct, frozen=True):
 def revoke(
     name: Annotated[
         str,
-        typer.Argument(
+        argument(
+            "The name in the certificate: an agent, or SYSTEM.AGENT.",
+            complete=completion.agents,
             metavar="NAME",
-            help="The name in the certificate: an agent, or SYSTEM.AGENT.",
-            autocompletion=completion.agents,
         ),
     ],
     folder: Annotated[
         Path | None,
-        typer.Option(
-            "--keys", metavar="DIR", help="What `roco keys make` wrote; else the run's keys."
-        ),
+        option("What `roco keys make` wrote; else the run's keys.", "--keys", metavar="DIR"),
     ] = None,
-    undo: Annotated[bool, typer.Option("--undo", help="Grant its rights again.")] = False,
+    undo: Annotated[bool, option("Grant its rights again.", "--undo")] = False,
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:

@@ -9,7 +9,6 @@ from datetime import datetime
 from typing import Annotated, Any
 
 import msgspec
-import typer
 from rich.text import Text
 
 from agent_runtime.io.cli import Level
@@ -17,7 +16,7 @@ from operate.cli import completion
 from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
 from operate.cli.terminal.console import Console
 
 LAST = 40
@@ -40,10 +39,7 @@ _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 _AGO = re.compile(r"(\d+(?:\.\d+)?)([smhd])")
 _CLOCKS = ("%H:%M:%S", "%H:%M")
 
-Name = Annotated[
-    str,
-    typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=targets.processes),
-]
+Name = Annotated[str, argument("Only this one's.", complete=targets.processes, metavar="[AGENT]")]
 
 
 class Line(msgspec.Struct, frozen=True):
@@ -59,18 +55,18 @@ class Line(msgspec.Struct, frozen=True):
 def logs(
     name: Name = "",
     follow: Annotated[
-        bool, typer.Option("-f", "--follow", help="Go on with what is written, until Ctrl-C.")
+        bool, option("Go on with what is written, until Ctrl-C.", "-f", "--follow")
     ] = False,
-    level: Annotated[Level, typer.Option(help="Least level shown.")] = Level.INFO,
+    level: Annotated[Level, option("Least level shown.")] = Level.INFO,
     since: Annotated[
         str,
-        typer.Option(
-            help="From then on: 30s, 5m, 2h ago, or a time: 14:05, 2026-11-23T14:05.",
-            autocompletion=completion.times,
+        option(
+            "From then on: 30s, 5m, 2h ago, or a time: 14:05, 2026-11-23T14:05.",
+            complete=completion.times,
         ),
     ] = "",
     lines: Annotated[
-        int, typer.Option("-n", "--lines", min=0, help="So many of the last lines; 0: all.")
+        int, option("So many of the last lines; 0: all.", "-n", "--lines", min=0)
     ] = LAST,
     target: targets.Name = "",
     run_dir: RunDir = None,

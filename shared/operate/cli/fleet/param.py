@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import Annotated
 
 import msgspec
-import typer
 from rich.text import Text
 
 from agent_runtime.core.control import LEVELS, Order, SetLevel, SetParameter, Value
@@ -12,7 +11,7 @@ from operate.cli import completion
 from operate.cli.errors import UsageError
 from operate.cli.fleet import operator, targets
 from operate.cli.fleet.targets import Target
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, problems, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from topdown.model.parameters import Parameters, allowed, worded
@@ -43,24 +42,14 @@ class Listed(msgspec.Struct, frozen=True):
 
 def param(
     agent: Annotated[
-        str,
-        typer.Argument(
-            metavar="[AGENT]", help="Only this one's.", autocompletion=completion.agents
-        ),
+        str, argument("Only this one's.", complete=completion.agents, metavar="[AGENT]")
     ] = "",
     name: Annotated[
-        str,
-        typer.Argument(
-            metavar="[NAME]", help="Only this one.", autocompletion=completion.parameters
-        ),
+        str, argument("Only this one.", complete=completion.parameters, metavar="[NAME]")
     ] = "",
     value: Annotated[
         str | None,
-        typer.Argument(
-            metavar="[VALUE]",
-            help="Its value from now on.",
-            autocompletion=completion.parameter_values,
-        ),
+        argument("Its value from now on.", complete=completion.parameter_values, metavar="[VALUE]"),
     ] = None,
     target: targets.Name = "",
     run_dir: RunDir = None,

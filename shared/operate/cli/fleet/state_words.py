@@ -43,14 +43,7 @@ def doing(status: ProcessStatus, view: View, system: System) -> tuple[str, str]:
     state = seen.state if seen is not None else ""
     words = state_text(system, status.name, state) or state or "ready"
     return words, (
-        "dim"
-        if words.split()[0] in AT_REST
-        and state
-        not in (
-            "hold",
-            "stopped",
-        )
-        else "cyan"
+        "dim" if words.split()[0] in AT_REST and state not in ("hold", "stopped") else "cyan"
     )
 
 

@@ -20,6 +20,7 @@ from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Put as Put
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.process_status import Target as Target
+from operate.cli.output import option
 from operate.cli.runs import folders
 from operate.run_folder import LATEST
 from operate.system import System, here
@@ -29,13 +30,11 @@ LOG_LINES = 5
 """Last lines of a process that are shown with what is wrong with it."""
 Name = Annotated[
     str,
-    typer.Option(
+    option(
+        "local, compose, a run's folder or its name in runs/, a compose project, or"
+        " PROJECT/ROBOT of several robots; else what runs.",
         "--target",
-        help=(
-            "local, compose, a run's folder or its name in runs/, a compose project, or"
-            " PROJECT/ROBOT of several robots; else what runs."
-        ),
-        autocompletion=completion.targets,
+        complete=completion.targets,
     ),
 ]
 

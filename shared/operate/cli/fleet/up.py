@@ -7,8 +7,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from agent_runtime.io.options import HOW_LINKED, Linking
 from operate.cli import completion, interrupts
 from operate.cli.errors import FleetError, UsageError
@@ -19,6 +17,7 @@ from operate.cli.output import (
     Reply,
     RunDir,
     Seed,
+    option,
     problems,
     tell,
     tell_problem,
@@ -37,38 +36,27 @@ class Speed(StrEnum):
     MAX = "max"
 
 
-Rate = Annotated[Speed, typer.Option(help="1: real time; max: as fast as the machine can.")]
+Rate = Annotated[Speed, option("1: real time; max: as fast as the machine can.")]
 SceneFile = Annotated[
     Path | None,
-    typer.Option(
-        exists=True, dir_okay=False, help="A scene's TOML file; else the system's own scene."
-    ),
+    option("A scene's TOML file; else the system's own scene.", exists=True, dir_okay=False),
 ]
 Insecure = Annotated[
-    bool,
-    typer.Option(
-        "--insecure", help="No TLS and no rights: whoever is on this host may say anything."
-    ),
+    bool, option("No TLS and no rights: whoever is on this host may say anything.", "--insecure")
 ]
 Faults = Annotated[
     bool,
-    typer.Option(
-        "--faults",
-        help="Agents have wires and clocks of their own, which `roco fault` can disturb.",
+    option(
+        "Agents have wires and clocks of their own, which `roco fault` can disturb.", "--faults"
     ),
 ]
 Out = Annotated[
-    Path | None,
-    typer.Option("--out", "--run-dir", help="Where everything is written; else runs/<time>."),
+    Path | None, option("Where everything is written; else runs/<time>.", "--out", "--run-dir")
 ]
-For = Annotated[
-    float | None, typer.Option("--for", min=1.0, help="Bring it down after this many seconds.")
-]
+For = Annotated[float | None, option("Bring it down after this many seconds.", "--for", min=1.0)]
 Another = Annotated[
     str,
-    typer.Option(
-        "--another", metavar="NAME", help="Beside a fleet that runs: a second one, in runs/NAME."
-    ),
+    option("Beside a fleet that runs: a second one, in runs/NAME.", "--another", metavar="NAME"),
 ]
 
 
@@ -79,22 +67,19 @@ def up(
     speed: Rate = Speed.REAL,
     scene: SceneFile = None,
     only: Annotated[
-        str,
-        typer.Option(
-            help="Names of processes, comma between; else all.", autocompletion=completion.started
-        ),
+        str, option("Names of processes, comma between; else all.", complete=completion.started)
     ] = "",
     insecure: Insecure = False,
     faults: Faults = False,
-    links: Annotated[Linking, typer.Option(help=HOW_LINKED)] = Linking.DIRECT,
+    links: Annotated[Linking, option(HOW_LINKED)] = Linking.DIRECT,
     agents: Annotated[
         str,
-        typer.Option(
+        option(
+            "Where agents on other hosts, and those that they talk to, listen.",
             metavar="NAME=ENDPOINT,...",
-            help="Where agents on other hosts, and those that they talk to, listen.",
         ),
     ] = "",
-    wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
+    wait: Annotated[bool, option("Come back when all are ready.")] = True,
     seconds: For = None,
     form: Form = Format.TEXT,
 ) -> None:

@@ -28,7 +28,7 @@ from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, HOST, WEB, listens, taken
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
 from operate.cli.runs import folders
 from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
 
@@ -59,14 +59,10 @@ def pictures(incomplete: str) -> list[str]:
 def view(
     file: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="FILE.rrd",
-            help="Pictures in a file; else those of a run.",
-            autocompletion=pictures,
-        ),
+        argument("Pictures in a file; else those of a run.", complete=pictures, metavar="FILE.rrd"),
     ] = None,
     web: Annotated[
-        bool, typer.Option("--web", help="In a browser; needs no display on this machine.")
+        bool, option("In a browser; needs no display on this machine.", "--web")
     ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,

@@ -17,14 +17,13 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 from rich.table import Table
 from rich.text import Text
 
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import running_fleets
-from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.run_folder import (
@@ -45,7 +44,7 @@ COLOURS = {UP: "green", SUCCESS: "green", FAILED: "red"}
 BLOCK = 512
 """Bytes of a unit of st_blocks (man 2 stat)."""
 ANSWER_S = 0.5
-In = Annotated[Path, typer.Option("--in", help="The folder that the runs are in.", file_okay=False)]
+In = Annotated[Path, option("The folder that the runs are in.", "--in", file_okay=False)]
 
 
 class Task(msgspec.Struct, frozen=True):
@@ -103,20 +102,14 @@ class _Report(msgspec.Struct, frozen=True):
 
 def runs(
     names: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="Runs.", autocompletion=completion.run_names),
+        list[str] | None, argument("Runs.", complete=completion.run_names, metavar="[NAME]...")
     ] = None,
     older_than: Annotated[
-        str,
-        typer.Option(
-            help="Those that began longer ago: 12h, 7d, 2w.", autocompletion=completion.ages
-        ),
+        str, option("Those that began longer ago: 12h, 7d, 2w.", complete=completion.ages)
     ] = "",
-    keep: Annotated[int | None, typer.Option(min=0, help="All but the newest N.")] = None,
-    failed: Annotated[bool, typer.Option("--failed", help="Those that failed.")] = False,
-    remove: Annotated[
-        bool, typer.Option("--remove", help="Remove them, never one that is up.")
-    ] = False,
+    keep: Annotated[int | None, option("All but the newest N.", min=0)] = None,
+    failed: Annotated[bool, option("Those that failed.", "--failed")] = False,
+    remove: Annotated[bool, option("Remove them, never one that is up.", "--remove")] = False,
     within: In = folders.RUNS,
     form: Form = Format.TEXT,
 ) -> None:

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from operate.cli import completion
 from operate.cli.errors import UsageError
-from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 
@@ -28,23 +28,18 @@ MOST_SEEDS = 5
 def compare(
     a: Annotated[
         Path,
-        typer.Argument(
-            help="What was: an experiment's folder, a run's, a recording.",
+        argument(
+            "What was: an experiment's folder, a run's, a recording.",
+            complete=completion.runs,
             exists=True,
-            autocompletion=completion.runs,
         ),
     ],
-    b: Annotated[
-        Path,
-        typer.Argument(help="What is now, likewise.", exists=True, autocompletion=completion.runs),
-    ],
+    b: Annotated[Path, argument("What is now, likewise.", complete=completion.runs, exists=True)],
     threshold: Annotated[
         list[str] | None,
-        typer.Option(
-            help=(
-                "PERCENT for all, or success=, latency=, energy=, traffic=PERCENT; may be repeated."
-            ),
-            autocompletion=completion.thresholds,
+        option(
+            "PERCENT for all, or success=, latency=, energy=, traffic=PERCENT; may be repeated.",
+            complete=completion.thresholds,
         ),
     ] = None,
     form: Form = Format.TEXT,

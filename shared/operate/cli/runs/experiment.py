@@ -14,14 +14,13 @@ from statistics import median
 from typing import Annotated
 
 import msgspec
-import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from operate.cli import interrupts
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import running_fleets, starting
 from operate.cli.fleet.up import Rate, SceneFile, Speed
-from operate.cli.output import FirstSeed, Form, Format, problems, tell_problem
+from operate.cli.output import FirstSeed, Form, Format, option, problems, tell_problem
 from operate.cli.runs import machine, trials
 from operate.cli.terminal.console import Console
 
@@ -120,25 +119,18 @@ class Watch:
         )
 
 
-Count = Annotated[int, typer.Option(min=1, help="How many runs.")]
-Place = Annotated[
-    Path | None, typer.Option(help="The experiment's folder; else experiments/<time>.")
-]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on with the experiment in --out.")]
-Timeout = Annotated[
-    float, typer.Option(min=1.0, help="A run that takes more seconds is ended: a failure.")
-]
+Count = Annotated[int, option("How many runs.", min=1)]
+Place = Annotated[Path | None, option("The experiment's folder; else experiments/<time>.")]
+Resume = Annotated[bool, option("Go on with the experiment in --out.", "--resume")]
+Timeout = Annotated[float, option("A run that takes more seconds is ended: a failure.", min=1.0)]
 MostLoad = Annotated[
-    float,
-    typer.Option(
-        min=0.0, help="A run waits, at most an hour, until the load is not above this; 0: no."
-    ),
+    float, option("A run waits, at most an hour, until the load is not above this; 0: no.", min=0.0)
 ]
 
 
 def run(
     seconds: Annotated[
-        float, typer.Option("--for", min=1.0, help="Seconds that each fleet runs once it is ready.")
+        float, option("Seconds that each fleet runs once it is ready.", "--for", min=1.0)
     ],
     runs: Count = 10,
     seed: FirstSeed = 1,

@@ -13,7 +13,7 @@ from rich.console import RenderableType
 
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.run_folder import TRAFFIC_FILE
@@ -26,16 +26,11 @@ ABSENT = "-"
 
 def report(
     recording: Annotated[
-        Path,
-        typer.Argument(
-            help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True
-        ),
+        Path, argument("A run's folder, or a recording.", complete=completion.runs, exists=True)
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", help="Where its files go; else a run's own folder, of a recording nowhere."
-        ),
+        option("Where its files go; else a run's own folder, of a recording nowhere.", "--out"),
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -143,7 +138,7 @@ def figures(told: dict[str, Any], shown: "tuple[Shown, ...]") -> RenderableType:
                 f"{said['total']}, {sum(said['bytes'].values()) / 1000:.1f} kB, {said['copies']}"
                 " sent again"
             ),
-        ),
+        )
     ]
     for plan in told.get("plans", ()):
         words = (
@@ -208,15 +203,10 @@ class Written(msgspec.Struct, frozen=True):
 
 def export(
     recording: Annotated[
-        Path,
-        typer.Argument(
-            help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True
-        ),
+        Path, argument("A run's folder, or a recording.", complete=completion.runs, exists=True)
     ],
-    out: Annotated[Path, typer.Option("--out", help="Folder of the tables; made where missing.")],
-    to: Annotated[
-        To, typer.Option("--to", help="parquet for tools, csv for all else.")
-    ] = To.PARQUET,
+    out: Annotated[Path, option("Folder of the tables; made where missing.", "--out")],
+    to: Annotated[To, option("parquet for tools, csv for all else.", "--to")] = To.PARQUET,
     form: Form = Format.TEXT,
 ) -> None:
     """Write what a recording holds as tables: communicates, events, telemetry.

@@ -12,7 +12,6 @@ from enum import StrEnum
 from typing import Annotated, Any
 
 import msgspec
-import typer
 from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.table import Table
@@ -25,7 +24,7 @@ from operate.cli.fleet.process_tables import COLUMNS, cells
 from operate.cli.fleet.state_words import COLOURS, doing
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import ENDED, Task
-from operate.cli.output import Format, RunDir, problems, tell_json
+from operate.cli.output import Format, RunDir, option, problems, tell_json
 from operate.cli.terminal import run_state
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.draw import events
@@ -100,22 +99,16 @@ class Screen(msgspec.Struct, frozen=True):
 def top(
     target: targets.Name = "",
     run_dir: RunDir = None,
-    period: Annotated[
-        float, typer.Option(min=0.2, help="Seconds between two pictures.")
-    ] = PERIOD_S,
+    period: Annotated[float, option("Seconds between two pictures.", min=0.2)] = PERIOD_S,
     count: Annotated[
-        int, typer.Option("-n", "--count", min=0, help="End after so many pictures; 0: at q.")
+        int, option("End after so many pictures; 0: at q.", "-n", "--count", min=0)
     ] = 0,
-    once: Annotated[bool, typer.Option("--once", help="Print one picture, and end.")] = False,
+    once: Annotated[bool, option("Print one picture, and end.", "--once")] = False,
     graph: Annotated[
-        bool, typer.Option("--graph", help="Draw the channels as arcs between the agents.")
+        bool, option("Draw the channels as arcs between the agents.", "--graph")
     ] = False,
-    window: Annotated[
-        float, typer.Option(min=0.1, help="Seconds that rates are taken over.")
-    ] = WINDOW_S,
-    form: Annotated[
-        Drawing, typer.Option("--format", help="text, json, or dot for Graphviz.")
-    ] = Drawing.TEXT,
+    window: Annotated[float, option("Seconds that rates are taken over.", min=0.1)] = WINDOW_S,
+    form: Annotated[Drawing, option("text, json, or dot for Graphviz.", "--format")] = Drawing.TEXT,
 ) -> None:
     """Show agents and channels, and the task and the plan's present state, on a live screen; q or
     Ctrl-C ends it.

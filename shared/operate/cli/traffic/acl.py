@@ -15,14 +15,13 @@ from rich.text import Text
 from fipa_codec.acl_string import MAX_ACL_BYTES, AclMessage, AclSyntaxError, After, Aid, At, parse
 from fipa_codec.acl_string.mapping import JSON
 from fipa_codec.acl_string.message import EPOCH
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, argument
 from operate.cli.terminal.console import Console
 
 
 def show(
     source: Annotated[
-        str,
-        typer.Argument(metavar="TEXT|FILE|-", help="A message, a file with one, or - for stdin."),
+        str, argument("A message, a file with one, or - for stdin.", metavar="TEXT|FILE|-")
     ],
     form: Form = Format.TEXT,
 ) -> None:

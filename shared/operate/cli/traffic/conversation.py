@@ -5,13 +5,12 @@ terminal.
 from typing import Annotated
 
 import msgspec
-import typer
 from rich.table import Table
 from rich.text import Text
 
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, option, problems, tell_json
 from operate.cli.terminal import sequence
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.listen import about
@@ -57,10 +56,10 @@ def conversation(
     protocol: Protocols = None,
     performative: Performatives = None,
     open_: Annotated[
-        bool | None, typer.Option("--open/--ended", help="Only those that go on, or that ended.")
+        bool | None, option("Only those that go on, or that ended.", "--open/--ended")
     ] = None,
     wrong: Annotated[
-        bool, typer.Option("--wrong", help="Only those with something against the design.")
+        bool, option("Only those with something against the design.", "--wrong")
     ] = False,
     run: Recorded = None,
     target: targets.Name = "",

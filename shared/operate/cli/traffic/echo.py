@@ -8,7 +8,6 @@ from datetime import datetime
 from typing import Annotated, Any
 
 import msgspec
-import typer
 from rich.cells import cell_len, set_cell_size
 from rich.text import Text
 
@@ -16,7 +15,7 @@ from agent_runtime.core.wiring import parse_life
 from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import Communicate, decode
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, option, problems, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.listen import Source, about, heard_message, source
 from operate.cli.traffic.selection import (
@@ -48,9 +47,7 @@ def echo(
     agent: Agents = None,
     protocol: Protocols = None,
     performative: Performatives = None,
-    wrong: Annotated[
-        bool, typer.Option("--wrong", help="Only what is against the design.")
-    ] = False,
+    wrong: Annotated[bool, option("Only what is against the design.", "--wrong")] = False,
     run: Recorded = None,
     count: Count = 0,
     for_: Seconds = 0.0,

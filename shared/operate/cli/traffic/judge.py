@@ -12,7 +12,7 @@ from rich.text import Text
 from operate import verdict_lines
 from operate.cli import completion
 from operate.cli.errors import UsageError
-from operate.cli.output import Form, Format, problems
+from operate.cli.output import Form, Format, argument, option, problems
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.cli.traffic.verdicts import judged
@@ -39,19 +39,14 @@ class Judgements(msgspec.Struct, frozen=True):
 
 def judge(
     file: Annotated[
-        Path,
-        typer.Argument(
-            help="A run folder, a traffic.mcap or a live.jsonl.", autocompletion=completion.runs
-        ),
+        Path, argument("A run folder, a traffic.mcap or a live.jsonl.", complete=completion.runs)
     ],
     design: Annotated[
-        Path | None, typer.Option(help="Another system's design file; else this system's.")
+        Path | None, option("Another system's design file; else this system's.")
     ] = None,
     languages: Annotated[
         str,
-        typer.Option(
-            help="That system's Languages, as package.module:NAME; else its contents are not read."
-        ),
+        option("That system's Languages, as package.module:NAME; else its contents are not read."),
     ] = "",
     form: Form = Format.TEXT,
 ) -> None:

@@ -11,14 +11,13 @@ from statistics import fmean, pstdev
 from typing import Annotated, Any, NamedTuple, TypeVar
 
 import msgspec
-import typer
 from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, problems, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.listen import HeardMessage, Source, about, heard_message, source
 from operate.cli.traffic.selection import (
@@ -291,7 +290,7 @@ class Kind(StrEnum):
 
 def stats(
     kind: Annotated[
-        Kind, typer.Argument(help="hz: how often; bw: bytes per second; size: how large.")
+        Kind, argument("hz: how often; bw: bytes per second; size: how large.")
     ] = Kind.ALL,
     channel: Channels = None,
     agent: Agents = None,

@@ -12,7 +12,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from rich.table import Table
 
 from agent_runtime.io.full_disk import worded
@@ -21,7 +20,7 @@ from operate.cli import completion, interrupts
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.hear import LostError
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
@@ -54,7 +53,7 @@ milliseconds).
 
 def record(
     out: Annotated[
-        Path | None, typer.Option("--out", help="The file; else recording-<time>.mcap here.")
+        Path | None, option("The file; else recording-<time>.mcap here.", "--out")
     ] = None,
     channel: Channels = None,
     agent: Agents = None,
@@ -158,13 +157,9 @@ LEAST_S = 1.0
 def info(
     recording: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="[RUN]", help="A run's folder, or a recording.", autocompletion=completion.runs
-        ),
+        argument("A run's folder, or a recording.", complete=completion.runs, metavar="[RUN]"),
     ] = None,
-    keys: Annotated[
-        bool, typer.Option("--keys", help="A line for each key of a topic, too.")
-    ] = False,
+    keys: Annotated[bool, option("A line for each key of a topic, too.", "--keys")] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Show what is in a recording: topics with counts and times, who wrote it. Without RUN that of
@@ -241,9 +236,7 @@ def _facts(facts: dict[str, str]) -> str:
 def repair(
     recording: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="[RUN]", help="A run's folder, or a recording.", autocompletion=completion.runs
-        ),
+        argument("A run's folder, or a recording.", complete=completion.runs, metavar="[RUN]"),
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.impersonation import Stage
@@ -22,7 +21,7 @@ from agent_runtime.io.steplog import StepLogs
 from agent_runtime.io.tap import Sample
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.traffic import replace, verify
@@ -48,23 +47,17 @@ FOREVER = 1 << 62
 def replay(
     file: Annotated[
         Path,
-        typer.Argument(
-            help="A recording, or the folder of a run that has one.", autocompletion=completion.runs
-        ),
+        argument("A recording, or the folder of a run that has one.", complete=completion.runs),
     ],
     speed: Annotated[
-        str,
-        typer.Option(
-            help="So many times as fast as it was recorded, or max.",
-            autocompletion=completion.speeds,
-        ),
+        str, option("So many times as fast as it was recorded, or max.", complete=completion.speeds)
     ] = "1",
-    loop: Annotated[bool, typer.Option("--loop", help="Again and again until Ctrl-C.")] = False,
+    loop: Annotated[bool, option("Again and again until Ctrl-C.", "--loop")] = False,
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...",
-            autocompletion=completion.choices,
+        option(
+            "Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...",
+            complete=completion.choices,
         ),
     ] = None,
     channel: Channels = None,
@@ -72,29 +65,23 @@ def replay(
     protocol: Protocols = None,
     performative: Performatives = None,
     telemetry: Annotated[
-        bool, typer.Option("--telemetry", help="Also what robot and agents publish.")
+        bool, option("Also what robot and agents publish.", "--telemetry")
     ] = False,
     replace_: Annotated[
         str,
-        typer.Option(
-            "--replace",
-            help="Run this agent; the others are as recorded.",
-            autocompletion=completion.agents,
+        option(
+            "Run this agent; the others are as recorded.", "--replace", complete=completion.agents
         ),
     ] = "",
     verify_: Annotated[
-        bool,
-        typer.Option(
-            "--verify", help="Run all agents again offline: do they put out the same bytes?"
-        ),
+        bool, option("Run all agents again offline: do they put out the same bytes?", "--verify")
     ] = False,
     seed: Annotated[
-        int | None,
-        typer.Option(help="With --replace or --verify: the agent's seed; else the recorded one."),
+        int | None, option("With --replace or --verify: the agent's seed; else the recorded one.")
     ] = None,
-    system: Annotated[str, typer.Option(help="The system's name in all keys.")] = SYSTEM,
-    connect: Annotated[str, typer.Option(help="A router to say it on; else one of its own.")] = "",
-    after: Annotated[float, typer.Option(min=0.0, help="Begin after so many seconds.")] = 0.0,
+    system: Annotated[str, option("The system's name in all keys.")] = SYSTEM,
+    connect: Annotated[str, option("A router to say it on; else one of its own.")] = "",
+    after: Annotated[float, option("Begin after so many seconds.", min=0.0)] = 0.0,
     form: Form = Format.TEXT,
 ) -> None:
     """Say again what a recording holds, with its timing, where no robot hears it.

@@ -14,6 +14,7 @@ from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
+from operate.cli.output import argument, option
 from operate.cli.traffic.verdicts import judged, verdicts_of
 from operate.filters import Filter, UnknownNameError, checked
 from operate.run_folder import Judged, NothingToRead
@@ -22,49 +23,31 @@ from topdown.model.design import Design
 
 Channels = Annotated[
     list[str] | None,
-    typer.Option(
-        "--channel",
-        help="Only on this channel; may be repeated.",
-        autocompletion=completion.channels,
-    ),
+    option("Only on this channel; may be repeated.", "--channel", complete=completion.channels),
 ]
 Agents = Annotated[
     list[str] | None,
-    typer.Option(
-        "--agent",
-        help="Only from or to this agent; may be repeated.",
-        autocompletion=completion.agents,
-    ),
+    option("Only from or to this agent; may be repeated.", "--agent", complete=completion.agents),
 ]
 Protocols = Annotated[
     list[str] | None,
-    typer.Option(
-        "--protocol",
-        help="Only of this protocol; may be repeated.",
-        autocompletion=completion.protocols,
-    ),
+    option("Only of this protocol; may be repeated.", "--protocol", complete=completion.protocols),
 ]
 Performatives = Annotated[
     list[str] | None,
-    typer.Option(
-        "--performative",
-        help="Only this act; may be repeated.",
-        autocompletion=completion.performatives,
-    ),
+    option("Only this act; may be repeated.", "--performative", complete=completion.performatives),
 ]
 Recorded = Annotated[
     Path | None,
-    typer.Option(
+    option(
+        "A recording, or the folder of a run that has one; else a running fleet.",
         "--run",
-        help="A recording, or the folder of a run that has one; else a running fleet.",
-        autocompletion=completion.runs,
+        complete=completion.runs,
     ),
 ]
-Count = Annotated[
-    int, typer.Option("--count", min=0, help="End after so many communicates; 0: go on.")
-]
+Count = Annotated[int, option("End after so many communicates; 0: go on.", "--count", min=0)]
 Seconds = Annotated[
-    float, typer.Option("--for", min=0.0, help="End after so many seconds; 0: go on till Ctrl-C.")
+    float, option("End after so many seconds; 0: go on till Ctrl-C.", "--for", min=0.0)
 ]
 
 
@@ -129,8 +112,8 @@ def names(ctx: typer.Context, incomplete: str) -> list[str]:
 
 Subject = Annotated[
     str,
-    typer.Argument(
-        help="A conversation, as `roco conversation` lists it; of a task the one that opened it.",
-        autocompletion=names,
+    argument(
+        "A conversation, as `roco conversation` lists it; of a task the one that opened it.",
+        complete=names,
     ),
 ]

@@ -32,7 +32,7 @@ from operate.cli import completion
 from operate.cli.errors import NO, ConsoleError, NoRunError
 from operate.cli.fleet import identity, targets
 from operate.cli.fleet.local import Local
-from operate.cli.output import Form, Format, RunDir, problems, tell_problem
+from operate.cli.output import Form, Format, RunDir, option, problems, tell_problem
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
@@ -260,59 +260,39 @@ class Usage(Exception):
 
 
 def send(
-    sender: Annotated[
-        str, typer.Option("--as", help="The agent you are.", autocompletion=completion.agents)
-    ] = "",
+    sender: Annotated[str, option("The agent you are.", "--as", complete=completion.agents)] = "",
     receiver: Annotated[
-        str, typer.Option("--to", help="The agent you talk to.", autocompletion=completion.agents)
+        str, option("The agent you talk to.", "--to", complete=completion.agents)
     ] = "",
     protocol: Annotated[
         str,
-        typer.Option(
-            help="The protocol, as the design names what it follows.",
-            autocompletion=completion.protocols,
-        ),
+        option("The protocol, as the design names what it follows.", complete=completion.protocols),
     ] = "",
-    performative: Annotated[
-        str, typer.Option(help="The act.", autocompletion=completion.performatives)
-    ] = "",
+    performative: Annotated[str, option("The act.", complete=completion.performatives)] = "",
     language: Annotated[
-        str,
-        typer.Option(
-            help="The content's language; else the design's.", autocompletion=completion.languages
-        ),
+        str, option("The content's language; else the design's.", complete=completion.languages)
     ] = "",
     ontology: Annotated[
-        str | None,
-        typer.Option(help="The ontology; else the design's.", autocompletion=completion.ontologies),
+        str | None, option("The ontology; else the design's.", complete=completion.ontologies)
     ] = None,
-    content: Annotated[
-        str, typer.Option(help="""The content as JSON, such as '{"type":"Done"}'.""")
-    ] = "",
+    content: Annotated[str, option("""The content as JSON, such as '{"type":"Done"}'.""")] = "",
     conversation: Annotated[
-        str,
-        typer.Option(
-            help="The conversation to go on with; else a new one.",
-            autocompletion=conversation_names,
-        ),
+        str, option("The conversation to go on with; else a new one.", complete=conversation_names)
     ] = "",
-    in_reply_to: Annotated[str, typer.Option(help="The m_w of what this answers.")] = "",
+    in_reply_to: Annotated[str, option("The m_w of what this answers.")] = "",
     reply_with: Annotated[
-        str, typer.Option(help="The m_w of this one; else the id, where an answer names it.")
+        str, option("The m_w of this one; else the id, where an answer names it.")
     ] = "",
     reply_by: Annotated[
-        float | None, typer.Option(help="Seconds from now until which an answer is wanted.")
+        float | None, option("Seconds from now until which an answer is wanted.")
     ] = None,
-    wait: Annotated[float, typer.Option(help="Seconds to listen for what comes back.")] = 5.0,
-    id: Annotated[
-        str, typer.Option(help="With --force beside a living agent: the message's id.")
-    ] = "",
+    wait: Annotated[float, option("Seconds to listen for what comes back.")] = 5.0,
+    id: Annotated[str, option("With --force beside a living agent: the message's id.")] = "",
     force: Annotated[
-        bool,
-        typer.Option("--force", help="Say it though the design forbids it, or the agent lives."),
+        bool, option("Say it though the design forbids it, or the agent lives.", "--force")
     ] = False,
     choices: Annotated[
-        bool, typer.Option("--list", help="List what may be said, as far as it is chosen.")
+        bool, option("List what may be said, as far as it is chosen.", "--list")
     ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,

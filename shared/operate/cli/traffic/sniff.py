@@ -11,12 +11,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from operate.cli import interrupts
 from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, problems
+from operate.cli.output import Form, Format, RunDir, option, problems
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.sequence import Lifelines, mark
 from operate.cli.traffic.echo import ENDLESS, chosen, tell_line, tell_lost
@@ -86,12 +84,8 @@ def sniff(
     agent: Agents = None,
     protocol: Protocols = None,
     performative: Performatives = None,
-    wrong: Annotated[
-        bool, typer.Option("--wrong", help="Only what is against the design.")
-    ] = False,
-    svg: Annotated[
-        Path | None, typer.Option("--svg", help="Write the diagram here at the end.")
-    ] = None,
+    wrong: Annotated[bool, option("Only what is against the design.", "--wrong")] = False,
+    svg: Annotated[Path | None, option("Write the diagram here at the end.", "--svg")] = None,
     run: Recorded = None,
     count: Count = 0,
     for_: Seconds = 0.0,

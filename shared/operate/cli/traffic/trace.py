@@ -6,11 +6,10 @@ from enum import StrEnum
 from typing import Annotated
 
 import msgspec
-import typer
 
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
-from operate.cli.output import Format, RunDir, problems, tell_json
+from operate.cli.output import Format, RunDir, option, problems, tell_json
 from operate.cli.terminal import span_tree
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.selection import Recorded, Subject, recording_of
@@ -45,18 +44,14 @@ def trace(
     subject: Subject = "",
     every: Annotated[
         bool,
-        typer.Option(
-            "--all", help="A line for each conversation, also where many alike follow each other."
-        ),
+        option("A line for each conversation, also where many alike follow each other.", "--all"),
     ] = False,
     run: Recorded = None,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Annotated[
         As,
-        typer.Option(
-            "--format", help="text for people, json for programs, otlp for tools of OpenTelemetry."
-        ),
+        option("text for people, json for programs, otlp for tools of OpenTelemetry.", "--format"),
     ] = As.TEXT,
 ) -> None:
     """Show which communicate of a task caused which, across all agents, as a tree with times.

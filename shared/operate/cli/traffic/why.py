@@ -2,11 +2,10 @@
 
 from typing import Annotated
 
-import typer
 from rich.text import Text
 
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.cli.output import Form, Format, RunDir, option, problems, tell_json, waiting
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.selection import Recorded, Subject, recording_of
 from operate.tracing.reasons import Fact, Why
@@ -20,15 +19,12 @@ def why(
     run: Recorded = None,
     at: Annotated[
         float | None,
-        typer.Option(
-            "--at",
-            min=0.0,
-            help="Of a thing: as it was believed then [s after the first communicate].",
+        option(
+            "Of a thing: as it was believed then [s after the first communicate].", "--at", min=0.0
         ),
     ] = None,
     records: Annotated[
-        bool,
-        typer.Option("--records", help="Also the communicate or step that each sentence is from."),
+        bool, option("Also the communicate or step that each sentence is from.", "--records")
     ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,
