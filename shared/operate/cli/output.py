@@ -67,12 +67,16 @@ class Reply(msgspec.Struct, frozen=True):
     run: str = ""
 
 
-def tell(what: Reply, form: Format) -> None:
-    """Print an answer: as JSON, or the sentence in it."""
+def tell(what: object, form: Format, words: str | Callable[[], object] = "") -> None:
+    """Print an answer: for programs as JSON, for people in `words`, or by what prints them; of a
+    Reply its sentence.
+    """
     if form is Format.JSON:
         tell_json(what)
+    elif callable(words):
+        words()
     else:
-        print(what.text)
+        print(what.text if isinstance(what, Reply) else words)
 
 
 def tell_json(what: object) -> None:

@@ -78,7 +78,7 @@ def check(
             answer["estimate"] = EstimateReport(
                 expected, expected.narrowest, expected.slowest, errors
             )
-        files.tell_json(answer)
+        files.tell(answer, form, "")
     else:
         print(
             "".join(

@@ -31,10 +31,7 @@ def diff_(
     """
     with files.problems(form):
         found = diff(load(old), load(new))
-    if form is Format.JSON:
-        files.tell_json(found)
-    else:
-        print(written(found, files.width()))
+    files.tell(found, form, written(found, files.width()))
     if found:
         raise typer.Exit(1)
 

@@ -86,18 +86,13 @@ def export(
             written.append(
                 Written(net.name, str(where), *sizes, LOOK_WITH.replace("FILE", str(where)))
             )
-    if form is Format.JSON:
-        files.tell_json(written)
-        return
-    for one in written:
-        things = (
-            f"{one.variables} variables, {one.queues} queues"
-            if one.queues
-            else f"{one.variables} variables"
-        )
-        print(f"wrote {one.file}: {one.use}, {things}, {one.commands} commands")
-    for command in dict.fromkeys(one.look_with for one in written):
-        print(f"  {command}")
+    lines = [
+        f"wrote {one.file}: {one.use}, {one.variables} variables,"
+        f"{f' {one.queues} queues,' if one.queues else ''} {one.commands} commands"
+        for one in written
+    ]
+    lines += dict.fromkeys(f"  {one.look_with}" for one in written)
+    files.tell(written, form, "\n".join(lines))
 
 
 def _uses(design: Design, named: list[str], pair: str | None) -> list[str]:

@@ -74,9 +74,9 @@ def findings(design: Design, file: Path) -> tuple[Finding, ...]:
     )
 
 
-def tell_json(what: object) -> None:
-    """Print anything made of Structs."""
-    print(msgspec.json.format(msgspec.json.encode(what), indent=2).decode())
+def tell(what: object, form: Format, words: str) -> None:
+    """Print an answer: for programs as JSON in several lines, else in words."""
+    print(msgspec.json.format(msgspec.json.encode(what)).decode() if form is Format.JSON else words)
 
 
 @contextmanager

@@ -37,10 +37,11 @@ def follow(run: Run, design: Design = None, form: Form = Format.TEXT) -> None:
             )
         follower = Follower(of_run(run).design if design is None else load(design))
         found = follower.follow(done)
-    if form is Format.JSON:
-        files.tell_json({"steps": follower.count, "deviation": found and found._asdict()})
-    else:
-        print(_progress_text(follower, found))
+    files.tell(
+        {"steps": follower.count, "deviation": found and found._asdict()},
+        form,
+        _progress_text(follower, found),
+    )
     if found is not None:
         raise typer.Exit(1)
 

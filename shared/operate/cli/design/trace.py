@@ -28,12 +28,11 @@ def trace_(file: files.File = None, run: files.Recording = None, form: Form = Fo
     with files.problems(form):
         place = files.meant(file)
         found = trace(load(place), files.observed(run), Tests(place))
-    if form is Format.JSON:
-        files.tell_json(
-            {"file": str(place), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]}
-        )
-    else:
-        print(written(found, files.width(), looked=run is not None))
+    files.tell(
+        {"file": str(place), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]},
+        form,
+        written(found, files.width(), looked=run is not None),
+    )
     if any(leaf.bare or missing(leaf) for leaf in found):
         raise typer.Exit(1)
 

@@ -97,10 +97,9 @@ def verify(
                 "nothing to prove; layers are 1, 2, 3, and a step changes channels of layer 2 only"
             )
         verdicts = _verdicts(work, form)
-    if form is Format.JSON:
-        files.tell_json([_plain(verdict) for verdict in verdicts])
-    else:
-        print(summary(verdicts, files.width(), long=long))
+    files.tell(
+        [_plain(verdict) for verdict in verdicts], form, summary(verdicts, files.width(), long=long)
+    )
     if not all(verdict.holds for verdict in verdicts):
         raise typer.Exit(1)
 

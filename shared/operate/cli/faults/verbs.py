@@ -163,10 +163,7 @@ def fault(
         planned = inflict.planned(fleet, done, process, moments.moment_text(moment), much, speaker)
         wait = partial(moments.wait, moment, within, target, run_dir)
         ended = inflict.Inflicting(fleet, planned).run(wait, for_s, partial(_tell_begun, form))
-        if form is Format.JSON:
-            tell_json(ended)
-        else:
-            print(f"{ended.words}: {ended.text}, {lasted(ended):.1f} s")
+        tell(ended, form, f"{ended.words}: {ended.text}, {lasted(ended):.1f} s")
 
 
 def amount_of(kind: str, row: Kind, amount: float | None, per_second: float | None) -> float:

@@ -13,7 +13,7 @@ from operate.cli.errors import FleetError
 from operate.cli.fleet import operator, targets
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.targets import LOG_LINES, Target, named
-from operate.cli.output import Form, Format, RunDir, argument, problems, tell_json, waiting
+from operate.cli.output import Form, Format, RunDir, argument, problems, tell, waiting
 from operate.cli.runs import folders
 from operate.run_folder import ProcessState
 
@@ -112,10 +112,7 @@ def pause(
 def ordered(fleet: Target, agent: str, order: Order, text: str, form: Format) -> None:
     """Give an order to an agent, and tell what became of it."""
     beat = operator.order(fleet, agent, order)
-    if form is Format.JSON:
-        tell_json(Ordered(agent, beat.paused, beat.level, text))
-    else:
-        print(f"{agent}: {text}")
+    tell(Ordered(agent, beat.paused, beat.level, text), form, f"{agent}: {text}")
 
 
 def turn(fleet: Target, name: str, ways: tuple[bool, ...], text: str, form: Format) -> None:
@@ -127,7 +124,10 @@ def turn(fleet: Target, name: str, ways: tuple[bool, ...], text: str, form: Form
         for on in ways:
             say(f"{name} {'starts' if on else 'stops'}")
             one = switched(fleet, name, on=on)
-    tell(Done(name, one.status.state, one.status.pid, time.monotonic() - began, text), form)
+    status, took_s = one.status, time.monotonic() - began
+    pid = f", pid {status.pid}" if status.pid else ""
+    done = Done(name, status.state, status.pid, took_s, text)
+    tell(done, form, f"{name}: {text}{pid}, after {took_s:.1f} s")
 
 
 def switched(fleet: Target, name: str, *, on: bool) -> Seen:
@@ -147,17 +147,6 @@ def switched(fleet: Target, name: str, *, on: bool) -> Seen:
             what = f"{name} is {one.status.state} after {patience_s:.0f} s, not {wanted}"
             raise FleetError(what, fleet.log(name, LOG_LINES))
         time.sleep(PERIOD_S)
-
-
-def tell(done: Done, form: Format) -> None:
-    """Print what became of it."""
-    if form is Format.JSON:
-        tell_json(done)
-    else:
-        print(
-            f"{done.name}: {done.text}{f', pid {done.pid}' if done.pid else ''}, after"
-            f" {done.took_s:.1f} s"
-        )
 
 
 # --- `roco agent repair NAME`: make the damaged journal of an agent usable again, while it does not
@@ -185,10 +174,7 @@ def repair(agent: Agent, run_dir: RunDir = None, form: Form = Format.TEXT) -> No
             raise FleetError(
                 f"journal {file} cannot be repaired: {error.strerror}; nothing was changed"
             ) from error
-        if form is Format.JSON:
-            tell_json(done)
-        else:
-            print(_repair_text(agent, done))
+        tell(done, form, _repair_text(agent, done))
 
 
 def _repair_text(agent: str, done: Repaired) -> str:

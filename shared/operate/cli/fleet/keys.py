@@ -15,7 +15,7 @@ from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import RIGHTS, KeysError
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell
 from operate.cli.runs import folders
 from operate.system import here, of_design
 
@@ -72,10 +72,7 @@ def make(
             )
         except UnicodeError as error:
             raise ConsoleError(str(error)) from error
-        if form is Format.JSON:
-            tell_json(made)
-        else:
-            print(keys_text(made, apart=apart))
+        tell(made, form, keys_text(made, apart=apart))
 
 
 def keys_text(made: issuing.Issued, *, apart: bool) -> str:
@@ -131,10 +128,9 @@ def revoke(
             denied = issuing.revoke(where, name, undo=undo)
         except KeysError as error:
             raise UsageError(str(error)) from error
-        if form is Format.JSON:
-            tell_json(Revoked(str(where), denied))
-        else:
-            print(
-                f"{where}: revoked are {', '.join(denied) or 'none'}; the router listens again"
-                " within a second"
-            )
+        tell(
+            Revoked(str(where), denied),
+            form,
+            f"{where}: revoked are {', '.join(denied) or 'none'}; the router listens again"
+            " within a second",
+        )

@@ -15,7 +15,7 @@ from fipa_codec.performatives import Performative
 from operate.cli.errors import NO, ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
-from operate.cli.output import Format, tell_json
+from operate.cli.output import Format, tell
 from operate.cli.terminal.console import Console
 from operate.run_folder import ProcessState
 from topdown.model import elements
@@ -104,10 +104,7 @@ def offered(
     check(search, design)
     found = describe(design, search, states(running(target, run_dir), design))
     found = [one for one in found if one.up == UP or not up]
-    if form is Format.JSON:
-        tell_json(found)
-    else:
-        show(found, Console(highlight=False), long=long)
+    tell(found, form, lambda: show(found, Console(highlight=False), long=long))
     if not found:
         raise typer.Exit(NO)
 

@@ -11,7 +11,7 @@ from operate.cli import completion
 from operate.cli.errors import UsageError
 from operate.cli.fleet import operator, targets
 from operate.cli.fleet.targets import Target
-from operate.cli.output import Form, Format, RunDir, argument, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, problems, tell, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from topdown.model.parameters import Parameters, allowed, worded
@@ -75,10 +75,7 @@ def param(
             if value is not None:
                 operator.order(fleet, agent, setting(fleet, agent, name, value))
             one = log_level(fleet, agent) if name == LEVEL else one_of(fleet, agent, name)
-            if form is Format.JSON:
-                tell_json(one)
-            else:
-                print(worded(one.value))
+            tell(one, form, worded(one.value))
             return
         names = (operator.agent_of(fleet, agent),) if agent else tuple(fleet.system.design.agents)
         told = Listed(fleet.where, tuple(one for each in names for one in shown(fleet, each)))

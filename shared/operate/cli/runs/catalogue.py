@@ -23,7 +23,7 @@ from rich.text import Text
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import running_fleets
-from operate.cli.output import Form, Format, argument, option, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.run_folder import (
@@ -345,10 +345,7 @@ def _remove(rule: Rule, found: list[Run], within: Path, form: Format) -> None:
         raise UsageError("name runs, or give a rule: --older-than 7d, --keep N, --failed")
     gone = tuple(one for one in rule.chosen(found, time.time()) if _removed(within / one.name))
     done = Removed(gone, sum(one.bytes for one in gone))
-    if form is Format.JSON:
-        tell_json(done)
-    else:
-        print(sentence(done))
+    tell(done, form, sentence(done))
 
 
 def age(text: str) -> float:

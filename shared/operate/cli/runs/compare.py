@@ -10,7 +10,7 @@ from rich.table import Table
 
 from operate.cli import completion
 from operate.cli.errors import UsageError
-from operate.cli.output import Form, Format, argument, option, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 
@@ -63,10 +63,7 @@ def compare(
         except ValueError as error:
             raise UsageError(str(error)) from error
         told = comparing.compared(results.load(a), results.load(b), limits)
-        if form is Format.JSON:
-            tell_json(told)
-        else:
-            show(told, Console())
+        tell(told, form, lambda: show(told, Console()))
         if told.regression:
             raise typer.Exit(1)
 

@@ -13,7 +13,7 @@ from rich.console import RenderableType
 
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, argument, option, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.run_folder import TRAFFIC_FILE
@@ -63,15 +63,16 @@ def report(
             if not make.everything(made, complain):
                 raise ConsoleError(complaints[-1])
         told = of(run.history, run.system)
-        if form is Format.JSON:
-            tell_json(told)
-        else:
-            show(
+        tell(
+            told,
+            form,
+            lambda: show(
                 msgspec.to_builtins(told),
                 measures.shown(told, measures.of(run.system)),
                 folder,
                 Console(),
-            )
+            ),
+        )
         if getattr(told, "success", None) is False:
             raise typer.Exit(1)
 

@@ -12,7 +12,7 @@ from rich.text import Text
 from operate import verdict_lines
 from operate.cli import completion
 from operate.cli.errors import UsageError
-from operate.cli.output import Form, Format, argument, option, problems
+from operate.cli.output import Form, Format, argument, option, problems, tell
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.cli.traffic.verdicts import judged
@@ -70,10 +70,7 @@ def judge(
                 f"{file} has no communicates to judge; give a recording in which agents spoke"
             )
     found = summary(lines)
-    if form is Format.JSON:
-        print(msgspec.json.encode(found).decode())
-    else:
-        show(found, Console())
+    tell(found, form, lambda: show(found, Console()))
     raise typer.Exit(1 if found.violations else 0)
 
 

@@ -20,7 +20,7 @@ from operate.cli import completion, interrupts
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.hear import LostError
-from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell, tell_json
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
@@ -92,10 +92,7 @@ def record(
             with subprocess.Popen(words, stdin=subprocess.PIPE, start_new_session=True) as closes:
                 done = _recorded(keeper, heard, form)
                 closes.kill()
-        if form is Format.JSON:
-            tell_json(done)
-        else:
-            print(sentence(done) + f"\n{file}")
+        tell(done, form, sentence(done) + f"\n{file}")
 
 
 def sentence(done: "Kept") -> str:
@@ -258,10 +255,7 @@ def repair(
             done = repaired(path)
         except OSError as error:
             raise ConsoleError(worded(path, error)) from error
-        if form is Format.JSON:
-            tell_json(done)
-        else:
-            print(repair_sentence(done))
+        tell(done, form, repair_sentence(done))
 
 
 def repair_sentence(done: "Written") -> str:

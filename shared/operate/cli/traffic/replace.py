@@ -23,7 +23,7 @@ from agent_runtime.impersonation import Cast, Stage
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, tell_json
+from operate.cli.output import Form, Format, tell
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.play import as_agent, compared, difference, moved
 from operate.system import System, of_run
@@ -252,10 +252,7 @@ def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form:
         performative=str(words.performative) if words else "",
         receiver=words.receiver if words else "",
     )
-    if form is Format.JSON:
-        tell_json(done)
-    else:
-        print(sentence(done, part))
+    tell(done, form, sentence(done, part))
     if found is not None:
         raise typer.Exit(1)
 

@@ -21,7 +21,7 @@ from agent_runtime.io.steplog import StepLogs
 from agent_runtime.io.tap import Sample
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, argument, option, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.traffic import replace, verify
@@ -93,8 +93,9 @@ def replay(
     with 1 where something differs, or where agents live in the system.
 
     Examples:
-      roco replay runs/latest --speed 4 roco replay recording.mcap --loop --only channel=CHANNEL
-      --only performative=query-ref,inform-ref roco replay runs/latest --replace AGENT --speed max
+      roco replay runs/latest --speed 4
+      roco replay recording.mcap --loop --only channel=CHANNEL --only performative=inform-ref
+      roco replay runs/latest --replace AGENT --speed max
       roco replay runs/latest --verify
     """
     with problems(form):
@@ -123,10 +124,7 @@ def replay(
             )
         except RuntimeFault as error:
             raise ConsoleError(str(error)) from error
-        if form is Format.JSON:
-            tell_json(done)
-        else:
-            print(sentence(done))
+        tell(done, form, sentence(done))
 
 
 def factor(speed: str) -> float | None:

@@ -23,7 +23,7 @@ from agent_runtime.io.journal import records
 from agent_runtime.io.steplog import Again, Parted, SentAgain, digest, fingerprint
 from fipa_codec.communicate import Communicate, decode
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, tell_json
+from operate.cli.output import Form, Format, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
@@ -254,10 +254,7 @@ def verified(file: Path, agents: list[str], seed: int | None, form: Form) -> Non
                     evidence,
                 )
             )
-    if form is Format.JSON:
-        tell_json(found)
-    else:
-        _print(found)
+    tell(found, form, lambda: _print(found))
     if any(one.difference for one in found):
         raise typer.Exit(1)
 

@@ -5,7 +5,7 @@ from typing import Annotated
 from rich.text import Text
 
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, option, problems, tell_json, waiting
+from operate.cli.output import Form, Format, RunDir, option, problems, tell, waiting
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.selection import Recorded, Subject, recording_of
 from operate.tracing.reasons import Fact, Why
@@ -51,10 +51,7 @@ def why(
         file = recording_of(run, target, run_dir)
         with waiting("reading the recording …", form):
             found = reasons.of(opened(file), subject, at)
-        if form is Format.JSON:
-            tell_json(found)
-        else:
-            _show(found, Console(), records=records)
+        tell(found, form, lambda: _show(found, Console(), records=records))
 
 
 def _show(found: Why, console: Console, *, records: bool) -> None:
