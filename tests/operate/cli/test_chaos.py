@@ -139,7 +139,9 @@ def test_what_is_done_is_not_done_again(done: list[int], tmp_path: Path) -> None
     file.write_bytes(file.read_bytes()[:-20])
     CliRunner().invoke(app, ["chaos", "--runs", "4", "--out", out, "--resume"])
     assert done == [1, 2, 3, 3, 4]
-    assert [one.cell.seed for one in chaos.results_in(tmp_path / "c")] == [1, 2, 3, 4]
+    assert [
+        one.cell.seed for one in trials.read_lines(tmp_path / "c" / chaos.RESULTS_FILE, Result)
+    ] == [1, 2, 3, 4]
 
 
 def test_a_budget_begins_no_more_runs(done: list[int], monkeypatch: pytest.MonkeyPatch) -> None:

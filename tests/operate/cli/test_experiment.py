@@ -113,8 +113,9 @@ def test_an_interrupted_experiment_goes_on(
 def test_of_a_seed_that_stands_there_twice_the_first_line_counts(tmp_path: Path) -> None:
     """Two experiments at once in one folder do not choose the better run."""
     for failure in ("the jar fell", None):
-        trials.keep(
-            tmp_path, trials.Line(1, 1.0, 60.0, 0, False, (1.0, 1.0), failure, msgspec.Raw(b"null"))
+        trials.append_line(
+            tmp_path / trials.RESULTS_FILE,
+            trials.Line(1, 1.0, 60.0, 0, False, (1.0, 1.0), failure, msgspec.Raw(b"null")),
         )
     assert [one.failure for one in trials.lines(tmp_path)] == ["the jar fell"]
 

@@ -28,7 +28,16 @@ from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, HOST, WEB, listens, taken
-from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
+from operate.cli.output import (
+    Form,
+    Format,
+    RunDir,
+    argument,
+    last_line,
+    option,
+    problems,
+    tell_json,
+)
 from operate.cli.runs import folders
 from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
 
@@ -126,12 +135,8 @@ def live(address: ViewAddress, where: str) -> Seen:
             f" ({GRPC}, {WEB}), is ROCO_VIEW on? See docs/rerun.md",
         )
     url = f"rerun+http://{HOST}:{address.grpc}/proxy"
-    return Seen(
-        where,
-        True,
-        f"http://{HOST}:{address.web}/?url={quote(url, safe='')}",
-        (program(), "--connect", url),
-    )
+    page = f"http://{HOST}:{address.web}/?url={quote(url, safe='')}"
+    return Seen(where, True, page, (program(), "--connect", url))
 
 
 def recorded(file: Path, web: bool) -> Seen:
@@ -186,8 +191,7 @@ def window(seen: Seen, web: bool) -> int:
         code = shown(seen.command, words)
         if code > 0:
             words.seek(0)
-            last = words.read().decode(errors="replace").strip().splitlines()[-1:]
-            raise ConsoleError(f"the viewer ended with code {code}: {''.join(last)}")
+            raise ConsoleError(f"the viewer ended with code {code}: {last_line(words.read())}")
     return 0
 
 

@@ -211,7 +211,7 @@ def _all(place: Path, setting: trials.Setting, watch: Watch) -> None:
                 continue
             machine.quiet(setting.most_load or float("inf"), PATIENCE_S, watch.waiting)
             line = trials.run(place, setting, seed, partial(watch.tick, seed))
-            trials.keep(place, line)
+            trials.append_line(place / trials.RESULTS_FILE, line)
             watch.ended(line)
             without = without + 1 if bytes(line.figures) == b"null" else 0
             if without >= trials.HOPELESS:
