@@ -115,17 +115,12 @@ def counts(found: Judgements) -> Table:
 
 def violation(one: Judged, begin: float) -> Text:
     """Return a violation for people: the communicate, its time, the fault and the reason."""
-    what = (
-        f"{one.sender} > {one.receiver} {one.performative}"
-        if one.sender
-        else f"{one.bytes} bytes on {one.key}"
-    )
+    what, where = f"{one.bytes} bytes on {one.key}", ""
+    if one.sender:
+        what = f"{one.sender} > {one.receiver} {one.performative}"
+        where = f"id {one.id or 'none'}, conversation {one.conversation or 'none'}, "
     text = Text.assemble((f"\n{one.verdict}", "bold red"), f"  {one.channel}  {what}  ")
-    where = (
-        f"id {one.id or 'none'}, conversation {one.conversation or 'none'}, " if one.sender else ""
-    )
-    text.append(f"{where}+{one.t - begin:.2f}\u00a0s", "dim")
-    return text.append(f"\n  {one.why}")
+    return text.append(f"{where}+{one.t - begin:.2f}\u00a0s", "dim").append(f"\n  {one.why}")
 
 
 def sentence(found: Judgements) -> Text:

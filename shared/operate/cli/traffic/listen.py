@@ -89,22 +89,18 @@ def at_run(run_dir: Path | None) -> Options:
 
     Raises ConsoleError where no fleet was started.
     """
-    around = folders.around()
+    around = folders.around() if run_dir is None else None
     try:
         run = folders.find(run_dir)
         fleet = folders.living(run)
     except NoRunError:
-        if run_dir is not None or around is None:
+        if around is None:
             raise
         run, fleet = Path(), None
-    if fleet is None and around is not None and run_dir is None:
-        keys = os.environ.get(KEYS_VARIABLE)
-        return Options(
-            connect=around.connect,
-            system=around.system,
-            run_dir=run,
-            keys=Path(keys) if keys else None,
-        )
+    if fleet is None and around is not None:
+        text = os.environ.get(KEYS_VARIABLE)
+        keys = Path(text) if text else None
+        return Options(connect=around.connect, system=around.system, run_dir=run, keys=keys)
     if fleet is None:
         raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
     tls = identity.tls(run, fleet, identity.CONSOLE)
@@ -173,15 +169,8 @@ def hearing(
     fleet = meant(target, run_dir)
     if isinstance(fleet, Options):
         system, words = of_run(fleet.run_dir), [sys.executable, "-P", "-m", RECORDING, "hear"]
-        words += [
-            "--connect",
-            fleet.connect,
-            "--system",
-            fleet.system,
-            "--run-dir",
-            str(fleet.run_dir),
-        ]
-        words += ["--keys", str(fleet.keys) if fleet.keys else ""]
+        words += ["--connect", fleet.connect, "--system", fleet.system]
+        words += ["--run-dir", str(fleet.run_dir), "--keys", str(fleet.keys or "")]
     else:
         system, words = fleet.system, fleet.hearing()
     with hear.hearing(words, os.environ | system.environment(Path())) as process:
