@@ -51,19 +51,15 @@ def written(found: tuple[Change, ...], width: int) -> str:
 def _grouped(changes: list[Change], width: int) -> list[str]:
     """Changes of one entry stand below its name."""
     lines: list[str] = []
-    last = ("", "")
+    last = ""
     for one in changes:
-        entry = (one.kind, one.name)
+        entry = f"  {MARKS[one.way]} {one.kind} {one.name}"
         if one.way is not Way.CHANGED:
-            lines += _wrapped(
-                f"  {MARKS[one.way]} {one.kind} {one.name}", one.old or one.new, width
-            )
+            lines += _wrapped(entry, one.old or one.new, width)
         else:
-            if entry != last:
-                lines.append(f"  {MARKS[one.way]} {one.kind} {one.name}")
-            lines += _wrapped(
-                f"      {one.field}", f"{one.old or 'nothing'} -> {one.new or 'nothing'}", width
-            )
+            lines += [entry] * (entry != last)
+            change = f"{one.old or 'nothing'} -> {one.new or 'nothing'}"
+            lines += _wrapped(f"      {one.field}", change, width)
         last = entry
     return lines
 

@@ -46,10 +46,8 @@ def width() -> int:
 
 def shown(file: Path) -> str:
     """A path as short as it can be said from here."""
-    here = Path.cwd()
-    return (
-        str(file.resolve().relative_to(here)) if file.resolve().is_relative_to(here) else str(file)
-    )
+    whole, here = file.resolve(), Path.cwd()
+    return str(whole.relative_to(here) if whole.is_relative_to(here) else file)
 
 
 def observed(run: Path | None) -> Observed | None:
@@ -67,11 +65,9 @@ def findings(design: Design, file: Path) -> tuple[Finding, ...]:
         own: Callable[[Design], tuple[Finding, ...]] | None = system.addition("findings")
     except (NoSystemError, TopdownError):
         return found
-    return (
-        (*found, *own(design))
-        if own is not None and system.design.place == file.resolve()
-        else found
-    )
+    if own is None or system.design.place != file.resolve():
+        return found
+    return (*found, *own(design))
 
 
 def tell(what: object, form: Format, words: str) -> None:

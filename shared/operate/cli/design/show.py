@@ -93,18 +93,10 @@ def plain(section: Section) -> dict[str, object]:
     parts: list[dict[str, object]] = []
     for part in section.parts:
         if isinstance(part, Figure):
-            parts.append(
-                {
-                    "figure": part.name,
-                    "caption": part.caption,
-                    "data": part.data,
-                    "notes": part.notes,
-                }
-            )
+            told = {"figure": part.name, "caption": part.caption, "data": part.data}
         else:
-            parts.append(
-                {"table": part.title, "head": part.head, "rows": part.rows, "notes": part.notes}
-            )
+            told = {"table": part.title, "head": part.head, "rows": part.rows}
+        parts.append({**told, "notes": part.notes})
     return {"what": section.what, "title": section.title, "parts": parts}
 
 
@@ -119,11 +111,9 @@ def write(words: str, path: Path | None) -> list[Path]:
 
 def write_all(files: dict[str, str], folder: Path | None) -> list[Path]:
     """Write files into a folder, if there is one."""
-    return (
-        []
-        if folder is None
-        else [path for name, words in files.items() for path in write(words, folder / name)]
-    )
+    if folder is None:
+        return []
+    return [path for name, words in files.items() for path in write(words, folder / name)]
 
 
 @contextmanager

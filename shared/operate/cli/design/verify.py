@@ -5,6 +5,7 @@ makes no sense.
 """
 
 import textwrap
+from functools import partial
 from typing import Annotated
 
 import msgspec
@@ -79,17 +80,9 @@ def verify(
     with files.problems(form):
         place = files.meant(file)
         most, wanted = _most(faults), tuple(layer or LAYERS)
+        asked = partial(tasks, faults=most, layers=wanted, step=step, gone=gone or ())
         try:
-            asked = tasks(
-                load(place),
-                faults=most,
-                layers=wanted,
-                step=step,
-                gone=gone or (),
-                seconds=seconds,
-                skip_start=skip_start,
-            )
-            work = tuple(asked)
+            work = tuple(asked(load(place), seconds=seconds, skip_start=skip_start))
         except IndexError as error:
             raise ValueError(str(error)) from error
         if not work:
@@ -134,14 +127,11 @@ def _verdicts(work: tuple[Task, ...], form: Format) -> list[Verdict]:
 
 def line(verdict: Verdict, width: int) -> str:
     """A verdict in a line, and what is wrong or open below it."""
-    faults = (
-        "any faults"
-        if verdict.faults is None
-        else f"{verdict.faults} fault{'s' if verdict.faults != 1 else ''}"
-    )
+    count = verdict.faults
+    faults = "any faults" if count is None else f"{count} fault{'s' * (count != 1)}"
     word = "holds" if verdict.holds else "FAILS" if verdict.findings else "open"
-    count = f"{verdict.states:>9,} states  {verdict.seconds:6.1f} s"
-    lines = [f"  {verdict.what:<28} {faults:<11}{count}  {word}"]
+    took = f"{verdict.states:>9,} states  {verdict.seconds:6.1f} s"
+    lines = [f"  {verdict.what:<28} {faults:<11}{took}  {word}"]
     for text in verdict.open:
         lines += textwrap.wrap(text, width, initial_indent="      ", subsequent_indent="      ")
     lines += [f"\n{counterexample.as_text(finding, width)}\n" for finding in verdict.findings]
@@ -161,32 +151,27 @@ def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
         lines += ["", "Not needed by any path:", *(f"  {note}" for note in notes or ["nothing"])]
         lines += ["", "What the composed model leaves out, and why that is safe:"]
         for one in ABSTRACTIONS:
-            lines += textwrap.wrap(
-                f"- {one.what}: {one.why}. Shown by: {one.shown}.", width, subsequent_indent="  "
-            )
-        for title, table in (
-            ("durable", durable.ABSTRACTIONS),
-            ("volatile", volatile.ABSTRACTIONS),
-        ):
+            lines += _item(f"{one.what}: {one.why}. Shown by: {one.shown}.", width)
+        models = {"durable": durable.ABSTRACTIONS, "volatile": volatile.ABSTRACTIONS}
+        for title, table in models.items():
             lines += ["", f"What the models of {title} uses leave out, and why that is safe:"]
-            for what, why in table:
-                lines += textwrap.wrap(f"- {what}: {why}.", width, subsequent_indent="  ")
+            lines += [line for what, why in table for line in _item(f"{what}: {why}.", width)]
     lines += ["", "Not proven by any layer:"]
     for text in (*(text for verdict in verdicts for text in verdict.beyond), *NOT_PROVEN):
-        lines += textwrap.wrap(f"- {text}", width, subsequent_indent="  ")
+        lines += _item(text, width)
     return "\n".join(lines)
+
+
+def _item(text: str, width: int) -> list[str]:
+    return textwrap.wrap(f"- {text}", width, subsequent_indent="  ")
 
 
 def _plain(verdict: Verdict) -> dict[str, object]:
     """A verdict for programs."""
-    findings = [
-        {
-            "kind": one.kind,
-            "text": one.text,
-            "trace": [{"who": step.who, "what": step.what} for step in one.trace],
-        }
-        for one in verdict.findings
-    ]
+    findings = []
+    for one in verdict.findings:
+        trace = [{"who": step.who, "what": step.what} for step in one.trace]
+        findings.append({"kind": one.kind, "text": one.text, "trace": trace})
     fields = {name: getattr(verdict, name) for name in verdict._fields if name != "findings"}
     kept: dict[str, object] = msgspec.to_builtins(fields)
     return {**kept, "holds": verdict.holds, "findings": findings}

@@ -99,30 +99,21 @@ def up(
     """
     with problems(form), interrupts.heard():
         where = running_fleets.place(out, another, datetime.now())
-        words = [
-            *options(seed, speed, scene, insecure, faults=faults),
-            *(["--only", only] if only else []),
-        ]
+        words = options(seed, speed, scene, insecure, faults=faults)
+        words += ["--only", only] if only else []
         words += ["--links", links.value] if links is not Linking.DIRECT else []
         words += ["--agents", agents] if agents else []
         if seconds is not None and not wait:
             raise UsageError("--for counts from when all are ready; leave --no-wait out")
         starting.check(words)
         _begun(where, words, wait, seconds, form)
-        if seconds is not None:
-            tell(
-                Reply(
-                    f"ran for {seconds:g} s; everything is written to {where.run}", str(where.run)
-                ),
-                form,
-            )
-            return
-        named = (
-            "" if where.latest else f"; `--target {another or folders.near(where.run)}` means it"
-        )
-        what = f"ready; everything is written to {where.run}"
-        text = what if wait else f"starting in {where.run}; `roco status` shows how far it is"
-        tell(Reply(text + named, str(where.run)), form)
+        text = f"starting in {where.run}; `roco status` shows how far it is"
+        if wait:
+            did = "ready" if seconds is None else f"ran for {seconds:g} s"
+            text = f"{did}; everything is written to {where.run}"
+        if not where.latest and seconds is None:
+            text += f"; `--target {another or folders.near(where.run)}` means it"
+        tell(Reply(text, str(where.run)), form)
 
 
 def _begun(
@@ -141,13 +132,8 @@ def _begun(
             if not wait:
                 starting.wait_kept(where.run, supervisor)
                 return
-            watch = Watch(
-                here(),
-                where.run,
-                "bringing the fleet up",
-                Console(stderr=True),
-                form is Format.JSON,
-            )
+            console, quiet = Console(stderr=True), form is Format.JSON
+            watch = Watch(here(), where.run, "bringing the fleet up", console, quiet)
             with watch.showing():
                 look = watch.look if form is Format.TEXT else lambda _: None
                 starting.wait_ready(where.run, supervisor, look)
@@ -164,9 +150,8 @@ def _begun(
         except BaseException as error:
             try:
                 if isinstance(error, KeyboardInterrupt) and form is Format.TEXT and seconds is None:
-                    tell_problem(
-                        "interrupted; what was started is brought down, Ctrl-C does not wait", form
-                    )
+                    ends = "what was started is brought down, Ctrl-C does not wait"
+                    tell_problem(f"interrupted; {ends}", form)
             finally:  # a closed terminal takes no words
                 starting.bring_down(where.run, supervisor)
             raise
@@ -193,9 +178,6 @@ def options(
     seed: int, speed: Speed, scene: Path | None, insecure: bool, *, faults: bool = False
 ) -> list[str]:
     """The supervisor's options of a run."""
-    others = [
-        *(["--scene", str(scene)] if scene else []),
-        *["--insecure"] * insecure,
-        *["--faults"] * faults,
-    ]
-    return ["--seed", str(seed), "--speed", speed.value, *others]
+    words = ["--seed", str(seed), "--speed", speed.value]
+    words += ["--scene", str(scene)] if scene else []
+    return words + ["--insecure"] * insecure + ["--faults"] * faults

@@ -102,38 +102,35 @@ def found(file: Path | None, target: str, run_dir: Path | None, web: bool) -> Se
     """
     if file is not None:
         if not file.is_file():
-            raise UsageError(
-                f"{file} is no file of pictures; a run is named by --run-dir, and `roco runs` lists"
-                " them"
-            )
+            remedy = "a run is named by --run-dir, and `roco runs` lists them"
+            raise UsageError(f"{file} is no file of pictures; {remedy}")
         return recorded(file, web)
     meant = targets.find(target, run_dir)
     if not isinstance(meant, Local):
         return live(containers(os.environ), meant.where)
-    address = folders.read(meant.run / VIEW_FILE, ViewAddress)
+    run = meant.run
+    address = folders.read(run / VIEW_FILE, ViewAddress)
     # another program may have it by now
-    if address is not None and fleet_processes.listens(meant.run, address.grpc):
+    if address is not None and fleet_processes.listens(run, address.grpc):
         return live(address, meant.where)
-    if (meant.run / RRD_FILE).exists():
-        return recorded(meant.run / RRD_FILE, web)
-    for port in taken(meant, meant.look()):
-        raise NoRunError(str(meant.run), f"{meant.run} shows nothing: {port.words}; {port.remedy}")
-    raise NoRunError(
-        str(meant.run),
-        f"{meant.run} shows nothing: no pictures are served (its fleet has ended, or ROCO_VIEW is"
-        f" off; see rerun.log) and it has no {RRD_FILE}; `roco report {meant.run}` makes it from"
-        " the recording",
+    if (run / RRD_FILE).exists():
+        return recorded(run / RRD_FILE, web)
+    why = (
+        "no pictures are served (its fleet has ended, or ROCO_VIEW is off; see rerun.log) and it"
+        f" has no {RRD_FILE}; `roco report {run}` makes it from the recording"
     )
+    for port in taken(meant, meant.look()):
+        why = f"{port.words}; {port.remedy}"
+        break
+    raise NoRunError(str(run), f"{run} shows nothing: {why}")
 
 
 def live(address: ViewAddress, where: str) -> Seen:
     """A running fleet's pictures. NoRunError where nobody serves them."""
     if not listens(address.grpc):
-        raise NoRunError(
-            where,
-            f"nobody serves pictures of {where} at {HOST}:{address.grpc}; is its port published"
-            f" ({GRPC}, {WEB}), is ROCO_VIEW on? See docs/rerun.md",
-        )
+        at = f"nobody serves pictures of {where} at {HOST}:{address.grpc}"
+        ask = f"is its port published ({GRPC}, {WEB}), is ROCO_VIEW on? See docs/rerun.md"
+        raise NoRunError(where, f"{at}; {ask}")
     url = f"rerun+http://{HOST}:{address.grpc}/proxy"
     page = f"http://{HOST}:{address.web}/?url={quote(url, safe='')}"
     return Seen(where, True, page, (program(), "--connect", url))
@@ -183,10 +180,8 @@ def window(seen: Seen, web: bool) -> int:
             " in a browser; from another machine first `ssh -L` to both of its ports"
         )
     else:
-        print(
-            f"Rerun shows {seen.what}{' while it runs' if seen.live else ''}; closing its window"
-            " ends nothing else"
-        )
+        what = f"{seen.what}{' while it runs' if seen.live else ''}"
+        print(f"Rerun shows {what}; closing its window ends nothing else")
     with tempfile.TemporaryFile() as words:
         code = shown(seen.command, words)
         if code > 0:

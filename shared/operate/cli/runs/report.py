@@ -63,16 +63,8 @@ def report(
             if not make.everything(made, complain):
                 raise ConsoleError(complaints[-1])
         told = of(run.history, run.system)
-        tell(
-            told,
-            form,
-            lambda: show(
-                msgspec.to_builtins(told),
-                measures.shown(told, measures.of(run.system)),
-                folder,
-                Console(),
-            ),
-        )
+        shown = measures.shown(told, measures.of(run.system))
+        tell(told, form, lambda: show(msgspec.to_builtins(told), shown, folder, Console()))
         if getattr(told, "success", None) is False:
             raise typer.Exit(1)
 
@@ -132,27 +124,15 @@ def figures(told: dict[str, Any], shown: "tuple[Shown, ...]") -> RenderableType:
     """Return the figures of the whole run, and of each plan."""
     said = told["communicates"]
     rows = [(one.name, _number(one.value, one.unit)) for one in shown]
-    rows += [
-        (
-            "communicates",
-            (
-                f"{said['total']}, {sum(said['bytes'].values()) / 1000:.1f} kB, {said['copies']}"
-                " sent again"
-            ),
-        )
-    ]
+    size = f"{sum(said['bytes'].values()) / 1000:.1f} kB"
+    rows.append(("communicates", f"{said['total']}, {size}, {said['copies']} sent again"))
     for plan in told.get("plans", ()):
-        words = (
-            f"{plan['outcome'] or 'no answer'} in {_number(plan['wall_s'], 's')}, {plan['queries']}"
-            " queries"
-        )
-        rows.append(
-            (f"plan {plan['number']}", f"{words}; {plan['ended'] or 'not carried out to its end'}")
-        )
+        words = f"{plan['outcome'] or 'no answer'} in {_number(plan['wall_s'], 's')}"
+        words += f", {plan['queries']} queries; {plan['ended'] or 'not carried out to its end'}"
+        rows.append((f"plan {plan['number']}", words))
     for number, task in enumerate(told.get("tasks", ()), start=1):
-        rows.append(
-            (f"task {number}", f"{task['asked']}: {'done' if task['success'] else task['failure']}")
-        )
+        came = "done" if task["success"] else task["failure"]
+        rows.append((f"task {number}", f"{task['asked']}: {came}"))
         rows += [("", f"{one['words']}{_TRUTH[one['true']]}") for one in task.get("claims", ())]
     return table(("", ""), rows, fold=("",))
 
