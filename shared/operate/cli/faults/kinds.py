@@ -68,9 +68,8 @@ def _flood(put: Put, following: Next, per_second: float, over: threading.Event) 
 
 def _orders(fleet: Target, fault: Fault) -> Next:
     told, beat = fleet.look().fleet, operator.heartbeat(fleet, fault.target)
-    key = operator.key(
-        fleet.system.design, told.system if told else fleet.system.name, fault.target
-    )
+    name = told.system if told else fleet.system.name
+    key = operator.key(fleet.system.design, name, fault.target)
     order, numbers = SetLevel((beat and beat.level) or "info"), count(1)
     return lambda: (key, msgspec.msgpack.encode(Command(f"{fault.id}-{next(numbers)}", order)))
 
@@ -86,12 +85,8 @@ def _copies(fleet: Target, fault: Fault) -> Next:
     with listen.source(None, Path(fleet.where)) as heard:
         for sample in heard.samples():
             one = listen.heard_message(sample) if sample is not None else None
-            if (
-                sample is not None
-                and one is not None
-                and (one.sender, one.receiver) == (fault.speaker, fault.target)
-            ):
-                copied = sample.key, sample.data
+            if one is not None and (one.sender, one.receiver) == (fault.speaker, fault.target):
+                copied = one.key, one.data
                 return lambda: copied
             if time.monotonic() > until:
                 break
@@ -153,11 +148,9 @@ class Kind(msgspec.Struct, frozen=True):
 
 def same(seen: Seen | None, fault: Fault) -> bool:
     """Whether this is the process that was hit, and it lives."""
-    return (
-        seen is not None
-        and seen.used is not None
-        and (seen.status.pid, seen.used.start) == (fault.pid, fault.start)
-    )
+    if seen is None or seen.used is None:
+        return False
+    return (seen.status.pid, seen.used.start) == (fault.pid, fault.start)
 
 
 def back(seen: Seen | None, fault: Fault) -> bool:

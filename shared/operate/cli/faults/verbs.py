@@ -170,23 +170,22 @@ def amount_of(kind: str, row: Kind, amount: float | None, per_second: float | No
     """The amount of a fault, 0 for a kind without. Raise UsageError where it is missing, wrong, or
     of another kind.
     """
-    optional = row.amount is not None and row.amount.option != ""
+    has = row.amount
+    optional = has is not None and has.option != ""
     if per_second is not None and not optional:
         raise UsageError(f"{kind} has no --per-second; a flood has")
-    if amount is not None and (row.amount is None or optional):
+    if amount is not None and (has is None or optional):
         raise UsageError(f"{kind} has no amount; leave {amount:g} out")
-    if row.amount is None:
+    if has is None:
         return 0.0
     given = per_second if optional else amount
-    given = given if given is not None else row.amount.default
+    given = given if given is not None else has.default
     if given is None:
-        raise UsageError(f"{kind} needs {row.amount.metavar} behind the process: {row.amount.text}")
-    least, most = row.amount.least, row.amount.most
+        raise UsageError(f"{kind} needs {has.metavar} behind the process: {has.text}")
+    least, most = has.least, has.most
     if (least is not None and given < least) or (most is not None and given > most):
-        upper = f", {most:g} at most" if most is not None else ""
-        raise UsageError(
-            f"{kind}: {row.amount.metavar} is {given:g}; it must be {least:g} at least{upper}"
-        )
+        bounds = f"{least:g} at least" + (f", {most:g} at most" if most is not None else "")
+        raise UsageError(f"{kind}: {has.metavar} is {given:g}; it must be {bounds}")
     return given
 
 
