@@ -3,6 +3,7 @@ offer.
 """
 
 import time
+from functools import partial
 from typing import Annotated
 
 import msgspec
@@ -13,7 +14,7 @@ from operate.cli.errors import NO, NoRunError
 from operate.cli.fleet import targets
 from operate.cli.fleet.process_status import Info, Row, rows
 from operate.cli.fleet.targets import LOG_LINES, Target, named
-from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell
 
 BETWEEN_S = 0.5
 """Between the two looks whose difference is the share of a processor: 50 ticks of the kernel's
@@ -82,54 +83,41 @@ def agents(
         if offers or protocol or ontology or language or up or long:
             from operate.cli.fleet.offers import Search, offered  # most calls ask for processes
 
-            offered(
-                Search(tuple(names or ()), protocol, ontology, language),
-                target,
-                run_dir,
-                form,
-                up=up,
-                long=long,
-            )
+            search = Search(tuple(names or ()), protocol, ontology, language)
+            offered(search, target, run_dir, form, up=up, long=long)
             return
         fleet = targets.find(target, run_dir)
         if names:
             for told in info(fleet, names):
-                if form is Format.JSON:
-                    tell_json(told)
-                else:
-                    from operate.cli.fleet.process_tables import show_info
-
-                    show_info(told)
+                tell(told, form, partial(_show, told))
             return
         found = measured(fleet)
-        if form is Format.JSON:
-            tell_json(Agents(fleet.where, found))
-        else:
-            from operate.cli.fleet.process_tables import show_agents
-
-            show_agents(found)
+        tell(Agents(fleet.where, found), form, partial(_show, found))
         if not any(row.pid for row in found):
-            raise NoRunError(
-                fleet.where, f"nothing of {fleet.where} runs; `roco up` starts a fleet"
-            )
+            nothing = f"nothing of {fleet.where} runs; `roco up` starts a fleet"
+            raise NoRunError(fleet.where, nothing)
         if any(row.trouble for row in found):
             raise typer.Exit(NO)
+
+
+def _show(found: Info | tuple[Row, ...]) -> None:
+    from operate.cli.fleet import process_tables  # a program that reads JSON needs no rich
+
+    if isinstance(found, Info):
+        process_tables.show_info(found)
+    else:
+        process_tables.show_agents(found)
 
 
 def info(fleet: Target, names: list[str]) -> list[Info]:
     """All that is known of these processes. UsageError where one is not there."""
     beats = {name: named(fleet, name).beat for name in names}
     by_name, design = {row.name: row for row in measured(fleet)}, fleet.system.design
-    return [
-        Info(
-            fleet.where,
-            by_name[name],
-            beat,
-            dict(design.peers(name)) if name in design.agents else {},
-            fleet.log(name, LOG_LINES),
-        )
-        for name, beat in beats.items()
-    ]
+    found = []
+    for name, beat in beats.items():
+        peers = dict(design.peers(name)) if name in design.agents else {}
+        found.append(Info(fleet.where, by_name[name], beat, peers, fleet.log(name, LOG_LINES)))
+    return found
 
 
 def measured(fleet: Target, between_s: float = BETWEEN_S) -> tuple[Row, ...]:

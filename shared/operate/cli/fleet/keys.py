@@ -5,6 +5,7 @@ agents; all expires in a week.
 all.
 """
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -60,16 +61,10 @@ def make(
     with problems(form):
         found = here() if design is None else of_design(design)
         hosts = (*issuing.HOSTS, *found.design.agents, *(host or ()))
-        names = [
-            name.strip()
-            for given in system or [found.name]
-            for name in given.split(",")
-            if name.strip()
-        ]
+        names = [name.strip() for name in ",".join(system or [found.name]).split(",")]
+        issue = partial(issuing.issue, folder, found.design, [*filter(None, names)])
         try:
-            made = issuing.issue(
-                folder, found.design, names, days=days, hosts=hosts, apart=apart, keep_days=keep
-            )
+            made = issue(days=days, hosts=hosts, apart=apart, keep_days=keep)
         except UnicodeError as error:
             raise ConsoleError(str(error)) from error
         tell(made, form, keys_text(made, apart=apart))
@@ -128,9 +123,6 @@ def revoke(
             denied = issuing.revoke(where, name, undo=undo)
         except KeysError as error:
             raise UsageError(str(error)) from error
-        tell(
-            Revoked(str(where), denied),
-            form,
-            f"{where}: revoked are {', '.join(denied) or 'none'}; the router listens again"
-            " within a second",
-        )
+        names = ", ".join(denied) or "none"
+        words = f"{where}: revoked are {names}; the router listens again within a second"
+        tell(Revoked(str(where), denied), form, words)

@@ -5,6 +5,7 @@ they grow.
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -23,16 +24,8 @@ LAST = 40
 """Lines shown where nothing says how many: a screen."""
 LOOK_S = 0.2
 """Between two looks of --follow; agents write in their pauses, some ms after a step."""
-COLOURS = (
-    "cyan",
-    "green",
-    "magenta",
-    "yellow",
-    "blue",
-    "bright_cyan",
-    "bright_green",
-    "bright_magenta",
-)
+HUES = ("cyan", "green", "magenta", "yellow", "blue")
+COLOURS = (*HUES, *(f"bright_{hue}" for hue in HUES[:3]))
 MARKS = {Level.WARNING: "yellow", Level.ERROR: "bold red"}
 LEVELS = tuple(Level)
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
@@ -137,17 +130,10 @@ class Written:
 def parsed(raw: Iterable[bytes]) -> Iterator[Line]:
     """Lines of a log file; a torn one is left out."""
     for one in raw:
-        try:
+        with suppress(msgspec.DecodeError, KeyError, ValueError):
             told = msgspec.json.decode(one, type=dict[str, Any])
-            yield Line(
-                float(told.pop("t")),
-                told.pop("agent"),
-                Level(told.pop("level")),
-                told.pop("event"),
-                told,
-            )
-        except (msgspec.DecodeError, KeyError, ValueError):
-            continue
+            at, level = float(told.pop("t")), Level(told.pop("level"))
+            yield Line(at, told.pop("agent"), level, told.pop("event"), told)
 
 
 def moment(text: str, now: float) -> float:
@@ -165,9 +151,8 @@ def moment(text: str, now: float) -> float:
     try:
         return datetime.fromisoformat(text).timestamp()
     except ValueError as error:
-        raise UsageError(
-            f"--since {text} is not a time; write 30s, 5m, 2h, 14:05 or 2026-11-23T14:05"
-        ) from error
+        write = "write 30s, 5m, 2h, 14:05 or 2026-11-23T14:05"
+        raise UsageError(f"--since {text} is not a time; {write}") from error
 
 
 def worded(line: Line) -> str:

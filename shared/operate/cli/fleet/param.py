@@ -11,7 +11,7 @@ from operate.cli import completion
 from operate.cli.errors import UsageError
 from operate.cli.fleet import operator, targets
 from operate.cli.fleet.targets import Target
-from operate.cli.output import Form, Format, RunDir, argument, problems, tell, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, problems, tell
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from topdown.model.parameters import Parameters, allowed, worded
@@ -79,15 +79,12 @@ def param(
             return
         names = (operator.agent_of(fleet, agent),) if agent else tuple(fleet.system.design.agents)
         told = Listed(fleet.where, tuple(one for each in names for one in shown(fleet, each)))
-        if form is Format.JSON:
-            tell_json(told)
-        elif told.parameters:
-            Console().print(table(HEADS, map(_row, told.parameters), fold=HEADS))
+        if told.parameters:
+            drawn = table(HEADS, map(_row, told.parameters), fold=HEADS)
+            tell(told, form, lambda: Console().print(drawn))
         else:
-            print(
-                f"{agent or fleet.system.name} has no parameters; docs/parameters.md says how to"
-                " give it some"
-            )
+            none = f"{agent or fleet.system.name} has no parameters"
+            tell(told, form, f"{none}; docs/parameters.md says how to give it some")
 
 
 def setting(fleet: Target, agent: str, name: str, text: str) -> Order:

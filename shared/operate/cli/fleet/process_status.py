@@ -251,11 +251,12 @@ def rows(before: Look, now: Look) -> tuple[Row, ...]:
 
 def _row(one: Seen, before: Seen | None, span_s: float) -> Row:
     beat, status = one.beat, one.status
-    lives = status.state is ProcessState.READY
-    agent = beat is not None and beat.incarnation > 0
-    state = str(status.state)
-    if beat is not None and beat.state and lives:
+    state, life, waiting = str(status.state), None, None
+    if beat is not None and beat.state and status.state is ProcessState.READY:
         state = PAUSED if beat.paused else beat.state
+    if beat is not None and beat.incarnation > 0:  # an agent
+        life = beat.incarnation if status.pid else None
+        waiting = sum(beat.unreceipted.values()) + sum(beat.due.values())
     return Row(
         name=status.name,
         process=status.state,
@@ -265,23 +266,17 @@ def _row(one: Seen, before: Seen | None, span_s: float) -> Row:
         cpu=cpu(before, one, span_s),
         memory=one.used.memory if one.used else None,
         pid=status.pid,
-        incarnation=beat.incarnation if beat is not None and agent and status.pid else None,
-        waiting=sum(beat.unreceipted.values()) + sum(beat.due.values())
-        if beat is not None and agent
-        else None,
+        incarnation=life,
+        waiting=waiting,
         trouble=trouble(one),
     )
 
 
 def cpu(before: Seen | None, now: Seen, span_s: float) -> float | None:
     """Percent of one processor between two looks; None where it was not the same process."""
-    if (
-        before is None
-        or before.used is None
-        or now.used is None
-        or before.status.pid != now.status.pid
-        or span_s <= 0
-    ):
+    if before is None or before.used is None or now.used is None or span_s <= 0:
+        return None
+    if before.status.pid != now.status.pid:
         return None
     return max(0.0, 100.0 * (now.used.cpu_s - before.used.cpu_s) / span_s)
 

@@ -56,12 +56,8 @@ def to_hold(name: str = "", run_dir: Path | None = None) -> list[Target]:
 
     Raises as `find` does.
     """
-    if (
-        name
-        or run_dir is not None
-        or os.environ.get(RUN_FOLDER_VARIABLE)
-        or _lives(folders.RUNS / LATEST)
-    ):
+    named = name or run_dir is not None or os.environ.get(RUN_FOLDER_VARIABLE)
+    if named or _lives(folders.RUNS / LATEST):
         return [find(name, run_dir)]
     from operate.cli.fleet.compose import Compose, projects
 
@@ -100,11 +96,8 @@ def _named(name: str) -> Target:
     if found is None and name != COMPOSE and Path(name).is_dir():
         return Local(Path(name).resolve())
     if found is None:
-        what = (
-            "no compose project of ours runs"
-            if name == COMPOSE
-            else f"{name!r} is no folder and no compose project"
-        )
+        what = f"{name!r} is no folder and no compose project"
+        what = "no compose project of ours runs" if name == COMPOSE else what
         begin = "`docker compose -f deploy/compose.yaml up -d` starts one, `roco up` a local one"
         raise NoRunError(name, f"{what}; {begin}")
     return found

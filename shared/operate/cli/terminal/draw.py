@@ -3,6 +3,7 @@ over the channels.
 """
 
 import time
+from functools import partial
 
 import msgspec
 from rich.console import Group, RenderableType
@@ -47,29 +48,18 @@ def picture(
     system, design = scene.system, scene.system.design
     upper = Table.grid(expand=True, padding=(0, 1))
     upper.add_column(ratio=6)
-    left = Group(
-        Panel(agents(scene), title="who does what", title_align="left", border_style="dim"),
-        Panel(
-            channels(scene.view, design),
-            title="communicates",
-            title_align="left",
-            border_style="dim",
-        ),
-    )
+    panel = partial(Panel, title_align="left", border_style="dim")
+    said = panel(channels(scene.view, design), title="communicates")
+    panels: list[RenderableType] = [Group(panel(agents(scene), title="who does what"), said)]
     if scene.system.additions.live:  # who adds lines tells of plans
         upper.add_column(ratio=5)
-        plan = plan_tree(scene.view, system)
-        upper.add_row(
-            left, Panel(plan, title=plan_title(scene.view), title_align="left", border_style="dim")
-        )
-    else:
-        upper.add_row(left)
+        panels.append(panel(plan_tree(scene.view, system), title=plan_title(scene.view)))
+    upper.add_row(*panels)
     top = header(scene, time.time() if now is None else now)
     processes = len(scene.fleet.processes) if scene.fleet else 1
     height = len(wrapped(top, width)) + processes + len(design.channels) + 4  # four lines of frames
-    return Group(
-        top, upper, events(scene.view, scene.began, max(1, lines - height - 1), width, system)
-    )
+    room = max(1, lines - height - 1)
+    return Group(top, upper, events(scene.view, scene.began, room, width, system))
 
 
 def header(scene: Scene, now: float) -> Text:
@@ -115,18 +105,10 @@ def channels(view: View, design: Design) -> Table:
     table.add_column(no_wrap=True, justify="right", min_width=9)
     table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
     for name, channel in design.channels.items():
-        counted = view.channels.get(name)
-        row = (
-            (str(counted.count), f"{counted.bytes / 1000:.1f} kB", counted.last)
-            if counted
-            else ("-", "", "")
-        )
-        table.add_row(
-            Text(name, "bold"),
-            f"{channel.ends[0]}-{channel.ends[1]}",
-            *row[:2],
-            Text(row[2], "dim"),
-        )
+        numbers, last = ("-", ""), ""
+        if counted := view.channels.get(name):
+            numbers, last = (str(counted.count), f"{counted.bytes / 1000:.1f} kB"), counted.last
+        table.add_row(Text(name, "bold"), "-".join(channel.ends), *numbers, Text(last, "dim"))
     return table
 
 
@@ -155,18 +137,16 @@ def plan_tree(view: View, system: System) -> Text:
     here = plan.at.path if plan.at is not None else ()
     for one in shown(plan, PLAN_LINES - 1):
         indent = "  " * (len(one.path) - 1)
-        name = system.step(
-            msgspec.structs.replace(one, does="", things=(), side="") if one.act else one
-        )
-        name = name or " ".join(one.path[-1:])
+        step = msgspec.structs.replace(one, does="", things=(), side="") if one.act else one
+        name = system.step(step) or " ".join(one.path[-1:])
+        mark, style = "·", "dim"
         if one.path == here:
-            text.append(f"\n{indent}▶ {name}", "bold green")
+            mark, style = "▶", "bold green"
         elif within(here, one.path):
-            text.append(f"\n{indent}▾ {name}", "green")
+            mark, style = "▾", "green"
         elif one.path in plan.passed or _wholly_passed(plan, one.path):
-            text.append(f"\n{indent}✓ {name}", "dim green")
-        else:
-            text.append(f"\n{indent}· {name}", "dim")
+            mark, style = "✓", "dim green"
+        text.append(f"\n{indent}{mark} {name}", style)
     return text
 
 

@@ -149,9 +149,8 @@ def _line(judgement: Judgement, system: System) -> Echoed:
 
 def _widest(system: System) -> int:
     """Columns of the longest "sender>receiver" of a design."""
-    return max(
-        (len(">".join(channel.ends)) for channel in system.design.channels.values()), default=0
-    )
+    channels = system.design.channels.values()
+    return max((len(">".join(channel.ends)) for channel in channels), default=0)
 
 
 def fields(one: Judged, communicate: Communicate | None) -> dict[str, Any]:
@@ -185,9 +184,8 @@ def drawn(one: Judged, width: int, names: int) -> Text:
     if width == ENDLESS:
         words = f"{words:34}"
     else:
-        words = set_cell_size(
-            words if cell_len(words) <= room else words[: max(0, room - 1)] + "…", max(0, room)
-        )
+        words = words if cell_len(words) <= room else words[: max(0, room - 1)] + "…"
+        words = set_cell_size(words, max(0, room))
     text.append(words, "italic").append(f" {one.verdict}", style)
     if one.violation and one.why:
         text.append(f"\n{'':13}{one.why}", "red")

@@ -20,7 +20,7 @@ from operate.cli import completion, interrupts
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.hear import LostError
-from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
@@ -97,13 +97,9 @@ def record(
 
 def sentence(done: "Kept") -> str:
     """Return the progress in one line."""
-    size = bytes_in_words(done.bytes)
-    what = (
-        f"{done.communicates} communicates, {done.records} records, {size} in {done.seconds:.1f} s"
-    )
-    return what + (
-        f"; {done.dropped} more came faster than they could be kept" if done.dropped else ""
-    )
+    what = f"{done.communicates} communicates, {done.records} records"
+    late = f"; {done.dropped} more came faster than they could be kept" if done.dropped else ""
+    return f"{what}, {bytes_in_words(done.bytes)} in {done.seconds:.1f} s{late}"
 
 
 def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) -> "Kept":
@@ -113,11 +109,8 @@ def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) 
     waiting, console = Waiting(), Console(stderr=True)
     reader = threading.Thread(target=waiting.fill, args=(heard.stdout,), daemon=True)
     reader.start()
-    shown = (
-        console.status("recording; Ctrl-C ends it")
-        if form is Format.TEXT
-        else contextlib.nullcontext()
-    )
+    quiet = form is Format.JSON
+    shown = contextlib.nullcontext() if quiet else console.status("recording; Ctrl-C ends it")
     with interrupts.signalled(waiting.stop), shown as line:
         told = flushed = time.monotonic()
         while not waiting.stopped and not keeper.over:
@@ -173,34 +166,30 @@ def info(
     with problems(form):
         from operate.recording.contents import contents
 
-        told = contents(recording or folders.find(None))
-        if form is Format.JSON:
-            tell_json(told)
-            return
-        console = Console(highlight=False)
-        for line in heading(told):
-            console.print(line, soft_wrap=True)
-        console.print(topics(told, keys=keys))
+        found = contents(recording or folders.find(None))
+        tell(found, form, lambda: _show(found, Console(highlight=False), keys=keys))
+
+
+def _show(told: "Contents", console: Console, *, keys: bool) -> None:
+    for line in heading(told):
+        console.print(line, soft_wrap=True)
+    console.print(topics(told, keys=keys))
 
 
 def heading(told: "Contents") -> list[str]:
     """Return file, size, times and versions, a line for each."""
     first, last = told.span
-    torn = (
-        ""
-        if told.whole
-        else ", not closed in order: it is being written, or its recorder was killed"
-    )
-    begin, end = (
-        datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] for at in (first, last)
-    )
+    torn = ", not closed in order: it is being written, or its recorder was killed"
+    size = f"{bytes_in_words(told.bytes)}{'' if told.whole else torn}"
+    times = map(datetime.fromtimestamp, told.span)
+    begin, end = (at.strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] for at in times)
     count = sum(one.count for one in told.topics)
-    lines = [
-        f"{folders.near(Path(told.file))}, {bytes_in_words(told.bytes)}{torn}",
+    return [
+        f"{folders.near(Path(told.file))}, {size}",
         f"{begin} to {end}, {last - first:.1f} s, {count} messages in {len(told.topics)} topics",
-        ", ".join(f"{name} {value}" for name, value in told.versions.items() if value),
+        _facts(told.versions),
+        *(f"{name}: {_facts(facts)}" for name, facts in told.notes.items()),
     ]
-    return lines + [f"{name}: {_facts(facts)}" for name, facts in told.notes.items()]
 
 
 def topics(told: "Contents", *, keys: bool) -> Table:
@@ -216,9 +205,8 @@ def topics(told: "Contents", *, keys: bool) -> Table:
 
 
 def _cells(one: "Counted", name: str, begin: float) -> tuple[str, ...]:
-    hertz = (
-        f"{(one.count - 1) / (one.last - one.first):.2f}" if one.last - one.first > LEAST_S else "-"
-    )
+    span = one.last - one.first
+    hertz = f"{(one.count - 1) / span:.2f}" if span > LEAST_S else "-"
     times = (f"{one.first - begin:.1f} s", f"{one.last - begin:.1f} s") if one.count else ("-", "-")
     return name, str(one.count), bytes_in_words(one.bytes), *times, hertz
 
@@ -263,9 +251,5 @@ def repair_sentence(done: "Written") -> str:
     name = folders.near(Path(done.file))
     if not done.messages:
         return f"{name}: it was closed in order and has its index; nothing to repair"
-    lost = (
-        f"\n{done.lost} bytes at its end could not be read; kept as it was: {done.kept}"
-        if done.lost
-        else ""
-    )
-    return f"{name}: {done.messages} messages, now with an index{lost}"
+    lost = f"\n{done.lost} bytes at its end could not be read; kept as it was: {done.kept}"
+    return f"{name}: {done.messages} messages, now with an index{lost if done.lost else ''}"

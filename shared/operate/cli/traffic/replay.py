@@ -108,20 +108,14 @@ def replay(
         if replace_:
             replace.replaced(file, replace_, fast, seed, form)
             return
-        which = wanted(
-            of_run(file).design, *narrowed(only or [], channel, agent, protocol, performative)
-        )
+        chosen = narrowed(only or [], channel, agent, protocol, performative)
+        samples = list(_meant(file, wanted(of_run(file).design, *chosen), telemetry=telemetry))
+        if not samples:
+            none = "holds nothing that is meant; choose more, or leave filters out"
+            raise UsageError(f"{file} {none}")
         try:
-            done = _played(
-                file,
-                which,
-                fast,
-                after,
-                form,
-                loop=loop,
-                telemetry=telemetry,
-                where=(system, connect),
-            )
+            stage = Stage(system, connect)
+            done = _played(of_run(file), samples, stage, fast, after, form, loop=loop)
         except RuntimeFault as error:
             raise ConsoleError(str(error)) from error
         tell(done, form, sentence(done))
@@ -156,25 +150,23 @@ def narrowed(only: list[str], *chosen: list[str] | None) -> list[list[str]]:
 
 
 def _played(
-    file: Path, which: Filter, fast: float | None, after: float, form: Form, *, loop: bool,
-    telemetry: bool,
-    where: tuple[str, str],
-) -> Replayed:  # fmt: skip
-    samples = list(_meant(file, which, telemetry=telemetry))
-    if not samples:
-        raise UsageError(f"{file} holds nothing that is meant; choose more, or leave filters out")
-    stage = Stage(*where)
-    shown = Shown(_folder(stage), of_run(file))
+    system: System,
+    samples: list[Sample],
+    stage: Stage,
+    fast: float | None,
+    after: float,
+    form: Form,
+    *,
+    loop: bool,
+) -> Replayed:
+    shown = Shown(_folder(stage), system)
     player = Player(stage, samples, fast, shown.take)
     console = Console(stderr=True, quiet=form is Format.JSON)
     try:
-        with _announced(stage, of_run(file)), console.status("replaying") as line:
-            where_to = f"to listen: roco traffic echo --run-dir {_folder(stage)}"
-            console.print(
-                f"system {stage.system} at {stage.endpoint}; {where_to}",
-                highlight=False,
-                soft_wrap=True,
-            )
+        with _announced(stage, system), console.status("replaying") as line:
+            listen = f"to listen: roco traffic echo --run-dir {_folder(stage)}"
+            where = f"system {stage.system} at {stage.endpoint}"
+            console.print(f"{where}; {listen}", highlight=False, soft_wrap=True)
             player.wait(time.monotonic() + after)
             for _ in range(FOREVER if loop else 1):
                 shown.begin()
