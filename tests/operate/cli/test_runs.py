@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
-from operate.cli.runs.catalogue import Run, age, is_run, size, span, words_of
+from operate.cli.runs.catalogue import Run, age, catalogue, size, span, words_of
 from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, Fleet, ProcessState, ProcessStatus
 
 NOW = 1_700_000_000.0
@@ -272,7 +272,7 @@ def test_a_removal_that_is_not_clear_is_refused(tmp_path: Path, words: list[str]
     """Exit code 2, and nothing goes; without a rule nothing is meant, rather than all."""
     kept(tmp_path, "run", 100.0, success=False)
     roco(tmp_path, "--remove", *words, code=2)
-    assert is_run(tmp_path / "run")
+    assert [one.name for one in catalogue(tmp_path)] == ["run"]
 
 
 def test_durations() -> None:

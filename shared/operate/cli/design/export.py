@@ -83,9 +83,8 @@ def export(
             where.parent.mkdir(parents=True, exist_ok=True)
             where.write_text(promela(net), encoding="utf-8")
             sizes = len(net.variables), len(net.queues), len(net.commands)
-            written.append(
-                Written(net.name, str(where), *sizes, LOOK_WITH.replace("FILE", str(where)))
-            )
+            look_with = LOOK_WITH.replace("FILE", str(where))
+            written.append(Written(net.name, str(where), *sizes, look_with))
     lines = [
         f"wrote {one.file}: {one.use}, {one.variables} variables,"
         f"{f' {one.queues} queues,' if one.queues else ''} {one.commands} commands"

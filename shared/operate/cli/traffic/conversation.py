@@ -15,17 +15,8 @@ from operate.cli.output import Form, Format, RunDir, option, problems, tell_json
 from operate.cli.terminal import sequence
 from operate.cli.terminal import table as tables
 from operate.cli.terminal.console import Console
+from operate.cli.traffic import selection
 from operate.cli.traffic.listen import about
-from operate.cli.traffic.selection import (
-    Agents,
-    Channels,
-    Performatives,
-    Protocols,
-    Recorded,
-    Subject,
-    lines_of,
-    wanted,
-)
 from operate.run_folder import Judged
 from operate.tracing.trace import is_meant
 from operate.verdict_lines import ended, sides
@@ -52,18 +43,18 @@ class Conversation(msgspec.Struct, frozen=True):
 
 
 def conversation(
-    subject: Subject = "",
-    channel: Channels = None,
-    agent: Agents = None,
-    protocol: Protocols = None,
-    performative: Performatives = None,
+    subject: selection.Subject = "",
+    channel: selection.Channels = None,
+    agent: selection.Agents = None,
+    protocol: selection.Protocols = None,
+    performative: selection.Performatives = None,
     open_: Annotated[
         bool | None, option("Only those that go on, or that ended.", "--open/--ended")
     ] = None,
     wrong: Annotated[
         bool, option("Only those with something against the design.", "--wrong")
     ] = False,
-    run: Recorded = None,
+    run: selection.Recorded = None,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -83,10 +74,10 @@ def conversation(
     """
     with problems(form):
         design = about(run, run_dir, target).design
-        which = wanted(design, channel, agent, protocol, performative)
+        which = selection.wanted(design, channel, agent, protocol, performative)
         kept = [
             one
-            for one in conversations(lines_of(run, target, run_dir), design)
+            for one in conversations(selection.lines_of(run, target, run_dir), design)
             if any(map(which.keeps, one.said))
             and open_ in (None, not one.ended)
             and (one.violations or not wrong)

@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 from rich.cells import cell_len, set_cell_size
@@ -15,19 +15,10 @@ from agent_runtime.core.wiring import parse_life
 from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import Communicate, decode
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, option, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
+from operate.cli.traffic import selection
 from operate.cli.traffic.listen import Source, about, heard_message, source
-from operate.cli.traffic.selection import (
-    Agents,
-    Channels,
-    Count,
-    Performatives,
-    Protocols,
-    Recorded,
-    Seconds,
-    wanted,
-)
 from operate.filters import Filter
 from operate.run_folder import Judged
 from operate.system import System
@@ -43,14 +34,14 @@ Echoed = tuple[Judged, Communicate | None]
 
 
 def echo(
-    channel: Channels = None,
-    agent: Agents = None,
-    protocol: Protocols = None,
-    performative: Performatives = None,
-    wrong: Annotated[bool, option("Only what is against the design.", "--wrong")] = False,
-    run: Recorded = None,
-    count: Count = 0,
-    for_: Seconds = 0.0,
+    channel: selection.Channels = None,
+    agent: selection.Agents = None,
+    protocol: selection.Protocols = None,
+    performative: selection.Performatives = None,
+    wrong: selection.Wrong = False,
+    run: selection.Recorded = None,
+    count: selection.Count = 0,
+    for_: selection.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -69,7 +60,9 @@ def echo(
       roco traffic echo --run runs/latest --performative request --format json
     """
     with problems(form):
-        which = wanted(about(run, run_dir, target).design, channel, agent, protocol, performative)
+        which = selection.wanted(
+            about(run, run_dir, target).design, channel, agent, protocol, performative
+        )
         with source(run, run_dir, target) as heard:
             _print(heard, which, form, count=count, seconds=for_, wrong=wrong)
 

@@ -18,17 +18,8 @@ from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, argument, problems, tell_json
 from operate.cli.terminal import table as tables
 from operate.cli.terminal.console import Console
+from operate.cli.traffic import selection
 from operate.cli.traffic.listen import HeardMessage, Source, about, heard_message, source
-from operate.cli.traffic.selection import (
-    Agents,
-    Channels,
-    Count,
-    Performatives,
-    Protocols,
-    Recorded,
-    Seconds,
-    wanted,
-)
 from operate.filters import Filter
 from operate.quantiles import quantile, tail
 from operate.wording import bytes_in_words
@@ -270,13 +261,13 @@ def stats(
     kind: Annotated[
         Kind, argument("hz: how often; bw: bytes per second; size: how large.")
     ] = Kind.ALL,
-    channel: Channels = None,
-    agent: Agents = None,
-    protocol: Protocols = None,
-    performative: Performatives = None,
-    run: Recorded = None,
-    count: Count = 0,
-    for_: Seconds = 0.0,
+    channel: selection.Channels = None,
+    agent: selection.Agents = None,
+    protocol: selection.Protocols = None,
+    performative: selection.Performatives = None,
+    run: selection.Recorded = None,
+    count: selection.Count = 0,
+    for_: selection.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -302,7 +293,9 @@ def stats(
       roco traffic stats size --performative inform-ref --count 100
     """
     with problems(form):
-        which = wanted(about(run, run_dir, target).design, channel, agent, protocol, performative)
+        which = selection.wanted(
+            about(run, run_dir, target).design, channel, agent, protocol, performative
+        )
         what = "stats" if kind is Kind.ALL else kind.value
         with source(run, run_dir, target) as heard:
             _watch(heard, Tally(which), what, form, limits=(count, for_))

@@ -24,16 +24,8 @@ from operate.cli.output import Form, Format, RunDir, argument, option, problems,
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
+from operate.cli.traffic import selection
 from operate.cli.traffic.listen import RECORDING, about, hearing
-from operate.cli.traffic.selection import (
-    Agents,
-    Channels,
-    Count,
-    Performatives,
-    Protocols,
-    Seconds,
-    wanted,
-)
 from operate.run_folder import TRAFFIC_FILE
 from operate.wording import bytes_in_words
 
@@ -55,12 +47,12 @@ def record(
     out: Annotated[
         Path | None, option("The file; else recording-<time>.mcap here.", "--out")
     ] = None,
-    channel: Channels = None,
-    agent: Agents = None,
-    protocol: Protocols = None,
-    performative: Performatives = None,
-    count: Count = 0,
-    for_: Seconds = 0.0,
+    channel: selection.Channels = None,
+    agent: selection.Agents = None,
+    protocol: selection.Protocols = None,
+    performative: selection.Performatives = None,
+    count: selection.Count = 0,
+    for_: selection.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -79,7 +71,7 @@ def record(
         from operate.recording.side_recording import Asked, Keeper
 
         system = about(None, run_dir, target)
-        which = wanted(system.design, channel, agent, protocol, performative)
+        which = selection.wanted(system.design, channel, agent, protocol, performative)
         file = (out or Path(f"recording-{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap")).resolve()
         if file.exists():
             raise UsageError(f"{file} is there already; name another --out, or remove it")

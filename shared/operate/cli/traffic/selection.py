@@ -45,6 +45,7 @@ Recorded = Annotated[
         complete=completion.runs,
     ),
 ]
+Wrong = Annotated[bool, option("Only what is against the design.", "--wrong")]
 Count = Annotated[int, option("End after so many communicates; 0: go on.", "--count", min=0)]
 Seconds = Annotated[
     float, option("End after so many seconds; 0: go on till Ctrl-C.", "--for", min=0.0)
