@@ -28,24 +28,27 @@ VERBS: Table = {
             "Show every process: state, heartbeat's age, processor, memory.",
         ),
         "agent": (GROUP, "One process of the fleet."),
-        "agent restart": (".fleet.agent:restart", "Restart a process, and wait until it is ready."),
+        "agent restart": (
+            ".fleet.agents:restart",
+            "Restart a process, and wait until it is ready.",
+        ),
         "agent stop": (
-            ".fleet.agent:stop",
+            ".fleet.agents:stop",
             "Stop a process in order; it stays down until `roco agent start`.",
         ),
         "agent start": (
-            ".fleet.agent:start",
+            ".fleet.agents:start",
             (
                 "Start a process that was stopped or given up, and wait until it is ready; let a"
                 " paused agent go on."
             ),
         ),
         "agent repair": (
-            ".fleet.agent:repair",
+            ".fleet.agents:repair",
             "Repair the damaged journal of an agent that does not run.",
         ),
         "agent pause": (
-            ".fleet.agent:pause",
+            ".fleet.agents:pause",
             "Let an agent take no step until `roco agent start`.",
         ),
         "param": (
@@ -118,7 +121,7 @@ VERBS: Table = {
                 " times."
             ),
         ),
-        "why": (".traffic.why:why", "Say why a task went as it did, from what is recorded."),
+        "why": (".traffic.trace:why", "Say why a task went as it did, from what is recorded."),
         "send": (
             ".traffic.send:send",
             "Be an agent: say one communicate to the running fleet, and print what comes back.",

@@ -19,7 +19,7 @@ from agent_runtime.io.run_files import heartbeat_file, ready_file
 from companion.tools.system import SYSTEM
 from companion.tools.verbs import pour_run
 from operate.cli.terminal.console import Console
-from operate.cli.terminal.watch import Watch
+from operate.cli.terminal.draw import Watch
 from operate.run_folder import FLEET_FILE, LIVE_FILE, AgentIn, Fleet, ProcessState, ProcessStatus
 from operate.supervisor import folder
 

@@ -11,9 +11,9 @@ from typing import Annotated
 import msgspec
 import typer
 
-from operate.cli.errors import ConsoleError
+from operate.cli.errors import ConsoleError, NoRunError
 from operate.cli.output import Format, argument, option, tell_problem
-from operate.cli.traffic.observed import recording
+from operate.run_folder import NothingToRead
 from operate.system import NoSystemError, here
 from topdown import check
 from topdown.check.recorded import Observed
@@ -83,3 +83,30 @@ def problems(form: Format) -> Iterator[None]:
     except (TopdownError, NoSystemError, ConsoleError, ValueError) as error:
         tell_problem(error, form)
         raise typer.Exit(WRONG_FILE) from error
+
+
+# --- Traffic heard in a run, for comparing it with a design ---------------------------------------
+
+
+def recording(run: Path) -> Observed:
+    """The communicates and events of a run folder, of the folder a traffic.mcap stands in, or of a
+    .json file of observations, from whatever recorder. ConsoleError where nothing can be read.
+    """
+    if run.suffix == ".json":
+        return msgspec.json.decode(run.read_bytes(), type=Observed)
+    folder = run.parent if run.is_file() else run
+    if not folder.is_dir():
+        raise NoRunError(str(run))
+    try:
+        from operate.recording.run import Run
+
+        found = Run(folder).observed()
+    except (NothingToRead, ModuleNotFoundError) as error:
+        raise ConsoleError(
+            f"the recording in {folder} cannot be read ({error}); install the extra `monitor`"
+        ) from error
+    if not found.communicates:
+        raise ConsoleError(
+            f"{folder} holds no recorded communicates; give a run's folder, with its traffic.mcap"
+        )
+    return found

@@ -15,7 +15,7 @@ from operate import proc
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.faults import kinds
 from operate.cli.faults.kinds import KINDS, Kind
-from operate.cli.fleet.agent import READY_S
+from operate.cli.fleet.agents import READY_S
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.targets import LOG_LINES, Target, named
 from operate.fault_lines import encoded, latest, read

@@ -25,7 +25,7 @@ from operate.cli.output import (
 )
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
-from operate.cli.terminal.watch import Watch
+from operate.cli.terminal.draw import Watch
 from operate.system import here
 
 

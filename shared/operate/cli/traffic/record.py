@@ -19,13 +19,12 @@ from agent_runtime.io.tap import Waiting
 from operate.cli import completion, interrupts
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
-from operate.cli.fleet.hear import LostError
 from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.cli.traffic import selection
-from operate.cli.traffic.listen import RECORDING, about, hearing
+from operate.cli.traffic.listen import RECORDING, LostError, about, hearing
 from operate.run_folder import TRAFFIC_FILE
 from operate.wording import bytes_in_words
 
