@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from calling import POUR
 from typer.testing import CliRunner
 
 from operate.cli.__main__ import app
@@ -14,8 +15,6 @@ from operate.cli.terminal.console import Console
 from operate.experiments.comparing import Compared, Diverged, Divergence, Verdict
 from operate.experiments.intervals import Interval
 from operate.experiments.run_figures import SentMessage
-
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 
 
 def run(*words: str) -> tuple[int, str, str]:

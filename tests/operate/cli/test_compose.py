@@ -12,11 +12,10 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from typer.testing import CliRunner, Result
+from calling import roco
 
 from companion.run_files import HiAddress
 from companion.tools.verbs.hi import address
-from operate.cli.__main__ import app
 from operate.cli.errors import DockerError, UsageError
 from operate.cli.fleet import checkup, targets
 from operate.cli.fleet.checkup import Level
@@ -67,11 +66,6 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return root
 
 
-def roco(*words: str) -> Result:
-    """Call the command line."""
-    return CliRunner().invoke(app, list(words))
-
-
 def test_containers_are_found_out_where_nothing_runs_here(world: Path) -> None:
     """Every process in its container, those of ex as their supervisor says; the foreign container
     is none of ours.
@@ -87,12 +81,11 @@ def test_containers_are_found_out_where_nothing_runs_here(world: Path) -> None:
 
 def test_a_service_is_stopped_and_started_by_docker(world: Path) -> None:
     """It stays down meanwhile, and the status says what to do."""
-    assert roco("agent", "stop", "hi").exit_code == 0
+    roco("agent", "stop", "hi", code=0)
     assert (world / "one.hi" / "state").read_text() == "exited"
-    said = roco("status")
-    assert said.exit_code == 1
+    said = roco("status", code=1)
     assert "roco agent start hi" in said.stdout
-    assert roco("agent", "start", "hi", "--format", "json").exit_code == 0
+    roco("agent", "start", "hi", "--format", "json", code=0)
     assert (world / "one.hi" / "state").read_text() == "running"
 
 
@@ -114,11 +107,11 @@ def test_stop_reaches_the_loop_in_place(world: Path) -> None:
     flag = world / "one.ex" / "stop"
     number = flag.stat().st_ino
     # without it, the fleets of other tests are stopped, too
-    assert roco("stop", "--target", "one").exit_code == 0
+    roco("stop", "--target", "one", code=0)
     assert (flag.read_bytes(), flag.stat().st_ino) == (b"\x01", number)
     assert json.loads(roco("agents", "--format", "json").stdout)["where"] == "compose project one"
     assert targets.find().look().stop_held
-    assert roco("release").exit_code == 0
+    roco("release", code=0)
     assert flag.read_bytes() == b"\x00"
 
 
@@ -126,14 +119,13 @@ def test_which_project_is_meant_must_be_said_where_there_are_two(world: Path) ->
     """By its name; one that has ended can be named, too."""
     (world / "two.router").mkdir()
     (world / "two.router" / "state").write_text("running")
-    done = roco("status")
-    assert done.exit_code == 2
+    done = roco("status", code=2)
     assert "one or two" in done.stderr
     (world / "two.router" / "state").write_text("exited")
     assert targets.find().where == "compose project one"
     assert targets.find("two").look().seen[0].status.state is ProcessState.STOPPED
-    assert roco("status", "--target", "two").exit_code == 3
-    assert roco("status", "--target", "three").exit_code == 3
+    roco("status", "--target", "two", code=3)
+    roco("status", "--target", "three", code=3)
 
 
 def test_down_ends_the_router_last(world: Path) -> None:
@@ -158,8 +150,7 @@ def test_without_docker_nothing_is_found_there(
 ) -> None:
     """No error of docker, but that nothing runs."""
     monkeypatch.setenv("PATH", "/nowhere")
-    done = roco("status")
-    assert done.exit_code == 3
+    done = roco("status", code=3)
     assert "roco up" in done.stderr
 
 
@@ -205,7 +196,7 @@ def test_of_several_robots_one_is_meant(world: Path) -> None:
         ]
         == "hi-1-1"
     )
-    assert roco("status", "--target", "one/velma3").exit_code == 3
+    roco("status", "--target", "one/velma3", code=3)
 
 
 def test_a_fault_hits_the_process_in_its_container(world: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from calling import POUR
 from rich.cells import cell_len
 from typer.testing import CliRunner
 
@@ -18,7 +19,6 @@ from operate.cli.traffic.verdicts import verdicts_of
 from operate.run_folder import VERDICTS_FILE, Judged
 from topdown.judge.verdicts import Verdict
 
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 ASKED = Judged(
     t=100.0, verdict=Verdict.LEGAL, bytes=196, channel="C5", sender="ta", receiver="ex",
     protocol="request",

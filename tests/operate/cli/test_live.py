@@ -142,13 +142,7 @@ def test_counts_are_those_of_the_lines(told: list[LiveLine]) -> None:
 
 def test_the_present_state_stands_out_and_those_before_are_ticked() -> None:
     """The tree shows where the robot is."""
-    text = drawn(
-        folded(
-            SEEN,
-            PlanAt(t=1, at=APPROACH),
-            PlanAt(t=2, at=GRASP),
-        )
-    )
+    text = drawn(folded(SEEN, PlanAt(t=1, at=APPROACH), PlanAt(t=2, at=GRASP)))
     assert "▶ grasp" in text
     assert "✓ move joint" in text
     assert "▾ take jar" in text
@@ -228,13 +222,7 @@ def test_states_of_all_agents_have_words() -> None:
 
 def test_a_machine_left_behind_is_ticked() -> None:
     """Once the last state of a machine has passed, the machine has."""
-    text = drawn(
-        folded(
-            SEEN,
-            PlanAt(t=2, at=GRASP),
-            PlanAt(t=3, at=TILT),
-        )
-    )
+    text = drawn(folded(SEEN, PlanAt(t=2, at=GRASP), PlanAt(t=3, at=TILT)))
     assert "✓ take" in text
 
 

@@ -2,11 +2,11 @@
 differ.
 """
 
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
+from calling import POUR
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,7 +15,6 @@ from fipa_codec.performatives import Performative
 from operate.cli.traffic.listen import heard_message, recorded
 from operate.cli.traffic.replace import Difference, Part, Script, before, difference, parts, plain
 
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 HEARD = [
     (one.at, communicate)
     for sample in recorded(POUR)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from calling import POUR
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
@@ -21,7 +22,6 @@ from operate.run_folder import Judged
 from topdown.draw.sequence import Arrow, Columns, Diagram, draw
 from topdown.judge.verdicts import Verdict
 
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 AGENTS = tuple(DESIGN.agents)
 ASKED = Judged(
     t=100.0, verdict=Verdict.LEGAL, bytes=196, channel="C5", sender="ta", receiver="ex",

@@ -10,23 +10,17 @@ from pathlib import Path
 import click
 import pytest
 import typer
+from calling import roco, told
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner, Result
 
 from operate.cli import completion
-from operate.cli.__main__ import app
 from operate.cli.fleet import targets
 from operate.cli.runs import folders
 from operate.cli.verbs import merged
 
 NOWHERE = '[tool.roco]\nsystem = "nowhere_to_be.system:SYSTEM"\n'
 BROKEN = "[system]\nname = 'broken'\n"
-
-
-def roco(*words: object) -> Result:
-    """Call the command line."""
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.fixture
@@ -73,9 +67,7 @@ def test_a_system_that_is_not_there_is_wrong_use(nowhere: Path, words: tuple[str
 @pytest.mark.parametrize("words", [("up",), ("send", "--list"), ("design", "check")])
 def test_a_design_that_cannot_be_read_is_wrong_use(broken: Path, words: tuple[str, ...]) -> None:
     """It names the file."""
-    done = roco(*words, "--format", "json")
-    assert done.exit_code == 2
-    assert "design.toml" in json.loads(done.stderr)["error"]
+    assert "design.toml" in told(*words, code=2)["error"]
 
 
 @pytest.mark.parametrize("project", ["nowhere", "broken"])
@@ -87,9 +79,7 @@ def test_help_and_completion_need_no_system(project: str, request: pytest.Fixtur
     for names in (completion.agents, completion.channels, completion.protocols):
         assert names(context, "") == []
     assert targets.processes(context, "") == []
-    done = roco("say", "pour", "--format", "json")
-    assert done.exit_code == 2
-    assert "no system here that could add one" in json.loads(done.stderr)["error"]
+    assert "no system here that could add one" in told("say", "pour", code=2)["error"]
 
 
 PANELS = st.lists(st.sampled_from("ABCDE"), unique=True)

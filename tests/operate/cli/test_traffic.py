@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from calling import POUR
 from typer.testing import CliRunner
 
 from operate.cli.__main__ import app
@@ -15,7 +16,6 @@ from operate.cli.traffic import judge
 from operate.run_folder import Judged
 from topdown.judge.verdicts import Verdict
 
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 LATE = Judged(
     t=105.0, verdict=Verdict.LATE, bytes=300, channel="C4", sender="km", receiver="pl",
     protocol="query",

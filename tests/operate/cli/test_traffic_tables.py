@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 import pytest
+from calling import POUR
 from rich.cells import cell_len
 from typer.testing import CliRunner
 
@@ -25,7 +26,6 @@ from operate.quantiles import quantile, tail
 from operate.run_folder import Judged
 from topdown.judge.verdicts import Verdict
 
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 SAMPLES = list(recorded(POUR))
 SAID = [
     one for sample in SAMPLES if sample is not None and (one := heard_message(sample)) is not None

@@ -9,17 +9,13 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from calling import roco, told
+from typer.testing import CliRunner
 
 from operate.cli import lazy
 from operate.cli.__main__ import app
 
 FAR_AWAY = 'name = "far"\n[[thing]]\nid = "jar_1"\nmodel = "jar"\nxyz = [100.0, 0.0, 0.0]\n'
-
-
-def roco(*words: object) -> Result:
-    """Call the command line."""
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.mark.parametrize(
@@ -39,14 +35,15 @@ def test_a_program_is_told_of_wrong_use_in_one_object(words: tuple[str, ...], sa
     done = roco(*words)
     assert (done.exit_code, done.stdout) == (2, "")
     assert said in json.loads(done.stderr)["error"]
-    box = roco(*(word for word in words if word not in ("--format", "json", "--format=json")))
-    assert box.exit_code == 2
+    box = roco(
+        *(word for word in words if word not in ("--format", "json", "--format=json")), code=2
+    )
     assert "Usage:" in box.stderr
 
 
 def test_other_ends_are_as_without_json() -> None:
     """Help is help, and exit codes of verbs stay."""
-    assert roco("up", "--help", "--format", "json").exit_code == 0
+    roco("up", "--help", "--format", "json", code=0)
     done = roco("status", "--run-dir", "/nowhere", "--format", "json")
     assert (done.exit_code, json.loads(done.stderr)["error"][:6]) == (3, "no run")
     assert not lazy.wants_json(["say", "json", "--format", "text"])
@@ -76,9 +73,7 @@ def test_seed_and_scene_are_looked_at_before_anything_starts(
     """The loop would say the same, after router and monitor; here no folder was made."""
     monkeypatch.chdir(tmp_path)
     Path("far.toml").write_text(FAR_AWAY)
-    done = roco(*verb, *options, "--format", "json")
-    assert done.exit_code == 2
-    assert said in json.loads(done.stderr)["error"]
+    assert said in told(*verb, *options, code=2)["error"]
     assert [path.name for path in tmp_path.iterdir()] == ["far.toml"]
 
 
@@ -87,9 +82,7 @@ def test_a_process_that_is_none_is_wrong_use(
 ) -> None:
     """It lists what there is."""
     monkeypatch.chdir(tmp_path)
-    done = roco("up", "--only", "nobody", "--format", "json")
-    assert done.exit_code == 2
-    assert "there are router, monitor" in json.loads(done.stderr)["error"]
+    assert "there are router, monitor" in told("up", "--only", "nobody", code=2)["error"]
     assert not list(tmp_path.iterdir())
 
 

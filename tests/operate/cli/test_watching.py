@@ -12,11 +12,10 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from calling import roco
 
 from companion.run_files import SLOTS_FILE
 from companion.tools.verbs import checkup
-from operate.cli.__main__ import app
 from operate.cli.fleet import checkup as general
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
@@ -26,15 +25,9 @@ from operate.cli.terminal.console import Console
 pytestmark = pytest.mark.process
 
 
-def roco(*words: object) -> Result:
-    """Call the command line."""
-    return CliRunner().invoke(app, [str(word) for word in words])
-
-
 def test_agents_tells_of_every_process(run: Path) -> None:
     """A row for each; the same for programs."""
-    done = roco("agents", "--run-dir", run)
-    assert done.exit_code == 0, done.output
+    done = roco("agents", "--run-dir", run, code=0)
     assert "MiB" in done.stdout
     (row,) = json.loads(roco("agents", "--run-dir", run, "--format", "json").stdout)["agents"]
     assert (row["name"], row["process"]) == ("ta", "ready")
@@ -45,8 +38,7 @@ def test_what_is_known_of_one_has_its_channels_and_names_who_there_is(run: Path)
     """A name that is not there is a wrong use."""
     told = json.loads(roco("agents", "ta", "--run-dir", run, "--format", "json").stdout)
     assert told["channels"] == {"co": "C1", "ex": "C5", "km": "C6"}
-    done = roco("agents", "nobody", "--run-dir", run)
-    assert done.exit_code == 2
+    done = roco("agents", "nobody", "--run-dir", run, code=2)
     assert "there are: ta" in done.stderr
 
 
@@ -54,8 +46,7 @@ def test_where_no_supervisor_is_nobody_is_stopped(run: Path) -> None:
     """It says what to do."""
     fleet = json.loads((run / "fleet.json").read_bytes())
     (run / "fleet.json").write_text(json.dumps(fleet | {"supervisor": 0}))
-    done = roco("agent", "stop", "ta", "--run-dir", run)
-    assert done.exit_code == 1
+    done = roco("agent", "stop", "ta", "--run-dir", run, code=1)
     assert "`roco down`, then `roco up`" in done.stderr
     assert not list(run.glob("*.off"))
 
@@ -147,8 +138,7 @@ def test_doctor_names_what_died_and_what_was_left_behind(
         json.dumps(fleet | {"connect": "tcp/127.0.0.1:1", "processes": [*fleet["processes"], dead]})
     )
     monkeypatch.chdir(tmp_path)
-    done = roco("doctor", "--run-dir", run, "--format", "json")
-    assert done.exit_code == 1
+    done = roco("doctor", "--run-dir", run, "--format", "json", code=1)
     checks = {check["name"]: check for check in json.loads(done.stdout)["checks"]}
     assert checks["km"]["what"] == "given-up: killed by signal 9"
     assert "roco agent start km" in checks["km"]["remedy"]

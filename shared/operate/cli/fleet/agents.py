@@ -100,8 +100,9 @@ def agents(
         found = measured(fleet)
         tell(Agents(fleet.where, found), form, partial(_show, found))
         if not any(row.pid for row in found):
-            nothing = f"nothing of {fleet.where} runs; `roco up` starts a fleet"
-            raise NoRunError(fleet.where, nothing)
+            raise NoRunError(
+                fleet.where, f"nothing of {fleet.where} runs; `roco up` starts a fleet"
+            )
         if any(row.trouble for row in found):
             raise typer.Exit(NO)
 

@@ -119,8 +119,9 @@ def docker(*words: str, timeout_s: float = ANSWER_S, data: bytes = b"") -> bytes
     try:
         done = subprocess.run(command(*words), input=data, capture_output=True, timeout=timeout_s)
     except subprocess.TimeoutExpired:
-        late = f"docker did not answer within {timeout_s:.0f} s (docker {words[0]})"
-        raise DockerError(late) from None
+        raise DockerError(
+            f"docker did not answer within {timeout_s:.0f} s (docker {words[0]})"
+        ) from None
     if done.returncode:
         why = last_line(done.stderr) or f"exit code {done.returncode}"
         raise DockerError(f"docker {words[0]}: {why}")
