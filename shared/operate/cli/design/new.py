@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import Annotated
 
-import msgspec
 import typer
 
-from operate.cli.output import Form, Format, argument, option, tell_problem
+from operate.cli.output import Form, Format, argument, option, tell, tell_problem
 from topdown.model.errors import TopdownError
 from topdown.model.loading import text_of
 from topdown.scaffold import Outcome, scaffold, smallest
@@ -44,11 +43,7 @@ def new(
     except TopdownError as error:
         tell_problem(error, form)
         raise typer.Exit(1) from error
-    print(
-        msgspec.json.encode(outcome).decode()
-        if form is Format.JSON
-        else "\n".join(_outcome_lines(outcome))
-    )
+    tell(outcome, form, "\n".join(_outcome_lines(outcome)))
 
 
 def _outcome_lines(outcome: Outcome) -> list[str]:

@@ -199,10 +199,8 @@ def disk() -> Iterator[Check]:
     if free < LEAST_DISK:
         yield wrong("disk", words, "remove old folders of runs/, or take another place with --out")
     else:
-        level = Level.NOTE if free < SMALL_DISK else Level.FINE
-        yield Check(
-            "disk", level, words, "remove old folders of runs/" if level is Level.NOTE else ""
-        )
+        small = note("disk", words, "remove old folders of runs/")
+        yield small if free < SMALL_DISK else fine("disk", words)
 
 
 def memory(needed: int = FLEET_MEMORY) -> Iterator[Check]:
@@ -211,11 +209,8 @@ def memory(needed: int = FLEET_MEMORY) -> Iterator[Check]:
     available = int(told[1]) * 1024 if told else 0
     words = f"{available / 2**30:.1f} GiB of memory available"
     if available < needed:
-        yield wrong(
-            "memory",
-            f"{words}; a fleet takes {needed / 2**30:.2g} GiB",
-            "end other programs, or other fleets",
-        )
+        takes = f"{words}; a fleet takes {needed / 2**30:.2g} GiB"
+        yield wrong("memory", takes, "end other programs, or other fleets")
     else:
         yield fine("memory", words)
 
@@ -228,17 +223,12 @@ def processors() -> Iterator[Check]:
         yield note("processor", words, "end other programs: starts, plans and acts take longer")
     else:
         yield fine("processor", words)
-    governors = {
-        path.read_text().strip()
-        for path in Path("/sys/devices/system/cpu").glob("cpu*/cpufreq/scaling_governor")
-    }
+    files = Path("/sys/devices/system/cpu").glob("cpu*/cpufreq/scaling_governor")
+    governors = {path.read_text().strip() for path in files}
     if governors - {"performance"}:
         what = f"governor {', '.join(sorted(governors))}: the clock rises only under load"
-        yield note(
-            "governor",
-            what,
-            "where the loop must be on time: cpupower frequency-set -g performance",
-        )
+        remedy = "where the loop must be on time: cpupower frequency-set -g performance"
+        yield note("governor", what, remedy)
 
 
 def clock() -> Iterator[Check]:
@@ -324,11 +314,9 @@ def router(fleet: Target, now: Look) -> Iterator[Check]:
     why.
     """
     told = now.fleet
-    if (
-        not isinstance(fleet, Local)
-        or told is None
-        or not any(status.pid for status in told.processes)
-    ):
+    if not isinstance(fleet, Local) or told is None:
+        return
+    if not any(status.pid for status in told.processes):
         return
     if why := _why(fleet, told, identity.CONSOLE, told.connect):
         yield wrong(
@@ -451,24 +439,17 @@ def certificates(fleet: Target, now: Look) -> Iterator[Check]:
     elif why := times.trouble(at):
         yield wrong("keys", why, anew)
     else:
-        soon = times.end - at < SOON
         words = f"hold until {times.end:%Y-%m-%d %H:%M} UTC"
-        yield Check(
-            "keys",
-            Level.NOTE if soon else Level.FINE,
-            words,
-            "restart the fleet before then" if soon else "",
-        )
+        soon = note("keys", words, "restart the fleet before then")
+        yield soon if times.end - at < SOON else fine("keys", words)
 
 
 def clock_jump(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether a heartbeat comes from the future."""
     if not isinstance(fleet, Local):
         return
-    ahead = (
-        max((file.stat().st_mtime for file in fleet.run.glob("*.heartbeat.json")), default=0.0)
-        - time.time()
-    )
+    beats = [file.stat().st_mtime for file in fleet.run.glob("*.heartbeat.json")]
+    ahead = max(beats, default=0.0) - time.time()
     if ahead > AHEAD_S:
         what = f"heartbeats are {ahead:.0f} s ahead of the clock: it was set back"
         yield wrong("clock", what, "`roco down`, then `roco up`")

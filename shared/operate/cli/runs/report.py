@@ -101,11 +101,8 @@ def show(
     for name in told.get("missing", ()):
         console.print(f"no {name}", style="dim", highlight=False)
     if folder is not None:
-        console.print(
-            f"\nwritten: {folder}/report.json, report.html, run.rrd",
-            highlight=False,
-            soft_wrap=True,
-        )
+        files = f"{folder}/report.json, report.html, run.rrd"
+        console.print(f"\nwritten: {files}", highlight=False, soft_wrap=True)
 
 
 def headline(told: dict[str, Any]) -> str:

@@ -25,6 +25,7 @@ from fipa_codec.errors import FipaError
 from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError
 from operate.cli.fleet import identity, targets
 from operate.cli.fleet.local import Local
+from operate.cli.output import last_line
 from operate.cli.runs import folders
 from operate.system import System, of_run
 
@@ -204,12 +205,8 @@ class LostError(ConsoleError):
     """The process ended, and nobody had asked it to; its last words say why."""
 
     def __init__(self, process: "subprocess.Popen[bytes]") -> None:
-        words = (
-            process.stderr.read().decode(errors="replace").strip().splitlines()
-            if process.stderr
-            else []
-        )
-        why = words[-1] if words else "its monitor was stopped"
+        assert process.stderr is not None
+        why = last_line(process.stderr.read()) or "its monitor was stopped"
         unheard = process.returncode == NO_ROUTER
         self.code = NOTHING_RUNS if unheard else NO
         super().__init__(why if unheard else f"nothing more is heard of the fleet: {why}")

@@ -60,14 +60,9 @@ def wanted(
     performatives: list[str] | None,
 ) -> Filter:
     """The filter. Raises UsageError for a name that the design does not have."""
-    one = Filter(
-        tuple(channels or ()),
-        tuple(agents or ()),
-        tuple(protocols or ()),
-        tuple(performatives or ()),
-    )
+    named = (tuple(names or ()) for names in (channels, agents, protocols, performatives))
     try:
-        return checked(one, design)
+        return checked(Filter(*named), design)
     except UnknownNameError as error:
         raise UsageError(str(error)) from error
 

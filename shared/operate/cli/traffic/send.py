@@ -92,10 +92,8 @@ def say(
         languages = system.languages or Languages()
         wires = wiring(draft.sender, fleet.system, design=system.design, languages=languages)
         tls = identity.tls(run, fleet, draft.sender)
-        keys, here = (
-            identity.folder(run, fleet),
-            os.environ.get(LISTEN_VARIABLE, ""),
-        )  # in a container
+        keys = identity.folder(run, fleet)
+        here = os.environ.get(LISTEN_VARIABLE, "")  # in a container
         links = Links(Options(keys=keys, agents=fleet.agents, listen=here), wires)
         life = StandIn(wires, first, run, links, router=fleet.connect, tls=tls)
     except NoEndpointError as error:
