@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from calling import roco, told
+from calling import printed, roco
 
 from companion.run_files import SLOTS_FILE
 from companion.tools.verbs.checkup import Pace
@@ -82,7 +82,7 @@ def test_stop_promises_nothing_where_no_control_loop_is(tmp_path: Path) -> None:
 def test_without_a_run_every_command_says_so(command: list[str], tmp_path: Path) -> None:
     """And says what to do, as JSON where asked for."""
     nowhere = tmp_path / "none"
-    assert "roco up" in told(*command, "--run-dir", nowhere, code=3)["error"]
+    assert "roco up" in printed(*command, "--run-dir", nowhere, code=3)["error"]
 
 
 @pytest.mark.parametrize("success", [True, False])

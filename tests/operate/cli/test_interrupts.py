@@ -128,8 +128,14 @@ def fleet_of(folder: Path) -> int:
     return found[0]
 
 
-@pytest.mark.parametrize("number", ENDINGS)
-@pytest.mark.parametrize("words", [("up",), ("demo",), ("demo", "--format", "json")])
+@pytest.mark.parametrize(
+    ("words", "number"),
+    [
+        *((("up",), number) for number in ENDINGS),
+        (("demo",), signal.SIGTERM),
+        (("demo", "--format", "json"), signal.SIGHUP),
+    ],
+)
 def test_an_interrupted_start_leaves_no_fleet(
     roco: Roco, tmp_path: Path, words: tuple[str, ...], number: int
 ) -> None:

@@ -6,17 +6,15 @@ import json
 import os
 import socket
 import subprocess
-import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
+import calling
 import msgspec
 import pytest
-from typer.testing import CliRunner
 
-from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
 from operate.cli.runs.catalogue import Run, age, catalogue, size, span, words_of
 from operate.run_folder import FLEET_FILE, LATEST, REPORT_FILE, Fleet, ProcessState, ProcessStatus
@@ -47,9 +45,7 @@ def kept(
 
 def roco(folder: Path, *words: str, code: int = 0) -> str:
     """Return the output of `roco runs` in this folder; its exit code must be `code`."""
-    done = CliRunner().invoke(app, ["runs", *words, "--in", str(folder)], env={"COLUMNS": "200"})
-    assert done.exit_code == code, done.output
-    return done.output
+    return calling.roco("runs", *words, "--in", folder, columns=200, code=code).output
 
 
 def listed(folder: Path) -> dict[str, Run]:
@@ -59,22 +55,11 @@ def listed(folder: Path) -> dict[str, Run]:
 
 
 @pytest.fixture
-def up(tmp_path: Path) -> Iterator[Path]:
+def up(tmp_path: Path, called: Callable[..., int]) -> Path:
     """A folder whose run has a process that lives, and no supervisor."""
-    process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(300)", "depot.ox"])
-    for _ in range(500):  # until the kernel shows the command line of the new program
-        if b"depot.ox" in Path(f"/proc/{process.pid}/cmdline").read_bytes():
-            break
-        time.sleep(0.01)
-    kept(
-        tmp_path,
-        "up",
-        30.0,
-        (ProcessStatus("ox", ProcessState.READY, process.pid, module="depot.ox"),),
-    )
-    yield tmp_path
-    process.kill()
-    process.wait()
+    pid = called("depot.ox")
+    kept(tmp_path, "up", 30.0, (ProcessStatus("ox", ProcessState.READY, pid, module="depot.ox"),))
+    return tmp_path
 
 
 def test_a_run_is_told_with_begin_duration_and_system(tmp_path: Path) -> None:

@@ -9,16 +9,16 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 import pytest
-from typer.testing import CliRunner, Result
+from calling import roco
+from typer.testing import Result
 
 from companion.run_files import HI_FILE, PAGE_FILE, HiAddress, PageAddress, Problem
 from companion.tools.verbs import hi, talk
-from operate.cli.__main__ import app
 from operate.cli.fleet import starting
 from operate.cli.runs import folders
 from operate.run_folder import FLEET_FILE, Fleet, ProcessState, ProcessStatus
@@ -64,36 +64,9 @@ def clock(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Clock:
     return made
 
 
-@pytest.fixture
-def called() -> Iterator[Callable[..., int]]:
-    """Have a process live that does nothing and was called with these words; its pid."""
-    processes: list[subprocess.Popen[bytes]] = []
-
-    def call(*words: object) -> int:
-        idle = [
-            sys.executable,
-            "-c",
-            "import time; time.sleep(300)",
-            *(str(word) for word in words),
-        ]
-        processes.append(subprocess.Popen(idle))
-        pid, until = processes[-1].pid, time.monotonic() + 20.0
-        # for a moment it still bears the words of this process
-        while not folders.is_service(pid, str(words[0])):
-            assert time.monotonic() < until, f"{words} did not start"
-        return pid
-
-    yield call
-    for process in processes:
-        process.kill()
-        process.wait()
-
-
 def say(*words: object) -> Result:
     """Say a sentence."""
-    return CliRunner().invoke(
-        app, ["say", "pour the jar into the bowl", *(str(word) for word in words)]
-    )
+    return roco("say", "pour the jar into the bowl", *words)
 
 
 def heard(done: Result) -> None:
@@ -224,7 +197,7 @@ def test_in_a_container_a_hi_itself_is_looked_for(
 
 def page(*words: object) -> Result:
     """Ask for an address of the page."""
-    return CliRunner().invoke(app, ["page", *(str(word) for word in words)])
+    return roco("page", *words)
 
 
 def test_a_page_that_is_starting_is_waited_for(clock, called, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import pytest
 import typer
-from calling import roco, told
+from calling import printed, roco
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -67,7 +67,7 @@ def test_a_system_that_is_not_there_is_wrong_use(nowhere: Path, words: tuple[str
 @pytest.mark.parametrize("words", [("up",), ("send", "--list"), ("design", "check")])
 def test_a_design_that_cannot_be_read_is_wrong_use(broken: Path, words: tuple[str, ...]) -> None:
     """It names the file."""
-    assert "design.toml" in told(*words, code=2)["error"]
+    assert "design.toml" in printed(*words, code=2)["error"]
 
 
 @pytest.mark.parametrize("project", ["nowhere", "broken"])
@@ -79,7 +79,7 @@ def test_help_and_completion_need_no_system(project: str, request: pytest.Fixtur
     for names in (completion.agents, completion.channels, completion.protocols):
         assert names(context, "") == []
     assert targets.processes(context, "") == []
-    assert "no system here that could add one" in told("say", "pour", code=2)["error"]
+    assert "no system here that could add one" in printed("say", "pour", code=2)["error"]
 
 
 PANELS = st.lists(st.sampled_from("ABCDE"), unique=True)

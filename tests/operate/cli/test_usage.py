@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from calling import roco, told
+from calling import printed, roco
 from typer.testing import CliRunner
 
 from operate.cli import lazy
@@ -73,7 +73,7 @@ def test_seed_and_scene_are_looked_at_before_anything_starts(
     """The loop would say the same, after router and monitor; here no folder was made."""
     monkeypatch.chdir(tmp_path)
     Path("far.toml").write_text(FAR_AWAY)
-    assert said in told(*verb, *options, code=2)["error"]
+    assert said in printed(*verb, *options, code=2)["error"]
     assert [path.name for path in tmp_path.iterdir()] == ["far.toml"]
 
 
@@ -82,7 +82,7 @@ def test_a_process_that_is_none_is_wrong_use(
 ) -> None:
     """It lists what there is."""
     monkeypatch.chdir(tmp_path)
-    assert "there are router, monitor" in told("up", "--only", "nobody", code=2)["error"]
+    assert "there are router, monitor" in printed("up", "--only", "nobody", code=2)["error"]
     assert not list(tmp_path.iterdir())
 
 

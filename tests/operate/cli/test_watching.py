@@ -151,7 +151,12 @@ def test_doctor_names_what_died_and_what_was_left_behind(
 @pytest.mark.parametrize(("late", "level"), [(20, "fine"), (300, "wrong")])
 @pytest.mark.parametrize("runs", [False, True])
 def test_doctor_says_whether_real_time_is_held(
-    late: int, level: str, runs: bool, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    late: int,
+    level: str,
+    runs: bool,
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Without a fleet by a loop that is tried out, else by the one that runs; and what to do where
     it is not held.
@@ -166,14 +171,14 @@ def test_doctor_says_whether_real_time_is_held(
     monkeypatch.setattr(checkup, "measure", measure)
     monkeypatch.setattr(general, "MACHINE", {})
     monkeypatch.delitem(checkup.CHECKS.machine, "imports")
-    if runs:
+    run = request.getfixturevalue("run") if runs else None
+    if run is not None:
         named(run, "loop")
         (tmp_path / "runs").symlink_to(run.parent)
     done = roco("doctor", *(["--run-dir", run] if runs else []), "--format", "json")
-    (check,) = [
-        check for check in json.loads(done.stdout)["checks"] if check["name"] == "real time"
-    ]
-    assert asked == [run / SLOTS_FILE if runs else None]
+    checks = json.loads(done.stdout)["checks"]
+    (check,) = [check for check in checks if check["name"] == "real time"]
+    assert asked == [run and run / SLOTS_FILE]
     assert check["level"] == level
     assert ("real time cannot be held" in check["what"]) == (level == "wrong")
     assert ("--speed max" in check["remedy"]) == (level == "wrong")
