@@ -25,7 +25,7 @@ def roco(*words: object, columns: int = 100, code: int | None = None, stdin: byt
     return done
 
 
-def printed(*words: object, code: int = 0) -> Any:
+def printed(*words: object, code: int | None = 0) -> Any:
     """Call it for a program: the object that it prints, or its error."""
     done = roco(*words, "--format", "json", code=code)
     return json.loads(done.stdout or done.stderr)
