@@ -10,10 +10,8 @@ from pathlib import Path
 
 import pytest
 from calling import printed, roco
-from typer.testing import CliRunner
 
 from operate.cli import lazy
-from operate.cli.__main__ import app
 
 FAR_AWAY = 'name = "far"\n[[thing]]\nid = "jar_1"\nmodel = "jar"\nxyz = [100.0, 0.0, 0.0]\n'
 
@@ -32,9 +30,8 @@ FAR_AWAY = 'name = "far"\n[[thing]]\nid = "jar_1"\nmodel = "jar"\nxyz = [100.0, 
 )
 def test_a_program_is_told_of_wrong_use_in_one_object(words: tuple[str, ...], said: str) -> None:
     """On standard error, exit code 2; a person gets a box."""
-    done = roco(*words)
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert said in json.loads(done.stderr)["error"]
+    done = roco(*words, code=2)
+    assert (done.stdout, said in json.loads(done.stderr)["error"]) == ("", True)
     box = roco(
         *(word for word in words if word not in ("--format", "json", "--format=json")), code=2
     )
@@ -88,6 +85,5 @@ def test_a_process_that_is_none_is_wrong_use(
 
 def test_an_option_before_the_verb_below_is_refused() -> None:
     """It would be of `roco record`, and have no effect on what is shown."""
-    done = CliRunner().invoke(app, ["record", "--format", "json", "info", "runs/latest"])
-    assert done.exit_code == 2
+    done = roco("record", "--format", "json", "info", "runs/latest", code=2)
     assert "roco record info --option" in done.output
