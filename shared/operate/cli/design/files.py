@@ -76,13 +76,13 @@ def tell(what: object, form: Format, words: str) -> None:
 
 
 @contextmanager
-def problems(form: Format) -> Iterator[None]:
-    """Turn what goes wrong into words on standard error and exit code 2."""
+def problems(form: Format, code: int = WRONG_FILE) -> Iterator[None]:
+    """Turn what goes wrong into words on standard error and this exit code."""
     try:
         yield
     except (TopdownError, NoSystemError, ConsoleError, ValueError) as error:
         tell_problem(error, form)
-        raise typer.Exit(WRONG_FILE) from error
+        raise typer.Exit(code) from error
 
 
 # --- Traffic heard in a run, for comparing it with a design ---------------------------------------

@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from operate.cli.output import Form, Format, argument, option, tell, tell_problem
-from topdown.model.errors import TopdownError
+from operate.cli.design import files
+from operate.cli.errors import NO
+from operate.cli.output import Form, Format, argument, option, tell
 from topdown.model.loading import text_of
 from topdown.scaffold import Outcome, scaffold, smallest
 
@@ -34,15 +33,12 @@ def new(
       roco design new lamp
       roco design new robot --from design.toml
     """
-    try:
+    with files.problems(form, NO):
         if source is not None:
             outcome = scaffold(text_of(source), folder, name, str(source))
         else:
             package = name or folder.resolve().name
             outcome = scaffold(smallest(package), folder, package)
-    except TopdownError as error:
-        tell_problem(error, form)
-        raise typer.Exit(1) from error
     tell(outcome, form, "\n".join(_outcome_lines(outcome)))
 
 

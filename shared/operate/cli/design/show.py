@@ -3,22 +3,18 @@ text, SVG and HTML.
 """
 
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from operate.cli import completion
 from operate.cli.design import files
-from operate.cli.output import Form, Format, option, tell_problem
-from operate.system import NoSystemError
+from operate.cli.errors import NO
+from operate.cli.output import Form, Format, option
 from topdown.draw import book, document
 from topdown.draw.document import Figure, Section
 from topdown.model.design import load
-from topdown.model.errors import TopdownError
 
 
 def show(
@@ -56,7 +52,7 @@ def show(
       roco design show --agent AGENT
       roco design show --what system
     """
-    with problems(form):
+    with files.problems(form, NO):
         chosen = chosen_of(what or [], step, agent, protocol)
         width = shutil.get_terminal_size((document.WIDTH, 0)).columns
         design = load(files.meant(file))
@@ -109,18 +105,8 @@ def write(words: str, path: Path | None) -> list[Path]:
     return [path]
 
 
-def write_all(files: dict[str, str], folder: Path | None) -> list[Path]:
+def write_all(texts: dict[str, str], folder: Path | None) -> list[Path]:
     """Write files into a folder, if there is one."""
     if folder is None:
         return []
-    return [path for name, words in files.items() for path in write(words, folder / name)]
-
-
-@contextmanager
-def problems(form: Format) -> Iterator[None]:
-    """Turn what goes wrong into words on standard error and exit code 1."""
-    try:
-        yield
-    except (TopdownError, NoSystemError) as error:
-        tell_problem(error, form)
-        raise typer.Exit(1) from error
+    return [path for name, words in texts.items() for path in write(words, folder / name)]

@@ -190,14 +190,9 @@ def _killed(fleet: Target, fault: Fault) -> None:
     fleet.switch(fault.target, False)
 
 
-def _continue(fleet: Target, fault: Fault) -> None:
-    if same(now(fleet, fault), fault):
-        fleet.signal(fault.target, signal.SIGCONT)
-
-
-def _writes_again(fleet: Target, fault: Fault) -> None:
-    if same(now(fleet, fault), fault):
-        fleet.writing(fault.target, True)
+def _if_same(heal: Callable[[Target, Fault], None]) -> Callable[[Target, Fault], None]:
+    """Do it to the process that was hit, while it lives."""
+    return lambda fleet, fault: heal(fleet, fault) if same(now(fleet, fault), fault) else None
 
 
 def _nothing(fleet: Target, fault: Fault) -> None:
@@ -214,16 +209,12 @@ def _back_over(seen: Seen | None, fault: Fault) -> str:
     return BACK if back(seen, fault) else ""
 
 
-def _ended_over(seen: Seen | None, fault: Fault) -> str:
-    return "" if same(seen, fault) else "it ended"
-
-
 def _never_over(seen: Seen | None, fault: Fault) -> str:
     return ""
 
 
 def _frozen(for_s: float) -> Kind:
-    return Kind(_stopped, _frozen_over, _continue, for_s)
+    return Kind(_stopped, _frozen_over, _if_same(_sends(signal.SIGCONT)), for_s)
 
 
 def _wired(kind: str, amount: Amount | None = None) -> Kind:
@@ -266,7 +257,10 @@ KINDS = {
     "rate": _wired("rate", Amount("BYTES", "Bytes per second, each way.", (5e3, 5e4), 100.0)),
     "corrupt": _wired("corrupt", SHARE),
     "disk-full": Kind(
-        lambda fleet, fault: fleet.writing(fault.target, False), _ended_over, _writes_again, MORE_S
+        lambda fleet, fault: fleet.writing(fault.target, False),
+        lambda seen, fault: "" if same(seen, fault) else "it ended",
+        _if_same(lambda fleet, fault: fleet.writing(fault.target, True)),
+        MORE_S,
     ),
     "flood": Kind(
         _nothing,

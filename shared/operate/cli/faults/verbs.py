@@ -162,7 +162,8 @@ def fault(
         done = row.timed if row.timed and for_s else kind
         planned = inflict.planned(fleet, done, process, moments.moment_text(moment), much, speaker)
         wait = partial(moments.wait, moment, within, target, run_dir)
-        ended = inflict.Inflicting(fleet, planned).run(wait, for_s, partial(_tell_begun, form))
+        told = print if form is Format.TEXT else lambda _: None
+        ended = inflict.Inflicting(fleet, planned).run(wait, for_s, told)
         tell(ended, form, f"{ended.words}: {ended.text}, {lasted(ended):.1f} s")
 
 
@@ -193,11 +194,6 @@ def heal_left(fleet: targets.Target, form: Format) -> None:
     """Heal the faults whose command is gone, and tell of each."""
     for one in inflict.heal(fleet, inflict.left(fleet)):
         tell_problem(f"{one.words}: its command was gone; healed", form)
-
-
-def _tell_begun(form: Format, words: str) -> None:
-    if form is Format.TEXT:
-        print(words)
 
 
 def list_(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:

@@ -88,11 +88,6 @@ class Search(msgspec.Struct, frozen=True):
             and (not self.language or self.language in one.languages)
         )
 
-    @property
-    def of_services(self) -> bool:
-        """Whether an agent without a service that fits is left out."""
-        return bool(self.protocol or self.ontology or self.language)
-
 
 def offered(
     search: Search, target: str, run_dir: Path | None, form: Format, *, up: bool, long: bool
@@ -155,7 +150,7 @@ def describe(design: Design, search: Search, up: dict[str, tuple[str, str]]) -> 
         asked = [use for use in uses if use.initiator == agent]
         asks = tuple(f"{use.participant}: {use.name}" for use in asked)
         services = tuple(filter(search.fits, offered))
-        if services or not search.of_services:
+        if services or not (search.protocol or search.ontology or search.language):
             found.append(Description(agent, *up[agent], services, asks))
     return found
 

@@ -5,9 +5,9 @@ Pure: texts of files in, Structs out. Whoever looks is in operate.cli.fleet.loca
 operate.cli.fleet.compose.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from typing import Protocol
 
 import msgspec
 
@@ -94,28 +94,24 @@ Put = Callable[[str, bytes], None]
 """Puts data on a key."""
 
 
-class Target(ABC):
+class Target(Protocol):
     """A fleet, wherever it runs. `where`: for people; `name`: for --target."""
 
     where: str
     name: str
 
     @property
-    @abstractmethod
     def system(self) -> System:
         """The system that runs there. Raises NoSystemError if it cannot be told."""
 
-    @abstractmethod
     def look(self) -> Look:
         """The fleet now: each process with heartbeat, processor time, memory."""
 
-    @abstractmethod
     def read(self, name: str, file: str, offset: int = 0) -> bytes:
         """A file in the run folder of a process, from byte `offset` on; b"" if it does not exist.
         Raises DockerError if that process has no running container.
         """
 
-    @abstractmethod
     def recorded(self, file: str, offset: int = 0) -> bytes:
         """A file of the monitor, from byte `offset` on; b"" if it does not exist yet."""
 
@@ -133,79 +129,64 @@ class Target(ABC):
         """
         return self.read(name, f"logs/{name}.jsonl", offset)
 
-    @abstractmethod
     def verdicts(self) -> list[Judged]:
         """The monitor's verdicts so far, in order of time; without a monitor, those of its
         recording now.
         """
 
-    @abstractmethod
     def put(self, file: str, data: bytes) -> None:
         """Replace a file in the run folder at once. FleetError: this fleet has no folder that all
         processes share.
         """
 
-    @abstractmethod
     def hold(self, name: str, held: bool) -> None:
         """Set the stop flag in the run folder of a process, or clear it."""
 
-    @abstractmethod
     def switch(self, name: str, on: bool) -> None:
         """Start a process, or end it and keep it down; it is asked for, not waited for. UsageError:
         no such name.
         """
 
-    @abstractmethod
     def signal(self, name: str, number: int) -> None:
         """Send a signal to a process. FleetError: it does not run."""
 
-    @abstractmethod
     def variable(self, name: str, variable: str) -> str:
         """A variable of the environment that a process has, or would be started with; "" where it
         is not set.
         """
 
-    @abstractmethod
     def wire(self, name: str, kind: str, amount: float | None) -> None:
         """Set a condition of the wires of an agent, or of all to a router, or end it (None).
         FleetError: none.
         """
 
-    @abstractmethod
     def writing(self, name: str, possible: bool) -> None:
         """Let what a process writes to files fail, or not any more. FleetError: it does not run."""
 
-    @abstractmethod
     def clock(self, name: str, seconds: float) -> None:
         """Set the wall clock of a process so far forward [s]; 0: as it is. FleetError: it has none
         of its own.
         """
 
-    @abstractmethod
     def add_fault(self, line: bytes) -> None:
         """Append a line to faults.jsonl, where the monitor reads it."""
 
-    @abstractmethod
     def down(self) -> tuple[str, ...]:
         """End the fleet in order; who was ended. NotWaitedError: Ctrl-C meanwhile."""
 
-    @abstractmethod
     def log(self, name: str, lines: int) -> tuple[str, ...]:
         """The last lines that a process wrote."""
 
-    @abstractmethod
     def operating(self) -> AbstractContextManager[Put]:
         """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be
         had.
         """
 
-    @abstractmethod
     def speaking(self, identity: str, to: str) -> AbstractContextManager[Put]:
         """A session with the keys of an identity, in which an agent hears. ConsoleError: it cannot
         be had.
         """
 
-    @abstractmethod
     def logging(self) -> tuple[str, ...]:
         """The processes that have a log of JSON lines."""
 

@@ -64,7 +64,7 @@ def place(out: Path | None, another: str, now: datetime) -> Place:
         "`--another NAME` starts a second one on purpose, in runs/NAME; both then share the"
         " processors"
     )
-    return Place(folders.new_run(now).resolve(), latest=True)
+    return Place((folders.RUNS / now.strftime(folders.NAME)).resolve(), latest=True)
 
 
 def refuse(way_out: str) -> None:

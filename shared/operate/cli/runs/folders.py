@@ -2,7 +2,6 @@
 
 import fcntl
 import os
-from datetime import datetime
 from pathlib import Path
 from typing import TypeVar
 
@@ -23,11 +22,6 @@ SUPERVISORS = ("operate.supervisor", "services.supervisor")
 run.
 """
 T = TypeVar("T")
-
-
-def new_run(now: datetime) -> Path:
-    """The folder of a run that starts now."""
-    return RUNS / now.strftime(NAME)
 
 
 def near(path: Path) -> Path:

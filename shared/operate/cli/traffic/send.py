@@ -9,7 +9,8 @@ cannot tell, and streams may break.
 import os
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -29,10 +30,10 @@ from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 from operate.cli import completion
-from operate.cli.errors import NO, ConsoleError, NoRunError
+from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import identity, targets
 from operate.cli.fleet.local import Local
-from operate.cli.output import Form, Format, RunDir, option, problems, tell, tell_problem
+from operate.cli.output import Form, Format, RunDir, option, problems, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
@@ -237,10 +238,6 @@ def _fields(one: Communicate) -> dict[str, Any]:
 CHOICES = ("as", "to", "protocol", "performative")
 
 
-class Usage(Exception):
-    """The design does not have what was asked for; the message says what it has."""
-
-
 def send(
     sender: Annotated[str, option("The agent you are.", "--as", complete=completion.agents)] = "",
     receiver: Annotated[
@@ -292,12 +289,11 @@ def send(
       roco send --as AGENT --to PEER --protocol request --list
     """
     chosen = (sender, receiver, protocol, performative)
-    with problems(form):
+    with problems(form), _refusals():
         system = targets.about(target, run_dir)
-    if choices or not all(chosen):
-        _list(system.design, chosen, form, missing=not choices)
-        return
-    try:
+        if choices or not all(chosen):
+            _list(system.design, chosen, form, missing=not choices)
+            return
         draft = _draft(system, chosen, language, ontology, content, force=force)
         fleet = targets.find(target, run_dir)
         if not isinstance(fleet, Local):
@@ -317,12 +313,16 @@ def send(
         )
         heard = _print if form is Format.TEXT else lambda *_: None
         done = say(system, fleet.run, draft, wait, heard, force=force)
-    except Usage as error:
-        _stop(str(error), form, 2)
-    except (ConsoleError, RuntimeFault, FipaError) as error:
-        _stop(str(error), form, error.code if isinstance(error, ConsoleError) else NO)
-    else:
         tell(done, form, outcome(done))
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """What agent_runtime and fipa_codec refuse, as an error of the command line."""
+    try:
+        yield
+    except (RuntimeFault, FipaError) as error:
+        raise ConsoleError(str(error)) from error
 
 
 def _beside(fleet: "Compose", sender: str, given: dict[str, object], *, force: bool) -> int:
@@ -364,9 +364,9 @@ def _list(design: Design, chosen: tuple[str, ...], form: Format, *, missing: boo
     if found or form is Format.JSON:
         tell(found, form, lambda: Console().print(allowed(found)))
     if not found:
-        _stop(_unknown(design, chosen), form, 2)
+        raise UsageError(_unknown(design, chosen))
     if missing:
-        _stop(f"choose --{', --'.join(names)} from what the design has (above)", form, 2)
+        raise UsageError(f"choose --{', --'.join(names)} from what the design has (above)")
 
 
 def _unknown(design: Design, chosen: tuple[str, ...]) -> str:
@@ -390,18 +390,18 @@ def _draft(
     *,
     force: bool,
 ) -> Communicate:
-    """The communicate as far as it is known before it is numbered. Raises Usage."""
+    """The communicate as far as it is known before it is numbered. Raises UsageError."""
     sender, receiver, protocol, act = chosen
     design, found = system.design, rules(system.design, chosen)
     if not found and not force:
-        raise Usage(_unknown(design, chosen))
+        raise UsageError(_unknown(design, chosen))
     rule = found[0] if found else None
     if act not in list(Performative):
-        raise Usage(f"{act!r} is no performative; there are {', '.join(Performative)}")
+        raise UsageError(f"{act!r} is no performative; there are {', '.join(Performative)}")
     try:
         packed = msgspec.msgpack.encode(msgspec.json.decode(content)) if content else b""
     except msgspec.DecodeError as error:
-        raise Usage(f"--content is no JSON: {error}") from error
+        raise UsageError(f"--content is no JSON: {error}") from error
     draft = Communicate(
         performative=Performative(act),
         content=msgspec.Raw(packed) if content else msgspec.UNSET,
@@ -415,7 +415,9 @@ def _draft(
         key, size = design.key("any", draft), len(encode_strictly(draft))
         faults = Admission(design, system.languages).check(key, draft, size).faults
         if faults:
-            raise Usage("; ".join(fault.why for fault in faults) + "; --force says it all the same")
+            raise UsageError(
+                "; ".join(fault.why for fault in faults) + "; --force says it all the same"
+            )
     return draft
 
 
@@ -429,8 +431,3 @@ def _print(what: str, one: Communicate, size: int) -> None:
     if one.content is not msgspec.UNSET:
         text = msgspec.json.encode(msgspec.msgpack.decode(one.content)).decode()
         console.print(f"  {one.language} {text}", highlight=False, soft_wrap=True)
-
-
-def _stop(text: str, form: Format, code: int) -> None:
-    tell_problem(text, form)
-    raise typer.Exit(code)
