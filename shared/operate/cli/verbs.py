@@ -38,10 +38,8 @@ VERBS: Table = {
         ),
         "agent start": (
             ".fleet.agents:start",
-            (
-                "Start a process that was stopped or given up, and wait until it is ready; let a"
-                " paused agent go on."
-            ),
+            "Start a process that was stopped or given up, and wait until it is ready; let a"
+            " paused agent go on.",
         ),
         "agent repair": (
             ".fleet.agents:repair",
@@ -53,10 +51,8 @@ VERBS: Table = {
         ),
         "param": (
             ".fleet.param:param",
-            (
-                "Show the parameters of all agents, of one, or a single one; with VALUE set it"
-                " while the agent runs."
-            ),
+            "Show the parameters of all agents, of one, or a single one; with VALUE set it"
+            " while the agent runs.",
         ),
         "logs": (
             ".fleet.logs:logs",
@@ -65,10 +61,8 @@ VERBS: Table = {
         "view": (".fleet.view:view", "Look at a running fleet or at a recorded run in Rerun."),
         "top": (
             ".terminal.top:top",
-            (
-                "Show agents and channels, and the task and the plan's present state, on a live"
-                " screen."
-            ),
+            "Show agents and channels, and the task and the plan's present state, on a live"
+            " screen.",
         ),
         "doctor": (
             ".fleet.checkup:doctor",
@@ -84,10 +78,8 @@ VERBS: Table = {
         ),
         "sniff": (
             ".traffic.sniff:sniff",
-            (
-                "Draw a sequence diagram of what is said as it goes by, with a lifeline for every"
-                " agent."
-            ),
+            "Draw a sequence diagram of what is said as it goes by, with a lifeline for every"
+            " agent.",
         ),
         "record": (
             ".traffic.record:record",
@@ -116,10 +108,8 @@ VERBS: Table = {
         ),
         "trace": (
             ".traffic.trace:trace",
-            (
-                "Show which communicate of a task caused which, across all agents, as a tree with"
-                " times."
-            ),
+            "Show which communicate of a task caused which, across all agents, as a tree with"
+            " times.",
         ),
         "why": (".traffic.trace:why", "Say why a task went as it did, from what is recorded."),
         "send": (
@@ -142,10 +132,8 @@ VERBS: Table = {
         "fault heal": (".faults.verbs:heal", "Heal all faults that go on."),
         "chaos": (
             ".faults.chaos:chaos",
-            (
-                "Do the system's job again and again, each time with a fault that a seed chooses,"
-                " and judge each whole history."
-            ),
+            "Do the system's job again and again, each time with a fault that a seed chooses,"
+            " and judge each whole history.",
         ),
     },
     "Runs reported, repeated, compared": {
@@ -204,25 +192,19 @@ VERBS: Table = {
         ),
         "protocol": (
             ".design.protocol:protocol",
-            (
-                "List the protocols that a design can follow; show the tables of one: who may say"
-                " what in which state."
-            ),
+            "List the protocols that a design can follow; show the tables of one: who may say"
+            " what in which state.",
         ),
         "keys": (GROUP, "Certificates of a fleet, and the router's rules."),
         "keys make": (
             ".fleet.keys:make",
-            (
-                "Make an authority, a certificate per identity and the rules of router and agents,"
-                " all anew."
-            ),
+            "Make an authority, a certificate per identity and the rules of router and agents,"
+            " all anew.",
         ),
         "keys revoke": (
             ".fleet.keys:revoke",
-            (
-                "Deny everything to whoever has the key of a name: the router listens again within"
-                " a second."
-            ),
+            "Deny everything to whoever has the key of a name: the router listens again within"
+            " a second.",
         ),
     },
 }
