@@ -12,6 +12,7 @@ from typer.testing import Result
 
 from agent_runtime.io import steplog
 from companion.design import DESIGN, FILE
+from operate.cli.design.verify import TITLES
 
 TESTS = Path(__file__).resolve().parents[2]
 LAMP = TESTS / "topdown/lamp.toml"
@@ -66,17 +67,10 @@ def test_a_design_that_holds_exits_with_0(lamp: Path) -> None:
     """
     done = design("verify", lamp, code=0)
     lines = done.output.splitlines()
-    assert [line for line in lines if line.startswith("Layer")] == [
-        "Layer 1: the durable stream and physical acts, in micro-steps",
-        "Layer 2: each use of a protocol, copies and receipts explicit",
-        "Layer 3: all agents composed, on ideal queues",
-    ]
-    assert [line.split()[0] for line in lines if line.endswith("holds")] == [
-        "durable",
-        "C1",
-        "all",
-        "all",
-    ]
+    titles = [line for line in lines if line.startswith("Layer")]
+    assert titles == list(TITLES.values())
+    holds = [line.split()[0] for line in lines if line.endswith("holds")]
+    assert holds == ["durable", "C1", "all", "all"]
     assert "any faults" in lines[1]
     assert "1 fault " in next(line for line in lines if "C1 switch" in line)
     assert "0 faults" in next(line for line in lines if "starting" in line)
@@ -239,25 +233,20 @@ def test_an_end_that_is_nobody_exits_with_2(tmp_path: Path) -> None:
     start = text.index("[[group]]")
     file.write_text(text[:start] + text[text.index("\n\n", start) :])
     done = design("verify", file, "--layer", 3, code=2)
-    assert (
-        "protocol drive: 'base' is neither an agent nor a group; agents are asker, doer"
-        in " ".join(done.stderr.split())
-    )
+    wrong = "protocol drive: 'base' is neither an agent nor a group; agents are asker, doer"
+    assert wrong in " ".join(done.stderr.split())
 
 
 def test_a_queue_that_progress_fills_is_told_as_not_proven(lamp: Path) -> None:
     """With the row that may be taken over and over; for programs too."""
     file = lamp.with_name("chatty.toml")
-    rows = '"switch request", say = ["switch agree"] },\n  { in = ["idle"], on = "own flicker", '
-    rows += (
-        'when = ["switch agreed"], may = ["switch inform[progress]"] },\n  { in = ["idle"], on ='
-        ' "own lit", '
-    )
-    rows += 'when = ["switch agreed"], say = ["switch inform"] }'
-    hears = (
-        '  { in = ["idle"], on = "switch agree" },\n  { in = ["idle"], on = "switch'
-        ' inform[progress]" },\n'
-    )
+    when = 'when = ["switch agreed"]'
+    rows = f"""\"switch request", say = ["switch agree"] }},
+  {{ in = ["idle"], on = "own flicker", {when}, may = ["switch inform[progress]"] }},
+  {{ in = ["idle"], on = "own lit", {when}, say = ["switch inform"] }}"""
+    hears = """  { in = ["idle"], on = "switch agree" },
+  { in = ["idle"], on = "switch inform[progress]" },
+"""
     text = lamp.read_text().replace('"switch request", say = ["switch inform"] }', rows)
     ends = '  { in = ["idle"], on = "switch inform" },'
     file.write_text(text.replace(ends, hears + ends))
