@@ -2,6 +2,7 @@
 differ.
 """
 
+from itertools import product
 from typing import Any
 
 import msgspec
