@@ -25,7 +25,7 @@ from operate import proc
 from operate.cli import completion, interrupts
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.faults.kinds import KINDS, VERBS, Kind
-from operate.cli.fleet import running_fleets
+from operate.cli.fleet import running_fleets, starting
 from operate.cli.fleet.up import Rate, Speed
 from operate.cli.output import (
     FirstSeed,
@@ -229,8 +229,8 @@ class _Inflicting:
         if self._begun or not needed or any(one.state is not ProcessState.READY for one in needed):
             return
         self._begun = True
-        words = ["fault", *self._cell.command, "--run-dir", str(self._run)]
-        self._stack.callback(_over, trials.started(words, self._run / FAULT_LOG))
+        words = ["operate.cli", "fault", *self._cell.command, "--run-dir", str(self._run)]
+        self._stack.callback(_over, starting.in_background(words, self._run / FAULT_LOG))
 
 
 def _over(child: "subprocess.Popen[bytes]") -> None:

@@ -64,12 +64,6 @@ class Config(msgspec.Struct, rename="pascal"):
     env: list[str] = []
 
 
-class Networks(msgspec.Struct, rename="pascal"):
-    """Of `docker inspect`: the networks it is in, by name."""
-
-    networks: dict[str, Any] = {}
-
-
 class Container(msgspec.Struct, rename="pascal"):
     """A container, as far as it is wanted."""
 
@@ -77,7 +71,7 @@ class Container(msgspec.Struct, rename="pascal"):
     state: State
     config: Config
     restart_count: int = 0
-    network_settings: Networks = msgspec.field(default_factory=Networks)
+    network_settings: dict[str, Any] = {}
 
     @property
     def service(self) -> str:
@@ -539,7 +533,7 @@ def _options(container: Container) -> list[str]:
     network, as guarded.
     """
     variables = [f"--env={one}" for one in container.config.env if one.startswith("ROCO_")]
-    networks = [f"--network={name}" for name in container.network_settings.networks]
+    networks = [f"--network={name}" for name in container.network_settings.get("Networks", ())]
     return [*variables, *networks[:1], *GUARDED]
 
 

@@ -66,12 +66,20 @@ def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
         least = f"{free / 1e6:.1f} MB free, and a fleet needs {LEAST_ROOM / 1e6:.0f} MB to start"
         remedy = "make room, or name a folder on another disk with --out"
         raise FleetError(f"the disk of {run} has {least}: {remedy}")
-    with (run / "supervisor.log").open("ab") as log:
+    words = [SUPERVISOR, "--run-dir", str(run), *arguments]
+    return in_background(words, run / "supervisor.log", shared)
+
+
+def in_background(
+    words: list[str], log: Path, environment: dict[str, str] | None = None
+) -> subprocess.Popen[bytes]:
+    """Start a module with its words, as a process that hears no signal of this terminal."""
+    with log.open("ab") as file:
         return subprocess.Popen(
-            [sys.executable, "-P", "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
-            env=shared,
+            [sys.executable, "-P", "-m", *words],
+            env=environment,
             stdin=subprocess.DEVNULL,
-            stdout=log,
+            stdout=file,
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )

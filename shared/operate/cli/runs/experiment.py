@@ -194,18 +194,17 @@ def _all(place: Path, setting: trials.Setting, watch: Watch) -> None:
 
 def _finish(place: Path, form: Form, console: Console) -> None:
     """Make the report of what is there, and say what it says."""
+    say = partial(console.out, highlight=False)
     if form is Format.TEXT:
-        console.out("making the report …", highlight=False)
+        say("making the report …")
     from operate.experiments import make
 
     told = make.everything(place)
     if form is Format.JSON:
-        line = msgspec.json.encode({"kind": DONE, **msgspec.structs.asdict(told)}).decode()
-        console.out(line, highlight=False)
+        say(msgspec.json.encode({"kind": DONE, **msgspec.structs.asdict(told)}).decode())
         return
-    for line in told.lines:
-        console.out(line, highlight=False)
-    console.out(f"report: {place / 'report.html'}", highlight=False)
+    for line in (*told.lines, f"report: {place / 'report.html'}"):
+        say(line)
 
 
 def span(seconds: float) -> str:

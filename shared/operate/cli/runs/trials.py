@@ -11,7 +11,6 @@ import platform
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -177,18 +176,6 @@ def append_line(path: Path, line: object) -> None:
         os.fsync(file.fileno())
 
 
-def started(words: list[str], log: Path) -> "subprocess.Popen[bytes]":
-    """Start a verb of `roco` as a process that hears no signal of this terminal."""
-    with log.open("ab") as file:
-        return subprocess.Popen(
-            [sys.executable, "-P", "-m", "operate.cli", *words],
-            stdin=subprocess.DEVNULL,
-            stdout=file,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-
-
 def folder(out: Path, seed: int) -> Path:
     """Return the folder in which the run of a seed is recorded."""
     return out / "runs" / f"seed-{seed}"
@@ -226,7 +213,7 @@ def _clear(place: Path) -> None:
 def _start(place: Path, setting: Setting, seed: int) -> "subprocess.Popen[bytes]":
     words = [*setting.command, "--seed", str(seed), "--speed", setting.speed, "--out", str(place)]
     words += ["--scene", setting.scene] if setting.scene else []
-    return started([*words, "--format", "json"], place / LOG_FILE)
+    return starting.in_background(["operate.cli", *words, "--format", "json"], place / LOG_FILE)
 
 
 def _waited(

@@ -5,6 +5,7 @@ out.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -182,11 +183,8 @@ class Follow:
         data = self._read(self._offset)
         whole = data[: data.rfind(b"\n") + 1]
         self._offset += len(whole)
-        return [line for raw in whole.splitlines() if (line := _line(raw)) is not None]
-
-
-def _line(raw: bytes) -> LiveLine | None:
-    try:
-        return _decoder.decode(raw)
-    except msgspec.DecodeError:
-        return None
+        found: list[LiveLine] = []
+        for raw in whole.splitlines():
+            with suppress(msgspec.DecodeError):
+                found.append(_decoder.decode(raw))
+        return found

@@ -93,12 +93,12 @@ def before(part: tuple[Part, ...]) -> Part | None:
 
 
 class Script:
-    """Progress of the script: `spoken` lines of the part, in any order; names that the real agent
-    chose differently.
+    """Progress of the script: `spoken` lines of the part, in any order; `at`: up to which entry all
+    cues are given; names that the real agent chose differently.
     """
 
     def __init__(self, part: tuple[Part, ...]) -> None:
-        self._part, self._at = part, 0
+        self._part, self.at = part, 0
         self.spoken: set[int] = set()
         self._first: dict[str, Part] = {}
         for one in part:
@@ -108,14 +108,9 @@ class Script:
         self._labels: dict[tuple[str, str], str] = {}
         self._given: dict[tuple[str, str], str] = {}
 
-    @property
-    def given_cues(self) -> int:
-        """Up to which entry all cues are given."""
-        return self._at
-
     def cue(self) -> Part | None:
         """The next cue; None where there is none."""
-        return next((one for one in self._part[self._at :] if not one.mine), None)
+        return next((one for one in self._part[self.at :] if not one.mine), None)
 
     def awaited(self) -> Part | None:
         """The first line before the next cue (or the end) that is not spoken yet."""
@@ -132,7 +127,7 @@ class Script:
 
     def given(self, cue: Part, said: Communicate) -> None:
         """The cue was said, with these names."""
-        self._at = cue.n
+        self.at = cue.n
         if said.reply_with:
             self._given[said.sender, said.reply_with] = cue.communicate.reply_with
 
@@ -228,7 +223,7 @@ def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form:
         agent=agent,
         lines=sum(one.mine for one in part),
         spoken=len(script.spoken),
-        cues=sum(not one.mine for one in part[: script.given_cues]),
+        cues=sum(not one.mine for one in part[: script.at]),
         seconds=round(time.monotonic() - begun, 3),
         difference=difference,
         conversation=words.conversation if words else "",
