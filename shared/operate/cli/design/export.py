@@ -17,24 +17,10 @@ from topdown.prove.net import NetModel
 from topdown.prove.pairs import net_of
 from topdown.prove.promela import promela
 
-Promela = Annotated[
-    Path | None,
-    option("Write Promela for spin here: a file for one use, a folder for more.", "--promela"),
-]
-Use = Annotated[
-    list[str] | None,
-    option("A use of a protocol by name; may be given again.", "--use", complete=completion.uses),
-]
-Pair = Annotated[
-    str | None,
-    option(
-        "Two agents with - between: all uses between them.", "--pair", complete=completion.pairs
-    ),
-]
-Faults = Annotated[int, option("How many faults at most.", min=0)]
-Ideal = Annotated[
-    bool, option("Durable uses over ideal queues, without copies and receipts.", "--ideal")
-]
+PROMELA = option("Write Promela for spin here: a file for one use, a folder for more.", "--promela")
+USE = option("A use of a protocol by name; may be given again.", "--use", complete=completion.uses)
+PAIR = option("Two agents with - between: all uses between them.", complete=completion.pairs)
+IDEAL = option("Durable uses over ideal queues, without copies and receipts.", "--ideal")
 
 
 LOOK_WITH = "spin -a -o1 -o2 FILE && gcc -O2 -DSAFETY -DNOREDUCE -o pan pan.c && ./pan -m1000000"
@@ -55,11 +41,11 @@ class Written(msgspec.Struct, frozen=True):
 
 def export(
     file: files.File = None,
-    to: Promela = None,
-    use: Use = None,
-    pair: Pair = None,
-    faults: Faults = 0,
-    ideal: Ideal = False,
+    to: Annotated[Path | None, PROMELA] = None,
+    use: Annotated[list[str] | None, USE] = None,
+    pair: Annotated[str | None, PAIR] = None,
+    faults: Annotated[int, option("How many faults at most.", min=0)] = 0,
+    ideal: Annotated[bool, IDEAL] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Write the models of a design's protocols for spin (Promela).

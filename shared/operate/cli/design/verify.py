@@ -27,47 +27,31 @@ TITLES = {
     3: "Layer 3: all agents composed, on ideal queues",
 }
 
-Faults = Annotated[
-    str,
-    option(
-        "How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.",
-        complete=completion.faults,
-    ),
-]
-Layers = Annotated[
-    list[int] | None,
-    option("Only this layer; may be given again.", "--layer", complete=completion.layers),
-]
-Step = Annotated[
-    int | None,
-    option(
-        "Only the channels that this step of the design created or changed.",
-        complete=completion.steps,
-    ),
-]
-Gone = Annotated[
-    list[str] | None,
-    option(
-        "Besides: this agent may die for good, and wishes of persons still end.",
-        complete=completion.agents,
-    ),
-]
-Seconds = Annotated[
-    float | None, option("CPU seconds for each verdict; what is open then is said.")
-]
-SkipStart = Annotated[bool, option("Leave out the start of all agents (layer 3).", "--skip-start")]
-Long = Annotated[bool, option("Also what the model leaves out, and why that is safe.", "--long")]
+FAULTS = option(
+    "How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.", complete=completion.faults
+)
+ONE_LAYER = option("Only this layer; may be given again.", "--layer", complete=completion.layers)
+STEP = option(
+    "Only the channels that this step of the design created or changed.", complete=completion.steps
+)
+GONE = option(
+    "Besides: this agent may die for good, and wishes of persons still end.",
+    complete=completion.agents,
+)
+SECONDS = option("CPU seconds for each verdict; what is open then is said.")
+SKIP_START = option("Leave out the start of all agents (layer 3).", "--skip-start")
+LONG = option("Also what the model leaves out, and why that is safe.", "--long")
 
 
 def verify(
     file: files.File = None,
-    faults: Faults = "1",
-    layer: Layers = None,
-    step: Step = None,
-    gone: Gone = None,
-    seconds: Seconds = None,
-    skip_start: SkipStart = False,
-    long: Long = False,
+    faults: Annotated[str, FAULTS] = "1",
+    layer: Annotated[list[int] | None, ONE_LAYER] = None,
+    step: Annotated[int | None, STEP] = None,
+    gone: Annotated[list[str] | None, GONE] = None,
+    seconds: Annotated[float | None, SECONDS] = None,
+    skip_start: Annotated[bool, SKIP_START] = False,
+    long: Annotated[bool, LONG] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Prove a design: no deadlock, nothing unforeseen, every conversation ends, no act twice, no

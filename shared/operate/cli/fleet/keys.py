@@ -72,8 +72,7 @@ def make(
 
 def keys_text(made: issuing.Issued, *, apart: bool) -> str:
     """Return the keys that now exist, in words for people."""
-    of = "systems" if len(made.systems) > 1 else "system"
-    named = f"{of} {', '.join(repr(system) for system in made.systems)}"
+    named = f"system{'s' * (len(made.systems) > 1)} {', '.join(map(repr, made.systems))}"
     use = "ROCO_TLS_DIR=<an identity's folder>" if apart else f"ROCO_TLS_DIR={made.folder}"
     return (
         f"{made.folder}: {', '.join(made.identities)}, and {RIGHTS} for the router of {named}"

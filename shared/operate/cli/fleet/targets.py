@@ -114,9 +114,8 @@ def _other() -> Target | None:
     """
     found = running_fleets.here()
     if len(found) > 1:
-        raise UsageError(
-            f"several fleets run; name one: --target {' or '.join(one.run.name for one in found)}"
-        )
+        names = " or ".join(one.run.name for one in found)
+        raise UsageError(f"several fleets run; name one: --target {names}")
     return Local(found[0].run.resolve()) if found else None
 
 

@@ -37,27 +37,19 @@ class Speed(StrEnum):
 
 
 Rate = Annotated[Speed, option("1: real time; max: as fast as the machine can.")]
-SceneFile = Annotated[
-    Path | None,
-    option("A scene's TOML file; else the system's own scene.", exists=True, dir_okay=False),
-]
+_SCENE = option("A scene's TOML file; else the system's own scene.", exists=True, dir_okay=False)
+SceneFile = Annotated[Path | None, _SCENE]
 Insecure = Annotated[
     bool, option("No TLS and no rights: whoever is on this host may say anything.", "--insecure")
 ]
-Faults = Annotated[
-    bool,
-    option(
-        "Agents have wires and clocks of their own, which `roco fault` can disturb.", "--faults"
-    ),
-]
+_FAULTS = "Agents have wires and clocks of their own, which `roco fault` can disturb."
+Faults = Annotated[bool, option(_FAULTS, "--faults")]
 Out = Annotated[
     Path | None, option("Where everything is written; else runs/<time>.", "--out", "--run-dir")
 ]
 For = Annotated[float | None, option("Bring it down after this many seconds.", "--for", min=1.0)]
-Another = Annotated[
-    str,
-    option("Beside a fleet that runs: a second one, in runs/NAME.", "--another", metavar="NAME"),
-]
+_ANOTHER = "Beside a fleet that runs: a second one, in runs/NAME."
+Another = Annotated[str, option(_ANOTHER, "--another", metavar="NAME")]
 
 
 def up(

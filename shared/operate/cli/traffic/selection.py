@@ -21,22 +21,15 @@ from operate.run_folder import Judged, NothingToRead
 from operate.system import NoSystemError
 from topdown.model.design import Design
 
-Channels = Annotated[
-    list[str] | None,
-    option("Only on this channel; may be repeated.", "--channel", complete=completion.channels),
-]
-Agents = Annotated[
-    list[str] | None,
-    option("Only from or to this agent; may be repeated.", "--agent", complete=completion.agents),
-]
-Protocols = Annotated[
-    list[str] | None,
-    option("Only of this protocol; may be repeated.", "--protocol", complete=completion.protocols),
-]
-Performatives = Annotated[
-    list[str] | None,
-    option("Only this act; may be repeated.", "--performative", complete=completion.performatives),
-]
+Names = list[str] | None
+_CHANNEL = "Only on this channel; may be repeated."
+_AGENT = "Only from or to this agent; may be repeated."
+_PROTOCOL = "Only of this protocol; may be repeated."
+_ACT = "Only this act; may be repeated."
+Channels = Annotated[Names, option(_CHANNEL, "--channel", complete=completion.channels)]
+Agents = Annotated[Names, option(_AGENT, "--agent", complete=completion.agents)]
+Protocols = Annotated[Names, option(_PROTOCOL, "--protocol", complete=completion.protocols)]
+Performatives = Annotated[Names, option(_ACT, "--performative", complete=completion.performatives)]
 Recorded = Annotated[
     Path | None,
     option(
