@@ -174,22 +174,17 @@ def _wanted(line: Line, level: Level, begin: float) -> bool:
 
 
 def _shown(form: Format, names: list[str]) -> Callable[[list[Line]], None]:
-    if form is Format.JSON:
-        return tell_each
     console, wide = Console(soft_wrap=True, highlight=False), max(map(len, names), default=0)
     colours = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
 
     def show(lines: list[Line]) -> None:
         for line in lines:
-            console.print(_text(line, colours.get(line.agent, ""), wide))
+            if form is Format.JSON:
+                tell_json(line)
+            else:
+                console.print(_text(line, colours.get(line.agent, ""), wide))
 
     return show
-
-
-def tell_each(lines: list[Line]) -> None:
-    """Print lines as JSON, an object a line."""
-    for line in lines:
-        tell_json(line)
 
 
 def _text(line: Line, colour: str, wide: int) -> Text:

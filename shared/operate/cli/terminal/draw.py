@@ -190,10 +190,8 @@ def _event(event: Event, began: float, width: int, system: System) -> list[Text]
     why = f": {system.plain(event.text)}" if event.text else ""
     words = Text.assemble(system.happened(event.name, event.of), (why, "dim"))
     column = max(LEAST_COLUMN, width - len(at))
-    return [
-        (at if not number else Text(" " * len(at))) + line
-        for number, line in enumerate(wrapped(words, column))
-    ]
+    first, *others = wrapped(words, column)
+    return [at + first, *(Text(" " * len(at)) + line for line in others)]
 
 
 def wrapped(text: Text, width: int) -> list[Text]:

@@ -76,7 +76,7 @@ def _print(
     with suppress(KeyboardInterrupt):
         for one, communicate in chosen(heard, which, count=count, seconds=seconds, wrong=wrong):
             if form is Format.JSON:
-                tell_line(one, communicate)
+                tell_json(fields(one, communicate))
             else:
                 console.print(drawn(one, width, names), soft_wrap=True)
     tell_lost(heard)
@@ -95,11 +95,6 @@ def chosen(
             found += 1
             if found == count:
                 return
-
-
-def tell_line(one: Judged, communicate: Communicate | None) -> None:
-    """Print a communicate for programs."""
-    tell_json(fields(one, communicate))
 
 
 def tell_lost(heard: Source) -> None:

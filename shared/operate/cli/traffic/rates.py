@@ -62,8 +62,7 @@ class Flow:
     @property
     def gaps(self) -> list[float]:
         """From each to the next."""
-        times = list(self.times)
-        return [later - earlier for earlier, later in pairwise(times)]
+        return [later - earlier for earlier, later in pairwise(self.times)]
 
 
 class Tally:

@@ -14,11 +14,11 @@ from typing import Annotated
 from operate.cli import interrupts
 from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, option, problems
+from operate.cli.output import Form, Format, RunDir, option, problems, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.sequence import Lifelines, mark
 from operate.cli.traffic import selection
-from operate.cli.traffic.echo import ENDLESS, chosen, tell_line, tell_lost
+from operate.cli.traffic.echo import ENDLESS, chosen, fields, tell_lost
 from operate.cli.traffic.listen import Source, about, source
 from operate.filters import Filter
 from operate.run_folder import Judged
@@ -154,6 +154,6 @@ def _follow(
         ):
             seen.add(one, draw=form is Format.TEXT)
             if form is Format.JSON:
-                tell_line(one, communicate)
+                tell_json(fields(one, communicate))
     finally:
         tell_lost(heard)

@@ -180,17 +180,13 @@ class Evidence:
         self.there, self.setting = recording is not None, Setting(1, "1")
         self.words: defaultdict[str, Digests] = defaultdict(lambda: defaultdict(set))
         self._records = () if recording is None else recording.records
-        self._said: list[Communicate] = []
+        self.said: list[Communicate] = []
         for record in self._records:
             self.setting = setting_in(record) or self.setting
             if (one := communicate_in(record)) is not None:
-                self._said.append(one)
+                self.said.append(one)
                 wire = record.wire if isinstance(record, Spoken) else cast("Garbage", record).data
                 self.words[one.sender][one.receiver, one.id].add(digest(wire))
-
-    def said(self, agent: str) -> list[Communicate]:
-        """Return what went by of an agent, in order, copies too."""
-        return [one for one in self._said if one.sender == agent]
 
     def receipts(self, agent: str, at: float) -> list[Receipt]:
         """Return its receipts that were heard about then, in order."""
@@ -296,7 +292,8 @@ def _verified(run: Path, done: Again, evidence: Evidence) -> Verified:
         journal = run / JOURNAL / f"{done.agent}.{JOURNAL}"
         kept = tuple(records(journal.read_bytes())) if journal.is_file() else ()
         receipts = evidence.receipts(done.agent, done.parted.at)
-        found = first(done.parted, Kept(kept, evidence.said(done.agent), receipts))
+        own = [one for one in evidence.said if one.sender == done.agent]
+        found = first(done.parted, Kept(kept, own, receipts))
     else:
         both = [one for place, one in said.items() if place in heard]
         others = (one for one in both if one.digest not in heard[one.receiver, one.id])
