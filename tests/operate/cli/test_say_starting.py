@@ -28,6 +28,7 @@ from . import fake_fleet
 pytestmark = pytest.mark.process
 
 STARTING = "the fleet is starting"
+LOST = (ProcessState.GIVEN_UP, ProcessState.STOPPED, ProcessState.READY)
 Act = Callable[[], None]
 
 
@@ -80,9 +81,8 @@ def told(run: Path, state: ProcessState, supervisor: int, name: str = "hi") -> N
     """Write a supervisor's report about a_hi, or another process."""
     run.mkdir(parents=True, exist_ok=True)
     processes = (ProcessStatus(name, state, supervisor, module="services.supervisor"),)
-    (run / FLEET_FILE).write_bytes(
-        msgspec.json.encode(Fleet("test", "", supervisor, time.time(), processes))
-    )
+    fleet = Fleet("test", "", supervisor, time.time(), processes)
+    (run / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
 
 
 def listening(pretend: Callable[[bool], None], run: Path) -> Act:
@@ -127,38 +127,25 @@ def test_the_run_that_will_be_the_latest(clock, called, pretend, tmp_path: Path)
     heard(say())
 
 
-@pytest.mark.parametrize(
-    "state", [ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF]
-)
+@pytest.mark.parametrize("state", ["waiting", "starting", "backing-off"])
 def test_while_the_supervisor_brings_it_up(
-    clock, called, pretend, tmp_path: Path, state: ProcessState
+    clock, called, pretend, tmp_path: Path, state: str
 ) -> None:
     """As it says in the run folder."""
     run = tmp_path / "run"
-    told(run, state, called("services.supervisor"))
+    told(run, ProcessState(state), called("services.supervisor"))
     clock.acts = [listening(pretend, run)]
     heard(say("--run-dir", run))
 
 
-@pytest.mark.parametrize("state", [ProcessState.GIVEN_UP, ProcessState.STOPPED, ProcessState.READY])
-def test_what_does_not_come_is_not_waited_for(
-    clock, called, tmp_path: Path, state: ProcessState
-) -> None:
-    """It was given up or stopped, or is there and hangs: said at once."""
-    run = tmp_path / "run"
-    told(run, state, called("services.supervisor", "--run-dir", run))
-    done = say("--run-dir", run)
-    assert (done.exit_code, clock.pauses) == (3, 0)
-    assert STARTING not in done.stderr
-
-
-def test_a_fleet_without_a_human_interface_is_not_waited_for(clock, called, tmp_path: Path) -> None:
-    """Such as that of `roco up --only router,km`."""
-    run = tmp_path / "run"
-    told(run, ProcessState.READY, called("services.supervisor", "--run-dir", run))
-    text = (run / FLEET_FILE).read_text().replace('"hi"', '"km"')
-    (run / FLEET_FILE).write_text(text)
-    assert (say("--run-dir", run).exit_code, clock.pauses) == (3, 0)
+def test_what_does_not_come_is_not_waited_for(clock, called, tmp_path: Path) -> None:
+    """It was given up or stopped, or is there and hangs, or is not of this fleet: said at once."""
+    run, pid = tmp_path / "run", called("services.supervisor", "--run-dir", tmp_path / "run")
+    for state, name in (*((state, "hi") for state in LOST), (ProcessState.READY, "km")):
+        told(run, state, pid, name)
+        done = say("--run-dir", run)
+        assert (done.exit_code, clock.pauses) == (3, 0), (state, name)
+        assert STARTING not in done.stderr, (state, name)
 
 
 def test_nothing_starts(clock, tmp_path: Path) -> None:
@@ -229,16 +216,14 @@ def test_a_page_that_is_starting_is_waited_for(clock, called, tmp_path: Path) ->
             process.wait()
 
 
-@pytest.mark.parametrize("state", [ProcessState.GIVEN_UP, ProcessState.STOPPED, ProcessState.READY])
-def test_a_page_that_does_not_come_is_not_waited_for(
-    clock, called, tmp_path: Path, state: ProcessState
-) -> None:
+def test_a_page_that_does_not_come_is_not_waited_for(clock, called, tmp_path: Path) -> None:
     """It is said that there is none, in words."""
-    run = tmp_path / "run"
-    told(run, state, called("services.supervisor", "--run-dir", run), "page")
-    done = page("--run-dir", run)
-    assert (done.exit_code, clock.pauses) == (3, 0)
-    assert "has no page (no page.json); see `roco status`" in done.stderr
+    run, pid = tmp_path / "run", called("services.supervisor", "--run-dir", tmp_path / "run")
+    for state in LOST:
+        told(run, state, pid, "page")
+        done = page("--run-dir", run)
+        assert (done.exit_code, clock.pauses) == (3, 0), state
+        assert "has no page (no page.json); see `roco status`" in done.stderr, state
 
 
 class WithoutCo(fake_fleet.Answers):

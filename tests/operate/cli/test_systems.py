@@ -38,24 +38,16 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "pyproject.toml").write_text(f'[tool.roco]\nsystem = "{module}:SYSTEM"\n')
     (tmp_path / "design.toml").write_text(BROKEN)
     file = str(tmp_path / "design.toml")
-    code = (
-        f"from pathlib import Path\nfrom topdown.model import design\ndesign.load(Path({file!r}))\n"
-    )
+    code = f"from topdown.model import design\ndesign.load(__import__('pathlib').Path({file!r}))\n"
     (tmp_path / f"{module}.py").write_text(code)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("up",),
-        ("send", "--list"),
-        ("design", "check"),
-        ("traffic", "judge", "."),
-        ("keys", "make", "keys"),
-    ],
-)
+VERBS = [("up",), ("send", "--list"), ("design", "check")]
+
+
+@pytest.mark.parametrize("words", [*VERBS, ("traffic", "judge", "."), ("keys", "make", "keys")])
 def test_a_system_that_is_not_there_is_wrong_use(nowhere: Path, words: tuple[str, ...]) -> None:
     """One sentence, which names what was looked for; nothing is made."""
     done = roco(*words, "--format", "json")
@@ -64,7 +56,7 @@ def test_a_system_that_is_not_there_is_wrong_use(nowhere: Path, words: tuple[str
     assert [path.name for path in nowhere.iterdir()] == ["pyproject.toml"]
 
 
-@pytest.mark.parametrize("words", [("up",), ("send", "--list"), ("design", "check")])
+@pytest.mark.parametrize("words", VERBS)
 def test_a_design_that_cannot_be_read_is_wrong_use(broken: Path, words: tuple[str, ...]) -> None:
     """It names the file."""
     assert "design.toml" in printed(*words, code=2)["error"]
