@@ -124,11 +124,6 @@ def tell_problem(problem: object, form: Format) -> None:
     print(words, file=sys.stderr)
 
 
-def last_line(output: bytes) -> str:
-    """Return the last line that a process wrote, "" where it wrote none."""
-    return output.decode(errors="replace").strip().rpartition("\n")[2]
-
-
 @contextmanager
 def problems(form: Format) -> Iterator[None]:
     """Turn what goes wrong into words on standard error and the exit code of its kind

@@ -23,20 +23,11 @@ from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTER
 from operate import proc
 from operate.cli import completion, interrupts
-from operate.cli.errors import FleetError, UsageError
+from operate.cli.errors import FleetError, UsageError, last_line
 from operate.cli.faults.kinds import KINDS, VERBS, Kind
 from operate.cli.fleet import running_fleets, starting
 from operate.cli.fleet.up import Rate, Speed
-from operate.cli.output import (
-    FirstSeed,
-    Form,
-    Format,
-    last_line,
-    option,
-    problems,
-    tell_json,
-    tell_problem,
-)
+from operate.cli.output import FirstSeed, Form, Format, option, problems, tell_json, tell_problem
 from operate.cli.runs import folders, trials
 from operate.cli.runs.experiment import span
 from operate.cli.terminal.console import Console

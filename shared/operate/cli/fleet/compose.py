@@ -20,11 +20,10 @@ import msgspec
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE
 from agent_runtime.io.secured import ROUTER
 from operate import proc
-from operate.cli.errors import DockerError, FleetError, NoRunError, UsageError
+from operate.cli.errors import DockerError, FleetError, NoRunError, UsageError, last_line
 from operate.cli.fleet import process_status
 from operate.cli.fleet.identity import OPERATOR
 from operate.cli.fleet.process_status import Look, Put, Seen, Target
-from operate.cli.output import last_line
 from operate.cli.traffic import verdicts
 from operate.run_folder import (
     FAULTS_FILE,

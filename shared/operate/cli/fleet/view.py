@@ -24,20 +24,11 @@ import typer
 from agent_runtime.io import fleet_processes
 from agent_runtime.io.reaching import free_port
 from operate.cli import completion, interrupts
-from operate.cli.errors import ConsoleError, NoRunError, UsageError
+from operate.cli.errors import ConsoleError, NoRunError, UsageError, last_line
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, HOST, WEB, listens, taken
-from operate.cli.output import (
-    Form,
-    Format,
-    RunDir,
-    argument,
-    last_line,
-    option,
-    problems,
-    tell_json,
-)
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
 from operate.cli.runs import folders
 from operate.run_folder import RRD_FILE, VIEW_FILE, ViewAddress
 

@@ -19,9 +19,8 @@ from typing import TypeVar
 import msgspec
 
 from agent_runtime.io.run_files import make_run
-from operate.cli.errors import UsageError
+from operate.cli.errors import UsageError, last_line
 from operate.cli.fleet import starting
-from operate.cli.output import last_line
 from operate.cli.runs import machine
 from operate.run_folder import REPORT_FILE, ExperimentSetting
 

@@ -22,10 +22,9 @@ from agent_runtime.io.run_files import KEYS_VARIABLE
 from agent_runtime.io.tap import Sample, Waiting
 from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
-from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError
+from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError, last_line
 from operate.cli.fleet import identity, targets
 from operate.cli.fleet.local import Local
-from operate.cli.output import last_line
 from operate.cli.runs import folders
 from operate.system import System, of_run
 

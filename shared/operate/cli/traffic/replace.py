@@ -22,8 +22,8 @@ from agent_runtime.core.binding import wiring
 from agent_runtime.impersonation import Cast, Stage
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages
-from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, last_line, tell
+from operate.cli.errors import ConsoleError, UsageError, last_line
+from operate.cli.output import Form, Format, tell
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.play import as_agent, compared, difference, moved
 from operate.system import System, of_run

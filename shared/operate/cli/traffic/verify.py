@@ -22,8 +22,8 @@ from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.io.journal import records
 from agent_runtime.io.steplog import Again, Parted, SentAgain, digest, fingerprint
 from fipa_codec.communicate import Communicate, decode
-from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, last_line, tell
+from operate.cli.errors import ConsoleError, UsageError, last_line
+from operate.cli.output import Form, Format, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
