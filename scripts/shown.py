@@ -49,6 +49,18 @@ ALIKE = {
     "pids": re.compile(r"\bpid \d+|\b\d{2,7}\b"),
     "numbers": re.compile(r"[+-]?\b\d[\d,]*(\.\d+)?(e[+-]?\d+)?"),
 }
+OPTIONS = {"like", "has", "exit", "first", "last", "only", "columns", "setup"}
+CHECKOUT = (
+    "README.md",
+    "shared",
+    "velma",
+    "examples",
+    "tests",
+    "deploy",
+    "benchmarks",
+    "scripts",
+    "docs",
+)
 UNORDERED, UNWRAPPED = "lines", "wraps"
 """Behind `like=`: lines in any order, equal ones once; words only, wherever lines end (a path may
 be long).
@@ -99,33 +111,13 @@ def blocks(page: Path) -> Iterator[Block]:
         kind, *rest = shlex.split(match["words"])
         name, _, order = kind.partition("=")
         options = dict(word.partition("=")[::2] for word in rest)
-        unknown = options.keys() - {
-            "like",
-            "has",
-            "exit",
-            "first",
-            "last",
-            "only",
-            "columns",
-            "setup",
-        }
-        strange = set(filter(None, options.get("like", "").split(","))) - {
-            *ALIKE,
-            UNORDERED,
-            UNWRAPPED,
-        }
-        if name not in ("static", "fleet") or unknown or strange:
-            raise ValueError(
-                f"{page}:{line}: {sorted({*unknown, *strange}) or kind}; see scripts/shown.py for"
-                " the words"
-            )
-        yield Block(
-            page,
-            line,
-            options,
-            int(order) if name == "fleet" else None,
-            tuple(_split(match["body"], page, line)),
-        )
+        like = set(filter(None, options.get("like", "").split(",")))
+        strange = (options.keys() - OPTIONS) | (like - {*ALIKE, UNORDERED, UNWRAPPED})
+        if name not in ("static", "fleet") or strange:
+            what = sorted(strange) or kind
+            raise ValueError(f"{page}:{line}: {what}; see scripts/shown.py for the words")
+        shown = tuple(_split(match["body"], page, line))
+        yield Block(page, line, options, int(order) if name == "fleet" else None, shown)
 
 
 def _split(body: str, page: Path, line: int) -> Iterator[Shown]:
@@ -141,17 +133,7 @@ def _split(body: str, page: Path, line: int) -> Iterator[Shown]:
 
 def place(folder: Path, recorded: bool) -> None:
     """Make a folder look like a checkout in which somebody works; `recorded`: with a run in it."""
-    for name in (
-        "shared",
-        "velma",
-        "examples",
-        "tests",
-        "deploy",
-        "benchmarks",
-        "scripts",
-        "docs",
-        "README.md",
-    ):
+    for name in CHECKOUT:
         (folder / name).symlink_to(ROOT / name)
     if recorded:
         for name, source in RECORDED.items():
@@ -173,13 +155,8 @@ def run(block: Block, folder: Path) -> tuple[list[str], str]:
         texts.append(cut(_clean(done.stdout, folder), block.options))
         wanted = int(block.options.get("exit", "0")) if shown is block.shown[-1] else 0
         if done.returncode != wanted:
-            return (
-                texts,
-                (
-                    f"`{shown.command}` ended with {done.returncode}, expected"
-                    f" {wanted}:\n{done.stdout}"
-                ),
-            )
+            ended = f"`{shown.command}` ended with {done.returncode}, expected {wanted}"
+            return texts, f"{ended}:\n{done.stdout}"
     return texts, ""
 
 
@@ -187,15 +164,10 @@ def bash(command: str, folder: Path, columns: str = "100") -> subprocess.Complet
     """Run a command in a folder as the pages' reader would: venv first in PATH, no colours, a
     terminal so wide.
     """
-    kept = {
-        name: value
-        for name, value in os.environ.items()
-        if not name.startswith(("ROCO_", "PYTHON", "COLUMNS"))
-    }
+    ours = ("ROCO_", "PYTHON", "COLUMNS")
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
     own = {
-        "PATH": os.pathsep.join(
-            (str(ROOT / ".venv/bin"), str(Path(sys.executable).parent), os.environ["PATH"])
-        ),
+        "PATH": f"{ROOT / '.venv/bin'}:{Path(sys.executable).parent}:{os.environ['PATH']}",
         "COLUMNS": columns,
         "NO_COLOR": "1",
         "TERM": "dumb",
@@ -269,12 +241,9 @@ def differences(block: Block, texts: list[str], wrong: str) -> list[Difference]:
         else:
             same = normal(shown.text, like) == normal(printed, like)
         if not same:
-            lines = unified_diff(
-                shown.text.split("\n"), printed.split("\n"), "the page", "now", lineterm="", n=1
-            )
-            found.append(
-                Difference(block, f"{block.where}: `{shown.command}`\n" + "\n".join(lines))
-            )
+            both = (shown.text.split("\n"), printed.split("\n"))
+            lines = "\n".join(unified_diff(*both, "the page", "now", lineterm="", n=1))
+            found.append(Difference(block, f"{block.where}: `{shown.command}`\n{lines}"))
     return found
 
 

@@ -17,12 +17,7 @@ from operate.cli.guarded import UNSHOWN
 from operate.cli.lazy import Verbs
 
 TEXT = "The operator's command line: a fleet of agents brought up, watched, asked, recorded."
-app = typer.Typer(
-    cls=Verbs,
-    no_args_is_help=True,
-    help=TEXT,
-    name="roco",
-)
+app = typer.Typer(cls=Verbs, no_args_is_help=True, help=TEXT, name="roco")
 
 
 def tell_version(asked: bool) -> None:

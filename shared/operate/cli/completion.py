@@ -80,10 +80,8 @@ layers = _fixed("1", "2", "3")
 
 def runs(incomplete: str) -> list[str]:
     """The folders of runs, newest first."""
-    found = sorted(
-        (path for path in RUNS.glob("*") if path.is_dir()), key=lambda path: path.name, reverse=True
-    )
-    return among(map(str, found), incomplete)
+    found = [path for path in RUNS.glob("*") if path.is_dir()]
+    return among(map(str, sorted(found, reverse=True)), incomplete)
 
 
 def run_names(incomplete: str) -> list[str]:
@@ -110,15 +108,10 @@ def protocols_and_uses(ctx: typer.Context, incomplete: str) -> list[str]:
 def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
     """The parameters of the agent that was named before; else of all agents."""
     agent = ctx.params.get("agent")
-    every = [
-        one
-        for design in _designs(ctx)
-        for name, one in design.agents.items()
-        if agent in (None, name)
-    ]
-    return among(
-        [*(parameter.name for one in every for parameter in one.parameter), LEVEL], incomplete
-    )
+    agents = [pair for design in _designs(ctx) for pair in design.agents.items()]
+    every = [one for name, one in agents if agent in (None, name)]
+    names = [parameter.name for one in every for parameter in one.parameter]
+    return among([*names, LEVEL], incomplete)
 
 
 def parameter_values(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -205,8 +198,8 @@ def _designs(ctx: typer.Context) -> "Iterable[Design]":
 
     named = next((path for name in NAMING if (path := path_given(ctx, name)) is not None), None)
     try:
-        return (
-            load(named) if named is not None and named.suffix == ".toml" else design_shown(named),
-        )
+        if named is not None and named.suffix == ".toml":
+            return (load(named),)
+        return (design_shown(named),)
     except (NoSystemError, TopdownError, OSError):
         return ()

@@ -67,3 +67,8 @@ class NotWaitedError(ConsoleError):
 
 class DockerError(ConsoleError):
     """Docker is not there, or did not do what was asked."""
+
+
+def last_line(output: bytes) -> str:
+    """Return the last line that a process wrote, "" where it wrote none."""
+    return output.decode(errors="replace").strip().rpartition("\n")[2]

@@ -62,30 +62,18 @@ class Verbs(TyperGroup):
             self.commands.update(_listed(self.words, added(of_project=True)))
         return self.get_command(ctx, cmd_name)
 
-    def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        windows_expand_args: bool = True,
-        **extra: Any,
-    ) -> Any:
+    def main(self, *given: Any, **named: Any) -> Any:
         """As typer does; to a program that asked for JSON a wrong use is told as one object, not as
         a box. What the operating system refuses is told in a line, output to a full disk too.
         """
-        if not standalone_mode:
-            return super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
-        json = wants_json(sys.argv[1:] if args is None else list(args))
+        if not named.get("standalone_mode", True):
+            return super().main(*given, **named)
+        words = given[0] if given else named.get("args")
+        json = wants_json(sys.argv[1:] if words is None else list(words))
         try:
             try:
                 # A verb gives nothing back: what comes is the exit code of an end in the middle.
-                sys.exit(
-                    super().main(
-                        args, prog_name, complete_var, not json, windows_expand_args, **extra
-                    )
-                    or 0
-                )
+                sys.exit(super().main(*given, **{**named, "standalone_mode": not json}) or 0)
             finally:
                 sys.stdout.flush()
         except WrongUse as error:
@@ -161,29 +149,21 @@ class VerbWithVerbs(Verbs):
 
     def __init__(self, words: str, verb: TyperCommand) -> None:
         self._examples = verb.epilog or ""
-        shown = {"help": verb.help, "params": verb.params, "callback": verb.callback}
         alone = not any(one.required for one in verb.params)
-        super().__init__(
-            words=words,
-            name=verb.name,
-            invoke_without_command=alone,
-            no_args_is_help=not alone,
-            **shown,
-        )
+        shown: dict[str, Any] = {"help": verb.help, "params": verb.params}
+        shown |= {"callback": verb.callback, "invoke_without_command": alone}
+        shown |= {"no_args_is_help": not alone}
+        super().__init__(words=words, name=verb.name, **shown)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the verb below; this one is not called then, and has no options before its
         name.
         """
-        given = [
-            name for name in ctx.params if ctx.get_parameter_source(name).name == "COMMANDLINE"
-        ]
+        sources = [ctx.get_parameter_source(name).name for name in ctx.params]
         found = super().resolve_command(ctx, args)
-        if given and not ctx.resilient_parsing:
-            ctx.fail(
-                f"options stand behind all words of a verb: roco {self.words} {args[0]}"
-                " --option ..."
-            )
+        if "COMMANDLINE" in sources and not ctx.resilient_parsing:
+            right = f"roco {self.words} {args[0]} --option ..."
+            ctx.fail(f"options stand behind all words of a verb: {right}")
         self.callback = None
         return found
 
@@ -273,21 +253,17 @@ def examples_of(function: Callable[..., None]) -> list[str]:
 
 def _listed(words: str, table: Table) -> Iterator[tuple[str, TyperCommand | TyperGroup]]:
     """The rows one word below `words`."""
+    every = [called for rows in table.values() for called in rows]
     for panel, rows in table.items():
         for called, (place, line) in rows.items():
             before, _, name = called.rpartition(" ")
             if before != words:
                 continue
-            settings: dict[str, Any] = {
-                "help": line,
-                "rich_help_panel": panel if not words else None,
-            }
-            if place:
-                summary = Summary(name, **settings)
-                below = any(
-                    words.startswith(f"{called} ") for rows in table.values() for words in rows
-                )
-                summary.place, summary.above = place, called if below else ""
-                yield name, summary
-            else:
+            settings: Any = {"help": line, "rich_help_panel": None if words else panel}
+            if not place:
                 yield name, Verbs(words=called, name=name, no_args_is_help=True, **settings)
+                continue
+            summary = Summary(name, **settings)
+            below = any(other.startswith(f"{called} ") for other in every)
+            summary.place, summary.above = place, called if below else ""
+            yield name, summary

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import typer
@@ -33,13 +33,29 @@ class Format(StrEnum):
     JSON = "json"
 
 
-Form = Annotated[Format, typer.Option("--format", help="text for people, json for programs.")]
+def option(
+    text: str, *names: str, complete: Callable[..., list[str]] | None = None, **settings: Any
+) -> Any:
+    """An option of a verb: what help says of it, its names where they are not the parameter's, who
+    completes it.
+    """
+    return typer.Option(*names, help=text, autocompletion=complete, **settings)
+
+
+def argument(
+    text: str, *, complete: Callable[..., list[str]] | None = None, **settings: Any
+) -> Any:
+    """An argument of a verb, likewise."""
+    return typer.Argument(help=text, autocompletion=complete, **settings)
+
+
+Form = Annotated[Format, option("text for people, json for programs.", "--format")]
 RunDir = Annotated[
     Path | None,
-    typer.Option(
+    option(
+        "A run's folder; else ROCO_RUN_DIR, else runs/latest.",
         "--run-dir",
-        help="A run's folder; else ROCO_RUN_DIR, else runs/latest.",
-        autocompletion=completion.runs,
+        complete=completion.runs,
     ),
 ]
 
@@ -51,12 +67,16 @@ class Reply(msgspec.Struct, frozen=True):
     run: str = ""
 
 
-def tell(what: Reply, form: Format) -> None:
-    """Print an answer: as JSON, or the sentence in it."""
+def tell(what: object, form: Format, words: str | Callable[[], object] = "") -> None:
+    """Print an answer: for programs as JSON, for people in `words`, or by what prints them; of a
+    Reply its sentence.
+    """
     if form is Format.JSON:
         tell_json(what)
+    elif callable(words):
+        words()
     else:
-        print(what.text)
+        print(what.text if isinstance(what, Reply) else words)
 
 
 def tell_json(what: object) -> None:
@@ -165,18 +185,13 @@ def number(text: str) -> int:
 
 Seed = Annotated[
     int,
-    typer.Option(
+    option(
+        "Varies what a system leaves to chance, such as poses and noise; none, or 0: as the"
+        " scene is written.",
         parser=number,
         metavar="N|none",
-        help=(
-            "Varies what a system leaves to chance, such as poses and noise; none, or 0: as the"
-            " scene is written."
-        ),
     ),
 ]
 FirstSeed = Annotated[
-    int,
-    typer.Option(
-        parser=number, metavar="N|none", help="Of the first run; each next one takes the next."
-    ),
+    int, option("Of the first run; each next one takes the next.", parser=number, metavar="N|none")
 ]

@@ -28,32 +28,31 @@ VERBS: Table = {
             "Show every process: state, heartbeat's age, processor, memory.",
         ),
         "agent": (GROUP, "One process of the fleet."),
-        "agent restart": (".fleet.agent:restart", "Restart a process, and wait until it is ready."),
+        "agent restart": (
+            ".fleet.agents:restart",
+            "Restart a process, and wait until it is ready.",
+        ),
         "agent stop": (
-            ".fleet.agent:stop",
+            ".fleet.agents:stop",
             "Stop a process in order; it stays down until `roco agent start`.",
         ),
         "agent start": (
-            ".fleet.agent:start",
-            (
-                "Start a process that was stopped or given up, and wait until it is ready; let a"
-                " paused agent go on."
-            ),
+            ".fleet.agents:start",
+            "Start a process that was stopped or given up, and wait until it is ready; let a"
+            " paused agent go on.",
         ),
         "agent repair": (
-            ".fleet.agent:repair",
+            ".fleet.agents:repair",
             "Repair the damaged journal of an agent that does not run.",
         ),
         "agent pause": (
-            ".fleet.agent:pause",
+            ".fleet.agents:pause",
             "Let an agent take no step until `roco agent start`.",
         ),
         "param": (
             ".fleet.param:param",
-            (
-                "Show the parameters of all agents, of one, or a single one; with VALUE set it"
-                " while the agent runs."
-            ),
+            "Show the parameters of all agents, of one, or a single one; with VALUE set it"
+            " while the agent runs.",
         ),
         "logs": (
             ".fleet.logs:logs",
@@ -62,10 +61,8 @@ VERBS: Table = {
         "view": (".fleet.view:view", "Look at a running fleet or at a recorded run in Rerun."),
         "top": (
             ".terminal.top:top",
-            (
-                "Show agents and channels, and the task and the plan's present state, on a live"
-                " screen."
-            ),
+            "Show agents and channels, and the task and the plan's present state, on a live"
+            " screen.",
         ),
         "doctor": (
             ".fleet.checkup:doctor",
@@ -81,10 +78,8 @@ VERBS: Table = {
         ),
         "sniff": (
             ".traffic.sniff:sniff",
-            (
-                "Draw a sequence diagram of what is said as it goes by, with a lifeline for every"
-                " agent."
-            ),
+            "Draw a sequence diagram of what is said as it goes by, with a lifeline for every"
+            " agent.",
         ),
         "record": (
             ".traffic.record:record",
@@ -113,12 +108,10 @@ VERBS: Table = {
         ),
         "trace": (
             ".traffic.trace:trace",
-            (
-                "Show which communicate of a task caused which, across all agents, as a tree with"
-                " times."
-            ),
+            "Show which communicate of a task caused which, across all agents, as a tree with"
+            " times.",
         ),
-        "why": (".traffic.why:why", "Say why a task went as it did, from what is recorded."),
+        "why": (".traffic.trace:why", "Say why a task went as it did, from what is recorded."),
         "send": (
             ".traffic.send:send",
             "Be an agent: say one communicate to the running fleet, and print what comes back.",
@@ -139,10 +132,8 @@ VERBS: Table = {
         "fault heal": (".faults.verbs:heal", "Heal all faults that go on."),
         "chaos": (
             ".faults.chaos:chaos",
-            (
-                "Do the system's job again and again, each time with a fault that a seed chooses,"
-                " and judge each whole history."
-            ),
+            "Do the system's job again and again, each time with a fault that a seed chooses,"
+            " and judge each whole history.",
         ),
     },
     "Runs reported, repeated, compared": {
@@ -174,10 +165,7 @@ VERBS: Table = {
             ".design.check:check",
             "Check a design: steps, channels, messages both ways, interfaces.",
         ),
-        "design diff": (
-            ".design.diff:diff_",
-            "Tell what changed between two designs.",
-        ),
+        "design diff": (".design.diff:diff_", "Tell what changed between two designs."),
         "design export": (
             ".design.export:export",
             "Write the models of a design's protocols for spin (Promela).",
@@ -204,25 +192,19 @@ VERBS: Table = {
         ),
         "protocol": (
             ".design.protocol:protocol",
-            (
-                "List the protocols that a design can follow; show the tables of one: who may say"
-                " what in which state."
-            ),
+            "List the protocols that a design can follow; show the tables of one: who may say"
+            " what in which state.",
         ),
         "keys": (GROUP, "Certificates of a fleet, and the router's rules."),
         "keys make": (
             ".fleet.keys:make",
-            (
-                "Make an authority, a certificate per identity and the rules of router and agents,"
-                " all anew."
-            ),
+            "Make an authority, a certificate per identity and the rules of router and agents,"
+            " all anew.",
         ),
         "keys revoke": (
             ".fleet.keys:revoke",
-            (
-                "Deny everything to whoever has the key of a name: the router listens again within"
-                " a second."
-            ),
+            "Deny everything to whoever has the key of a name: the router listens again within"
+            " a second.",
         ),
     },
 }

@@ -1,8 +1,11 @@
 """A pretended fleet, started the way the console starts the real one."""
 
+import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -11,6 +14,27 @@ from operate.cli.fleet import starting
 from operate.cli.runs import folders
 
 FAKE = Path(__file__).with_name("fake_fleet.py")
+
+
+@pytest.fixture
+def called() -> Iterator[Callable[..., int]]:
+    """Have a process live that does nothing, was called with these words, and has these variables;
+    its pid.
+    """
+    with ExitStack() as stack:
+
+        def call(*words: object, **variables: str) -> int:
+            idle = [sys.executable, "-c", "import time; time.sleep(300)", *map(str, words)]
+            process = stack.enter_context(subprocess.Popen(idle, env=os.environ | variables))
+            stack.callback(process.kill)
+            until = time.monotonic() + 20.0
+            # for a moment it still bears the words of this process
+            while not folders.is_service(process.pid, str(words[0])):
+                assert time.monotonic() < until, f"{words} did not start"
+                time.sleep(0.001)
+            return process.pid
+
+        yield call
 
 
 @pytest.fixture

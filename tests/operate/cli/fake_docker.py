@@ -21,12 +21,7 @@ def described(folder: Path) -> dict[str, object]:
     image = "robot-companion/agent:test" if project != "other" else "redis"
     return {
         "Id": folder.name,
-        "State": {
-            "Status": (folder / "state").read_text(),
-            "StartedAt": "",
-            "ExitCode": 0,
-            "Health": None,
-        },
+        "State": {"Status": (folder / "state").read_text(), "ExitCode": 0, "Health": None},
         "Config": {"Image": image, "Labels": labels, "Env": environment(folder)},
         "RestartCount": 0,
     }
@@ -60,19 +55,12 @@ def main(words: list[str]) -> int:
             for id in ids:
                 (ROOT / id / "state").write_text("running" if order == "start" else "exited")
         case ["run", "--rm", *rest]:
-            given = {
-                one.split("=", 1)[0]: one.split("=", 1)[1]
-                for one in rest
-                if one.startswith("--") and "=" in one
-            }
+            options = [one.partition("=") for one in rest if one.startswith("--")]
+            told = dict(value.split("=", 1) for name, _, value in options if name == "--env")
+            (home,) = (value for name, _, value in options if name == "--volumes-from")
             module, *words = rest[rest.index("robot-companion/agent:test") + 1 :]
-            place = {"ROCO_RUN_DIR": str(ROOT / given["--volumes-from"])}
-            told = dict(
-                one.removeprefix("--env=").split("=", 1) for one in rest if one.startswith("--env=")
-            )
-            return subprocess.run(
-                ["python", "-m", module, *words], env=os.environ | told | place, check=False
-            ).returncode
+            shared = os.environ | told | {"ROCO_RUN_DIR": str(ROOT / home)}
+            return subprocess.run(["python", "-m", module, *words], env=shared).returncode
         case ["logs", *_]:
             print("a line of it")
         case _:

@@ -29,26 +29,15 @@ BEAT_S = 0.1
 """Between two heartbeats of each agent: all are at rest."""
 BESIDE = "beside"
 """Name of a file that is still being written."""
+QUERY = {"protocol": "query", "performative": "query-ref"}
+TAKE = Step(("take",), "take", ("jar_1",))
 GRASP = Step(("take", "grasp"), "take", ("jar_1",), act="Grasp")
 TILT = Step(("pour",), act="Pour")
 STORY = (
     AgentIn(t=1.0, agent="ta", state="running"),
-    PlanSeen(
-        t=1.0,
-        plan="p1",
-        tasks=(Task("pour"),),
-        states=(Step(("take",), "take", ("jar_1",)), GRASP, TILT),
-    ),
+    PlanSeen(t=1.0, plan="p1", tasks=(Task("pour"),), states=(TAKE, GRASP, TILT)),
     PlanAt(t=1.5, at=GRASP),
-    Sent(
-        t=2.0,
-        channel="C4",
-        sender="pl",
-        receiver="km",
-        protocol="query",
-        performative="query-ref",
-        bytes=231,
-    ),
+    Sent(t=2.0, channel="C4", sender="pl", receiver="km", bytes=231, **QUERY),
     Happened(t=3.0, name="grasped", of=("jar_1",), text="left hand"),
     PlanAt(t=4.0, at=TILT, outcome="succeeded"),
 )
@@ -127,14 +116,9 @@ def main(run: Path, success: bool, mode: str) -> None:
     while mode == "slow" and not (run / "may-end").exists():
         time.sleep(0.02)
     server.shutdown()
-    report = {
-        "success": success,
-        "failure": None if success else "the jar slipped",
-        "poured_fraction": 0.97,
-    }
-    (run / file_names.REPORT_FILE).write_bytes(
-        encode({**report, "sim_time_s": 98.5, "wall_time_s": 120.0})
-    )
+    report = {"success": success, "failure": None if success else "the jar slipped"}
+    report |= {"poured_fraction": 0.97, "sim_time_s": 98.5, "wall_time_s": 120.0}
+    (run / file_names.REPORT_FILE).write_bytes(encode(report))
 
 
 if __name__ == "__main__":

@@ -1,12 +1,11 @@
 """`roco acl show`: what a message says, or a caret under what is wrong with it."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
-
-from operate.cli.__main__ import app
+from calling import printed, roco
 
 MESSAGE = (
     "(inform :sender (agent-identifier :name km :addresses (sequence http://a:1/acc)) :receiver"
@@ -15,17 +14,14 @@ MESSAGE = (
 )
 
 
-def show(*words: str, stdin: bytes = b"") -> Result:
-    """Call `show`."""
-    return CliRunner().invoke(app, ["acl", "show", *words], input=stdin)
+show = partial(roco, "acl", "show")
 
 
 def test_text_file_and_standard_input_show_the_same(tmp_path: Path) -> None:
     """A row for each parameter: agents with addresses, JSON indented, times in words."""
     path = tmp_path / "message.acl"
     path.write_text(MESSAGE)
-    said = show(MESSAGE)
-    assert said.exit_code == 0
+    said = show(MESSAGE, code=0)
     rows = [line.rstrip().split(maxsplit=1) for line in said.stdout.splitlines()]
     assert rows[:4] == [
         ["performative", "inform"],
@@ -40,7 +36,7 @@ def test_text_file_and_standard_input_show_the_same(tmp_path: Path) -> None:
 
 def test_json_for_programs() -> None:
     """The same names as in Python."""
-    said = json.loads(show(MESSAGE, "--format", "json").stdout)
+    said = printed("acl", "show", MESSAGE)
     assert said["receiver"] == [{"name": "pl"}, {"name": "ta"}]
     assert said["reply_by"] == {"type": "At", "unix_ms": 1_767_268_800_250}
 
@@ -56,8 +52,7 @@ def test_json_for_programs() -> None:
 )
 def test_a_caret_points_at_the_fault(text: str, fault: str, before: int) -> None:
     """Under its first character as a terminal shows the line; wide characters take two cells."""
-    said = show(text)
-    assert said.exit_code == 1
+    said = show(text, code=1)
     sentence, line, caret = said.stderr.splitlines()
     assert "expected one of :sender" in sentence
     assert caret == " " * (2 + before) + "^"
@@ -66,8 +61,7 @@ def test_a_caret_points_at_the_fault(text: str, fault: str, before: int) -> None
 
 def test_a_fault_for_programs() -> None:
     """The fields of the error, the sentence among them."""
-    said = show("(inform :mood good)", "--format", "json")
-    assert said.exit_code == 1
+    said = show("(inform :mood good)", "--format", "json", code=1)
     fault = json.loads(said.stderr)
     assert (fault["line"], fault["column"], fault["offset"], fault["found"]) == (1, 9, 8, "':mood'")
 
@@ -87,5 +81,5 @@ def test_a_terminal_obeys_no_message() -> None:
 def test_neither_text_nor_file_is_wrong_usage(tmp_path: Path) -> None:
     """Exit code 2 and both readings named."""
     for source in ("inform", str(tmp_path), "x" * 5000, "a\0b"):
-        assert show(source).exit_code == 2
+        show(source, code=2)
     assert "begins with (" in show("inform").stderr

@@ -11,10 +11,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from calling import roco
 
 from companion.run_files import SLOTS_FILE
-from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
 from operate.cli.fleet import starting, targets
 from operate.cli.fleet.local import Local
@@ -26,11 +25,6 @@ pytestmark = pytest.mark.process
 
 FAKE = Path(__file__).with_name("fake_fleet.py")
 Begin = Callable[[str], Path]
-
-
-def roco(*words: object) -> Result:
-    """Call the command line."""
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.fixture
@@ -98,8 +92,7 @@ def test_processes_that_a_supervisor_left_count_too(begin: Begin) -> None:
     fleet_file = run / "fleet.json"
     fleet_file.write_text(json.dumps(json.loads(fleet_file.read_text()) | {"supervisor": 0}))
     (run.parent / "latest").unlink()
-    done = roco("up")
-    assert done.exit_code == 1
+    done = roco("up", code=1)
     assert "1 process left; `roco down --run-dir runs/first` ends it" in done.stderr
 
 
@@ -108,7 +101,7 @@ def test_where_nothing_runs_any_more_a_fleet_is_started(
 ) -> None:
     """Old folders are in nobody's way."""
     starting.down(begin("runs/first"))
-    assert roco("up").exit_code == 0
+    roco("up", code=0)
     assert "--no-latest" not in told[-1]
 
 
@@ -116,8 +109,7 @@ def test_without_room_no_fleet_is_started(
     tmp_path: Path, disk: Callable[[Path, str], Path]
 ) -> None:
     """The sentence says where, how much there is, and how much it takes."""
-    done = roco("up", "--out", disk(tmp_path / "small", "1m") / "run")
-    assert done.exit_code == 1
+    done = roco("up", "--out", disk(tmp_path / "small", "1m") / "run", code=1)
     assert re.search(
         r"the disk of .*/small/run has 1\.0 MB free, and a fleet needs 34 MB to start: make room",
         done.stderr,
@@ -129,8 +121,7 @@ def test_a_second_fleet_is_named_and_latest_stays(
 ) -> None:
     """A verb without a name means the first, as before; the name means the second."""
     first = begin("runs/first")
-    done = roco("up", "--another", "second", "--format", "json")
-    assert done.exit_code == 0, done.output
+    done = roco("up", "--another", "second", "--format", "json", code=0)
     reply = json.loads(done.stdout)
     assert reply["run"] == str(tmp_path / "runs/second")
     assert "--target second" in reply["text"]
@@ -138,7 +129,7 @@ def test_a_second_fleet_is_named_and_latest_stays(
     assert _run(targets.find()) == first
     assert _run(targets.find("second")) == tmp_path / "runs/second"
     (tmp_path / "runs/second" / SLOTS_FILE).touch()
-    assert roco("stop", "--target", "second").exit_code == 0
+    roco("stop", "--target", "second", code=0)
     assert (folders.stop_held(first), folders.stop_held(tmp_path / "runs/second")) == (False, True)
 
 
@@ -147,9 +138,9 @@ def test_a_folder_of_ones_own_takes_latest_from_no_living_fleet(
 ) -> None:
     """--out is a name as well; parts of one fleet may stand side by side."""
     begin("runs/first")
-    assert roco("up", "--out", "runs/part").exit_code == 0
+    roco("up", "--out", "runs/part", code=0)
     assert "--no-latest" in told[-1]
-    assert roco("up", "--out", "elsewhere/part").exit_code == 0
+    roco("up", "--out", "elsewhere/part", code=0)
     assert "--no-latest" not in told[-1]
 
 
@@ -170,8 +161,7 @@ def test_the_only_fleet_that_lives_is_meant(begin: Begin) -> None:
 def test_a_name_that_cannot_be_one_is_wrong_use(begin: Begin, words: list[str]) -> None:
     """Also one that is used already: two recordings do not mix."""
     os.makedirs("runs/there")
-    done = roco("up", "--another", *words)
-    assert done.exit_code == 2
+    roco("up", "--another", *words, code=2)
     assert not (Path("runs") / words[0] / "fleet.json").exists()
 
 

@@ -6,13 +6,12 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from calling import roco
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 from companion.tools.system import SYSTEM
 from operate.cli import lazy
-from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
 from operate.cli.faults import chaos, moments, verbs
 from operate.cli.faults.chaos import Cell, Result
@@ -76,19 +75,13 @@ def test_a_kind_that_can_be_done_to_none_is_told() -> None:
         chaos.choose(SYSTEM, 1, ("cut",), ("loop",))
 
 
-@pytest.mark.parametrize(
-    ("words", "why"),
-    [
-        (["--kind", "explode"], "there is no kind of fault 'explode'; there are kill, "),
-        (["--on", "cow"], "there is no process 'cow'; there are router, "),
-        (["--resume"], "name its folder with --out"),
-    ],
-)
-def test_wrong_use_is_told(words: list[str], why: str) -> None:
+def test_wrong_use_is_told() -> None:
     """Before anything is started."""
-    done = CliRunner().invoke(app, ["chaos", *words])
-    assert done.exit_code == 2
-    assert why in done.output
+    no_kind = "there is no kind of fault 'explode'; there are kill, "
+    assert no_kind in roco("chaos", "--kind", "explode", code=2).output
+    no_process = "there is no process 'cow'; there are router, "
+    assert no_process in roco("chaos", "--on", "cow", code=2).output
+    assert "name its folder with --out" in roco("chaos", "--resume", code=2).output
 
 
 @pytest.mark.parametrize(
@@ -131,47 +124,38 @@ def test_what_is_done_is_not_done_again(done: list[int], tmp_path: Path) -> None
     of broken runs.
     """
     out = str(tmp_path / "c")
-    first = CliRunner().invoke(app, ["chaos", "--runs", "3", "--out", out])
-    assert (first.exit_code, done) == (1, [1, 2, 3])
-    assert "it broke" in first.output
+    assert "it broke" in roco("chaos", "--runs", 3, "--out", out, code=1).output
+    assert done == [1, 2, 3]
     assert [path.name for path in (tmp_path / "c/runs").iterdir()] == ["seed-2"]
     file = tmp_path / "c" / chaos.RESULTS_FILE
     file.write_bytes(file.read_bytes()[:-20])
-    CliRunner().invoke(app, ["chaos", "--runs", "4", "--out", out, "--resume"])
+    roco("chaos", "--runs", 4, "--out", out, "--resume")
     assert done == [1, 2, 3, 3, 4]
-    assert [one.cell.seed for one in chaos.results_in(tmp_path / "c")] == [1, 2, 3, 4]
+    results = trials.read_lines(file, Result)
+    assert [one.cell.seed for one in results] == [1, 2, 3, 4]
 
 
 def test_a_budget_begins_no_more_runs(done: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
     """And says how to go on."""
     clock = iter(range(0, 10_000, 100))
     monkeypatch.setattr(chaos.time, "monotonic", lambda: float(next(clock)))
-    told = CliRunner().invoke(
-        app, ["chaos", "--runs", "9", "--budget", "4", "--seed", "3", "--out", "c"]
-    )
+    told = roco("chaos", "--runs", 9, "--budget", 4, "--seed", 3, "--out", "c").output
     assert done == [3, 4]
-    assert "--out" in told.output
-    assert "--resume" in told.output
+    assert "--out" in told
+    assert "--resume" in told
 
 
 def test_programs_get_a_line_for_each_run(done: list[int]) -> None:
     """With the cell that repeats it."""
-    told = CliRunner().invoke(
-        app, ["chaos", "--runs", "2", "--seed", "5", "--out", "c", "--format", Format.JSON]
-    )
-    found = [msgspec.json.decode(line, type=Result) for line in told.stdout.splitlines()]
+    told = roco("chaos", "--runs", 2, "--seed", 5, "--out", "c", "--format", Format.JSON).stdout
+    found = [msgspec.json.decode(line, type=Result) for line in told.splitlines()]
     assert [one.cell for one in found] == [chaos.choose(SYSTEM, seed, (), ()) for seed in (5, 6)]
 
 
 def test_beside_a_fleet_it_is_refused(done: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
     """The machine would be shared."""
-    living = running_fleets.Living(Path("runs/x"), trials_fleet(), ("router",))
+    fleet = running_fleets.Fleet("roco", "tcp/127.0.0.1:1", 1, 1.0, ())
+    living = running_fleets.Living(Path("runs/x"), fleet, ("router",))
     monkeypatch.setattr(running_fleets, "here", lambda: [living])
-    told = CliRunner().invoke(app, ["chaos"])
-    assert (told.exit_code, done) == (1, [])
-    assert "a fleet runs here already" in told.output
-
-
-def trials_fleet() -> running_fleets.Fleet:
-    """A fleet that runs."""
-    return running_fleets.Fleet("roco", "tcp/127.0.0.1:1", 1, 1.0, ())
+    assert "a fleet runs here already" in roco("chaos", code=1).output
+    assert done == []

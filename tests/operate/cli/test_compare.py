@@ -6,22 +6,13 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from typer.testing import CliRunner
+from calling import POUR, printed, roco
 
-from operate.cli.__main__ import app
 from operate.cli.runs import compare
 from operate.cli.terminal.console import Console
 from operate.experiments.comparing import Compared, Diverged, Divergence, Verdict
 from operate.experiments.intervals import Interval
 from operate.experiments.run_figures import SentMessage
-
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
-
-
-def run(*words: str) -> tuple[int, str, str]:
-    """Exit code, standard output, standard error."""
-    done = CliRunner().invoke(app, list(words), env={"COLUMNS": "100"})
-    return done.exit_code, done.stdout, done.stderr
 
 
 def experiment(place: Path, factor: float = 1.0, lost: int = 0) -> Path:
@@ -45,40 +36,34 @@ def test_a_regression_is_said_and_ends_with_1(tmp_path: Path) -> None:
     too.
     """
     before, after = experiment(tmp_path / "before"), experiment(tmp_path / "after", 1.3)
-    code, out, _ = run("compare", str(before), str(after))
-    assert code == 1
+    out = roco("compare", str(before), str(after), code=1).stdout
     assert "regression: energy of the body's joints (threshold 10)" in out
     assert "+30.0" in out
-    assert run("compare", str(before), str(after), "--threshold", "energy=40")[0] == 0
-    assert run("compare", str(after), str(before))[0] == 0
+    roco("compare", str(before), str(after), "--threshold", "energy=40", code=0)
+    roco("compare", str(after), str(before), code=0)
 
 
 def test_lost_runs_are_named(tmp_path: Path) -> None:
     """Half of them failed: exit code 1, the first seeds and why."""
-    code, out, _ = run(
-        "compare", str(experiment(tmp_path / "a")), str(experiment(tmp_path / "b", lost=10))
-    )
-    assert code == 1
+    before, after = experiment(tmp_path / "a"), experiment(tmp_path / "b", lost=10)
+    out = roco("compare", before, after, code=1).stdout
     assert "seed 1 succeeded in A and not in B: the jar fell" in out
     assert "regression: success (threshold 5)" in out
 
 
 def test_two_recordings_for_programs() -> None:
     """A folder and the file in it are the same run."""
-    code, out, _ = run("compare", str(POUR), str(POUR / "traffic.mcap"), "--format", "json")
-    told = msgspec.json.decode(out)
-    assert (code, told["regression"], told["runs"]) == (0, False, [1, 1])
+    told = printed("compare", POUR, POUR / "traffic.mcap")
+    assert (told["regression"], told["runs"]) == (False, [1, 1])
     assert told["diverged"] == [{"seed": 7, "first": None}]
 
 
 @pytest.mark.timeout(180)
 def test_what_is_no_set_of_runs_is_wrong_use(tmp_path: Path) -> None:
     """Exit code 2 and what would be right, also for a threshold that is none."""
-    code, _, error = run("compare", str(tmp_path), str(POUR))
-    assert code == 2
+    error = roco("compare", str(tmp_path), str(POUR), code=2).stderr
     assert "give an experiment's folder" in error
-    code, _, error = run("compare", str(POUR), str(POUR), "--threshold", "speed=3")
-    assert code == 2
+    error = roco("compare", str(POUR), str(POUR), "--threshold", "speed=3", code=2).stderr
     assert "success, latency, energy, traffic" in error
 
 
@@ -115,8 +100,7 @@ def test_the_first_difference_is_shown_in_words() -> None:
 def test_a_report_is_made_of_a_recording_alone(form: str) -> None:
     """Nothing is written; success ends with 0."""
     before = sorted(POUR.iterdir())
-    code, out, error = run("report", str(POUR / "traffic.mcap"), "--format", form)
-    assert code == 0, error
+    out = roco("report", POUR / "traffic.mcap", "--format", form, code=0).stdout
     assert sorted(POUR.iterdir()) == before
     if form == "json":
         assert msgspec.json.decode(out)["communicates"]["total"] == 420
@@ -129,26 +113,19 @@ def test_a_report_is_made_of_a_recording_alone(form: str) -> None:
 @pytest.mark.timeout(180)
 def test_a_report_goes_where_it_is_wanted_and_overwrites_no_recording(tmp_path: Path) -> None:
     """report.json, report.html and run.rrd beside a copy of the recording."""
-    code, out, error = run("report", str(POUR / "traffic.mcap"), "--out", str(tmp_path / "again"))
-    assert code == 0, error
-    assert {"report.json", "report.html", "run.rrd", "traffic.mcap"} <= {
-        p.name for p in (tmp_path / "again").iterdir()
-    }
-    assert "written:" in out
-    code, _, error = run("report", str(POUR / "traffic.mcap"), "--out", str(tmp_path / "again"))
-    assert code == 2
-    assert "another --out" in error
+    words = ("report", POUR / "traffic.mcap", "--out", tmp_path / "again")
+    assert "written:" in roco(*words, code=0).stdout
+    made = {path.name for path in (tmp_path / "again").iterdir()}
+    assert {"report.json", "report.html", "run.rrd", "traffic.mcap"} <= made
+    assert "another --out" in roco(*words, code=2).stderr
 
 
 @pytest.mark.timeout(180)
 def test_tables_are_written(tmp_path: Path) -> None:
     """Each table is reported with its number of rows."""
-    code, out, error = run(
-        "export", str(POUR), "--to", "csv", "--out", str(tmp_path), "--format", "json"
-    )
-    assert code == 0, error
-    assert {Path(one["file"]).name: one["rows"] for one in msgspec.json.decode(out)} == {
+    told = printed("export", POUR, "--to", "csv", "--out", tmp_path)
+    assert {Path(one["file"]).name: one["rows"] for one in told} == {
         "communicates.csv": 420, "states.csv": 81, "events.csv": 19, "telemetry.csv": 172,
     }  # fmt: skip
     assert (tmp_path / "communicates.csv").read_text().count("\n") == 421
-    assert run("export", str(tmp_path), "--out", str(tmp_path))[0] == 2
+    roco("export", str(tmp_path), "--out", str(tmp_path), code=2)

@@ -1,6 +1,5 @@
 """A fleet in containers, seen through a pretended docker that runs the real scripts."""
 
-import json
 import os
 import signal
 import subprocess
@@ -12,11 +11,10 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from typer.testing import CliRunner, Result
+from calling import printed, roco
 
 from companion.run_files import HiAddress
 from companion.tools.verbs.hi import address
-from operate.cli.__main__ import app
 from operate.cli.errors import DockerError, UsageError
 from operate.cli.fleet import checkup, targets
 from operate.cli.fleet.checkup import Level
@@ -36,6 +34,14 @@ def wait_for(condition: Callable[[], object]) -> None:
         assert time.monotonic() < until, f"not within {DEADLINE_S} s"
 
 
+def container(world: Path, name: str, state: str = "running") -> Path:
+    """The folder of a container, in this state."""
+    folder = world / name
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "state").write_text(state)
+    return folder
+
+
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Containers of two services and of ex, which has a supervisor with two processes; a foreign
@@ -43,21 +49,18 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """
     root, bin = tmp_path / "containers", tmp_path / "bin"
     for name in ("one.router", "one.hi", "one.ex", "other.cache"):
-        (root / name).mkdir(parents=True)
-        (root / name / "state").write_text("running")
-        (root / name / "stop").write_bytes(b"\0")
+        (container(root, name) / "stop").write_bytes(b"\0")
     for service in ("router", "hi"):
-        (root / f"one.{service}" / f"{service}.ready").touch()
-        # after any /dev was made
-        os.utime(root / f"one.{service}" / f"{service}.ready", (4e9, 4e9))
+        ready = root / f"one.{service}" / f"{service}.ready"
+        ready.touch()
+        os.utime(ready, (4e9, 4e9))  # after any /dev was made
     (root / "one.hi" / "hi.heartbeat.json").write_text(
         f'{{"pid":{os.getpid()},"incarnation":2,"state":"listening"}}'
     )
     (root / "one.hi" / "hi.json").write_bytes(msgspec.json.encode(HiAddress(1, "t")))
     both = tuple(ProcessStatus(name, ProcessState.READY, 7) for name in ("loop", "ex"))
-    (root / "one.ex" / "fleet.json").write_bytes(
-        msgspec.json.encode(Fleet("roco", "", 1, 0.0, both))
-    )
+    fleet = Fleet("roco", "", 1, 0.0, both)
+    (root / "one.ex" / "fleet.json").write_bytes(msgspec.json.encode(fleet))
     bin.mkdir()
     (bin / "docker").write_text(f'#!/bin/sh\nexec "{sys.executable}" -I -S "{DOCKER}" "$@"\n')
     (bin / "docker").chmod(0o755)
@@ -66,11 +69,6 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delenv("ROCO_RUN_DIR", raising=False)
     monkeypatch.chdir(tmp_path)
     return root
-
-
-def roco(*words: str) -> Result:
-    """Call the command line."""
-    return CliRunner().invoke(app, list(words))
 
 
 def test_containers_are_found_out_where_nothing_runs_here(world: Path) -> None:
@@ -88,12 +86,11 @@ def test_containers_are_found_out_where_nothing_runs_here(world: Path) -> None:
 
 def test_a_service_is_stopped_and_started_by_docker(world: Path) -> None:
     """It stays down meanwhile, and the status says what to do."""
-    assert roco("agent", "stop", "hi").exit_code == 0
+    roco("agent", "stop", "hi", code=0)
     assert (world / "one.hi" / "state").read_text() == "exited"
-    said = roco("status")
-    assert said.exit_code == 1
+    said = roco("status", code=1)
     assert "roco agent start hi" in said.stdout
-    assert roco("agent", "start", "hi", "--format", "json").exit_code == 0
+    roco("agent", "start", "hi", "--format", "json", code=0)
     assert (world / "one.hi" / "state").read_text() == "running"
 
 
@@ -115,26 +112,24 @@ def test_stop_reaches_the_loop_in_place(world: Path) -> None:
     flag = world / "one.ex" / "stop"
     number = flag.stat().st_ino
     # without it, the fleets of other tests are stopped, too
-    assert roco("stop", "--target", "one").exit_code == 0
+    roco("stop", "--target", "one", code=0)
     assert (flag.read_bytes(), flag.stat().st_ino) == (b"\x01", number)
-    assert json.loads(roco("agents", "--format", "json").stdout)["where"] == "compose project one"
+    assert printed("agents", code=None)["where"] == "compose project one"
     assert targets.find().look().stop_held
-    assert roco("release").exit_code == 0
+    roco("release", code=0)
     assert flag.read_bytes() == b"\x00"
 
 
 def test_which_project_is_meant_must_be_said_where_there_are_two(world: Path) -> None:
     """By its name; one that has ended can be named, too."""
-    (world / "two.router").mkdir()
-    (world / "two.router" / "state").write_text("running")
-    done = roco("status")
-    assert done.exit_code == 2
+    two = container(world, "two.router")
+    done = roco("status", code=2)
     assert "one or two" in done.stderr
-    (world / "two.router" / "state").write_text("exited")
+    (two / "state").write_text("exited")
     assert targets.find().where == "compose project one"
     assert targets.find("two").look().seen[0].status.state is ProcessState.STOPPED
-    assert roco("status", "--target", "two").exit_code == 3
-    assert roco("status", "--target", "three").exit_code == 3
+    roco("status", "--target", "two", code=3)
+    roco("status", "--target", "three", code=3)
 
 
 def test_down_ends_the_router_last(world: Path) -> None:
@@ -148,9 +143,7 @@ def test_the_monitors_file_is_read_from_a_byte_on(world: Path) -> None:
     """And a service that does not run is told."""
     with pytest.raises(DockerError, match="service monitor of compose project one does not run"):
         targets.find().live(0)
-    (world / "one.monitor").mkdir()
-    (world / "one.monitor" / "state").write_text("running")
-    (world / "one.monitor" / "live.jsonl").write_text("abcdef")
+    (container(world, "one.monitor") / "live.jsonl").write_text("abcdef")
     assert targets.find().live(2) == b"cdef"
 
 
@@ -159,8 +152,7 @@ def test_without_docker_nothing_is_found_there(
 ) -> None:
     """No error of docker, but that nothing runs."""
     monkeypatch.setenv("PATH", "/nowhere")
-    done = roco("status")
-    assert done.exit_code == 3
+    done = roco("status", code=3)
     assert "roco up" in done.stderr
 
 
@@ -173,16 +165,12 @@ def test_of_several_robots_one_is_meant(world: Path) -> None:
         '"conversation":"hi-1-1"}\n'
     )
     both = "velma1,velma2"
-    for service, system in {"router": both, "monitor": both, "hi": "velma1", "ex": "velma1",
-                            "hi2": "velma2",
-                            "ex2": "velma2"}.items():  # fmt: skip
-        folder = world / f"one.{service}"
-        folder.mkdir(exist_ok=True)
-        (folder / "state").write_text("running")
+    systems = {"router": both, "monitor": both, "hi": "velma1", "ex": "velma1"}
+    for service, system in (systems | {"hi2": "velma2", "ex2": "velma2"}).items():
+        folder = container(world, f"one.{service}")
         (folder / "stop").write_bytes(b"\0")
-        (folder / "environment").write_text(
-            f"{'ROCO_SYSTEMS' if ',' in system else 'ROCO_SYSTEM'}={system}\n"
-        )
+        variable = "ROCO_SYSTEMS" if system == both else "ROCO_SYSTEM"
+        (folder / "environment").write_text(f"{variable}={system}\n")
     (world / "one.monitor" / "velma2").mkdir()
     (world / "one.monitor" / "velma2" / "verdicts.jsonl").write_text(judged)
     second = targets.find("one/velma2")
@@ -194,19 +182,12 @@ def test_of_several_robots_one_is_meant(world: Path) -> None:
     whole = targets.find("one")
     whole.hold("ex", True)
     assert {(world / f"one.{ex}" / "stop").read_bytes() for ex in ("ex", "ex2")} == {b"\x01"}
-    with pytest.raises(
-        UsageError, match="name the one to release: --target one/velma1 or one/velma2"
-    ):
+    with pytest.raises(UsageError, match="release: --target one/velma1 or one/velma2"):
         whole.hold("ex", False)
     assert [one.conversation for one in second.verdicts()] == ["hi-1-1"]
     assert targets.find("compose/velma1").verdicts() == []
-    assert (
-        json.loads(roco("conversation", "--target", "one/velma2", "--format", "json").stdout)[0][
-            "id"
-        ]
-        == "hi-1-1"
-    )
-    assert roco("status", "--target", "one/velma3").exit_code == 3
+    assert printed("conversation", "--target", "one/velma2")[0]["id"] == "hi-1-1"
+    roco("status", "--target", "one/velma3", code=3)
 
 
 def test_a_fault_hits_the_process_in_its_container(world: Path) -> None:
@@ -222,31 +203,23 @@ def test_a_fault_hits_the_process_in_its_container(world: Path) -> None:
         wait_for(lambda: next(one for one in fleet.look().seen if one.name == "hi").used.frozen)
         fleet.signal("hi", signal.SIGKILL)
         assert victim.wait(10) == -signal.SIGKILL
-    monitor = world / "one.monitor"
-    monitor.mkdir()
-    (monitor / "state").write_text("running")
+    monitor = container(world, "one.monitor")
     assert targets.find("one").faults() == b""
     targets.find("one").add_fault(b"first\n")
     assert (monitor / FAULTS_FILE).read_bytes() == b"first\n"
     (monitor / "roco").mkdir()
     targets.find("one").add_fault(b"second\n")
-    assert (
-        (monitor / "roco" / FAULTS_FILE).read_bytes() == b"second\n" == targets.find("one").faults()
-    )
+    assert targets.find("one").faults() == b"second\n"
+    assert (monitor / "roco" / FAULTS_FILE).read_bytes() == b"second\n"
 
 
 def test_a_fault_of_the_monitor_is_noted_when_it_is_back(world: Path) -> None:
     """It was killed, and its file is in its own container."""
-    monitor = world / "one.monitor"
-    monitor.mkdir()
-    (monitor / "state").write_text("restarting")
+    monitor = container(world, "one.monitor", "restarting")
     noting = threading.Thread(target=lambda: targets.find("one").add_fault(b"killed\n"))
     noting.start()
-    looked = targets.find("one").look()
-    assert (
-        next(one.status.state for one in looked.seen if one.name == "monitor")
-        is ProcessState.BACKING_OFF
-    )
+    states = {one.name: one.status.state for one in targets.find("one").look().seen}
+    assert states["monitor"] is ProcessState.BACKING_OFF
     assert noting.is_alive()
     (monitor / "state").write_text("running")
     noting.join(DEADLINE_S)

@@ -5,13 +5,13 @@ goes on.
 from itertools import product
 from pathlib import Path
 
+import calling
 import msgspec
 import pytest
+from calling import POUR
 from rich.cells import cell_len
-from typer.testing import CliRunner
 
 from companion.design import DESIGN
-from operate.cli.__main__ import app
 from operate.cli.terminal import sequence
 from operate.cli.traffic import conversation
 from operate.cli.traffic.verdicts import verdicts_of
@@ -19,7 +19,6 @@ from operate.file_names import VERDICTS_FILE
 from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 ASKED = Judged(
     t=100.0, verdict=Verdict.LEGAL, bytes=196, channel="C5", sender="ta", receiver="ex",
     protocol="request",
@@ -50,13 +49,8 @@ def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def roco(run_dir: Path, *words: str, columns: int = 80, code: int = 0) -> str:
     """Return the verb's output; its exit code must be `code`."""
-    done = CliRunner().invoke(
-        app,
-        ["conversation", *words, "--run-dir", str(run_dir)],
-        env={"COLUMNS": str(columns)},
-        terminal_width=columns,
-    )
-    assert done.exit_code == code, done.output
+    words = ("conversation", *words, "--run-dir", str(run_dir))
+    done = calling.roco(*words, columns=columns, code=code)
     return done.stdout + done.stderr
 
 
@@ -99,13 +93,9 @@ def test_filters(run_dir: Path, words: tuple[str, ...], count: int) -> None:
 def test_a_conversation_is_drawn(run_dir: Path) -> None:
     """Both lifelines, each act with its size, its content, the states after it."""
     text = roco(run_dir, "ta-1-2")
-    assert [
-        word for word in ("request  196 B", "agree  115 B", "inform  1.03 kB") if word not in text
-    ] == []
-    assert text.count("▶") == 1
-    assert text.count("◀") == 2
-    assert "look" in text
-    assert "done" in text
+    for words in ("request  196 B", "agree  115 B", "inform  1.03 kB", "look", "done"):
+        assert words in text, words
+    assert (text.count("▶"), text.count("◀")) == (1, 2)
 
 
 def test_a_drawing_fits_the_terminal(run_dir: Path) -> None:
@@ -145,13 +135,3 @@ def test_the_design_says_who_opened_a_conversation_of_which_the_beginning_is_not
     """Its first words here are an answer."""
     [one] = conversation.conversations([AGREED], DESIGN)
     assert (one.initiator, one.participant) == (ASKED.sender, ASKED.receiver)
-
-
-def test_a_run_without_verdicts_is_judged_now() -> None:
-    """Of an older monitor there is the recording alone."""
-    assert len(verdicts_of(POUR)) == 424
-
-
-def test_no_run_is_said(tmp_path: Path) -> None:
-    """Exit code 3: there is nothing to ask."""
-    assert "no run at" in roco(tmp_path / "none", code=3)

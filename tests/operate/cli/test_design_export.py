@@ -1,29 +1,26 @@
 """`roco design export`: files for spin, of any design file."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from calling import roco
 
 from companion.design import DESIGN
-from operate.cli.__main__ import app
 from topdown.prove.pairs import net_of
 from topdown.prove.promela import promela
 
 LAMP = Path(__file__).parents[2] / "topdown" / "lamp.toml"
 
 
-def export(*words: str) -> Result:
-    """Call `roco design export`."""
-    return CliRunner().invoke(app, ["design", "export", *words])
+export = partial(roco, "design", "export")
 
 
 def test_one_use_goes_to_one_file(tmp_path: Path) -> None:
     """The text is that of the net which is explored."""
     file = tmp_path / "plan.pml"
-    said = export("--promela", str(file), "--use", "execute_plan", "--faults", "1")
-    assert said.exit_code == 0, said.output
+    said = export("--promela", str(file), "--use", "execute_plan", "--faults", "1", code=0)
     assert file.read_text() == promela(net_of(DESIGN, "execute_plan", 1))
     assert f"spin -a -o1 -o2 {file}" in said.stdout.replace("\n", "")
 
@@ -39,8 +36,8 @@ def test_a_pair_goes_to_a_folder(tmp_path: Path) -> None:
         "generate_plan",
         "--format",
         "json",
+        code=0,
     )
-    assert said.exit_code == 0, said.output
     written = json.loads(said.stdout)
     assert [one["use"] for one in written] == ["generate_plan", "execute_plan"]
     for one in written:
@@ -49,8 +46,7 @@ def test_a_pair_goes_to_a_folder(tmp_path: Path) -> None:
 
 def test_another_design_is_exported_whole(tmp_path: Path) -> None:
     """Nothing of the companion is needed."""
-    said = export(str(LAMP), "--promela", str(tmp_path), "--ideal")
-    assert said.exit_code == 0, said.output
+    export(str(LAMP), "--promela", str(tmp_path), "--ideal", code=0)
     assert [path.name for path in tmp_path.iterdir()] == ["switch.pml"]
 
 
@@ -68,7 +64,6 @@ def test_what_is_wrong_is_said_with_what_would_be_right(
 ) -> None:
     """And nothing is written."""
     monkeypatch.chdir(tmp_path)
-    result = export(*words)
-    assert result.exit_code == 2
+    result = export(*words, code=2)
     assert said in result.stderr
     assert not list(tmp_path.iterdir())

@@ -2,14 +2,13 @@
 pictures are not stale.
 """
 
-import json
+from functools import partial
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from calling import printed, roco
 
 from companion.design import DESIGN
-from operate.cli.__main__ import app
 from topdown.draw import book
 from topdown.draw.document import Grid
 
@@ -19,27 +18,24 @@ KEPT = ("system.svg",)
 OTHER = ROOT / "tests" / "topdown" / "lamp.toml"
 
 
-def show(*words: str, columns: int = 100) -> Result:
-    """Call `roco design show`."""
-    return CliRunner().invoke(app, ["design", "show", *words], env={"COLUMNS": str(columns)})
+show = partial(roco, "design", "show")
 
 
 @pytest.mark.parametrize("columns", [80, 120])
 def test_text_fits_the_terminal(columns: int) -> None:
     """All of the companion's design, at both widths, also at length."""
-    said = show("--long", columns=columns)
-    assert said.exit_code == 0, said.output
+    said = show("--long", columns=columns, code=0)
     assert max(map(len, said.stdout.splitlines())) <= columns
     assert "STATE MACHINES" in said.stdout
 
 
 def test_json_has_what_the_text_has() -> None:
     """The same sections, tables with their rows."""
-    sections = json.loads(show("--format", "json").stdout)
+    sections = printed("design", "show")
     assert [section["what"] for section in sections] == [
         what for what in book.What if what is not book.What.ALL
     ]
-    (tree,) = json.loads(show("--what", "tree", "--step", "1", "--format", "json").stdout)
+    (tree,) = printed("design", "show", "--what", "tree", "--step", "1")
     assert tree["parts"][1]["rows"] == [["C1", "ac-ec", "1", "commands to be executed"]]
 
 
@@ -56,15 +52,14 @@ def test_an_option_alone_chooses_the_sections_it_is_about(
     words: list[str], sections: list[str]
 ) -> None:
     """A step its table, an agent its interface and machine, a protocol its diagram."""
-    found = json.loads(show(*words, "--format", "json").stdout)
+    found = printed("design", "show", *words)
     assert [section["what"] for section in found] == sections
 
 
 def test_another_design_is_shown_and_written(tmp_path: Path) -> None:
     """A file of any system; page and pictures are named when written."""
     page, folder = tmp_path / "new" / "lamp.html", tmp_path / "svg"
-    said = show(str(OTHER), "--html", str(page), "--svg", str(folder))
-    assert said.exit_code == 0
+    said = show(str(OTHER), "--html", str(page), "--svg", str(folder), code=0)
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert {path.name for path in folder.iterdir()} >= {
         "system.svg",
@@ -76,10 +71,9 @@ def test_another_design_is_shown_and_written(tmp_path: Path) -> None:
 
 def test_what_is_not_there_is_an_error_that_lists_what_is() -> None:
     """Exit code 1, words on standard error."""
-    said = show("--agent", "nobody")
-    assert said.exit_code == 1
+    said = show("--agent", "nobody", code=1)
     assert "the design has co, " in said.stderr
-    assert show("no/such/file.toml").exit_code == 2
+    show("no/such/file.toml", code=2)
 
 
 def grid(what: book.What, title: str, **choice: int) -> Grid:

@@ -54,9 +54,8 @@ def run(tmp_path: Path) -> Path:
     """
     traffic, folder = Traffic(), tmp_path / f"run{TITLE}{TURNED}"
     folder.mkdir()
-    report = cmd.TaskReport(
-        state=cmd.TaskState.RUNNING, at=hfsm.Place(("x",), hfsm.Step(EVIL + BELOW))
-    )
+    place = hfsm.Place(("x",), hfsm.Step(EVIL + BELOW))
+    report = cmd.TaskReport(state=cmd.TaskState.RUNNING, at=place)
     traffic.edit(traffic.said("co", "hi", "inform"), **saying(report))
     traffic.edit(traffic.said("ta", "co", "inform"), conversation=f"c{EVIL}")
     recording = Recording(folder / TRAFFIC_FILE)
@@ -65,9 +64,8 @@ def run(tmp_path: Path) -> Path:
     recording.finish()
     status = ProcessStatus(f"co{EVIL}", ProcessState.GIVEN_UP, note=EVIL)
     told = Fleet(f"roco{EVIL}", f"tcp/{EVIL}", 0, 0.0, (status,), "companion.tools.system:SYSTEM")
-    judged = Judged(
-        0.0, "legal", 1, "C1", "ta", "co", "coordinate", "inform", f"c{EVIL}", text=EVIL, why=EVIL
-    )
+    said = ("C1", "ta", "co", "coordinate", "inform", f"c{EVIL}")
+    judged = Judged(0.0, "legal", 1, *said, text=EVIL, why=EVIL)
     (folder / VERDICTS_FILE).write_bytes(msgspec.json.encode(judged))
     (folder / FLEET_FILE).write_bytes(msgspec.json.encode(told))
     return folder
@@ -108,9 +106,8 @@ def test_no_verb_lets_a_control_sequence_through(
     done = CliRunner().invoke(app, [word.format(run=run, design=design) for word in words])
     said = done.stdout + done.stderr
     assert obeyed(said) == [], ascii(said[:2000])
-    assert [
-        part for part in has if part not in said.replace("\n", "") and part not in said
-    ] == [], ascii(said)[:3000]
+    whole = said + said.replace("\n", "")
+    assert [part for part in has if part not in whole] == [], ascii(said)[:3000]
     if "json" in words:
         assert all(json.loads(line) for line in done.stdout.splitlines())
 
@@ -128,9 +125,8 @@ def test_a_line_of_json_means_the_same(text: str) -> None:
 def test_colours_are_ours() -> None:
     """On a terminal they are there, in a table, too; those of others, and their links, are text."""
     out = io.StringIO()
-    console = Console(
-        file=out, force_terminal=True, color_system="standard", width=200, highlight=False
-    )
+    colours = {"force_terminal": True, "color_system": "standard"}
+    console = Console(file=out, width=200, highlight=False, **colours)
     table = Table("name")
     table.add_row(f"\x1b[31mred{TITLE}[link=file:///x]here[/]")
     console.print(table)

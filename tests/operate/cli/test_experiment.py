@@ -47,10 +47,9 @@ def played(monkeypatch: pytest.MonkeyPatch) -> Callable[[Play], list[int]]:
     def by(play: Play) -> list[int]:
         def start(place: Path, setting: trials.Setting, seed: int) -> subprocess.Popen[bytes]:
             seeds.append(seed)
+            command = [sys.executable, "-c", play(seed)]
             with (place / trials.LOG_FILE).open("ab") as log:
-                return subprocess.Popen(
-                    [sys.executable, "-c", play(seed)], cwd=place, stdout=log, stderr=log
-                )
+                return subprocess.Popen(command, cwd=place, stdout=log, stderr=log)
 
         monkeypatch.setattr(trials, "_start", start)
         return seeds
@@ -78,11 +77,8 @@ def test_each_run_leaves_a_line(tmp_path: Path, played: Callable[[Play], list[in
     played(lambda seed: leaves(MISSED, 1) if seed == 2 else leaves(POURED))
     said = run_all(tmp_path, setting())
     lines = trials.lines(tmp_path)
-    assert [(one.seed, one.failure, one.exit) for one in lines] == [
-        (1, None, 0),
-        (2, "the jar fell", 1),
-        (3, None, 0),
-    ]
+    found = [(one.seed, one.failure, one.exit) for one in lines]
+    assert found == [(1, None, 0), (2, "the jar fell", 1), (3, None, 0)]
     assert msgspec.json.decode(lines[0].figures)["energy_J"] == 1.0
     assert len((tmp_path / RESULTS_FILE).read_bytes().splitlines()) == 3
     assert "run 2 of 3, seed 2: FAILED: the jar fell" in said
@@ -114,8 +110,9 @@ def test_an_interrupted_experiment_goes_on(
 def test_of_a_seed_that_stands_there_twice_the_first_line_counts(tmp_path: Path) -> None:
     """Two experiments at once in one folder do not choose the better run."""
     for failure in ("the jar fell", None):
-        trials.keep(
-            tmp_path, trials.Line(1, 1.0, 60.0, 0, False, (1.0, 1.0), failure, msgspec.Raw(b"null"))
+        trials.append_line(
+            tmp_path / trials.RESULTS_FILE,
+            trials.Line(1, 1.0, 60.0, 0, False, (1.0, 1.0), failure, msgspec.Raw(b"null")),
         )
     assert [one.failure for one in trials.lines(tmp_path)] == ["the jar fell"]
 
@@ -167,13 +164,10 @@ def test_for_programs_each_run_is_a_line_of_json(
 ) -> None:
     """With what is left in seconds: for each to come the median of those so far; at last none."""
     played(lambda seed: leaves(POURED))
-    said = [
-        msgspec.json.decode(line)
-        for line in run_all(tmp_path, setting(), form=Format.JSON).splitlines()
-    ]
-    assert [(one["kind"], one["seed"], one["done"], one["of"]) for one in said] == [
-        ("run", 1, 1, 3), ("run", 2, 2, 3), ("run", 3, 3, 3),
-    ]  # fmt: skip
+    lines = run_all(tmp_path, setting(), form=Format.JSON).splitlines()
+    said = [msgspec.json.decode(line) for line in lines]
+    counts = [(one["kind"], one["seed"], one["done"], one["of"]) for one in said]
+    assert counts == [("run", 1, 1, 3), ("run", 2, 2, 3), ("run", 3, 3, 3)]
     took = [one["took_s"] for one in said]
     assert said[0]["left_s"] == pytest.approx(2 * took[0], abs=0.2)  # each is rounded
     assert said[1]["left_s"] == pytest.approx((took[0] + took[1]) / 2, abs=0.2)

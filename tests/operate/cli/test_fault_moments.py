@@ -148,13 +148,11 @@ def test_a_state_is_there_when_it_is_told() -> None:
     """By that agent, in that state."""
 
     def beat(agent: str, state: str) -> Sample:
-        return Sample(
-            f"roco/s/_/state/{agent}", msgspec.json.encode({"agent": agent, "state": state}), 1.0
-        )
+        told = msgspec.json.encode({"agent": agent, "state": state})
+        return Sample(f"roco/s/_/state/{agent}", told, 1.0)
 
     there = counter(InState("pl", "idle"))
-    assert [there(one) for one in (beat("pl", "busy"), beat("km", "idle"), spoken("pl", "km"))] == [
-        False
-    ] * 3
+    for other in (beat("pl", "busy"), beat("km", "idle"), spoken("pl", "km")):
+        assert not there(other)
     assert not there(Sample("roco/s/_/state/pl", b"\xff", 1.0))
     assert there(beat("pl", "idle"))

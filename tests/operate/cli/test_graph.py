@@ -87,7 +87,9 @@ SEEN = (
     Seen(ProcessStatus("km", ProcessState.READY, 5), Beat(pid=5, incarnation=1, state="idle"), 0.1),
     Seen(ProcessStatus("pl", ProcessState.BACKING_OFF, note="killed by signal 9")),
 )
-FOUND = graph.graph_at(DESIGN, "here", SEEN, LINES, at=100.0, window_s=10.0)
+FOUND = graph.Graph(
+    "here", 100.0, 10.0, graph.nodes(DESIGN, SEEN), graph.edges(DESIGN, LINES, 100.0, 10.0)
+)
 
 
 def test_rates_are_those_of_the_last_seconds() -> None:

@@ -14,6 +14,7 @@ from typing import IO
 
 import pytest
 
+from operate import proc
 from operate.cli import interrupts
 from operate.cli.runs import folders
 
@@ -30,6 +31,7 @@ child.wait()
 """
 SHOWING = """
 import sys
+from operate import proc
 from operate.cli import interrupts
 from operate.cli.fleet import view
 with interrupts.heard(), open("words", "wb") as words:
@@ -47,6 +49,7 @@ roco.main()
 """
 TELLING = """
 import sys
+from operate import proc
 from operate.cli import interrupts
 from operate.cli.output import tell_json
 try:
@@ -84,10 +87,7 @@ def roco(tmp_path: Path) -> Iterator[Roco]:
     yield start
     for process in started:
         process.kill()
-        process.wait()
-        for pipe in (process.stdout, process.stderr):
-            if pipe is not None:
-                pipe.close()
+        process.communicate()
     for file in tmp_path.glob("runs/*/fleet.json"):
         told = folders.fleet(file.parent)
         if told is not None and folders.is_service(told.supervisor, *folders.SUPERVISORS):
@@ -106,7 +106,7 @@ def running(code: str, *words: str) -> Iterator[tuple["subprocess.Popen[bytes]",
             process.kill()
 
 
-def until(condition: Callable[[], bool]) -> None:
+def until(condition: Callable[[], object]) -> None:
     """Wait for it, but not for ever."""
     end = time.monotonic() + PATIENCE_S
     while not condition():
@@ -116,20 +116,21 @@ def until(condition: Callable[[], bool]) -> None:
 
 def fleet_of(folder: Path) -> int:
     """The pid of the pretended fleet, once it has told of itself."""
-    found: list[int] = []
-
-    def told() -> bool:
-        files = list(folder.glob("runs/*/fleet.json"))
-        fleet = folders.fleet(files[0].parent) if files else None
-        found[:] = [fleet.supervisor] if fleet is not None else []
-        return bool(found)
-
-    until(told)
-    return found[0]
+    until(lambda: list(folder.glob("runs/*/fleet.json")))
+    (file,) = folder.glob("runs/*/fleet.json")
+    fleet = folders.fleet(file.parent)
+    assert fleet is not None
+    return fleet.supervisor
 
 
-@pytest.mark.parametrize("number", ENDINGS)
-@pytest.mark.parametrize("words", [("up",), ("demo",), ("demo", "--format", "json")])
+@pytest.mark.parametrize(
+    ("words", "number"),
+    [
+        *((("up",), number) for number in ENDINGS),
+        (("demo",), signal.SIGTERM),
+        (("demo", "--format", "json"), signal.SIGHUP),
+    ],
+)
 def test_an_interrupted_start_leaves_no_fleet(
     roco: Roco, tmp_path: Path, words: tuple[str, ...], number: int
 ) -> None:
@@ -210,12 +211,7 @@ def test_a_viewer_ends_with_the_command_that_shows_it(tmp_path: Path, number: in
     child = int(file.read_text())
     process.send_signal(number)
     process.wait(PATIENCE_S)
-    until(
-        lambda: (
-            not Path(f"/proc/{child}").exists()
-            or "Z" in Path(f"/proc/{child}/stat").read_text().split()[2]
-        )
-    )
+    until(lambda: not proc.command_line(child))  # nor has one that nobody waited for any
 
 
 def test_a_signal_waits_for_what_must_not_be_cut() -> None:

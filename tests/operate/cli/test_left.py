@@ -52,9 +52,8 @@ def left(tmp_path: Path) -> Iterator[Path]:
         while len(list(tmp_path.glob("*.ready"))) < len(NAMES):
             assert time.monotonic() < until
             os.sched_yield()
-        (tmp_path / FLEET_FILE).write_bytes(
-            msgspec.json.encode(Fleet("test", "", 0, 0.0, tuple(told)))
-        )
+        fleet = Fleet("test", "", 0, 0.0, tuple(told))
+        (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
         yield tmp_path
 
 

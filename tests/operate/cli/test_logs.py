@@ -3,6 +3,7 @@
 import json
 import time
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -33,14 +34,8 @@ def run(tmp_path: Path) -> Path:
 
 def test_all_agents_are_one_stream_in_the_order_of_time(run: Path) -> None:
     """Though each file has only its own."""
-    assert [line.event for line in Written(Local(run)).new()] == [
-        "co0",
-        "ta0",
-        "co1",
-        "ta1",
-        "co2",
-        "ta2",
-    ]
+    events = ["co0", "ta0", "co1", "ta1", "co2", "ta2"]
+    assert [line.event for line in Written(Local(run)).new()] == events
 
 
 def test_each_line_is_told_once_and_only_when_it_is_whole(run: Path) -> None:
@@ -69,33 +64,22 @@ def test_a_log_that_began_anew_is_read_from_its_beginning(run: Path) -> None:
 
 def test_level_and_since_leave_the_rest_out(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """From info on ta's are none; from a time on the older ones are none."""
-    logs(level=Level.INFO, since="", lines=0, run_dir=run, form=Format.JSON)
-    assert [json.loads(line)["event"] for line in capsys.readouterr().out.splitlines()] == [
-        "co0",
-        "co1",
-        "co2",
-    ]
+
+    def events(**options: Any) -> list[str]:
+        logs(run_dir=run, form=Format.JSON, **options)
+        return [json.loads(line)["event"] for line in capsys.readouterr().out.splitlines()]
+
+    assert events(level=Level.INFO, since="", lines=0) == ["co0", "co1", "co2"]
     since = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime(1011.0))
-    logs(level=Level.DEBUG, since=since, run_dir=run, form=Format.JSON)
-    assert [json.loads(line)["event"] for line in capsys.readouterr().out.splitlines()] == [
-        "ta1",
-        "co2",
-        "ta2",
-    ]
+    assert events(level=Level.DEBUG, since=since) == ["ta1", "co2", "ta2"]
     logs(level=Level.DEBUG, since="", lines=1, run_dir=run)
     assert "ta ta2 peer=x" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("text", "ago"), [("30s", 30.0), ("1.5m", 90.0), ("2h", 7200.0), ("1d", 86400.0)]
-)
-def test_since_takes_a_length_of_time(text: str, ago: float) -> None:
-    """As docker logs does."""
-    assert moment(text, 1e9) == 1e9 - ago
-
-
-def test_since_takes_a_time_of_the_day() -> None:
-    """Of today."""
+def test_since_takes_a_length_of_time_or_a_time_of_the_day() -> None:
+    """As docker logs does; a time is of today."""
+    for text, ago in {"30s": 30.0, "1.5m": 90.0, "2h": 7200.0, "1d": 86400.0}.items():
+        assert moment(text, 1e9) == 1e9 - ago, text
     now = time.mktime((2026, 11, 23, 14, 30, 0, 0, 0, -1))
     assert moment("14:05", now) == now - 25 * 60
     assert moment("14:29:58", now) == now - 2

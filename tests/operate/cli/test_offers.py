@@ -6,11 +6,10 @@ import json
 from pathlib import Path
 from typing import Any, cast
 
+import calling
 import pytest
-from typer.testing import CliRunner
 
 from companion.design import DESIGN
-from operate.cli.__main__ import app
 from operate.cli.fleet.offers import DOWN, UNKNOWN, UP, Search, acts, describe, states
 from operate.cli.fleet.process_status import Beat, Look, Seen
 from operate.cli.fleet.targets import Target
@@ -28,16 +27,13 @@ class Fleet:
     def look(self) -> Look:
         """Each process, with a heartbeat."""
         there = {name: ProcessStatus(name, state, pid=7) for name, state in self._states.items()}
-        return Look(
-            None, tuple(Seen(one, Beat(state="idle")) for one in there.values()), False, 0.0
-        )
+        seen = tuple(Seen(one, Beat(state="idle")) for one in there.values())
+        return Look(None, seen, False, 0.0)
 
 
 def roco(*words: str, code: int = 0) -> str:
     """Return the verb's output where no fleet runs; its exit code must be `code`."""
-    done = CliRunner().invoke(app, ["agents", "--offers", *words], env={"COLUMNS": "300"})
-    assert done.exit_code == code, done.output
-    return done.output
+    return calling.roco("agents", "--offers", *words, columns=300, code=code).output
 
 
 @pytest.fixture(autouse=True)
@@ -55,17 +51,10 @@ def found(*words: str) -> dict[str, Any]:
 
 def test_every_use_of_a_protocol_is_a_service_of_its_participant() -> None:
     """Once, and asked for by its initiator; nothing else is offered."""
-    offered = [
-        (one.agent, service.name)
-        for one in describe(DESIGN, Search(), NOBODY)
-        for service in one.services
-    ]
-    assert sorted(offered) == sorted((use.participant, use.name) for use in DESIGN.file.protocol)
-    asked = {
-        (one.agent, asked.partition(": ")[2])
-        for one in describe(DESIGN, Search(), NOBODY)
-        for asked in one.asks
-    }
+    found, uses = describe(DESIGN, Search(), NOBODY), DESIGN.file.protocol
+    offered = [(one.agent, service.name) for one in found for service in one.services]
+    assert sorted(offered) == sorted((use.participant, use.name) for use in uses)
+    asked = {(one.agent, asked.partition(": ")[2]) for one in found for asked in one.asks}
     assert asked == {(use.initiator, use.name) for use in DESIGN.file.protocol}
 
 

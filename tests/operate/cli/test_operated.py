@@ -17,21 +17,13 @@ from operate.cli.runs import folders
 
 pytestmark = [pytest.mark.long, pytest.mark.process, pytest.mark.timeout(400)]
 VERB_S = 150.0
+ROCO = (sys.executable, "-m", "operate.cli")
 
 
 def roco(run: Path, *words: str, code: int = 0) -> dict[str, Any]:
     """Return the verb's JSON output; its exit code must be `code`."""
-    command = [
-        sys.executable,
-        "-m",
-        "operate.cli",
-        *words,
-        "--run-dir",
-        str(run),
-        "--format",
-        "json",
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=VERB_S, check=False)
+    command = [*ROCO, *words, "--run-dir", str(run), "--format", "json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=VERB_S)
     assert done.returncode == code, done.stdout + done.stderr
     found: dict[str, Any] = json.loads(done.stdout or done.stderr)
     return found
@@ -41,13 +33,12 @@ def roco(run: Path, *words: str, code: int = 0) -> dict[str, Any]:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """One fleet for all of it, as fast as it goes."""
     folder = tmp_path_factory.mktemp("operated") / "run"
-    command = [sys.executable, "-m", "operate.cli", "up", "--out", str(folder), "--speed", "max"]
+    up = [*ROCO, "up", "--out", str(folder), "--speed", "max"]
     try:
-        subprocess.run(command, check=True, timeout=VERB_S)
+        subprocess.run(up, check=True, timeout=VERB_S)
         yield folder
     finally:
-        command = [sys.executable, "-m", "operate.cli", "down", "--run-dir", str(folder)]
-        subprocess.run(command, check=False, timeout=VERB_S)
+        subprocess.run([*ROCO, "down", "--run-dir", str(folder)], timeout=VERB_S)
 
 
 def rows(run: Path, code: int = 0) -> dict[str, dict[str, Any]]:
@@ -57,32 +48,18 @@ def rows(run: Path, code: int = 0) -> dict[str, dict[str, Any]]:
 
 def test_every_process_is_seen(run: Path) -> None:
     """Eleven, each with memory; agents with their state, first life, and a heartbeat."""
-    found = rows(run)
-    assert set(found) == {
-        "forks",
-        "router",
-        "monitor",
-        "loop",
-        "km",
-        "pl",
-        "ta",
-        "ex",
-        "co",
-        "hi",
-        "page",
-    }
+    found, agents = rows(run), {"km", "pl", "ta", "ex", "co", "hi"}
+    assert set(found) == agents | {"forks", "router", "monitor", "loop", "page"}
     assert all(row["memory"] > 10 << 20 for row in found.values())
     assert (found["km"]["state"], found["km"]["incarnation"]) == ("idle", 1)
-    assert all(found[name]["heartbeat_s"] < 10 for name in ("km", "pl", "ta", "ex", "co", "hi"))
+    assert all(found[name]["heartbeat_s"] < 10 for name in agents)
 
 
 def test_a_stopped_agent_stays_down_until_it_is_started(run: Path) -> None:
     """The others live on; the status says who is down, and its next life counts on."""
     roco(run, "agent", "stop", "km")
-    states = {
-        one["name"]: one["state"] for one in roco(run, "status", code=1)["fleet"]["processes"]
-    }
-    assert {name for name, state in states.items() if state != "ready"} == {"km"}
+    processes = roco(run, "status", code=1)["fleet"]["processes"]
+    assert [one["name"] for one in processes if one["state"] != "ready"] == ["km"]
     assert "roco agent start km" in json.dumps(roco(run, "doctor", code=1))
     roco(run, "agent", "start", "km")
     row = rows(run)["km"]
@@ -121,8 +98,6 @@ def test_the_graph_has_what_was_said(run: Path) -> None:
     """After a sentence channel C2 has traffic."""
     roco(run, "say", "status")
     roco(run, "say", "look around")
-    (picture,) = [roco(run, "top", "--once")]
-    assert picture["task"]["said"] == "look around"
-    assert {one["name"]: one["count"] for one in roco(run, "top", "--graph", "--once")["channels"]}[
-        "C2"
-    ] > 0
+    assert roco(run, "top", "--once")["task"]["said"] == "look around"
+    channels = roco(run, "top", "--graph", "--once")["channels"]
+    assert {one["name"]: one["count"] for one in channels}["C2"] > 0

@@ -8,9 +8,11 @@ import shutil
 import subprocess
 import sys
 from io import BytesIO, TextIOWrapper
+from itertools import product
 from pathlib import Path
 
 import pytest
+from calling import printed, roco
 
 from operate.cli.__main__ import main
 from operate.cli.fleet import checkup
@@ -28,54 +30,48 @@ VERBS = [
     ["design", "new", "lamp"],
     ["protocol"],
 ]
-FORMS = ["text", "json"]
 
 
-def roco(
+def process(
     *words: str, cwd: Path, out: int | None = subprocess.PIPE, **variables: str
 ) -> "subprocess.CompletedProcess[bytes]":
-    """`roco` to its end; words on standard error are one line, as an object where JSON was asked
-    for.
-    """
+    """`roco` as a process to its end."""
     command = [sys.executable, "-P", "-m", "operate.cli", *words]
     shared = os.environ | {"COLUMNS": "80"} | variables
-    done = subprocess.run(
-        command, cwd=cwd, env=shared, stdout=out, stderr=subprocess.PIPE, timeout=50, check=False
+    return subprocess.run(
+        command, cwd=cwd, env=shared, stdout=out, stderr=subprocess.PIPE, timeout=50
     )
-    if done.stderr:
-        (line,) = done.stderr.decode().splitlines()
-        assert (
-            list(json.loads(line)) == ["error"] if "json" in words else line.startswith("roco: ")
-        ), line
-    return done
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_a_folder_that_may_not_be_written_to_is_named(form: str) -> None:
+def refused(*words: object) -> str:
+    """The sentence of what is refused, the same for people and for programs; exit code 2."""
+    said = roco(*words, code=2)
+    told = printed(*words, code=2)
+    assert said.stdout == ""
+    assert list(told) == ["error"]
+    assert said.stderr.startswith("roco: ")
+    assert len(said.stderr.splitlines()) == 1
+    return said.stderr
+
+
+def test_a_folder_that_may_not_be_written_to_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """/dev/pts takes no folder, also of root."""
-    done = roco("up", "--format", form, cwd=Path("/dev/pts"))
-    assert (done.returncode, done.stdout) == (2, b"")
-    assert b"/dev/pts/runs: " in done.stderr
-    assert b"call roco in a folder that you may write to, or name one" in done.stderr
+    monkeypatch.chdir("/dev/pts")
+    error = refused("up")
+    assert "/dev/pts/runs: " in error
+    assert "call roco in a folder that you may write to, or name one" in error
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize(("verb", "option"), [(("up",), "--out"), (("keys", "make"), "")])
-def test_a_file_in_place_of_a_folder_is_named(
-    verb: tuple[str, ...], option: str, form: str, tmp_path: Path
-) -> None:
+def test_a_file_in_place_of_a_folder_is_named(tmp_path: Path) -> None:
     """As the folder itself, and on the way to it."""
     file = tmp_path / "file\x1b]0;x\u202e"  # what a terminal would obey is shown
     file.touch()
     shown = str(file).replace("\x1b", "\\u001b").replace("\u202e", "\\u202e")
-    for place, remedy in (
-        (file, b"it is a file; name a folder"),
-        (file / "run", b"a part of this path is a file"),
-    ):
-        done = roco(*verb, *[option] * bool(option), str(place), "--format", form, cwd=tmp_path)
-        assert (done.returncode, done.stdout) == (2, b"")
-        assert remedy in done.stderr
-        assert shown.encode() in done.stderr
+    places = {file: "it is a file; name a folder", file / "run": "a part of this path is a file"}
+    for verb, (place, remedy) in product((("up", "--out"), ("keys", "make")), places.items()):
+        error = refused(*verb, place)
+        assert remedy in error, (verb, error)
+        assert shown in error, (verb, error)
 
 
 def called(
@@ -118,7 +114,7 @@ def test_output_to_a_full_disk_is_told(here: Path, monkeypatch: pytest.MonkeyPat
 def test_output_to_a_full_disk_where_nobody_can_be_told_is_an_error(tmp_path: Path) -> None:
     """Standard error is there, too; the program itself."""
     with Path("/dev/full").open("wb") as full:
-        done = roco("design", "check", cwd=tmp_path, out=full.fileno())
+        done = process("design", "check", cwd=tmp_path, out=full.fileno())
         command = [sys.executable, "-P", "-m", "operate.cli", "design", "check"]
         mute = subprocess.run(
             command, cwd=tmp_path, stdout=full, stderr=full, timeout=50, check=False
@@ -148,7 +144,7 @@ def test_json_for_such_a_terminal_means_the_same(tmp_path: Path) -> None:
     """An escape is that of JSON: halves of a pair beyond the first plane."""
     words = ("acl", "show", ACL, "--format", "json")
     there, here = (
-        roco(*words, cwd=tmp_path, PYTHONIOENCODING=one).stdout for one in ("ascii", "utf-8")
+        process(*words, cwd=tmp_path, PYTHONIOENCODING=one).stdout for one in ("ascii", "utf-8")
     )
     assert there.isascii()
     assert there != here
@@ -159,7 +155,7 @@ def test_who_reads_no_further_is_told_nothing(tmp_path: Path) -> None:
     """A closed pipe is no error of the verb's."""
     reading, writing = os.pipe()
     os.close(reading)
-    done = roco("design", "show", "--format", "json", cwd=tmp_path, out=writing)
+    done = process("design", "show", "--format", "json", cwd=tmp_path, out=writing)
     os.close(writing)
     assert done.stderr == b""
 
@@ -172,20 +168,21 @@ def test_closed_output_is_as_an_empty_one(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, b"")
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_a_run_in_a_folder_that_is_not_utf_8_is_refused(form: str, tmp_path: Path) -> None:
+def test_a_run_in_a_folder_that_is_not_utf_8_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Its files would name it, and so would Zenoh's configuration."""
     folder = tmp_path / os.fsdecode(b"caf\xe9")
     folder.mkdir()
-    done = roco("up", "--format", form, cwd=folder)
-    assert done.returncode == 2
-    assert b"this path is not UTF-8; rename its folders, or name another path" in done.stderr
+    monkeypatch.chdir(folder)
+    assert "this path is not UTF-8; rename its folders, or name another path" in refused("up")
     assert not list(folder.iterdir())
 
 
-def test_a_project_whose_path_has_a_colon_is_refused(tmp_path: Path) -> None:
+def test_a_project_whose_path_has_a_colon_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """PYTHONPATH would have two folders of it, and each agent would be missing."""
     shutil.copytree(Path(__file__).parents[3] / "examples/depot", tmp_path / "a:b")
-    done = roco("up", cwd=tmp_path / "a:b")
-    assert done.returncode == 2
-    assert b"cannot be named in PYTHONPATH; rename the folder" in done.stderr
+    monkeypatch.chdir(tmp_path / "a:b")
+    assert "cannot be named in PYTHONPATH; rename the folder" in refused("up")

@@ -6,34 +6,30 @@ import json
 import os
 import socket
 import subprocess
-import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
+import calling
 import msgspec
 import pytest
-from typer.testing import CliRunner
 
-from operate.cli.__main__ import app
 from operate.cli.errors import UsageError
-from operate.cli.runs.catalogue import Run, age, is_run, size, span, words_of
+from operate.cli.runs.catalogue import Run, age, catalogue, size, span, words_of
 from operate.file_names import FLEET_FILE, LATEST, REPORT_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
 NOW = 1_700_000_000.0
 DAY = 86400.0
 ENDED = (ProcessStatus("ox", ProcessState.STOPPED),)
+LOST = ProcessStatus("ox", ProcessState.READY, 4_000_000, module="depot.ox")
 Told = list[Run]
 
 
 def kept(
-    folder: Path,
-    name: str,
-    days: float = 0.0,
-    processes: tuple[ProcessStatus, ...] = ENDED,
-    **more: object,
+    folder: Path, name: str, days: float = 0.0, processes: Any = ENDED, **more: object
 ) -> Path:
     """Make the folder of a run that began that many days before NOW and took a minute."""
     run = folder / name
@@ -48,9 +44,7 @@ def kept(
 
 def roco(folder: Path, *words: str, code: int = 0) -> str:
     """Return the output of `roco runs` in this folder; its exit code must be `code`."""
-    done = CliRunner().invoke(app, ["runs", *words, "--in", str(folder)], env={"COLUMNS": "200"})
-    assert done.exit_code == code, done.output
-    return done.output
+    return calling.roco("runs", *words, "--in", folder, columns=200, code=code).output
 
 
 def listed(folder: Path) -> dict[str, Run]:
@@ -60,22 +54,11 @@ def listed(folder: Path) -> dict[str, Run]:
 
 
 @pytest.fixture
-def up(tmp_path: Path) -> Iterator[Path]:
+def up(tmp_path: Path, called: Callable[..., int]) -> Path:
     """A folder whose run has a process that lives, and no supervisor."""
-    process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(300)", "depot.ox"])
-    for _ in range(500):  # until the kernel shows the command line of the new program
-        if b"depot.ox" in Path(f"/proc/{process.pid}/cmdline").read_bytes():
-            break
-        time.sleep(0.01)
-    kept(
-        tmp_path,
-        "up",
-        30.0,
-        (ProcessStatus("ox", ProcessState.READY, process.pid, module="depot.ox"),),
-    )
-    yield tmp_path
-    process.kill()
-    process.wait()
+    pid = called("depot.ox")
+    kept(tmp_path, "up", 30.0, (ProcessStatus("ox", ProcessState.READY, pid, module="depot.ox"),))
+    return tmp_path
 
 
 def test_a_run_is_told_with_begin_duration_and_system(tmp_path: Path) -> None:
@@ -85,11 +68,8 @@ def test_a_run_is_told_with_begin_duration_and_system(tmp_path: Path) -> None:
     (tmp_path / LATEST).symlink_to("new")
     found = listed(tmp_path)
     assert list(found) == ["new", "old"]
-    assert (found["old"].begin, found["old"].duration_s, found["old"].system) == (
-        NOW - 2 * DAY,
-        60.0,
-        "depot",
-    )
+    old = found["old"]
+    assert (old.begin, old.duration_s, old.system) == (NOW - 2 * DAY, 60.0, "depot")
     assert [one.latest for one in found.values()] == [True, False]
     assert "new (latest)" in roco(tmp_path)
 
@@ -102,12 +82,7 @@ def test_a_run_is_told_with_begin_duration_and_system(tmp_path: Path) -> None:
         (ENDED, {"success": None}, "ended", ""),
         (ENDED, {}, "ended", ""),
         ((ProcessStatus("ox", ProcessState.GIVEN_UP),), {}, "failed", "given up: ox"),
-        (
-            (ProcessStatus("ox", ProcessState.READY, 4_000_000, module="depot.ox"),),
-            {},
-            "failed",
-            "died without",
-        ),
+        ((LOST,), {}, "failed", "died without"),
     ],
 )
 def test_the_result_of_a_run(
@@ -126,33 +101,16 @@ def test_the_result_of_a_run(
 
 POURED = {"asked": "pour into jar bowl", "success": True, "failure": None}
 TAKEN = {"asked": "take jar", "success": True, "failure": None}
-NOT_TAKEN = {
-    "asked": "take cup",
-    "success": False,
-    "failure": "the task ended, failed: there is no cup",
-}
+NOT_TAKEN = {"asked": "take cup", "success": False, "failure": "there is no cup"}
+ANOTHER = {"success": False, "failure": "nobody asked to pour, but to take jar"}
 
 
 @pytest.mark.parametrize(
     ("report", "result"),
     [
         ({"success": True, "tasks": [POURED, NOT_TAKEN]}, "success"),
-        (
-            {
-                "success": False,
-                "failure": "nobody asked to pour, but to take jar",
-                "tasks": [TAKEN],
-            },
-            "success",
-        ),
-        (
-            {
-                "success": False,
-                "failure": "nobody asked to pour, but to take jar",
-                "tasks": [TAKEN, NOT_TAKEN],
-            },
-            "failed",
-        ),
+        (ANOTHER | {"tasks": [TAKEN]}, "success"),
+        (ANOTHER | {"tasks": [TAKEN, NOT_TAKEN]}, "failed"),
         ({"success": False, "failure": "no command of a person was heard", "tasks": []}, "failed"),
     ],
 )
@@ -176,10 +134,8 @@ def test_the_size_is_that_on_disk(tmp_path: Path) -> None:
     run = kept(tmp_path, "run")
     (run / "traffic.mcap").write_bytes(b"x" * 1_000_000)
     (run / "away").symlink_to("/usr/bin")
-    counted = subprocess.run(
-        ["du", "-s", "--block-size=1", run], capture_output=True, text=True, check=True
-    )
-    assert size(run) == listed(tmp_path)["run"].bytes == int(counted.stdout.split()[0]) >= 1_000_000
+    counted = int(subprocess.check_output(["du", "-s", "--block-size=1", run]).split()[0])
+    assert size(run) == listed(tmp_path)["run"].bytes == counted >= 1_000_000
 
 
 def test_a_folder_that_no_fleet_wrote_is_not_a_run(tmp_path: Path) -> None:
@@ -211,9 +167,8 @@ def test_what_is_up_is_never_removed(up: Path) -> None:
     """By a rule it is passed over, by its name it is refused, and nothing else goes either."""
     kept(up, "other", 40.0)
     assert listed(up)["up"].result == "up"
-    assert "up is up (1 process, and no supervisor); `roco down" in roco(
-        up, "--remove", "up", "other", code=2
-    )
+    said = roco(up, "--remove", "up", "other", code=2)
+    assert "up is up (1 process, and no supervisor); `roco down" in said
     assert (up / "other").exists()
     roco(up, "--remove", "--older-than", "1d")
     assert [path.name for path in up.iterdir()] == ["up"]
@@ -273,22 +228,14 @@ def test_a_removal_that_is_not_clear_is_refused(tmp_path: Path, words: list[str]
     """Exit code 2, and nothing goes; without a rule nothing is meant, rather than all."""
     kept(tmp_path, "run", 100.0, success=False)
     roco(tmp_path, "--remove", *words, code=2)
-    assert is_run(tmp_path / "run")
+    assert [one.name for one in catalogue(tmp_path)] == ["run"]
 
 
 def test_durations() -> None:
     """Durations are parsed in each allowed form, and a run's duration is printed in words."""
-    assert [age(text) for text in ("90s", "30min", "12h", "7d", "2w")] == [
-        90.0,
-        1800.0,
-        43200.0,
-        604800.0,
-        1209600.0,
-    ]
-    assert [span(seconds) for seconds in (4.4, 185.0, 7810.0)] == [
-        "4 s",
-        "3 min 05 s",
-        "2 h 10 min",
-    ]
+    ages = {"90s": 90.0, "30min": 1800.0, "12h": 43200.0, "7d": 604800.0, "2w": 1209600.0}
+    assert {text: age(text) for text in ages} == ages
+    spans = {4.4: "4 s", 185.0: "3 min 05 s", 7810.0: "2 h 10 min"}
+    assert {seconds: span(seconds) for seconds in spans} == spans
     with pytest.raises(UsageError, match="7d"):
         age("seven days")

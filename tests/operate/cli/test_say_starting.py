@@ -9,16 +9,16 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 import pytest
-from typer.testing import CliRunner, Result
+from calling import roco
+from typer.testing import Result
 
 from companion.run_files import HI_FILE, PAGE_FILE, HiAddress, PageAddress, Problem
 from companion.tools.verbs import hi, talk
-from operate.cli.__main__ import app
 from operate.cli.fleet import starting
 from operate.cli.runs import folders
 from operate.file_names import FLEET_FILE
@@ -29,6 +29,7 @@ from . import fake_fleet
 pytestmark = pytest.mark.process
 
 STARTING = "the fleet is starting"
+LOST = (ProcessState.GIVEN_UP, ProcessState.STOPPED, ProcessState.READY)
 Act = Callable[[], None]
 
 
@@ -65,36 +66,9 @@ def clock(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Clock:
     return made
 
 
-@pytest.fixture
-def called() -> Iterator[Callable[..., int]]:
-    """Have a process live that does nothing and was called with these words; its pid."""
-    processes: list[subprocess.Popen[bytes]] = []
-
-    def call(*words: object) -> int:
-        idle = [
-            sys.executable,
-            "-c",
-            "import time; time.sleep(300)",
-            *(str(word) for word in words),
-        ]
-        processes.append(subprocess.Popen(idle))
-        pid, until = processes[-1].pid, time.monotonic() + 20.0
-        # for a moment it still bears the words of this process
-        while not folders.is_service(pid, str(words[0])):
-            assert time.monotonic() < until, f"{words} did not start"
-        return pid
-
-    yield call
-    for process in processes:
-        process.kill()
-        process.wait()
-
-
 def say(*words: object) -> Result:
     """Say a sentence."""
-    return CliRunner().invoke(
-        app, ["say", "pour the jar into the bowl", *(str(word) for word in words)]
-    )
+    return roco("say", "pour the jar into the bowl", *words)
 
 
 def heard(done: Result) -> None:
@@ -108,9 +82,8 @@ def told(run: Path, state: ProcessState, supervisor: int, name: str = "hi") -> N
     """Write a supervisor's report about a_hi, or another process."""
     run.mkdir(parents=True, exist_ok=True)
     processes = (ProcessStatus(name, state, supervisor, module="services.supervisor"),)
-    (run / FLEET_FILE).write_bytes(
-        msgspec.json.encode(Fleet("test", "", supervisor, time.time(), processes))
-    )
+    fleet = Fleet("test", "", supervisor, time.time(), processes)
+    (run / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
 
 
 def listening(pretend: Callable[[bool], None], run: Path) -> Act:
@@ -155,38 +128,25 @@ def test_the_run_that_will_be_the_latest(clock, called, pretend, tmp_path: Path)
     heard(say())
 
 
-@pytest.mark.parametrize(
-    "state", [ProcessState.WAITING, ProcessState.STARTING, ProcessState.BACKING_OFF]
-)
+@pytest.mark.parametrize("state", ["waiting", "starting", "backing-off"])
 def test_while_the_supervisor_brings_it_up(
-    clock, called, pretend, tmp_path: Path, state: ProcessState
+    clock, called, pretend, tmp_path: Path, state: str
 ) -> None:
     """As it says in the run folder."""
     run = tmp_path / "run"
-    told(run, state, called("services.supervisor"))
+    told(run, ProcessState(state), called("services.supervisor"))
     clock.acts = [listening(pretend, run)]
     heard(say("--run-dir", run))
 
 
-@pytest.mark.parametrize("state", [ProcessState.GIVEN_UP, ProcessState.STOPPED, ProcessState.READY])
-def test_what_does_not_come_is_not_waited_for(
-    clock, called, tmp_path: Path, state: ProcessState
-) -> None:
-    """It was given up or stopped, or is there and hangs: said at once."""
-    run = tmp_path / "run"
-    told(run, state, called("services.supervisor", "--run-dir", run))
-    done = say("--run-dir", run)
-    assert (done.exit_code, clock.pauses) == (3, 0)
-    assert STARTING not in done.stderr
-
-
-def test_a_fleet_without_a_human_interface_is_not_waited_for(clock, called, tmp_path: Path) -> None:
-    """Such as that of `roco up --only router,km`."""
-    run = tmp_path / "run"
-    told(run, ProcessState.READY, called("services.supervisor", "--run-dir", run))
-    text = (run / FLEET_FILE).read_text().replace('"hi"', '"km"')
-    (run / FLEET_FILE).write_text(text)
-    assert (say("--run-dir", run).exit_code, clock.pauses) == (3, 0)
+def test_what_does_not_come_is_not_waited_for(clock, called, tmp_path: Path) -> None:
+    """It was given up or stopped, or is there and hangs, or is not of this fleet: said at once."""
+    run, pid = tmp_path / "run", called("services.supervisor", "--run-dir", tmp_path / "run")
+    for state, name in (*((state, "hi") for state in LOST), (ProcessState.READY, "km")):
+        told(run, state, pid, name)
+        done = say("--run-dir", run)
+        assert (done.exit_code, clock.pauses) == (3, 0), (state, name)
+        assert STARTING not in done.stderr, (state, name)
 
 
 def test_nothing_starts(clock, tmp_path: Path) -> None:
@@ -225,7 +185,7 @@ def test_in_a_container_a_hi_itself_is_looked_for(
 
 def page(*words: object) -> Result:
     """Ask for an address of the page."""
-    return CliRunner().invoke(app, ["page", *(str(word) for word in words)])
+    return roco("page", *words)
 
 
 def test_a_page_that_is_starting_is_waited_for(clock, called, tmp_path: Path) -> None:
@@ -257,16 +217,14 @@ def test_a_page_that_is_starting_is_waited_for(clock, called, tmp_path: Path) ->
             process.wait()
 
 
-@pytest.mark.parametrize("state", [ProcessState.GIVEN_UP, ProcessState.STOPPED, ProcessState.READY])
-def test_a_page_that_does_not_come_is_not_waited_for(
-    clock, called, tmp_path: Path, state: ProcessState
-) -> None:
+def test_a_page_that_does_not_come_is_not_waited_for(clock, called, tmp_path: Path) -> None:
     """It is said that there is none, in words."""
-    run = tmp_path / "run"
-    told(run, state, called("services.supervisor", "--run-dir", run), "page")
-    done = page("--run-dir", run)
-    assert (done.exit_code, clock.pauses) == (3, 0)
-    assert "has no page (no page.json); see `roco status`" in done.stderr
+    run, pid = tmp_path / "run", called("services.supervisor", "--run-dir", tmp_path / "run")
+    for state in LOST:
+        told(run, state, pid, "page")
+        done = page("--run-dir", run)
+        assert (done.exit_code, clock.pauses) == (3, 0), state
+        assert "has no page (no page.json); see `roco status`" in done.stderr, state
 
 
 class WithoutCo(fake_fleet.Answers):

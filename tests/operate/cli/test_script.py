@@ -2,11 +2,11 @@
 differ.
 """
 
-from pathlib import Path
+from itertools import product
 from typing import Any
 
 import msgspec
-import pytest
+from calling import POUR
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,7 +15,7 @@ from fipa_codec.performatives import Performative
 from operate.cli.traffic.listen import heard_message, recorded
 from operate.cli.traffic.replace import Difference, Part, Script, before, difference, parts, plain
 
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
+AGENTS = ("co", "pl", "km", "ta", "ex", "hi")
 HEARD = [
     (one.at, communicate)
     for sample in recorded(POUR)
@@ -47,24 +47,18 @@ def spoken(
     while (line := script.awaited()) is not None or (cue := script.cue()) is not None:
         if line is None:
             assert cue is not None
-            one = renamed(script.adapted(cue), "cue-")
-            assert one.conversation == names.get(
-                cue.communicate.conversation, cue.communicate.conversation
-            )
-            assert one.in_reply_to.startswith("new-") == bool(cue.communicate.in_reply_to)
-            labels[cue.communicate.sender, cue.communicate.reply_with] = one.reply_with
+            one, was = renamed(script.adapted(cue), "cue-"), cue.communicate
+            assert one.conversation == names.get(was.conversation, was.conversation)
+            assert one.in_reply_to.startswith("new-") == bool(was.in_reply_to)
+            labels[was.sender, was.reply_with] = one.reply_with
             script.given(cue, one)
             continue
         was = (changed or {}).get(line.n, line.communicate)
-        talk = names.setdefault(
-            was.conversation,
-            f"new-{was.conversation}" if was.conversation in own else was.conversation,
-        )
+        talk = was.conversation
+        talk = names.setdefault(talk, f"new-{talk}" if talk in own else talk)
         answers = labels.get((was.receiver, was.in_reply_to), was.in_reply_to)
-        found = script.hear(
-            msgspec.structs.replace(renamed(was), conversation=talk, in_reply_to=answers)
-        )
-        if found is not None:
+        now = msgspec.structs.replace(renamed(was), conversation=talk, in_reply_to=answers)
+        if (found := script.hear(now)) is not None:
             return script, found
     return script, None
 
@@ -76,14 +70,13 @@ def _first(part: tuple[Part, ...]) -> list[Part]:
     return list(first.values())
 
 
-@pytest.mark.parametrize("shifted", [False, True])
-@pytest.mark.parametrize("agent", ["co", "pl", "km", "ta", "ex", "hi"])
-def test_the_same_words_under_other_names_are_the_same(agent: str, shifted: bool) -> None:
+def test_the_same_words_under_other_names_are_the_same() -> None:
     """Ids, labels and conversations are the agent's own; a cue that answers has the real ones."""
-    part = parts(agent, HEARD)
-    script, found = spoken(part, shifted=shifted)
-    assert found is None
-    assert len(script.spoken) == sum(one.mine for one in part)
+    for agent, shifted in product(AGENTS, (False, True)):
+        part = parts(agent, HEARD)
+        script, found = spoken(part, shifted=shifted)
+        assert found is None, agent
+        assert len(script.spoken) == sum(one.mine for one in part), agent
 
 
 def test_copies_are_no_lines() -> None:
@@ -93,45 +86,37 @@ def test_copies_are_no_lines() -> None:
     assert len([one for _, one in HEARD if one.sender == "pl" and one.receiver == "km"]) == 120
 
 
-@pytest.mark.parametrize("agent", ["co", "pl", "km", "ta", "ex", "hi"])
-def test_a_recording_that_began_later_is_told(agent: str) -> None:
+def test_a_recording_that_began_later_is_told() -> None:
     """A whole run has the whole life of each agent; without its first second nobody's is."""
-    part = parts(agent, HEARD)
-    assert before(part) is None
-    later = before(parts(agent, [one for one in HEARD if one[0] > part[0].at]))
-    assert later is not None
+    for agent in AGENTS:
+        part = parts(agent, HEARD)
+        assert before(part) is None, agent
+        later = [one for one in HEARD if one[0] > part[0].at]
+        assert before(parts(agent, later)) is not None, agent
 
 
 def changes(one: Communicate) -> dict[str, Communicate]:
     """Other words in its place, by what differs."""
-    other = (
-        Performative.FAILURE
-        if one.performative is not Performative.FAILURE
-        else Performative.INFORM
-    )
-    return {
-        "performative": msgspec.structs.replace(one, performative=other),
-        "content": msgspec.structs.replace(
-            one, content=msgspec.Raw(msgspec.msgpack.encode({"type": "Other"}))
-        ),
-        "reply_by": msgspec.structs.replace(one, reply_by=None if one.reply_by else 1.0),
-        "language": msgspec.structs.replace(one, language="XX"),
-        "in_reply_to": msgspec.structs.replace(one, in_reply_to="another"),
+    failed = one.performative is Performative.FAILURE
+    others = {
+        "performative": Performative.INFORM if failed else Performative.FAILURE,
+        "content": msgspec.Raw(msgspec.msgpack.encode({"type": "Other"})),
+        "reply_by": None if one.reply_by else 1.0,
+        "language": "XX",
+        "in_reply_to": "another",
     }
+    return {name: msgspec.structs.replace(one, **{name: other}) for name, other in others.items()}
 
 
-@pytest.mark.parametrize(
-    "field", ["performative", "content", "reply_by", "language", "in_reply_to"]
-)
-def test_the_first_difference_is_found_and_named(field: str) -> None:
+def test_the_first_difference_is_found_and_named() -> None:
     """The first difference is found in its line, whatever the field, and none before it."""
     part = parts("ta", HEARD)
     mine = [one for one in part if one.mine]
     for line in (mine[0], mine[40], mine[-1]):
-        _, found = spoken(part, {line.n: changes(line.communicate)[field]})
-        assert found is not None
-        assert found.line == line.n
-        assert found.field.split(".")[0] == field
+        for field, other in changes(line.communicate).items():
+            _, found = spoken(part, {line.n: other})
+            assert found is not None, field
+            assert (found.line, found.field.split(".")[0]) == (line.n, field)
 
 
 def test_words_beyond_the_recording_are_a_difference() -> None:

@@ -8,14 +8,13 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from agent_runtime.io.fleet_processes import run_folders
 from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE
 from companion.tools.verbs.checkup import CHECKS
 from operate.cli.errors import NoRunError
@@ -24,7 +23,6 @@ from operate.cli.fleet.checkup import Level, pictures
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, SWITCH, WEB
 from operate.cli.fleet.status import state_of
-from operate.cli.runs import folders
 from operate.file_names import FLEET_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
@@ -51,26 +49,15 @@ def test_a_set_port_that_is_taken(
 
 
 def test_a_set_port_of_a_fleet_in_any_folder(
-    port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    port: int, called: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No other program's: the fleet is named, and says itself what is wrong with the port."""
     monkeypatch.setenv("ROCO_HTTP", f"127.0.0.1:{port}")
-    idle = [sys.executable, "-c", "import time; time.sleep(300)"]
-    own = {FLEET_VARIABLE: "one", RUN_FOLDER_VARIABLE: str(tmp_path)}
-    with subprocess.Popen(idle, env=os.environ | own) as process:
-        try:
-            until = time.monotonic() + 20.0
-            # until it has its own environment
-            while tmp_path not in run_folders() and time.monotonic() < until:
-                os.sched_yield()
-            found = [(check.level, check.what) for check in CHECKS.machine["ports"]()]
-            assert (
-                Level.NOTE,
-                f"ROCO_HTTP: the fleet of {tmp_path} was started with port {port}",
-            ) in found
-            assert Level.WRONG not in [level for level, _ in found]
-        finally:
-            process.kill()
+    called("idle", **{FLEET_VARIABLE: "one", RUN_FOLDER_VARIABLE: str(tmp_path)})
+    found = {(check.level, check.what) for check in CHECKS.machine["ports"]()}
+    started = f"ROCO_HTTP: the fleet of {tmp_path} was started with port {port}"
+    assert (Level.NOTE, started) in found
+    assert Level.WRONG not in {level for level, _ in found}
 
 
 SERVES = """
@@ -83,7 +70,11 @@ with socket.create_server(("127.0.0.1", int(sys.argv[1]))) as server:
 
 @pytest.mark.parametrize("own", [False, True])
 def test_the_pictures_of_a_fleet(
-    own: bool, port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    own: bool,
+    port: int,
+    called: Callable[..., int],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Wrong where another program has the port; fine where a process of the fleet has it."""
     fleet = {FLEET_VARIABLE: "one", RUN_FOLDER_VARIABLE: str(tmp_path)}
@@ -96,17 +87,9 @@ def test_the_pictures_of_a_fleet(
             stack.callback(serving.kill)
             assert serving.stdout is not None
             port = int(serving.stdout.readline())
-        idle = [sys.executable, "-c", "import time; time.sleep(300)", "services.supervisor"]
-        settings = {SWITCH: "on", GRPC: str(port), **fleet}
-        process = stack.enter_context(subprocess.Popen(idle, env=os.environ | settings))
-        stack.callback(process.kill)
-        until = time.monotonic() + 20.0
-        while not folders.is_service(process.pid, "services.supervisor"):
-            assert time.monotonic() < until
-        monitor = ProcessStatus(
-            "monitor", ProcessState.READY, process.pid, module="services.supervisor"
-        )
-        told = Fleet("test", "", process.pid, time.time(), (monitor,))
+        pid = called("services.supervisor", **{SWITCH: "on", GRPC: str(port)}, **fleet)
+        monitor = ProcessStatus("monitor", ProcessState.READY, pid, module="services.supervisor")
+        told = Fleet("test", "", pid, time.time(), (monitor,))
         (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(told))
         local = Local(tmp_path)
         words = "" if own else f"another program listens at port {port} ({GRPC})"

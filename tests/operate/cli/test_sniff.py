@@ -3,17 +3,18 @@ the drawing.
 """
 
 import re
+from itertools import cycle
 from pathlib import Path
 
+import calling
 import msgspec
 import pytest
+from calling import POUR
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
-from typer.testing import CliRunner
 
 from companion.design import DESIGN
-from operate.cli.__main__ import app
 from operate.cli.terminal.sequence import LEAST, Lifelines
 from operate.cli.traffic.sniff import arrows, speakers
 from operate.filters import Filter
@@ -21,7 +22,6 @@ from operate.verdict_lines import Judged
 from topdown.draw.sequence import Arrow, Columns, Diagram, draw
 from topdown.judge.verdicts import Verdict
 
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 AGENTS = tuple(DESIGN.agents)
 ASKED = Judged(
     t=100.0, verdict=Verdict.LEGAL, bytes=196, channel="C5", sender="ta", receiver="ex",
@@ -39,11 +39,7 @@ WRONG = msgspec.structs.replace(
 
 def roco(*words: str, columns: int = 120, code: int = 0) -> str:
     """Return the output of `roco sniff` for the pour; its exit code must be `code`."""
-    done = CliRunner().invoke(
-        app, ["sniff", "--run", str(POUR), *words], env={"COLUMNS": str(columns)}
-    )
-    assert done.exit_code == code, done.output
-    return done.output
+    return calling.roco("sniff", "--run", POUR, *words, columns=columns, code=code).output
 
 
 @given(
@@ -111,10 +107,8 @@ def test_what_is_not_as_designed_is_told_in_words() -> None:
     shown = Lifelines(AGENTS, 120).row(WRONG, 100.0, 60).plain
     assert "OUT OF SEQUENCE" in shown
     assert shown.endswith("\n          it may say nothing in done")
-    assert (
-        "OUT OF SEQUENCE: it may say nothing in done"
-        in draw(Diagram("", AGENTS, tuple(arrows([ASKED, WRONG])))).svg()
-    )
+    drawn = draw(Diagram("", AGENTS, tuple(arrows([ASKED, WRONG])))).svg()
+    assert "OUT OF SEQUENCE: it may say nothing in done" in drawn
 
 
 def test_time_is_since_the_first_line_also_backwards() -> None:
@@ -158,8 +152,8 @@ def test_a_recording_is_drawn_whole(tmp_path: Path) -> None:
 def test_for_programs_it_is_the_lines_of_traffic_echo() -> None:
     """The same objects, so that there is one form to read."""
     words = ["--run", str(POUR), "--channel", "C2", "--count", "5", "--format", "json"]
-    echoed = CliRunner().invoke(app, ["traffic", "echo", *words]).output
-    assert CliRunner().invoke(app, ["sniff", *words]).output == echoed
+    echoed = calling.roco("traffic", "echo", *words).output
+    assert calling.roco("sniff", *words).output == echoed
     assert len(echoed.splitlines()) == 5
 
 
@@ -170,16 +164,9 @@ def test_a_drawing_that_cannot_be_written_is_refused_at_once(tmp_path: Path) -> 
 
 def test_of_the_drawing_no_label_lies_on_another() -> None:
     """Neither in a row nor between rows."""
-    said = tuple(
-        Arrow(
-            AGENTS[n % len(AGENTS)],
-            AGENTS[(n + 1 + n % 4) % len(AGENTS)],
-            "accept-proposal",
-            "C5 200 B and more" * 3,
-            at=0.1 * n,
-        )
-        for n in range(40)
-    )
+    agent, words = cycle(AGENTS).__next__, ("accept-proposal", "C5 200 B and more" * 3)
+    pairs = [(agent(), AGENTS[(n + 1 + n % 4) % len(AGENTS)]) for n in range(40)]
+    said = tuple(Arrow(*pair, *words, at=0.1 * n) for n, pair in enumerate(pairs))
     labels = draw(Diagram("", AGENTS, said)).labels
     assert len(labels) == len(AGENTS) + 3 * 40
     met = [(a, b) for n, a in enumerate(labels) for b in labels[:n] if a.meets(b)]

@@ -10,23 +10,17 @@ from pathlib import Path
 import click
 import pytest
 import typer
+from calling import printed, roco
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner, Result
 
 from operate.cli import completion
-from operate.cli.__main__ import app
 from operate.cli.fleet import targets
 from operate.cli.runs import folders
 from operate.cli.verbs import merged
 
 NOWHERE = '[tool.roco]\nsystem = "nowhere_to_be.system:SYSTEM"\n'
 BROKEN = "[system]\nname = 'broken'\n"
-
-
-def roco(*words: object) -> Result:
-    """Call the command line."""
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.fixture
@@ -44,24 +38,16 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "pyproject.toml").write_text(f'[tool.roco]\nsystem = "{module}:SYSTEM"\n')
     (tmp_path / "design.toml").write_text(BROKEN)
     file = str(tmp_path / "design.toml")
-    code = (
-        f"from pathlib import Path\nfrom topdown.model import design\ndesign.load(Path({file!r}))\n"
-    )
+    code = f"from topdown.model import design\ndesign.load(__import__('pathlib').Path({file!r}))\n"
     (tmp_path / f"{module}.py").write_text(code)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("up",),
-        ("send", "--list"),
-        ("design", "check"),
-        ("traffic", "judge", "."),
-        ("keys", "make", "keys"),
-    ],
-)
+VERBS = [("up",), ("send", "--list"), ("design", "check")]
+
+
+@pytest.mark.parametrize("words", [*VERBS, ("traffic", "judge", "."), ("keys", "make", "keys")])
 def test_a_system_that_is_not_there_is_wrong_use(nowhere: Path, words: tuple[str, ...]) -> None:
     """One sentence, which names what was looked for; nothing is made."""
     done = roco(*words, "--format", "json")
@@ -70,12 +56,10 @@ def test_a_system_that_is_not_there_is_wrong_use(nowhere: Path, words: tuple[str
     assert [path.name for path in nowhere.iterdir()] == ["pyproject.toml"]
 
 
-@pytest.mark.parametrize("words", [("up",), ("send", "--list"), ("design", "check")])
+@pytest.mark.parametrize("words", VERBS)
 def test_a_design_that_cannot_be_read_is_wrong_use(broken: Path, words: tuple[str, ...]) -> None:
     """It names the file."""
-    done = roco(*words, "--format", "json")
-    assert done.exit_code == 2
-    assert "design.toml" in json.loads(done.stderr)["error"]
+    assert "design.toml" in printed(*words, code=2)["error"]
 
 
 @pytest.mark.parametrize("project", ["nowhere", "broken"])
@@ -87,9 +71,7 @@ def test_help_and_completion_need_no_system(project: str, request: pytest.Fixtur
     for names in (completion.agents, completion.channels, completion.protocols):
         assert names(context, "") == []
     assert targets.processes(context, "") == []
-    done = roco("say", "pour", "--format", "json")
-    assert done.exit_code == 2
-    assert "no system here that could add one" in json.loads(done.stderr)["error"]
+    assert "no system here that could add one" in printed("say", "pour", code=2)["error"]
 
 
 PANELS = st.lists(st.sampled_from("ABCDE"), unique=True)

@@ -1,37 +1,13 @@
 """`roco trace` and the general part of `roco why`, on recorded runs of two systems."""
 
-import json
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
+from calling import HISTORIES, POUR, printed, roco
 
-from operate.cli.__main__ import app
-
-HISTORIES = Path(__file__).parents[2] / "histories"
-POUR, LOGGED, DEPOT = (
-    HISTORIES / name for name in ("pour_seed_7", "verified_pour_seed_7", "verified_depot")
-)
+LOGGED, DEPOT = (HISTORIES / f"verified_{name}" for name in ("pour_seed_7", "depot"))
 EXAMPLE = Path(__file__).parents[3] / "examples" / "depot"
-
-
-def roco(
-    *words: str | Path, width: int = 100, env: dict[str, str] | None = None
-) -> tuple[int, str, str]:
-    """Exit code, standard output, standard error."""
-    done = CliRunner().invoke(
-        app, [str(word) for word in words], env={"COLUMNS": str(width)} | (env or {})
-    )
-    return done.exit_code, done.stdout, done.stderr
-
-
-def in_json(*words: str | Path) -> Any:
-    """Return the verb's JSON output."""
-    code, out, error = roco(*words, "--format", "json")
-    assert (code, error) == (0, "")
-    return json.loads(out)
 
 
 @pytest.fixture
@@ -42,14 +18,10 @@ def depot(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_a_task_all_that_can_be_traced_is_listed() -> None:
     """Also for programs; a row for each that nobody's communicate caused."""
-    code, out, _ = roco("trace", "--run", POUR)
-    assert code == 0
-    assert [line.split()[0] for line in out.splitlines()] == ["task", "km-1-1", "ta-1-2", "hi-1-1"]
-    assert [one["task"] for one in in_json("trace", "--run", POUR)] == [
-        "km-1-1",
-        "ta-1-2",
-        "hi-1-1",
-    ]
+    lines = roco("trace", "--run", POUR, code=0).stdout.splitlines()
+    tasks = ["km-1-1", "ta-1-2", "hi-1-1"]
+    assert [line.split()[0] for line in lines] == ["task", *tasks]
+    assert [one["task"] for one in printed("trace", "--run", POUR)] == tasks
 
 
 @pytest.mark.parametrize(
@@ -59,9 +31,8 @@ def test_the_tree_of_a_task(run: Path, guessed: bool) -> None:
     """Two plans and two runs of them below the task; what is only known by time is marked, and the
     mark explained.
     """
-    code, out, error = roco("trace", "hi-1-1", "--run", run)
+    out = roco("trace", "hi-1-1", "--run", run, code=0).stdout
     lines = out.splitlines()
-    assert (code, error) == (0, "")
     assert lines[1].split()[:4] == ["pour", "into", "jar", "bowl"]
     plans = [line for line in lines if "co > pl" in line or "co > ta" in line]
     assert len(plans) == 4
@@ -75,7 +46,7 @@ def test_the_tree_of_a_task(run: Path, guessed: bool) -> None:
 def test_each_query_has_a_line_of_its_own_where_all_are_wanted() -> None:
     """Else many alike in a row are one."""
     few, all_of_them = (
-        roco("trace", "hi-1-1", "--run", POUR, *more)[1] for more in ((), ("--all",))
+        roco("trace", "hi-1-1", "--run", POUR, *more).stdout for more in ((), ("--all",))
     )
     assert all_of_them.count("pl >") > 100 > few.count("pl >")
 
@@ -85,8 +56,9 @@ def test_another_system() -> None:
     """An order of the depot: the calls to both robots, one of which refused, and what the other
     asked for.
     """
-    code, out, _ = roco("trace", "desk-1-4", "--run", DEPOT)
-    assert code == 0
+    done = roco("trace", "desk-1-4", "--run", DEPOT, code=0)
+    _code, out, _ = done.exit_code, done.stdout, done.stderr
+    out, _error = done.stdout, done.stderr
     assert "refuse" in next(line for line in out.splitlines() if "dispatcher > mule" in line)
     assert len([line for line in out.splitlines() if "ox > traffic" in line]) == 2
 
@@ -94,8 +66,7 @@ def test_another_system() -> None:
 @pytest.mark.usefixtures("depot")
 def test_why_of_another_system() -> None:
     """The chain that ends with what the robot's own side told, and who was away meanwhile."""
-    code, out, _ = roco("why", "desk-1-4", "--run", DEPOT)
-    assert code == 0
+    out = roco("why", "desk-1-4", "--run", DEPOT, code=0).stdout
     assert "dispatcher said inform to desk: delivered crate of parts" in out
     assert "because ox said inform to dispatcher: carried crate of parts" in out
     assert re.search(r"ox was gone for \d+\.\d s", out)
@@ -104,16 +75,18 @@ def test_why_of_another_system() -> None:
 @pytest.mark.parametrize("subject", ["hi-1-1", "hi-1-1/co"])
 def test_one_subject_is_meant_alike_by_all(subject: str) -> None:
     """A conversation, or a part of it with one participant; the task that it is."""
-    (talk,) = in_json("conversation", subject, "--run", POUR)
+    (talk,) = printed("conversation", subject, "--run", POUR)
     assert (talk["id"], talk["participant"]) == ("hi-1-1", "co")
-    assert in_json("trace", subject, "--run", POUR)["spans"][0]["id"] == "hi-1-1"
-    assert in_json("why", subject, "--run", POUR)["about"] == "hi-1-1"
+    assert printed("trace", subject, "--run", POUR)["spans"][0]["id"] == "hi-1-1"
+    assert printed("why", subject, "--run", POUR)["about"] == "hi-1-1"
 
 
 def test_a_sentence_names_its_record() -> None:
     """With --records, and for programs always: every sentence of a chain stands somewhere."""
-    assert re.search(r"\[C2 co > hi inform, id \d+\]", roco("why", "--run", POUR, "--records")[1])
-    for passage in in_json("why", "--run", POUR)["passages"]:
+    assert re.search(
+        r"\[C2 co > hi inform, id \d+\]", roco("why", "--run", POUR, "--records").stdout
+    )
+    for passage in printed("why", "--run", POUR)["passages"]:
         assert all(fact["record"] for fact in passage["facts"])
 
 
@@ -135,16 +108,14 @@ def test_a_sentence_names_its_record() -> None:
 )
 def test_what_is_not_there_is_said_with_what_is(words: tuple[str, ...], wanted: str) -> None:
     """On standard error, with a code of its own kind."""
-    code, out, error = roco(*words, "--run", POUR)
-    assert code in (1, 2)
-    assert (out, wanted in error) == ("", True)
+    done = roco(*words, "--run", POUR)
+    assert done.exit_code in (1, 2)
+    assert (done.stdout, wanted in done.stderr) == ("", True)
 
 
 @pytest.mark.parametrize("verb", ["trace", "why"])
 def test_a_recording_that_is_not_there(verb: str, tmp_path: Path) -> None:
     """It is named, and what would be right."""
-    code, _, error = roco(verb, "--run", tmp_path / "none")
-    assert (code, "give a run folder, or a recording" in error) == (2, True)
-    code, _, error = roco(verb, "--run", tmp_path)
-    assert code == 2
-    assert "give a run folder" in error
+    error = roco(verb, "--run", tmp_path / "none", code=2).stderr
+    assert "give a run folder, or a recording" in error
+    assert "give a run folder" in roco(verb, "--run", tmp_path, code=2).stderr

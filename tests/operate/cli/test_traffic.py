@@ -7,15 +7,13 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from typer.testing import CliRunner
+from calling import POUR, printed, roco
 
-from operate.cli.__main__ import app
 from operate.cli.terminal.console import Console
 from operate.cli.traffic import judge
 from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 LATE = Judged(
     t=105.0, verdict=Verdict.LATE, bytes=300, channel="C4", sender="km", receiver="pl",
     protocol="query",
@@ -28,12 +26,6 @@ FINE = msgspec.structs.replace(
 NOISE = Judged(t=106.0, verdict=Verdict.MALFORMED, bytes=7, key="a/b", why="no map", violation=True)
 
 
-def run(*words: str) -> tuple[int, str, str]:
-    """Exit code, standard output, standard error."""
-    done = CliRunner().invoke(app, ["traffic", *words], env={"COLUMNS": "80"})
-    return done.exit_code, done.stdout, done.stderr
-
-
 def shown(*lines: Judged, width: int = 80) -> str:
     """Return these verdicts as a person sees them."""
     console = Console(width=width, record=True, file=StringIO())
@@ -43,8 +35,7 @@ def shown(*lines: Judged, width: int = 80) -> str:
 
 def test_a_run_as_designed() -> None:
     """Exit code 0, the sentence, and each channel with its count."""
-    code, out, _ = run("judge", str(POUR))
-    assert code == 0
+    out = roco("traffic", "judge", str(POUR), code=0).stdout
     assert "nothing against the design; 1 of 424 communicates slow" in out
     assert "legal" in out
     assert "C6" in out
@@ -52,20 +43,17 @@ def test_a_run_as_designed() -> None:
 
 def test_the_same_for_programs() -> None:
     """Counts by channel and verdict; no violation."""
-    code, out, _ = run("judge", str(POUR / "traffic.mcap"), "--format", "json")
-    told = msgspec.json.decode(out, type=judge.Judgements)
-    assert (code, told.communicates, told.violations) == (0, 424, ())
-    assert told.channels["C5"] == {"legal": 42}
+    told = printed("traffic", "judge", POUR / "traffic.mcap")
+    assert (told["communicates"], told["violations"]) == (424, [])
+    assert told["channels"]["C5"] == {"legal": 42}
 
 
 def test_what_is_no_recording_is_wrong_usage(tmp_path: Path) -> None:
     """Exit code 2, and what to give instead; in JSON too."""
-    code, out, error = run("judge", str(tmp_path / "none"))
-    assert (code, out) == (2, "")
-    assert "give a run folder" in error
-    code, _, error = run("judge", str(tmp_path / "none"), "--format", "json")
-    assert code == 2
-    assert "give a run folder" in msgspec.json.decode(error)["error"]
+    words = ("traffic", "judge", tmp_path / "none")
+    done = roco(*words, code=2)
+    assert (done.stdout, "give a run folder" in done.stderr) == ("", True)
+    assert "give a run folder" in printed(*words, code=2)["error"]
 
 
 def test_violations_are_told_with_place_and_reason(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,7 +67,7 @@ def test_violations_are_told_with_place_and_reason(monkeypatch: pytest.MonkeyPat
     assert "7 bytes on a/b" in text
     assert "2 violations of the design among 3 communicates" in text
     monkeypatch.setattr(judge, "judged", lambda *_: [FINE, LATE])
-    assert run("judge", "x")[0] == 1
+    roco("traffic", "judge", "x", code=1)
 
 
 def test_what_was_not_judged_is_said() -> None:

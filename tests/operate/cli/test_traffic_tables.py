@@ -2,19 +2,19 @@
 programs.
 """
 
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
+import calling
 import msgspec
 import pytest
+from calling import POUR
 from rich.cells import cell_len
-from typer.testing import CliRunner
 
 from companion.design import DESIGN
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
-from operate.cli.__main__ import app
 from operate.cli.traffic import echo, listen
 from operate.cli.traffic.listen import HeardMessage, heard_message, recorded
 from operate.cli.traffic.play import moved
@@ -25,7 +25,6 @@ from operate.quantiles import quantile, tail
 from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
 
-POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 SAMPLES = list(recorded(POUR))
 SAID = [
     one for sample in SAMPLES if sample is not None and (one := heard_message(sample)) is not None
@@ -41,9 +40,7 @@ def read_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def roco(*words: str, code: int = 0, columns: int = 80) -> str:
     """`roco traffic` of the recorded run."""
-    command = ["traffic", *words, "--run", str(POUR)]
-    done = CliRunner().invoke(app, command, env={"COLUMNS": str(columns)}, terminal_width=columns)
-    assert done.exit_code == code, done.output
+    done = calling.roco("traffic", *words, "--run", POUR, columns=columns, code=code)
     return done.stdout + done.stderr
 
 
@@ -62,13 +59,12 @@ def test_every_communicate_is_counted_in_its_row(kind: str) -> None:
     }
 
 
-@pytest.mark.parametrize("columns", [80, 100])
-@pytest.mark.parametrize("kind", KINDS)
-def test_tables_fit_the_terminal(kind: str, columns: int) -> None:
+def test_tables_fit_the_terminal() -> None:
     """With nothing cut off."""
-    lines = roco("stats", kind, columns=columns).splitlines()
-    assert max(map(cell_len, lines)) <= columns
-    assert not any("…" in line for line in lines)
+    for kind, columns in product(KINDS, (80, 100)):
+        lines = roco("stats", kind, columns=columns).splitlines()
+        assert max(map(cell_len, lines)) <= columns, (kind, columns)
+        assert not any("…" in line for line in lines), (kind, columns)
 
 
 def test_rates_are_those_of_the_row() -> None:
@@ -103,37 +99,17 @@ def test_answers_are_timed_from_what_they_answer() -> None:
 def test_a_copy_of_an_answer_answers_nothing_again() -> None:
     """One latency."""
     tally = Tally(Filter())
-    ask = Communicate(
-        performative=Performative.QUERY_REF,
-        reply_with="q",
-        conversation="c",
-        sender="pl",
-        receiver="km",
-        id="1",
+    talk = Communicate(
+        performative=Performative.QUERY_REF, conversation="c", sender="pl", receiver="km", id="1"
     )
-    answer = Communicate(
-        performative=Performative.INFORM_REF,
-        in_reply_to="q",
-        conversation="c",
-        sender="km",
-        receiver="pl",
-        id="2",
+    ask = msgspec.structs.replace(talk, reply_with="q")
+    answer = msgspec.structs.replace(
+        talk, performative=Performative.INFORM_REF, in_reply_to="q", sender="km", receiver="pl"
     )
     for at, one in ((1.0, ask), (1.5, answer), (9.0, answer)):
-        data = encode(one)
-        tally.take(
-            HeardMessage(
-                at,
-                "",
-                data,
-                len(data),
-                "C4",
-                one.sender,
-                one.receiver,
-                "query",
-                str(one.performative),
-            )
-        )
+        data, ends = encode(one), (one.sender, one.receiver)
+        act = str(one.performative)
+        tally.take(HeardMessage(at, "", data, len(data), "C4", *ends, "query", act))
     (row,) = [row for row in tally.rows if row.performative == "inform-ref"]
     assert (row.count, list(row.answers)) == (2, [0.5])
 
@@ -158,8 +134,7 @@ def test_a_name_the_design_has_not_is_named(option: str) -> None:
 def test_nothing_recorded_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Exit code 2, and what would be right."""
     monkeypatch.setattr(listen, "recorded", recorded)
-    done = CliRunner().invoke(app, ["traffic", "stats", "--run", str(tmp_path)])
-    assert done.exit_code == 2
+    done = calling.roco("traffic", "stats", "--run", tmp_path, code=2)
     assert "give a run folder" in done.stderr
 
 
@@ -171,9 +146,8 @@ def test_echo_has_every_communicate_with_its_verdict() -> None:
         one.at for one in SAID if one.channel == "C1"
     ]
     assert {line["verdict"] for line in lines} == {"legal", "copy", "slow"}
-    plan = next(
-        line for line in lines if line["channel"] == "C1" and line["performative"] == "request"
-    )
+    asked = (one for one in lines if one["performative"] == "request")
+    plan = next(one for one in asked if one["channel"] == "C1")
     assert plan["content"]["type"] == "HierarchicalPlan"
     assert len(roco("echo", "--count", "7").splitlines()) == 7
     assert roco("echo", "--wrong") == ""
@@ -208,12 +182,7 @@ def test_options_of_replay() -> None:
     found = narrowed(["channel=C1,C4", "agent=pl"], ["C2"], None, None, None)
     assert found == [["C2", "C1", "C4"], ["pl"], [], []]
     assert (factor("max"), factor("0.5")) == (None, 0.5)
-    for words in (
-        ["--speed", "0"],
-        ["--speed", "nan"],
-        ["--only", "colour=red"],
-        ["--replace", "ex"],
-        ["--replace", "x"],
-    ):
-        done = CliRunner().invoke(app, ["replay", str(POUR), *words])
-        assert done.exit_code == 2, done.output
+    wrong = {"--speed": ("0", "nan"), "--only": ("colour=red",), "--replace": ("ex", "x")}
+    for option, values in wrong.items():
+        for value in values:
+            calling.roco("replay", POUR, option, value, code=2)

@@ -9,17 +9,11 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from calling import printed, roco
 
 from operate.cli import lazy
-from operate.cli.__main__ import app
 
 FAR_AWAY = 'name = "far"\n[[thing]]\nid = "jar_1"\nmodel = "jar"\nxyz = [100.0, 0.0, 0.0]\n'
-
-
-def roco(*words: object) -> Result:
-    """Call the command line."""
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.mark.parametrize(
@@ -36,17 +30,17 @@ def roco(*words: object) -> Result:
 )
 def test_a_program_is_told_of_wrong_use_in_one_object(words: tuple[str, ...], said: str) -> None:
     """On standard error, exit code 2; a person gets a box."""
-    done = roco(*words)
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert said in json.loads(done.stderr)["error"]
-    box = roco(*(word for word in words if word not in ("--format", "json", "--format=json")))
-    assert box.exit_code == 2
+    done = roco(*words, code=2)
+    assert (done.stdout, said in json.loads(done.stderr)["error"]) == ("", True)
+    box = roco(
+        *(word for word in words if word not in ("--format", "json", "--format=json")), code=2
+    )
     assert "Usage:" in box.stderr
 
 
 def test_other_ends_are_as_without_json() -> None:
     """Help is help, and exit codes of verbs stay."""
-    assert roco("up", "--help", "--format", "json").exit_code == 0
+    roco("up", "--help", "--format", "json", code=0)
     done = roco("status", "--run-dir", "/nowhere", "--format", "json")
     assert (done.exit_code, json.loads(done.stderr)["error"][:6]) == (3, "no run")
     assert not lazy.wants_json(["say", "json", "--format", "text"])
@@ -76,9 +70,7 @@ def test_seed_and_scene_are_looked_at_before_anything_starts(
     """The loop would say the same, after router and monitor; here no folder was made."""
     monkeypatch.chdir(tmp_path)
     Path("far.toml").write_text(FAR_AWAY)
-    done = roco(*verb, *options, "--format", "json")
-    assert done.exit_code == 2
-    assert said in json.loads(done.stderr)["error"]
+    assert said in printed(*verb, *options, code=2)["error"]
     assert [path.name for path in tmp_path.iterdir()] == ["far.toml"]
 
 
@@ -87,14 +79,11 @@ def test_a_process_that_is_none_is_wrong_use(
 ) -> None:
     """It lists what there is."""
     monkeypatch.chdir(tmp_path)
-    done = roco("up", "--only", "nobody", "--format", "json")
-    assert done.exit_code == 2
-    assert "there are router, monitor" in json.loads(done.stderr)["error"]
+    assert "there are router, monitor" in printed("up", "--only", "nobody", code=2)["error"]
     assert not list(tmp_path.iterdir())
 
 
 def test_an_option_before_the_verb_below_is_refused() -> None:
     """It would be of `roco record`, and have no effect on what is shown."""
-    done = CliRunner().invoke(app, ["record", "--format", "json", "info", "runs/latest"])
-    assert done.exit_code == 2
+    done = roco("record", "--format", "json", "info", "runs/latest", code=2)
     assert "roco record info --option" in done.output

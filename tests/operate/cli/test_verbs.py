@@ -24,6 +24,20 @@ from operate.file_names import FLEET_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
 ROWS = {words: row for rows in merged(VERBS, OWN).values() for words, row in rows.items()}
+IMPORTED = """
+import json, sys
+from operate.cli.__main__ import app
+def imported(*words):
+    try:
+        app(list(words))
+    except SystemExit:
+        return list(sys.modules)
+asked = ["--run-dir", sys.argv[1], "--format", "json"]
+calls = [["status", *asked], ["agents", *asked], ["say", "look around", *asked]]
+called = [imported(*words) for words in calls][-1]
+print(json.dumps([called, imported("--help")]))
+"""
+"""Prints the modules that are there after some verbs, and after help."""
 GONE = ProcessStatus("co", ProcessState.STOPPED)
 CALLED = [words for words, (place, _) in ROWS.items() if place is not GROUP]
 
@@ -55,9 +69,7 @@ def test_a_row_says_what_its_verb_does() -> None:
             command, rest = found(words.split())
             says = (inspect.getdoc(function(place)) or "", command.help)
             right = not rest and command.name == words.rsplit(" ")[-1]
-            right = right and all(
-                " ".join(one.split()).startswith(line.rstrip(".")) for one in says
-            )
+            right = right and all(" ".join(one.split()).startswith(line[:-1]) for one in says)
         wrong += [] if right else [words]
     assert wrong == []
 
@@ -73,11 +85,10 @@ def test_the_examples_of_a_verb_are_calls_of_it(
         for example in examples:
             roco, *called = shlex.split(example)
             assert (roco, called[: len(words.split())]) == ("roco", words.split()), example
-            for word in (
-                Path(word) for word in called if ("/" in word or "." in word) and " " not in word
-            ):
-                (word.parent if word.suffix else word).mkdir(parents=True, exist_ok=True)
-                word.touch()
+            places = [word for word in called if {"/", "."} & {*word} and " " not in word]
+            for place in map(Path, places):
+                (place.parent if place.suffix else place).mkdir(parents=True, exist_ok=True)
+                place.touch()
             command, rest = found(called)
             command.make_context(words, list(rest))
         given = command.make_context(words, [*rest, "--format", "json"]).params["form"]
@@ -100,34 +111,15 @@ def test_lists_and_frequent_verbs_import_nothing_heavy(tmp_path: Path) -> None:
     """Of a fleet that was there: no session, no numbers, no robot; no tables of rich where a
     program asks.
     """
-    (tmp_path / FLEET_FILE).write_bytes(
-        msgspec.json.encode(Fleet("roco", str(tmp_path), 0, 0.0, (GONE,)))
-    )
-    code = (
-        "import json, sys\nfrom operate.cli.__main__ import app\ndef imported(*words):\n    try:\n "
-        "       app(list(words))\n    except SystemExit:\n        pass\n    return"
-        " list(sys.modules)\nasked = ['--run-dir', sys.argv[1], '--format', 'json']\ncalls ="
-        " [['status', *asked], ['agents', *asked], ['say', 'look around', *asked]]\ncalled ="
-        " [imported(*words) for words in calls][-1]\nprint(json.dumps([called,"
-        " imported('--help')]))"
-    )
-    command = [sys.executable, "-c", code, str(tmp_path)]
+    fleet = Fleet("roco", str(tmp_path), 0, 0.0, (GONE,))
+    (tmp_path / FLEET_FILE).write_bytes(msgspec.json.encode(fleet))
+    command = [sys.executable, "-c", IMPORTED, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
     called, listed = json.loads(done.stdout.splitlines()[-1])
-    heavy = {
-        "cryptography",
-        "matplotlib",
-        "mujoco",
-        "numpy",
-        "pinocchio",
-        "rdflib",
-        "rich",
-        "zenoh",
-    }
-    assert heavy.isdisjoint(called)
-    assert [
-        name for name in listed if name.startswith(("operate.cli.design.", "cryptography", "zenoh"))
-    ] == []
+    heavy = {"cryptography", "matplotlib", "mujoco", "numpy", "pinocchio", "rdflib", "zenoh"}
+    assert (heavy | {"rich"}).isdisjoint(called)
+    unwanted = ("operate.cli.design.", "cryptography", "zenoh")
+    assert [name for name in listed if name.startswith(unwanted)] == []
     assert '"state":"stopped"' in done.stdout
     assert "human interface" in done.stderr
     assert "conversation" in done.stdout

@@ -17,15 +17,13 @@ from operate.fleet_file import ViewAddress
 
 pytestmark = pytest.mark.process
 
-NOWHERE = {
-    name: word for name, word in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")
-}
-
-
-PORT = (
-    "import socket, time; s = socket.create_server(('127.0.0.1', 0)); print(s.getsockname()[1],"
-    " flush=True); "
-)
+NOWHERE = os.environ | {"DISPLAY": "", "WAYLAND_DISPLAY": ""}
+SERVES = """
+import socket, time
+with socket.create_server(("127.0.0.1", 0)) as server:
+    print(server.getsockname()[1], flush=True)
+    time.sleep(300)
+"""
 
 
 @pytest.fixture
@@ -34,10 +32,9 @@ def served(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[int]:
     (False).
     """
     own = {FLEET_VARIABLE: "one", RUN_FOLDER_VARIABLE: str(tmp_path)} if request.param else {}
-    command = [sys.executable, "-c", f"{PORT}time.sleep(300)"]
-    with subprocess.Popen(
-        command, env=os.environ | own, stdout=subprocess.PIPE, text=True
-    ) as process:
+    command = [sys.executable, "-c", SERVES]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, env=os.environ | own, stdout=pipe, text=True) as process:
         assert process.stdout is not None
         yield int(process.stdout.readline())
         process.kill()
@@ -51,9 +48,8 @@ def test_a_running_fleet_is_shown_where_its_monitor_serves_it(tmp_path: Path, se
     seen = view.found(None, "", tmp_path, web=False)
     assert seen.live
     assert seen.command[1:] == ("--connect", f"rerun+http://127.0.0.1:{served}/proxy")
-    assert (
-        seen.url == f"http://127.0.0.1:4711/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{served}%2Fproxy"
-    )
+    proxy = f"rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{served}%2Fproxy"
+    assert seen.url == f"http://127.0.0.1:4711/?url={proxy}"
 
 
 @pytest.mark.parametrize("served", [False], indirect=True)
@@ -66,9 +62,8 @@ def test_a_fleet_that_has_ended_is_shown_by_its_recording(tmp_path: Path, served
     page = view.found(tmp_path / RRD_FILE, "", None, web=True)
     assert "--serve-web" in page.command
     assert page.command[page.command.index("--bind") + 1] == "127.0.0.1"
-    assert page.url.startswith(
-        f"http://127.0.0.1:{page.command[page.command.index('--web-viewer-port') + 1]}/?url="
-    )
+    port = page.command[page.command.index("--web-viewer-port") + 1]
+    assert page.url.startswith(f"http://127.0.0.1:{port}/?url=")
 
 
 def test_a_run_without_pictures_says_how_they_are_made(tmp_path: Path) -> None:

@@ -12,11 +12,10 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from calling import printed, roco
 
 from companion.run_files import SLOTS_FILE
 from companion.tools.verbs import checkup
-from operate.cli.__main__ import app
 from operate.cli.fleet import checkup as general
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
@@ -26,27 +25,20 @@ from operate.cli.terminal.console import Console
 pytestmark = pytest.mark.process
 
 
-def roco(*words: object) -> Result:
-    """Call the command line."""
-    return CliRunner().invoke(app, [str(word) for word in words])
-
-
 def test_agents_tells_of_every_process(run: Path) -> None:
     """A row for each; the same for programs."""
-    done = roco("agents", "--run-dir", run)
-    assert done.exit_code == 0, done.output
+    done = roco("agents", "--run-dir", run, code=0)
     assert "MiB" in done.stdout
-    (row,) = json.loads(roco("agents", "--run-dir", run, "--format", "json").stdout)["agents"]
+    (row,) = printed("agents", "--run-dir", run)["agents"]
     assert (row["name"], row["process"]) == ("ta", "ready")
     assert row["cpu"] >= 0
 
 
 def test_what_is_known_of_one_has_its_channels_and_names_who_there_is(run: Path) -> None:
     """A name that is not there is a wrong use."""
-    told = json.loads(roco("agents", "ta", "--run-dir", run, "--format", "json").stdout)
+    told = printed("agents", "ta", "--run-dir", run)
     assert told["channels"] == {"co": "C1", "ex": "C5", "km": "C6"}
-    done = roco("agents", "nobody", "--run-dir", run)
-    assert done.exit_code == 2
+    done = roco("agents", "nobody", "--run-dir", run, code=2)
     assert "there are: ta" in done.stderr
 
 
@@ -54,28 +46,22 @@ def test_where_no_supervisor_is_nobody_is_stopped(run: Path) -> None:
     """It says what to do."""
     fleet = json.loads((run / "fleet.json").read_bytes())
     (run / "fleet.json").write_text(json.dumps(fleet | {"supervisor": 0}))
-    done = roco("agent", "stop", "ta", "--run-dir", run)
-    assert done.exit_code == 1
+    done = roco("agent", "stop", "ta", "--run-dir", run, code=1)
     assert "`roco down`, then `roco up`" in done.stderr
     assert not list(run.glob("*.off"))
 
 
 def test_top_tells_what_went_over_a_channel(run: Path) -> None:
     """The one communicate of the story, long ago."""
-    channels = json.loads(
-        roco("top", "--graph", "--once", "--run-dir", run, "--format", "json").stdout
-    )["channels"]
+    watched = partial(roco, "top", "--run-dir", run)
+    channels = printed("top", "--run-dir", run, "--graph", "--once")["channels"]
     assert {one["name"]: one["count"] for one in channels}["C4"] == 1
-    assert "C4 0.0/s 0 B/s, 1 in all" in roco("top", "--graph", "--once", "--run-dir", run).stdout
-    assert roco("top", "--format", "dot", "--once", "--run-dir", run).stdout.startswith(
-        "graph fleet {"
-    )
-    pictures = roco(
-        "top", "--run-dir", run, "--count", "2", "--period", "0.2", "--format", "json"
-    ).stdout.splitlines()
-    assert len(pictures) == 2
-    assert json.loads(pictures[1])["plan"] == "plan 1: pour, succeeded"
-    assert "carries out the plan" in roco("top", "--run-dir", run, "--count", "1").stdout
+    assert "C4 0.0/s 0 B/s, 1 in all" in watched("--graph", "--once").stdout
+    assert watched("--format", "dot", "--once").stdout.startswith("graph fleet {")
+    told = watched("--count", 2, "--period", 0.2, "--format", "json").stdout
+    _, second = told.splitlines()
+    assert json.loads(second)["plan"] == "plan 1: pour, succeeded"
+    assert "carries out the plan" in watched("--count", "1").stdout
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (100, 30)])
@@ -121,15 +107,8 @@ def test_doctor_finds_nothing_wrong_with_a_fleet_that_is_well(
     checks = {check["name"]: check for check in json.loads(done.stdout)["checks"]}
     assert checks["fleet"]["level"] == "fine"
     assert checks["stop"]["level"] == "note"
-    assert {
-        "python",
-        "libraries",
-        "imports",
-        "ports",
-        "disk",
-        "memory",
-        "processor",
-    } <= checks.keys()
+    machine = {"python", "libraries", "imports", "ports", "disk", "memory", "processor"}
+    assert machine <= checks.keys()
 
 
 def test_doctor_names_what_died_and_what_was_left_behind(
@@ -147,8 +126,7 @@ def test_doctor_names_what_died_and_what_was_left_behind(
         json.dumps(fleet | {"connect": "tcp/127.0.0.1:1", "processes": [*fleet["processes"], dead]})
     )
     monkeypatch.chdir(tmp_path)
-    done = roco("doctor", "--run-dir", run, "--format", "json")
-    assert done.exit_code == 1
+    done = roco("doctor", "--run-dir", run, "--format", "json", code=1)
     checks = {check["name"]: check for check in json.loads(done.stdout)["checks"]}
     assert checks["km"]["what"] == "given-up: killed by signal 9"
     assert "roco agent start km" in checks["km"]["remedy"]
@@ -161,7 +139,12 @@ def test_doctor_names_what_died_and_what_was_left_behind(
 @pytest.mark.parametrize(("late", "level"), [(20, "fine"), (300, "wrong")])
 @pytest.mark.parametrize("runs", [False, True])
 def test_doctor_says_whether_real_time_is_held(
-    late: int, level: str, runs: bool, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    late: int,
+    level: str,
+    runs: bool,
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Without a fleet by a loop that is tried out, else by the one that runs; and what to do where
     it is not held.
@@ -176,14 +159,14 @@ def test_doctor_says_whether_real_time_is_held(
     monkeypatch.setattr(checkup, "measure", measure)
     monkeypatch.setattr(general, "MACHINE", {})
     monkeypatch.delitem(checkup.CHECKS.machine, "imports")
-    if runs:
+    run = request.getfixturevalue("run") if runs else None
+    if run is not None:
         named(run, "loop")
         (tmp_path / "runs").symlink_to(run.parent)
     done = roco("doctor", *(["--run-dir", run] if runs else []), "--format", "json")
-    (check,) = [
-        check for check in json.loads(done.stdout)["checks"] if check["name"] == "real time"
-    ]
-    assert asked == [run / SLOTS_FILE if runs else None]
+    checks = json.loads(done.stdout)["checks"]
+    (check,) = [check for check in checks if check["name"] == "real time"]
+    assert asked == [run and run / SLOTS_FILE]
     assert check["level"] == level
     assert ("real time cannot be held" in check["what"]) == (level == "wrong")
     assert ("--speed max" in check["remedy"]) == (level == "wrong")
@@ -215,12 +198,10 @@ def test_doctor_says_whether_the_loop_gets_its_priority(
 ) -> None:
     """As the loop found it, not as the rights of this user let one expect."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        checkup, "measure", lambda: checkup.Pace(500, 0, held=True, realtime=realtime)
-    )
-    assert [check.level for check in checkup.real_time() if check.name == "priority"] == [
-        "note"
-    ] * (not realtime)
+    pace = checkup.Pace(500, 0, held=True, realtime=realtime)
+    monkeypatch.setattr(checkup, "measure", lambda: pace)
+    levels = [check.level for check in checkup.real_time() if check.name == "priority"]
+    assert levels == ["note"] * (not realtime)
 
 
 def test_the_load_of_a_fleet_of_ones_own_is_only_told(
@@ -235,11 +216,7 @@ def test_the_load_of_a_fleet_of_ones_own_is_only_told(
 
 def test_doctor_names_libraries_that_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the extra that brings them; those of development are nobody's business."""
-    wanted = [
-        "nowhere-to-be>=1; extra == 'executor'",
-        "not-this>=2; extra == 'dev'",
-        "msgspec>=0.20",
-    ]
+    wanted = ["nowhere-to-be>=1; extra == 'executor'", "not-this>=2; extra == 'dev'", "msgspec"]
     monkeypatch.setattr("importlib.metadata.requires", lambda _: wanted)
     (check,) = checkup.CHECKS.machine["libraries"]()
     assert check.what == "not installed: nowhere-to-be"

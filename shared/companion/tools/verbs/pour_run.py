@@ -37,8 +37,8 @@ from operate.cli.runs import folders
 from operate.cli.runs.experiment import Count, MostLoad, Place, Resume, Timeout, repeated
 from operate.cli.runs.trials import Asked
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.draw import Watch
 from operate.cli.terminal.run_state import View
-from operate.cli.terminal.watch import Watch
 from operate.file_names import REPORT_FILE
 from operate.system import here
 from velma.sim import gl

@@ -15,8 +15,9 @@ import typer
 from rich.table import Table
 
 from operate.cli.design import files
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, option
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from topdown.check import recorded
 from topdown.check.estimate import Estimate, Measured, estimate, measure
 from topdown.model.design import Design, load
@@ -40,19 +41,14 @@ def check(
     file: files.File = None,
     run: files.Recording = None,
     ruled: Annotated[
-        bool, typer.Option("--rulings", help="Also what the design rules, entry by entry.")
+        bool, option("Also what the design rules, entry by entry.", "--rulings")
     ] = False,
     estimated: Annotated[
         bool,
-        typer.Option(
-            "--estimate", help="Also counts, sizes, bandwidth, latencies, bottlenecks to expect."
-        ),
+        option("Also counts, sizes, bandwidth, latencies, bottlenecks to expect.", "--estimate"),
     ] = False,
     within: Annotated[
-        float,
-        typer.Option(
-            help="Of the estimate beside a recording: the error that is wanted, as a share."
-        ),
+        float, option("Of the estimate beside a recording: the error that is wanted, as a share.")
     ] = WITHIN,
     form: Form = Format.TEXT,
 ) -> None:
@@ -73,30 +69,18 @@ def check(
             found += recorded.findings(design, heard)
         told = rulings(design) if ruled else ()
         expected = estimate(design) if estimated else None
-        compared = (
-            measure(design, expected, heard) if expected is not None and heard is not None else ()
-        )
-    if form is Format.JSON:
-        answer: dict[str, object] = {"file": str(place), "findings": found, "rulings": told}
-        if expected is not None:
-            errors = tuple((one, one.error) for one in compared)
-            answer["estimate"] = EstimateReport(
-                expected, expected.narrowest, expected.slowest, errors
-            )
-        files.tell_json(answer)
-    else:
-        print(
-            "".join(
-                f"{line}\n"
-                for one in told
-                for line in _ruling(one, files.shown(place), files.width())
-            ),
-            end="",
-        )
-        print(written(found, files.shown(place), design, files.width()))
-        if expected is not None:
-            print()
-            show(expected, compared, within, Console(width=files.width(), highlight=False))
+        compared = measure(design, expected, heard) if expected and heard is not None else ()
+    answer: dict[str, object] = {"file": str(place), "findings": found, "rulings": told}
+    width, shown = files.width(), files.shown(place)
+    words = [line for one in told for line in _ruling(one, shown, width)]
+    if expected is not None:
+        errors = tuple((one, one.error) for one in compared)
+        report = EstimateReport(expected, expected.narrowest, expected.slowest, errors)
+        answer["estimate"] = report
+    files.tell(answer, form, "\n".join([*words, written(found, shown, design, width)]))
+    if expected is not None and form is Format.TEXT:
+        print()
+        show(expected, compared, within, Console(width=width, highlight=False))
     if found or any(off(one, within) for one in compared):
         raise typer.Exit(1)
 
@@ -107,18 +91,18 @@ def written(found: tuple[Finding, ...], file: str, design: Design, width: int) -
     """
     if not found:
         has = design.file
-        states, messages = (
-            sum(len(one.state) for one in has.agent),
-            sum(len(use.message) for use in has.protocol),
-        )
-        inventory = (
-            f"{len(has.requirement)} requirements, {len(has.step)} steps, {len(design.channels)}"
-            f" channels, {len(has.protocol)} protocols, {messages} messages, {len(has.agent)}"
-            f" agents, {states} states"
-        )
-        return "\n".join(
-            textwrap.wrap(f"{file}: no findings in {inventory}", width, subsequent_indent="  ")
-        )
+        counts = {
+            "requirements": len(has.requirement),
+            "steps": len(has.step),
+            "channels": len(design.channels),
+            "protocols": len(has.protocol),
+            "messages": sum(len(use.message) for use in has.protocol),
+            "agents": len(has.agent),
+            "states": sum(len(one.state) for one in has.agent),
+        }
+        inventory = ", ".join(f"{count} {name}" for name, count in counts.items())
+        whole = f"{file}: no findings in {inventory}"
+        return "\n".join(textwrap.wrap(whole, width, subsequent_indent="  "))
     lines: list[str] = []
     for finding in found:
         lines.append(f"{_place(file, finding.line)}: {finding.kind}")
@@ -169,10 +153,8 @@ def show(found: Estimate, compared: tuple[Measured, ...], within: float, console
         share = max(one.share for one in found.uses)
         console.print(f"slowest: {found.slowest}, in which {share:.0%} of the time passes")
     if found.missing:
-        names = ", ".join(found.missing)
-        console.print(
-            f"without figures, so counted once, shortest, as large as the budgets allow: {names}"
-        )
+        taken = "counted once, shortest, as large as the budgets allow"
+        console.print(f"without figures, so {taken}: {', '.join(found.missing)}")
     if compared:
         console.print()
         console.print(_beside(compared, within))
@@ -182,67 +164,48 @@ def show(found: Estimate, compared: tuple[Measured, ...], within: float, console
 
 
 def _channels(found: Estimate) -> Table:
-    table = _table("channel", "communicates", "bytes", "at most", "mean", "busy")
+    drawn = _table("channel", "communicates", "bytes", "at most", "mean", "busy")
     for name, carried in found.channels.items():
         sizes = (_scaled(carried.bytes, "B"), _scaled(carried.most_bytes, "B"))
-        table.add_row(
-            name,
-            f"{carried.communicates:.4g}",
-            *sizes,
-            _bits(carried.mean_bit_s),
-            _bits(carried.busy_bit_s),
-        )
-    return table
+        rates = (_bits(carried.mean_bit_s), _bits(carried.busy_bit_s))
+        drawn.add_row(name, f"{carried.communicates:.4g}", *sizes, *rates)
+    return drawn
 
 
 def _uses(found: Estimate) -> Table:
-    table = _table(
-        "protocol", "channel", "conversations", "one takes", "answer", "budget", "of the time"
-    )
+    times = ("one takes", "answer", "budget", "of the time")
+    drawn = _table("protocol", "channel", "conversations", *times)
     for one in found.uses:
         over = " !" if 0 < one.budget_s < one.latency_s else ""
         took = (_seconds(one.seconds), _seconds(one.latency_s), _seconds(one.budget_s) + over)
-        table.add_row(
-            one.use,
-            one.channel,
-            f"{one.conversations:.4g}",
-            *took,
-            f"{one.share:.0%}" if one.share else "",
-        )
-    return table
+        share = f"{one.share:.0%}" if one.share else ""
+        drawn.add_row(one.use, one.channel, f"{one.conversations:.4g}", *took, share)
+    return drawn
 
 
 def _beside(compared: tuple[Measured, ...], within: float) -> Table:
     """A row for each figure: estimated, recorded, error."""
-    table = _table("of", "figure", "estimated", "recorded", "error")
+    drawn = _table("of", "figure", "estimated", "recorded", "error")
     for one in compared:
         if one.estimated or one.recorded:
             figures = (_figure(one.estimated, one.unit), _figure(one.recorded, one.unit))
             error = "" if one.error is None else f"{one.error:+.0%}"
-            table.add_row(
-                one.where, one.what, *figures, error, style="yellow" if off(one, within) else ""
-            )
-    return table
+            style = "yellow" if off(one, within) else ""
+            drawn.add_row(one.where, one.what, *figures, error, style=style)
+    return drawn
 
 
 def _table(*heads: str) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for number, head in enumerate(heads):
-        words = number == 0 or head in ("channel", "figure")
-        table.add_column(head, justify="left" if words else "right", no_wrap=True)
-    return table
+    numbers = [head for head in heads[1:] if head not in ("channel", "figure")]
+    return table(heads, right=numbers, header_style="bold", padding=(0, 1), pad_edge=False)
 
 
 def _figure(value: float, unit: str) -> str:
-    match unit:
-        case "B":
-            return _scaled(value, "B")
-        case "bit/s":
-            return _bits(value)
-        case "s":
-            return _seconds(value)
-        case _:
-            return f"{value:.4g}"
+    if unit == "B":
+        return _scaled(value, "B")
+    if unit == "bit/s":
+        return _bits(value)
+    return _seconds(value) if unit == "s" else f"{value:.4g}"
 
 
 def _bits(value: float) -> str:

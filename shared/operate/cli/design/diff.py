@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from operate.cli.design import files
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, argument
 from topdown.check.difference import Change, Way, diff
 from topdown.model.design import load
 
@@ -19,8 +19,8 @@ MARKS = {Way.ADDED: "+", Way.REMOVED: "-", Way.CHANGED: "~"}
 
 
 def diff_(
-    old: Annotated[Path, typer.Argument(help="A design file.")],
-    new: Annotated[Path, typer.Argument(help="The design file it became.")],
+    old: Annotated[Path, argument("A design file.")],
+    new: Annotated[Path, argument("The design file it became.")],
     form: Form = Format.TEXT,
 ) -> None:
     """Tell what changed between two designs, whatever the order of their entries. Exits with 1
@@ -31,10 +31,7 @@ def diff_(
     """
     with files.problems(form):
         found = diff(load(old), load(new))
-    if form is Format.JSON:
-        files.tell_json(found)
-    else:
-        print(written(found, files.width()))
+    files.tell(found, form, written(found, files.width()))
     if found:
         raise typer.Exit(1)
 
@@ -54,19 +51,15 @@ def written(found: tuple[Change, ...], width: int) -> str:
 def _grouped(changes: list[Change], width: int) -> list[str]:
     """Changes of one entry stand below its name."""
     lines: list[str] = []
-    last = ("", "")
+    last = ""
     for one in changes:
-        entry = (one.kind, one.name)
+        entry = f"  {MARKS[one.way]} {one.kind} {one.name}"
         if one.way is not Way.CHANGED:
-            lines += _wrapped(
-                f"  {MARKS[one.way]} {one.kind} {one.name}", one.old or one.new, width
-            )
+            lines += _wrapped(entry, one.old or one.new, width)
         else:
-            if entry != last:
-                lines.append(f"  {MARKS[one.way]} {one.kind} {one.name}")
-            lines += _wrapped(
-                f"      {one.field}", f"{one.old or 'nothing'} -> {one.new or 'nothing'}", width
-            )
+            lines += [entry] * (entry != last)
+            change = f"{one.old or 'nothing'} -> {one.new or 'nothing'}"
+            lines += _wrapped(f"      {one.field}", change, width)
         last = entry
     return lines
 

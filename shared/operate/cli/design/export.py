@@ -7,44 +7,20 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from operate.cli import completion
 from operate.cli.design import files
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, option
 from topdown.model.design import Design, load
 from topdown.model.errors import NoSuchEntry
 from topdown.prove.net import NetModel
 from topdown.prove.pairs import net_of
 from topdown.prove.promela import promela
 
-Promela = Annotated[
-    Path | None,
-    typer.Option(
-        "--promela", help="Write Promela for spin here: a file for one use, a folder for more."
-    ),
-]
-Use = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--use",
-        help="A use of a protocol by name; may be given again.",
-        autocompletion=completion.uses,
-    ),
-]
-Pair = Annotated[
-    str | None,
-    typer.Option(
-        "--pair",
-        help="Two agents with - between: all uses between them.",
-        autocompletion=completion.pairs,
-    ),
-]
-Faults = Annotated[int, typer.Option(min=0, help="How many faults at most.")]
-Ideal = Annotated[
-    bool,
-    typer.Option("--ideal", help="Durable uses over ideal queues, without copies and receipts."),
-]
+PROMELA = option("Write Promela for spin here: a file for one use, a folder for more.", "--promela")
+USE = option("A use of a protocol by name; may be given again.", "--use", complete=completion.uses)
+PAIR = option("Two agents with - between: all uses between them.", complete=completion.pairs)
+IDEAL = option("Durable uses over ideal queues, without copies and receipts.", "--ideal")
 
 
 LOOK_WITH = "spin -a -o1 -o2 FILE && gcc -O2 -DSAFETY -DNOREDUCE -o pan pan.c && ./pan -m1000000"
@@ -65,11 +41,11 @@ class Written(msgspec.Struct, frozen=True):
 
 def export(
     file: files.File = None,
-    to: Promela = None,
-    use: Use = None,
-    pair: Pair = None,
-    faults: Faults = 0,
-    ideal: Ideal = False,
+    to: Annotated[Path | None, PROMELA] = None,
+    use: Annotated[list[str] | None, USE] = None,
+    pair: Annotated[str | None, PAIR] = None,
+    faults: Annotated[int, option("How many faults at most.", min=0)] = 0,
+    ideal: Annotated[bool, IDEAL] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Write the models of a design's protocols for spin (Promela).
@@ -93,21 +69,15 @@ def export(
             where.parent.mkdir(parents=True, exist_ok=True)
             where.write_text(promela(net), encoding="utf-8")
             sizes = len(net.variables), len(net.queues), len(net.commands)
-            written.append(
-                Written(net.name, str(where), *sizes, LOOK_WITH.replace("FILE", str(where)))
-            )
-    if form is Format.JSON:
-        files.tell_json(written)
-        return
-    for one in written:
-        things = (
-            f"{one.variables} variables, {one.queues} queues"
-            if one.queues
-            else f"{one.variables} variables"
-        )
-        print(f"wrote {one.file}: {one.use}, {things}, {one.commands} commands")
-    for command in dict.fromkeys(one.look_with for one in written):
-        print(f"  {command}")
+            look_with = LOOK_WITH.replace("FILE", str(where))
+            written.append(Written(net.name, str(where), *sizes, look_with))
+    lines = [
+        f"wrote {one.file}: {one.use}, {one.variables} variables,"
+        f"{f' {one.queues} queues,' if one.queues else ''} {one.commands} commands"
+        for one in written
+    ]
+    lines += dict.fromkeys(f"  {one.look_with}" for one in written)
+    files.tell(written, form, "\n".join(lines))
 
 
 def _uses(design: Design, named: list[str], pair: str | None) -> list[str]:

@@ -11,9 +11,9 @@ from typing import Annotated
 import msgspec
 import typer
 
-from operate.cli.errors import ConsoleError
-from operate.cli.output import Format, tell_problem
-from operate.cli.traffic.observed import recording
+from operate.cli.errors import ConsoleError, NoRunError
+from operate.cli.output import Format, argument, option, tell_problem
+from operate.structs import NothingToRead
 from operate.system import NoSystemError, here
 from topdown import check
 from topdown.check.recorded import Observed
@@ -27,11 +27,10 @@ NARROW, WIDE = 60, 160
 
 
 File = Annotated[
-    Path | None,
-    typer.Argument(help="A design file; else that of the system here.", show_default=False),
+    Path | None, argument("A design file; else that of the system here.", show_default=False)
 ]
 Recording = Annotated[
-    Path | None, typer.Option("--recording", help="A run's folder, or a .json of observations.")
+    Path | None, option("A run's folder, or a .json of observations.", "--recording")
 ]
 
 
@@ -47,10 +46,8 @@ def width() -> int:
 
 def shown(file: Path) -> str:
     """A path as short as it can be said from here."""
-    here = Path.cwd()
-    return (
-        str(file.resolve().relative_to(here)) if file.resolve().is_relative_to(here) else str(file)
-    )
+    whole, here = file.resolve(), Path.cwd()
+    return str(whole.relative_to(here) if whole.is_relative_to(here) else file)
 
 
 def observed(run: Path | None) -> Observed | None:
@@ -68,23 +65,48 @@ def findings(design: Design, file: Path) -> tuple[Finding, ...]:
         own: Callable[[Design], tuple[Finding, ...]] | None = system.addition("findings")
     except (NoSystemError, TopdownError):
         return found
-    return (
-        (*found, *own(design))
-        if own is not None and system.design.place == file.resolve()
-        else found
-    )
+    if own is None or system.design.place != file.resolve():
+        return found
+    return (*found, *own(design))
 
 
-def tell_json(what: object) -> None:
-    """Print anything made of Structs."""
-    print(msgspec.json.format(msgspec.json.encode(what), indent=2).decode())
+def tell(what: object, form: Format, words: str) -> None:
+    """Print an answer: for programs as JSON in several lines, else in words."""
+    print(msgspec.json.format(msgspec.json.encode(what)).decode() if form is Format.JSON else words)
 
 
 @contextmanager
-def problems(form: Format) -> Iterator[None]:
-    """Turn what goes wrong into words on standard error and exit code 2."""
+def problems(form: Format, code: int = WRONG_FILE) -> Iterator[None]:
+    """Turn what goes wrong into words on standard error and this exit code."""
     try:
         yield
     except (TopdownError, NoSystemError, ConsoleError, ValueError) as error:
         tell_problem(error, form)
-        raise typer.Exit(WRONG_FILE) from error
+        raise typer.Exit(code) from error
+
+
+# --- Traffic heard in a run, for comparing it with a design ---------------------------------------
+
+
+def recording(run: Path) -> Observed:
+    """The communicates and events of a run folder, of the folder a traffic.mcap stands in, or of a
+    .json file of observations, from whatever recorder. ConsoleError where nothing can be read.
+    """
+    if run.suffix == ".json":
+        return msgspec.json.decode(run.read_bytes(), type=Observed)
+    folder = run.parent if run.is_file() else run
+    if not folder.is_dir():
+        raise NoRunError(str(run))
+    try:
+        from operate.recording.run import Run
+
+        found = Run(folder).observed()
+    except (NothingToRead, ModuleNotFoundError) as error:
+        raise ConsoleError(
+            f"the recording in {folder} cannot be read ({error}); install the extra `monitor`"
+        ) from error
+    if not found.communicates:
+        raise ConsoleError(
+            f"{folder} holds no recorded communicates; give a run's folder, with its traffic.mcap"
+        )
+    return found

@@ -11,18 +11,14 @@ import typer
 
 from agent_runtime.io.steplog import deeds
 from operate.cli.design import files
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, argument, option
 from operate.file_names import STEPS
 from operate.system import of_run
 from topdown.model.design import load
 from topdown.prove.paths import Deviation, Follower
 
-Run = Annotated[
-    Path, typer.Argument(help="A run's folder; its agents' steps are in RUN/steps.", exists=True)
-]
-Design = Annotated[
-    Path | None, typer.Option("--design", help="A design file; else that of the run's system.")
-]
+Run = Annotated[Path, argument("A run's folder; its agents' steps are in RUN/steps.", exists=True)]
+Design = Annotated[Path | None, option("A design file; else that of the run's system.", "--design")]
 
 
 def follow(run: Run, design: Design = None, form: Form = Format.TEXT) -> None:
@@ -41,10 +37,11 @@ def follow(run: Run, design: Design = None, form: Form = Format.TEXT) -> None:
             )
         follower = Follower(of_run(run).design if design is None else load(design))
         found = follower.follow(done)
-    if form is Format.JSON:
-        files.tell_json({"steps": follower.count, "deviation": found and found._asdict()})
-    else:
-        print(_progress_text(follower, found))
+    files.tell(
+        {"steps": follower.count, "deviation": found and found._asdict()},
+        form,
+        _progress_text(follower, found),
+    )
     if found is not None:
         raise typer.Exit(1)
 

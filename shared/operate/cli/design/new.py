@@ -3,27 +3,22 @@
 from pathlib import Path
 from typing import Annotated
 
-import msgspec
-import typer
-
-from operate.cli.output import Form, Format, tell_problem
-from topdown.model.errors import TopdownError
+from operate.cli.design import files
+from operate.cli.errors import NO
+from operate.cli.output import Form, Format, argument, option, tell
 from topdown.model.loading import text_of
 from topdown.scaffold import Outcome, scaffold, smallest
 
 
 def new(
-    folder: Annotated[Path, typer.Argument(help="The project's folder; made where missing.")],
+    folder: Annotated[Path, argument("The project's folder; made where missing.")],
     name: Annotated[
-        str, typer.Option(help="Name of package and system; else the design's, or the folder's.")
+        str, option("Name of package and system; else the design's, or the folder's.")
     ] = "",
     source: Annotated[
         Path | None,
-        typer.Option(
-            "--from",
-            exists=True,
-            dir_okay=False,
-            help="A design file; else the smallest system begins.",
+        option(
+            "A design file; else the smallest system begins.", "--from", exists=True, dir_okay=False
         ),
     ] = None,
     form: Form = Format.TEXT,
@@ -38,20 +33,13 @@ def new(
       roco design new lamp
       roco design new robot --from design.toml
     """
-    try:
+    with files.problems(form, NO):
         if source is not None:
             outcome = scaffold(text_of(source), folder, name, str(source))
         else:
             package = name or folder.resolve().name
             outcome = scaffold(smallest(package), folder, package)
-    except TopdownError as error:
-        tell_problem(error, form)
-        raise typer.Exit(1) from error
-    print(
-        msgspec.json.encode(outcome).decode()
-        if form is Format.JSON
-        else "\n".join(_outcome_lines(outcome))
-    )
+    tell(outcome, form, "\n".join(_outcome_lines(outcome)))
 
 
 def _outcome_lines(outcome: Outcome) -> list[str]:

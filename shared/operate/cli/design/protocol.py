@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
@@ -17,7 +16,7 @@ from operate.cli import completion
 from operate.cli.design import files
 from operate.cli.design.show import write
 from operate.cli.errors import UsageError
-from operate.cli.output import Form, Format, tell_json
+from operate.cli.output import Form, Format, argument, option, tell, tell_json
 from operate.system import NoSystemError, here
 from topdown.draw import document
 from topdown.draw.document import Grid
@@ -81,14 +80,9 @@ class Shown(msgspec.Struct, frozen=True):
 
 def protocol(
     name: Annotated[
-        str,
-        typer.Argument(
-            metavar="[NAME]", help="A protocol.", autocompletion=completion.every_protocol
-        ),
+        str, argument("A protocol.", complete=completion.every_protocol, metavar="[NAME]")
     ] = "",
-    svg: Annotated[
-        Path | None, typer.Option("--svg", help="Draw the exchange, and write it here.")
-    ] = None,
+    svg: Annotated[Path | None, option("Draw the exchange, and write it here.", "--svg")] = None,
     form: Form = Format.TEXT,
 ) -> None:
     """List the protocols that a design can follow; show the tables of one: who may say what in
@@ -113,34 +107,27 @@ def protocol(
                     "--svg draws one protocol; name it: `roco protocol NAME --svg FILE`"
                 )
             found = [about for about, _ in every()]
-            if form is Format.JSON:
-                tell_json(found)
-                return
             rows = tuple(
                 (one.name, _several(one.aliases), _several(one.openings), one.origin)
                 for one in found
             )
-            print(
-                document.table(
-                    Grid("", ("protocol", "also called", "opened by", "rules of"), rows), _width()
-                )
-            )
+            heads = ("protocol", "also called", "opened by", "rules of")
+            tell(found, form, document.table(Grid("", heads, rows), _width()))
             return
         about, one = _meant(name)
         made = write(draw(one).svg(), svg)
         if form is Format.JSON:
-            roles = {
-                role: Side(
-                    tuple(Line(*row) for row in _by_state(table)),
-                    *(tuple(sorted(getattr(table, mark))) for mark in MEANING),
-                )
-                for role, table in one.tables.items()
-            }
+            roles = {role: _side(table) for role, table in one.tables.items()}
             tell_json(Shown(about, tuple(sorted(one.confirmed)), tuple(sorted(one.rounds)), roles))
         elif made:
             print(f"wrote {svg}")
         else:
             print(_written(about, one, _width()))
+
+
+def _side(table: Table) -> Side:
+    marks = (tuple(sorted(getattr(table, mark))) for mark in MEANING)
+    return Side(tuple(Line(*row) for row in _by_state(table)), *marks)
 
 
 def every() -> list[tuple[Listed, Protocol]]:
@@ -156,11 +143,11 @@ def _own() -> dict[str, tuple[Listed, Protocol]]:
         system = here()
     except NoSystemError:
         return {}
-    origin, tables = f"the design of {system.name}", system.design.own_tables
-    entries = system.design.file.table
-    return {
-        one.name: (_listed(tables[one.name], origin, one.text), tables[one.name]) for one in entries
-    }
+    origin, found = f"the design of {system.name}", {}
+    for one in system.design.file.table:
+        own = system.design.own_tables[one.name]
+        found[one.name] = (_listed(own, origin, one.text), own)
+    return found
 
 
 def _meant(name: str) -> tuple[Listed, Protocol]:
@@ -173,9 +160,8 @@ def _meant(name: str) -> tuple[Listed, Protocol]:
 
 
 def _listed(one: Protocol, origin: str, words: str = "") -> Listed:
-    return Listed(
-        one.name, one.aliases, tuple(sorted(one.openings)), origin, " ".join(words.split())
-    )
+    openings = tuple(sorted(one.openings))
+    return Listed(one.name, one.aliases, openings, origin, " ".join(words.split()))
 
 
 def _origin(one: Protocol) -> str:
@@ -186,22 +172,17 @@ def _origin(one: Protocol) -> str:
 
 def _by_state(table: Table) -> list[Row]:
     """The rows, those of a state together, in the order in which states first appear."""
-    places = {
-        state: number for number, state in enumerate(dict.fromkeys(row.state for row in table))
-    }
-    return sorted(table, key=lambda row: places[row.state])
+    states = [row.state for row in table]
+    return sorted(table, key=lambda row: states.index(row.state))
 
 
 def _written(about: Listed, protocol: Protocol, width: int) -> str:
     names = f", also called {_several(about.aliases)}" if about.aliases else ""
-    facts = [
-        f"{about.name}{names}: opened by {_several(about.openings)}; rules of {about.origin}",
-        about.text,
-    ]
+    opened = f"opened by {_several(about.openings)}; rules of {about.origin}"
+    facts = [f"{about.name}{names}: {opened}", about.text]
     facts += [f"Each {act} is answered by a confirm." for act in sorted(protocol.confirmed)]
-    facts += [
-        f"Each further {act} of the initiator opens a new round." for act in sorted(protocol.rounds)
-    ]
+    opens = "of the initiator opens a new round"
+    facts += [f"Each further {act} {opens}." for act in sorted(protocol.rounds)]
     sides = [_side_written(role, table, width) for role, table in protocol.tables.items()]
     used = {row.kind for table in protocol.tables.values() for row in table}
     legend = [*(f"[{kind}]: {words}." for kind, words in KINDS.items() if kind in used), ALWAYS]
@@ -214,11 +195,8 @@ def _side_written(role: Role, table: Table, width: int) -> str:
         says = "says" if row.way is Way.SEND else "hears"
         rows.append((row.state if row.state != last else "", says, row.word, row.to))
         last = row.state
-    lines = [
-        document.table(
-            Grid(str(role), ("state", "says or hears", "act", "next state"), tuple(rows)), width
-        )
-    ]
+    heads = ("state", "says or hears", "act", "next state")
+    lines = [document.table(Grid(str(role), heads, tuple(rows)), width)]
     for mark, words in MEANING.items():
         if states := sorted(getattr(table, mark)):
             lines += document.hung(f"{mark:<9}", f"{', '.join(states)}: {words}", width, " " * 9)

@@ -3,55 +3,45 @@ text, SVG and HTML.
 """
 
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from operate.cli import completion
 from operate.cli.design import files
-from operate.cli.output import Form, Format, tell_problem
-from operate.system import NoSystemError
+from operate.cli.errors import NO
+from operate.cli.output import Form, Format, option
 from topdown.draw import book, document
 from topdown.draw.document import Figure, Section
 from topdown.model.design import load
-from topdown.model.errors import TopdownError
 
 
 def show(
     file: files.File = None,
-    what: Annotated[
-        list[book.What] | None, typer.Option(help="What to show; may be repeated.")
-    ] = None,
+    what: Annotated[list[book.What] | None, option("What to show; may be repeated.")] = None,
     step: Annotated[
         int | None,
-        typer.Option(
-            help="Of steps and tree: after which step; else all, and the last.",
-            autocompletion=completion.steps,
+        option(
+            "Of steps and tree: after which step; else all, and the last.",
+            complete=completion.steps,
         ),
     ] = None,
     agent: Annotated[
         str | None,
-        typer.Option(
-            help="Of interfaces and machines: whose; else all.", autocompletion=completion.agents
-        ),
+        option("Of interfaces and machines: whose; else all.", complete=completion.agents),
     ] = None,
     protocol: Annotated[
         str | None,
-        typer.Option(
-            help="Of protocols: which use, or the table they follow.",
-            autocompletion=completion.protocols_and_uses,
+        option(
+            "Of protocols: which use, or the table they follow.",
+            complete=completion.protocols_and_uses,
         ),
     ] = None,
-    html: Annotated[
-        Path | None, typer.Option(help="Write one self-contained page of it here.")
-    ] = None,
-    svg: Annotated[Path | None, typer.Option(help="Write its figures into this folder.")] = None,
+    html: Annotated[Path | None, option("Write one self-contained page of it here.")] = None,
+    svg: Annotated[Path | None, option("Write its figures into this folder.")] = None,
     long: Annotated[
-        bool, typer.Option("--long", help="Also the rows behind diagrams, which a page folds.")
+        bool, option("Also the rows behind diagrams, which a page folds.", "--long")
     ] = False,
     form: Form = Format.TEXT,
 ) -> None:
@@ -62,7 +52,7 @@ def show(
       roco design show --agent AGENT
       roco design show --what system
     """
-    with problems(form):
+    with files.problems(form, NO):
         chosen = chosen_of(what or [], step, agent, protocol)
         width = shutil.get_terminal_size((document.WIDTH, 0)).columns
         design = load(files.meant(file))
@@ -99,18 +89,10 @@ def plain(section: Section) -> dict[str, object]:
     parts: list[dict[str, object]] = []
     for part in section.parts:
         if isinstance(part, Figure):
-            parts.append(
-                {
-                    "figure": part.name,
-                    "caption": part.caption,
-                    "data": part.data,
-                    "notes": part.notes,
-                }
-            )
+            told = {"figure": part.name, "caption": part.caption, "data": part.data}
         else:
-            parts.append(
-                {"table": part.title, "head": part.head, "rows": part.rows, "notes": part.notes}
-            )
+            told = {"table": part.title, "head": part.head, "rows": part.rows}
+        parts.append({**told, "notes": part.notes})
     return {"what": section.what, "title": section.title, "parts": parts}
 
 
@@ -123,20 +105,8 @@ def write(words: str, path: Path | None) -> list[Path]:
     return [path]
 
 
-def write_all(files: dict[str, str], folder: Path | None) -> list[Path]:
+def write_all(texts: dict[str, str], folder: Path | None) -> list[Path]:
     """Write files into a folder, if there is one."""
-    return (
-        []
-        if folder is None
-        else [path for name, words in files.items() for path in write(words, folder / name)]
-    )
-
-
-@contextmanager
-def problems(form: Format) -> Iterator[None]:
-    """Turn what goes wrong into words on standard error and exit code 1."""
-    try:
-        yield
-    except (TopdownError, NoSystemError) as error:
-        tell_problem(error, form)
-        raise typer.Exit(1) from error
+    if folder is None:
+        return []
+    return [path for name, words in texts.items() for path in write(words, folder / name)]

@@ -28,12 +28,11 @@ def trace_(file: files.File = None, run: files.Recording = None, form: Form = Fo
     with files.problems(form):
         place = files.meant(file)
         found = trace(load(place), files.observed(run), Tests(place))
-    if form is Format.JSON:
-        files.tell_json(
-            {"file": str(place), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]}
-        )
-    else:
-        print(written(found, files.width(), looked=run is not None))
+    files.tell(
+        {"file": str(place), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]},
+        form,
+        written(found, files.width(), looked=run is not None),
+    )
     if any(leaf.bare or missing(leaf) for leaf in found):
         raise typer.Exit(1)
 
@@ -61,33 +60,23 @@ def missing(leaf: Traced) -> list[Evidence]:
 def written(found: tuple[Traced, ...], width: int, *, looked: bool) -> str:
     """The leaves as people read them, then those that nothing shows."""
     lines = [line for leaf in found for line in _leaf(leaf, width)]
-    lines.append(
-        "+ seen, - missing"
-        + ("" if looked else "; events and messages are looked for with --recording RUN")
-    )
+    how = "; events and messages are looked for with --recording RUN"
+    lines.append(f"+ seen, - missing{'' if looked else how}")
     bare = [leaf.id for leaf in found if leaf.bare]
     lost = [leaf.id for leaf in found if missing(leaf) and not leaf.bare]
-    told = (
-        f"without evidence: {', '.join(bare)}" if bare else f"all {len(found)} leaves have evidence"
-    )
-    return "\n".join(
-        [*lines, told, *([f"some evidence is missing: {', '.join(lost)}"] if lost else [])]
-    )
+    without = f"without evidence: {', '.join(bare)}"
+    lines.append(without if bare else f"all {len(found)} leaves have evidence")
+    lines += [f"some evidence is missing: {', '.join(lost)}"] if lost else []
+    return "\n".join(lines)
 
 
 def _leaf(leaf: Traced, width: int) -> list[str]:
-    steps = ", ".join(map(str, leaf.steps)) or "none"
-    way = (
-        f"step {steps} -> groups {', '.join(leaf.groups) or 'none'} -> agents"
-        f" {', '.join(leaf.agents) or 'none'} -> channels {', '.join(leaf.channels) or 'none'}"
-    )
-    head = textwrap.wrap(f"{leaf.id}  {leaf.text}", width, subsequent_indent="    ")
-    return [
-        *head,
-        *textwrap.wrap(way, width, initial_indent="    ", subsequent_indent="      "),
-        *_shown(leaf),
-        "",
-    ]
+    leads = {"step": map(str, leaf.steps), "groups": leaf.groups, "agents": leaf.agents}
+    leads["channels"] = leaf.channels
+    way = " -> ".join(f"{kind} {', '.join(names) or 'none'}" for kind, names in leads.items())
+    lines = textwrap.wrap(f"{leaf.id}  {leaf.text}", width, subsequent_indent="    ")
+    lines += textwrap.wrap(way, width, initial_indent="    ", subsequent_indent="      ")
+    return [*lines, *_shown(leaf), ""]
 
 
 def _shown(leaf: Traced) -> list[str]:

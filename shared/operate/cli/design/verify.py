@@ -5,6 +5,7 @@ makes no sense.
 """
 
 import textwrap
+from functools import partial
 from typing import Annotated
 
 import msgspec
@@ -12,7 +13,7 @@ import typer
 
 from operate.cli import completion
 from operate.cli.design import files
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, option
 from operate.cli.terminal.console import Console
 from topdown.model.design import load
 from topdown.prove import counterexample, durable, volatile
@@ -26,53 +27,31 @@ TITLES = {
     3: "Layer 3: all agents composed, on ideal queues",
 }
 
-Faults = Annotated[
-    str,
-    typer.Option(
-        help="How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.",
-        autocompletion=completion.faults,
-    ),
-]
-Layers = Annotated[
-    list[int] | None,
-    typer.Option(
-        "--layer", help="Only this layer; may be given again.", autocompletion=completion.layers
-    ),
-]
-Step = Annotated[
-    int | None,
-    typer.Option(
-        help="Only the channels that this step of the design created or changed.",
-        autocompletion=completion.steps,
-    ),
-]
-Gone = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Besides: this agent may die for good, and wishes of persons still end.",
-        autocompletion=completion.agents,
-    ),
-]
-Seconds = Annotated[
-    float | None, typer.Option(help="CPU seconds for each verdict; what is open then is said.")
-]
-SkipStart = Annotated[
-    bool, typer.Option("--skip-start", help="Leave out the start of all agents (layer 3).")
-]
-Long = Annotated[
-    bool, typer.Option("--long", help="Also what the model leaves out, and why that is safe.")
-]
+FAULTS = option(
+    "How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.", complete=completion.faults
+)
+ONE_LAYER = option("Only this layer; may be given again.", "--layer", complete=completion.layers)
+STEP = option(
+    "Only the channels that this step of the design created or changed.", complete=completion.steps
+)
+GONE = option(
+    "Besides: this agent may die for good, and wishes of persons still end.",
+    complete=completion.agents,
+)
+SECONDS = option("CPU seconds for each verdict; what is open then is said.")
+SKIP_START = option("Leave out the start of all agents (layer 3).", "--skip-start")
+LONG = option("Also what the model leaves out, and why that is safe.", "--long")
 
 
 def verify(
     file: files.File = None,
-    faults: Faults = "1",
-    layer: Layers = None,
-    step: Step = None,
-    gone: Gone = None,
-    seconds: Seconds = None,
-    skip_start: SkipStart = False,
-    long: Long = False,
+    faults: Annotated[str, FAULTS] = "1",
+    layer: Annotated[list[int] | None, ONE_LAYER] = None,
+    step: Annotated[int | None, STEP] = None,
+    gone: Annotated[list[str] | None, GONE] = None,
+    seconds: Annotated[float | None, SECONDS] = None,
+    skip_start: Annotated[bool, SKIP_START] = False,
+    long: Annotated[bool, LONG] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Prove a design: no deadlock, nothing unforeseen, every conversation ends, no act twice, no
@@ -85,17 +64,9 @@ def verify(
     with files.problems(form):
         place = files.meant(file)
         most, wanted = _most(faults), tuple(layer or LAYERS)
+        asked = partial(tasks, faults=most, layers=wanted, step=step, gone=gone or ())
         try:
-            asked = tasks(
-                load(place),
-                faults=most,
-                layers=wanted,
-                step=step,
-                gone=gone or (),
-                seconds=seconds,
-                skip_start=skip_start,
-            )
-            work = tuple(asked)
+            work = tuple(asked(load(place), seconds=seconds, skip_start=skip_start))
         except IndexError as error:
             raise ValueError(str(error)) from error
         if not work:
@@ -103,10 +74,9 @@ def verify(
                 "nothing to prove; layers are 1, 2, 3, and a step changes channels of layer 2 only"
             )
         verdicts = _verdicts(work, form)
-    if form is Format.JSON:
-        files.tell_json([_plain(verdict) for verdict in verdicts])
-    else:
-        print(summary(verdicts, files.width(), long=long))
+    files.tell(
+        [_plain(verdict) for verdict in verdicts], form, summary(verdicts, files.width(), long=long)
+    )
     if not all(verdict.holds for verdict in verdicts):
         raise typer.Exit(1)
 
@@ -141,14 +111,11 @@ def _verdicts(work: tuple[Task, ...], form: Format) -> list[Verdict]:
 
 def line(verdict: Verdict, width: int) -> str:
     """A verdict in a line, and what is wrong or open below it."""
-    faults = (
-        "any faults"
-        if verdict.faults is None
-        else f"{verdict.faults} fault{'s' if verdict.faults != 1 else ''}"
-    )
+    count = verdict.faults
+    faults = "any faults" if count is None else f"{count} fault{'s' * (count != 1)}"
     word = "holds" if verdict.holds else "FAILS" if verdict.findings else "open"
-    count = f"{verdict.states:>9,} states  {verdict.seconds:6.1f} s"
-    lines = [f"  {verdict.what:<28} {faults:<11}{count}  {word}"]
+    took = f"{verdict.states:>9,} states  {verdict.seconds:6.1f} s"
+    lines = [f"  {verdict.what:<28} {faults:<11}{took}  {word}"]
     for text in verdict.open:
         lines += textwrap.wrap(text, width, initial_indent="      ", subsequent_indent="      ")
     lines += [f"\n{counterexample.as_text(finding, width)}\n" for finding in verdict.findings]
@@ -168,32 +135,27 @@ def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
         lines += ["", "Not needed by any path:", *(f"  {note}" for note in notes or ["nothing"])]
         lines += ["", "What the composed model leaves out, and why that is safe:"]
         for one in ABSTRACTIONS:
-            lines += textwrap.wrap(
-                f"- {one.what}: {one.why}. Shown by: {one.shown}.", width, subsequent_indent="  "
-            )
-        for title, table in (
-            ("durable", durable.ABSTRACTIONS),
-            ("volatile", volatile.ABSTRACTIONS),
-        ):
+            lines += _item(f"{one.what}: {one.why}. Shown by: {one.shown}.", width)
+        models = {"durable": durable.ABSTRACTIONS, "volatile": volatile.ABSTRACTIONS}
+        for title, table in models.items():
             lines += ["", f"What the models of {title} uses leave out, and why that is safe:"]
-            for what, why in table:
-                lines += textwrap.wrap(f"- {what}: {why}.", width, subsequent_indent="  ")
+            lines += [line for what, why in table for line in _item(f"{what}: {why}.", width)]
     lines += ["", "Not proven by any layer:"]
     for text in (*(text for verdict in verdicts for text in verdict.beyond), *NOT_PROVEN):
-        lines += textwrap.wrap(f"- {text}", width, subsequent_indent="  ")
+        lines += _item(text, width)
     return "\n".join(lines)
+
+
+def _item(text: str, width: int) -> list[str]:
+    return textwrap.wrap(f"- {text}", width, subsequent_indent="  ")
 
 
 def _plain(verdict: Verdict) -> dict[str, object]:
     """A verdict for programs."""
-    findings = [
-        {
-            "kind": one.kind,
-            "text": one.text,
-            "trace": [{"who": step.who, "what": step.what} for step in one.trace],
-        }
-        for one in verdict.findings
-    ]
+    findings = []
+    for one in verdict.findings:
+        trace = [{"who": step.who, "what": step.what} for step in one.trace]
+        findings.append({"kind": one.kind, "text": one.text, "trace": trace})
     fields = {name: getattr(verdict, name) for name in verdict._fields if name != "findings"}
     kept: dict[str, object] = msgspec.to_builtins(fields)
     return {**kept, "holds": verdict.holds, "findings": findings}

@@ -8,7 +8,6 @@ import random
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -16,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import msgspec
-import typer
 from rich.table import Table
 from rich.text import Text
 
@@ -25,11 +23,11 @@ from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTER
 from operate import proc
 from operate.cli import completion, interrupts
-from operate.cli.errors import FleetError, UsageError
+from operate.cli.errors import FleetError, UsageError, last_line
 from operate.cli.faults.kinds import KINDS, VERBS, Kind
-from operate.cli.fleet import running_fleets
+from operate.cli.fleet import running_fleets, starting
 from operate.cli.fleet.up import Rate, Speed
-from operate.cli.output import FirstSeed, Form, Format, problems, tell_json, tell_problem
+from operate.cli.output import FirstSeed, Form, Format, option, problems, tell_json, tell_problem
 from operate.cli.runs import folders, trials
 from operate.cli.runs.experiment import span
 from operate.cli.terminal.console import Console
@@ -75,33 +73,23 @@ class Cell(msgspec.Struct, frozen=True):
     def command(self) -> list[str]:
         """The words of `roco fault`."""
         row = KINDS[self.kind].amount
-        amount = (
-            []
-            if self.amount is None or row is None
-            else [*([row.option] if row.option else []), str(self.amount)]
-        )
-        return [
-            self.kind,
-            self.target,
-            *amount,
-            "--at",
-            self.at,
-            *(["--for", str(self.for_s)] if self.for_s else []),
-        ]
+        words = [self.kind, self.target]
+        if self.amount is not None and row is not None:
+            words += [*filter(None, [row.option]), str(self.amount)]
+        return [*words, "--at", self.at, *(["--for", str(self.for_s)] if self.for_s else [])]
 
 
 def phases(system: System) -> dict[str, str]:
     """Return the phases of a system's job: its own, else the states of its agents but the first
     ones.
     """
-    agents = system.design.agents
-    states = (
+    states = [
         f"{name}:{one.name}"
-        for name in agents
-        for one in agents[name].state
-        if one.name != agents[name].initial
-    )
-    return system.job.phases or {state: state for state in states}
+        for name, agent in system.design.agents.items()
+        for one in agent.state
+        if one.name != agent.initial
+    ]
+    return system.job.phases or dict(zip(states, states, strict=True))
 
 
 def choose(system: System, seed: int, kinds: tuple[str, ...], targets: tuple[str, ...]) -> Cell:
@@ -111,26 +99,16 @@ def choose(system: System, seed: int, kinds: tuple[str, ...], targets: tuple[str
     chance = random.Random(seed)
     for _ in range(1000):
         kind = chance.choice(kinds or VERBS)
-        fitting = [
-            name for name in targets_of(system, KINDS[kind]) if not targets or name in targets
-        ]
+        row = KINDS[kind]
+        fitting = [name for name in targets_of(system, row) if not targets or name in targets]
         if fitting:
-            return cell(
-                system, seed, kind, chance.choice(fitting), *_moment(system, chance), chance
-            )
+            target = chance.choice(fitting)
+            phase, at = _moment(system, chance)
+            amount = None if row.amount is None else round(chance.uniform(*row.amount.tried), 3)
+            for_s = PAUSE_S if kind == "pause" else row.for_s or None
+            return Cell(seed, kind, target, phase, at, for_s, amount)
     raise UsageError(
         f"{', '.join(kinds)} can be done to none of {', '.join(targets)}; leave --kind or --on out"
-    )
-
-
-def cell(
-    system: System, seed: int, kind: str, target: str, phase: str, at: str, chance: random.Random
-) -> Cell:
-    """Return a cell whose amount is chosen."""
-    row = KINDS[kind]
-    amount = None if row.amount is None else round(chance.uniform(*row.amount.tried), 3)
-    return Cell(
-        seed, kind, target, phase, at, PAUSE_S if kind == "pause" else row.for_s or None, amount
     )
 
 
@@ -243,16 +221,8 @@ class _Inflicting:
         if self._begun or not needed or any(one.state is not ProcessState.READY for one in needed):
             return
         self._begun = True
-        words = ["fault", *self._cell.command, "--run-dir", str(self._run)]
-        with (self._run / FAULT_LOG).open("ab") as log:
-            child = subprocess.Popen(
-                [sys.executable, "-P", "-m", "operate.cli", *words],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
-        self._stack.callback(_over, child)
+        words = ["operate.cli", "fault", *self._cell.command, "--run-dir", str(self._run)]
+        self._stack.callback(_over, starting.in_background(words, self._run / FAULT_LOG))
 
 
 def _over(child: "subprocess.Popen[bytes]") -> None:
@@ -269,8 +239,8 @@ def _text(run: Path, faults: tuple[Fault, ...]) -> str:
     if faults:
         return faults[-1].text
     file = run / FAULT_LOG
-    words = file.read_text(errors="replace").strip().splitlines()[-1:] if file.exists() else []
-    return words[0] if words else "the fleet was never ready"
+    words = last_line(file.read_bytes()) if file.exists() else ""
+    return words or "the fleet was never ready"
 
 
 def _checked(run: Path) -> "Checked":
@@ -332,12 +302,12 @@ def tables(results: Sequence[Result]) -> Iterator[Table]:
     """Yield a table for each kind of fault that was done."""
     for kind in dict.fromkeys(one.cell.kind for one in results):
         own = [one for one in results if one.cell.kind == kind]
-        columns = list(dict.fromkeys(one.cell.phase for one in own))
-        targets = dict.fromkeys(one.cell.target for one in own)
-        rows = (
-            (Text(target), *(_seeds(own, target, phase) for phase in columns)) for target in targets
-        )
-        yield table((kind, *columns), rows, fold=(kind, *columns))
+        columns = dict.fromkeys(one.cell.phase for one in own)
+        heads = (kind, *columns)
+        drawn = table(heads, fold=heads)
+        for target in dict.fromkeys(one.cell.target for one in own):
+            drawn.add_row(Text(target), *(_seeds(own, target, phase) for phase in columns))
+        yield drawn
 
 
 def lines(results: Sequence[Result]) -> Iterator[str]:
@@ -381,28 +351,22 @@ def _kinds(incomplete: str) -> list[str]:
 
 
 def chaos(
-    runs: Annotated[int, typer.Option(min=1, help="How many runs.")] = 10,
+    runs: Annotated[int, option("How many runs.", min=1)] = 10,
     seed: FirstSeed = 1,
     budget: Annotated[
-        float, typer.Option(min=0.0, help="No run begins after so many minutes; 0: all do.")
+        float, option("No run begins after so many minutes; 0: all do.", min=0.0)
     ] = 0.0,
-    kind: Annotated[
-        str, typer.Option(help="Kinds of faults, comma between; else all.", autocompletion=_kinds)
-    ] = "",
+    kind: Annotated[str, option("Kinds of faults, comma between; else all.", complete=_kinds)] = "",
     on: Annotated[
-        str,
-        typer.Option(
-            help="Processes to hit, comma between; else all.", autocompletion=completion.started
-        ),
+        str, option("Processes to hit, comma between; else all.", complete=completion.started)
     ] = "",
     speed: Rate = Speed.MAX,
     out: Annotated[
-        Path | None, typer.Option(help="Where it is written; else experiments/chaos-<time>.")
+        Path | None, option("Where it is written; else experiments/chaos-<time>.")
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with what is in --out.")] = False,
+    resume: Annotated[bool, option("Go on with what is in --out.", "--resume")] = False,
     keep: Annotated[
-        bool,
-        typer.Option("--keep", help="Keep the folders of all runs, not only of those to look at."),
+        bool, option("Keep the folders of all runs, not only of those to look at.", "--keep")
     ] = False,
     form: Form = Format.TEXT,
 ) -> None:
@@ -450,7 +414,7 @@ def _possible() -> tuple[str, ...]:
     """Return the kinds that can be done here: without a C compiler no clock can be stepped."""
     from operate.fault_proxy.clocks import COMPILER
 
-    return tuple(kind for kind in VERBS if kind != "clock" or shutil.which(COMPILER))
+    return VERBS if shutil.which(COMPILER) else tuple(kind for kind in VERBS if kind != "clock")
 
 
 def _all(
@@ -465,7 +429,7 @@ def _all(
     """Do the runs that are not done yet, a line for each; the results of all, in the order of their
     seeds.
     """
-    known = {one.cell: one for one in results_in(place)}
+    known = {one.cell: one for one in trials.read_lines(place / RESULTS_FILE, Result)}
     until = time.monotonic() + 60.0 * budget_min if budget_min else float("inf")
     for number, cell in enumerate(chosen, 1):
         if cell in known:
@@ -477,33 +441,11 @@ def _all(
             )
             break
         result = known[cell] = done(place, setting, cell)
-        _append(place, result)
+        trials.append_line(place / RESULTS_FILE, result)
         _line(number, len(chosen), result, form)
         if result.held and not keep:
             shutil.rmtree(trials.folder(place, cell.seed), ignore_errors=True)
     return [known[cell] for cell in chosen if cell in known]
-
-
-def results_in(place: Path) -> list[Result]:
-    """Return the results of a folder; a line that a kill cut off is left out."""
-    found = []
-    with contextlib.suppress(FileNotFoundError):
-        for raw in (place / RESULTS_FILE).read_bytes().splitlines():
-            with contextlib.suppress(msgspec.MsgspecError):
-                found.append(msgspec.json.decode(raw, type=Result))
-    return found
-
-
-def _append(place: Path, result: Result) -> None:
-    with (place / RESULTS_FILE).open("ab") as file:
-        file.write(b"\n" * _torn(place / RESULTS_FILE) + msgspec.json.encode(result) + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def _torn(file: Path) -> bool:
-    data = file.read_bytes()
-    return bool(data) and not data.endswith(b"\n")
 
 
 def _line(number: int, of: int, result: Result, form: Format) -> None:
@@ -511,13 +453,11 @@ def _line(number: int, of: int, result: Result, form: Format) -> None:
         tell_json(result)
         return
     said = "done" if result.success else f"not done: {result.why or 'without a reason'}"
-    begun = "" if result.began else f" (no fault: {result.text})"
-    broken = f"; BROKEN: {'; '.join(result.broken)}" if result.broken else ""
-    lost = f"; {len(result.orphans)} processes left over" if result.orphans else ""
-    words = (
-        f"run {number} of {of}, seed {result.cell.seed}: {result.cell.words}{begun}:"
-        f" {said}{broken}{lost}"
-    )
+    cell, words = result.cell, f"run {number} of {of}, seed {result.cell.seed}: "
+    words += cell.words if result.began else f"{cell.words} (no fault: {result.text})"
+    words += f": {said}"
+    words += f"; BROKEN: {'; '.join(result.broken)}" if result.broken else ""
+    words += f"; {len(result.orphans)} processes left over" if result.orphans else ""
     Console().print(f"{words}, {span(result.wall_s)}", style=colour(result), highlight=False)
 
 

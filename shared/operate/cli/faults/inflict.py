@@ -15,7 +15,7 @@ from operate import proc
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.faults import kinds
 from operate.cli.faults.kinds import KINDS, Kind
-from operate.cli.fleet.agent import READY_S
+from operate.cli.fleet.agents import READY_S
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.targets import LOG_LINES, Target, named
 from operate.fault_lines import Fault, encoded, latest, read
@@ -53,13 +53,13 @@ def planned(
         raise FleetError(
             f"{name} does not run in {fleet.where}; `roco agent start {name}` starts it"
         )
-    now, by = time.time(), os.getpid()
+    by = os.getpid()
     return Fault(
         id=f"{kind}-{name}-{time.time_ns():x}",
         kind=kind,
         target=name,
         neighbour=neighbour,
-        t=now,
+        t=time.time(),
         at=at,
         pid=one.status.pid,
         start=one.used.start,
@@ -147,13 +147,12 @@ class Inflicting:
         return text if text == kinds.BACK else f"{text}, back"
 
     def _now(self) -> Seen | None:
-        return next((one for one in self._fleet.look().seen if one.name == self.fault.target), None)
+        return kinds.now(self._fleet, self.fault)
 
     def _not_back(self) -> FleetError:
         name = self.fault.target
-        return FleetError(
-            f"{name} is not back after {READY_S:.0f} s", self._fleet.log(name, LOG_LINES)
-        )
+        late = f"{name} is not back after {READY_S:.0f} s"
+        return FleetError(late, self._fleet.log(name, LOG_LINES))
 
     def _note(self, **changes: object) -> None:
         self.fault = noted(self._fleet, msgspec.structs.replace(self.fault, **changes))
@@ -173,9 +172,8 @@ def open_faults(fleet: Target) -> list[Fault]:
 
 def left(fleet: Target) -> list[Fault]:
     """Return those of them whose command is gone."""
-    return [
-        one for one in open_faults(fleet) if not (one.by and proc.started(one.by) == one.by_start)
-    ]
+    faults = open_faults(fleet)
+    return [one for one in faults if not (one.by and proc.started(one.by) == one.by_start)]
 
 
 def heal(fleet: Target, faults: list[Fault]) -> list[Fault]:
@@ -187,9 +185,8 @@ def heal(fleet: Target, faults: list[Fault]) -> list[Fault]:
             raise UsageError(
                 f"a fault of kind {fault.kind!r} was done by a newer roco; heal it with that one"
             )
-        if any(one.name == fault.target for one in fleet.look().seen):
+        if kinds.now(fleet, fault) is not None:
             every[fault.kind].heal(fleet, fault)
-        healed.append(
-            noted(fleet, msgspec.structs.replace(fault, ended=time.time(), text="healed later"))
-        )
+        ended = msgspec.structs.replace(fault, ended=time.time(), text="healed later")
+        healed.append(noted(fleet, ended))
     return healed

@@ -69,9 +69,8 @@ def _flood(put: Put, following: Next, per_second: float, over: threading.Event) 
 
 def _orders(fleet: Target, fault: Fault) -> Next:
     told, beat = fleet.look().fleet, operator.heartbeat(fleet, fault.target)
-    key = operator.key(
-        fleet.system.design, told.system if told else fleet.system.name, fault.target
-    )
+    name = told.system if told else fleet.system.name
+    key = operator.key(fleet.system.design, name, fault.target)
     order, numbers = SetLevel((beat and beat.level) or "info"), count(1)
     return lambda: (key, msgspec.msgpack.encode(Command(f"{fault.id}-{next(numbers)}", order)))
 
@@ -87,12 +86,8 @@ def _copies(fleet: Target, fault: Fault) -> Next:
     with listen.source(None, Path(fleet.where)) as heard:
         for sample in heard.samples():
             one = listen.heard_message(sample) if sample is not None else None
-            if (
-                sample is not None
-                and one is not None
-                and (one.sender, one.receiver) == (fault.speaker, fault.target)
-            ):
-                copied = sample.key, sample.data
+            if one is not None and (one.sender, one.receiver) == (fault.speaker, fault.target):
+                copied = one.key, one.data
                 return lambda: copied
             if time.monotonic() > until:
                 break
@@ -154,11 +149,9 @@ class Kind(msgspec.Struct, frozen=True):
 
 def same(seen: Seen | None, fault: Fault) -> bool:
     """Whether this is the process that was hit, and it lives."""
-    return (
-        seen is not None
-        and seen.used is not None
-        and (seen.status.pid, seen.used.start) == (fault.pid, fault.start)
-    )
+    if seen is None or seen.used is None:
+        return False
+    return (seen.status.pid, seen.used.start) == (fault.pid, fault.start)
 
 
 def back(seen: Seen | None, fault: Fault) -> bool:
@@ -198,14 +191,9 @@ def _killed(fleet: Target, fault: Fault) -> None:
     fleet.switch(fault.target, False)
 
 
-def _continue(fleet: Target, fault: Fault) -> None:
-    if same(now(fleet, fault), fault):
-        fleet.signal(fault.target, signal.SIGCONT)
-
-
-def _writes_again(fleet: Target, fault: Fault) -> None:
-    if same(now(fleet, fault), fault):
-        fleet.writing(fault.target, True)
+def _if_same(heal: Callable[[Target, Fault], None]) -> Callable[[Target, Fault], None]:
+    """Do it to the process that was hit, while it lives."""
+    return lambda fleet, fault: heal(fleet, fault) if same(now(fleet, fault), fault) else None
 
 
 def _nothing(fleet: Target, fault: Fault) -> None:
@@ -222,16 +210,12 @@ def _back_over(seen: Seen | None, fault: Fault) -> str:
     return BACK if back(seen, fault) else ""
 
 
-def _ended_over(seen: Seen | None, fault: Fault) -> str:
-    return "" if same(seen, fault) else "it ended"
-
-
 def _never_over(seen: Seen | None, fault: Fault) -> str:
     return ""
 
 
 def _frozen(for_s: float) -> Kind:
-    return Kind(_stopped, _frozen_over, _continue, for_s)
+    return Kind(_stopped, _frozen_over, _if_same(_sends(signal.SIGCONT)), for_s)
 
 
 def _wired(kind: str, amount: Amount | None = None) -> Kind:
@@ -274,7 +258,10 @@ KINDS = {
     "rate": _wired("rate", Amount("BYTES", "Bytes per second, each way.", (5e3, 5e4), 100.0)),
     "corrupt": _wired("corrupt", SHARE),
     "disk-full": Kind(
-        lambda fleet, fault: fleet.writing(fault.target, False), _ended_over, _writes_again, MORE_S
+        lambda fleet, fault: fleet.writing(fault.target, False),
+        lambda seen, fault: "" if same(seen, fault) else "it ended",
+        _if_same(lambda fleet, fault: fleet.writing(fault.target, True)),
+        MORE_S,
     ),
     "flood": Kind(
         _nothing,

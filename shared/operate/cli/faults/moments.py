@@ -17,7 +17,6 @@ from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import UNREADABLE
 from operate.cli.errors import FleetError, UsageError
 from operate.cli.fleet import targets
-from operate.cli.fleet.targets import Target
 from operate.cli.terminal.run_state import Follow
 from operate.cli.traffic import listen
 from operate.live_lines import Happened, LiveLine, PlanAt
@@ -72,11 +71,9 @@ class Event(msgspec.Struct, frozen=True):
 
     def there(self, line: LiveLine) -> bool:
         """Whether a line of live.jsonl tells it."""
-        return (
-            isinstance(line, Happened)
-            and line.name == self.name
-            and line.of[: len(self.of)] == self.of
-        )
+        if not isinstance(line, Happened) or line.name != self.name:
+            return False
+        return line.of[: len(self.of)] == self.of
 
 
 class InPlan(msgspec.Struct, frozen=True):
@@ -93,11 +90,8 @@ class InPlan(msgspec.Struct, frozen=True):
         if not isinstance(line, PlanAt) or line.at is None or line.outcome:
             return False
         at = line.at
-        return (
-            at.does == self.does
-            and at.things[: len(self.things)] == self.things
-            and self.act in ("", at.act)
-        )
+        does = at.does == self.does and at.things[: len(self.things)] == self.things
+        return does and self.act in ("", at.act)
 
 
 Moment = After | Until | InState | Message | Event | InPlan
@@ -127,22 +121,14 @@ def parse(text: str, design: Design, target: str) -> Moment:
     if text.startswith((EVENT, PLAN)) and kind not in design.agents:
         if not name.strip():
             raise UsageError(f"{text!r} names nothing; give {FORMS}")
-        return _event(name) if text.startswith(EVENT) else _in_plan(name, text)
+        event = text.startswith(EVENT)
+        step, _, act = (name, "", "") if event else name.partition("/")
+        first, *things = step.split() or [""]
+        if not first:
+            raise UsageError(f"{text!r} names no step; give {FORMS}")
+        return Event(first, tuple(things)) if event else InPlan(first, tuple(things), act)
     agent, _, state = text.rpartition(":")
     return InState(_whose(agent, state, text, design, target), state)
-
-
-def _event(text: str) -> Event:
-    name, *of = text.split()
-    return Event(name, tuple(of))
-
-
-def _in_plan(text: str, whole: str) -> InPlan:
-    step, _, act = text.partition("/")
-    does, *things = step.split() or [""]
-    if not does:
-        raise UsageError(f"{whole!r} names no step; give {FORMS}")
-    return InPlan(does, tuple(things), act)
 
 
 def _whose(agent: str, state: str, text: str, design: Design, target: str) -> str:
@@ -153,20 +139,16 @@ def _whose(agent: str, state: str, text: str, design: Design, target: str) -> st
     if agent and agent not in states:
         raise UsageError(f"{text!r}: the design has no agent {agent!r}; it has {', '.join(states)}")
     if agent and state not in states[agent]:
-        raise UsageError(
-            f"{text!r}: {agent} has no state {state!r}; it has {', '.join(states[agent])}"
-        )
+        there = f"it has {', '.join(states[agent])}"
+        raise UsageError(f"{text!r}: {agent} has no state {state!r}; {there}")
     having = [name for name, own in states.items() if state in own and agent in ("", name)]
     if not having:
-        raise UsageError(
-            f"{text!r} is no moment, and no agent has a state of that name; give {FORMS}"
-        )
-    if target in having or len(having) == 1:
-        return target if target in having else having[0]
-    raise UsageError(
-        f"{text!r} is a state of several; name one:"
-        f" {', '.join(f'{name}:{state}' for name in having)}"
-    )
+        none = "is no moment, and no agent has a state of that name"
+        raise UsageError(f"{text!r} {none}; give {FORMS}")
+    if target not in having and len(having) > 1:
+        names = ", ".join(f"{name}:{state}" for name in having)
+        raise UsageError(f"{text!r} is a state of several; name one: {names}")
+    return target if target in having else having[0]
 
 
 def counter(moment: InState | Message) -> Callable[[Sample], bool]:
@@ -204,31 +186,23 @@ def wait(moment: Moment, within_s: float, target: str, run_dir: Path | None) -> 
     if isinstance(moment, Until):
         time.sleep(max(0.0, moment.at - time.time()))
         return
+    late = f"{moment_text(moment)} was not there within {within_s:g} s; nothing was done (--within)"
+    until = time.monotonic() + within_s
     if isinstance(moment, Event | InPlan):
-        _wait_in_run(moment, within_s, targets.find(target, run_dir))
+        follow = Follow(targets.find(target, run_dir).live)
+        follow.new()
+        while not any(moment.there(line) for line in follow.new()):
+            if time.monotonic() > until:
+                raise FleetError(late)
+            time.sleep(LOOK_S)
         return
-    there, until = counter(moment), time.monotonic() + within_s
+    there = counter(moment)
     with listen.source(None, run_dir, target) as heard:
         for sample in heard.samples():
             if sample is not None and there(sample):
                 return
             if time.monotonic() > until:
-                raise _never_there(moment, within_s)
-
-
-def _wait_in_run(moment: Event | InPlan, within_s: float, fleet: Target) -> None:
-    follow, until = Follow(fleet.live), time.monotonic() + within_s
-    follow.new()
-    while not any(moment.there(line) for line in follow.new()):
-        if time.monotonic() > until:
-            raise _never_there(moment, within_s)
-        time.sleep(LOOK_S)
-
-
-def _never_there(moment: Moment, within_s: float) -> FleetError:
-    return FleetError(
-        f"{moment_text(moment)} was not there within {within_s:g} s; nothing was done (--within)"
-    )
+                raise FleetError(late)
 
 
 def moment_text(moment: Moment) -> str:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from operate.cli import interrupts
 from operate.cli.errors import FleetError, UsageError
@@ -23,7 +22,7 @@ from operate.cli.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
 from operate.cli.faults.verbs import heal_left
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import named
-from operate.cli.output import Form, Format, RunDir, problems
+from operate.cli.output import Form, Format, RunDir, argument, option, problems
 
 # --- A scenario: faults in a TOML file, of which a seed chooses what the file leaves open. Pure but
 # for `load`
@@ -104,10 +103,8 @@ def _wrong(entry: Entry) -> str:
     for name, span in spans.items():
         least = -math.inf if entry.kind in SIGNED and name == "amount" else 0.0
         if isinstance(span, tuple) and not least <= span[0] <= span[1] < math.inf:
-            return (
-                f"{name} = [{span[0]:g}, {span[1]:g}] is no span: give [least, most], neither below"
-                f" {least:g}"
-            )
+            given = f"{name} = [{span[0]:g}, {span[1]:g}]"
+            return f"{given} is no span: give [least, most], neither below {least:g}"
         if isinstance(span, float) and not least <= span < math.inf:
             return f"{name} = {span:g} is below 0 or no number"
     return ""
@@ -116,21 +113,17 @@ def _wrong(entry: Entry) -> str:
 def choose(scenario: Scenario, seed: int) -> tuple[Chosen, ...]:
     """Return the faults of a scenario, the same for the same seed."""
     chance = random.Random(seed)
-    return tuple(
-        Chosen(
-            entry.kind,
-            entry.target if isinstance(entry.target, str) else chance.choice(entry.target),
-            entry.at if isinstance(entry.at, str) else _within(entry.at, chance),
-            None if entry.for_ is None else _within(entry.for_, chance),
-            None if entry.amount is None else _within(entry.amount, chance),
-            entry.within,
-        )
-        for entry in scenario.fault
-    )
 
+    def within(span: Span | None) -> float | None:
+        return round(chance.uniform(*span), 3) if isinstance(span, tuple) else span
 
-def _within(span: Span, chance: random.Random) -> float:
-    return span if isinstance(span, int | float) else round(chance.uniform(*span), 3)
+    found = []
+    for one in scenario.fault:
+        target = one.target if isinstance(one.target, str) else chance.choice(one.target)
+        at = one.at if isinstance(one.at, str) else within(one.at) or 0.0
+        times = (within(one.for_), within(one.amount), one.within)
+        found.append(Chosen(one.kind, target, at, *times))
+    return tuple(found)
 
 
 def fault_arguments(one: Chosen, began: float) -> list[str]:
@@ -139,19 +132,10 @@ def fault_arguments(one: Chosen, began: float) -> list[str]:
     how_much = KINDS[one.kind].amount
     option = how_much.option if how_much is not None else ""
     amount = [] if one.amount is None or option else [f"{one.amount:g}"]
-    options = {
-        option: one.amount if option else None,
-        "--at": at,
-        "--for": one.for_,
-        "--within": one.within,
-    }
-    given = [
-        word
-        for name, value in options.items()
-        if value not in ("", None)
-        for word in (name, str(value))
-    ]
-    return [one.kind, one.target, *amount, *given]
+    given = {option: one.amount} if option else {}
+    options = {**given, "--at": at, "--for": one.for_, "--within": one.within}
+    words = [(name, str(value)) for name, value in options.items() if value not in ("", None)]
+    return [one.kind, one.target, *amount, *(word for pair in words for word in pair)]
 
 
 # --- `roco fault run FILE --seed N` ---------------------------------------------------------------
@@ -162,8 +146,8 @@ HEAL_S = 100.0
 
 
 def run(
-    file: Annotated[Path, typer.Argument(exists=True, dir_okay=False, help="A scenario (TOML).")],
-    seed: Annotated[int, typer.Option(min=0, help="Chooses what the scenario leaves open.")] = 1,
+    file: Annotated[Path, argument("A scenario (TOML).", exists=True, dir_okay=False)],
+    seed: Annotated[int, option("Chooses what the scenario leaves open.", min=0)] = 1,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -185,20 +169,15 @@ def run(
             named(fleet, inflict.ends(fleet, one.target)[0])
             if isinstance(one.at, str):
                 moments.parse(one.at, fleet.system.design, one.target)
-        place = [
-            *(["--target", target] if target else []),
-            *(["--run-dir", str(run_dir)] if run_dir else []),
-        ]
+        place = ["--target", target] if target else []
+        place += ["--run-dir", str(run_dir)] if run_dir else []
+        place += ["--format", form.value]
         heal_left(fleet, form)
         began = time.time()
-        codes = _done(
-            [[*fault_arguments(one, began), *place, "--format", form.value] for one in chosen]
-        )
+        codes = _done([[*fault_arguments(one, began), *place] for one in chosen])
         if failed := sum(code != 0 for code in codes):
-            raise FleetError(
-                f"{failed} of {len(codes)} faults did not go as they should; `roco fault list` has"
-                " them"
-            )
+            wrong = f"{failed} of {len(codes)} faults did not go as they should"
+            raise FleetError(f"{wrong}; `roco fault list` has them")
 
 
 def _done(calls: list[list[str]]) -> list[int]:

@@ -7,35 +7,41 @@ from functools import partial
 from typing import Annotated
 
 import msgspec
-import typer
 
 from operate.cli import completion, interrupts
 from operate.cli.errors import UsageError
 from operate.cli.faults import inflict, moments
 from operate.cli.faults.kinds import KINDS, VERBS, Kind
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
+from operate.cli.output import (
+    Form,
+    Format,
+    Reply,
+    RunDir,
+    argument,
+    option,
+    problems,
+    tell,
+    tell_json,
+    tell_problem,
+)
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.fault_lines import Fault, latest, read
 
-Process = Annotated[
-    str, typer.Argument(metavar="PROCESS", help="A process.", autocompletion=targets.processes)
-]
+Process = Annotated[str, argument("A process.", complete=targets.processes, metavar="PROCESS")]
 At = Annotated[
     str,
-    typer.Option(
+    option(
+        "When it begins: seconds from now, a state (STATE or AGENT:STATE), the Nth message of"
+        " the process (3rd-message), an event of the run (event:NAME) or a step of the plan"
+        " (plan:STEP); else at once.",
         "--at",
+        complete=completion.moments,
         metavar="MOMENT",
-        help=(
-            "When it begins: seconds from now, a state (STATE or AGENT:STATE), the Nth message of"
-            " the process (3rd-message), an event of the run (event:NAME) or a step of the plan"
-            " (plan:STEP); else at once."
-        ),
-        autocompletion=completion.moments,
     ),
 ]
-Within = Annotated[float, typer.Option("--within", min=0.1, help="Seconds to wait for the moment.")]
+Within = Annotated[float, option("Seconds to wait for the moment.", "--within", min=0.1)]
 HEADS = ("begun", "fault", "lasted", "what came of it")
 WITHIN_S = 300.0
 """Estimate: longer than a pour on a loaded machine."""
@@ -61,32 +67,28 @@ def kinds(incomplete: str) -> list[str]:
 
 
 def fault(
-    kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="What is done to it.", autocompletion=kinds)
-    ],
+    kind: Annotated[str, argument("What is done to it.", complete=kinds, metavar="KIND")],
     process: Process,
     amount: Annotated[
         float | None,
-        typer.Argument(
-            metavar="[AMOUNT]", help="delay, clock: seconds; loss, corrupt: a share; rate: bytes."
-        ),
+        argument("delay, clock: seconds; loss, corrupt: a share; rate: bytes.", metavar="[AMOUNT]"),
     ] = None,
     per_second: Annotated[
-        float | None, typer.Option(min=1.0, help="flood: so many a second; else 500.")
+        float | None, option("flood: so many a second; else 500.", min=1.0)
     ] = None,
     speaker: Annotated[
         str,
-        typer.Option(
+        option(
+            "flood: who floods, the operator or a peer.",
             "--as",
+            complete=completion.agents,
             metavar="NAME",
-            help="flood: who floods, the operator or a peer.",
-            autocompletion=completion.agents,
         ),
     ] = "",
     at: At = "",
     for_: Annotated[
         float | None,
-        typer.Option("--for", min=0.0, help="Seconds until it is healed; else as its kind has it."),
+        option("Seconds until it is healed; else as its kind has it.", "--for", min=0.0),
     ] = None,
     within: Within = WITHIN_S,
     target: targets.Name = "",
@@ -159,34 +161,31 @@ def fault(
         done = row.timed if row.timed and for_s else kind
         planned = inflict.planned(fleet, done, process, moments.moment_text(moment), much, speaker)
         wait = partial(moments.wait, moment, within, target, run_dir)
-        ended = inflict.Inflicting(fleet, planned).run(wait, for_s, partial(_tell_begun, form))
-        if form is Format.JSON:
-            tell_json(ended)
-        else:
-            print(f"{ended.words}: {ended.text}, {lasted(ended):.1f} s")
+        told = print if form is Format.TEXT else lambda _: None
+        ended = inflict.Inflicting(fleet, planned).run(wait, for_s, told)
+        tell(ended, form, f"{ended.words}: {ended.text}, {lasted(ended):.1f} s")
 
 
 def amount_of(kind: str, row: Kind, amount: float | None, per_second: float | None) -> float:
     """The amount of a fault, 0 for a kind without. Raise UsageError where it is missing, wrong, or
     of another kind.
     """
-    optional = row.amount is not None and row.amount.option != ""
+    has = row.amount
+    optional = has is not None and has.option != ""
     if per_second is not None and not optional:
         raise UsageError(f"{kind} has no --per-second; a flood has")
-    if amount is not None and (row.amount is None or optional):
+    if amount is not None and (has is None or optional):
         raise UsageError(f"{kind} has no amount; leave {amount:g} out")
-    if row.amount is None:
+    if has is None:
         return 0.0
     given = per_second if optional else amount
-    given = given if given is not None else row.amount.default
+    given = given if given is not None else has.default
     if given is None:
-        raise UsageError(f"{kind} needs {row.amount.metavar} behind the process: {row.amount.text}")
-    least, most = row.amount.least, row.amount.most
+        raise UsageError(f"{kind} needs {has.metavar} behind the process: {has.text}")
+    least, most = has.least, has.most
     if (least is not None and given < least) or (most is not None and given > most):
-        upper = f", {most:g} at most" if most is not None else ""
-        raise UsageError(
-            f"{kind}: {row.amount.metavar} is {given:g}; it must be {least:g} at least{upper}"
-        )
+        bounds = f"{least:g} at least" + (f", {most:g} at most" if most is not None else "")
+        raise UsageError(f"{kind}: {has.metavar} is {given:g}; it must be {bounds}")
     return given
 
 
@@ -194,11 +193,6 @@ def heal_left(fleet: targets.Target, form: Format) -> None:
     """Heal the faults whose command is gone, and tell of each."""
     for one in inflict.heal(fleet, inflict.left(fleet)):
         tell_problem(f"{one.words}: its command was gone; healed", form)
-
-
-def _tell_begun(form: Format, words: str) -> None:
-    if form is Format.TEXT:
-        print(words)
 
 
 def list_(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:

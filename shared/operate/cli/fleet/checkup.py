@@ -31,7 +31,7 @@ from operate.cli.fleet.key_times import key_folder, key_times
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, WEB, listens, taken
 from operate.cli.fleet.process_status import Look, Seen, Target, stuck, trouble
-from operate.cli.output import Form, Format, RunDir, problems, tell_json, waiting
+from operate.cli.output import Form, Format, RunDir, problems, tell, waiting
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.fleet_file import Fleet, ProcessState
@@ -55,6 +55,18 @@ class Check(msgspec.Struct, frozen=True):
     level: Level
     what: str
     remedy: str = ""
+
+
+def fine(name: str, what: str) -> Check:
+    return Check(name, Level.FINE, what)
+
+
+def note(name: str, what: str, remedy: str = "") -> Check:
+    return Check(name, Level.NOTE, what, remedy)
+
+
+def wrong(name: str, what: str, remedy: str) -> Check:
+    return Check(name, Level.WRONG, what, remedy)
 
 
 class Checks(msgspec.Struct, frozen=True):
@@ -92,21 +104,15 @@ def python() -> Iterator[Check]:
     """Version, and whether it is an environment of its own."""
     version = ".".join(map(str, sys.version_info[:3]))
     if sys.version_info < PYTHON:
-        yield Check(
-            "python",
-            Level.WRONG,
-            f"Python {version}; 3.11 or newer is needed",
-            "make .venv with a newer one",
+        yield wrong(
+            "python", f"Python {version}; 3.11 or newer is needed", "make .venv with a newer one"
         )
     elif sys.prefix == sys.base_prefix:
-        yield Check(
-            "python",
-            Level.NOTE,
-            f"Python {version}, in no environment of its own",
-            "scripts/demo makes .venv",
+        yield note(
+            "python", f"Python {version}, in no environment of its own", "scripts/demo makes .venv"
         )
     else:
-        yield Check("python", Level.FINE, f"Python {version} in {sys.prefix}")
+        yield fine("python", f"Python {version} in {sys.prefix}")
 
 
 def libraries(needed: Collection[str] = NEEDED) -> Iterator[Check]:
@@ -116,14 +122,11 @@ def libraries(needed: Collection[str] = NEEDED) -> Iterator[Check]:
         extras = ",".join(sorted({extra for extra, _ in missing if extra}))
         named = ", ".join(sorted(name for _, name in missing))
         install = f"pip install -e '.[{extras}]'" if extras else "pip install -e ."
-        yield Check(
-            "libraries",
-            Level.WRONG,
-            f"not installed: {named}",
-            f"{install}, or scripts/demo, which does it",
+        yield wrong(
+            "libraries", f"not installed: {named}", f"{install}, or scripts/demo, which does it"
         )
     else:
-        yield Check("libraries", Level.FINE, "all that the fleet needs are installed")
+        yield fine("libraries", "all that the fleet needs are installed")
 
 
 def missing_libraries(needed: Collection[str]) -> list[tuple[str, str]]:
@@ -151,16 +154,16 @@ def imports(wanted: Collection[str] = IMPORTS) -> Iterator[Check]:
         command = [sys.executable, "-P", "-c", code, *wanted]
         done = subprocess.run(command, capture_output=True, timeout=IMPORT_S, check=False)
     except subprocess.TimeoutExpired:
-        yield Check("imports", Level.NOTE, f"not loaded within {IMPORT_S:.0f} s", "try again later")
+        yield note("imports", f"not loaded within {IMPORT_S:.0f} s", "try again later")
         return
     told = done.stdout.decode(errors="replace").strip().splitlines()
     if done.returncode:
         told.append(f"ended with {done.returncode}: {', '.join(wanted)}")
     if told:
         remedy = "of the system: apt install libgomp1 libstdc++6; of Python: as for libraries"
-        yield Check("imports", Level.WRONG, "; ".join(told), remedy)
+        yield wrong("imports", "; ".join(told), remedy)
     else:
-        yield Check("imports", Level.FINE, f"{', '.join(wanted)} load")
+        yield fine("imports", f"{', '.join(wanted)} load")
 
 
 def loopback(variables: Collection[str] = (GRPC, WEB)) -> Iterator[Check]:
@@ -177,21 +180,16 @@ def loopback(variables: Collection[str] = (GRPC, WEB)) -> Iterator[Check]:
             continue
         if fleet := started_with(name, value):
             remedy = f"for another fleet set {name} to another port"
-            yield Check(
-                "ports",
-                Level.NOTE,
-                f"{name}: the fleet of {fleet} was started with port {port}",
-                remedy,
+            yield note(
+                "ports", f"{name}: the fleet of {fleet} was started with port {port}", remedy
             )
         else:
             remedy = f"end that program, or set {name} to another port"
-            yield Check(
-                "ports", Level.WRONG, f"{name}: another program listens at port {port}", remedy
-            )
+            yield wrong("ports", f"{name}: another program listens at port {port}", remedy)
     if why := no_loopback():
-        yield Check("ports", Level.WRONG, why, LOOPBACK_REMEDY)
+        yield wrong("ports", why, LOOPBACK_REMEDY)
     else:
-        yield Check("ports", Level.FINE, "a port of 127.0.0.1 takes a connection")
+        yield fine("ports", "a port of 127.0.0.1 takes a connection")
 
 
 def disk() -> Iterator[Check]:
@@ -199,17 +197,10 @@ def disk() -> Iterator[Check]:
     free = shutil.disk_usage(Path.cwd()).free
     words = f"{free / 2**30:.1f} GiB free for runs in {Path.cwd()}"
     if free < LEAST_DISK:
-        yield Check(
-            "disk",
-            Level.WRONG,
-            words,
-            "remove old folders of runs/, or take another place with --out",
-        )
+        yield wrong("disk", words, "remove old folders of runs/, or take another place with --out")
     else:
-        level = Level.NOTE if free < SMALL_DISK else Level.FINE
-        yield Check(
-            "disk", level, words, "remove old folders of runs/" if level is Level.NOTE else ""
-        )
+        small = note("disk", words, "remove old folders of runs/")
+        yield small if free < SMALL_DISK else fine("disk", words)
 
 
 def memory(needed: int = FLEET_MEMORY) -> Iterator[Check]:
@@ -218,14 +209,10 @@ def memory(needed: int = FLEET_MEMORY) -> Iterator[Check]:
     available = int(told[1]) * 1024 if told else 0
     words = f"{available / 2**30:.1f} GiB of memory available"
     if available < needed:
-        yield Check(
-            "memory",
-            Level.WRONG,
-            f"{words}; a fleet takes {needed / 2**30:.2g} GiB",
-            "end other programs, or other fleets",
-        )
+        takes = f"{words}; a fleet takes {needed / 2**30:.2g} GiB"
+        yield wrong("memory", takes, "end other programs, or other fleets")
     else:
-        yield Check("memory", Level.FINE, words)
+        yield fine("memory", words)
 
 
 def processors() -> Iterator[Check]:
@@ -233,23 +220,15 @@ def processors() -> Iterator[Check]:
     count, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
     words = f"{count} processors, load {load:.1f}"
     if load > BUSY * count:
-        yield Check(
-            "processor", Level.NOTE, words, "end other programs: starts, plans and acts take longer"
-        )
+        yield note("processor", words, "end other programs: starts, plans and acts take longer")
     else:
-        yield Check("processor", Level.FINE, words)
-    governors = {
-        path.read_text().strip()
-        for path in Path("/sys/devices/system/cpu").glob("cpu*/cpufreq/scaling_governor")
-    }
+        yield fine("processor", words)
+    files = Path("/sys/devices/system/cpu").glob("cpu*/cpufreq/scaling_governor")
+    governors = {path.read_text().strip() for path in files}
     if governors - {"performance"}:
         what = f"governor {', '.join(sorted(governors))}: the clock rises only under load"
-        yield Check(
-            "governor",
-            Level.NOTE,
-            what,
-            "where the loop must be on time: cpupower frequency-set -g performance",
-        )
+        remedy = "where the loop must be on time: cpupower frequency-set -g performance"
+        yield note("governor", what, remedy)
 
 
 def clock() -> Iterator[Check]:
@@ -264,9 +243,9 @@ def clock() -> Iterator[Check]:
     said = done.stdout.decode().strip()
     if said == "no":
         remedy = "timedatectl set-ntp true; only needed for agents on several machines"
-        yield Check("clock", Level.NOTE, "the clock is not kept by the network", remedy)
+        yield note("clock", "the clock is not kept by the network", remedy)
     elif said == "yes":
-        yield Check("clock", Level.FINE, "the clock is kept by the network")
+        yield fine("clock", "the clock is kept by the network")
 
 
 def containers() -> Iterator[Check]:
@@ -277,19 +256,19 @@ def containers() -> Iterator[Check]:
         version = docker("version", "--format", "{{.Server.Version}}").decode().strip()
     except DockerError as error:
         remedy = "only needed for containers: start its service, and be in the group docker"
-        yield Check("docker", Level.NOTE, str(error), remedy)
+        yield note("docker", str(error), remedy)
         return
     try:
         compose = f"Compose {docker('compose', 'version', '--short').decode().strip()}"
     except DockerError:
         compose = "docker-compose" if shutil.which("docker-compose") else ""
     if compose:
-        yield Check("docker", Level.FINE, f"engine {version}, {compose}")
+        yield fine("docker", f"engine {version}, {compose}")
     else:
         remedy = (
             "only needed for containers: install its plugin (Debian: apt install docker-compose)"
         )
-        yield Check("docker", Level.NOTE, f"engine {version}, but no Compose", remedy)
+        yield note("docker", f"engine {version}, but no Compose", remedy)
 
 
 MACHINE: dict[str, Callable[[], Iterator[Check]]] = {
@@ -335,29 +314,22 @@ def router(fleet: Target, now: Look) -> Iterator[Check]:
     why.
     """
     told = now.fleet
-    if (
-        not isinstance(fleet, Local)
-        or told is None
-        or not any(status.pid for status in told.processes)
-    ):
+    if not isinstance(fleet, Local) or told is None:
+        return
+    if not any(status.pid for status in told.processes):
         return
     if why := _why(fleet, told, identity.CONSOLE, told.connect):
-        yield Check(
-            ROUTER,
-            Level.WRONG,
-            why,
-            f"`roco agent restart {ROUTER}`; new keys: `roco down`, then `roco up`",
+        yield wrong(
+            ROUTER, why, f"`roco agent restart {ROUTER}`; new keys: `roco down`, then `roco up`"
         )
     else:
-        yield Check(ROUTER, Level.FINE, f"listens at {told.connect}")
+        yield fine(ROUTER, f"listens at {told.connect}")
     for one in now.seen:
         keys = key_file(fleet.run / KEYS_FOLDER, one.name).is_file()
         # or had none yet
         lacks = one.status.pid and one.name != ROUTER and (one.beat is None or not one.beat.up)
         if keys and lacks and (own := _why(fleet, told, one.name, told.connect)):
-            yield Check(
-                one.name, Level.WRONG, f"no router: {own}", f"see {one.name}.log of the run"
-            )
+            yield wrong(one.name, f"no router: {own}", f"see {one.name}.log of the run")
 
 
 def _why(fleet: Local, told: Fleet, name: str, address: str) -> str:
@@ -378,11 +350,8 @@ def refusals(fleet: Target, now: Look) -> Iterator[Check]:
         words = "; ".join(f"{count} × {why}" for why, count in counted.most_common())
         last = max(match["at"] for match in found).replace("T", " ")
         what = f"{len(found)} sessions were refused, the last at {last} UTC: {words}"
-        yield Check(
-            "refusals",
-            Level.NOTE,
-            what,
-            "router.log has a line for each; who is refused: docs/security.md",
+        yield note(
+            "refusals", what, "router.log has a line for each; who is refused: docs/security.md"
         )
 
 
@@ -407,14 +376,12 @@ def processes(fleet: Target, now: Look) -> Iterator[Check]:
     seen = now.seen
     running = [one for one in seen if one.status.pid]
     if not running:
-        yield Check(
-            "fleet", Level.NOTE, f"nothing of {fleet.where} runs", "`roco up` starts a fleet"
-        )
+        yield note("fleet", f"nothing of {fleet.where} runs", "`roco up` starts a fleet")
         return
-    wrong = [check for one in seen if (check := _process(one))]
-    yield from wrong
-    if not wrong:
-        yield Check("fleet", Level.FINE, f"{len(running)} processes of {fleet.where}, all ready")
+    found = [check for one in seen if (check := _process(one))]
+    yield from found
+    if not found:
+        yield fine("fleet", f"{len(running)} processes of {fleet.where}, all ready")
 
 
 def _process(one: Seen) -> Check | None:
@@ -430,24 +397,17 @@ def _process(one: Seen) -> Check | None:
     }
     words = stuck(one)
     if words and one.used is not None and one.used.frozen:
-        return Check(
-            name, Level.WRONG, words, f"kill -CONT {status.pid}, or `roco agent restart {name}`"
-        )
+        return wrong(name, words, f"kill -CONT {status.pid}, or `roco agent restart {name}`")
     if words:
-        return Check(name, Level.WRONG, words, f"`roco agent restart {name}`; {log}")
+        return wrong(name, words, f"`roco agent restart {name}`; {log}")
     if status.state in remedies:
         level = Level.NOTE if status.optional else Level.WRONG
         words = f"{status.state}{': ' + status.note if status.note else ''}"
         return Check(name, level, words, remedies[status.state])
     words = trouble(one)
     if words and one.beat is not None and words == one.beat.trouble:
-        return Check(
-            name,
-            Level.WRONG,
-            words,
-            "make room (`df -h`, `roco runs --remove`); it goes on by itself",
-        )
-    return Check(name, Level.WRONG, words, f"`roco agent restart {name}`; {log}") if words else None
+        return wrong(name, words, "make room (`df -h`, `roco runs --remove`); it goes on by itself")
+    return wrong(name, words, f"`roco agent restart {name}`; {log}") if words else None
 
 
 def supervisor(fleet: Target, now: Look) -> Iterator[Check]:
@@ -456,20 +416,15 @@ def supervisor(fleet: Target, now: Look) -> Iterator[Check]:
     if not isinstance(fleet, Local) or told is None:
         return
     if now.unkept:
-        yield Check(
-            "supervisor",
-            Level.WRONG,
-            now.unkept,
-            f"`roco down --run-dir {fleet.run}`, then `roco up`",
-        )
+        yield wrong("supervisor", now.unkept, f"`roco down --run-dir {fleet.run}`, then `roco up`")
     elif any(status.pid for status in told.processes):
-        yield Check("supervisor", Level.FINE, f"lives, pid {told.supervisor}")
+        yield fine("supervisor", f"lives, pid {told.supervisor}")
 
 
 def held(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether the robot may move."""
     if now.stop_held:
-        yield Check("stop", Level.NOTE, "the robot is held", "`roco release` lets it move")
+        yield note("stop", "the robot is held", "`roco release` lets it move")
 
 
 def certificates(fleet: Target, now: Look) -> Iterator[Check]:
@@ -480,31 +435,24 @@ def certificates(fleet: Target, now: Look) -> Iterator[Check]:
     times, at = key_times(folder), dt.datetime.now(dt.UTC)
     anew = "`roco down`, then `roco up` makes them anew; keys of `--keys`: `roco keys make`"
     if times is None:
-        yield Check("keys", Level.WRONG, f"no certificate in {folder}", anew)
+        yield wrong("keys", f"no certificate in {folder}", anew)
     elif why := times.trouble(at):
-        yield Check("keys", Level.WRONG, why, anew)
+        yield wrong("keys", why, anew)
     else:
-        soon = times.end - at < SOON
         words = f"hold until {times.end:%Y-%m-%d %H:%M} UTC"
-        yield Check(
-            "keys",
-            Level.NOTE if soon else Level.FINE,
-            words,
-            "restart the fleet before then" if soon else "",
-        )
+        soon = note("keys", words, "restart the fleet before then")
+        yield soon if times.end - at < SOON else fine("keys", words)
 
 
 def clock_jump(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether a heartbeat comes from the future."""
     if not isinstance(fleet, Local):
         return
-    ahead = (
-        max((file.stat().st_mtime for file in fleet.run.glob("*.heartbeat.json")), default=0.0)
-        - time.time()
-    )
+    beats = [file.stat().st_mtime for file in fleet.run.glob("*.heartbeat.json")]
+    ahead = max(beats, default=0.0) - time.time()
     if ahead > AHEAD_S:
         what = f"heartbeats are {ahead:.0f} s ahead of the clock: it was set back"
-        yield Check("clock", Level.WRONG, what, "`roco down`, then `roco up`")
+        yield wrong("clock", what, "`roco down`, then `roco up`")
 
 
 def stale(fleet: Target, now: Look) -> Iterator[Check]:
@@ -522,7 +470,7 @@ def stale(fleet: Target, now: Look) -> Iterator[Check]:
 def pictures(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether the ports that are set for the pictures are the monitor's own."""
     for port in taken(fleet, now):
-        yield Check("pictures", Level.WRONG, f"none: {port.words}", port.remedy)
+        yield wrong("pictures", f"none: {port.words}", port.remedy)
 
 
 FLEET: dict[str, Callable[[Target, Look], Iterator[Check]]] = {
@@ -565,12 +513,13 @@ def doctor(target: targets.Name = "", run_dir: RunDir = None, form: Form = Forma
         fleet, reason = found(target, run_dir)
         with waiting("checking", form) as say:
             checks = tuple(examined(fleet, reason, say))
-        wrong = sum(check.level is Level.WRONG for check in checks)
-        if form is Format.JSON:
-            tell_json(Diagnosis(fleet.where if fleet else "", wrong, checks))
-        else:
-            show(checks, Console())
-        if wrong:
+        count = sum(check.level is Level.WRONG for check in checks)
+        tell(
+            Diagnosis(fleet.where if fleet else "", count, checks),
+            form,
+            lambda: show(checks, Console()),
+        )
+        if count:
             raise typer.Exit(NO)
 
 
@@ -593,7 +542,7 @@ def examined(fleet: Target | None, reason: str, say: Callable[[str], None]) -> I
         say(f"checking {name}")
         yield from check()
     if fleet is None:
-        yield Check("fleet", Level.NOTE, reason)
+        yield note("fleet", reason)
         return
     now = fleet.look()
     for name, of_fleet in (FLEET | own.fleet).items():
@@ -624,7 +573,7 @@ def show(checks: tuple[Check, ...], console: Console) -> None:
             what.append(f"\n→ {check.remedy}", "not bold cyan")
         rows.append((Text(mark, style), Text(check.name, "bold"), what))
     console.print(table(("mark", "name", "what"), rows, fold=("what",), show_header=False))
-    wrong = sum(check.level is Level.WRONG for check in checks)
+    count = sum(check.level is Level.WRONG for check in checks)
     console.print(
-        f"{wrong} of {len(checks)} checks found something wrong" if wrong else "nothing is wrong"
+        f"{count} of {len(checks)} checks found something wrong" if count else "nothing is wrong"
     )

@@ -11,7 +11,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +20,7 @@ import msgspec
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE
 from agent_runtime.io.secured import ROUTER
 from operate import proc
-from operate.cli.errors import DockerError, FleetError, NoRunError, UsageError
+from operate.cli.errors import DockerError, FleetError, NoRunError, UsageError, last_line
 from operate.cli.fleet import process_status
 from operate.cli.fleet.identity import OPERATOR
 from operate.cli.fleet.process_status import Look, Put, Seen, Target
@@ -40,18 +40,11 @@ fleet.
 PROJECT, SERVICE = "com.docker.compose.project", "com.docker.compose.service"
 
 
-class Health(msgspec.Struct, rename="pascal"):
-    """Of `docker inspect`: what its health check says."""
-
-    status: str
-
-
 class State(msgspec.Struct, rename="pascal"):
-    """Of `docker inspect`: whether it runs."""
+    """Of `docker inspect`: whether it runs; `health`: what its health check says."""
 
     status: str
-    health: Health | None = None
-    started_at: str = ""
+    health: dict[str, Any] | None = None
     exit_code: int = 0
 
 
@@ -63,12 +56,6 @@ class Config(msgspec.Struct, rename="pascal"):
     env: list[str] = []
 
 
-class Networks(msgspec.Struct, rename="pascal"):
-    """Of `docker inspect`: the networks it is in, by name."""
-
-    networks: dict[str, Any] = {}
-
-
 class Container(msgspec.Struct, rename="pascal"):
     """A container, as far as it is wanted."""
 
@@ -76,7 +63,7 @@ class Container(msgspec.Struct, rename="pascal"):
     state: State
     config: Config
     restart_count: int = 0
-    network_settings: Networks = msgspec.field(default_factory=Networks)
+    network_settings: dict[str, Any] = {}
 
     @property
     def service(self) -> str:
@@ -96,18 +83,11 @@ class Container(msgspec.Struct, rename="pascal"):
 
     @property
     def healthy(self) -> bool:
-        return self.state.health is not None and self.state.health.status == "healthy"
+        return (self.state.health or {}).get("Status") == "healthy"
 
     def variable(self, name: str) -> str:
         """The value of a variable of its environment, "" where it is not set."""
-        return next(
-            (
-                value
-                for key, _, value in (one.partition("=") for one in self.config.env)
-                if key == name
-            ),
-            "",
-        )
+        return dict(one.split("=", 1) for one in self.config.env if "=" in one).get(name, "")
 
 
 def command(*words: str) -> list[str]:
@@ -123,29 +103,21 @@ def docker(*words: str, timeout_s: float = ANSWER_S, data: bytes = b"") -> bytes
     answer.
     """
     try:
-        done = subprocess.run(
-            command(*words), input=data, capture_output=True, timeout=timeout_s, check=False
-        )
+        done = subprocess.run(command(*words), input=data, capture_output=True, timeout=timeout_s)
     except subprocess.TimeoutExpired:
         raise DockerError(
             f"docker did not answer within {timeout_s:.0f} s (docker {words[0]})"
         ) from None
     if done.returncode:
-        said = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [
-            f"exit code {done.returncode}"
-        ]
-        raise DockerError(f"docker {words[0]}: {said[0]}")
+        why = last_line(done.stderr) or f"exit code {done.returncode}"
+        raise DockerError(f"docker {words[0]}: {why}")
     return done.stdout
 
 
 def ours() -> list[Container]:
     """Return the containers of compose projects that are fleets, also those that have ended."""
-    listed = (
-        docker("ps", "--all", "--quiet", "--no-trunc", "--filter", f"label={PROJECT}")
-        .decode()
-        .split()
-    )
-    return [one for one in inspected(listed) if one.ours]
+    listed = docker("ps", "--all", "--quiet", "--no-trunc", "--filter", f"label={PROJECT}")
+    return [one for one in inspected(listed.decode().split()) if one.ours]
 
 
 def inspected(ids: list[str]) -> list[Container]:
@@ -302,26 +274,15 @@ class Compose(Target):
 
     def look(self) -> Look:
         containers = self._containers()
-        running = [one for one in containers if one.runs]
+        running = [one.id for one in containers if one.runs]
         at = time.monotonic()
-        sheets = dict(
-            zip(
-                (one.id for one in running),
-                executed([one.id for one in running], SHEET),
-                strict=True,
-            )
-        )
-        found: list[Seen] = []
-        held = False
-        for container in containers:
-            read = sheet(sheets.get(container.id, b""))
-            held = held or read.stop_held
-            found += _of(container, read)
+        outputs = dict(zip(running, executed(running, SHEET), strict=True))
+        sheets = [(one, sheet(outputs.get(one.id, b""))) for one in containers]
+        found = tuple(seen for container, read in sheets for seen in _of(container, read))
         router = next((one for one in containers if one.service == "router"), containers[0])
-        told = Fleet(
-            router.variable("ROCO_SYSTEM"), self.where, 0, 0.0, tuple(one.status for one in found)
-        )
-        return Look(told, tuple(found), held, at)
+        statuses = tuple(one.status for one in found)
+        told = Fleet(router.variable("ROCO_SYSTEM"), self.where, 0, 0.0, statuses)
+        return Look(told, found, any(read.stop_held for _, read in sheets), at)
 
     def verdicts(self) -> list[Judged]:
         return verdicts.read(self.recorded(VERDICTS_FILE).splitlines())
@@ -330,22 +291,9 @@ class Compose(Target):
         """The command that prints what goes by as samples, a JSON object a line, until its standard
         input ends.
         """
-        monitor, name = self._running(MONITOR).id, self._name()
-        module = next(
-            process.module for process in self.system.processes if process.name == MONITOR
-        )
-        return command(
-            "exec",
-            "--interactive",
-            monitor,
-            "python",
-            "-P",
-            "-m",
-            module,
-            "hear",
-            "--systems",
-            name,
-        )
+        module = next(one.module for one in self.system.processes if one.name == MONITOR)
+        hear = ("python", "-P", "-m", module, "hear", "--systems", self._name())
+        return command("exec", "--interactive", self._running(MONITOR).id, *hear)
 
     def beside(self, service: str, words: list[str]) -> list[str]:
         """The command that runs a module of ours beside a service: with its volumes, keys and
@@ -354,14 +302,8 @@ class Compose(Target):
         found = self._find(service)
         if found is None:
             raise DockerError(f"{self.where} has no service {service}")
-        return command(
-            "run",
-            "--rm",
-            *_options(found),
-            f"--volumes-from={found.id}",
-            found.config.image,
-            *words,
-        )
+        volumes = f"--volumes-from={found.id}"
+        return command("run", "--rm", *_options(found), volumes, found.config.image, *words)
 
     def read(self, name: str, file: str, offset: int = 0) -> bytes:
         return self._shell(name, _reading((f"${RUN_FOLDER_VARIABLE}/{file}",), offset))
@@ -392,11 +334,8 @@ class Compose(Target):
         released.
         """
         script = f"printf '\\{int(held):03o}' 1<> \"${RUN_FOLDER_VARIABLE}/{STOP_FILE}\""
-        robots = [
-            one
-            for one in self._containers()
-            if one.service.rstrip(string.digits) == name and one.runs
-        ]
+        running = (one for one in self._containers() if one.runs)
+        robots = [one for one in running if one.service.rstrip(string.digits) == name]
         if len(robots) < 2:
             self._shell(name, script)
         elif held:
@@ -430,10 +369,8 @@ class Compose(Target):
         self._shell(one.home, f"kill -{number} {pid} || [ ! -e /proc/{pid} ]")
 
     def writing(self, name: str, possible: bool) -> None:
-        one = self._living(name)
-        self._shell(
-            one.home, f"prlimit --pid {one.status.pid} --fsize={'unlimited' if possible else 0}:"
-        )
+        one, limit = self._living(name), "unlimited" if possible else 0
+        self._shell(one.home, f"prlimit --pid {one.status.pid} --fsize={limit}:")
 
     def clock(self, name: str, seconds: float) -> None:
         if seconds:
@@ -462,23 +399,13 @@ class Compose(Target):
         """Append a line to faults.jsonl, beside the monitor's recording; waits while the monitor is
         started again.
         """
-        until = time.monotonic() + MONITOR_S
+        until, run = time.monotonic() + MONITOR_S, f"${RUN_FOLDER_VARIABLE}"
         while True:
             try:
-                own = f"${RUN_FOLDER_VARIABLE}/{self._name()}"
-                script = (
-                    f'd="{own}"; [ -d "$d" ] || d="${RUN_FOLDER_VARIABLE}"; cat >>'
-                    f' "$d/{FAULTS_FILE}"'
-                )
-                docker(
-                    "exec",
-                    "--interactive",
-                    self._running(MONITOR).id,
-                    "sh",
-                    "-c",
-                    script,
-                    data=line,
-                )
+                script = f'd="{run}/{self._name()}"; [ -d "$d" ] || d="{run}"'
+                script += f'; cat >> "$d/{FAULTS_FILE}"'
+                monitor = self._running(MONITOR).id
+                docker("exec", "--interactive", monitor, "sh", "-c", script, data=line)
                 return
             except DockerError:
                 if time.monotonic() > until:
@@ -498,12 +425,11 @@ class Compose(Target):
         said = docker("logs", "--tail", str(lines), self._home(name).id)
         return tuple(said.decode(errors="replace").splitlines())
 
-    @contextmanager
-    def operating(self) -> Iterator[Put]:
+    def operating(self) -> AbstractContextManager[Put]:
         """A session of the operator: each put is a container of its own, with the operator's keys
         and no others.
         """
-        yield self._put
+        return nullcontext(self._put)
 
     def speaking(self, identity: str, to: str) -> AbstractContextManager[Put]:
         raise FleetError(
@@ -519,30 +445,22 @@ class Compose(Target):
         return one
 
     def _put(self, key: str, data: bytes) -> None:
-        agent = next(
-            (
-                one
-                for one in map(self._find, self.system.design.agents)
-                if one is not None and one.runs
-            ),
-            None,
-        )
+        agent = next(self._living_agents(), None)
         if agent is None:
             raise DockerError(f"no agent of {self.where} runs; `roco agent start` starts one")
-        options = _options(agent)
-        if agent.variable(KEYS_VARIABLE):
-            options.append(
-                f"--volume={self.project}_keys-{OPERATOR}:{agent.variable(KEYS_VARIABLE)}:ro"
-            )
-        options.append("--entrypoint=python")
+        options = [*_options(agent), "--entrypoint=python"]
+        if keys := agent.variable(KEYS_VARIABLE):
+            options.append(f"--volume={self.project}_keys-{OPERATOR}:{keys}:ro")
         words = (agent.config.image, "-m", "operate.cli.fleet.operating", key, data.hex())
         docker("run", "--rm", *options, *words, timeout_s=END_S)
 
     def logging(self) -> tuple[str, ...]:
         names = (*self.system.design.agents, MONITOR)
-        return tuple(
-            name for name in names if (found := self._find(name)) is not None and found.runs
-        )
+        return tuple(name for name in names if (found := self._find(name)) and found.runs)
+
+    def _living_agents(self) -> Iterator[Container]:
+        found = map(self._find, self.system.design.agents)
+        return (one for one in found if one is not None and one.runs)
 
     def _containers(self) -> list[Container]:
         """The services, in the order of a start."""
@@ -554,10 +472,8 @@ class Compose(Target):
         self._ids = [one.id for one in found]
         if not found:
             raise NoRunError(self.project, f"no container of {self.where} is there any more")
-        return sorted(
-            found,
-            key=lambda one: (ORDER.index(one.service) if one.service in ORDER else 9, one.service),
-        )
+        places = {service: place for place, service in enumerate(ORDER)}
+        return sorted(found, key=lambda one: (places.get(one.service, 9), one.service))
 
     def _meant(self, container: Container) -> bool:
         """Whether it is this robot's, or all robots'."""
@@ -575,16 +491,10 @@ class Compose(Target):
 
     def _home(self, name: str) -> Container:
         """The container in which a process runs. UsageError where there is none of that name."""
-        for one in self.look().seen:
-            if one.name == name:
-                service = one.home
-                return next(
-                    container for container in self._containers() if container.service == service
-                )
-        raise UsageError(
-            f"no process is called {name!r}; there are"
-            f" {', '.join(one.name for one in self.look().seen)}"
-        )
+        homes = {one.name: one.home for one in self.look().seen}
+        if name not in homes:
+            raise UsageError(f"no process is called {name!r}; there are {', '.join(homes)}")
+        return next(one for one in self._containers() if one.service == homes[name])
 
     def _shell(self, service: str, script: str) -> bytes:
         """Return the output of a script run in a service's container. Raises DockerError if it does
@@ -594,16 +504,10 @@ class Compose(Target):
 
     def _name(self) -> str:
         """The system's name in all keys: that of its agents. DockerError: none of them runs."""
-        agents = (
-            one
-            for one in map(self._find, self.system.design.agents)
-            if one is not None and one.runs
-        )
-        return (
-            self._robot
-            or next((one.variable("ROCO_SYSTEM") for one in agents), "")
-            or self.system.name
-        )
+        if self._robot:
+            return self._robot
+        names = (one.variable("ROCO_SYSTEM") for one in self._living_agents())
+        return next(names, "") or self.system.name
 
     def _running(self, service: str) -> Container:
         """The running container of a service. DockerError: none runs."""
@@ -621,11 +525,8 @@ def _options(container: Container) -> list[str]:
     network, as guarded.
     """
     variables = [f"--env={one}" for one in container.config.env if one.startswith("ROCO_")]
-    return [
-        *variables,
-        *(f"--network={name}" for name in list(container.network_settings.networks)[:1]),
-        *GUARDED,
-    ]
+    networks = [f"--network={name}" for name in container.network_settings.get("Networks", ())]
+    return [*variables, *networks[:1], *GUARDED]
 
 
 def _reading(files: tuple[str, ...], offset: int) -> str:
@@ -636,30 +537,18 @@ def _reading(files: tuple[str, ...], offset: int) -> str:
 
 def _of(container: Container, read: Sheet) -> list[Seen]:
     """The processes in a container, as its supervisor says, or its only one."""
+    name, told = container.service, container.state
     if read.fleet is not None and container.runs:
-        return [_process(status, container, read) for status in read.fleet.processes]
-    state = _state(container, read)
-    pid = read.pid(container.service) if container.runs else 0
-    note = "paused" if container.state.status == "paused" else ""
-    if container.state.status == "exited":
-        note = f"stopped; exit code {container.state.exit_code}"
+        statuses = read.fleet.processes
+    else:
+        pid, state = 0, CONTAINER.get(told.status, ProcessState.STOPPED)
+        if container.runs:
+            serves = read.ready(name) or container.healthy
+            pid, state = read.pid(name), ProcessState.READY if serves else ProcessState.STARTING
+        exited = f"stopped; exit code {told.exit_code}"
+        note = {"paused": "paused", "exited": exited}.get(told.status, "")
+        statuses = (ProcessStatus(name, state, pid, container.restart_count, note),)
     return [
-        _process(
-            ProcessStatus(container.service, state, pid, container.restart_count, note),
-            container,
-            read,
-        )
+        Seen(one, *read.beat(one.name), proc.used(one.pid, read.stats) if one.pid else None, name)
+        for one in statuses
     ]
-
-
-def _state(container: Container, read: Sheet) -> ProcessState:
-    if not container.runs:
-        return CONTAINER.get(container.state.status, ProcessState.STOPPED)
-    serves = read.ready(container.service) or container.healthy
-    return ProcessState.READY if serves else ProcessState.STARTING
-
-
-def _process(status: ProcessStatus, container: Container, read: Sheet) -> Seen:
-    used = proc.used(status.pid, read.stats) if status.pid else None
-    beat, age = read.beat(status.name)
-    return Seen(status, beat, age, used, container.service)

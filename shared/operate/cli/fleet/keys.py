@@ -5,51 +5,45 @@ agents; all expires in a week.
 all.
 """
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from agent_runtime.io import issuing
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import RIGHTS, KeysError
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell
 from operate.cli.runs import folders
 from operate.system import here, of_design
 
 
 def make(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Where to; what is there is replaced.")
-    ],
-    days: Annotated[float, typer.Option(min=0.01, help="How long they hold.")] = issuing.DAYS,
+    folder: Annotated[Path, argument("Where to; what is there is replaced.", metavar="DIR")],
+    days: Annotated[float, option("How long they hold.", min=0.01)] = issuing.DAYS,
     system: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
+            "Prefix of every key; several behind one router; else the system's own.",
+            complete=completion.systems,
             envvar=["ROCO_SYSTEMS", "ROCO_SYSTEM"],
-            help="Prefix of every key; several behind one router; else the system's own.",
-            autocompletion=completion.systems,
         ),
     ] = None,
     host: Annotated[
         list[str] | None,
-        typer.Option(
-            envvar="ROCO_HOSTS",
-            help="One more name or address of a host of the router, or of agents.",
+        option(
+            "One more name or address of a host of the router, or of agents.", envvar="ROCO_HOSTS"
         ),
     ] = None,
-    design: Annotated[
-        Path | None, typer.Option(help="A design file; else that of the system here.")
-    ] = None,
+    design: Annotated[Path | None, option("A design file; else that of the system here.")] = None,
     apart: Annotated[
-        bool, typer.Option(help="A folder for each identity: each process sees its own alone.")
+        bool, option("A folder for each identity: each process sees its own alone.")
     ] = False,
     keep: Annotated[
-        float | None,
-        typer.Option(metavar="DAYS", help="Leave all as it is where it holds so many days more."),
+        float | None, option("Leave all as it is where it holds so many days more.", metavar="DAYS")
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -67,34 +61,18 @@ def make(
     with problems(form):
         found = here() if design is None else of_design(design)
         hosts = (*issuing.HOSTS, *found.design.agents, *(host or ()))
-        names = [
-            name.strip()
-            for given in system or [found.name]
-            for name in given.split(",")
-            if name.strip()
-        ]
+        names = [name.strip() for name in ",".join(system or [found.name]).split(",")]
+        issue = partial(issuing.issue, folder, found.design, [*filter(None, names)])
         try:
-            made = issuing.issue(
-                folder,
-                found.design,
-                names,
-                days=days,
-                hosts=hosts,
-                apart=apart,
-                keep_days=keep,
-            )
+            made = issue(days=days, hosts=hosts, apart=apart, keep_days=keep)
         except UnicodeError as error:
             raise ConsoleError(str(error)) from error
-        if form is Format.JSON:
-            tell_json(made)
-        else:
-            print(keys_text(made, apart=apart))
+        tell(made, form, keys_text(made, apart=apart))
 
 
 def keys_text(made: issuing.Issued, *, apart: bool) -> str:
     """Return the keys that now exist, in words for people."""
-    of = "systems" if len(made.systems) > 1 else "system"
-    named = f"{of} {', '.join(repr(system) for system in made.systems)}"
+    named = f"system{'s' * (len(made.systems) > 1)} {', '.join(map(repr, made.systems))}"
     use = "ROCO_TLS_DIR=<an identity's folder>" if apart else f"ROCO_TLS_DIR={made.folder}"
     return (
         f"{made.folder}: {', '.join(made.identities)}, and {RIGHTS} for the router of {named}"
@@ -113,19 +91,17 @@ class Revoked(msgspec.Struct, frozen=True):
 def revoke(
     name: Annotated[
         str,
-        typer.Argument(
+        argument(
+            "The name in the certificate: an agent, or SYSTEM.AGENT.",
+            complete=completion.agents,
             metavar="NAME",
-            help="The name in the certificate: an agent, or SYSTEM.AGENT.",
-            autocompletion=completion.agents,
         ),
     ],
     folder: Annotated[
         Path | None,
-        typer.Option(
-            "--keys", metavar="DIR", help="What `roco keys make` wrote; else the run's keys."
-        ),
+        option("What `roco keys make` wrote; else the run's keys.", "--keys", metavar="DIR"),
     ] = None,
-    undo: Annotated[bool, typer.Option("--undo", help="Grant its rights again.")] = False,
+    undo: Annotated[bool, option("Grant its rights again.", "--undo")] = False,
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -146,10 +122,6 @@ def revoke(
             denied = issuing.revoke(where, name, undo=undo)
         except KeysError as error:
             raise UsageError(str(error)) from error
-        if form is Format.JSON:
-            tell_json(Revoked(str(where), denied))
-        else:
-            print(
-                f"{where}: revoked are {', '.join(denied) or 'none'}; the router listens again"
-                " within a second"
-            )
+        names = ", ".join(denied) or "none"
+        words = f"{where}: revoked are {names}; the router listens again within a second"
+        tell(Revoked(str(where), denied), form, words)

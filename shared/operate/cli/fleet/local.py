@@ -95,30 +95,24 @@ class Local(Target):
 
     def clock(self, name: str, seconds: float) -> None:
         if seconds and not clocks.file(self.run, name).exists():
-            with_clocks = (
-                "`roco up --faults` gives each agent one, where a C compiler (cc) is installed"
-            )
-            raise FleetError(f"{name} of {self.where} has no clock of its own; {with_clocks}")
+            remedy = "`roco up --faults` gives each agent one, where a C compiler (cc) is installed"
+            raise FleetError(f"{name} of {self.where} has no clock of its own; {remedy}")
         clocks.step(self.run, name, seconds)
 
     def variable(self, name: str, variable: str) -> str:
         told = folders.living(self.run)
-        pids = (
-            [one.pid for one in told.processes if one.name == name] + [told.supervisor]
-            if told
-            else []
-        )
+        pids = [one.pid for one in told.processes if one.name == name] if told else []
+        pids += [told.supervisor] if told else []
         had = next(filter(None, map(variables, filter(None, pids))), {})
         return had.get(variable, "")
 
     def wire(self, name: str, kind: str, amount: float | None) -> None:
-        wires = files.wires_of(self.run)
-        if amount is not None and wires is None:
-            raise FleetError(
-                f"the agents of {self.where} have no wires; start the fleet with `roco up --faults`"
-            )
-        if amount is not None and wires is not None and (missing := wires.missing(name)):
-            raise FleetError(missing)
+        if amount is not None:
+            wires = files.wires_of(self.run)
+            none = f"the agents of {self.where} have no wires"
+            none += "; start the fleet with `roco up --faults`"
+            if missing := none if wires is None else wires.missing(name):
+                raise FleetError(missing)
         files.put(self.run, name, kind, amount)
 
     def add_fault(self, line: bytes) -> None:
@@ -146,20 +140,16 @@ class Local(Target):
 
     def _pid(self, name: str) -> int:
         told = folders.living(self.run)
-        found = next((one for one in told.processes if one.name == name), None) if told else None
-        if found is None or not folders.is_service(found.pid, found.module):
-            raise FleetError(
-                f"{name} does not run in {self.where}; `roco agent start {name}` starts it"
-            )
-        return found.pid
+        for one in told.processes if told else ():
+            if one.name == name and folders.is_service(one.pid, one.module):
+                return one.pid
+        raise FleetError(
+            f"{name} does not run in {self.where}; `roco agent start {name}` starts it"
+        )
 
     def _seen(self, status: ProcessStatus, stats: dict[int, proc.Stat]) -> Seen:
-        file = heartbeat_file(self.run, status.name)
-        try:
-            beat, age = (
-                process_status.beat(file.read_bytes()),
-                max(0.0, time.time() - file.stat().st_mtime),
-            )
-        except OSError:
-            beat, age = None, None
+        file, beat, age = heartbeat_file(self.run, status.name), None, None
+        with suppress(OSError):
+            beat = process_status.beat(file.read_bytes())
+            age = max(0.0, time.time() - file.stat().st_mtime)
         return Seen(status, beat, age, proc.used(status.pid, stats) if status.pid else None)

@@ -5,11 +5,11 @@ they grow.
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from datetime import datetime
 from typing import Annotated, Any
 
 import msgspec
-import typer
 from rich.text import Text
 
 from agent_runtime.io.cli import Level
@@ -17,33 +17,22 @@ from operate.cli import completion
 from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
 from operate.cli.terminal.console import Console
 
 LAST = 40
 """Lines shown where nothing says how many: a screen."""
 LOOK_S = 0.2
 """Between two looks of --follow; agents write in their pauses, some ms after a step."""
-COLOURS = (
-    "cyan",
-    "green",
-    "magenta",
-    "yellow",
-    "blue",
-    "bright_cyan",
-    "bright_green",
-    "bright_magenta",
-)
+HUES = ("cyan", "green", "magenta", "yellow", "blue")
+COLOURS = (*HUES, *(f"bright_{hue}" for hue in HUES[:3]))
 MARKS = {Level.WARNING: "yellow", Level.ERROR: "bold red"}
 LEVELS = tuple(Level)
 _UNITS = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86400.0}
 _AGO = re.compile(r"(\d+(?:\.\d+)?)([smhd])")
 _CLOCKS = ("%H:%M:%S", "%H:%M")
 
-Name = Annotated[
-    str,
-    typer.Argument(metavar="[AGENT]", help="Only this one's.", autocompletion=targets.processes),
-]
+Name = Annotated[str, argument("Only this one's.", complete=targets.processes, metavar="[AGENT]")]
 
 
 class Line(msgspec.Struct, frozen=True):
@@ -59,18 +48,18 @@ class Line(msgspec.Struct, frozen=True):
 def logs(
     name: Name = "",
     follow: Annotated[
-        bool, typer.Option("-f", "--follow", help="Go on with what is written, until Ctrl-C.")
+        bool, option("Go on with what is written, until Ctrl-C.", "-f", "--follow")
     ] = False,
-    level: Annotated[Level, typer.Option(help="Least level shown.")] = Level.INFO,
+    level: Annotated[Level, option("Least level shown.")] = Level.INFO,
     since: Annotated[
         str,
-        typer.Option(
-            help="From then on: 30s, 5m, 2h ago, or a time: 14:05, 2026-11-23T14:05.",
-            autocompletion=completion.times,
+        option(
+            "From then on: 30s, 5m, 2h ago, or a time: 14:05, 2026-11-23T14:05.",
+            complete=completion.times,
         ),
     ] = "",
     lines: Annotated[
-        int, typer.Option("-n", "--lines", min=0, help="So many of the last lines; 0: all.")
+        int, option("So many of the last lines; 0: all.", "-n", "--lines", min=0)
     ] = LAST,
     target: targets.Name = "",
     run_dir: RunDir = None,
@@ -141,17 +130,10 @@ class Written:
 def parsed(raw: Iterable[bytes]) -> Iterator[Line]:
     """Lines of a log file; a torn one is left out."""
     for one in raw:
-        try:
+        with suppress(msgspec.DecodeError, KeyError, ValueError):
             told = msgspec.json.decode(one, type=dict[str, Any])
-            yield Line(
-                float(told.pop("t")),
-                told.pop("agent"),
-                Level(told.pop("level")),
-                told.pop("event"),
-                told,
-            )
-        except (msgspec.DecodeError, KeyError, ValueError):
-            continue
+            at, level = float(told.pop("t")), Level(told.pop("level"))
+            yield Line(at, told.pop("agent"), level, told.pop("event"), told)
 
 
 def moment(text: str, now: float) -> float:
@@ -169,9 +151,8 @@ def moment(text: str, now: float) -> float:
     try:
         return datetime.fromisoformat(text).timestamp()
     except ValueError as error:
-        raise UsageError(
-            f"--since {text} is not a time; write 30s, 5m, 2h, 14:05 or 2026-11-23T14:05"
-        ) from error
+        write = "write 30s, 5m, 2h, 14:05 or 2026-11-23T14:05"
+        raise UsageError(f"--since {text} is not a time; {write}") from error
 
 
 def worded(line: Line) -> str:
@@ -193,22 +174,17 @@ def _wanted(line: Line, level: Level, begin: float) -> bool:
 
 
 def _shown(form: Format, names: list[str]) -> Callable[[list[Line]], None]:
-    if form is Format.JSON:
-        return tell_each
     console, wide = Console(soft_wrap=True, highlight=False), max(map(len, names), default=0)
     colours = {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
 
     def show(lines: list[Line]) -> None:
         for line in lines:
-            console.print(_text(line, colours.get(line.agent, ""), wide))
+            if form is Format.JSON:
+                tell_json(line)
+            else:
+                console.print(_text(line, colours.get(line.agent, ""), wide))
 
     return show
-
-
-def tell_each(lines: list[Line]) -> None:
-    """Print lines as JSON, an object a line."""
-    for line in lines:
-        tell_json(line)
 
 
 def _text(line: Line, colour: str, wide: int) -> Text:

@@ -15,7 +15,7 @@ from fipa_codec.performatives import Performative
 from operate.cli.errors import NO, ConsoleError
 from operate.cli.fleet import targets
 from operate.cli.fleet.targets import Target
-from operate.cli.output import Format, tell_json
+from operate.cli.output import Format, tell
 from operate.cli.terminal.console import Console
 from operate.fleet_file import ProcessState
 from topdown.model import elements
@@ -88,11 +88,6 @@ class Search(msgspec.Struct, frozen=True):
             and (not self.language or self.language in one.languages)
         )
 
-    @property
-    def of_services(self) -> bool:
-        """Whether an agent without a service that fits is left out."""
-        return bool(self.protocol or self.ontology or self.language)
-
 
 def offered(
     search: Search, target: str, run_dir: Path | None, form: Format, *, up: bool, long: bool
@@ -104,10 +99,7 @@ def offered(
     check(search, design)
     found = describe(design, search, states(running(target, run_dir), design))
     found = [one for one in found if one.up == UP or not up]
-    if form is Format.JSON:
-        tell_json(found)
-    else:
-        show(found, Console(highlight=False), long=long)
+    tell(found, form, lambda: show(found, Console(highlight=False), long=long))
     if not found:
         raise typer.Exit(NO)
 
@@ -125,15 +117,12 @@ def running(target: str, run_dir: Path | None) -> Target | None:
 def states(fleet: Target | None, design: Design) -> dict[str, tuple[str, str]]:
     """Return of each agent whether it is up, and its state."""
     seen = {one.name: one for one in fleet.look().seen} if fleet is not None else {}
-    found = {}
+    others = DOWN if any(one.status.pid for one in seen.values()) else UNKNOWN
+    found = dict.fromkeys(design.agents, (others, ""))
     for name in design.agents:
         one = seen.get(name)
-        lives = one is not None and one.status.state is ProcessState.READY
-        state = one.beat.state if one is not None and one.beat is not None and lives else ""
-        found[name] = (
-            UP if lives else DOWN if any(s.status.pid for s in seen.values()) else UNKNOWN,
-            state,
-        )
+        if one is not None and one.status.state is ProcessState.READY:
+            found[name] = (UP, one.beat.state if one.beat is not None else "")
     return found
 
 
@@ -155,15 +144,13 @@ def check(search: Search, design: Design) -> None:
 def describe(design: Design, search: Search, up: dict[str, tuple[str, str]]) -> list[Description]:
     """Return the agents that fit, in the order of the design, each with the services that fit."""
     found = []
+    uses = design.file.protocol
     for agent in search.agents or design.agents:
-        offered = [service(design, use) for use in design.file.protocol if use.participant == agent]
-        asks = tuple(
-            f"{use.participant}: {use.name}"
-            for use in design.file.protocol
-            if use.initiator == agent
-        )
+        offered = [service(design, use) for use in uses if use.participant == agent]
+        asked = [use for use in uses if use.initiator == agent]
+        asks = tuple(f"{use.participant}: {use.name}" for use in asked)
         services = tuple(filter(search.fits, offered))
-        if services or not search.of_services:
+        if services or not (search.protocol or search.ontology or search.language):
             found.append(Description(agent, *up[agent], services, asks))
     return found
 
@@ -171,15 +158,8 @@ def describe(design: Design, search: Search, up: dict[str, tuple[str, str]]) -> 
 def service(design: Design, use: elements.Protocol) -> Service:
     """Return a use of a protocol as what its participant offers."""
     said = {message.language: None for message in use.message if message.language}
-    return Service(
-        use.name,
-        use.follows,
-        use.ontology,
-        tuple(said),
-        use.channel,
-        use.initiator,
-        acts(design, use),
-    )
+    about = (use.name, use.follows, use.ontology, tuple(said))
+    return Service(*about, use.channel, use.initiator, acts(design, use))
 
 
 def acts(design: Design, use: elements.Protocol) -> tuple[Act, ...]:
@@ -199,21 +179,20 @@ def acts(design: Design, use: elements.Protocol) -> tuple[Act, ...]:
 
 def show(found: list[Description], console: Console, *, long: bool) -> None:
     """Print each agent, its services below it, acts below those."""
+
+    def indented(text: Text, columns: int) -> None:
+        console.print(Padding(text, (0, 0, 0, columns), expand=False))
+
     for one in found:
-        state = f" ({one.state})" if one.state else ""
-        console.print(
-            Text.assemble(
-                (one.agent, "bold"), "  ", (one.up, COLOURS.get(one.up, "dim")), (state, "dim")
-            )
-        )
+        up = (one.up, COLOURS.get(one.up, "dim"))
+        state = (f" ({one.state})" if one.state else "", "dim")
+        console.print(Text.assemble((one.agent, "bold"), "  ", up, state))
         for offered in one.services:
-            console.print(Padding(heading(offered), (0, 0, 0, 2), expand=False))
+            indented(heading(offered), 2)
             for line in lines(offered, long=long):
-                console.print(Padding(Text(line, "dim"), (0, 0, 0, 4), expand=False))
+                indented(Text(line, "dim"), 4)
         if one.asks:
-            console.print(
-                Padding(Text(f"asks {', '.join(one.asks)}", "dim"), (0, 0, 0, 2), expand=False)
-            )
+            indented(Text(f"asks {', '.join(one.asks)}", "dim"), 2)
     if not found:
         console.print("nobody fits", style="dim")
 
@@ -222,9 +201,8 @@ def heading(one: Service) -> Text:
     """Return a service in a line."""
     text = Text.assemble((one.protocol, "cyan"), f" {one.name} on {one.channel} to {one.to}")
     text.append(f", ontology {one.ontology}" if one.ontology else "")
-    return text.append(
-        f", {'language' + 's' * (len(one.languages) > 1)} {', '.join(one.languages)}"
-    )
+    many = "s" * (len(one.languages) > 1)
+    return text.append(f", language{many} {', '.join(one.languages)}")
 
 
 def lines(one: Service, *, long: bool) -> list[str]:

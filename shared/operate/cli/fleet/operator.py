@@ -70,17 +70,13 @@ def order(fleet: Target, name: str, what: Order) -> Beat:
         )
     command = Command(f"{OPERATOR}-{time.time_ns():x}", what)
     system = now.fleet.system if now.fleet else fleet.system.name
+    data = msgspec.msgpack.encode(command)
     with fleet.operating() as put:
-        beat = _answered(
-            fleet,
-            name,
-            command,
-            lambda: put(key(fleet.system.design, system, name), msgspec.msgpack.encode(command)),
-        )
+        place = key(fleet.system.design, system, name)
+        beat = _answered(fleet, name, command, lambda: put(place, data))
     if beat is None:
-        raise FleetError(
-            f"{name} does not answer {worded(what)} within {ANSWER_S:.0f} s; `roco agents {name}`"
-        )
+        late = f"{name} does not answer {worded(what)} within {ANSWER_S:.0f} s"
+        raise FleetError(f"{late}; `roco agents {name}`")
     if beat.answer.why:
         raise RefusedError(name, worded(what), beat.answer.why)
     return beat

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from typing import Annotated
 
 import msgspec
-import typer
 from rich.text import Text
 
 from agent_runtime.core.control import LEVELS, Order, SetLevel, SetParameter, Value
@@ -12,7 +11,7 @@ from operate.cli import completion
 from operate.cli.errors import UsageError
 from operate.cli.fleet import operator, targets
 from operate.cli.fleet.targets import Target
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, problems, tell
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from topdown.model.parameters import Parameters, allowed, worded
@@ -43,24 +42,14 @@ class Listed(msgspec.Struct, frozen=True):
 
 def param(
     agent: Annotated[
-        str,
-        typer.Argument(
-            metavar="[AGENT]", help="Only this one's.", autocompletion=completion.agents
-        ),
+        str, argument("Only this one's.", complete=completion.agents, metavar="[AGENT]")
     ] = "",
     name: Annotated[
-        str,
-        typer.Argument(
-            metavar="[NAME]", help="Only this one.", autocompletion=completion.parameters
-        ),
+        str, argument("Only this one.", complete=completion.parameters, metavar="[NAME]")
     ] = "",
     value: Annotated[
         str | None,
-        typer.Argument(
-            metavar="[VALUE]",
-            help="Its value from now on.",
-            autocompletion=completion.parameter_values,
-        ),
+        argument("Its value from now on.", complete=completion.parameter_values, metavar="[VALUE]"),
     ] = None,
     target: targets.Name = "",
     run_dir: RunDir = None,
@@ -86,22 +75,16 @@ def param(
             if value is not None:
                 operator.order(fleet, agent, setting(fleet, agent, name, value))
             one = log_level(fleet, agent) if name == LEVEL else one_of(fleet, agent, name)
-            if form is Format.JSON:
-                tell_json(one)
-            else:
-                print(worded(one.value))
+            tell(one, form, worded(one.value))
             return
         names = (operator.agent_of(fleet, agent),) if agent else tuple(fleet.system.design.agents)
         told = Listed(fleet.where, tuple(one for each in names for one in shown(fleet, each)))
-        if form is Format.JSON:
-            tell_json(told)
-        elif told.parameters:
-            Console().print(table(HEADS, map(_row, told.parameters), fold=HEADS))
+        if told.parameters:
+            drawn = table(HEADS, map(_row, told.parameters), fold=HEADS)
+            tell(told, form, lambda: Console().print(drawn))
         else:
-            print(
-                f"{agent or fleet.system.name} has no parameters; docs/parameters.md says how to"
-                " give it some"
-            )
+            none = f"{agent or fleet.system.name} has no parameters"
+            tell(told, form, f"{none}; docs/parameters.md says how to give it some")
 
 
 def setting(fleet: Target, agent: str, name: str, text: str) -> Order:

@@ -5,9 +5,9 @@ Pure: texts of files in, Structs out. Whoever looks is in operate.cli.fleet.loca
 operate.cli.fleet.compose.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from typing import Protocol
 
 import msgspec
 
@@ -96,28 +96,24 @@ Put = Callable[[str, bytes], None]
 """Puts data on a key."""
 
 
-class Target(ABC):
+class Target(Protocol):
     """A fleet, wherever it runs. `where`: for people; `name`: for --target."""
 
     where: str
     name: str
 
     @property
-    @abstractmethod
     def system(self) -> System:
         """The system that runs there. Raises NoSystemError if it cannot be told."""
 
-    @abstractmethod
     def look(self) -> Look:
         """The fleet now: each process with heartbeat, processor time, memory."""
 
-    @abstractmethod
     def read(self, name: str, file: str, offset: int = 0) -> bytes:
         """A file in the run folder of a process, from byte `offset` on; b"" if it does not exist.
         Raises DockerError if that process has no running container.
         """
 
-    @abstractmethod
     def recorded(self, file: str, offset: int = 0) -> bytes:
         """A file of the monitor, from byte `offset` on; b"" if it does not exist yet."""
 
@@ -135,79 +131,64 @@ class Target(ABC):
         """
         return self.read(name, f"logs/{name}.jsonl", offset)
 
-    @abstractmethod
     def verdicts(self) -> list[Judged]:
         """The monitor's verdicts so far, in order of time; without a monitor, those of its
         recording now.
         """
 
-    @abstractmethod
     def put(self, file: str, data: bytes) -> None:
         """Replace a file in the run folder at once. FleetError: this fleet has no folder that all
         processes share.
         """
 
-    @abstractmethod
     def hold(self, name: str, held: bool) -> None:
         """Set the stop flag in the run folder of a process, or clear it."""
 
-    @abstractmethod
     def switch(self, name: str, on: bool) -> None:
         """Start a process, or end it and keep it down; it is asked for, not waited for. UsageError:
         no such name.
         """
 
-    @abstractmethod
     def signal(self, name: str, number: int) -> None:
         """Send a signal to a process. FleetError: it does not run."""
 
-    @abstractmethod
     def variable(self, name: str, variable: str) -> str:
         """A variable of the environment that a process has, or would be started with; "" where it
         is not set.
         """
 
-    @abstractmethod
     def wire(self, name: str, kind: str, amount: float | None) -> None:
         """Set a condition of the wires of an agent, or of all to a router, or end it (None).
         FleetError: none.
         """
 
-    @abstractmethod
     def writing(self, name: str, possible: bool) -> None:
         """Let what a process writes to files fail, or not any more. FleetError: it does not run."""
 
-    @abstractmethod
     def clock(self, name: str, seconds: float) -> None:
         """Set the wall clock of a process so far forward [s]; 0: as it is. FleetError: it has none
         of its own.
         """
 
-    @abstractmethod
     def add_fault(self, line: bytes) -> None:
         """Append a line to faults.jsonl, where the monitor reads it."""
 
-    @abstractmethod
     def down(self) -> tuple[str, ...]:
         """End the fleet in order; who was ended. NotWaitedError: Ctrl-C meanwhile."""
 
-    @abstractmethod
     def log(self, name: str, lines: int) -> tuple[str, ...]:
         """The last lines that a process wrote."""
 
-    @abstractmethod
     def operating(self) -> AbstractContextManager[Put]:
         """A session of the operator, whom the design lets give orders. ConsoleError: it cannot be
         had.
         """
 
-    @abstractmethod
     def speaking(self, identity: str, to: str) -> AbstractContextManager[Put]:
         """A session with the keys of an identity, in which an agent hears. ConsoleError: it cannot
         be had.
         """
 
-    @abstractmethod
     def logging(self) -> tuple[str, ...]:
         """The processes that have a log of JSON lines."""
 
@@ -253,11 +234,12 @@ def rows(before: Look, now: Look) -> tuple[Row, ...]:
 
 def _row(one: Seen, before: Seen | None, span_s: float) -> Row:
     beat, status = one.beat, one.status
-    lives = status.state is ProcessState.READY
-    agent = beat is not None and beat.incarnation > 0
-    state = str(status.state)
-    if beat is not None and beat.state and lives:
+    state, life, waiting = str(status.state), None, None
+    if beat is not None and beat.state and status.state is ProcessState.READY:
         state = PAUSED if beat.paused else beat.state
+    if beat is not None and beat.incarnation > 0:  # an agent
+        life = beat.incarnation if status.pid else None
+        waiting = sum(beat.unreceipted.values()) + sum(beat.due.values())
     return Row(
         name=status.name,
         process=status.state,
@@ -267,23 +249,17 @@ def _row(one: Seen, before: Seen | None, span_s: float) -> Row:
         cpu=cpu(before, one, span_s),
         memory=one.used.memory if one.used else None,
         pid=status.pid,
-        incarnation=beat.incarnation if beat is not None and agent and status.pid else None,
-        waiting=sum(beat.unreceipted.values()) + sum(beat.due.values())
-        if beat is not None and agent
-        else None,
+        incarnation=life,
+        waiting=waiting,
         trouble=trouble(one),
     )
 
 
 def cpu(before: Seen | None, now: Seen, span_s: float) -> float | None:
     """Percent of one processor between two looks; None where it was not the same process."""
-    if (
-        before is None
-        or before.used is None
-        or now.used is None
-        or before.status.pid != now.status.pid
-        or span_s <= 0
-    ):
+    if before is None or before.used is None or now.used is None or span_s <= 0:
+        return None
+    if before.status.pid != now.status.pid:
         return None
     return max(0.0, 100.0 * (now.used.cpu_s - before.used.cpu_s) / span_s)
 

@@ -5,6 +5,7 @@ Apart from the verbs: a program that reads JSON need not wait for rich.
 """
 
 import time
+from functools import partial
 from typing import TYPE_CHECKING
 
 from rich.text import Text
@@ -27,52 +28,30 @@ def show_status(now: "Status") -> None:
     held = (("  STOPPED", "bold red"), " (`roco release`)") if now.stop_held else ()
     console.print(Text.assemble(f"run {now.run}", *held))
     if now.fleet is not None:
-        rows = (
-            (
-                one.name,
-                Text(one.state, COLOURS.get(one.state, "")),
-                str(one.pid or "-"),
-                str(one.restarts),
-                note(one, now),
-            )
-            for one in now.fleet.processes
-        )
-        console.print(table(("process", "state", "pid", "restarts", ""), rows, fold=("",)))
+        drawn = table(("process", "state", "pid", "restarts", ""), fold=("",))
+        for one in now.fleet.processes:
+            state = Text(one.state, COLOURS.get(one.state, ""))
+            drawn.add_row(one.name, state, str(one.pid or "-"), str(one.restarts), note(one, now))
+        console.print(drawn)
+    say = partial(console.print, highlight=False, soft_wrap=True)
     if now.unkept:
-        console.print(
-            f"{now.unkept}: `roco down`, then `roco up`",
-            style="bold red",
-            highlight=False,
-            soft_wrap=True,
-        )
+        say(f"{now.unkept}: `roco down`, then `roco up`", style="bold red")
     if now.keys:
-        console.print(
-            f"{now.keys}: see `roco doctor`", style="bold red", highlight=False, soft_wrap=True
-        )
+        say(f"{now.keys}: see `roco doctor`", style="bold red")
     if now.pictures:
-        console.print(
-            f"no pictures: {now.pictures}; see `roco doctor`",
-            style="yellow",
-            highlight=False,
-            soft_wrap=True,
-        )
+        say(f"no pictures: {now.pictures}; see `roco doctor`", style="yellow")
     for line in now.unheard:
         console.print(line, style="yellow")
     for task in now.tasks:
-        console.print(
-            f"{task.task}  {task.state}  {task.said}  {task.text}", highlight=False, soft_wrap=True
-        )
+        say(f"{task.task}  {task.state}  {task.said}  {task.text}")
     if now.problem:
         console.print(now.problem, style="yellow")
 
 
 def note(status: ProcessStatus, now: "Status") -> str:
     """Return the problem of a process, and the remedy if its state does not name it."""
-    if (
-        status.state is ProcessState.STOPPED
-        and now.fleet is not None
-        and any(one.pid for one in now.fleet.processes)
-    ):
+    runs = now.fleet is not None and any(one.pid for one in now.fleet.processes)
+    if runs and status.state is ProcessState.STOPPED:
         return f"{status.note or 'stopped'}: `roco agent start {status.name}`"
     paused = f"paused: `roco agent start {status.name}`" if status.name in now.paused else ""
     return now.troubles.get(status.name, status.note) or paused
@@ -92,13 +71,13 @@ def show_agents(found: tuple[Row, ...]) -> None:
 
 def cells(row: Row) -> tuple[Text, ...]:
     """A process as the cells of its line."""
-    late = "red" if row.heartbeat_s is not None and row.heartbeat_s > LATE_S else ""
+    beat_s = row.heartbeat_s
+    late = "red" if beat_s is not None and beat_s > LATE_S else ""
+    style = "" if row.process is ProcessState.READY else COLOURS.get(row.process, "")
     return (
         Text(row.name, "bold"),
-        Text(
-            row.state, COLOURS.get(row.process, "") if row.process is not ProcessState.READY else ""
-        ),
-        Text("" if row.heartbeat_s is None else f"{row.heartbeat_s:.1f} s", late),
+        Text(row.state, style),
+        Text("" if beat_s is None else f"{beat_s:.1f} s", late),
         Text("" if row.cpu is None else f"{row.cpu:.0f} %"),
         Text("" if row.memory is None else f"{row.memory / 2**20:.0f} MiB"),
         Text(str(row.pid or "")),
@@ -115,9 +94,8 @@ def show_info(told: Info) -> None:
     console.print(Text.assemble((row.name, "bold"), f"  {row.state}  ", (told.where, "dim")))
     if row.trouble:
         console.print(row.trouble, style="red")
-    console.print(
-        pairs((name, value) for name, value in facts(row, beat, told.channels).items() if value)
-    )
+    known = facts(row, beat, told.channels)
+    console.print(pairs((name, value) for name, value in known.items() if value))
     if beat.inside is not None:
         show_inside(beat.inside, console)
     if told.log:
@@ -157,19 +135,18 @@ def _by_peer(counts: dict[str, int]) -> str:
 
 def show_inside(inside: Inside, console: Console) -> None:
     """A table for each of them; none for what is empty."""
-    _table(console, f"inbox, {inside.waiting} waiting", [_waiting(one) for one in inside.inbox])
-    _table(console, f"conversations, {inside.open} open", [_talk(one) for one in inside.talks])
-    _table(console, "last steps", [_step(one) for one in inside.steps])
-
-
-def _table(console: Console, title: str, rows: list[tuple[str, ...]]) -> None:
-    if not rows:
-        return
-    console.print(title, style="dim", highlight=False)
-    heads = ("",) * (1 + len(rows[0]))
-    console.print(
-        table(heads, (("", *row) for row in rows), fold=("",), pad_edge=False), highlight=False
-    )
+    tables = {
+        f"inbox, {inside.waiting} waiting": list(map(_waiting, inside.inbox)),
+        f"conversations, {inside.open} open": list(map(_talk, inside.talks)),
+        "last steps": list(map(_step, inside.steps)),
+    }
+    for title, rows in tables.items():
+        if rows:
+            console.print(title, style="dim", highlight=False)
+            drawn = table(("",) * (1 + len(rows[0])), fold=("",), pad_edge=False)
+            for row in rows:
+                drawn.add_row("", *row)
+            console.print(drawn, highlight=False)
 
 
 def _waiting(one: Waits) -> tuple[str, ...]:

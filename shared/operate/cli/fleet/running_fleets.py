@@ -65,7 +65,7 @@ def place(out: Path | None, another: str, now: datetime) -> Place:
         "`--another NAME` starts a second one on purpose, in runs/NAME; both then share the"
         " processors"
     )
-    return Place(folders.new_run(now).resolve(), latest=True)
+    return Place((folders.RUNS / now.strftime(folders.NAME)).resolve(), latest=True)
 
 
 def refuse(way_out: str) -> None:
@@ -80,18 +80,12 @@ def refuse(way_out: str) -> None:
 def _fleet_line(one: Living) -> str:
     """Return a line with the fleet, its living processes, and the command that ends it."""
     latest = one.run.parent / LATEST
-    meant = (
-        ""
-        if latest.is_symlink() and latest.resolve() == one.run.resolve()
-        else f" --run-dir {one.run}"
-    )
+    is_latest = latest.is_symlink() and latest.resolve() == one.run.resolve()
+    meant = "" if is_latest else f" --run-dir {one.run}"
     many = f"{len(one.names)} process{'es' * (len(one.names) != 1)}"
-    kept = (
-        f"{many} since {datetime.fromtimestamp(one.fleet.started):%H:%M}"
-        if one.fleet.supervisor
-        else f"{many} left"
-    )
-    return f"{one.run}, {kept}; `roco down{meant}` ends it"
+    since = f"since {datetime.fromtimestamp(one.fleet.started):%H:%M}"
+    kept = since if one.fleet.supervisor else "left"
+    return f"{one.run}, {many} {kept}; `roco down{meant}` ends it"
 
 
 def _named(another: str, out: Path | None) -> Path:

@@ -48,9 +48,7 @@ def check(arguments: list[str]) -> None:
         return
     command = [sys.executable, "-P", "-m", SUPERVISOR, "--run-dir", ".", *arguments, "--check"]
     shared, quiet = os.environ | here().environment(Path()), subprocess.DEVNULL
-    done = subprocess.run(
-        command, env=shared, stdin=quiet, capture_output=True, timeout=CHECK_S, check=False
-    )
+    done = subprocess.run(command, env=shared, stdin=quiet, capture_output=True, timeout=CHECK_S)
     if done.returncode == WRONG_USE:
         raise UsageError(done.stderr.decode(errors="replace").strip().removeprefix("supervisor: "))
 
@@ -60,26 +58,28 @@ def start(run: Path, arguments: list[str]) -> subprocess.Popen[bytes]:
     <run>/supervisor.log.
     """
     _refuse_second(run, 0)
-    shared = (
-        os.environ
-        | here().environment(run)
-        | {RUN_FOLDER_VARIABLE: str(run), FLEET_VARIABLE: uuid.uuid4().hex}
-    )
+    own = {RUN_FOLDER_VARIABLE: str(run), FLEET_VARIABLE: uuid.uuid4().hex}
+    shared = os.environ | here().environment(run) | own
     make_run(run)
     free = shutil.disk_usage(run).free
     if free < LEAST_ROOM:
-        least = (
-            f"has {free / 1e6:.1f} MB free, and a fleet needs {LEAST_ROOM / 1e6:.0f} MB to start"
-        )
-        raise FleetError(
-            f"the disk of {run} {least}: make room, or name a folder on another disk with --out"
-        )
-    with (run / "supervisor.log").open("ab") as log:
+        least = f"{free / 1e6:.1f} MB free, and a fleet needs {LEAST_ROOM / 1e6:.0f} MB to start"
+        remedy = "make room, or name a folder on another disk with --out"
+        raise FleetError(f"the disk of {run} has {least}: {remedy}")
+    words = [SUPERVISOR, "--run-dir", str(run), *arguments]
+    return in_background(words, run / "supervisor.log", shared)
+
+
+def in_background(
+    words: list[str], log: Path, environment: dict[str, str] | None = None
+) -> subprocess.Popen[bytes]:
+    """Start a module with its words, as a process that hears no signal of this terminal."""
+    with log.open("ab") as file:
         return subprocess.Popen(
-            [sys.executable, "-P", "-m", SUPERVISOR, "--run-dir", str(run), *arguments],
-            env=shared,
+            [sys.executable, "-P", "-m", *words],
+            env=environment,
             stdin=subprocess.DEVNULL,
-            stdout=log,
+            stdout=file,
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
@@ -101,15 +101,22 @@ def wait_kept(run: Path, supervisor: subprocess.Popen[bytes], patience_s: float 
     deadline = time.monotonic() + patience_s
     while folders.keeper(run) != supervisor.pid:
         _refuse_second(run, supervisor.pid)
-        if supervisor.poll() is not None:
-            raise FleetError(
-                f"the supervisor ended with code {supervisor.returncode}", _last_words(run)
-            )
+        _refuse_ended(run, supervisor)
         if time.monotonic() > deadline:
             raise FleetError(
                 f"the supervisor did not begin within {patience_s:.0f} s (logs in {run})"
             )
         time.sleep(PERIOD_S)
+
+
+def _refuse_ended(run: Path, supervisor: subprocess.Popen[bytes]) -> None:
+    """Raise FleetError with its last words where the supervisor has ended."""
+    if supervisor.poll() is None:
+        return
+    lines: list[str] = []
+    with contextlib.suppress(OSError):
+        lines = (run / "supervisor.log").read_text(errors="replace").strip().splitlines()
+    raise FleetError(f"the supervisor ended with code {supervisor.returncode}", tuple(lines[-3:]))
 
 
 def wait_ready(
@@ -129,22 +136,17 @@ def wait_ready(
         # not that of an earlier one
         fleet = told if told is not None and told.supervisor == supervisor.pid else None
         tick(fleet)
-        if supervisor.poll() is not None:
-            raise FleetError(
-                f"the supervisor ended with code {supervisor.returncode}", _last_words(run)
-            )
+        _refuse_ended(run, supervisor)
         needed = [status for status in fleet.processes if not status.optional] if fleet else []
-        hopeless = tuple(
-            describe(status) for status in needed if status.state is ProcessState.GIVEN_UP
-        )
-        if hopeless:
-            raise FleetError("the fleet cannot come up:", hopeless)
         missing = [status for status in needed if status.state is not ProcessState.READY]
+        hopeless = [status for status in missing if status.state is ProcessState.GIVEN_UP]
+        if hopeless:
+            raise FleetError("the fleet cannot come up:", tuple(map(describe, hopeless)))
         if fleet is not None and not missing:
             return fleet
         if time.monotonic() > deadline:
-            who = tuple(describe(status) for status in missing)
-            raise FleetError(f"not ready after {patience_s:.0f} s (logs in {run}):", who)
+            late = f"not ready after {patience_s:.0f} s (logs in {run}):"
+            raise FleetError(late, tuple(map(describe, missing)))
         time.sleep(PERIOD_S)
 
 
@@ -154,23 +156,16 @@ def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
     """
     fleet = folders.fleet(run)
     modules = {status.name: status.module for status in fleet.processes} if fleet else {}
-    living = (
-        [status for status in fleet.processes if folders.is_service(status.pid, status.module)]
-        if fleet
-        else []
-    )
-    supervisor = folders.keeper(run)
-    if supervisor:
-        for number in (signal.SIGTERM, signal.SIGCONT):  # one that was frozen goes on, and ends
-            _signal(supervisor, number)
+    pids = {status.name: status.pid for status in fleet.processes} if fleet else {}
+    living = tuple(name for name, pid in pids.items() if folders.is_service(pid, modules[name]))
+    if supervisor := folders.keeper(run):
+        _ask([supervisor])
         _wait_gone([supervisor], patience_s)
     _end([pid for name, pid in _named(run, modules).items() if name not in LAST], LEFT_S)
     _end([pid for name, pid in _named(run, modules).items() if name == MONITOR], patience_s)
-    _end(
-        [*_named(run, modules).values(), *(pid for pid in started_in(run) if pid != os.getpid())],
-        LEFT_S,
-    )
-    return tuple(status.name for status in living)
+    others = [pid for pid in started_in(run) if pid != os.getpid()]
+    _end([*_named(run, modules).values(), *others], LEFT_S)
+    return living
 
 
 def bring_down(run: Path, supervisor: subprocess.Popen[bytes]) -> None:
@@ -227,18 +222,18 @@ def _named(run: Path, modules: dict[str, str]) -> dict[str, int]:
 
 def _end(pids: list[int], patience_s: float) -> None:
     """Ask processes to end, those that are frozen, too; kill what lives after `patience_s`."""
-    for pid in pids:
-        for number in (signal.SIGTERM, signal.SIGCONT):
-            _signal(pid, number)
+    _ask(pids)
     late = _wait_gone(pids, patience_s)
-    for pid in late:
-        _signal(pid, signal.SIGKILL)
+    _ask(late, signal.SIGKILL)
     _wait_gone(late, LEFT_S)
 
 
-def _signal(pid: int, number: signal.Signals) -> None:
-    with contextlib.suppress(ProcessLookupError):
-        os.kill(pid, number)
+def _ask(pids: list[int], *numbers: signal.Signals) -> None:
+    """Send signals to processes; without any those that end one: what was frozen goes on first."""
+    for pid in pids:
+        for number in numbers or (signal.SIGTERM, signal.SIGCONT):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, number)
 
 
 def _wait_gone(pids: list[int], patience_s: float) -> list[int]:
@@ -248,11 +243,3 @@ def _wait_gone(pids: list[int], patience_s: float) -> list[int]:
         pids = [pid for pid in pids if proc.command_line(pid)]
         time.sleep(0.02 if pids else 0.0)
     return pids
-
-
-def _last_words(run: Path) -> tuple[str, ...]:
-    try:
-        lines = (run / "supervisor.log").read_text(errors="replace").strip().splitlines()
-    except OSError:
-        return ()
-    return tuple(lines[-3:])

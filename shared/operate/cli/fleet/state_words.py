@@ -42,16 +42,8 @@ def doing(status: ProcessStatus, view: View, system: System) -> tuple[str, str]:
         return "not reachable", "bold red"
     state = seen.state if seen is not None else ""
     words = state_text(system, status.name, state) or state or "ready"
-    return words, (
-        "dim"
-        if words.split()[0] in AT_REST
-        and state
-        not in (
-            "hold",
-            "stopped",
-        )
-        else "cyan"
-    )
+    rests = words.split()[0] in AT_REST and state not in ("hold", "stopped")
+    return words, "dim" if rests else "cyan"
 
 
 def waited_for(processes: tuple[ProcessStatus, ...]) -> str:
@@ -60,7 +52,5 @@ def waited_for(processes: tuple[ProcessStatus, ...]) -> str:
     starting = [status.name for status in needed if status.state is not ProcessState.READY]
     if not starting:
         return ""
-    return (
-        f"starting: {len(needed) - len(starting)} of {len(needed)} ready, waiting for"
-        f" {', '.join(starting)}"
-    )
+    ready = f"{len(needed) - len(starting)} of {len(needed)} ready"
+    return f"starting: {ready}, waiting for {', '.join(starting)}"

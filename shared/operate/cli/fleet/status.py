@@ -47,31 +47,24 @@ def state_of(fleet: Target) -> Status:
     """Return the state of a run; a missing source of tasks is reported in it, not raised."""
     told, problem = tasks.of(fleet)
     now = fleet.look()
-    troubles = {one.name: words for one in now.seen if one.status.pid and (words := trouble(one))}
-    paused = tuple(
-        one.name for one in now.seen if one.status.pid and one.beat is not None and one.beat.paused
-    )
-    late = tuple(one.name for one in now.seen if one.status.pid and stuck(one))
+    living = [one for one in now.seen if one.status.pid]
+    troubles = {one.name: words for one in living if (words := trouble(one))}
     who = tuple(unheard(now))
-    starting = any(
-        one.status.pid and one.status.state is not ProcessState.READY for one in now.seen
+    starting = any(one.status.state is not ProcessState.READY for one in living)
+    return Status(
+        run=fleet.where,
+        fleet=now.fleet,
+        tasks=told,
+        stop_held=now.stop_held,
+        problem=problem,
+        troubles=troubles,
+        unheard=who,
+        paused=tuple(one.name for one in living if one.beat is not None and one.beat.paused),
+        stuck=tuple(one.name for one in living if stuck(one)),
+        unkept=now.unkept,
+        keys=_keys(fleet, now) if troubles or who or starting else "",
+        pictures="; ".join(port.words for port in taken(fleet, now)),
     )
-    keys = _keys(fleet, now) if troubles or who or starting else ""
-    pictures = "; ".join(port.words for port in taken(fleet, now))
-    state = (
-        fleet.where,
-        now.fleet,
-        told,
-        now.stop_held,
-        problem,
-        troubles,
-        who,
-        paused,
-        late,
-        now.unkept,
-        keys,
-    )
-    return Status(*state, pictures)
 
 
 def _keys(fleet: Target, now: Look) -> str:
@@ -85,12 +78,8 @@ def _keys(fleet: Target, now: Look) -> str:
 
 def unheard(now: Look) -> Iterator[str]:
     """Yield a sentence for each agent that another does not hear, though both run."""
-    found = [
-        (one.name, line)
-        for one in now.seen
-        if one.beat and one.status.pid
-        for line in one.beat.unheard
-    ]
+    beats = [(one.name, one.beat) for one in now.seen if one.beat and one.status.pid]
+    found = [(name, line) for name, beat in beats for line in beat.unheard]
     if found:
         from agent_runtime.core import peers as of_agents
 

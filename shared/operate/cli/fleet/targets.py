@@ -20,6 +20,7 @@ from operate.cli.fleet.local import Local
 from operate.cli.fleet.process_status import Put as Put
 from operate.cli.fleet.process_status import Seen
 from operate.cli.fleet.process_status import Target as Target
+from operate.cli.output import option
 from operate.cli.runs import folders
 from operate.file_names import LATEST
 from operate.system import System, here
@@ -29,13 +30,11 @@ LOG_LINES = 5
 """Last lines of a process that are shown with what is wrong with it."""
 Name = Annotated[
     str,
-    typer.Option(
+    option(
+        "local, compose, a run's folder or its name in runs/, a compose project, or"
+        " PROJECT/ROBOT of several robots; else what runs.",
         "--target",
-        help=(
-            "local, compose, a run's folder or its name in runs/, a compose project, or"
-            " PROJECT/ROBOT of several robots; else what runs."
-        ),
-        autocompletion=completion.targets,
+        complete=completion.targets,
     ),
 ]
 
@@ -57,12 +56,8 @@ def to_hold(name: str = "", run_dir: Path | None = None) -> list[Target]:
 
     Raises as `find` does.
     """
-    if (
-        name
-        or run_dir is not None
-        or os.environ.get(RUN_FOLDER_VARIABLE)
-        or _lives(folders.RUNS / LATEST)
-    ):
+    named = name or run_dir is not None or os.environ.get(RUN_FOLDER_VARIABLE)
+    if named or _lives(folders.RUNS / LATEST):
         return [find(name, run_dir)]
     from operate.cli.fleet.compose import Compose, projects
 
@@ -101,11 +96,8 @@ def _named(name: str) -> Target:
     if found is None and name != COMPOSE and Path(name).is_dir():
         return Local(Path(name).resolve())
     if found is None:
-        what = (
-            "no compose project of ours runs"
-            if name == COMPOSE
-            else f"{name!r} is no folder and no compose project"
-        )
+        what = f"{name!r} is no folder and no compose project"
+        what = "no compose project of ours runs" if name == COMPOSE else what
         begin = "`docker compose -f deploy/compose.yaml up -d` starts one, `roco up` a local one"
         raise NoRunError(name, f"{what}; {begin}")
     return found
@@ -122,9 +114,8 @@ def _other() -> Target | None:
     """
     found = running_fleets.here()
     if len(found) > 1:
-        raise UsageError(
-            f"several fleets run; name one: --target {' or '.join(one.run.name for one in found)}"
-        )
+        names = " or ".join(one.run.name for one in found)
+        raise UsageError(f"several fleets run; name one: --target {names}")
     return Local(found[0].run.resolve()) if found else None
 
 

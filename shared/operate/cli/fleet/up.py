@@ -7,8 +7,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from agent_runtime.io.options import HOW_LINKED, Linking
 from operate.cli import completion, interrupts
 from operate.cli.errors import FleetError, UsageError
@@ -19,6 +17,7 @@ from operate.cli.output import (
     Reply,
     RunDir,
     Seed,
+    option,
     problems,
     tell,
     tell_problem,
@@ -26,7 +25,7 @@ from operate.cli.output import (
 )
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
-from operate.cli.terminal.watch import Watch
+from operate.cli.terminal.draw import Watch
 from operate.system import here
 
 
@@ -37,39 +36,20 @@ class Speed(StrEnum):
     MAX = "max"
 
 
-Rate = Annotated[Speed, typer.Option(help="1: real time; max: as fast as the machine can.")]
-SceneFile = Annotated[
-    Path | None,
-    typer.Option(
-        exists=True, dir_okay=False, help="A scene's TOML file; else the system's own scene."
-    ),
-]
+Rate = Annotated[Speed, option("1: real time; max: as fast as the machine can.")]
+_SCENE = option("A scene's TOML file; else the system's own scene.", exists=True, dir_okay=False)
+SceneFile = Annotated[Path | None, _SCENE]
 Insecure = Annotated[
-    bool,
-    typer.Option(
-        "--insecure", help="No TLS and no rights: whoever is on this host may say anything."
-    ),
+    bool, option("No TLS and no rights: whoever is on this host may say anything.", "--insecure")
 ]
-Faults = Annotated[
-    bool,
-    typer.Option(
-        "--faults",
-        help="Agents have wires and clocks of their own, which `roco fault` can disturb.",
-    ),
-]
+_FAULTS = "Agents have wires and clocks of their own, which `roco fault` can disturb."
+Faults = Annotated[bool, option(_FAULTS, "--faults")]
 Out = Annotated[
-    Path | None,
-    typer.Option("--out", "--run-dir", help="Where everything is written; else runs/<time>."),
+    Path | None, option("Where everything is written; else runs/<time>.", "--out", "--run-dir")
 ]
-For = Annotated[
-    float | None, typer.Option("--for", min=1.0, help="Bring it down after this many seconds.")
-]
-Another = Annotated[
-    str,
-    typer.Option(
-        "--another", metavar="NAME", help="Beside a fleet that runs: a second one, in runs/NAME."
-    ),
-]
+For = Annotated[float | None, option("Bring it down after this many seconds.", "--for", min=1.0)]
+_ANOTHER = "Beside a fleet that runs: a second one, in runs/NAME."
+Another = Annotated[str, option(_ANOTHER, "--another", metavar="NAME")]
 
 
 def up(
@@ -79,22 +59,19 @@ def up(
     speed: Rate = Speed.REAL,
     scene: SceneFile = None,
     only: Annotated[
-        str,
-        typer.Option(
-            help="Names of processes, comma between; else all.", autocompletion=completion.started
-        ),
+        str, option("Names of processes, comma between; else all.", complete=completion.started)
     ] = "",
     insecure: Insecure = False,
     faults: Faults = False,
-    links: Annotated[Linking, typer.Option(help=HOW_LINKED)] = Linking.DIRECT,
+    links: Annotated[Linking, option(HOW_LINKED)] = Linking.DIRECT,
     agents: Annotated[
         str,
-        typer.Option(
+        option(
+            "Where agents on other hosts, and those that they talk to, listen.",
             metavar="NAME=ENDPOINT,...",
-            help="Where agents on other hosts, and those that they talk to, listen.",
         ),
     ] = "",
-    wait: Annotated[bool, typer.Option(help="Come back when all are ready.")] = True,
+    wait: Annotated[bool, option("Come back when all are ready.")] = True,
     seconds: For = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -114,30 +91,21 @@ def up(
     """
     with problems(form), interrupts.heard():
         where = running_fleets.place(out, another, datetime.now())
-        words = [
-            *options(seed, speed, scene, insecure, faults=faults),
-            *(["--only", only] if only else []),
-        ]
+        words = options(seed, speed, scene, insecure, faults=faults)
+        words += ["--only", only] if only else []
         words += ["--links", links.value] if links is not Linking.DIRECT else []
         words += ["--agents", agents] if agents else []
         if seconds is not None and not wait:
             raise UsageError("--for counts from when all are ready; leave --no-wait out")
         starting.check(words)
         _begun(where, words, wait, seconds, form)
-        if seconds is not None:
-            tell(
-                Reply(
-                    f"ran for {seconds:g} s; everything is written to {where.run}", str(where.run)
-                ),
-                form,
-            )
-            return
-        named = (
-            "" if where.latest else f"; `--target {another or folders.near(where.run)}` means it"
-        )
-        what = f"ready; everything is written to {where.run}"
-        text = what if wait else f"starting in {where.run}; `roco status` shows how far it is"
-        tell(Reply(text + named, str(where.run)), form)
+        text = f"starting in {where.run}; `roco status` shows how far it is"
+        if wait:
+            did = "ready" if seconds is None else f"ran for {seconds:g} s"
+            text = f"{did}; everything is written to {where.run}"
+        if not where.latest and seconds is None:
+            text += f"; `--target {another or folders.near(where.run)}` means it"
+        tell(Reply(text, str(where.run)), form)
 
 
 def _begun(
@@ -156,13 +124,8 @@ def _begun(
             if not wait:
                 starting.wait_kept(where.run, supervisor)
                 return
-            watch = Watch(
-                here(),
-                where.run,
-                "bringing the fleet up",
-                Console(stderr=True),
-                form is Format.JSON,
-            )
+            console, quiet = Console(stderr=True), form is Format.JSON
+            watch = Watch(here(), where.run, "bringing the fleet up", console, quiet)
             with watch.showing():
                 look = watch.look if form is Format.TEXT else lambda _: None
                 starting.wait_ready(where.run, supervisor, look)
@@ -179,9 +142,8 @@ def _begun(
         except BaseException as error:
             try:
                 if isinstance(error, KeyboardInterrupt) and form is Format.TEXT and seconds is None:
-                    tell_problem(
-                        "interrupted; what was started is brought down, Ctrl-C does not wait", form
-                    )
+                    ends = "what was started is brought down, Ctrl-C does not wait"
+                    tell_problem(f"interrupted; {ends}", form)
             finally:  # a closed terminal takes no words
                 starting.bring_down(where.run, supervisor)
             raise
@@ -208,9 +170,6 @@ def options(
     seed: int, speed: Speed, scene: Path | None, insecure: bool, *, faults: bool = False
 ) -> list[str]:
     """The supervisor's options of a run."""
-    others = [
-        *(["--scene", str(scene)] if scene else []),
-        *["--insecure"] * insecure,
-        *["--faults"] * faults,
-    ]
-    return ["--seed", str(seed), "--speed", speed.value, *others]
+    words = ["--seed", str(seed), "--speed", speed.value]
+    words += ["--scene", str(scene)] if scene else []
+    return words + ["--insecure"] * insecure + ["--faults"] * faults

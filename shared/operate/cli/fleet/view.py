@@ -24,11 +24,11 @@ import typer
 from agent_runtime.io import fleet_processes
 from agent_runtime.io.reaching import free_port
 from operate.cli import completion, interrupts
-from operate.cli.errors import ConsoleError, NoRunError, UsageError
+from operate.cli.errors import ConsoleError, NoRunError, UsageError, last_line
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
 from operate.cli.fleet.picture_ports import GRPC, HOST, WEB, listens, taken
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell_json
 from operate.cli.runs import folders
 from operate.file_names import RRD_FILE, VIEW_FILE
 from operate.fleet_file import ViewAddress
@@ -60,14 +60,10 @@ def pictures(incomplete: str) -> list[str]:
 def view(
     file: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="FILE.rrd",
-            help="Pictures in a file; else those of a run.",
-            autocompletion=pictures,
-        ),
+        argument("Pictures in a file; else those of a run.", complete=pictures, metavar="FILE.rrd"),
     ] = None,
     web: Annotated[
-        bool, typer.Option("--web", help="In a browser; needs no display on this machine.")
+        bool, option("In a browser; needs no display on this machine.", "--web")
     ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,
@@ -98,45 +94,38 @@ def found(file: Path | None, target: str, run_dir: Path | None, web: bool) -> Se
     """
     if file is not None:
         if not file.is_file():
-            raise UsageError(
-                f"{file} is no file of pictures; a run is named by --run-dir, and `roco runs` lists"
-                " them"
-            )
+            remedy = "a run is named by --run-dir, and `roco runs` lists them"
+            raise UsageError(f"{file} is no file of pictures; {remedy}")
         return recorded(file, web)
     meant = targets.find(target, run_dir)
     if not isinstance(meant, Local):
         return live(containers(os.environ), meant.where)
-    address = folders.read(meant.run / VIEW_FILE, ViewAddress)
+    run = meant.run
+    address = folders.read(run / VIEW_FILE, ViewAddress)
     # another program may have it by now
-    if address is not None and fleet_processes.listens(meant.run, address.grpc):
+    if address is not None and fleet_processes.listens(run, address.grpc):
         return live(address, meant.where)
-    if (meant.run / RRD_FILE).exists():
-        return recorded(meant.run / RRD_FILE, web)
-    for port in taken(meant, meant.look()):
-        raise NoRunError(str(meant.run), f"{meant.run} shows nothing: {port.words}; {port.remedy}")
-    raise NoRunError(
-        str(meant.run),
-        f"{meant.run} shows nothing: no pictures are served (its fleet has ended, or ROCO_VIEW is"
-        f" off; see rerun.log) and it has no {RRD_FILE}; `roco report {meant.run}` makes it from"
-        " the recording",
+    if (run / RRD_FILE).exists():
+        return recorded(run / RRD_FILE, web)
+    why = (
+        "no pictures are served (its fleet has ended, or ROCO_VIEW is off; see rerun.log) and it"
+        f" has no {RRD_FILE}; `roco report {run}` makes it from the recording"
     )
+    for port in taken(meant, meant.look()):
+        why = f"{port.words}; {port.remedy}"
+        break
+    raise NoRunError(str(run), f"{run} shows nothing: {why}")
 
 
 def live(address: ViewAddress, where: str) -> Seen:
     """A running fleet's pictures. NoRunError where nobody serves them."""
     if not listens(address.grpc):
-        raise NoRunError(
-            where,
-            f"nobody serves pictures of {where} at {HOST}:{address.grpc}; is its port published"
-            f" ({GRPC}, {WEB}), is ROCO_VIEW on? See docs/rerun.md",
-        )
+        at = f"nobody serves pictures of {where} at {HOST}:{address.grpc}"
+        ask = f"is its port published ({GRPC}, {WEB}), is ROCO_VIEW on? See docs/rerun.md"
+        raise NoRunError(where, f"{at}; {ask}")
     url = f"rerun+http://{HOST}:{address.grpc}/proxy"
-    return Seen(
-        where,
-        True,
-        f"http://{HOST}:{address.web}/?url={quote(url, safe='')}",
-        (program(), "--connect", url),
-    )
+    page = f"http://{HOST}:{address.web}/?url={quote(url, safe='')}"
+    return Seen(where, True, page, (program(), "--connect", url))
 
 
 def recorded(file: Path, web: bool) -> Seen:
@@ -183,16 +172,13 @@ def window(seen: Seen, web: bool) -> int:
             " in a browser; from another machine first `ssh -L` to both of its ports"
         )
     else:
-        print(
-            f"Rerun shows {seen.what}{' while it runs' if seen.live else ''}; closing its window"
-            " ends nothing else"
-        )
+        what = f"{seen.what}{' while it runs' if seen.live else ''}"
+        print(f"Rerun shows {what}; closing its window ends nothing else")
     with tempfile.TemporaryFile() as words:
         code = shown(seen.command, words)
         if code > 0:
             words.seek(0)
-            last = words.read().decode(errors="replace").strip().splitlines()[-1:]
-            raise ConsoleError(f"the viewer ended with code {code}: {''.join(last)}")
+            raise ConsoleError(f"the viewer ended with code {code}: {last_line(words.read())}")
     return 0
 
 

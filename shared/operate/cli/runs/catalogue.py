@@ -17,16 +17,15 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
-from rich.table import Table
 from rich.text import Text
 
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import running_fleets
-from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
+from operate.cli.terminal.table import table
 from operate.file_names import FLEET_FILE, LATEST, REPORT_FILE, STEPS, TRAFFIC_FILE
 from operate.fleet_file import Fleet, ProcessState
 from operate.wording import bytes_in_words
@@ -38,7 +37,7 @@ COLOURS = {UP: "green", SUCCESS: "green", FAILED: "red"}
 BLOCK = 512
 """Bytes of a unit of st_blocks (man 2 stat)."""
 ANSWER_S = 0.5
-In = Annotated[Path, typer.Option("--in", help="The folder that the runs are in.", file_okay=False)]
+In = Annotated[Path, option("The folder that the runs are in.", "--in", file_okay=False)]
 
 
 class Task(msgspec.Struct, frozen=True):
@@ -96,20 +95,14 @@ class _Report(msgspec.Struct, frozen=True):
 
 def runs(
     names: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="Runs.", autocompletion=completion.run_names),
+        list[str] | None, argument("Runs.", complete=completion.run_names, metavar="[NAME]...")
     ] = None,
     older_than: Annotated[
-        str,
-        typer.Option(
-            help="Those that began longer ago: 12h, 7d, 2w.", autocompletion=completion.ages
-        ),
+        str, option("Those that began longer ago: 12h, 7d, 2w.", complete=completion.ages)
     ] = "",
-    keep: Annotated[int | None, typer.Option(min=0, help="All but the newest N.")] = None,
-    failed: Annotated[bool, typer.Option("--failed", help="Those that failed.")] = False,
-    remove: Annotated[
-        bool, typer.Option("--remove", help="Remove them, never one that is up.")
-    ] = False,
+    keep: Annotated[int | None, option("All but the newest N.", min=0)] = None,
+    failed: Annotated[bool, option("Those that failed.", "--failed")] = False,
+    remove: Annotated[bool, option("Remove them, never one that is up.", "--remove")] = False,
     within: In = folders.RUNS,
     form: Form = Format.TEXT,
 ) -> None:
@@ -131,47 +124,26 @@ def runs(
       roco runs 2026-01-31_12-00-00 --remove
     """
     with problems(form):
-        found = catalogue(within)
-        rule = Rule(
-            _named(names or [], found, within, remove),
-            age(older_than) if older_than else None,
-            keep,
-            failed,
-        )
+        found, age_s = catalogue(within), age(older_than) if older_than else None
+        rule = Rule(_named(names or [], found, within, remove), age_s, keep, failed)
         if remove:
             _remove(rule, found, within, form)
             return
         chosen = rule.chosen(found, time.time()) if rule else found
-        if form is Format.JSON:
-            tell_json(chosen)
-        elif chosen:
-            console = Console()
-            console.print(table(chosen))
-            console.print(
-                f"{len(chosen)} run{'s' * (len(chosen) != 1)}, {words_of(chosen)}", style="dim"
-            )
+        if chosen or form is Format.JSON:
+            tell(chosen, form, lambda: _show(chosen, Console()))
         elif found:
             print("no run fits")
         if not found:
-            raise NoRunError(
-                str(within),
-                f"no run is in {within}; `roco up` starts one, --in names another folder",
-            )
+            none = f"no run is in {within}; `roco up` starts one, --in names another folder"
+            raise NoRunError(str(within), none)
 
 
 def catalogue(within: Path) -> list[Run]:
-    """Return the runs of a folder, newest first."""
-    places = [
-        path
-        for path in within.glob("*")
-        if path.is_dir() and not path.is_symlink() and is_run(path)
-    ]
+    """Return the runs of a folder, newest first; a run is what a fleet or its recorder wrote to."""
+    here = (path for path in within.glob("*") if path.is_dir() and not path.is_symlink())
+    places = [path for path in here if any((path / name).exists() for name in MARKS)]
     return sorted(map(described, places), key=lambda one: (one.begin, one.name), reverse=True)
-
-
-def is_run(folder: Path) -> bool:
-    """Whether a fleet or its recorder wrote to this folder."""
-    return any((folder / name).exists() for name in MARKS)
 
 
 def described(folder: Path) -> Run:
@@ -202,12 +174,9 @@ def outcome(folder: Path, told: Fleet | None, report: _Report) -> tuple[str, str
         return (SUCCESS, "") if report.done else (FAILED, report.failure or "")
     if told is None:
         return UNKNOWN, ""
-    broken = [one for one in told.processes if one.state is ProcessState.GIVEN_UP]
-    left = [
-        one for one in told.processes if one.state is not ProcessState.STOPPED and one not in broken
-    ]
-    if broken:
-        return FAILED, f"given up: {', '.join(one.name for one in broken)}"
+    if broken := [one.name for one in told.processes if one.state is ProcessState.GIVEN_UP]:
+        return FAILED, f"given up: {', '.join(broken)}"
+    left = any(one.state is not ProcessState.STOPPED for one in told.processes)
     return (FAILED, "its processes died without an end in order") if left else (ENDED, "")
 
 
@@ -242,33 +211,23 @@ def size(folder: Path) -> int:
     return taken
 
 
-def table(found: list[Run]) -> Table:
-    """Return the runs, a line for each."""
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("run", "begin", "took", "on disk", "system"):
-        drawn.add_column(
-            name, no_wrap=True, justify="right" if name in ("took", "on disk") else "left"
-        )
-    drawn.add_column("result")
+def _show(found: list[Run], console: Console) -> None:
+    """Print the runs, a line for each."""
+    heads = ("run", "begin", "took", "on disk", "system", "result")
+    drawn = table(heads, right=("took", "on disk"), fold=("result",))
     for one in found:
         named = Text.assemble((one.name, "bold"), (" (latest)" if one.latest else "", "dim"))
-        result = Text(
-            f"{one.result}: {one.why}" if one.why else one.result, COLOURS.get(one.result, "")
-        )
+        words = f"{one.result}: {one.why}" if one.why else one.result
+        result = Text(words, COLOURS.get(one.result, ""))
         for task in one.tasks:
-            result.append(
-                f"\n  {task_text(task)}", "not bold default" if task.success else COLOURS[FAILED]
-            )
+            came = "done" if task.success else task.failure
+            style = "not bold default" if task.success else COLOURS[FAILED]
+            result.append(f"\n  {task.asked}: {came}", style)
         begin = datetime.fromtimestamp(one.begin).strftime("%Y-%m-%d %H:%M:%S")
-        drawn.add_row(
-            named, begin, span(one.duration_s), bytes_in_words(one.bytes), one.system, result
-        )
-    return drawn
-
-
-def task_text(task: Task) -> str:
-    """Return what was asked for and what came of it."""
-    return f"{task.asked}: {'done' if task.success else task.failure}"
+        sizes = (span(one.duration_s), bytes_in_words(one.bytes))
+        drawn.add_row(named, begin, *sizes, one.system, result)
+    console.print(drawn)
+    console.print(f"{len(found)} run{'s' * (len(found) != 1)}, {words_of(found)}", style="dim")
 
 
 def words_of(found: list[Run]) -> str:
@@ -345,10 +304,7 @@ def _remove(rule: Rule, found: list[Run], within: Path, form: Format) -> None:
         raise UsageError("name runs, or give a rule: --older-than 7d, --keep N, --failed")
     gone = tuple(one for one in rule.chosen(found, time.time()) if _removed(within / one.name))
     done = Removed(gone, sum(one.bytes for one in gone))
-    if form is Format.JSON:
-        tell_json(done)
-    else:
-        print(sentence(done))
+    tell(done, form, sentence(done))
 
 
 def age(text: str) -> float:
@@ -357,10 +313,8 @@ def age(text: str) -> float:
     """
     found = re.fullmatch(r"(\d+(?:\.\d+)?)([a-z]+)", text)
     if found is None or found[2] not in UNITS:
-        raise UsageError(
-            f"--older-than {text} is not a duration; write a number and one of"
-            f" {', '.join(UNITS)}: 7d"
-        )
+        write = f"write a number and one of {', '.join(UNITS)}: 7d"
+        raise UsageError(f"--older-than {text} is not a duration; {write}")
     return float(found[1]) * UNITS[found[2]]
 
 
@@ -384,10 +338,8 @@ def _named(names: list[str], found: list[Run], within: Path, remove: bool) -> fr
             there = f"; there are {', '.join(known)}" if known else ""
             raise UsageError(f"{within} has no run {text!r}{there}")
         if remove and known[name].up:
-            raise UsageError(
-                f"{name} is up ({known[name].why}); `roco down --run-dir {within / name}` ends it"
-                " first"
-            )
+            ends = f"`roco down --run-dir {within / name}` ends it first"
+            raise UsageError(f"{name} is up ({known[name].why}); {ends}")
         meant.add(name)
     return frozenset(meant)
 
@@ -405,7 +357,6 @@ def _removed(folder: Path) -> bool:
         if pointed:
             link.unlink()
     except OSError as error:
-        raise ConsoleError(
-            f"{folder} cannot be removed ({error}); look at its rights, or remove it yourself"
-        ) from error
+        remedy = "look at its rights, or remove it yourself"
+        raise ConsoleError(f"{folder} cannot be removed ({error}); {remedy}") from error
     return True

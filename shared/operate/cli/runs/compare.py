@@ -10,7 +10,7 @@ from rich.table import Table
 
 from operate.cli import completion
 from operate.cli.errors import UsageError
-from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 
@@ -28,23 +28,18 @@ MOST_SEEDS = 5
 def compare(
     a: Annotated[
         Path,
-        typer.Argument(
-            help="What was: an experiment's folder, a run's, a recording.",
+        argument(
+            "What was: an experiment's folder, a run's, a recording.",
+            complete=completion.runs,
             exists=True,
-            autocompletion=completion.runs,
         ),
     ],
-    b: Annotated[
-        Path,
-        typer.Argument(help="What is now, likewise.", exists=True, autocompletion=completion.runs),
-    ],
+    b: Annotated[Path, argument("What is now, likewise.", complete=completion.runs, exists=True)],
     threshold: Annotated[
         list[str] | None,
-        typer.Option(
-            help=(
-                "PERCENT for all, or success=, latency=, energy=, traffic=PERCENT; may be repeated."
-            ),
-            autocompletion=completion.thresholds,
+        option(
+            "PERCENT for all, or success=, latency=, energy=, traffic=PERCENT; may be repeated.",
+            complete=completion.thresholds,
         ),
     ] = None,
     form: Form = Format.TEXT,
@@ -68,10 +63,7 @@ def compare(
         except ValueError as error:
             raise UsageError(str(error)) from error
         told = comparing.compared(results.load(a), results.load(b), limits)
-        if form is Format.JSON:
-            tell_json(told)
-        else:
-            show(told, Console())
+        tell(told, form, lambda: show(told, Console()))
         if told.regression:
             raise typer.Exit(1)
 
@@ -98,15 +90,11 @@ def quantities(rows: "tuple[Compared, ...]") -> Table:
     numbers = ("A", "B", "B to A [%]", "95 %")
     drawn = table(("", *numbers, " "), right=numbers, fold=("", " "), header_style="bold")
     for row in rows:
-        drawn.add_row(
-            f"{row.name}, {row.unit}" if row.unit else row.name,
-            _side(row.a, row.name == "success"),
-            _side(row.b, row.name == "success"),
-            _percent(row.percent),
-            f"{_percent(row.low)} … {_percent(row.high)}" if row.low is not None else ABSENT,
-            row.verdict,
-            style=STYLES.get(row.verdict, ""),
-        )
+        name = f"{row.name}, {row.unit}" if row.unit else row.name
+        sides = (_side(one, row.name == "success") for one in (row.a, row.b))
+        bounds = f"{_percent(row.low)} … {_percent(row.high)}" if row.low is not None else ABSENT
+        style = STYLES.get(row.verdict, "")
+        drawn.add_row(name, *sides, _percent(row.percent), bounds, row.verdict, style=style)
     return drawn
 
 
@@ -121,30 +109,21 @@ def divergences(pairs: "tuple[Diverged, ...]") -> list[str]:
         return [f"the same was said in {_runs(len(pairs))} of each side"]
     lines = [f"what was said differs in {len(apart)} of {len(pairs)} seeds; where it begins:"]
     for seed, first in apart[:MOST_SEEDS]:
-        place = (
-            f"{first.of}, conversation {first.conversation}, communicate {first.position} of its"
-            " sender"
-        )
-        lines += [
-            f"  seed {seed}: {place}",
-            f"    A: {_message_line(first.a)}",
-            f"    B: {_message_line(first.b)}",
-        ]
+        place = f"conversation {first.conversation}, communicate {first.position} of its sender"
+        lines.append(f"  seed {seed}: {first.of}, {place}")
+        lines += [f"    A: {_message_line(first.a)}", f"    B: {_message_line(first.b)}"]
     return lines
 
 
 def sentence(told: "Comparison") -> str:
     """Return the conclusion in one sentence."""
-    worse = [
-        f"{row.name} (threshold {row.threshold:g})" for row in told.rows if row.verdict == "worse"
-    ]
+    worse = [row for row in told.rows if row.verdict == "worse"]
     if worse:
-        return f"regression: {', '.join(worse)}"
+        return f"regression: {', '.join(f'{w.name} (threshold {w.threshold:g})' for w in worse)}"
     still = sum(row.verdict == "open" for row in told.rows)
     more = " (a single run has no interval)" if min(told.runs) < 2 else ""
-    return "no regression beyond the thresholds" + (
-        f"; {still} open: more runs would tell{more}" if still else ""
-    )
+    opened = f"; {still} open: more runs would tell{more}" if still else ""
+    return f"no regression beyond the thresholds{opened}"
 
 
 def _side(interval: "Interval | None", share: bool) -> str:

@@ -5,8 +5,6 @@ Interrupted, it says how to go on. Must not know: which statistics are made of t
 (operate.experiments).
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -14,16 +12,16 @@ from statistics import median
 from typing import Annotated
 
 import msgspec
-import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from operate.cli import interrupts
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import running_fleets, starting
 from operate.cli.fleet.up import Rate, SceneFile, Speed
-from operate.cli.output import FirstSeed, Form, Format, problems, tell_problem
-from operate.cli.runs import machine, trials
+from operate.cli.output import FirstSeed, Form, Format, option, problems, tell_problem
+from operate.cli.runs import folders, machine, trials
 from operate.cli.terminal.console import Console
+from operate.experiments.setting import RESULTS_FILE
 
 # a run before any was timed: a pour on two idle cores at --speed max (measured 2026-11-21)
 FIRST_S = 75.0
@@ -57,44 +55,24 @@ class Watch:
         console: Console,
         good: str = GOOD,
     ) -> None:
-        self.setting, self.done, self.form, self.console, self.good = (
-            setting,
-            done,
-            form,
-            console,
-            good,
-        )
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(20),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[say]}"),
-        )
-        self._bar = Progress(*columns, console=console, transient=True, disable=not self._picture)
-        self._task = self._bar.add_task(
-            setting.task, total=setting.runs, completed=len(done), say=""
-        )
-
-    @property
-    def _picture(self) -> bool:
-        return self.console.is_terminal and self.form is Format.TEXT
-
-    @contextmanager
-    def showing(self) -> Iterator[None]:
-        """Show it as long as this lasts."""
-        with self._bar:
-            yield
+        self.setting, self.done, self.form = setting, done, form
+        self.console, self.good = console, good
+        of, say = MofNCompleteColumn(), TextColumn("{task.fields[say]}")
+        columns = (TextColumn("{task.description}"), BarColumn(20), of, say)
+        quiet = form is Format.JSON or not console.is_terminal
+        self.bar = Progress(*columns, console=console, transient=True, disable=quiet)
+        total, count = setting.runs, len(done)
+        self._task = self.bar.add_task(setting.task, total=total, completed=count, say="")
 
     def tick(self, seed: int, since_s: float) -> None:
         """A run goes on."""
-        left = max(0.0, self.left_s() - since_s)
-        self._bar.update(self._task, say=f"seed {seed}: {since_s:3.0f} s   about {span(left)} left")
+        left = span(max(0.0, self.left_s() - since_s))
+        self.bar.update(self._task, say=f"seed {seed}: {since_s:3.0f} s   about {left} left")
 
     def waiting(self, load: float, since_s: float) -> None:
         """The machine has too much to do."""
-        self._bar.update(
-            self._task, say=f"load {load:.1f}: waiting for a quiet machine, {span(since_s)} so far"
-        )
+        words = f"load {load:.1f}: waiting for a quiet machine, {span(since_s)} so far"
+        self.bar.update(self._task, say=words)
 
     def left_s(self) -> float:
         """Remaining time [s], estimated from the duration of the finished runs."""
@@ -104,41 +82,31 @@ class Watch:
     def ended(self, line: trials.Line) -> None:
         """A run is done."""
         self.done.append(line)
-        count, of = len(self.done), self.setting.runs
-        self._bar.update(self._task, completed=count)
+        count, of, seed = len(self.done), self.setting.runs, line.seed
+        failure, took_s, left_s = line.failure, line.took_s, self.left_s()
+        self.bar.update(self._task, completed=count)
         if self.form is Format.JSON:
-            told = Progressing(
-                line.seed, count, of, line.failure is None, line.failure, line.took_s, self.left_s()
-            )
+            told = Progressing(seed, count, of, failure is None, failure, took_s, left_s)
             self.console.out(msgspec.json.encode(told).decode(), highlight=False)
             return
-        words = self.good if line.failure is None else f"FAILED: {line.failure}"
-        left = f"; about {span(self.left_s())} left" if count < of else ""
-        self.console.out(
-            f"run {count} of {of}, seed {line.seed}: {words}, {line.took_s:.0f} s{left}",
-            highlight=False,
-        )
+        words = self.good if failure is None else f"FAILED: {failure}"
+        left = f"; about {span(left_s)} left" if count < of else ""
+        words = f"run {count} of {of}, seed {seed}: {words}, {took_s:.0f} s{left}"
+        self.console.out(words, highlight=False)
 
 
-Count = Annotated[int, typer.Option(min=1, help="How many runs.")]
-Place = Annotated[
-    Path | None, typer.Option(help="The experiment's folder; else experiments/<time>.")
-]
-Resume = Annotated[bool, typer.Option("--resume", help="Go on with the experiment in --out.")]
-Timeout = Annotated[
-    float, typer.Option(min=1.0, help="A run that takes more seconds is ended: a failure.")
-]
+Count = Annotated[int, option("How many runs.", min=1)]
+Place = Annotated[Path | None, option("The experiment's folder; else experiments/<time>.")]
+Resume = Annotated[bool, option("Go on with the experiment in --out.", "--resume")]
+Timeout = Annotated[float, option("A run that takes more seconds is ended: a failure.", min=1.0)]
 MostLoad = Annotated[
-    float,
-    typer.Option(
-        min=0.0, help="A run waits, at most an hour, until the load is not above this; 0: no."
-    ),
+    float, option("A run waits, at most an hour, until the load is not above this; 0: no.", min=0.0)
 ]
 
 
 def run(
     seconds: Annotated[
-        float, typer.Option("--for", min=1.0, help="Seconds that each fleet runs once it is ready.")
+        float, option("Seconds that each fleet runs once it is ready.", "--for", min=1.0)
     ],
     runs: Count = 10,
     seed: FirstSeed = 1,
@@ -184,21 +152,18 @@ def repeated(
             raise UsageError(
                 "--resume needs the experiment to go on with; name its folder with --out"
             )
-        starting.check(
-            ["--seed", str(asked.seed), *(["--scene", str(asked.scene)] if asked.scene else [])]
-        )
+        scene = ["--scene", str(asked.scene)] if asked.scene else []
+        starting.check(["--seed", str(asked.seed), *scene])
         running_fleets.refuse("beside it the figures would not be those of the robot alone")
-        place = (
-            out or running_fleets.EXPERIMENTS / datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-        ).resolve()
+        new = running_fleets.EXPERIMENTS / datetime.now().strftime(folders.NAME)
+        place = (out or new).resolve()
         setting, done = trials.begun(place, trials.here(words[0], command, asked), resume)
         console = Console()
         try:
             _all(place, setting, Watch(setting, done, form, console, good))
         except KeyboardInterrupt:
-            tell_problem(
-                f"what is done stays in {place}; to go on: {_again(words, setting, place)}", form
-            )
+            again = _again(words, setting, place)
+            tell_problem(f"what is done stays in {place}; to go on: {again}", form)
             raise
         _finish(place, form, console)
 
@@ -213,37 +178,34 @@ def _again(words: tuple[str, ...], setting: trials.Setting, place: Path) -> str:
 def _all(place: Path, setting: trials.Setting, watch: Watch) -> None:
     """The runs that are not done yet. ConsoleError where nothing works at all."""
     known, without = {line.seed for line in watch.done}, 0
-    with watch.showing():
+    with watch.bar:
         for seed in setting.seeds:
             if seed in known:
                 continue
             machine.quiet(setting.most_load or float("inf"), PATIENCE_S, watch.waiting)
             line = trials.run(place, setting, seed, partial(watch.tick, seed))
-            trials.keep(place, line)
+            trials.append_line(place / RESULTS_FILE, line)
             watch.ended(line)
             without = without + 1 if bytes(line.figures) == b"null" else 0
             if without >= trials.HOPELESS:
                 log = trials.folder(place, seed) / trials.LOG_FILE
-                raise ConsoleError(
-                    f"{without} runs in a row left no report, the last one: {line.failure}; see"
-                    f" {log}, then --resume"
-                )
+                last = f"the last one: {line.failure}; see {log}, then --resume"
+                raise ConsoleError(f"{without} runs in a row left no report, {last}")
 
 
 def _finish(place: Path, form: Form, console: Console) -> None:
     """Make the report of what is there, and say what it says."""
+    say = partial(console.out, highlight=False)
     if form is Format.TEXT:
-        console.out("making the report …", highlight=False)
+        say("making the report …")
     from operate.experiments import make
 
     told = make.everything(place)
     if form is Format.JSON:
-        line = msgspec.json.encode({"kind": DONE, **msgspec.structs.asdict(told)}).decode()
-        console.out(line, highlight=False)
+        say(msgspec.json.encode({"kind": DONE, **msgspec.structs.asdict(told)}).decode())
         return
-    for line in told.lines:
-        console.out(line, highlight=False)
-    console.out(f"report: {place / 'report.html'}", highlight=False)
+    for line in (*told.lines, f"report: {place / 'report.html'}"):
+        say(line)
 
 
 def span(seconds: float) -> str:

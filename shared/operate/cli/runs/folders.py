@@ -2,7 +2,6 @@
 
 import fcntl
 import os
-from datetime import datetime
 from pathlib import Path
 from typing import TypeVar
 
@@ -26,11 +25,6 @@ run.
 T = TypeVar("T")
 
 
-def new_run(now: datetime) -> Path:
-    """The folder of a run that starts now."""
-    return RUNS / now.strftime(NAME)
-
-
 def near(path: Path) -> Path:
     """A path as one would type it here."""
     return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
@@ -40,10 +34,7 @@ def find(run: Path | None) -> Path:
     """The folder named, else the one of the environment, else the latest. NoRunError where it is
     not there.
     """
-    named = run or (
-        Path(os.environ[RUN_FOLDER_VARIABLE]) if os.environ.get(RUN_FOLDER_VARIABLE) else None
-    )
-    folder = named or RUNS / LATEST
+    folder = run or Path(os.environ.get(RUN_FOLDER_VARIABLE) or RUNS / LATEST)
     if not folder.is_dir() and not started_in(folder.resolve()):
         raise NoRunError(str(folder))
     return folder.resolve()
@@ -90,10 +81,8 @@ def living(run: Path) -> Fleet | None:
     told = fleet(run)
     if told is None or told.supervisor == keeper(run) != 0:
         return told
-    processes = tuple(
-        status if is_service(status.pid, status.module) else _ended(status)
-        for status in told.processes
-    )
+    every = told.processes
+    processes = tuple(one if is_service(one.pid, one.module) else _ended(one) for one in every)
     return msgspec.structs.replace(told, supervisor=0, processes=processes)
 
 
@@ -107,9 +96,8 @@ def around() -> Fleet | None:
     from agent_runtime.io.cli import endpoints  # most verbs need it not
 
     agents = endpoints(os.environ.get(AGENTS_VARIABLE, ""))
-    return Fleet(
-        os.environ.get("ROCO_SYSTEM", Options().system), connect, 0, 0.0, (), agents=agents
-    )
+    system = os.environ.get("ROCO_SYSTEM", Options().system)
+    return Fleet(system, connect, 0, 0.0, (), agents=agents)
 
 
 def _ended(status: ProcessStatus) -> ProcessStatus:

@@ -53,18 +53,10 @@ def commit() -> str:
     # installed; git would find a repository around the environment
     if not (root / ".git").exists():
         return ""
+    describe = ("describe", "--always", "--dirty=+", "--abbrev=12", "--exclude=*")
     try:
-        asked = [
-            "git",
-            "-C",
-            str(root),
-            "describe",
-            "--always",
-            "--dirty=+",
-            "--abbrev=12",
-            "--exclude=*",
-        ]
-        done = subprocess.run(asked, capture_output=True, text=True, timeout=10.0, check=False)
+        asked = ["git", "-C", str(root), *describe]
+        done = subprocess.run(asked, capture_output=True, text=True, timeout=10.0)
     except (OSError, subprocess.TimeoutExpired):
         return ""
     return done.stdout.strip()

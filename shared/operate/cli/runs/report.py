@@ -13,7 +13,7 @@ from rich.console import RenderableType
 
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.file_names import TRAFFIC_FILE
@@ -26,16 +26,11 @@ ABSENT = "-"
 
 def report(
     recording: Annotated[
-        Path,
-        typer.Argument(
-            help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True
-        ),
+        Path, argument("A run's folder, or a recording.", complete=completion.runs, exists=True)
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", help="Where its files go; else a run's own folder, of a recording nowhere."
-        ),
+        option("Where its files go; else a run's own folder, of a recording nowhere.", "--out"),
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -68,15 +63,8 @@ def report(
             if not make.everything(made, complain):
                 raise ConsoleError(complaints[-1])
         told = of(run.history, run.system)
-        if form is Format.JSON:
-            tell_json(told)
-        else:
-            show(
-                msgspec.to_builtins(told),
-                measures.shown(told, measures.of(run.system)),
-                folder,
-                Console(),
-            )
+        shown = measures.shown(told, measures.of(run.system))
+        tell(told, form, lambda: show(msgspec.to_builtins(told), shown, folder, Console()))
         if getattr(told, "success", None) is False:
             raise typer.Exit(1)
 
@@ -113,11 +101,8 @@ def show(
     for name in told.get("missing", ()):
         console.print(f"no {name}", style="dim", highlight=False)
     if folder is not None:
-        console.print(
-            f"\nwritten: {folder}/report.json, report.html, run.rrd",
-            highlight=False,
-            soft_wrap=True,
-        )
+        files = f"{folder}/report.json, report.html, run.rrd"
+        console.print(f"\nwritten: {files}", highlight=False, soft_wrap=True)
 
 
 def headline(told: dict[str, Any]) -> str:
@@ -136,27 +121,15 @@ def figures(told: dict[str, Any], shown: "tuple[Shown, ...]") -> RenderableType:
     """Return the figures of the whole run, and of each plan."""
     said = told["communicates"]
     rows = [(one.name, _number(one.value, one.unit)) for one in shown]
-    rows += [
-        (
-            "communicates",
-            (
-                f"{said['total']}, {sum(said['bytes'].values()) / 1000:.1f} kB, {said['copies']}"
-                " sent again"
-            ),
-        ),
-    ]
+    size = f"{sum(said['bytes'].values()) / 1000:.1f} kB"
+    rows.append(("communicates", f"{said['total']}, {size}, {said['copies']} sent again"))
     for plan in told.get("plans", ()):
-        words = (
-            f"{plan['outcome'] or 'no answer'} in {_number(plan['wall_s'], 's')}, {plan['queries']}"
-            " queries"
-        )
-        rows.append(
-            (f"plan {plan['number']}", f"{words}; {plan['ended'] or 'not carried out to its end'}")
-        )
+        words = f"{plan['outcome'] or 'no answer'} in {_number(plan['wall_s'], 's')}"
+        words += f", {plan['queries']} queries; {plan['ended'] or 'not carried out to its end'}"
+        rows.append((f"plan {plan['number']}", words))
     for number, task in enumerate(told.get("tasks", ()), start=1):
-        rows.append(
-            (f"task {number}", f"{task['asked']}: {'done' if task['success'] else task['failure']}")
-        )
+        came = "done" if task["success"] else task["failure"]
+        rows.append((f"task {number}", f"{task['asked']}: {came}"))
         rows += [("", f"{one['words']}{_TRUTH[one['true']]}") for one in task.get("claims", ())]
     return table(("", ""), rows, fold=("",))
 
@@ -208,15 +181,10 @@ class Written(msgspec.Struct, frozen=True):
 
 def export(
     recording: Annotated[
-        Path,
-        typer.Argument(
-            help="A run's folder, or a recording.", autocompletion=completion.runs, exists=True
-        ),
+        Path, argument("A run's folder, or a recording.", complete=completion.runs, exists=True)
     ],
-    out: Annotated[Path, typer.Option("--out", help="Folder of the tables; made where missing.")],
-    to: Annotated[
-        To, typer.Option("--to", help="parquet for tools, csv for all else.")
-    ] = To.PARQUET,
+    out: Annotated[Path, option("Folder of the tables; made where missing.", "--out")],
+    to: Annotated[To, option("parquet for tools, csv for all else.", "--to")] = To.PARQUET,
     form: Form = Format.TEXT,
 ) -> None:
     """Write what a recording holds as tables: communicates, events, telemetry.

@@ -11,15 +11,15 @@ import platform
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
 from agent_runtime.io.run_files import make_run
-from operate.cli.errors import UsageError
+from operate.cli.errors import UsageError, last_line
 from operate.cli.fleet import starting
 from operate.cli.runs import machine
 from operate.experiments.setting import RESULTS_FILE, SETTING_FILE, ExperimentSetting
@@ -31,6 +31,9 @@ END_S = starting.STOP_S + 30.0
 LOOK_S = 0.5  # estimate: how often a waiting person's picture is renewed
 # runs in a row without a report: something is wrong with the machine, not with the robot (estimate)
 HOPELESS = 3
+FIXED = ("task", "seed", "speed", "scene")
+"""What stays the same while an experiment goes on."""
+T = TypeVar("T")
 
 
 class Setting(ExperimentSetting, frozen=True):
@@ -116,13 +119,10 @@ def begun(out: Path, wanted: Setting, resume: bool) -> tuple[Setting, list[Line]
             f"{out} holds an experiment already; go on with it by --resume, or give another --out"
         )
     old, done = setting(out), lines(out)
-    asked = ("task", "seed", "speed", "scene")
-    other = [name for name in asked if getattr(old, name) != getattr(wanted, name)]
-    if other:
-        said = ", ".join(
-            f"{name} {getattr(old, name)!r} (now {getattr(wanted, name)!r})" for name in other
-        )
-        raise UsageError(f"the experiment in {out} has {said}; give the same, or another --out")
+    pairs = ((name, getattr(old, name), getattr(wanted, name)) for name in FIXED)
+    if other := [f"{name} {was!r} (now {now!r})" for name, was, now in pairs if was != now]:
+        has = ", ".join(other)
+        raise UsageError(f"the experiment in {out} has {has}; give the same, or another --out")
     new = msgspec.structs.replace(
         old,
         command=wanted.command,
@@ -145,19 +145,26 @@ def setting(out: Path) -> Setting:
 
 
 def lines(out: Path) -> list[Line]:
-    """The runs that are done, each seed once; a line cut off by a kill is left out."""
+    """The runs that are done, each seed once."""
     found: dict[int, Line] = {}
-    with contextlib.suppress(FileNotFoundError):
-        for raw in (out / RESULTS_FILE).read_bytes().splitlines():
-            with contextlib.suppress(msgspec.DecodeError):
-                line = msgspec.json.decode(raw, type=Line)
-                found.setdefault(line.seed, line)
+    for line in read_lines(out / RESULTS_FILE, Line):
+        found.setdefault(line.seed, line)
     return list(found.values())
 
 
-def keep(out: Path, line: Line) -> None:
-    """Append a run's line; on a line of its own, too, where a kill cut the one before."""
-    with (out / RESULTS_FILE).open("ab+") as file:
+def read_lines(path: Path, kind: type[T]) -> list[T]:
+    """Return the lines of a file of results; one cut off by a kill is left out."""
+    found = []
+    with contextlib.suppress(FileNotFoundError):
+        for raw in path.read_bytes().splitlines():
+            with contextlib.suppress(msgspec.MsgspecError):
+                found.append(msgspec.json.decode(raw, type=kind))
+    return found
+
+
+def append_line(path: Path, line: object) -> None:
+    """Append a result to a file; on a line of its own, too, where a kill cut the one before."""
+    with path.open("ab+") as file:
         if file.tell():
             file.seek(-1, os.SEEK_END)
             if file.read(1) != b"\n":
@@ -186,19 +193,11 @@ def run(out: Path, setting: Setting, seed: int, tick: Callable[[float], None]) -
         code = _waited(process, setting.timeout_s, tick)
     finally:
         _end(process, place)
-    took = time.time() - began
-    late_s, command = (setting.timeout_s if code is None else None), " ".join(setting.command[:1])
-    failure, figures = _outcome(place, late_s, process.returncode, command)
-    return Line(
-        seed=seed,
-        began=began,
-        took_s=round(took, 1),
-        exit=process.returncode,
-        timed_out=code is None,
-        load=(round(load, 2), round(machine.load(), 2)),
-        failure=failure,
-        figures=figures,
-    )
+    took_s, late = round(time.time() - began, 1), code is None
+    loads, code = (round(load, 2), round(machine.load(), 2)), process.returncode
+    failure, figures = _outcome(place, code, f"`roco {' '.join(setting.command[:1])}`")
+    failure = f"not ended after {setting.timeout_s:.0f} s" if late else failure
+    return Line(seed, began, took_s, code, late, loads, failure, figures)
 
 
 def _clear(place: Path) -> None:
@@ -209,17 +208,10 @@ def _clear(place: Path) -> None:
     make_run(place)
 
 
-def _start(place: Path, setting: Setting, seed: int) -> subprocess.Popen[bytes]:
+def _start(place: Path, setting: Setting, seed: int) -> "subprocess.Popen[bytes]":
     words = [*setting.command, "--seed", str(seed), "--speed", setting.speed, "--out", str(place)]
     words += ["--scene", setting.scene] if setting.scene else []
-    with (place / LOG_FILE).open("ab") as log:
-        return subprocess.Popen(
-            [sys.executable, "-P", "-m", "operate.cli", *words, "--format", "json"],
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
+    return starting.in_background(["operate.cli", *words, "--format", "json"], place / LOG_FILE)
 
 
 def _waited(
@@ -248,25 +240,14 @@ def _end(process: subprocess.Popen[bytes], place: Path) -> None:
     starting.down(place)
 
 
-def _outcome(
-    place: Path, late_s: float | None, code: int, command: str
-) -> tuple[str | None, msgspec.Raw]:
+def _outcome(place: Path, code: int, verb: str) -> tuple[str | None, msgspec.Raw]:
     """Return the reason a run failed, None if it succeeded; and its report, null if it has none."""
+    ended = f"{verb} ended with {code}"
     try:
         raw = (place / REPORT_FILE).read_bytes()
         verdict = msgspec.json.decode(raw, type=_Verdict)
         figures = msgspec.Raw(msgspec.json.format(raw, indent=-1))
     except (OSError, msgspec.DecodeError):
-        log = (place / LOG_FILE).read_text(errors="replace").strip().splitlines()[-1:] or [
-            "it said nothing"
-        ]
-        reason = f"no report; `roco {command}` ended with {code}: {log[0][-300:]}"
-        return (f"not ended after {late_s:.0f} s" if late_s else reason), msgspec.Raw(b"null")
-    if late_s:
-        return f"not ended after {late_s:.0f} s", figures
-    return (
-        None
-        if verdict.success and not code
-        else verdict.failure or f"`roco {command}` ended with {code}",
-        figures,
-    )
+        log = last_line((place / LOG_FILE).read_bytes()) or "it said nothing"
+        return f"no report; {ended}: {log[-300:]}", msgspec.Raw(b"null")
+    return (None if verdict.success and not code else verdict.failure or ended), figures

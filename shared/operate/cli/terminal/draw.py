@@ -1,20 +1,29 @@
 """The picture of a run in the terminal: who does what, the plan with its present state, what went
-over the channels.
+over the channels; and a run as it goes on, for who waits.
 """
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
 
 import msgspec
 from rich.console import Group, RenderableType
+from rich.live import Live
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from operate.cli.fleet import starting
 from operate.cli.fleet.state_words import COLOURS, doing, waited_for
-from operate.cli.fleet.tasks import Task
+from operate.cli.fleet.tasks import ENDED, Task
+from operate.cli.runs import folders
+from operate.cli.terminal import run_state
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.run_state import Event, Names, Plan, View, leaves, tasks, within
-from operate.fleet_file import Fleet
+from operate.file_names import LIVE_FILE
+from operate.fleet_file import Fleet, ProcessState
 from operate.live_lines import Step
 from operate.system import System
 from topdown.model.design import Design
@@ -22,7 +31,7 @@ from topdown.model.design import Design
 PLAN_LINES = 17  # as high as the panels beside it
 LEAST_COLUMN = 20  # in a narrower terminal lines are folded again
 _MEASURE = Console(width=80)  # what measures texts; nothing is printed to it
-ENDED = {"replan": "a new plan is wanted"}
+OUTCOMES = {"replan": "a new plan is wanted"}
 
 
 class Scene(msgspec.Struct, frozen=True):
@@ -48,29 +57,18 @@ def picture(
     system, design = scene.system, scene.system.design
     upper = Table.grid(expand=True, padding=(0, 1))
     upper.add_column(ratio=6)
-    left = Group(
-        Panel(agents(scene), title="who does what", title_align="left", border_style="dim"),
-        Panel(
-            channels(scene.view, design),
-            title="communicates",
-            title_align="left",
-            border_style="dim",
-        ),
-    )
+    panel = partial(Panel, title_align="left", border_style="dim")
+    said = panel(channels(scene.view, design), title="communicates")
+    panels: list[RenderableType] = [Group(panel(agents(scene), title="who does what"), said)]
     if scene.system.additions.live:  # who adds lines tells of plans
         upper.add_column(ratio=5)
-        plan = plan_tree(scene.view, system)
-        upper.add_row(
-            left, Panel(plan, title=plan_title(scene.view), title_align="left", border_style="dim")
-        )
-    else:
-        upper.add_row(left)
+        panels.append(panel(plan_tree(scene.view, system), title=plan_title(scene.view)))
+    upper.add_row(*panels)
     top = header(scene, time.time() if now is None else now)
     processes = len(scene.fleet.processes) if scene.fleet else 1
     height = len(wrapped(top, width)) + processes + len(design.channels) + 4  # four lines of frames
-    return Group(
-        top, upper, events(scene.view, scene.began, max(1, lines - height - 1), width, system)
-    )
+    room = max(1, lines - height - 1)
+    return Group(top, upper, events(scene.view, scene.began, room, width, system))
 
 
 def header(scene: Scene, now: float) -> Text:
@@ -116,18 +114,10 @@ def channels(view: View, design: Design) -> Table:
     table.add_column(no_wrap=True, justify="right", min_width=9)
     table.add_column(no_wrap=True, overflow="ellipsis", ratio=1)
     for name, channel in design.channels.items():
-        counted = view.channels.get(name)
-        row = (
-            (str(counted.count), f"{counted.bytes / 1000:.1f} kB", counted.last)
-            if counted
-            else ("-", "", "")
-        )
-        table.add_row(
-            Text(name, "bold"),
-            f"{channel.ends[0]}-{channel.ends[1]}",
-            *row[:2],
-            Text(row[2], "dim"),
-        )
+        numbers, last = ("-", ""), ""
+        if counted := view.channels.get(name):
+            numbers, last = (str(counted.count), f"{counted.bytes / 1000:.1f} kB"), counted.last
+        table.add_row(Text(name, "bold"), "-".join(channel.ends), *numbers, Text(last, "dim"))
     return table
 
 
@@ -152,22 +142,20 @@ def plan_tree(view: View, system: System) -> Text:
     text = Text(tasks(plan.tasks, system), "bold")
     if plan.outcome:
         state = {"succeeded": "done", "failed": "failed"}.get(plan.outcome.lower(), "")
-        text.append(f"   {ENDED.get(plan.outcome, plan.outcome)}", COLOURS.get(state, "yellow"))
+        text.append(f"   {OUTCOMES.get(plan.outcome, plan.outcome)}", COLOURS.get(state, "yellow"))
     here = plan.at.path if plan.at is not None else ()
     for one in shown(plan, PLAN_LINES - 1):
         indent = "  " * (len(one.path) - 1)
-        name = system.step(
-            msgspec.structs.replace(one, does="", things=(), side="") if one.act else one
-        )
-        name = name or " ".join(one.path[-1:])
+        step = msgspec.structs.replace(one, does="", things=(), side="") if one.act else one
+        name = system.step(step) or " ".join(one.path[-1:])
+        mark, style = "·", "dim"
         if one.path == here:
-            text.append(f"\n{indent}▶ {name}", "bold green")
+            mark, style = "▶", "bold green"
         elif within(here, one.path):
-            text.append(f"\n{indent}▾ {name}", "green")
+            mark, style = "▾", "green"
         elif one.path in plan.passed or _wholly_passed(plan, one.path):
-            text.append(f"\n{indent}✓ {name}", "dim green")
-        else:
-            text.append(f"\n{indent}· {name}", "dim")
+            mark, style = "✓", "dim green"
+        text.append(f"\n{indent}{mark} {name}", style)
     return text
 
 
@@ -204,10 +192,8 @@ def _event(event: Event, began: float, width: int, system: System) -> list[Text]
     why = f": {system.plain(event.text)}" if event.text else ""
     words = Text.assemble(system.happened(event.name, event.of), (why, "dim"))
     column = max(LEAST_COLUMN, width - len(at))
-    return [
-        (at if not number else Text(" " * len(at))) + line
-        for number, line in enumerate(wrapped(words, column))
-    ]
+    first, *others = wrapped(words, column)
+    return [at + first, *(Text(" " * len(at)) + line for line in others)]
 
 
 def wrapped(text: Text, width: int) -> list[Text]:
@@ -219,3 +205,96 @@ def _wholly_passed(plan: Plan, machine: Names) -> bool:
     """Tell whether this is a machine that was left behind."""
     inside = [one.path for one in plan.states if within(one.path, machine)]
     return bool(inside) and inside[-1] in plan.passed
+
+
+# --- A run while it goes on, for who waits: a picture drawn again and again, or lines -------------
+
+
+QUIET = (ProcessState.WAITING, ProcessState.STARTING, ProcessState.STOPPING, ProcessState.STOPPED)
+
+
+class Watch:
+    """Shows a system's run while it goes: a picture in a terminal, lines elsewhere; with
+    `json_lines` JSON objects.
+    """
+
+    def __init__(
+        self, system: System, run: Path, title: str, console: Console, json_lines: bool = False
+    ) -> None:
+        self.scene = Scene(title, time.time(), system)
+        self.run = run
+        self.console = console
+        self.json_lines = json_lines
+        self.pictures = console.is_terminal and not json_lines
+        self._follow = run_state.Follow(run_state.of_file(run / LIVE_FILE))
+        self._live: Live | None = None
+        self._told: dict[str, str] = {}
+        if not self.pictures and not json_lines:
+            console.out(f"{title}; everything is written to {folders.near(run)}", highlight=False)
+
+    @contextmanager
+    def showing(self) -> Iterator["Watch"]:
+        """Show it as long as this lasts."""
+        if not self.pictures:
+            yield self
+            return
+        with Live(
+            console=self.console, refresh_per_second=8, get_renderable=self._picture
+        ) as self._live:
+            yield self
+
+    def ending(self) -> None:
+        """Say that the rest takes some seconds more."""
+        if not self.json_lines:
+            self.console.print(
+                "stopping the fleet, writing the report …", style="dim" if self.pictures else ""
+            )
+
+    def waits(self, words: str) -> None:
+        """Say what is waited for, where it is new."""
+        if self._told.get("waits") != words:
+            self._told["waits"] = words
+            if not self.json_lines:
+                self.console.print(f"waiting {words}", style="dim" if self.pictures else "")
+
+    def look(self, fleet_now: Fleet | None = None, tasks: tuple[Task, ...] | None = None) -> None:
+        """Take in what is new: lines of the monitor, the fleet, the tasks."""
+        view, system = self.scene.view, self.scene.system
+        for line in self._follow.new():
+            view = run_state.fold(view, line)
+            self._say(line.t, run_state.in_words(line, system), line)
+        self.scene = msgspec.structs.replace(
+            self.scene,
+            view=view,
+            fleet=fleet_now or folders.fleet(self.run) or self.scene.fleet,
+            tasks=self.scene.tasks if tasks is None else tasks,
+            stop_held=folders.stop_held(self.run),
+        )
+        for status in self.scene.fleet.processes if self.scene.fleet else ():
+            self._tell_once(
+                status.name, starting.describe(status), status, status.state not in QUIET
+            )
+        for task in self.scene.tasks:
+            words = (
+                f"{task.said or task.task}:"
+                f" {task.state}{', ' + system.plain(task.text) if task.text else ''}"
+            )
+            self._tell_once(f"task {task.task}", words, task, task.state in ENDED)
+
+    def _tell_once(self, key: str, words: str, what: object, aloud: bool) -> None:
+        """Say something that lasts, when it is new or changed; to people only what other lines do
+        not say.
+        """
+        if self._told.get(key) != words:
+            self._told[key] = words
+            self._say(time.time(), words if aloud else "", what)
+
+    def _say(self, t: float, words: str, what: object) -> None:
+        """Write a line, where no picture is drawn."""
+        if self.json_lines:
+            self.console.out(msgspec.json.encode(what).decode(), highlight=False)
+        elif words and not self.pictures:
+            self.console.out(f"{max(0.0, t - self.scene.began):7.1f} s  {words}", highlight=False)
+
+    def _picture(self) -> RenderableType:
+        return picture(self.scene, lines=self.console.height, width=self.console.width)

@@ -57,14 +57,11 @@ def rows(nodes: Sequence[str], edges: Edges) -> list[Row]:
     twice.
     """
     place = {node: number for number, node in enumerate(nodes)}
-    for name, ends in edges.items():
-        if not set(ends) <= place.keys() or ends[0] == ends[1]:
-            raise ValueError(
-                f"edge {name} joins {ends[0]} and {ends[1]}; there are {', '.join(nodes)}"
-            )
-    spans = {
-        name: (min(place[a], place[b]), max(place[a], place[b])) for name, (a, b) in edges.items()
-    }
+    spans: dict[str, tuple[int, int]] = {}
+    for name, (a, b) in edges.items():
+        if not {a, b} <= place.keys() or a == b:
+            raise ValueError(f"edge {name} joins {a} and {b}; there are {', '.join(nodes)}")
+        spans[name] = (min(place[a], place[b]), max(place[a], place[b]))
     in_order = sorted(spans, key=lambda name: spans[name])
     lanes = dict(zip(in_order, tracks([spans[name] for name in in_order], gap=0), strict=True))
     width = 1 + STEP * (max(lanes.values(), default=-1) + 1)
@@ -96,17 +93,9 @@ def _marks(
     """A row's characters from the node to the last arc."""
     at = {1 + STEP * lanes[other] + STEP - 1: other for other in going}
     turn = 1 + STEP * lanes[name] + STEP - 1 if name else 0
-    first = (
-        " "
-        if not count
-        else "─"
-        if count == 1
-        else "┬"
-        if index == 0
-        else "╰"
-        if index == count - 1
-        else "├"
-    )
+    first = " " if not count else "─"
+    if count > 1:
+        first = "┬" if index == 0 else "╰" if index == count - 1 else "├"
     marks = [(first, name)]
     for column in range(1, width):
         if column < turn:
@@ -165,50 +154,25 @@ class Graph(msgspec.Struct, frozen=True):
     channels: tuple[Edge, ...]
 
 
-def graph_at(
-    design: Design,
-    where: str,
-    seen: Iterable[Seen],
-    lines: Iterable[LiveLine],
-    at: float,
-    window_s: float,
-) -> Graph:
-    """The graph of a design with what is known of it at a time [unix s]."""
+def nodes(design: Design, seen: Iterable[Seen]) -> tuple[Node, ...]:
+    """The agents of a design with what is known of them."""
     by_name = {one.name: one for one in seen}
-    return Graph(
-        where,
-        at,
-        window_s,
-        tuple(_node(name, by_name.get(name)) for name in design.agents),
-        edges(design, lines, at, window_s),
-    )
+    return tuple(_node(name, by_name.get(name)) for name in design.agents)
 
 
 def edges(
     design: Design, lines: Iterable[LiveLine], at: float, window_s: float
 ) -> tuple[Edge, ...]:
-    """The channels of a design with what the monitor heard on each."""
-    heard: dict[str, list[Sent]] = {name: [] for name in design.channels}
-    for line in lines:
-        if isinstance(line, Sent) and line.channel in heard:
-            heard[line.channel].append(line)
-    return tuple(
-        _edge(name, channel.ends, heard[name], at, window_s)
-        for name, channel in design.channels.items()
-    )
-
-
-def _edge(name: str, ends: tuple[str, str], heard: list[Sent], at: float, window_s: float) -> Edge:
-    late = [line for line in heard if line.t > at - window_s]
-    last = max((line.t for line in heard), default=None)
-    return Edge(
-        name,
-        ends,
-        len(late) / window_s,
-        sum(line.bytes for line in late) / window_s,
-        len(heard),
-        last,
-    )
+    """The channels of a design with what the monitor heard on each until then [unix s]."""
+    sent = [line for line in lines if isinstance(line, Sent)]
+    found = []
+    for name, channel in design.channels.items():
+        heard = [line for line in sent if line.channel == name]
+        late = [line.bytes for line in heard if line.t > at - window_s]
+        rates = (len(late) / window_s, sum(late) / window_s)
+        last = max((line.t for line in heard), default=None)
+        found.append(Edge(name, channel.ends, *rates, len(heard), last))
+    return tuple(found)
 
 
 def _node(name: str, one: Seen | None) -> Node:
@@ -223,14 +187,11 @@ def drawn(found: Graph, system: System) -> Text:
     """Agents one below the other, channels as arcs beside them; bright is what is in use."""
     names = max(len(node.name) for node in found.agents) + 2
     ends = {edge.name: edge.ends for edge in found.channels}
-    listed = rows(ordered(sorted((node.name for node in found.agents), reverse=True), ends), ends)
-    nodes, channels = (
-        {node.name: node for node in found.agents},
-        {edge.name: edge for edge in found.channels},
-    )
+    agents = {node.name: node for node in found.agents}
+    channels = {edge.name: edge for edge in found.channels}
     text = Text(no_wrap=True, overflow="ellipsis")
-    for row in listed:
-        node = nodes[row.node] if row.node else None
+    for row in rows(ordered(sorted(agents, reverse=True), ends), ends):
+        node = agents[row.node] if row.node else None
         text.append_text(_label(node, names, system)).append(" ")
         for mark, channel in row.marks:
             text.append(mark, _light(channels[channel], found.at) if channel else "dim")
@@ -248,13 +209,8 @@ def _label(node: Node | None, names: int, system: System) -> Text:
     if node is None:
         return Text(" " * (names + WORDS))
     words = node.trouble or state_text(system, node.name, node.state) or node.state
-    style = (
-        "red"
-        if node.trouble
-        else COLOURS.get(node.process or "", "")
-        if node.process != "ready"
-        else ""
-    )
+    style = COLOURS.get(node.process or "", "") if node.process != "ready" else ""
+    style = "red" if node.trouble else style
     label = Text.assemble((f"{node.name:{names}}", "bold"), (words, style))
     label.truncate(names + WORDS, overflow="ellipsis", pad=True)
     return label

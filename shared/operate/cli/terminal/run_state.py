@@ -5,6 +5,8 @@ out.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -83,25 +85,20 @@ class View(msgspec.Struct, frozen=True):
 
 def fold(view: View, line: LiveLine) -> View:
     """The picture after one more line."""
+    replaced = partial(msgspec.structs.replace, view)
     match line:
         case Sent(channel=channel, performative=performative, sender=sender, receiver=receiver):
             before = view.channels.get(channel, Counted())
             words = f"{sender} > {receiver}  {line.text or performative}"
             counted = Counted(before.count + 1, before.bytes + line.bytes, words)
             sent = {**view.sent, sender: view.sent.get(sender, 0) + 1}
-            return msgspec.structs.replace(
-                view, sent=sent, channels={**view.channels, channel: counted}
-            )
+            return replaced(sent=sent, channels={**view.channels, channel: counted})
         case AgentIn(agent=agent, state=state, alive=alive, t=t):
-            return msgspec.structs.replace(
-                view, agents={**view.agents, agent: Seen(state, alive, t)}
-            )
+            return replaced(agents={**view.agents, agent: Seen(state, alive, t)})
         case PlanSeen(plan=plan, tasks=tasks, states=states):
-            return msgspec.structs.replace(
-                view, plan=Plan(plan, tasks, states), plans=view.plans + 1
-            )
+            return replaced(plan=Plan(plan, tasks, states), plans=view.plans + 1)
         case PlanAt(at=at, outcome=outcome) if view.plan is not None:
-            return msgspec.structs.replace(view, plan=_moved(view.plan, at, outcome))
+            return replaced(plan=_moved(view.plan, at, outcome))
         case Happened(t=t, name=name, of=of, text=text):
             return view.with_event(Event(t, name, of, text))
         case Against(t=t, verdict=verdict):
@@ -186,11 +183,8 @@ class Follow:
         data = self._read(self._offset)
         whole = data[: data.rfind(b"\n") + 1]
         self._offset += len(whole)
-        return [line for raw in whole.splitlines() if (line := _line(raw)) is not None]
-
-
-def _line(raw: bytes) -> LiveLine | None:
-    try:
-        return _decoder.decode(raw)
-    except msgspec.DecodeError:
-        return None
+        found: list[LiveLine] = []
+        for raw in whole.splitlines():
+            with suppress(msgspec.DecodeError):
+                found.append(_decoder.decode(raw))
+        return found

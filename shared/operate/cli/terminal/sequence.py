@@ -38,11 +38,9 @@ def _style(one: Judged) -> str:
 
 
 def _fit(words: str, room: int) -> str:
-    return (
-        words
-        if cell_len(words) <= room
-        else set_cell_size(words, max(0, room - 1)) + "…" * (room > 0)
-    )
+    if cell_len(words) <= room:
+        return words
+    return set_cell_size(words, max(0, room - 1)) + "…" * (room > 0)
 
 
 # --- A conversation -------------------------------------------------------------------------------
@@ -68,37 +66,25 @@ def drawn(said: Sequence[Judged], initiator: str, participant: str, width: int) 
 
     Beside an arrow stand the states after it.
     """
-    side = max(
-        [4, *map(cell_len, (initiator, participant)), *(cell_len(one.initiator) for one in said)]
-    )
-    side = min(STATES, side)
+    names = (initiator, participant, *(one.initiator for one in said))
+    side = min(STATES, max(4, *map(cell_len, names)))
     gap = max(NEAREST, min(FARTHEST, width - TIME - 2 * side - 6))
     columns, indent = Columns((initiator, participant), gap + 1), TIME + side + 2
-    text = Text(
-        f"{'':{TIME}} {initiator:>{side}} {'':{gap + 2}} {participant}\n", "bold", no_wrap=True
-    )
+    head = f"{'':{TIME}} {initiator:>{side}} {'':{gap + 2}} {participant}\n"
+    text = Text(head, "bold", no_wrap=True)
     for one in said:
-        style, size = (
-            _style(one),
-            f"{one.bytes} B" if one.bytes < 1000 else f"{one.bytes / 1000:.3g} kB",
-        )
+        style, since = _style(one), "+" + seconds(one.t - said[0].t)
+        size = f"{one.bytes} B" if one.bytes < 1000 else f"{one.bytes / 1000:.3g} kB"
+        act = _fit(f"{one.performative}  {size}", gap)
         left, right = (one.initiator, one.participant) if one.initiator else ("", "")
-        text.append(
-            f"{'+' + seconds(one.t - said[0].t):>{TIME}} {_fit(left, side):>{side}} ", "dim"
-        )
-        text.append(
-            columns.arrow(one.sender, one.receiver, _fit(f"{one.performative}  {size}", gap)), style
-        )
+        text.append(f"{since:>{TIME}} {_fit(left, side):>{side}} ", "dim")
+        text.append(columns.arrow(one.sender, one.receiver, act), style)
         text.append(f" {_fit(right, max(0, width - indent - gap - 3))}\n", "dim")
         for words in filter(None, (one.text, mark(one))):
             text.append(f"{'':{indent}}{columns.between(_fit(words, gap))}\n", style or "italic")
-        if one.violation and one.why:
-            room = max(20, width - indent - 1)
-            text.append(
-                "\n".join(f"{'':{indent + 1}}{line}" for line in textwrap.wrap(one.why, room))
-                + "\n",
-                "red",
-            )
+        why = one.why if one.violation else ""
+        for line in textwrap.wrap(why, max(20, width - indent - 1)):
+            text.append(f"{'':{indent + 1}}{line}\n", "red")
     return text
 
 
@@ -143,17 +129,13 @@ class Lifelines:
         if arrow:
             text.append(f"{'':{self.first - TIME}}{arrow}", style)
         else:
-            who = f"{one.sender} > {one.receiver} {one.performative}"
-            words = _fit(
-                f" {who if one.sender else f'{one.bytes} bytes on {one.key}'} ", self.end - TIME - 2
-            )
-            text.append(
-                f" {words:─^{max(0, self.end - TIME - 1 - cell_len(words) + len(words))}}", style
-            )
-        text.append(
-            _fit(f" {' '.join(filter(None, (one.channel, one.text, mark(one))))}", room),
-            style or "italic",
-        )
+            who, wide = f"{one.bytes} bytes on {one.key}", self.end - TIME - 1
+            if one.sender:
+                who = f"{one.sender} > {one.receiver} {one.performative}"
+            words = _fit(f" {who} ", wide - 1)
+            text.append(f" {words:─^{max(0, wide - cell_len(words) + len(words))}}", style)
+        beside = " ".join(filter(None, (one.channel, one.text, mark(one))))
+        text.append(_fit(f" {beside}", room), style or "italic")
         if one.violation and one.why:
             text.append(f"\n{'':{TIME + 1}}{one.why}", "red")
         return text

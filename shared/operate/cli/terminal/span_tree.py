@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from operate.cli.terminal.sequence import seconds
+from operate.cli.terminal.table import table
 from operate.tracing.trace import Known, Message, Span, Trace
 
 MOST_BAR, LEAST_BAR = 24, 12
@@ -45,60 +46,35 @@ def drawn(trace: Trace, root: Span, width: int, *, every: bool = False) -> Table
     lines = list(_lines(trace, root, every=every))
     until = max(line.end or line.start for line in lines)
     bar = min(MOST_BAR, max(LEAST_BAR, width // 5))
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim", width=width)
-    table.add_column(f"{root.id}", no_wrap=True, overflow="ellipsis", ratio=1)
-    table.add_column("", no_wrap=True)
-    if any(line.result for line in lines):
-        table.add_column("", no_wrap=True)
-    table.add_column("at", no_wrap=True, justify="right")
-    table.add_column("took", no_wrap=True, justify="right")
-    table.add_column("", no_wrap=True, width=bar)
+    results = any(line.result for line in lines)
+    heads = (root.id, *("",) * (1 + results), "at", "took", " ")
+    least, times = {" ": bar}, ("at", "took")
+    drawn = table(heads, right=times, cut=(root.id,), least=least, width=width)
     for line in lines:
         what = Text.assemble((line.branch, "dim"), line.what)
+        ended = [Text(line.result, line.style)] if results else []
         at = f"{'~ ' if line.guessed else ''}{line.start - trace.begin:.3f}"
         took = "" if line.end is None else seconds(line.end - line.start)
-        ended = [Text(line.result, line.style)] if any(one.result for one in lines) else []
-        table.add_row(
-            what,
-            Text(line.who, "dim"),
-            *ended,
-            at,
-            took,
-            Text(_bar(line, root.start, until, bar), line.style),
-        )
+        drawn_bar = Text(_bar(line, root.start, until, bar), line.style)
+        drawn.add_row(what, Text(line.who, "dim"), *ended, at, took, drawn_bar)
     if any(line.guessed for line in lines):
-        table.caption, table.caption_justify = NOTE, "left"
-    return table
+        drawn.caption, drawn.caption_justify = NOTE, "left"
+    return drawn
 
 
 def listed(trace: Trace, width: int) -> Table:
     """All that can be traced, oldest first."""
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim", width=width)
-    for name, justify in (
-        ("task", "left"),
-        ("between", "left"),
-        ("at", "right"),
-        ("took", "right"),
-        ("said", "right"),
-    ):
-        table.add_column(name, no_wrap=True, justify=justify)  # type: ignore[arg-type]
-    table.add_column("what", no_wrap=True, overflow="ellipsis", ratio=1)
+    numbers = ("at", "took", "said")
+    drawn = table(("task", "between", *numbers, "what"), right=numbers, cut=("what",), width=width)
     for root in trace.roots:
         below = [span for _, span in trace.below(root)]
+        who, at = f"{root.initiator} > {root.participant}", f"{root.start - trace.begin:.3f}"
         took = seconds(max(span.end for span in below) - root.start)
-        row = (
-            root.id,
-            f"{root.initiator} > {root.participant}",
-            f"{root.start - trace.begin:.3f}",
-            took,
-        )
         said = str(sum(len(span.messages) for span in below))
-        table.add_row(
-            *row,
-            said,
-            Text.assemble(root.text or root.protocol, (f"  {result(root)}", style_of(root))),
-        )
-    return table
+        ended = (f"  {result(root)}", style_of(root))
+        what = Text.assemble(root.text or root.protocol, ended)
+        drawn.add_row(root.id, who, at, took, said, what)
+    return drawn
 
 
 def result(span: Span) -> str:
@@ -117,7 +93,7 @@ def _lines(
     """Yield the lines of a span and of all below it; `branch` leads to it, `below` to what is under
     it.
     """
-    yield _line(span, branch)
+    yield _line((span,), branch)
     rows: list[tuple[Span, ...] | tuple[Message, ...]] = []
     for _, beside in groupby(span.beside, key=lambda one: (one.sender, one.receiver, one.protocol)):
         rows.append(tuple(beside))
@@ -131,7 +107,7 @@ def _lines(
         elif len(row) == 1:
             yield from _lines(trace, row[0], here, under, every=every)
         else:
-            yield _many(tuple(one for one in row if isinstance(one, Span)), here)
+            yield _line(tuple(one for one in row if isinstance(one, Span)), here)
 
 
 def _grouped(trace: Trace, children: Sequence[Span], *, every: bool) -> Iterator[tuple[Span, ...]]:
@@ -149,40 +125,26 @@ def _grouped(trace: Trace, children: Sequence[Span], *, every: bool) -> Iterator
             yield row
 
 
-def _line(span: Span, branch: str) -> Line:
-    who, guessed = f"{span.initiator} > {span.participant}", span.known == Known.TIME
-    what = span.text or span.protocol
-    return Line(branch, what, who, span.start, span.end, style_of(span), guessed, result(span))
-
-
-def _many(alike: tuple[Span, ...], branch: str) -> Line:
-    first, last = alike[0], alike[-1]
-    busy = fsum(one.end - one.start for one in alike)
-    what = f"{len(alike)} x {first.protocol}, {seconds(busy)} in all"
-    who, guessed = (
-        f"{first.initiator} > {first.participant}",
-        any(one.known == Known.TIME for one in alike),
-    )
-    return Line(
-        branch,
-        what,
-        who,
-        first.start,
-        last.end,
-        style_of(first),
-        guessed,
-        result(first) if first.bad else "",
-    )
+def _line(alike: tuple[Span, ...], branch: str) -> Line:
+    """Return the line of a conversation, or of several alike."""
+    first, end = alike[0], alike[-1].end
+    what, ended = first.text or first.protocol, result(first)
+    if len(alike) > 1:
+        busy = fsum(one.end - one.start for one in alike)
+        what = f"{len(alike)} x {first.protocol}, {seconds(busy)} in all"
+        ended = result(first) if first.bad else ""
+    who = f"{first.initiator} > {first.participant}"
+    guessed = any(one.known == Known.TIME for one in alike)
+    return Line(branch, what, who, first.start, end, style_of(first), guessed, ended)
 
 
 def _beside(said: tuple[Message, ...], branch: str) -> Line:
     more = f" and {len(said) - 1} more" if len(said) > 1 else ""
-    where = f"{said[0].conversation}: " if said[0].protocol != RESTING else ""
-    what = f"+ {where}{said[0].text or said[0].performative}{more}"
-    guessed = any(one.known == Known.TIME for one in said)
-    return Line(
-        branch, what, f"{said[0].sender} > {said[0].receiver}", said[0].sent, None, "dim", guessed
-    )
+    first, guessed = said[0], any(one.known == Known.TIME for one in said)
+    where = f"{first.conversation}: " if first.protocol != RESTING else ""
+    what = f"+ {where}{first.text or first.performative}{more}"
+    who = f"{first.sender} > {first.receiver}"
+    return Line(branch, what, who, first.sent, None, "dim", guessed)
 
 
 def _bar(line: Line, begin: float, until: float, columns: int) -> str:

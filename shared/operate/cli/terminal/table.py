@@ -27,15 +27,8 @@ def table(
     one line. `least`: columns that a column has at least, so that a picture that is renewed stands
     still. `settings`: of rich's Table.
     """
-    drawn = Table(
-        **{
-            "box": None,
-            "padding": (0, 2, 0, 0),
-            "show_header": any(heads),
-            "header_style": header_style,
-        }
-        | settings
-    )
+    usual = {"box": None, "padding": (0, 2, 0, 0), "show_header": any(heads)}
+    drawn = Table(header_style=header_style, **usual | settings)
     for head in heads:
         drawn.add_column(
             head,

@@ -8,11 +8,11 @@ import termios
 import time
 import tty
 from collections.abc import Callable
+from contextlib import suppress
 from enum import StrEnum
 from typing import Annotated, Any
 
 import msgspec
-import typer
 from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.table import Table
@@ -25,11 +25,11 @@ from operate.cli.fleet.process_tables import COLUMNS, cells
 from operate.cli.fleet.state_words import COLOURS, doing
 from operate.cli.fleet.targets import Target
 from operate.cli.fleet.tasks import ENDED, Task
-from operate.cli.output import Format, RunDir, problems, tell_json
+from operate.cli.output import Format, RunDir, option, problems, tell_json
 from operate.cli.terminal import run_state
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.draw import events
-from operate.cli.terminal.graph import WINDOW_S, Edge, Graph, dot, drawn, edges, graph_at, sized
+from operate.cli.terminal.graph import WINDOW_S, Edge, Graph, dot, drawn, edges, nodes, sized
 from operate.cli.terminal.run_state import Plan, View
 from operate.cli.terminal.table import table
 from operate.live_lines import LiveLine, Sent
@@ -100,22 +100,16 @@ class Screen(msgspec.Struct, frozen=True):
 def top(
     target: targets.Name = "",
     run_dir: RunDir = None,
-    period: Annotated[
-        float, typer.Option(min=0.2, help="Seconds between two pictures.")
-    ] = PERIOD_S,
+    period: Annotated[float, option("Seconds between two pictures.", min=0.2)] = PERIOD_S,
     count: Annotated[
-        int, typer.Option("-n", "--count", min=0, help="End after so many pictures; 0: at q.")
+        int, option("End after so many pictures; 0: at q.", "-n", "--count", min=0)
     ] = 0,
-    once: Annotated[bool, typer.Option("--once", help="Print one picture, and end.")] = False,
+    once: Annotated[bool, option("Print one picture, and end.", "--once")] = False,
     graph: Annotated[
-        bool, typer.Option("--graph", help="Draw the channels as arcs between the agents.")
+        bool, option("Draw the channels as arcs between the agents.", "--graph")
     ] = False,
-    window: Annotated[
-        float, typer.Option(min=0.1, help="Seconds that rates are taken over.")
-    ] = WINDOW_S,
-    form: Annotated[
-        Drawing, typer.Option("--format", help="text, json, or dot for Graphviz.")
-    ] = Drawing.TEXT,
+    window: Annotated[float, option("Seconds that rates are taken over.", min=0.1)] = WINDOW_S,
+    form: Annotated[Drawing, option("text, json, or dot for Graphviz.", "--format")] = Drawing.TEXT,
 ) -> None:
     """Show agents and channels, and the task and the plan's present state, on a live screen; q or
     Ctrl-C ends it.
@@ -134,27 +128,16 @@ def top(
     with problems(Format.JSON if form is Drawing.JSON else Format.TEXT):
         watched = Watched(targets.find(target, run_dir), window, graph=graph)
         console, count = Console(), 1 if once else count
-        try:
-            if form is Drawing.JSON:
-                _each(
-                    watched,
-                    period,
-                    count,
-                    lambda: tell_json(watched.graph() if graph else watched.screen),
-                )
-            elif form is Drawing.DOT:
-                _each(watched, period, count, lambda: print(dot(watched.graph())))
-            elif once or not console.is_terminal:
-                _each(
-                    watched,
-                    period,
-                    count,
-                    lambda: console.print(watched.picture(console.width, 40)),
-                )
-            else:
+        shows: dict[Drawing, Callable[[], None]] = {
+            Drawing.JSON: lambda: tell_json(watched.graph() if graph else watched.screen),
+            Drawing.DOT: lambda: print(dot(watched.graph())),
+            Drawing.TEXT: lambda: console.print(watched.picture(console.width, 40)),
+        }
+        with suppress(KeyboardInterrupt):
+            if form is Drawing.TEXT and console.is_terminal and not once:
                 _live(watched, period, count, console)
-        except KeyboardInterrupt:
-            return
+            else:
+                _each(watched, period, count, shows[form])
 
 
 class Watched:
@@ -187,31 +170,21 @@ class Watched:
                 self._counts[line.channel] = self._counts.get(line.channel, 0) + 1
                 self._last[line.channel] = max(line.t, self._last.get(line.channel, line.t))
         self._heard = [line for line in self._heard if line.t > at - self._window_s]
+        counts, last = self._counts, self._last
         channels = tuple(
-            msgspec.structs.replace(
-                one, count=self._counts.get(one.name, 0), last=self._last.get(one.name)
-            )
+            msgspec.structs.replace(one, count=counts.get(one.name, 0), last=last.get(one.name))
             for one in edges(self.system.design, self._heard, at, self._window_s)
         )
-        plan = self.view.plan
-        self.screen = Screen(
-            self.fleet.where,
-            at,
-            rows(self._before, now),
-            channels,
-            self._task(),
-            self._plan(plan),
-            self.system.step(plan.at) if plan and plan.at else "",
-            now.stop_held,
-        )
+        agents, plan = rows(self._before, now), self.view.plan
+        step = self.system.step(plan.at) if plan and plan.at else ""
+        work = (self._task(), self._plan(plan), step, now.stop_held)
+        self.screen = Screen(self.fleet.where, at, agents, channels, *work)
         self._now, self._before = now, now
 
     def graph(self) -> Graph:
         """Agents and channels as they were at the last look."""
-        found = graph_at(
-            self.system.design, self.fleet.where, self._now.seen, (), self.screen.at, self._window_s
-        )
-        return msgspec.structs.replace(found, channels=self.screen.channels)
+        now, agents = self.screen, nodes(self.system.design, self._now.seen)
+        return Graph(now.where, now.at, self._window_s, agents, now.channels)
 
     def picture(self, width: int, height: int) -> RenderableType:
         """The screen, as many events as there is room for; or the graph."""
@@ -288,14 +261,10 @@ def channels(screen: Screen, view: View) -> Table:
     for edge in screen.channels:
         heard = view.channels.get(edge.name)
         light = "green" if edge.per_s else "dim"
-        drawn.add_row(
-            Text(edge.name, "bold"),
-            "-".join(edge.ends),
-            Text(f"{edge.per_s:.1f}/s", light),
-            Text(f"{sized(edge.bytes_per_s)}/s", light),
-            str(edge.count),
-            Text(heard.last if heard else "", "dim"),
-        )
+        name, last = Text(edge.name, "bold"), Text(heard.last if heard else "", "dim")
+        rate, bandwidth = f"{edge.per_s:.1f}/s", f"{sized(edge.bytes_per_s)}/s"
+        rates = (Text(rate, light), Text(bandwidth, light))
+        drawn.add_row(name, "-".join(edge.ends), *rates, str(edge.count), last)
     return drawn
 
 

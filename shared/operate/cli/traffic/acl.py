@@ -15,14 +15,13 @@ from rich.text import Text
 from fipa_codec.acl_string import MAX_ACL_BYTES, AclMessage, AclSyntaxError, After, Aid, At, parse
 from fipa_codec.acl_string.mapping import JSON
 from fipa_codec.acl_string.message import EPOCH
-from operate.cli.output import Form, Format
+from operate.cli.output import Form, Format, argument, tell
 from operate.cli.terminal.console import Console
 
 
 def show(
     source: Annotated[
-        str,
-        typer.Argument(metavar="TEXT|FILE|-", help="A message, a file with one, or - for stdin."),
+        str, argument("A message, a file with one, or - for stdin.", metavar="TEXT|FILE|-")
     ],
     form: Form = Format.TEXT,
 ) -> None:
@@ -44,10 +43,7 @@ def show(
         else:
             print(f"roco: {visible(str(error))}\n{pointed(error)}", file=sys.stderr)
         raise typer.Exit(1) from error
-    if form is Format.JSON:
-        print(msgspec.json.encode(message).decode())
-    else:
-        Console().print(table(message))
+    tell(message, form, lambda: Console().print(table(message)))
 
 
 def read(source: str) -> bytes | str:

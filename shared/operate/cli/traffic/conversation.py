@@ -2,29 +2,21 @@
 terminal.
 """
 
+from collections import defaultdict
 from typing import Annotated
 
 import msgspec
-import typer
 from rich.table import Table
 from rich.text import Text
 
 from operate.cli.errors import ConsoleError
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, option, problems, tell_json
 from operate.cli.terminal import sequence
+from operate.cli.terminal import table as tables
 from operate.cli.terminal.console import Console
+from operate.cli.traffic import selection
 from operate.cli.traffic.listen import about
-from operate.cli.traffic.selection import (
-    Agents,
-    Channels,
-    Performatives,
-    Protocols,
-    Recorded,
-    Subject,
-    lines_of,
-    wanted,
-)
 from operate.tracing.trace import is_meant
 from operate.verdict_lines import Judged, ended, sides
 from topdown.judge.verdicts import Verdict
@@ -50,18 +42,18 @@ class Conversation(msgspec.Struct, frozen=True):
 
 
 def conversation(
-    subject: Subject = "",
-    channel: Channels = None,
-    agent: Agents = None,
-    protocol: Protocols = None,
-    performative: Performatives = None,
+    subject: selection.Subject = "",
+    channel: selection.Channels = None,
+    agent: selection.Agents = None,
+    protocol: selection.Protocols = None,
+    performative: selection.Performatives = None,
     open_: Annotated[
-        bool | None, typer.Option("--open/--ended", help="Only those that go on, or that ended.")
+        bool | None, option("Only those that go on, or that ended.", "--open/--ended")
     ] = None,
     wrong: Annotated[
-        bool, typer.Option("--wrong", help="Only those with something against the design.")
+        bool, option("Only those with something against the design.", "--wrong")
     ] = False,
-    run: Recorded = None,
+    run: selection.Recorded = None,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -81,10 +73,10 @@ def conversation(
     """
     with problems(form):
         design = about(run, run_dir, target).design
-        which = wanted(design, channel, agent, protocol, performative)
+        which = selection.wanted(design, channel, agent, protocol, performative)
         kept = [
             one
-            for one in conversations(lines_of(run, target, run_dir), design)
+            for one in conversations(selection.lines_of(run, target, run_dir), design)
             if any(map(which.keeps, one.said))
             and open_ in (None, not one.ended)
             and (one.violations or not wrong)
@@ -100,10 +92,9 @@ def conversation(
         console = Console()
         if subject:
             for one in kept:
+                between = (one.initiator, one.participant)
                 console.print(sequence.heading(one.channel, one.protocol, one.id, one.ended))
-                console.print(
-                    sequence.drawn(one.said, one.initiator, one.participant, console.width)
-                )
+                console.print(sequence.drawn(one.said, *between, console.width))
         else:
             console.print(table(kept))
             console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
@@ -111,50 +102,34 @@ def conversation(
 
 def conversations(lines: list[Judged], design: Design) -> list[Conversation]:
     """Return the traffic by conversation and pair of agents, oldest first."""
-    grouped: dict[tuple[str, str, frozenset[str]], list[Judged]] = {}
+    grouped: defaultdict[tuple[str, str, frozenset[str]], list[Judged]] = defaultdict(list)
     for one in lines:
         if one.sender and one.verdict != Verdict.NOT_ENTITLED:
-            grouped.setdefault(
-                (one.conversation, one.protocol, frozenset((one.sender, one.receiver))), []
-            ).append(one)
+            both = frozenset((one.sender, one.receiver))
+            grouped[one.conversation, one.protocol, both].append(one)
     return sorted((_made(said, design) for said in grouped.values()), key=lambda one: one.since)
 
 
 def table(found: list[Conversation]) -> Table:
     """One line for each."""
-    drawn = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    drawn.add_column("conversation", no_wrap=True, overflow="ellipsis")
-    for name in ("on", "protocol", "between"):
-        drawn.add_column(name, no_wrap=True)
-    drawn.add_column("said", justify="right", no_wrap=True)
-    drawn.add_column("took", justify="right", no_wrap=True)
-    drawn.add_column("states", no_wrap=True, overflow="ellipsis")
-    if any(one.violations for one in found):
-        drawn.add_column("wrong", justify="right", no_wrap=True)
+    heads = ["conversation", "on", "protocol", "between", "said", "took", "states"]
+    heads += ["wrong"] if any(one.violations for one in found) else []
+    drawn = tables.table(heads, right=("said", "took", "wrong"))
     for one in found:
-        state = Text(
-            " / ".join(dict.fromkeys(filter(None, one.states))), "dim" if one.ended else "cyan"
-        )
-        between = f"{one.initiator} > {one.participant}"
-        row = (
-            one.id,
-            one.channel,
-            one.protocol,
-            between,
-            str(len(one.said)),
-            sequence.seconds(one.until - one.since),
-        )
+        states = " / ".join(dict.fromkeys(filter(None, one.states)))
+        between, took = f"{one.initiator} > {one.participant}", one.until - one.since
+        row = (one.id, one.channel, one.protocol, between, str(len(one.said)))
+        state = Text(states, "dim" if one.ended else "cyan")
         wrong = Text(str(one.violations or ""), "red")
-        drawn.add_row(*row, state, *([wrong] if len(drawn.columns) > len(row) + 1 else []))
+        drawn.add_row(*(*row, sequence.seconds(took), state, wrong)[: len(heads)])
     return drawn
 
 
 def _made(said: list[Judged], design: Design) -> Conversation:
     first = said[0]
     initiator, participant = sides(design, first.protocol, first.sender, first.receiver)
-    states = next(
-        ((one.initiator, one.participant) for one in reversed(said) if one.initiator), ("", "")
-    )
+    told = ((one.initiator, one.participant) for one in reversed(said) if one.initiator)
+    states = next(told, ("", ""))
     return Conversation(
         id=first.conversation,
         channel=first.channel,

@@ -1,6 +1,5 @@
 """`roco traffic dead`: the communicates of a run that nobody took, and why."""
 
-from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
@@ -9,9 +8,9 @@ from rich.text import Text
 from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, problems, tell
 from operate.cli.terminal.console import Console
-from operate.cli.terminal.table import Cell, table
+from operate.cli.terminal.table import table
 from operate.cli.traffic.listen import about
 from operate.cli.traffic.selection import Agents, Recorded, wanted
 from operate.verdict_lines import DeadLetter
@@ -42,13 +41,20 @@ def dead(
 
         found = dead.letters(Run(_folder(run, run_dir, target)))
     letters = [one for one in found if not which or {one.sender, one.receiver} & {*which}]
-    if form is Format.JSON:
-        tell_json(letters)
-        return
-    console = Console(highlight=False)
+    tell(letters, form, lambda: _show(letters, Console(highlight=False)))
+
+
+def _show(letters: list[DeadLetter], console: Console) -> None:
+    heads = ("at", "reason", "from > to", "act", "protocol", "id", "why")
+    drawn = table(heads, fold=("why",))
+    for one in letters:
+        at = datetime.fromtimestamp(one.t).strftime("%H:%M:%S.%f")[:-3]
+        both = one.sender or one.receiver
+        who = f"{one.sender or '?'} > {one.receiver or '?'}" if both else one.key
+        act = (one.performative, one.protocol, one.id)
+        drawn.add_row(at, Text(one.reason, "red"), who, *act, Text(one.why))
     if letters:
-        heads = ("at", "reason", "from > to", "act", "protocol", "id", "why")
-        console.print(table(heads, _rows(letters), fold=("why",)))
+        console.print(drawn)
     console.print(f"{len(letters)} dead letter{'s' * (len(letters) != 1)}", style="dim")
 
 
@@ -66,22 +72,3 @@ def _folder(run: Path | None, run_dir: Path | None, target: str) -> Path:
             "the folder of a fleet in containers is in its volumes; copy it, and name it with --run"
         )
     return fleet.run
-
-
-def _rows(letters: list[DeadLetter]) -> Iterator[tuple[Cell, ...]]:
-    for one in letters:
-        at = datetime.fromtimestamp(one.t).strftime("%H:%M:%S.%f")[:-3]
-        who = (
-            f"{one.sender or '?'} > {one.receiver or '?'}"
-            if one.sender or one.receiver
-            else one.key
-        )
-        yield (
-            at,
-            Text(one.reason, "red"),
-            who,
-            one.performative,
-            one.protocol,
-            one.id,
-            Text(one.why),
-        )

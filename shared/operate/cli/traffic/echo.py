@@ -5,10 +5,9 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
-import typer
 from rich.cells import cell_len, set_cell_size
 from rich.text import Text
 
@@ -18,17 +17,8 @@ from fipa_codec.communicate import Communicate, decode
 from operate.cli.fleet import targets
 from operate.cli.output import Form, Format, RunDir, problems, tell_json
 from operate.cli.terminal.console import Console
+from operate.cli.traffic import selection
 from operate.cli.traffic.listen import Source, about, heard_message, source
-from operate.cli.traffic.selection import (
-    Agents,
-    Channels,
-    Count,
-    Performatives,
-    Protocols,
-    Recorded,
-    Seconds,
-    wanted,
-)
 from operate.filters import Filter
 from operate.system import System
 from operate.verdict_lines import Judged, line
@@ -43,16 +33,14 @@ Echoed = tuple[Judged, Communicate | None]
 
 
 def echo(
-    channel: Channels = None,
-    agent: Agents = None,
-    protocol: Protocols = None,
-    performative: Performatives = None,
-    wrong: Annotated[
-        bool, typer.Option("--wrong", help="Only what is against the design.")
-    ] = False,
-    run: Recorded = None,
-    count: Count = 0,
-    for_: Seconds = 0.0,
+    channel: selection.Channels = None,
+    agent: selection.Agents = None,
+    protocol: selection.Protocols = None,
+    performative: selection.Performatives = None,
+    wrong: selection.Wrong = False,
+    run: selection.Recorded = None,
+    count: selection.Count = 0,
+    for_: selection.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -71,7 +59,9 @@ def echo(
       roco traffic echo --run runs/latest --performative request --format json
     """
     with problems(form):
-        which = wanted(about(run, run_dir, target).design, channel, agent, protocol, performative)
+        which = selection.wanted(
+            about(run, run_dir, target).design, channel, agent, protocol, performative
+        )
         with source(run, run_dir, target) as heard:
             _print(heard, which, form, count=count, seconds=for_, wrong=wrong)
 
@@ -85,7 +75,7 @@ def _print(
     with suppress(KeyboardInterrupt):
         for one, communicate in chosen(heard, which, count=count, seconds=seconds, wrong=wrong):
             if form is Format.JSON:
-                tell_line(one, communicate)
+                tell_json(fields(one, communicate))
             else:
                 console.print(drawn(one, width, names), soft_wrap=True)
     tell_lost(heard)
@@ -104,11 +94,6 @@ def chosen(
             found += 1
             if found == count:
                 return
-
-
-def tell_line(one: Judged, communicate: Communicate | None) -> None:
-    """Print a communicate for programs."""
-    tell_json(fields(one, communicate))
 
 
 def tell_lost(heard: Source) -> None:
@@ -151,9 +136,8 @@ def _line(judgement: Judgement, system: System) -> Echoed:
 
 def _widest(system: System) -> int:
     """Columns of the longest "sender>receiver" of a design."""
-    return max(
-        (len(">".join(channel.ends)) for channel in system.design.channels.values()), default=0
-    )
+    channels = system.design.channels.values()
+    return max((len(">".join(channel.ends)) for channel in channels), default=0)
 
 
 def fields(one: Judged, communicate: Communicate | None) -> dict[str, Any]:
@@ -187,9 +171,8 @@ def drawn(one: Judged, width: int, names: int) -> Text:
     if width == ENDLESS:
         words = f"{words:34}"
     else:
-        words = set_cell_size(
-            words if cell_len(words) <= room else words[: max(0, room - 1)] + "…", max(0, room)
-        )
+        words = words if cell_len(words) <= room else words[: max(0, room - 1)] + "…"
+        words = set_cell_size(words, max(0, room))
     text.append(words, "italic").append(f" {one.verdict}", style)
     if one.violation and one.why:
         text.append(f"\n{'':13}{one.why}", "red")

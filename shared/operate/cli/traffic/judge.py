@@ -12,7 +12,7 @@ from rich.text import Text
 from operate import verdict_lines
 from operate.cli import completion
 from operate.cli.errors import UsageError
-from operate.cli.output import Form, Format, problems
+from operate.cli.output import Form, Format, argument, option, problems, tell
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
 from operate.cli.traffic.verdicts import judged
@@ -39,19 +39,14 @@ class Judgements(msgspec.Struct, frozen=True):
 
 def judge(
     file: Annotated[
-        Path,
-        typer.Argument(
-            help="A run folder, a traffic.mcap or a live.jsonl.", autocompletion=completion.runs
-        ),
+        Path, argument("A run folder, a traffic.mcap or a live.jsonl.", complete=completion.runs)
     ],
     design: Annotated[
-        Path | None, typer.Option(help="Another system's design file; else this system's.")
+        Path | None, option("Another system's design file; else this system's.")
     ] = None,
     languages: Annotated[
         str,
-        typer.Option(
-            help="That system's Languages, as package.module:NAME; else its contents are not read."
-        ),
+        option("That system's Languages, as package.module:NAME; else its contents are not read."),
     ] = "",
     form: Form = Format.TEXT,
 ) -> None:
@@ -75,10 +70,7 @@ def judge(
                 f"{file} has no communicates to judge; give a recording in which agents spoke"
             )
     found = summary(lines)
-    if form is Format.JSON:
-        print(msgspec.json.encode(found).decode())
-    else:
-        show(found, Console())
+    tell(found, form, lambda: show(found, Console()))
     raise typer.Exit(1 if found.violations else 0)
 
 
@@ -123,17 +115,12 @@ def counts(found: Judgements) -> Table:
 
 def violation(one: Judged, begin: float) -> Text:
     """Return a violation for people: the communicate, its time, the fault and the reason."""
-    what = (
-        f"{one.sender} > {one.receiver} {one.performative}"
-        if one.sender
-        else f"{one.bytes} bytes on {one.key}"
-    )
+    what, where = f"{one.bytes} bytes on {one.key}", ""
+    if one.sender:
+        what = f"{one.sender} > {one.receiver} {one.performative}"
+        where = f"id {one.id or 'none'}, conversation {one.conversation or 'none'}, "
     text = Text.assemble((f"\n{one.verdict}", "bold red"), f"  {one.channel}  {what}  ")
-    where = (
-        f"id {one.id or 'none'}, conversation {one.conversation or 'none'}, " if one.sender else ""
-    )
-    text.append(f"{where}+{one.t - begin:.2f}\u00a0s", "dim")
-    return text.append(f"\n  {one.why}")
+    return text.append(f"{where}+{one.t - begin:.2f}\u00a0s", "dim").append(f"\n  {one.why}")
 
 
 def sentence(found: Judgements) -> Text:

@@ -6,9 +6,11 @@ process of the recorder: here, or in the container of a fleet's monitor.
 """
 
 import os
+import subprocess
 import sys
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -20,16 +22,15 @@ from agent_runtime.io.run_files import KEYS_VARIABLE
 from agent_runtime.io.tap import Sample, Waiting
 from fipa_codec.communicate import Communicate, decode_strictly
 from fipa_codec.errors import FipaError
-from operate.cli.errors import NoRunError
-from operate.cli.fleet import hear, identity, targets
+from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError, last_line
+from operate.cli.fleet import identity, targets
 from operate.cli.fleet.local import Local
 from operate.cli.runs import folders
 from operate.system import System, of_run
 
 if TYPE_CHECKING:
-    import subprocess
-
     from operate.cli.fleet.compose import Compose
+
 
 HOUSE = "_"
 KEY_CHUNKS = 7
@@ -89,22 +90,18 @@ def at_run(run_dir: Path | None) -> Options:
 
     Raises ConsoleError where no fleet was started.
     """
-    around = folders.around()
+    around = folders.around() if run_dir is None else None
     try:
         run = folders.find(run_dir)
         fleet = folders.living(run)
     except NoRunError:
-        if run_dir is not None or around is None:
+        if around is None:
             raise
         run, fleet = Path(), None
-    if fleet is None and around is not None and run_dir is None:
-        keys = os.environ.get(KEYS_VARIABLE)
-        return Options(
-            connect=around.connect,
-            system=around.system,
-            run_dir=run,
-            keys=Path(keys) if keys else None,
-        )
+    if fleet is None and around is not None:
+        text = os.environ.get(KEYS_VARIABLE)
+        keys = Path(text) if text else None
+        return Options(connect=around.connect, system=around.system, run_dir=run, keys=keys)
     if fleet is None:
         raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
     tls = identity.tls(run, fleet, identity.CONSOLE)
@@ -160,7 +157,7 @@ def source(file: Path | None, run_dir: Path | None, target: str = "") -> Iterato
         return
     waiting = Waiting()
     with hearing(run_dir, target) as (system, process):
-        yield Source(system, hear.samples(process, waiting), waiting)
+        yield Source(system, _printed(process, waiting), waiting)
 
 
 @contextmanager
@@ -173,18 +170,11 @@ def hearing(
     fleet = meant(target, run_dir)
     if isinstance(fleet, Options):
         system, words = of_run(fleet.run_dir), [sys.executable, "-P", "-m", RECORDING, "hear"]
-        words += [
-            "--connect",
-            fleet.connect,
-            "--system",
-            fleet.system,
-            "--run-dir",
-            str(fleet.run_dir),
-        ]
-        words += ["--keys", str(fleet.keys) if fleet.keys else ""]
+        words += ["--connect", fleet.connect, "--system", fleet.system]
+        words += ["--run-dir", str(fleet.run_dir), "--keys", str(fleet.keys or "")]
     else:
         system, words = fleet.system, fleet.hearing()
-    with hear.hearing(words, os.environ | system.environment(Path())) as process:
+    with _process(words, os.environ | system.environment(Path())) as process:
         yield system, process
 
 
@@ -197,3 +187,58 @@ def recorded(file: Path, *, everything: bool = False) -> Samples:
     from operate.recording.run import opened
 
     yield from opened(file).samples(everything=everything)
+
+
+# --- The process that prints what goes by ---------------------------------------------------------
+
+
+END_S = 5.0
+"""Time to wait for its end [s] (estimate: it takes a tenth)."""
+PAUSE_S = 0.1
+"""Silence after which the listener gets something else to do [s]."""
+NO_ROUTER = 3
+"""Its exit code where no router answers."""
+
+
+class LostError(ConsoleError):
+    """The process ended, and nobody had asked it to; its last words say why."""
+
+    def __init__(self, process: "subprocess.Popen[bytes]") -> None:
+        assert process.stderr is not None
+        why = last_line(process.stderr.read()) or "its monitor was stopped"
+        unheard = process.returncode == NO_ROUTER
+        self.code = NOTHING_RUNS if unheard else NO
+        super().__init__(why if unheard else f"nothing more is heard of the fleet: {why}")
+
+
+@contextmanager
+def _process(
+    command: list[str], environment: Mapping[str, str]
+) -> Iterator["subprocess.Popen[bytes]"]:
+    """The process, until the end of the block; Ctrl-C in the terminal does not reach it."""
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        command, env=environment, stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True
+    ) as process:
+        try:
+            yield process
+        finally:
+            assert process.stdin is not None
+            process.stdin.close()
+            try:
+                process.wait(END_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def _printed(process: "subprocess.Popen[bytes]", waiting: Waiting) -> Iterator[Sample | None]:
+    """Yield the samples it prints, and None after a pause without any. Raises LostError when it
+    ends.
+    """
+    assert process.stdout is not None
+    threading.Thread(target=waiting.fill, args=(process.stdout,), daemon=True).start()
+    while not waiting.stopped:
+        yield waiting.get(PAUSE_S)
+    yield from waiting.left()
+    process.wait(END_S)
+    raise LostError(process)

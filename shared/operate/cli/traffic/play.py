@@ -85,10 +85,8 @@ class Player:
                 self.wait(due)
                 self._late = max(self._late, time.monotonic() - due)
             self._say(sample)
-            look(
-                f"{sample.at - first:.1f} s of {self._span:.1f} s, {self._communicates}"
-                " communicates"
-            )
+            said = f"{self._communicates} communicates"
+            look(f"{sample.at - first:.1f} s of {self._span:.1f} s, {said}")
 
     def wait(self, due: float) -> None:
         """Until then [monotonic s]."""
@@ -98,12 +96,9 @@ class Player:
     def _say(self, sample: Sample) -> None:
         key, one = sample.key.split("/", 2)[2], heard_message(sample)
         communicate = one.communicate() if one is not None else None
-        now = time.time()
-        data = (
-            sample.data
-            if communicate is None
-            else encode(moved(communicate, sample.at, now, self._fast))
-        )
+        now, data = time.time(), sample.data
+        if communicate is not None:
+            data = encode(moved(communicate, sample.at, now, self._fast))
         self._stage.put(key, data)
         self._seen(Sample(f"roco/{self._stage.system}/{key}", data, now))
         self._communicates += one is not None
@@ -112,12 +107,9 @@ class Player:
     def done(self) -> Replayed:
         """Return the totals of what was sent so far."""
         seconds, late = time.monotonic() - self._began, self._late if self._fast else None
-        stage = self._stage
-        return Replayed(
-            self._communicates, self._others, self._loops, round(seconds, 3), round(self._span, 3),
-            late,
-            stage.system, stage.endpoint,
-        )  # fmt: skip
+        counts = (self._communicates, self._others, self._loops)
+        where = (self._stage.system, self._stage.endpoint)
+        return Replayed(*counts, round(seconds, 3), round(self._span, 3), late, *where)
 
 
 # --- Where what is said, or put out, differs from what is recorded --------------------------------
@@ -160,12 +152,9 @@ def as_agent(system: System, run: Path, settings: dict[str, str]) -> dict[str, s
     """The environment of an agent of this system that is run again; `settings`: its options, as in
     ROCO_NAME.
     """
-    told = {"TLS_DIR": "", "LOG_LEVEL": "error"} | settings
-    return (
-        os.environ
-        | system.environment(run)
-        | {f"ROCO_{name}": value for name, value in told.items()}
-    )
+    settings = {"TLS_DIR": "", "LOG_LEVEL": "error"} | settings
+    own = {f"ROCO_{name}": value for name, value in settings.items()}
+    return os.environ | system.environment(run) | own
 
 
 def compared(recorded: Any, now: Any) -> str:

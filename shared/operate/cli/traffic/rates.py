@@ -6,31 +6,20 @@ from collections.abc import Callable
 from enum import StrEnum
 from itertools import pairwise
 from math import fsum
-from pathlib import Path
 from statistics import fmean, pstdev
 from typing import Annotated, Any, NamedTuple, TypeVar
 
-import msgspec
-import typer
 from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, problems, tell_json
+from operate.cli.terminal import table as tables
 from operate.cli.terminal.console import Console
+from operate.cli.traffic import selection
 from operate.cli.traffic.listen import HeardMessage, Source, about, heard_message, source
-from operate.cli.traffic.selection import (
-    Agents,
-    Channels,
-    Count,
-    Performatives,
-    Protocols,
-    Recorded,
-    Seconds,
-    wanted,
-)
 from operate.filters import Filter
 from operate.quantiles import quantile, tail
 from operate.wording import bytes_in_words
@@ -73,8 +62,7 @@ class Flow:
     @property
     def gaps(self) -> list[float]:
         """From each to the next."""
-        times = list(self.times)
-        return [later - earlier for earlier, later in pairwise(times)]
+        return [later - earlier for earlier, later in pairwise(self.times)]
 
 
 class Tally:
@@ -161,13 +149,8 @@ def rate(value: float) -> str:
 def span(value: float) -> str:
     """Seconds, or less."""
     amount, unit = (1000 * value, "ms") if value < 1 else (value, "s")
-    return (
-        f"{amount:.2f} {unit}"
-        if amount < 10
-        else f"{amount:.1f} {unit}"
-        if amount < 100
-        else f"{amount:.0f} {unit}"
-    )
+    digits = 2 if amount < 10 else 1 if amount < 100 else 0
+    return f"{amount:.{digits}f} {unit}"
 
 
 def speed(value: float) -> str:
@@ -236,18 +219,13 @@ def rows(kind: str, tally: Tally, seconds: float) -> list[dict[str, Any]]:
 
 def table(kind: str, tally: Tally, seconds: float) -> Table:
     """The table for people."""
-    drawn = Table(box=None, padding=(0, 1, 0, 0), header_style="dim", pad_edge=False)
-    drawn.add_column("on", no_wrap=True)
-    drawn.add_column("performative", no_wrap=True)
-    for column in TABLES[kind]:
-        drawn.add_column(column.head, justify="right", no_wrap=True)
-    before = ""
+    columns, before = TABLES[kind], ""
+    numbers = [column.head for column in columns]
+    heads = ("on", "performative", *numbers)
+    drawn = tables.table(heads, right=numbers, padding=(0, 1, 0, 0), pad_edge=False)
     for flow in tally.rows:
-        values = [column.value(flow, seconds) for column in TABLES[kind]]
-        cells = [
-            "·" if value is None else column.words(value)
-            for column, value in zip(TABLES[kind], values, strict=True)
-        ]
+        values = ((column, column.value(flow, seconds)) for column in columns)
+        cells = ["·" if value is None else column.words(value) for column, value in values]
         drawn.add_row("" if flow.channel == before else flow.channel, flow.performative, *cells)
         before = flow.channel
     return drawn
@@ -258,9 +236,8 @@ def sentence(tally: Tally, seconds: float) -> str:
     if not tally.count:
         return "nothing that is meant went by"
     whole = f"{tally.count} communicate{'s' * (tally.count != 1)}, {bytes_in_words(tally.bytes)}"
-    return f"{whole} in {seconds:.1f} s" + (
-        f": {speed(tally.bytes / seconds)}" if seconds > 0 else ""
-    )
+    mean = f": {speed(tally.bytes / seconds)}" if seconds > 0 else ""
+    return f"{whole} in {seconds:.1f} s{mean}"
 
 
 # --- The verb -------------------------------------------------------------------------------------
@@ -268,16 +245,6 @@ def sentence(tally: Tally, seconds: float) -> str:
 
 PERIOD_S = 1.0
 """A table is renewed so often, as with `ros2 topic hz`."""
-
-
-class _Asked(msgspec.Struct, frozen=True):
-    """Options of the call: which table of what, and when to end."""
-
-    kind: str
-    which: Filter
-    count: int
-    seconds: float
-    form: Format
 
 
 class Kind(StrEnum):
@@ -291,15 +258,15 @@ class Kind(StrEnum):
 
 def stats(
     kind: Annotated[
-        Kind, typer.Argument(help="hz: how often; bw: bytes per second; size: how large.")
+        Kind, argument("hz: how often; bw: bytes per second; size: how large.")
     ] = Kind.ALL,
-    channel: Channels = None,
-    agent: Agents = None,
-    protocol: Protocols = None,
-    performative: Performatives = None,
-    run: Recorded = None,
-    count: Count = 0,
-    for_: Seconds = 0.0,
+    channel: selection.Channels = None,
+    agent: selection.Agents = None,
+    protocol: selection.Protocols = None,
+    performative: selection.Performatives = None,
+    run: selection.Recorded = None,
+    count: selection.Count = 0,
+    for_: selection.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -325,36 +292,50 @@ def stats(
       roco traffic stats size --performative inform-ref --count 100
     """
     with problems(form):
-        which = wanted(about(run, run_dir, target).design, channel, agent, protocol, performative)
+        which = selection.wanted(
+            about(run, run_dir, target).design, channel, agent, protocol, performative
+        )
         what = "stats" if kind is Kind.ALL else kind.value
-        watch(_Asked(what, which, count, for_, form), run, run_dir, target)
+        with source(run, run_dir, target) as heard:
+            _watch(heard, Tally(which), what, form, limits=(count, for_))
 
 
-def watch(asked: _Asked, run: Path | None, run_dir: Path | None, target: str = "") -> None:
+def _watch(
+    heard: Source, tally: Tally, kind: str, form: Format, *, limits: tuple[int, float]
+) -> None:
     """Count until it is over, showing how far it is; then the whole."""
-    tally = Tally(asked.which)
-    with source(run, run_dir, target) as heard:
-        if asked.form is Format.JSON:
-            _count(asked, heard, tally, lambda: _tell(asked, heard, tally))
-        else:
-            console = Console()
-            with Live(console=console, auto_refresh=False, transient=True) as screen:
-                shown = screen.update if console.is_terminal else lambda *_, **__: None
-                _count(
-                    asked, heard, tally, lambda: shown(_drawn(asked, heard, tally), refresh=True)
-                )
-            console.print(_drawn(asked, heard, tally))
-        if asked.form is Format.JSON and not heard.live:
-            _tell(asked, heard, tally)
+
+    def told() -> None:
+        seconds = _seconds(heard, tally)
+        counted = rows(kind, tally, seconds)
+        tell_json({"seconds": round(seconds, 3), "count": tally.count, "rows": counted})
+
+    def drawn() -> Group:
+        seconds = _seconds(heard, tally)
+        line = Text(sentence(tally, seconds) + heard.lost(), "dim")
+        return Group(table(kind, tally, seconds), line) if tally.count else Group(line)
+
+    if form is Format.JSON:
+        _count(heard, tally, told, limits)
+        if not heard.live:
+            told()
+        return
+    console = Console()
+    with Live(console=console, auto_refresh=False, transient=True) as screen:
+        shown = screen.update if console.is_terminal else lambda *_, **__: None
+        _count(heard, tally, lambda: shown(drawn(), refresh=True), limits)
+    console.print(drawn())
 
 
-def _count(asked: _Asked, heard: Source, tally: Tally, look: Callable[[], None]) -> None:
+def _count(
+    heard: Source, tally: Tally, look: Callable[[], None], limits: tuple[int, float]
+) -> None:
     """Until there is enough, or Ctrl-C; `look` once a period of what goes on."""
-    due = time.monotonic() + PERIOD_S
+    due, (count, seconds) = time.monotonic() + PERIOD_S, limits
     try:
-        for sample in heard.samples(asked.seconds):
+        for sample in heard.samples(seconds):
             one = None if sample is None else heard_message(sample)
-            if one is not None and tally.take(one) and tally.count == asked.count:
+            if one is not None and tally.take(one) and tally.count == count:
                 break
             if heard.live and time.monotonic() >= due:
                 look()
@@ -368,20 +349,3 @@ def _count(asked: _Asked, heard: Source, tally: Tally, look: Callable[[], None])
 def _seconds(heard: Source, tally: Tally) -> float:
     """Return the time listened [s]; of a recording, from the first to the last matching sample."""
     return time.time() - heard.began if heard.live else tally.last - tally.began
-
-
-def _tell(asked: _Asked, heard: Source, tally: Tally) -> None:
-    seconds = _seconds(heard, tally)
-    tell_json(
-        {
-            "seconds": round(seconds, 3),
-            "count": tally.count,
-            "rows": rows(asked.kind, tally, seconds),
-        }
-    )
-
-
-def _drawn(asked: _Asked, heard: Source, tally: Tally) -> Group:
-    seconds = _seconds(heard, tally)
-    line = Text(sentence(tally, seconds) + heard.lost(), "dim")
-    return Group(table(asked.kind, tally, seconds), line) if tally.count else Group(line)

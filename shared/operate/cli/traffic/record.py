@@ -12,7 +12,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
 from rich.table import Table
 
 from agent_runtime.io.full_disk import worded
@@ -20,21 +19,12 @@ from agent_runtime.io.tap import Waiting
 from operate.cli import completion, interrupts
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
-from operate.cli.fleet.hear import LostError
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from operate.cli.output import Form, Format, RunDir, argument, option, problems, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
-from operate.cli.traffic.listen import RECORDING, about, hearing
-from operate.cli.traffic.selection import (
-    Agents,
-    Channels,
-    Count,
-    Performatives,
-    Protocols,
-    Seconds,
-    wanted,
-)
+from operate.cli.traffic import selection
+from operate.cli.traffic.listen import RECORDING, LostError, about, hearing
 from operate.file_names import TRAFFIC_FILE
 from operate.wording import bytes_in_words
 
@@ -54,14 +44,14 @@ milliseconds).
 
 def record(
     out: Annotated[
-        Path | None, typer.Option("--out", help="The file; else recording-<time>.mcap here.")
+        Path | None, option("The file; else recording-<time>.mcap here.", "--out")
     ] = None,
-    channel: Channels = None,
-    agent: Agents = None,
-    protocol: Protocols = None,
-    performative: Performatives = None,
-    count: Count = 0,
-    for_: Seconds = 0.0,
+    channel: selection.Channels = None,
+    agent: selection.Agents = None,
+    protocol: selection.Protocols = None,
+    performative: selection.Performatives = None,
+    count: selection.Count = 0,
+    for_: selection.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -80,7 +70,7 @@ def record(
         from operate.recording.side_recording import Asked, Keeper
 
         system = about(None, run_dir, target)
-        which = wanted(system.design, channel, agent, protocol, performative)
+        which = selection.wanted(system.design, channel, agent, protocol, performative)
         file = (out or Path(f"recording-{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap")).resolve()
         if file.exists():
             raise UsageError(f"{file} is there already; name another --out, or remove it")
@@ -93,21 +83,14 @@ def record(
             with subprocess.Popen(words, stdin=subprocess.PIPE, start_new_session=True) as closes:
                 done = _recorded(keeper, heard, form)
                 closes.kill()
-        if form is Format.JSON:
-            tell_json(done)
-        else:
-            print(sentence(done) + f"\n{file}")
+        tell(done, form, sentence(done) + f"\n{file}")
 
 
 def sentence(done: "Kept") -> str:
     """Return the progress in one line."""
-    size = bytes_in_words(done.bytes)
-    what = (
-        f"{done.communicates} communicates, {done.records} records, {size} in {done.seconds:.1f} s"
-    )
-    return what + (
-        f"; {done.dropped} more came faster than they could be kept" if done.dropped else ""
-    )
+    what = f"{done.communicates} communicates, {done.records} records"
+    late = f"; {done.dropped} more came faster than they could be kept" if done.dropped else ""
+    return f"{what}, {bytes_in_words(done.bytes)} in {done.seconds:.1f} s{late}"
 
 
 def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) -> "Kept":
@@ -117,11 +100,8 @@ def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) 
     waiting, console = Waiting(), Console(stderr=True)
     reader = threading.Thread(target=waiting.fill, args=(heard.stdout,), daemon=True)
     reader.start()
-    shown = (
-        console.status("recording; Ctrl-C ends it")
-        if form is Format.TEXT
-        else contextlib.nullcontext()
-    )
+    quiet = form is Format.JSON
+    shown = contextlib.nullcontext() if quiet else console.status("recording; Ctrl-C ends it")
     with interrupts.signalled(waiting.stop), shown as line:
         told = flushed = time.monotonic()
         while not waiting.stopped and not keeper.over:
@@ -158,13 +138,9 @@ LEAST_S = 1.0
 def info(
     recording: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="[RUN]", help="A run's folder, or a recording.", autocompletion=completion.runs
-        ),
+        argument("A run's folder, or a recording.", complete=completion.runs, metavar="[RUN]"),
     ] = None,
-    keys: Annotated[
-        bool, typer.Option("--keys", help="A line for each key of a topic, too.")
-    ] = False,
+    keys: Annotated[bool, option("A line for each key of a topic, too.", "--keys")] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Show what is in a recording: topics with counts and times, who wrote it. Without RUN that of
@@ -181,34 +157,30 @@ def info(
     with problems(form):
         from operate.recording.contents import contents
 
-        told = contents(recording or folders.find(None))
-        if form is Format.JSON:
-            tell_json(told)
-            return
-        console = Console(highlight=False)
-        for line in heading(told):
-            console.print(line, soft_wrap=True)
-        console.print(topics(told, keys=keys))
+        found = contents(recording or folders.find(None))
+        tell(found, form, lambda: _show(found, Console(highlight=False), keys=keys))
+
+
+def _show(told: "Contents", console: Console, *, keys: bool) -> None:
+    for line in heading(told):
+        console.print(line, soft_wrap=True)
+    console.print(topics(told, keys=keys))
 
 
 def heading(told: "Contents") -> list[str]:
     """Return file, size, times and versions, a line for each."""
     first, last = told.span
-    torn = (
-        ""
-        if told.whole
-        else ", not closed in order: it is being written, or its recorder was killed"
-    )
-    begin, end = (
-        datetime.fromtimestamp(at).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] for at in (first, last)
-    )
+    torn = ", not closed in order: it is being written, or its recorder was killed"
+    size = f"{bytes_in_words(told.bytes)}{'' if told.whole else torn}"
+    times = map(datetime.fromtimestamp, told.span)
+    begin, end = (at.strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] for at in times)
     count = sum(one.count for one in told.topics)
-    lines = [
-        f"{folders.near(Path(told.file))}, {bytes_in_words(told.bytes)}{torn}",
+    return [
+        f"{folders.near(Path(told.file))}, {size}",
         f"{begin} to {end}, {last - first:.1f} s, {count} messages in {len(told.topics)} topics",
-        ", ".join(f"{name} {value}" for name, value in told.versions.items() if value),
+        _facts(told.versions),
+        *(f"{name}: {_facts(facts)}" for name, facts in told.notes.items()),
     ]
-    return lines + [f"{name}: {_facts(facts)}" for name, facts in told.notes.items()]
 
 
 def topics(told: "Contents", *, keys: bool) -> Table:
@@ -224,9 +196,8 @@ def topics(told: "Contents", *, keys: bool) -> Table:
 
 
 def _cells(one: "Counted", name: str, begin: float) -> tuple[str, ...]:
-    hertz = (
-        f"{(one.count - 1) / (one.last - one.first):.2f}" if one.last - one.first > LEAST_S else "-"
-    )
+    span = one.last - one.first
+    hertz = f"{(one.count - 1) / span:.2f}" if span > LEAST_S else "-"
     times = (f"{one.first - begin:.1f} s", f"{one.last - begin:.1f} s") if one.count else ("-", "-")
     return name, str(one.count), bytes_in_words(one.bytes), *times, hertz
 
@@ -241,9 +212,7 @@ def _facts(facts: dict[str, str]) -> str:
 def repair(
     recording: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="[RUN]", help="A run's folder, or a recording.", autocompletion=completion.runs
-        ),
+        argument("A run's folder, or a recording.", complete=completion.runs, metavar="[RUN]"),
     ] = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -265,10 +234,7 @@ def repair(
             done = repaired(path)
         except OSError as error:
             raise ConsoleError(worded(path, error)) from error
-        if form is Format.JSON:
-            tell_json(done)
-        else:
-            print(repair_sentence(done))
+        tell(done, form, repair_sentence(done))
 
 
 def repair_sentence(done: "Written") -> str:
@@ -276,9 +242,5 @@ def repair_sentence(done: "Written") -> str:
     name = folders.near(Path(done.file))
     if not done.messages:
         return f"{name}: it was closed in order and has its index; nothing to repair"
-    lost = (
-        f"\n{done.lost} bytes at its end could not be read; kept as it was: {done.kept}"
-        if done.lost
-        else ""
-    )
-    return f"{name}: {done.messages} messages, now with an index{lost}"
+    lost = f"\n{done.lost} bytes at its end could not be read; kept as it was: {done.kept}"
+    return f"{name}: {done.messages} messages, now with an index{lost if done.lost else ''}"

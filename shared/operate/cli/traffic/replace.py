@@ -22,8 +22,8 @@ from agent_runtime.core.binding import wiring
 from agent_runtime.impersonation import Cast, Stage
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages
-from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, tell_json
+from operate.cli.errors import ConsoleError, UsageError, last_line
+from operate.cli.output import Form, Format, tell
 from operate.cli.terminal.console import Console
 from operate.cli.traffic.play import as_agent, compared, difference, moved
 from operate.system import System, of_run
@@ -93,12 +93,12 @@ def before(part: tuple[Part, ...]) -> Part | None:
 
 
 class Script:
-    """Progress of the script: `spoken` lines of the part, in any order; names that the real agent
-    chose differently.
+    """Progress of the script: `spoken` lines of the part, in any order; `at`: up to which entry all
+    cues are given; names that the real agent chose differently.
     """
 
     def __init__(self, part: tuple[Part, ...]) -> None:
-        self._part, self._at = part, 0
+        self._part, self.at = part, 0
         self.spoken: set[int] = set()
         self._first: dict[str, Part] = {}
         for one in part:
@@ -108,22 +108,15 @@ class Script:
         self._labels: dict[tuple[str, str], str] = {}
         self._given: dict[tuple[str, str], str] = {}
 
-    @property
-    def given_cues(self) -> int:
-        """Up to which entry all cues are given."""
-        return self._at
-
     def cue(self) -> Part | None:
         """The next cue; None where there is none."""
-        return next((one for one in self._part[self._at :] if not one.mine), None)
+        return next((one for one in self._part[self.at :] if not one.mine), None)
 
     def awaited(self) -> Part | None:
         """The first line before the next cue (or the end) that is not spoken yet."""
         cue = self.cue()
-        end = len(self._part) if cue is None else cue.n - 1
-        return next(
-            (one for one in self._part[:end] if one.mine and one.n not in self.spoken), None
-        )
+        lines = (one for one in self._part[: cue.n - 1 if cue else None] if one.mine)
+        return next((one for one in lines if one.n not in self.spoken), None)
 
     def adapted(self, cue: Part) -> Communicate:
         """A cue with the names the real agent gave: its conversation, and what it answers."""
@@ -134,7 +127,7 @@ class Script:
 
     def given(self, cue: Part, said: Communicate) -> None:
         """The cue was said, with these names."""
-        self._at = cue.n
+        self.at = cue.n
         if said.reply_with:
             self._given[said.sender, said.reply_with] = cue.communicate.reply_with
 
@@ -145,10 +138,8 @@ class Script:
             return Difference(0, "words", None, plain(one))
         self.spoken.add(line.n)
         was = line.communicate
-        self._recorded[one.conversation], self._real[was.conversation] = (
-            was.conversation,
-            one.conversation,
-        )
+        self._recorded[one.conversation] = was.conversation
+        self._real[was.conversation] = one.conversation
         if one.reply_with:
             self._labels[was.conversation, was.reply_with] = one.reply_with
         answers = self._given.get((one.receiver, one.in_reply_to), one.in_reply_to)
@@ -160,35 +151,24 @@ class Script:
         """The line it must be: the next of its conversation, else the next that opens one with that
         agent.
         """
-        talk, mine = (
-            one.conversation,
-            [part for part in self._part if part.mine and part.n not in self.spoken],
-        )
+        unspoken = (part for part in self._part if part.mine and part.n not in self.spoken)
+        mine = [part for part in unspoken if part.communicate.receiver == one.receiver]
+        talk = one.conversation
         known = self._recorded.get(talk)
         first = self._first.get(talk)
         if known is None and first is not None and not first.mine:
             known = talk
-        if known is not None:
-            return next(
-                (
-                    p
-                    for p in mine
-                    if (p.communicate.conversation, p.communicate.receiver) == (known, one.receiver)
-                ),
-                None,
-            )
-        wanted = (one.receiver, one.protocol)
-        opening = [part for part in mine if self._first[part.communicate.conversation] is part]
-        return next(
-            (p for p in opening if (p.communicate.receiver, p.communicate.protocol) == wanted), None
-        )
+        for part in mine:
+            was = part.communicate
+            opens = self._first[was.conversation] is part and was.protocol == one.protocol
+            if was.conversation == known if known is not None else opens:
+                return part
+        return None
 
 
 def plain(one: Communicate) -> dict[str, Any]:
     """Return the compared part of a communicate: all but its names and times."""
-    told: dict[str, Any] = {
-        name: str(getattr(one, name)) for name in COMPARED if getattr(one, name)
-    }
+    told: dict[str, Any] = {name: str(value) for name in COMPARED if (value := getattr(one, name))}
     told["reply_by"] = one.reply_by is not None
     if one.content is not msgspec.UNSET:
         told["content"] = msgspec.msgpack.decode(one.content)
@@ -232,66 +212,50 @@ def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form:
     seed = recorded_seed if seed is None else seed
     console = Console(stderr=True, quiet=form is Format.JSON)
     with console.status(f"starting {agent}") as line, _running(system, agent, module, seed) as cast:
-        script, begun = Script(part), time.monotonic()
-        found = _play(
-            script,
-            cast,
-            part,
-            fast,
-            lambda n: line.update(f"{agent} speaks: {n} of {len(part)} entries"),
-        )
+        script, begun, of = Script(part), time.monotonic(), len(part)
+
+        def look(spoken: int) -> None:
+            line.update(f"{agent} speaks: {spoken} of {of} entries")
+
+        found = _play(script, cast, part, fast, look)
     difference, words = found or (None, None)
     done = Compared(
         agent=agent,
         lines=sum(one.mine for one in part),
         spoken=len(script.spoken),
-        cues=sum(not one.mine for one in part[: script.given_cues]),
+        cues=sum(not one.mine for one in part[: script.at]),
         seconds=round(time.monotonic() - begun, 3),
         difference=difference,
         conversation=words.conversation if words else "",
         performative=str(words.performative) if words else "",
         receiver=words.receiver if words else "",
     )
-    if form is Format.JSON:
-        tell_json(done)
-    else:
-        print(sentence(done, part))
+    tell(done, form, sentence(done, part))
     if found is not None:
         raise typer.Exit(1)
 
 
 def _module(system: System, agent: str) -> str:
     """The module of an agent that can be run alone. Raises UsageError."""
-    there = [
-        one
-        for one in system.processes
-        if one.name in system.design.agents and one.name not in system.unreplaced
-    ]
-    can = ", ".join(sorted(one.name for one in there))
+    alone = system.design.agents.keys() - system.unreplaced.keys()
+    modules = {one.name: one.module for one in system.processes if one.name in alone}
+    can = ", ".join(sorted(modules))
     if agent in system.unreplaced:
         raise UsageError(f"{agent} cannot be replaced: {system.unreplaced[agent]}; {can} can")
-    for one in there:
-        if one.name == agent:
-            return one.module
-    raise UsageError(f"the design has no agent {agent!r}; {can} can be replaced")
+    if agent not in modules:
+        raise UsageError(f"the design has no agent {agent!r}; {can} can be replaced")
+    return modules[agent]
 
 
 def sentence(done: Compared, part: tuple[Part, ...]) -> str:
     """Return the result in words for people."""
-    spoken = (
-        f"{done.agent} spoke {done.spoken} of {done.lines} recorded lines, after {done.cues} cues"
-    )
-    if done.difference is None:
+    agent, one, when = done.agent, done.difference, "beyond the recording"
+    spoken = f"{agent} spoke {done.spoken} of {done.lines} recorded lines, after {done.cues} cues"
+    if one is None:
         return f"{spoken}, all of them as recorded, in {done.seconds:.1f} s"
-    one = done.difference
-    when = (
-        f"entry {one.line}, {part[one.line - 1].at - part[0].at:+.2f} s"
-        if one.line
-        else "beyond the recording"
-    )
-    what = (
-        f"{done.agent} > {done.receiver} {done.performative}" if done.performative else done.agent
-    )
+    if one.line:
+        when = f"entry {one.line}, {part[one.line - 1].at - part[0].at:+.2f} s"
+    what = f"{agent} > {done.receiver} {done.performative}" if done.performative else agent
     return (
         f"{spoken}; then its words differ\n  {when}  {what}  {done.conversation}\n  in"
         f" {one.field}\n{compared(one.recorded, one.now)}"
@@ -366,9 +330,8 @@ def _running(system: System, agent: str, module: str, seed: int) -> Iterator[Cas
     stage = Stage(SYSTEM)
     with tempfile.TemporaryDirectory(prefix="roco-replay-") as folder:
         run = Path(folder)
-        links = wiring(
-            agent, SYSTEM, design=system.design, languages=system.languages or Languages()
-        )
+        languages = system.languages or Languages()
+        links = wiring(agent, SYSTEM, design=system.design, languages=languages)
         process, cast = None, Cast(links, stage.endpoint)
         try:
             process = _started(system, agent, module, run, stage.endpoint, cast.agents, seed)
@@ -390,27 +353,18 @@ def _started(
     agents: dict[str, str],
     seed: int,
 ) -> "subprocess.Popen[bytes]":
-    told = {
-        "CONNECT": router,
-        "AGENTS": ",".join(f"{name}={endpoint}" for name, endpoint in agents.items()),
-        "LISTEN": "",
-        "RUN_DIR": str(run),
-        "SYSTEM": SYSTEM,
-        "SEED": str(seed),
-    }
-    environment = as_agent(system, run, told)
+    listen = ",".join(f"{name}={endpoint}" for name, endpoint in agents.items())
+    settings = {"CONNECT": router, "AGENTS": listen, "LISTEN": "", "RUN_DIR": str(run)}
+    settings |= {"SYSTEM": SYSTEM, "SEED": str(seed)}
+    environment, command = as_agent(system, run, settings), [sys.executable, "-P", "-m", module]
     with (run / f"{agent}.log").open("wb") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-m", module], env=environment, stdout=log, stderr=log
-        )
+        process = subprocess.Popen(command, env=environment, stdout=log, stderr=log)
     until = time.monotonic() + READY_S
     while not (run / f"{agent}.ready").exists():
         if process.poll() is not None or time.monotonic() > until:
             process.kill()
             process.wait()
-            words = (run / f"{agent}.log").read_text(errors="replace").strip().splitlines()[
-                -1:
-            ] or ["it says nothing"]
-            raise ConsoleError(f"{agent} did not become ready in {READY_S:.0f} s: {words[0]}")
+            why = last_line((run / f"{agent}.log").read_bytes()) or "it says nothing"
+            raise ConsoleError(f"{agent} did not become ready in {READY_S:.0f} s: {why}")
         time.sleep(SLICE_S)
     return process

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Annotated
 
 import msgspec
-import typer
 
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.impersonation import Stage
@@ -22,7 +21,7 @@ from agent_runtime.io.steplog import StepLogs
 from agent_runtime.io.tap import Sample
 from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, problems, tell_json
+from operate.cli.output import Form, Format, argument, option, problems, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.traffic import replace, verify
@@ -49,23 +48,17 @@ FOREVER = 1 << 62
 def replay(
     file: Annotated[
         Path,
-        typer.Argument(
-            help="A recording, or the folder of a run that has one.", autocompletion=completion.runs
-        ),
+        argument("A recording, or the folder of a run that has one.", complete=completion.runs),
     ],
     speed: Annotated[
-        str,
-        typer.Option(
-            help="So many times as fast as it was recorded, or max.",
-            autocompletion=completion.speeds,
-        ),
+        str, option("So many times as fast as it was recorded, or max.", complete=completion.speeds)
     ] = "1",
-    loop: Annotated[bool, typer.Option("--loop", help="Again and again until Ctrl-C.")] = False,
+    loop: Annotated[bool, option("Again and again until Ctrl-C.", "--loop")] = False,
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...",
-            autocompletion=completion.choices,
+        option(
+            "Only KIND=NAME[,NAME]: channel=C4, performative=inform, ...",
+            complete=completion.choices,
         ),
     ] = None,
     channel: Channels = None,
@@ -73,29 +66,23 @@ def replay(
     protocol: Protocols = None,
     performative: Performatives = None,
     telemetry: Annotated[
-        bool, typer.Option("--telemetry", help="Also what robot and agents publish.")
+        bool, option("Also what robot and agents publish.", "--telemetry")
     ] = False,
     replace_: Annotated[
         str,
-        typer.Option(
-            "--replace",
-            help="Run this agent; the others are as recorded.",
-            autocompletion=completion.agents,
+        option(
+            "Run this agent; the others are as recorded.", "--replace", complete=completion.agents
         ),
     ] = "",
     verify_: Annotated[
-        bool,
-        typer.Option(
-            "--verify", help="Run all agents again offline: do they put out the same bytes?"
-        ),
+        bool, option("Run all agents again offline: do they put out the same bytes?", "--verify")
     ] = False,
     seed: Annotated[
-        int | None,
-        typer.Option(help="With --replace or --verify: the agent's seed; else the recorded one."),
+        int | None, option("With --replace or --verify: the agent's seed; else the recorded one.")
     ] = None,
-    system: Annotated[str, typer.Option(help="The system's name in all keys.")] = SYSTEM,
-    connect: Annotated[str, typer.Option(help="A router to say it on; else one of its own.")] = "",
-    after: Annotated[float, typer.Option(min=0.0, help="Begin after so many seconds.")] = 0.0,
+    system: Annotated[str, option("The system's name in all keys.")] = SYSTEM,
+    connect: Annotated[str, option("A router to say it on; else one of its own.")] = "",
+    after: Annotated[float, option("Begin after so many seconds.", min=0.0)] = 0.0,
     form: Form = Format.TEXT,
 ) -> None:
     """Say again what a recording holds, with its timing, where no robot hears it.
@@ -108,7 +95,7 @@ def replay(
 
     Examples:
       roco replay runs/latest --speed 4
-      roco replay recording.mcap --loop --only channel=CHANNEL --only performative=query-ref
+      roco replay recording.mcap --loop --only channel=CHANNEL --only performative=inform-ref
       roco replay runs/latest --replace AGENT --speed max
       roco replay runs/latest --verify
     """
@@ -122,26 +109,17 @@ def replay(
         if replace_:
             replace.replaced(file, replace_, fast, seed, form)
             return
-        which = wanted(
-            of_run(file).design, *narrowed(only or [], channel, agent, protocol, performative)
-        )
+        chosen = narrowed(only or [], channel, agent, protocol, performative)
+        samples = list(_meant(file, wanted(of_run(file).design, *chosen), telemetry=telemetry))
+        if not samples:
+            none = "holds nothing that is meant; choose more, or leave filters out"
+            raise UsageError(f"{file} {none}")
         try:
-            done = _played(
-                file,
-                which,
-                fast,
-                after,
-                form,
-                loop=loop,
-                telemetry=telemetry,
-                where=(system, connect),
-            )
+            stage = Stage(system, connect)
+            done = _played(of_run(file), samples, stage, fast, after, form, loop=loop)
         except RuntimeFault as error:
             raise ConsoleError(str(error)) from error
-        if form is Format.JSON:
-            tell_json(done)
-        else:
-            print(sentence(done))
+        tell(done, form, sentence(done))
 
 
 def factor(speed: str) -> float | None:
@@ -173,25 +151,23 @@ def narrowed(only: list[str], *chosen: list[str] | None) -> list[list[str]]:
 
 
 def _played(
-    file: Path, which: Filter, fast: float | None, after: float, form: Form, *, loop: bool,
-    telemetry: bool,
-    where: tuple[str, str],
-) -> Replayed:  # fmt: skip
-    samples = list(_meant(file, which, telemetry=telemetry))
-    if not samples:
-        raise UsageError(f"{file} holds nothing that is meant; choose more, or leave filters out")
-    stage = Stage(*where)
-    shown = Shown(_folder(stage), of_run(file))
+    system: System,
+    samples: list[Sample],
+    stage: Stage,
+    fast: float | None,
+    after: float,
+    form: Form,
+    *,
+    loop: bool,
+) -> Replayed:
+    shown = Shown(_folder(stage), system)
     player = Player(stage, samples, fast, shown.take)
     console = Console(stderr=True, quiet=form is Format.JSON)
     try:
-        with _announced(stage, of_run(file)), console.status("replaying") as line:
-            where_to = f"to listen: roco traffic echo --run-dir {_folder(stage)}"
-            console.print(
-                f"system {stage.system} at {stage.endpoint}; {where_to}",
-                highlight=False,
-                soft_wrap=True,
-            )
+        with _announced(stage, system), console.status("replaying") as line:
+            listen = f"to listen: roco traffic echo --run-dir {_folder(stage)}"
+            where = f"system {stage.system} at {stage.endpoint}"
+            console.print(f"{where}; {listen}", highlight=False, soft_wrap=True)
             player.wait(time.monotonic() + after)
             for _ in range(FOREVER if loop else 1):
                 shown.begin()

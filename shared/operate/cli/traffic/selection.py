@@ -14,6 +14,7 @@ from operate.cli import completion
 from operate.cli.errors import ConsoleError, UsageError
 from operate.cli.fleet import targets
 from operate.cli.fleet.local import Local
+from operate.cli.output import argument, option
 from operate.cli.traffic.verdicts import judged, verdicts_of
 from operate.filters import Filter, UnknownNameError, checked
 from operate.structs import NothingToRead
@@ -21,51 +22,27 @@ from operate.system import NoSystemError
 from operate.verdict_lines import Judged
 from topdown.model.design import Design
 
-Channels = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--channel",
-        help="Only on this channel; may be repeated.",
-        autocompletion=completion.channels,
-    ),
-]
-Agents = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--agent",
-        help="Only from or to this agent; may be repeated.",
-        autocompletion=completion.agents,
-    ),
-]
-Protocols = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--protocol",
-        help="Only of this protocol; may be repeated.",
-        autocompletion=completion.protocols,
-    ),
-]
-Performatives = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--performative",
-        help="Only this act; may be repeated.",
-        autocompletion=completion.performatives,
-    ),
-]
+Names = list[str] | None
+_CHANNEL = "Only on this channel; may be repeated."
+_AGENT = "Only from or to this agent; may be repeated."
+_PROTOCOL = "Only of this protocol; may be repeated."
+_ACT = "Only this act; may be repeated."
+Channels = Annotated[Names, option(_CHANNEL, "--channel", complete=completion.channels)]
+Agents = Annotated[Names, option(_AGENT, "--agent", complete=completion.agents)]
+Protocols = Annotated[Names, option(_PROTOCOL, "--protocol", complete=completion.protocols)]
+Performatives = Annotated[Names, option(_ACT, "--performative", complete=completion.performatives)]
 Recorded = Annotated[
     Path | None,
-    typer.Option(
+    option(
+        "A recording, or the folder of a run that has one; else a running fleet.",
         "--run",
-        help="A recording, or the folder of a run that has one; else a running fleet.",
-        autocompletion=completion.runs,
+        complete=completion.runs,
     ),
 ]
-Count = Annotated[
-    int, typer.Option("--count", min=0, help="End after so many communicates; 0: go on.")
-]
+Wrong = Annotated[bool, option("Only what is against the design.", "--wrong")]
+Count = Annotated[int, option("End after so many communicates; 0: go on.", "--count", min=0)]
 Seconds = Annotated[
-    float, typer.Option("--for", min=0.0, help="End after so many seconds; 0: go on till Ctrl-C.")
+    float, option("End after so many seconds; 0: go on till Ctrl-C.", "--for", min=0.0)
 ]
 
 
@@ -77,14 +54,9 @@ def wanted(
     performatives: list[str] | None,
 ) -> Filter:
     """The filter. Raises UsageError for a name that the design does not have."""
-    one = Filter(
-        tuple(channels or ()),
-        tuple(agents or ()),
-        tuple(protocols or ()),
-        tuple(performatives or ()),
-    )
+    named = (tuple(names or ()) for names in (channels, agents, protocols, performatives))
     try:
-        return checked(one, design)
+        return checked(Filter(*named), design)
     except UnknownNameError as error:
         raise UsageError(str(error)) from error
 
@@ -130,8 +102,8 @@ def names(ctx: typer.Context, incomplete: str) -> list[str]:
 
 Subject = Annotated[
     str,
-    typer.Argument(
-        help="A conversation, as `roco conversation` lists it; of a task the one that opened it.",
-        autocompletion=names,
+    argument(
+        "A conversation, as `roco conversation` lists it; of a task the one that opened it.",
+        complete=names,
     ),
 ]

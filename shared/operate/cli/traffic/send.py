@@ -9,7 +9,8 @@ cannot tell, and streams may break.
 import os
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -29,10 +30,10 @@ from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 from operate.cli import completion
-from operate.cli.errors import NO, ConsoleError, NoRunError
+from operate.cli.errors import ConsoleError, NoRunError, UsageError
 from operate.cli.fleet import identity, targets
 from operate.cli.fleet.local import Local
-from operate.cli.output import Form, Format, RunDir, problems, tell_problem
+from operate.cli.output import Form, Format, RunDir, option, problems, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
@@ -84,22 +85,17 @@ def say(
     fleet = folders.living(run) or folders.around()
     if fleet is None:
         raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
-    if (
-        draft.sender,
-        draft.receiver,
-        draft.protocol,
-        draft.performative,
-    ) not in system.design.rules:
+    rule = (draft.sender, draft.receiver, draft.protocol, draft.performative)
+    if rule not in system.design.rules:
         return _voiced(system, run, fleet, draft, wait_s, tell)
     try:
         first = system.design.agent(draft.sender).initial
         languages = system.languages or Languages()
         wires = wiring(draft.sender, fleet.system, design=system.design, languages=languages)
         tls = identity.tls(run, fleet, draft.sender)
+        keys = identity.folder(run, fleet)
         here = os.environ.get(LISTEN_VARIABLE, "")  # in a container
-        links = Links(
-            Options(keys=identity.folder(run, fleet), agents=fleet.agents, listen=here), wires
-        )
+        links = Links(Options(keys=keys, agents=fleet.agents, listen=here), wires)
         life = StandIn(wires, first, run, links, router=fleet.connect, tls=tls)
     except NoEndpointError as error:
         raise ConsoleError(str(error)) from error
@@ -168,14 +164,8 @@ def _voiced(
     """
     design = system.design
     template = design.file.system.key
-    ears = template.format(
-        system=fleet.system,
-        channel="*",
-        sender="*",
-        receiver=draft.sender,
-        protocol="*",
-        performative="*",
-    )
+    names = ("channel", "sender", "receiver", "protocol", "performative")
+    ears = dict.fromkeys(names, "*") | {"system": fleet.system, "receiver": draft.sender}
     stamp = f"forced-{time.time_ns() // 1_000_000:x}"
     id = draft.id or stamp
     label, named = draft.reply_with or id, draft.conversation or stamp
@@ -183,16 +173,11 @@ def _voiced(
         draft, id=id, conversation=named, reply_with=label, sent=time.time()
     )
     channels = design.peers(draft.sender) if draft.sender in design.agents else {}
-    key = template.format(
-        system=fleet.system,
-        channel=channels.get(draft.receiver, NO_CHANNEL),
-        sender=one.sender,
-        receiver=one.receiver,
-        protocol=one.protocol,
-        performative=one.performative.value,
-    )
+    said = {name: str(getattr(one, name)) for name in names[1:]}
+    channel = channels.get(draft.receiver, NO_CHANNEL)
+    key = template.format(system=fleet.system, channel=channel, **said)
     at = fleet.agents.get(draft.receiver, fleet.connect)
-    voice = Voice(at, (ears,), tls=identity.tls(run, fleet, draft.sender))
+    voice = Voice(at, (template.format(**ears),), tls=identity.tls(run, fleet, draft.sender))
     heard: list[Communicate] = []
     try:
         tell("said by force", one, voice.put(key, one))
@@ -239,9 +224,7 @@ class Watched:
 def _sending(
     one: Communicate, receipted: bool | None, ended: bool, heard: list[Communicate]
 ) -> Sending:
-    return Sending(
-        _fields(one), len(encode(one)), receipted, ended, tuple(_fields(answer) for answer in heard)
-    )
+    return Sending(_fields(one), len(encode(one)), receipted, ended, tuple(map(_fields, heard)))
 
 
 def _fields(one: Communicate) -> dict[str, Any]:
@@ -255,64 +238,40 @@ def _fields(one: Communicate) -> dict[str, Any]:
 CHOICES = ("as", "to", "protocol", "performative")
 
 
-class Usage(Exception):
-    """The design does not have what was asked for; the message says what it has."""
-
-
 def send(
-    sender: Annotated[
-        str, typer.Option("--as", help="The agent you are.", autocompletion=completion.agents)
-    ] = "",
+    sender: Annotated[str, option("The agent you are.", "--as", complete=completion.agents)] = "",
     receiver: Annotated[
-        str, typer.Option("--to", help="The agent you talk to.", autocompletion=completion.agents)
+        str, option("The agent you talk to.", "--to", complete=completion.agents)
     ] = "",
     protocol: Annotated[
         str,
-        typer.Option(
-            help="The protocol, as the design names what it follows.",
-            autocompletion=completion.protocols,
-        ),
+        option("The protocol, as the design names what it follows.", complete=completion.protocols),
     ] = "",
-    performative: Annotated[
-        str, typer.Option(help="The act.", autocompletion=completion.performatives)
-    ] = "",
+    performative: Annotated[str, option("The act.", complete=completion.performatives)] = "",
     language: Annotated[
-        str,
-        typer.Option(
-            help="The content's language; else the design's.", autocompletion=completion.languages
-        ),
+        str, option("The content's language; else the design's.", complete=completion.languages)
     ] = "",
     ontology: Annotated[
-        str | None,
-        typer.Option(help="The ontology; else the design's.", autocompletion=completion.ontologies),
+        str | None, option("The ontology; else the design's.", complete=completion.ontologies)
     ] = None,
-    content: Annotated[
-        str, typer.Option(help="""The content as JSON, such as '{"type":"Done"}'.""")
-    ] = "",
+    content: Annotated[str, option("""The content as JSON, such as '{"type":"Done"}'.""")] = "",
     conversation: Annotated[
-        str,
-        typer.Option(
-            help="The conversation to go on with; else a new one.",
-            autocompletion=conversation_names,
-        ),
+        str, option("The conversation to go on with; else a new one.", complete=conversation_names)
     ] = "",
-    in_reply_to: Annotated[str, typer.Option(help="The m_w of what this answers.")] = "",
+    in_reply_to: Annotated[str, option("The m_w of what this answers.")] = "",
     reply_with: Annotated[
-        str, typer.Option(help="The m_w of this one; else the id, where an answer names it.")
+        str, option("The m_w of this one; else the id, where an answer names it.")
     ] = "",
     reply_by: Annotated[
-        float | None, typer.Option(help="Seconds from now until which an answer is wanted.")
+        float | None, option("Seconds from now until which an answer is wanted.")
     ] = None,
-    wait: Annotated[float, typer.Option(help="Seconds to listen for what comes back.")] = 5.0,
-    id: Annotated[
-        str, typer.Option(help="With --force beside a living agent: the message's id.")
-    ] = "",
+    wait: Annotated[float, option("Seconds to listen for what comes back.")] = 5.0,
+    id: Annotated[str, option("With --force beside a living agent: the message's id.")] = "",
     force: Annotated[
-        bool,
-        typer.Option("--force", help="Say it though the design forbids it, or the agent lives."),
+        bool, option("Say it though the design forbids it, or the agent lives.", "--force")
     ] = False,
     choices: Annotated[
-        bool, typer.Option("--list", help="List what may be said, as far as it is chosen.")
+        bool, option("List what may be said, as far as it is chosen.", "--list")
     ] = False,
     target: targets.Name = "",
     run_dir: RunDir = None,
@@ -330,29 +289,20 @@ def send(
       roco send --as AGENT --to PEER --protocol request --list
     """
     chosen = (sender, receiver, protocol, performative)
-    with problems(form):
+    with problems(form), _refusals():
         system = targets.about(target, run_dir)
-    if choices or not all(chosen):
-        _list(system.design, chosen, form, missing=not choices)
-        return
-    try:
+        if choices or not all(chosen):
+            _list(system.design, chosen, form, missing=not choices)
+            return
         draft = _draft(system, chosen, language, ontology, content, force=force)
         fleet = targets.find(target, run_dir)
         if not isinstance(fleet, Local):
-            told: dict[str, object] = dict(zip(CHOICES, chosen, strict=True))
-            told |= {"language": language, "content": content, "id": id}
-            told |= {
-                "conversation": conversation,
-                "in-reply-to": in_reply_to,
-                "reply-with": reply_with,
-            }
-            told |= {
-                "ontology": ontology or "",
-                "reply-by": reply_by or "",
-                "wait": wait,
-                "format": form.value,
-            }
-            raise typer.Exit(_beside(cast("Compose", fleet), sender, told, force=force))
+            given: dict[str, object] = dict(zip(CHOICES, chosen, strict=True))
+            given |= {"language": language, "ontology": ontology, "content": content, "id": id}
+            given |= {"conversation": conversation, "in-reply-to": in_reply_to}
+            given |= {"reply-with": reply_with, "reply-by": reply_by}
+            given |= {"wait": wait, "format": form.value}
+            raise typer.Exit(_beside(cast("Compose", fleet), sender, given, force=force))
         draft = msgspec.structs.replace(
             draft,
             conversation=conversation,
@@ -361,25 +311,25 @@ def send(
             reply_by=None if reply_by is None else time.time() + reply_by,
             id=id,
         )
-        done = say(
-            system, fleet.run, draft, wait, _print if form is Format.TEXT else _hush, force=force
-        )
-    except Usage as error:
-        _stop(str(error), form, 2)
-    except (ConsoleError, RuntimeFault, FipaError) as error:
-        _stop(str(error), form, error.code if isinstance(error, ConsoleError) else NO)
-    else:
-        print(msgspec.json.encode(done).decode() if form is Format.JSON else outcome(done))
+        heard = _print if form is Format.TEXT else lambda *_: None
+        done = say(system, fleet.run, draft, wait, heard, force=force)
+        tell(done, form, outcome(done))
 
 
-def _beside(fleet: "Compose", sender: str, told: dict[str, object], *, force: bool) -> int:
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """What agent_runtime and fipa_codec refuse, as an error of the command line."""
+    try:
+        yield
+    except (RuntimeFault, FipaError) as error:
+        raise ConsoleError(str(error)) from error
+
+
+def _beside(fleet: "Compose", sender: str, given: dict[str, object], *, force: bool) -> int:
     """The same verb where the agent's journal and keys are; its exit code."""
-    words = [f"--{name}={value}" for name, value in told.items() if value != ""] + [
-        "--force"
-    ] * force
-    return subprocess.run(
-        fleet.beside(sender, ["operate.cli", "send", *words]), check=False
-    ).returncode
+    words = [f"--{name}={value}" for name, value in given.items() if value not in ("", None)]
+    words += ["--force"] * force
+    return subprocess.run(fleet.beside(sender, ["operate.cli", "send", *words])).returncode
 
 
 # --- what may be said -----------------------------------------------------------------------------
@@ -390,57 +340,44 @@ def rules(design: Design, chosen: tuple[str, ...]) -> list[Rule]:
     return [
         rule
         for rule in design.rules.values()
-        if all(
-            want in ("", have)
-            for want, have in zip(
-                chosen, (rule.sender, rule.receiver, rule.protocol, rule.performative), strict=True
-            )
-        )
+        if all(want in ("", have) for want, have in zip(chosen, _names(rule), strict=True))
     ]
+
+
+def _names(rule: Rule) -> tuple[str, ...]:
+    """Return the names by which a message is chosen, in the order of CHOICES."""
+    return rule.sender, rule.receiver, rule.protocol, rule.performative
 
 
 def allowed(found: list[Rule]) -> Table:
     """Return the permitted communicates as a table for people."""
-    found = sorted(
-        found, key=lambda one: (one.sender, one.receiver, one.protocol, one.performative)
-    )
-    rows = (
-        (
-            *(one.sender, one.receiver, one.protocol, one.performative, one.channel),
-            ", ".join(one.contents) or f"none ({one.language})",
-            f"{one.bytes} B",
-        )
-        for one in found
-    )
-    heads = ("as", "to", "protocol", "performative", "on", "content", "at most")
-    return table(heads, rows, right=("at most",), fold=("content",))
+    drawn = table((*CHOICES, "on", "content", "at most"), right=("at most",), fold=("content",))
+    for one in sorted(found, key=_names):
+        content = ", ".join(one.contents) or f"none ({one.language})"
+        drawn.add_row(*_names(one), one.channel, content, f"{one.bytes} B")
+    return drawn
 
 
 def _list(design: Design, chosen: tuple[str, ...], form: Format, *, missing: bool) -> None:
     found = rules(design, chosen)
     names = [name for name, value in zip(CHOICES, chosen, strict=True) if not value]
-    if form is Format.JSON:
-        print(msgspec.json.encode(found).decode())
-    elif found:
-        Console().print(allowed(found))
+    if found or form is Format.JSON:
+        tell(found, form, lambda: Console().print(allowed(found)))
     if not found:
-        _stop(_unknown(design, chosen), form, 2)
+        raise UsageError(_unknown(design, chosen))
     if missing:
-        _stop(f"choose --{', --'.join(names)} from what the design has (above)", form, 2)
+        raise UsageError(f"choose --{', --'.join(names)} from what the design has (above)")
 
 
 def _unknown(design: Design, chosen: tuple[str, ...]) -> str:
     """The first choice that leaves nothing, and what would be left."""
-    for count in range(1, len(chosen) + 1):
-        if not rules(design, (*chosen[:count], *("",) * (len(chosen) - count))):
-            before = rules(design, (*chosen[: count - 1], *("",) * (len(chosen) - count + 1)))
-            have = sorted(
-                {(r.sender, r.receiver, r.protocol, str(r.performative))[count - 1] for r in before}
-            )
-            return (
-                f"the design has no --{CHOICES[count - 1]} {chosen[count - 1]!r} here; it has"
-                f" {', '.join(have)}"
-            )
+    fitting = list(design.rules.values())
+    for place, (name, wanted) in enumerate(zip(CHOICES, chosen, strict=True)):
+        have = {str(_names(rule)[place]) for rule in fitting}
+        fitting = [rule for rule in fitting if wanted in ("", _names(rule)[place])]
+        if not fitting:
+            there = ", ".join(sorted(have))
+            return f"the design has no --{name} {wanted!r} here; it has {there}"
     return "the design has no such message"
 
 
@@ -453,44 +390,35 @@ def _draft(
     *,
     force: bool,
 ) -> Communicate:
-    """The communicate as far as it is known before it is numbered. Raises Usage."""
+    """The communicate as far as it is known before it is numbered. Raises UsageError."""
     sender, receiver, protocol, act = chosen
     design, found = system.design, rules(system.design, chosen)
     if not found and not force:
-        raise Usage(_unknown(design, chosen))
+        raise UsageError(_unknown(design, chosen))
     rule = found[0] if found else None
     if act not in list(Performative):
-        raise Usage(f"{act!r} is no performative; there are {', '.join(Performative)}")
-    written = language or (rule.language if rule else "")
-    about = ontology if ontology is not None else (rule.ontology if rule else "")
+        raise UsageError(f"{act!r} is no performative; there are {', '.join(Performative)}")
     try:
-        draft = Communicate(
-            performative=Performative(act),
-            content=(
-                msgspec.UNSET
-                if not content
-                else msgspec.Raw(msgspec.msgpack.encode(msgspec.json.decode(content)))
-            ),
-            language=written,
-            ontology=about,
-            protocol=protocol,
-            sender=sender,
-            receiver=receiver,
-        )
+        packed = msgspec.msgpack.encode(msgspec.json.decode(content)) if content else b""
     except msgspec.DecodeError as error:
-        raise Usage(f"--content is no JSON: {error}") from error
+        raise UsageError(f"--content is no JSON: {error}") from error
+    draft = Communicate(
+        performative=Performative(act),
+        content=msgspec.Raw(packed) if content else msgspec.UNSET,
+        language=language or (rule.language if rule else ""),
+        ontology=ontology if ontology is not None else (rule.ontology if rule else ""),
+        protocol=protocol,
+        sender=sender,
+        receiver=receiver,
+    )
     if rule is not None and not force:
-        size = len(encode_strictly(draft))
-        faults = (
-            Admission(design, system.languages).check(design.key("any", draft), draft, size).faults
-        )
+        key, size = design.key("any", draft), len(encode_strictly(draft))
+        faults = Admission(design, system.languages).check(key, draft, size).faults
         if faults:
-            raise Usage("; ".join(fault.why for fault in faults) + "; --force says it all the same")
+            raise UsageError(
+                "; ".join(fault.why for fault in faults) + "; --force says it all the same"
+            )
     return draft
-
-
-def _hush(what: str, one: Communicate, size: int) -> None:
-    """For programs all of it comes at once."""
 
 
 def _print(what: str, one: Communicate, size: int) -> None:
@@ -498,16 +426,8 @@ def _print(what: str, one: Communicate, size: int) -> None:
     way = f"  {one.sender} > {one.receiver}  {one.performative}  "
     console.print(Text.assemble((what, "bold"), way, (f"{size} B", "dim")))
     line = f"  conversation {one.conversation}  id {one.id}"
-    console.print(
-        line + (f"  in reply to {one.in_reply_to}" if one.in_reply_to else ""),
-        style="dim",
-        highlight=False,
-    )
+    line += f"  in reply to {one.in_reply_to}" if one.in_reply_to else ""
+    console.print(line, style="dim", highlight=False)
     if one.content is not msgspec.UNSET:
         text = msgspec.json.encode(msgspec.msgpack.decode(one.content)).decode()
         console.print(f"  {one.language} {text}", highlight=False, soft_wrap=True)
-
-
-def _stop(text: str, form: Format, code: int) -> None:
-    tell_problem(text, form)
-    raise typer.Exit(code)

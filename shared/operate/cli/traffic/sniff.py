@@ -11,26 +11,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from operate.cli import interrupts
 from operate.cli.errors import UsageError
 from operate.cli.fleet import targets
-from operate.cli.output import Form, Format, RunDir, problems
+from operate.cli.output import Form, Format, RunDir, option, problems, tell_json
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.sequence import Lifelines, mark
-from operate.cli.traffic.echo import ENDLESS, chosen, tell_line, tell_lost
+from operate.cli.traffic import selection
+from operate.cli.traffic.echo import ENDLESS, chosen, fields, tell_lost
 from operate.cli.traffic.listen import Source, about, source
-from operate.cli.traffic.selection import (
-    Agents,
-    Channels,
-    Count,
-    Performatives,
-    Protocols,
-    Recorded,
-    Seconds,
-    wanted,
-)
 from operate.filters import Filter
 from operate.verdict_lines import Judged
 from operate.wording import bytes_in_words
@@ -82,19 +71,15 @@ class Sniffed:
 
 
 def sniff(
-    channel: Channels = None,
-    agent: Agents = None,
-    protocol: Protocols = None,
-    performative: Performatives = None,
-    wrong: Annotated[
-        bool, typer.Option("--wrong", help="Only what is against the design.")
-    ] = False,
-    svg: Annotated[
-        Path | None, typer.Option("--svg", help="Write the diagram here at the end.")
-    ] = None,
-    run: Recorded = None,
-    count: Count = 0,
-    for_: Seconds = 0.0,
+    channel: selection.Channels = None,
+    agent: selection.Agents = None,
+    protocol: selection.Protocols = None,
+    performative: selection.Performatives = None,
+    wrong: selection.Wrong = False,
+    svg: Annotated[Path | None, option("Write the diagram here at the end.", "--svg")] = None,
+    run: selection.Recorded = None,
+    count: selection.Count = 0,
+    for_: selection.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -115,7 +100,7 @@ def sniff(
         if svg is not None and not svg.resolve().parent.is_dir():
             raise UsageError(f"{svg.parent} is not a folder; make it, or name another --svg")
         design = about(run, run_dir, target).design
-        which = wanted(design, channel, agent, protocol, performative)
+        which = selection.wanted(design, channel, agent, protocol, performative)
         console = Console(highlight=False, quiet=form is Format.JSON)
         seen = Sniffed(speakers(design, which), console)
         with source(run, run_dir, target) as heard, suppress(KeyboardInterrupt):
@@ -169,6 +154,6 @@ def _follow(
         ):
             seen.add(one, draw=form is Format.TEXT)
             if form is Format.JSON:
-                tell_line(one, communicate)
+                tell_json(fields(one, communicate))
     finally:
         tell_lost(heard)

@@ -3,6 +3,7 @@ or made now.
 """
 
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -37,8 +38,6 @@ def read(lines: Iterable[bytes]) -> list[Judged]:
     """
     found: list[Judged] = []
     for line in lines:
-        try:
+        with suppress(msgspec.DecodeError):
             found.append(_decoder.decode(line))
-        except msgspec.DecodeError:
-            continue
     return sorted(found, key=lambda one: one.t)

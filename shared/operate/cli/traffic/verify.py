@@ -22,8 +22,8 @@ from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.io.journal import records
 from agent_runtime.io.steplog import Again, Parted, SentAgain, digest, fingerprint
 from fipa_codec.communicate import Communicate, decode
-from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.output import Form, Format, tell_json
+from operate.cli.errors import ConsoleError, UsageError, last_line
+from operate.cli.output import Form, Format, tell
 from operate.cli.runs import folders
 from operate.cli.terminal.console import Console
 from operate.cli.terminal.table import table
@@ -73,8 +73,8 @@ def first(parted: Parted, kept: Kept) -> Difference:
     """Name it. Where what was put out is kept nowhere (`tells`: to devices), `recorded` is the hash
     of the output.
     """
-    field, recorded, now = _named(parted, kept)
-    return Difference(parted.incarnation, parted.step, parted.at, parted.kind, field, recorded, now)
+    place = (parted.incarnation, parted.step, parted.at, parted.kind)
+    return Difference(*place, *_named(parted, kept))
 
 
 def _named(parted: Parted, kept: Kept) -> tuple[str, Any, Any]:
@@ -86,14 +86,12 @@ def _named(parted: Parted, kept: Kept) -> tuple[str, Any, Any]:
         return found
     tells = cast(tuple[Any, ...], msgspec.Raw(put.tells))
     now = Effects(put.record, put.receipts, tuple(map(decode, put.sends)), tells)  # as it is hashed
-    for then in _possible(parted, now, kept):
+    for was in _possible(parted, now, kept):
         # the same values in other bytes are in another order
-        if fingerprint(then) == parted.output:
-            return difference(_plain(then), _plain(now)) or ("record", then.record, now.record)
-    found = difference(
-        _fields(next(_sent(parted.at, now.sends, kept.said))), _fields(now.sends), "sends"
-    )
-    if found is not None:
+        if fingerprint(was) == parted.output:
+            return difference(_plain(was), _plain(now)) or ("record", was.record, now.record)
+    then = next(_sent(parted.at, now.sends, kept.said))
+    if found := difference(_fields(then), _fields(now.sends), "sends"):
         return found
     whole = kept.said and parted.before in kept.journal
     field, value = ("tells", _value_told(now.tells)) if whole else ("output", _plain(now))
@@ -115,11 +113,9 @@ def _after(before: bytes, journal: Sequence[bytes]) -> Iterable[bytes]:
     """The record that follows the one that was written last before the step; all where that one is
     another now.
     """
-    return (
-        [later for one, later in pairwise(journal) if one == before][-1:]
-        if before in journal
-        else journal
-    )
+    if before not in journal:
+        return journal
+    return [later for one, later in pairwise(journal) if one == before][-1:]
 
 
 def _sent(
@@ -168,6 +164,9 @@ NEAR_S = 2.0
 """Time after a step within which its receipts are heard [s]; estimate: it takes milliseconds."""
 
 
+Digests = defaultdict[tuple[str, str], set[bytes]]
+
+
 class Evidence:
     """`setting`: of the fleet; `words`: agent -> (receiver, id) -> digests of all that went by
     under it.
@@ -179,32 +178,23 @@ class Evidence:
         from operate.recording.records import Setting, Spoken, communicate_in, setting_in
 
         self.there, self.setting = recording is not None, Setting(1, "1")
-        self.words: dict[str, dict[tuple[str, str], set[bytes]]] = defaultdict(
-            lambda: defaultdict(set)
-        )
+        self.words: defaultdict[str, Digests] = defaultdict(lambda: defaultdict(set))
         self._records = () if recording is None else recording.records
-        self._said: list[Communicate] = []
+        self.said: list[Communicate] = []
         for record in self._records:
             self.setting = setting_in(record) or self.setting
             if (one := communicate_in(record)) is not None:
-                self._said.append(one)
+                self.said.append(one)
                 wire = record.wire if isinstance(record, Spoken) else cast("Garbage", record).data
                 self.words[one.sender][one.receiver, one.id].add(digest(wire))
-
-    def said(self, agent: str) -> list[Communicate]:
-        """Return what went by of an agent, in order, copies too."""
-        return [one for one in self._said if one.sender == agent]
 
     def receipts(self, agent: str, at: float) -> list[Receipt]:
         """Return its receipts that were heard about then, in order."""
         from operate.recording.ends import receipts
         from operate.recording.records import House
 
-        near = (
-            one
-            for one in self._records
-            if isinstance(one, House) and abs(one.received - at) < NEAR_S
-        )
+        house = (one for one in self._records if isinstance(one, House))
+        near = (one for one in house if abs(one.received - at) < NEAR_S)
         return [one.receipt for one in receipts(near) if one.owner == agent]
 
 
@@ -243,32 +233,20 @@ def verified(file: Path, agents: list[str], seed: int | None, form: Form) -> Non
 
     recording = file if file.is_file() else run / TRAFFIC_FILE
     evidence = Evidence(opened(recording, system) if recording.is_file() else None)
-    found = []
+    environment, found = _environment(run, system, evidence, seed), []
     with Console(stderr=True, quiet=form is Format.JSON).status("") as line:
         for agent, log in logs.items():
             line.update(f"{agent} runs again")
-            found.append(
-                _verified(
-                    run,
-                    _again(system, agent, log, _environment(run, system, evidence, seed)),
-                    evidence,
-                )
-            )
-    if form is Format.JSON:
-        tell_json(found)
-    else:
-        _print(found)
+            found.append(_verified(run, _again(system, agent, log, environment), evidence))
+    tell(found, form, lambda: _print(found))
     if any(one.difference for one in found):
         raise typer.Exit(1)
 
 
 def _logs(run: Path, system: System, agents: list[str]) -> dict[str, Path]:
     """The step logs that are meant, by agent. Raises UsageError where there is none."""
-    there = {
-        path.stem: path
-        for path in sorted((run / STEPS).glob(f"*.{STEPS}"))
-        if path.stem in system.design.agents
-    }
+    files = sorted((run / STEPS).glob(f"*.{STEPS}"))
+    there = {path.stem: path for path in files if path.stem in system.design.agents}
     if not there:
         raise UsageError(
             f"{run / STEPS} has no step logs; give the folder of a run, as `roco up` wrote it"
@@ -284,37 +262,27 @@ def _environment(run: Path, system: System, evidence: Evidence, seed: int | None
     it.
     """
     was, fleet = evidence.setting, folders.fleet(run)
-    told = {
-        "SYSTEM": fleet.system if fleet else system.name,
-        "SPEED": was.speed,
-        "SCENE": was.scene,
-    }
-    return as_agent(system, run, told | {"SEED": str(was.seed if seed is None else seed)})
+    name, seed = fleet.system if fleet else system.name, was.seed if seed is None else seed
+    settings = {"SYSTEM": name, "SPEED": was.speed, "SCENE": was.scene, "SEED": str(seed)}
+    return as_agent(system, run, settings)
 
 
 def _again(system: System, agent: str, log: Path, environment: dict[str, str]) -> Again:
     """An agent run again by a process of its own module. Raises ConsoleError where that fails."""
-    module = next((one.module for one in system.processes if one.name == agent), "")
-    if not module:
-        raise UsageError(
-            f"the system has no process {agent!r};"
-            f" {', '.join(one.name for one in system.processes)} are"
-        )
-    told = environment | {"ROCO_REPLAY": str(log.resolve())}
+    modules = {one.name: one.module for one in system.processes}
+    if agent not in modules:
+        raise UsageError(f"the system has no process {agent!r}; {', '.join(modules)} are")
+    command = [sys.executable, "-P", "-m", modules[agent]]
+    settings = environment | {"ROCO_REPLAY": str(log.resolve())}
     try:
-        done = subprocess.run(
-            [sys.executable, "-P", "-m", module], env=told, capture_output=True, timeout=RERUN_S
-        )
+        done = subprocess.run(command, env=settings, capture_output=True, timeout=RERUN_S)
         return msgspec.msgpack.decode(done.stdout, type=Again)
     except subprocess.TimeoutExpired as error:
-        raise ConsoleError(
-            f"{agent} has not run its steps again in {RERUN_S:.0f} s; give a shorter run"
-        ) from error
+        late = f"{agent} has not run its steps again in {RERUN_S:.0f} s; give a shorter run"
+        raise ConsoleError(late) from error
     except msgspec.MsgspecError as error:
-        words = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [
-            "it says nothing"
-        ]
-        raise ConsoleError(f"{agent} could not run its steps again: {words[0]}") from error
+        why = last_line(done.stderr) or "it says nothing"
+        raise ConsoleError(f"{agent} could not run its steps again: {why}") from error
 
 
 def _verified(run: Path, done: Again, evidence: Evidence) -> Verified:
@@ -324,22 +292,19 @@ def _verified(run: Path, done: Again, evidence: Evidence) -> Verified:
         journal = run / JOURNAL / f"{done.agent}.{JOURNAL}"
         kept = tuple(records(journal.read_bytes())) if journal.is_file() else ()
         receipts = evidence.receipts(done.agent, done.parted.at)
-        found = first(done.parted, Kept(kept, evidence.said(done.agent), receipts))
+        own = [one for one in evidence.said if one.sender == done.agent]
+        found = first(done.parted, Kept(kept, own, receipts))
     else:
-        others = (
-            one for place, one in said.items() if place in heard and one.digest not in heard[place]
-        )
+        both = [one for place, one in said.items() if place in heard]
+        others = (one for one in both if one.digest not in heard[one.receiver, one.id])
         found = next((_misheard(one, heard[one.receiver, one.id]) for one in others), None)
+    alike = sum(one.digest in heard.get(place, ()) for place, one in said.items())
     return Verified(
         agent=done.agent,
         lives=done.lives,
         steps=done.steps,
         said=len(said),
-        heard=(
-            sum(one.digest in heard.get(place, ()) for place, one in said.items())
-            if evidence.there
-            else None
-        ),
+        heard=alike if evidence.there else None,
         unlogged=0 if done.parted is not None else len(heard.keys() - said.keys()),
         difference=found,
     )
@@ -353,33 +318,22 @@ def _misheard(one: SentAgain, heard: set[bytes]) -> Difference:
 
 def _print(found: list[Verified]) -> None:
     heads = ("agent", "lives", "steps", "said", "heard")
-    counts = (
-        (one.lives, one.steps, one.said, "-" if one.heard is None else one.heard) for one in found
-    )
-    rows = ((one.agent, *map(str, numbers)) for one, numbers in zip(found, counts, strict=True))
-    Console(highlight=False).print(table(heads, rows, right=heads[1:]))
+    drawn = table(heads, right=heads[1:])
+    for one in found:
+        heard = "-" if one.heard is None else str(one.heard)
+        drawn.add_row(one.agent, str(one.lives), str(one.steps), str(one.said), heard)
+    Console(highlight=False).print(drawn)
     for one in found:
         if one.unlogged:
-            print(
-                f"{one.agent}: {one.unlogged} more were heard, of steps that its log lost, as a"
-                " kill -9 does"
-            )
-    odd = [one for one in found if one.difference is not None]
-    for one in odd:
-        print(_sentence(one))
-    if not odd:
+            lost = "more were heard, of steps that its log lost, as a kill -9 does"
+            print(f"{one.agent}: {one.unlogged} {lost}")
+    odd = [(one.agent, one.difference) for one in found if one.difference is not None]
+    for agent, first in odd:
+        at = datetime.fromtimestamp(first.at).strftime("%H:%M:%S.%f")[:-3]
         print(
-            f"{len(found)} agents, {sum(one.steps for one in found)} steps: each put out the same"
-            " bytes as then"
+            f"{agent} differs first in step {first.step} of life {first.life}, {at}, {first.kind}"
         )
-
-
-def _sentence(one: Verified) -> str:
-    difference = one.difference
-    assert difference is not None
-    at = datetime.fromtimestamp(difference.at).strftime("%H:%M:%S.%f")[:-3]
-    return (
-        f"{one.agent} differs first in step {difference.step} of life {difference.life}, {at},"
-        f" {difference.kind}\n  in"
-        f" {difference.field}\n{compared(difference.recorded, difference.now)}"
-    )
+        print(f"  in {first.field}\n{compared(first.recorded, first.now)}")
+    if not odd:
+        steps = sum(one.steps for one in found)
+        print(f"{len(found)} agents, {steps} steps: each put out the same bytes as then")
