@@ -8,7 +8,7 @@ from companion.languages import hfsm
 
 
 class Problem(msgspec.Struct, frozen=True):
-    """A network to be planned, and the conversation that asked for it."""
+    """A task network that is to be planned, and the conversation in which co asked for it."""
 
     conversation: str
     network: hfsm.GroundTaskNetwork

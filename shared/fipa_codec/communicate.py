@@ -205,8 +205,8 @@ def is_label(text: str) -> bool:
 
 
 def number_of(text: str) -> int | None:
-    """The number that ASCII digits say; None for other text, and for more digits than a counter
-    ever has.
+    """The number that is written in ASCII digits. None for any other text, and for more digits
+    than a counter ever has.
 
     int() takes other digits too, and raises ValueError beyond 4300.
     """

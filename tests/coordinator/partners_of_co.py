@@ -36,8 +36,8 @@ class Scene:
 
     def __init__(self, *, limits=LIMITS, seed=0, faults=None, **answers):
         self.wires = MemoryBus(seed=seed, faults=faults)
-        answers = {"ta": run_plans} | answers
-        self.puppets = {name: Puppet(name, answers.get(name)) for name in ("hi", "pl", "ta")}
+        self.answers = {"ta": run_plans} | answers
+        self.puppets = {name: Puppet(name, self.answers.get(name)) for name in ("hi", "pl", "ta")}
         for name, puppet in self.puppets.items():
             self.wires.add(puppet.agent(), unchecked(wiring(name, "test")))
         self.co = self.wires.add(agent(limits), wiring("co", "test"))

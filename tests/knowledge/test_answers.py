@@ -89,7 +89,8 @@ def test_the_answer_is_of_the_class_the_design_promises(handled):
     interface, before = INTERFACES["ask_for_planning"], handled.scene
     for query in EXAMPLES:
         said = answer(handled, query)
-        interface.check_answer(interface.entry_for(Performative.QUERY_REF, query), said)
+        (entry,) = [one for one in interface if one.arguments == (type(query),)]
+        assert type(said) in entry.answers, query
         raw = WM.encode(said)
         assert WM.decode(raw) == said == answer(handled, query)
         most = DESIGN.rules["km", "pl", "query", Performative.INFORM_REF].bytes

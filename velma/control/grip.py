@@ -142,8 +142,8 @@ class Wrong(StrEnum):
 
 
 class Health:
-    """Whether a wrist's readings may be true: numbers, with the weight of the hand, that change as
-    the hand turns.
+    """Whether the readings of a wrist may be true: they are numbers, hold the weight of the hand,
+    and change as the hand turns.
 
     `wrong`: why they may not, "" where nothing is known against them.
     """

@@ -136,7 +136,7 @@ class TruthReader:
         return int(within.sum())
 
     def fingers_on(self, name: str) -> dict[str, int]:
-        """Return by side the number of links of that hand that touch a thing."""
+        """Return, for each side, how many links of its hand touch an object."""
         a, b = self._touching()
         thing = self._bodies[name]
         others = np.concatenate((b[a == thing], a[b == thing]))

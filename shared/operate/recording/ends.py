@@ -186,8 +186,8 @@ class _Log:
             self.broken = True
 
     def holds(self, identity: Identity, *, said: bool) -> bool:
-        """Whether a step that is read and not told yet, since its clock is ahead, said or took a
-        communicate.
+        """Whether a communicate belongs to a step that waits: it is read, but its clock is ahead of
+        the others, so it is not told yet.
         """
         for _, _, step in self.waiting:
             if said:
@@ -241,7 +241,7 @@ class Ends:
 
     @property
     def cursor(self) -> dict[str, int]:
-        """Agent -> offset in its log up to which all was told."""
+        """For each agent, the offset in its step log up to which all was told [bytes]."""
         return {agent: log.told_until for agent, log in self._logs.items()}
 
     @property
@@ -466,7 +466,7 @@ def _came_in(step: steplog.Step) -> Communicate:
 
 
 def _remember(some: dict[Identity, T], identity: Identity, what: T) -> None:
-    """Note what a communicate is; the oldest is forgotten for it."""
+    """Remember a communicate, and forget the oldest one where there are too many."""
     some[identity] = what
     if len(some) > REMEMBERED:
         del some[next(iter(some))]

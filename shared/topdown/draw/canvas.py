@@ -244,7 +244,7 @@ class Canvas:
 
 
 def _room(at: Point, words: str, css: str, anchor: str) -> Box:
-    """The rectangle of words."""
+    """The rectangle that a text fills."""
     width, size = width_of(words, css), size_of(css)
     left = at[0] - {"start": 0.0, "middle": width / 2, "end": width}[anchor]
     return Box(left, at[1] - size, width, 1.2 * size)

@@ -140,12 +140,12 @@ class _Direction:
         return tuple(to(copies, 0) for copies in self.copies)
 
     def no_receipt_arrives(self) -> tuple[Effect, ...]:
-        """All receipts are gone."""
+        """Lose all receipts that are on their way."""
         return tuple(to(receipt, "no") for receipt in self.receipts)
 
 
 class _Streams:
-    """The whole pair."""
+    """The streams of both directions between two agents, as one net."""
 
     def __init__(self, pair: Pair, bound: int, eager: bool) -> None:
         self.pair, self.eager = pair, eager

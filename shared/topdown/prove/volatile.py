@@ -102,8 +102,8 @@ class _Volatile:
     # --- parts of commands ------------------------------------------------------------------------
 
     def gone(self, *roles: Role) -> tuple[Effect, ...]:
-        """All words of these roles that were on their way are gone, observations and receipts as
-        well.
+        """Lose all messages of these roles that are on their way, also observations and
+        receipts.
         """
         words = [to(self.on_way(role, word), 0) for role in roles for word in self.spoken(role)]
         if self.latest and Role.PARTICIPANT in roles:

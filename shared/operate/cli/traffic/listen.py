@@ -232,8 +232,8 @@ def _process(
 
 
 def _printed(process: "subprocess.Popen[bytes]", waiting: Waiting) -> Iterator[Sample | None]:
-    """Yield the samples it prints, and None after a pause without any. Raises LostError when it
-    ends.
+    """Yield the samples that the listening process prints, and None after a pause without any.
+    Raise LostError when that process ends.
     """
     assert process.stdout is not None
     threading.Thread(target=waiting.fill, args=(process.stdout,), daemon=True).start()
