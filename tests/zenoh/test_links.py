@@ -230,7 +230,8 @@ def short() -> Iterator[Path]:
 
 def as_designed(depot: Depot) -> None:
     """What was said was, in all that was done to it; what a cut holds up is slow or late."""
-    assert {one.verdict for one in Local(depot.run).verdicts()} <= {"legal", "copy", "slow", "late"}
+    designed = {"legal", "copy", "slow", "late"}
+    assert [one for one in Local(depot.run).verdicts() if one.verdict not in designed] == []
 
 
 def drops_copies(depot: Depot, seconds: int) -> None:
