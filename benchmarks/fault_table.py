@@ -103,7 +103,7 @@ def printed(lines: list[dict[str, Any]]) -> str:
     """Return a table for each fault: a row for each process, a column for each phase; below it what
     did not pour.
 
-    The newest line of a cell counts: one that failed is tried again when the reason was mended, and
+    The newest line of a cell counts. A cell that failed is tried again after the cause is mended;
     both lines stay.
     """
     found = {(line["fault"], line["victim"], line["phase"]): line for line in lines}

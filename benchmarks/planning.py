@@ -92,8 +92,8 @@ class Planning:
         return answer
 
     def plan(self, number: int) -> tuple[list[float], str]:
-        """Wall time, processor time, time in km [s], queries, expected duration [s]; and why there
-        is no plan.
+        """Wall time, processor time, time in km [s], queries, expected duration [s]; and the reason
+        if no plan was found.
         """
         network = hfsm.GroundTaskNetwork(f"plan-{number}", (hfsm.Task("pour", ("jar", "bowl")),))
         self.asking, wall, processor = 0.0, time.perf_counter(), time.process_time()

@@ -2,8 +2,8 @@
 
 km's store, pl's search, the plan's state machine, ex's skills, the loop and the physics are the
 product's own; only the communicates between them are left out. Appends one line per seed to a
-results file and skips seeds that stand there; --again runs those once more that another version
-ran. The table has the newest run of each seed.
+results file and skips seeds that the file has. --again runs a seed once more if another version ran
+it. The table has the newest run of each seed.
 
     out=benchmarks/results/pour_one_process.jsonl
     python benchmarks/pour_one_process.py --seeds 1-20 --out $out

@@ -105,8 +105,8 @@ ANSWERS: dict[str, Callable[[], wm.AnyAnswer]] = {
     "852 kB of grasps": lambda: _grasps(852_000),
 }
 READ_TOO = ("852 kB of grasps",)
-"""Answers whose bare get encodes and decodes the content by plain msgspec: what reading costs
-whoever asks.
+"""Answers whose bare get encodes and decodes the content by plain msgspec: what reading
+costs.
 """
 
 
@@ -198,8 +198,7 @@ class Turns:
     """pl's own side: a block of questions for each line of standard input, its times [us] as a line
     of `out`.
 
-    It is told on the thread that steps, so that no thread has to be woken that the fleet would not
-    wake.
+    The thread that steps tells it, so that no other thread is woken than in a fleet.
     """
 
     busy = False

@@ -229,7 +229,7 @@ def _start(
     process = FORK.Process(target=_trial, args=(theirs, mutant, files, chosen, traced))
     process.start()
     theirs.close()
-    # whoever is first: the child may be killed before it has done so itself
+    # Parent and child both do this: the child may be killed before it gets there.
     with contextlib.suppress(OSError):
         os.setpgid(process.pid, process.pid)
     return process, ours

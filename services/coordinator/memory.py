@@ -155,8 +155,8 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @property
     def parameters(self) -> hfsm.ScheduleParameters | None:
-        """Its schedule parameters now: those of the state of the plan that hi was told last; None
-        while unknown.
+        """Its schedule parameters now, of the plan's state that hi was told last. None while they
+        are unknown.
         """
         number = self.number(self.at)
         return self.schedule[number - 1] if number else next(iter(self.schedule), None)

@@ -36,8 +36,8 @@ class Format(StrEnum):
 def option(
     text: str, *names: str, complete: Callable[..., list[str]] | None = None, **settings: Any
 ) -> Any:
-    """An option of a verb: what help says of it, its names where they are not the parameter's, who
-    completes it.
+    """Declare an option of a verb. `text`: its help; `names`: only where they differ from the
+    parameter's; `complete`: gives the completions.
     """
     return typer.Option(*names, help=text, autocompletion=complete, **settings)
 
@@ -45,7 +45,7 @@ def option(
 def argument(
     text: str, *, complete: Callable[..., list[str]] | None = None, **settings: Any
 ) -> Any:
-    """An argument of a verb, likewise."""
+    """Declare an argument of a verb; parameters as for `option`."""
     return typer.Argument(help=text, autocompletion=complete, **settings)
 
 
@@ -68,8 +68,8 @@ class Reply(msgspec.Struct, frozen=True):
 
 
 def tell(what: object, form: Format, words: str | Callable[[], object] = "") -> None:
-    """Print an answer: for programs as JSON, for people in `words`, or by what prints them; of a
-    Reply its sentence.
+    """Print an answer: as JSON for programs, as `words` for people. A function prints its words
+    itself; a Reply has a sentence of its own.
     """
     if form is Format.JSON:
         tell_json(what)

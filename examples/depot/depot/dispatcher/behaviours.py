@@ -43,8 +43,8 @@ def await_order(memory: Memory, turn: Turn) -> Memory:
 
 
 def call_robots(memory: Memory, turn: Turn) -> Memory:
-    """Behaviour of `calling`: calls whoever owes no answer to an older call, and waits until all
-    have spoken.
+    """Behaviour of `calling`: calls each robot that owes no answer to an older call, and waits
+    until all have answered.
     """
     if turn.event is not None or memory.order is None:
         return _hear(memory, turn)
