@@ -1,7 +1,7 @@
 """Whether a pour succeeds when a process is killed, hung, paused or cut off, or the link of two
 agents is cut: each process or link, phase and fault.
 
-One run of `roco chaos` per cell (operate.cli.faults.chaos). Appends one line per cell to a results
+One run of `roco chaos` per cell (console.faults.chaos). Appends one line per cell to a results
 file and skips cells that stand there, so that it may be ended at any time and goes on. `--table`
 writes docs/reliability.md.
 
@@ -19,9 +19,9 @@ import typer
 
 from companion.tools.promises import begun_twice
 from companion.tools.system import JOB, SYSTEM
-from operate.cli.faults import chaos
-from operate.cli.faults.chaos import Cell
-from operate.cli.runs import trials
+from console.faults import chaos
+from console.faults.chaos import Cell
+from console.runs import trials
 from operate.file_names import REPORT_FILE
 from operate.recording.run import Run
 

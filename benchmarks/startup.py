@@ -37,9 +37,9 @@ from companion.run_files import HI_FILE
 from companion.telemetry import RobotState, decoded
 from companion.tools.verbs.hi import Hi, address
 from companion.tools.verbs.pour_run import SENTENCE
-from operate.cli.fleet import starting
-from operate.cli.fleet.local import Local
-from operate.cli.runs import folders
+from console.fleet import starting
+from console.fleet.local import Local
+from console.runs import folders
 from operate.fleet_file import ProcessState
 
 # [rad], above what the body sways at rest (1 mrad) and what gravity pulls at the start

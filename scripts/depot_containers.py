@@ -123,7 +123,7 @@ def _begun(place: Path, project: str, words: str) -> "subprocess.Popen[str]":
             str(ROOT / ".venv/bin/python"),
             "-P",
             "-m",
-            "operate.cli",
+            "console",
             *words.split(),
             "--target",
             project,

@@ -30,6 +30,7 @@ ROOMS = {
     "agent_runtime": "any",
     "topdown": "any",
     "operate": "any",
+    "console": "any",
     "companion": "this",
     "companion.planning": "this",
     "companion.skills": "this",

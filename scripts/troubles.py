@@ -13,7 +13,10 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = (
-    *map("shared/{}".format, ("fipa_codec", "agent_runtime", "topdown", "operate", "companion")),
+    *map(
+        "shared/{}".format,
+        ("fipa_codec", "agent_runtime", "topdown", "operate", "console", "companion"),
+    ),
     "velma",
     "services",
 )
@@ -35,7 +38,7 @@ ENUMS = {  # words that a person meets as the reason of something; each member h
 }
 # members of agent_runtime.core.sequence_check.What
 DROPS = {"What.DROP": "stray", "What.REFUSE": "not understood"}
-CODES = "shared/operate/cli/errors.py"
+CODES = "shared/console/errors.py"
 
 
 class Declared(NamedTuple):

@@ -16,7 +16,7 @@ def every(command: Any = None, path: tuple[str, ...] = ()) -> Iterator[str]:
     hidden ones too.
     """
     if command is None:
-        from operate.cli.__main__ import app
+        from console.__main__ import app
 
         command = typer.main.get_command(app)
     if getattr(command, "above", ""):  # a verb that others begin with

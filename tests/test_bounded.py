@@ -93,7 +93,7 @@ import pytest
 
 @pytest.fixture
 def fleet():
-    command = [sys.executable, "-P", "-m", "operate.cli", "up", "--out", "run"]
+    command = [sys.executable, "-P", "-m", "console", "up", "--out", "run"]
     subprocess.run(command, cwd=os.environ["DEPOT"], check=True, timeout=90)
     yield
 

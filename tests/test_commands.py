@@ -20,12 +20,16 @@ pytestmark = pytest.mark.process
 ROOT = Path(__file__).parents[1]
 MODULES = sorted(
     ".".join(path.relative_to(above).parent.parts)
-    for above, room in ((ROOT, "services"), (ROOT / "shared", "operate"))
+    for above, room in (
+        (ROOT, "services"),
+        (ROOT / "shared", "operate"),
+        (ROOT / "shared", "console"),
+    )
     for path in (above / room).rglob("__main__.py")
 )
 SHARED = {"CONNECT", "LISTEN", "SYSTEM", "RUN_DIR", "LOG_LEVEL", "SPEED", "SEED", "SCENE"}
 OWN = {
-    "operate.cli": set(),
+    "console": set(),
     "operate.pictures": set(),
     "services.executor.loop": {"SLOTS", "SCENE", "SEED", "SPEED", "BACKEND"},
     "services.supervisor": SHARED - {"LISTEN"},
@@ -189,7 +193,7 @@ def test_a_file_of_the_folder_here_is_no_library(tmp_path: Path) -> None:
     for words in (
         "up --out", "doctor --run-dir", "traffic judge", "why --run", "down --run-dir", "report",
     ):  # fmt: skip
-        command = [sys.executable, "-P", "-m", "operate.cli", *words.split(), str(run)]
+        command = [sys.executable, "-P", "-m", "console", *words.split(), str(run)]
         done = subprocess.run(
             command, cwd=tmp_path, env=PLAIN, capture_output=True, text=True, timeout=150
         )

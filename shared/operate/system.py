@@ -83,7 +83,7 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     """Additions of a system to the tools, each as "module:NAME", imported when it is used; "":
     nothing.
 
-    `verbs`: rows for the table of `roco` (operate.cli.verbs.VERBS has the form). `options`: a
+    `verbs`: rows for the table of `roco` (console.verbs.VERBS has the form). `options`: a
     function of names of processes, scene file and seed, called before anything is started; it
     raises ValueError. `findings`: a function of a Design that gives further findings of `roco
     design check`. `live`: a class without arguments with `lines(record)`, which gives further lines
@@ -92,8 +92,8 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     figures and the run's name that gives report.html. `drawers`: a function of a Sheet that gives
     further operate.pictures.stage.Drawer, `blueprint`: one of the length of the run that gives the
     layout of the viewer. `telemetry`: kind of a signal -> decoder, a mapping. `tasks`: a function
-    of a Target that gives what people asked for, as lines of operate.cli.fleet.tasks.Task; it
-    raises ConsoleError. `checks`: an operate.cli.fleet.checkup.Checks for `roco doctor`.
+    of a Target that gives what people asked for, as lines of console.fleet.tasks.Task; it
+    raises ConsoleError. `checks`: an console.fleet.checkup.Checks for `roco doctor`.
     `untouchable`: a function of a Target that gives why `roco fault` must leave it alone (a real
     robot moves there), "" where it need not. `promises`: a function of a History that gives, in
     sentences, those that are broken (operate.judging.invariants). `measures`: an
@@ -101,7 +101,7 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     operate.recording.run.Run and a task of it (a Span) that gives further Passages of `roco why`;
     `believed`: one of a Run, a name and a time [s, None: the end] that gives what is believed of a
     thing of that name, as a Why, or None where there is none. `faults`: kind of a fault that its
-    own verbs do -> operate.cli.faults.kinds.Kind, which heals one whose command is gone.
+    own verbs do -> console.faults.kinds.Kind, which heals one whose command is gone.
     """
 
     verbs: str = ""

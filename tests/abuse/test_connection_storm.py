@@ -22,7 +22,7 @@ from agent_runtime.io.reaching import free_port
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import open_client
-from operate.cli.runs import folders
+from console.runs import folders
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120)]
 EVERY_S = 0.01

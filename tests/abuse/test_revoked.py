@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from agent_runtime.io import issuing
 from agent_runtime.io.run_files import KEYS_FOLDER
 from companion.design import DESIGN
-from operate.cli.__main__ import app
+from console.__main__ import app
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120)]
 

@@ -6,8 +6,8 @@ from companion.eyes import VARIABLE as EYES
 from companion.run_files import DISTURBANCES_FILE
 from companion.tools.verbs import fault
 from companion.tools.verbs.checkup import BACKEND
-from operate.cli.errors import ConsoleError, FleetError, UsageError
-from operate.cli.fleet.local import Local
+from console.errors import ConsoleError, FleetError, UsageError
+from console.fleet.local import Local
 from operate.fault_lines import Fault
 from operate.fault_proxy.files import WIRES_FILE
 from velma.model import scene

@@ -14,7 +14,16 @@ import grimp
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("services", "velma", "fipa_codec", "agent_runtime", "topdown", "operate", "companion")
+PACKAGES = (
+    "services",
+    "velma",
+    "fipa_codec",
+    "agent_runtime",
+    "topdown",
+    "operate",
+    "console",
+    "companion",
+)
 SEVERAL = 300
 """A graph with fewer modules is not that of this project (it has about 380)."""
 Edges = dict[str, set[str]]

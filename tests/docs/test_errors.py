@@ -32,6 +32,7 @@ def test_errors_of_every_room_are_found() -> None:
         "agent_runtime",
         "topdown",
         "operate",
+        "console",
         "companion",
         "velma",
         "services",

@@ -5,9 +5,9 @@ as shipped.
 import pytest
 
 from companion.tools.system import JOB, SYSTEM
-from operate.cli.faults import chaos
-from operate.cli.faults.chaos import Cell
-from operate.cli.runs import trials
+from console.faults import chaos
+from console.faults.chaos import Cell
+from console.runs import trials
 
 pytestmark = [pytest.mark.process, pytest.mark.long, pytest.mark.timeout(JOB.timeout_s + 120.0)]
 

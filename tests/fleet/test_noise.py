@@ -14,7 +14,7 @@ from companion.design import DESIGN
 from companion.tools.live import Live
 from companion.tools.report import report
 from companion.tools.system import JOB, SYSTEM
-from operate.cli.faults.moments import Event, InPlan, parse
+from console.faults.moments import Event, InPlan, parse
 from operate.live_lines import Happened, LiveLine
 from operate.recording.run import opened
 from services.human_interface import suggestions

@@ -29,11 +29,11 @@ from companion.all_languages import LANGUAGES
 from companion.binding import wiring
 from companion.stop_words import stop_words
 from companion.tools.system import SYSTEM
+from console.errors import UsageError
+from console.faults import run as scenario
 from fipa_codec import acl_string
 from fipa_codec.communicate import decode, decode_strictly, encode
 from fipa_codec.errors import FipaError, MalformedError
-from operate.cli.errors import UsageError
-from operate.cli.faults import run as scenario
 from operate.recording import contents, history, mcap_file
 from operate.recording.ends import Ends
 from operate.recording.records import Garbage, Spoken, Token, sampled, understood

@@ -20,7 +20,7 @@ from companion import loopback_server
 from companion.loopback_server import MOST
 from companion.run_files import HI_FILE, Events, HiAddress, HiEvent, Problem, Question, Tasks
 from companion.tools.verbs.hi import terminal
-from operate.cli.__main__ import app
+from console.__main__ import app
 from services.human_interface import device_messages as device
 from services.human_interface import server
 from services.human_interface.grammar import understand
@@ -260,7 +260,7 @@ def test_whatever_is_no_answer_of_who_was_asked_stops(robot):
 
 def test_a_terminal_that_was_asked_answers_and_another_one_stops(robot):
     """`roco say no`: the terminal is told by its session, which a further call in it shares."""
-    command = [sys.executable, "-m", "operate.cli", "say", "nie", "--run-dir", str(robot.run_dir)]
+    command = [sys.executable, "-m", "console", "say", "nie", "--run-dir", str(robot.run_dir)]
     asked(robot, terminal())
     subprocess.run(command, capture_output=True, timeout=50, check=False)
     said = robot.words[-1]

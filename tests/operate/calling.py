@@ -6,7 +6,7 @@ from typing import Any
 
 from typer.testing import CliRunner, Result
 
-from operate.cli.__main__ import app
+from console.__main__ import app
 
 HISTORIES = Path(__file__).parents[1] / "histories"
 POUR = HISTORIES / "pour_seed_7"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from operate.cli.faults import run
+from console.faults import run
 from operate.system import here
 from topdown.model import loading
 from velma.model import scene

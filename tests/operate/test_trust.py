@@ -19,8 +19,8 @@ from typer.testing import CliRunner, Result
 
 from agent_runtime.io.fleet_processes import set_stop
 from agent_runtime.io.run_files import STOP_FILE, LinkedError
-from operate.cli.__main__ import app
-from operate.cli.fleet.local import Local
+from console.__main__ import app
+from console.fleet.local import Local
 from operate.file_names import FLEET_FILE, REPORT_FILE, RRD_FILE
 from operate.fleet_file import Fleet
 from operate.recording.recorder import Recorder
@@ -178,7 +178,7 @@ def completed(words: str, folder: Path) -> list[str]:
         "COMP_WORDS": f"roco {words}",
         "COMP_CWORD": str(len(words.split(" "))),
     }
-    done = python("from operate.cli.__main__ import app; app(prog_name='roco')", folder, **asked)
+    done = python("from console.__main__ import app; app(prog_name='roco')", folder, **asked)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     return done.stdout.split()

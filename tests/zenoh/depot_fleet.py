@@ -20,10 +20,10 @@ from toy_fleet import wait_for
 
 from agent_runtime.io.heartbeat import Heartbeat
 from agent_runtime.io.sessions import client_config
-from operate.cli.fleet.identity import tls
-from operate.cli.fleet.local import Local
-from operate.cli.fleet.process_status import Seen
-from operate.cli.runs import folders
+from console.fleet.identity import tls
+from console.fleet.local import Local
+from console.fleet.process_status import Seen
+from console.runs import folders
 from operate.fault_lines import Fault, latest, read
 from operate.file_names import FAULTS_FILE, LATEST
 from operate.fleet_file import Fleet
@@ -63,7 +63,7 @@ class Project:
 
     def begin(self, *words: str) -> "subprocess.Popen[str]":
         """Begin a verb; the first text may have several words."""
-        command = [sys.executable, "-P", "-m", "operate.cli", *words[0].split(), *words[1:]]
+        command = [sys.executable, "-P", "-m", "console", *words[0].split(), *words[1:]]
         pipe = subprocess.PIPE
         process = subprocess.Popen(
             command, cwd=self.folder, env=self.environment, stdout=pipe, stderr=pipe, text=True,

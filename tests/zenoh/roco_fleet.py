@@ -30,9 +30,9 @@ from companion.run_files import SLOTS_FILE, TaskLine
 from companion.skills.loop_messages import Phase
 from companion.tools.system import SYSTEM
 from companion.tools.verbs.hi import Hi, address
-from operate.cli.fleet import starting
-from operate.cli.fleet.local import Local
-from operate.cli.runs import folders
+from console.fleet import starting
+from console.fleet.local import Local
+from console.runs import folders
 from operate.fleet_file import ProcessState
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
@@ -89,7 +89,7 @@ class RocoFleet:
     def roco(self, *words: str, timeout: float = 60.0, code: int = 0, inside: bool = True) -> str:
         """Return the output of `roco`; its exit code must be `code`."""
         run = ["--run-dir", str(self.run)] if inside else []
-        command = [sys.executable, "-m", "operate.cli", *words, *run]
+        command = [sys.executable, "-m", "console", *words, *run]
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=False)
         said = (done.stdout + done.stderr).strip()
         assert done.returncode == code, f"roco {' '.join(words)} ended otherwise: {said}"
@@ -97,7 +97,7 @@ class RocoFleet:
 
     def begin(self, *words: str) -> "subprocess.Popen[bytes]":
         """Begin a verb about it; the first text may have several words."""
-        command = [sys.executable, "-m", "operate.cli", *words[0].split(), *words[1:]]
+        command = [sys.executable, "-m", "console", *words[0].split(), *words[1:]]
         pipe = subprocess.PIPE
         return subprocess.Popen(
             [*command, "--run-dir", str(self.run)], stdout=pipe, stderr=subprocess.DEVNULL

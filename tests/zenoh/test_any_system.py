@@ -21,7 +21,7 @@ import msgspec
 import pytest
 from depot_fleet import AGENTS, Project
 
-from operate.cli.verbs import GROUP, VERBS
+from console.verbs import GROUP, VERBS
 from operate.file_names import LATEST
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
@@ -219,7 +219,7 @@ CALLS |= {
 HELPS = """
 import json, sys
 from typer.testing import CliRunner
-from operate.cli.__main__ import app
+from console.__main__ import app
 said = {verb: CliRunner().invoke(app, [*verb.split(), "--help"]) for verb in sys.argv[1:]}
 assert not any(done.exit_code for done in said.values())
 print(json.dumps({verb: done.stdout for verb, done in said.items()}))

@@ -9,7 +9,7 @@ import pytest
 from roco_fleet import RocoFleet
 from toy_fleet import wait_for
 
-from operate.cli.traffic.replace import Compared
+from console.traffic.replace import Compared
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
 

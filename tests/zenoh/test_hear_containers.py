@@ -23,7 +23,7 @@ from operate.recording.records import SETTING, House, Setting
 from operate.recording.run import Run
 
 pytestmark = pytest.mark.zenoh
-DOCKER = Path(__file__).parents[1] / "operate" / "cli" / "fake_docker.py"
+DOCKER = Path(__file__).parents[1] / "console" / "fake_docker.py"
 
 
 class Containers(Router):

@@ -33,10 +33,10 @@ from agent_runtime.io.sessions import (
 from agent_runtime.io.zenoh_wire import Bytes, ZenohWire
 from companion.binding import wiring
 from companion.design import DESIGN
+from console.fleet.local import Local
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages
 from fipa_codec.performatives import Performative
-from operate.cli.fleet.local import Local
 from operate.fleet_file import ProcessState
 from topdown.model import loading
 from topdown.model.design import Design

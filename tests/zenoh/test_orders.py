@@ -14,7 +14,7 @@ import pytest
 from depot_fleet import Depot, running
 
 from agent_runtime.core.control import Command, Pause
-from operate.cli.traffic.listen import recorded
+from console.traffic.listen import recorded
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.timeout(120)]
 

@@ -31,10 +31,10 @@ from agent_runtime.io.secured import (
 )
 from agent_runtime.io.sessions import client_config, free_endpoint
 from companion.design import DESIGN
-from operate.cli.fleet import checkup
-from operate.cli.fleet.checkup import Level
-from operate.cli.fleet.local import Local
-from operate.cli.fleet.process_status import Beat, Look, Seen
+from console.fleet import checkup
+from console.fleet.checkup import Level
+from console.fleet.local import Local
+from console.fleet.process_status import Beat, Look, Seen
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from topdown.model.rights import ROUTER, access_control, identities
 

@@ -9,8 +9,8 @@ import pytest
 
 from companion.languages import rc
 from companion.tools.system import SYSTEM
+from console.traffic.replace import Compared
 from fipa_codec.communicate import encode
-from operate.cli.traffic.replace import Compared
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
 
@@ -20,7 +20,7 @@ POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
 
 def replaced(file: Path, agent: str, code: int) -> Compared:
     """Return the agent's result; the exit code must be `code`."""
-    words = f"-m operate.cli replay {file} --replace {agent} --speed max --format json"
+    words = f"-m console replay {file} --replace {agent} --speed max --format json"
     command = [sys.executable, *words.split()]
     done = subprocess.run(command, capture_output=True, timeout=150)
     assert done.returncode == code, done.stderr.decode()

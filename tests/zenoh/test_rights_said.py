@@ -29,9 +29,9 @@ from companion.binding import wiring
 from companion.design import DESIGN
 from companion.tasks.look_around.command import LookAround
 from companion.tools.verbs.hi import Hi, address
+from console.fleet.local import Local
 from fipa_codec.communicate import Communicate, decode_strictly, encode, encode_strictly
 from fipa_codec.performatives import Performative
-from operate.cli.fleet.local import Local
 from operate.file_names import LIVE_FILE
 
 pytestmark = pytest.mark.zenoh

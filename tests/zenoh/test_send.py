@@ -13,8 +13,8 @@ from toy_fleet import wait_for
 from typer.testing import CliRunner
 
 from companion.tools.verbs.hi import Hi, address
-from operate.cli.fleet.local import Local
-from operate.cli.traffic.send import Sending, send
+from console.fleet.local import Local
+from console.traffic.send import Sending, send
 
 pytestmark = pytest.mark.zenoh
 

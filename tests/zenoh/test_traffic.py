@@ -21,9 +21,9 @@ from agent_runtime.core.wiring import service_key
 from agent_runtime.impersonation import LivingError, Stage
 from agent_runtime.io.sessions import client_config, free_endpoint, open_router
 from agent_runtime.io.steplog import StepLogs
+from console.traffic.listen import HeardMessage, heard_message, recorded
+from console.traffic.play import moved
 from fipa_codec.communicate import decode, encode
-from operate.cli.traffic.listen import HeardMessage, heard_message, recorded
-from operate.cli.traffic.play import moved
 from operate.file_names import FLEET_FILE, LIVE_FILE
 from operate.fleet_file import Fleet
 from operate.recording import index, mcap_file
@@ -32,7 +32,7 @@ from operate.recording.records import Spoken
 
 pytestmark = pytest.mark.zenoh
 POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"
-ROCO = [sys.executable, "-m", "operate.cli"]
+ROCO = [sys.executable, "-m", "console"]
 DEADLINE_S = 40.0
 
 

@@ -18,9 +18,9 @@ from agent_runtime.io.sessions import free_endpoint
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from companion.tools.verbs.hi import Hi, address
-from operate.cli.fleet import starting
-from operate.cli.fleet.local import Local
-from operate.cli.runs import folders
+from console.fleet import starting
+from console.fleet.local import Local
+from console.runs import folders
 from operate.recording.run import Run
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.long, pytest.mark.timeout(900)]
@@ -51,7 +51,7 @@ class Site:
 
     def roco(self, *words: str, **told: str) -> None:
         """`roco` with these variables; it must end well."""
-        command = [sys.executable, "-m", "operate.cli", *words]
+        command = [sys.executable, "-m", "console", *words]
         env = os.environ | told
         done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=120.0)
         assert done.returncode == 0, done.stdout + done.stderr

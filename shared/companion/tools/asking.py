@@ -13,7 +13,7 @@ import msgspec
 
 from companion.asking import ANSWERER, PREFIXES, Answer, Heard, Question, Term, Triple
 from companion.tools.system import SYSTEM
-from operate.cli.errors import ConsoleError, NoRunError
+from console.errors import ConsoleError, NoRunError
 
 if TYPE_CHECKING:
     from operate.recording.run import Run

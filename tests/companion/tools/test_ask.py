@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from operate.cli.__main__ import app
+from console.__main__ import app
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
 IN = (
@@ -166,7 +166,7 @@ def test_what_is_not_installed_is_named(module, extra, tmp_path, monkeypatch):
     missing = f"raise ModuleNotFoundError(\"No module named '{module}'\", name='{module}')\n"
     (tmp_path / f"{module}.py").write_text(missing, encoding="utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    command = [sys.executable, "-m", "operate.cli", "ask", IN, "--run", str(POUR)]
+    command = [sys.executable, "-m", "console", "ask", IN, "--run", str(POUR)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=50, check=False)
     assert done.returncode == 1
     assert f"robot-companion[{extra}]" in done.stderr

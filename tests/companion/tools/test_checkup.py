@@ -3,7 +3,7 @@
 import pytest
 
 from companion.tools.verbs.checkup import CHECKS
-from operate.cli.fleet.checkup import Level
+from console.fleet.checkup import Level
 from velma.errors import GlError
 from velma.sim import gl
 

@@ -16,8 +16,8 @@ import pytest
 from agent_runtime.io.run_files import heartbeat_file, ready_file
 from companion.tools.system import SYSTEM
 from companion.tools.verbs import pour_run
-from operate.cli.terminal.console import Console
-from operate.cli.terminal.draw import Watch
+from console.terminal.console import Console
+from console.terminal.draw import Watch
 from operate.file_names import FLEET_FILE, LIVE_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.live_lines import AgentIn

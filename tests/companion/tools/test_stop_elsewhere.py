@@ -32,7 +32,7 @@ elsewhere.mkdir()
 loops = []
 
 def roco(*words):
-    command = [sys.executable, "-P", "-m", "operate.cli", *words]
+    command = [sys.executable, "-P", "-m", "console", *words]
     done = subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=False)
     print(done.returncode, done.stdout.strip(), done.stderr.strip(), sep="|")
 

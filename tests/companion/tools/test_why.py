@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from companion.languages import hfsm, rc
 from companion.tools.why import _ends
-from operate.cli.__main__ import app
+from console.__main__ import app
 
 pytestmark = pytest.mark.usefixtures("answered_here")
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from companion.languages.facts import Kind, fact
 from companion.skills.loop_messages import Cancel, LookAgain, Mode, Phase, Release, motion
 from companion.tools.verbs.hi import Hi
-from operate.cli.__main__ import app
+from console.__main__ import app
 from services.executor.loop.__main__ import build
 from services.executor.loop.backends import PARTS
 from services.executor.loop.link import AgentLink, StopLink

@@ -68,7 +68,7 @@ def recording(path: Path, compression: str, packed: bytes, says: int) -> Path:
 MEASURED = """
 import json, re, sys
 from typer.testing import CliRunner
-from operate.cli.__main__ import app
+from console.__main__ import app
 for words in json.loads(sys.argv[1]):
     done = CliRunner().invoke(app, words)
     (peak,) = re.findall(r"VmHWM:\\s+(\\d+) kB", open("/proc/self/status").read())

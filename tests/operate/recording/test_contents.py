@@ -11,7 +11,7 @@ from synthetic import Run
 from typer.testing import CliRunner
 
 from companion.tools.system import SYSTEM
-from operate.cli.__main__ import app
+from console.__main__ import app
 from operate.recording import mcap_file
 from operate.recording.contents import Contents, contents, digest, versions_now
 from operate.recording.mcap_file import Recording, topic

@@ -15,7 +15,7 @@ from synthetic import Run
 from typer.testing import CliRunner
 
 from companion.tools.system import SYSTEM
-from operate.cli.__main__ import app
+from console.__main__ import app
 from operate.recording import mcap_file
 from operate.recording.contents import contents
 from operate.recording.mcap_file import Recording, read

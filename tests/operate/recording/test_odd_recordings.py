@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from companion.tools.asking import known
 from companion.tools.system import SYSTEM
-from operate.cli.__main__ import app
+from console.__main__ import app
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
 from operate.recording.run import opened

@@ -17,7 +17,7 @@ import pytest
 
 from agent_runtime.io.issuing import issue
 from companion.design import DESIGN
-from operate.cli.runs import folders
+from console.runs import folders
 from operate.file_names import LOCK_FILE
 from operate.fleet_file import ProcessState
 from operate.supervisor.folder import KeptError, kept
@@ -62,7 +62,7 @@ def supervise(start: Start, *options: str, only: str = "router") -> "subprocess.
 
 def roco(start: Start, *words: str) -> tuple[int, str]:
     """The exit code of `roco`, and what it said."""
-    process = start("operate.cli", *words)
+    process = start("console", *words)
     said = "".join(process.communicate(timeout=PATIENCE_S))
     return process.returncode, said
 
@@ -222,7 +222,7 @@ def test_of_two_supervisors_one_is_refused_in_words(run: Path, start: Start) -> 
 
 def test_of_two_up_at_once_one_wins_and_the_other_ends_nothing(run: Path, start: Start) -> None:
     """Whichever: the one that is refused says so, and the fleet of the other is whole."""
-    words = ("operate.cli", "up", "--only", "router", "--insecure", "--out", str(run))
+    words = ("console", "up", "--only", "router", "--insecure", "--out", str(run))
     both = [start(*words), start(*words)]
     said = ["".join(process.communicate(timeout=PATIENCE_S)) for process in both]
     assert sorted(process.returncode for process in both) == [0, 1], said

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.process
 
 ALONE = ["unshare", "--map-root-user", "--net"]
 SIX = ["sh", "-c", 'ip link set lo up && ip address del 127.0.0.1/8 dev lo && exec "$@"', "sh"]
-ROCO = [sys.executable, "-P", "-m", "operate.cli"]
+ROCO = [sys.executable, "-P", "-m", "console"]
 WORDS = "processes cannot meet on 127.0.0.1 ("
 
 

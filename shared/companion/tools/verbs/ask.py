@@ -9,10 +9,10 @@ import typer
 
 from companion.asking import Question, Refused, Rows, Verdict
 from companion.tools import asking
-from operate.cli.errors import NO, UsageError
-from operate.cli.fleet import targets
-from operate.cli.output import Format, RunDir, problems
-from operate.cli.traffic.selection import Recorded, recording_of
+from console.errors import NO, UsageError
+from console.fleet import targets
+from console.output import Format, RunDir, problems
+from console.traffic.selection import Recorded, recording_of
 
 
 class As(StrEnum):
@@ -111,7 +111,7 @@ def _print_table(told: Rows, known: asking.Known) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from operate.cli.terminal.console import Console
+    from console.terminal.console import Console
 
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in told.columns:

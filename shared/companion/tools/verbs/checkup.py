@@ -11,13 +11,13 @@ import msgspec
 
 from companion.run_files import SLOTS_FILE
 from companion.tools.verbs.hi import HI, tasks
-from operate.cli.errors import ConsoleError
-from operate.cli.fleet import checkup, running_fleets
-from operate.cli.fleet.checkup import Check, Checks, Level
-from operate.cli.fleet.local import Local
-from operate.cli.fleet.picture_ports import GRPC, WEB
-from operate.cli.fleet.process_status import Look
-from operate.cli.fleet.targets import Target
+from console.errors import ConsoleError
+from console.fleet import checkup, running_fleets
+from console.fleet.checkup import Check, Checks, Level
+from console.fleet.local import Local
+from console.fleet.picture_ports import GRPC, WEB
+from console.fleet.process_status import Look
+from console.fleet.targets import Target
 from velma import compiled
 from velma.errors import GlError
 from velma.sim import gl

@@ -22,15 +22,15 @@ from companion.languages import values
 from companion.run_files import DISTURBANCES_FILE
 from companion.tools.verbs.checkup import BACKEND
 from companion.tools.verbs.checkup import LOOP_PROCESS as LOOP
-from operate.cli import interrupts
-from operate.cli.completion import among
-from operate.cli.errors import ConsoleError, FleetError, UsageError
-from operate.cli.faults import inflict, moments
-from operate.cli.faults.kinds import Kind
-from operate.cli.faults.verbs import WITHIN_S, At, Within, heal_left, lasted
-from operate.cli.fleet import targets
-from operate.cli.fleet.targets import Target
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
+from console import interrupts
+from console.completion import among
+from console.errors import ConsoleError, FleetError, UsageError
+from console.faults import inflict, moments
+from console.faults.kinds import Kind
+from console.faults.verbs import WITHIN_S, At, Within, heal_left, lasted
+from console.fleet import targets
+from console.fleet.targets import Target
+from console.output import Form, Format, RunDir, problems, tell_json
 from operate.fault_lines import Fault
 from operate.fault_proxy.files import WIRES_FILE
 from velma.errors import VelmaError

@@ -15,12 +15,12 @@ import msgspec
 
 from companion import loopback
 from companion.run_files import HI_FILE, HiAddress, Say, TaskLine
+from console.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError
+from console.fleet import targets
+from console.fleet.targets import Target
+from console.output import Format
+from console.runs import folders
 from operate import proc
-from operate.cli.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError
-from operate.cli.fleet import targets
-from operate.cli.fleet.targets import Target
-from operate.cli.output import Format
-from operate.cli.runs import folders
 from operate.file_names import LATEST
 from operate.fleet_file import ProcessState
 

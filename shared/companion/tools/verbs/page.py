@@ -12,12 +12,12 @@ import typer
 from companion.loopback import HERE, answered
 from companion.run_files import PAGE_FILE, PageAddress, Pairing
 from companion.tools.verbs.hi import PAGE, PERIOD_S, starting, when_started
-from operate.cli.errors import NOTHING_RUNS, ConsoleError
-from operate.cli.fleet import targets
-from operate.cli.fleet.local import Local
-from operate.cli.fleet.targets import Target
-from operate.cli.output import Form, Format, RunDir, problems, tell_json
-from operate.cli.runs import folders
+from console.errors import NOTHING_RUNS, ConsoleError
+from console.fleet import targets
+from console.fleet.local import Local
+from console.fleet.targets import Target
+from console.output import Form, Format, RunDir, problems, tell_json
+from console.runs import folders
 
 ANSWER_S = 5.0  # estimate: the page answers in milliseconds
 STARTING_S = 10.0  # estimate: it listens a second after its fleet is ready

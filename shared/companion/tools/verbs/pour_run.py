@@ -25,20 +25,20 @@ from companion.tools.system import JOB
 from companion.tools.verbs import checkup
 from companion.tools.verbs.hi import ON_ITS_WAY, Hi, HiError, address
 from companion.tools.verbs.page import door_when_there
-from operate.cli import interrupts
-from operate.cli.errors import ConsoleError, UsageError
-from operate.cli.fleet import running_fleets, starting, up, view
-from operate.cli.fleet.local import Local
-from operate.cli.fleet.process_status import Look, stuck
-from operate.cli.fleet.tasks import ENDED
-from operate.cli.fleet.up import Rate, SceneFile, Speed
-from operate.cli.output import FirstSeed, Form, Format, Seed, problems, waiting
-from operate.cli.runs import folders
-from operate.cli.runs.experiment import Count, MostLoad, Place, Resume, Timeout, repeated
-from operate.cli.runs.trials import Asked
-from operate.cli.terminal.console import Console
-from operate.cli.terminal.draw import Watch
-from operate.cli.terminal.run_state import View
+from console import interrupts
+from console.errors import ConsoleError, UsageError
+from console.fleet import running_fleets, starting, up, view
+from console.fleet.local import Local
+from console.fleet.process_status import Look, stuck
+from console.fleet.tasks import ENDED
+from console.fleet.up import Rate, SceneFile, Speed
+from console.output import FirstSeed, Form, Format, Seed, problems, waiting
+from console.runs import folders
+from console.runs.experiment import Count, MostLoad, Place, Resume, Timeout, repeated
+from console.runs.trials import Asked
+from console.terminal.console import Console
+from console.terminal.draw import Watch
+from console.terminal.run_state import View
 from operate.file_names import REPORT_FILE
 from operate.system import here
 from velma.sim import gl

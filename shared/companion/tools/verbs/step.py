@@ -14,10 +14,10 @@ from companion.languages.cmd import TaskState
 from companion.run_files import TaskLine
 from companion.tools.verbs.hi import Hi, address
 from companion.tools.verbs.talk import tell_task
-from operate.cli.errors import NO, ConsoleError, UsageError
-from operate.cli.fleet import operator, targets
-from operate.cli.fleet.targets import Target
-from operate.cli.output import Form, Format, Reply, RunDir, problems, tell
+from console.errors import NO, ConsoleError, UsageError
+from console.fleet import operator, targets
+from console.fleet.targets import Target
+from console.output import Form, Format, Reply, RunDir, problems, tell
 
 TAKEN_S = 5.0  # estimate: ta, co and hi take a step each, in milliseconds
 PERIOD_S = 0.1

@@ -1,6 +1,6 @@
-"""The verbs of `roco` that only this robot has: rows beside those of operate.cli.verbs."""
+"""The verbs of `roco` that only this robot has: rows beside those of console.verbs."""
 
-from operate.cli.verbs import Table
+from console.verbs import Table
 
 ROOM = "companion.tools.verbs"
 VERBS: Table = {

@@ -37,12 +37,12 @@ from companion.tools.verbs.hi import (
     terminal,
     when_started,
 )
-from operate.cli.errors import NO, ConsoleError, FleetError, UsageError
-from operate.cli.fleet import targets
-from operate.cli.fleet.local import Local
-from operate.cli.fleet.targets import Target
-from operate.cli.fleet.tasks import ENDED
-from operate.cli.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
+from console.errors import NO, ConsoleError, FleetError, UsageError
+from console.fleet import targets
+from console.fleet.local import Local
+from console.fleet.targets import Target
+from console.fleet.tasks import ENDED
+from console.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
 
 TAKEN_S = 15.0  # estimate: co agrees within milliseconds; one that hangs is killed after 6 s
 AWAY_S = 60.0  # estimate: a killed hi is back in seconds, a hung one in ten

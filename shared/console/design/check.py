@@ -1,0 +1,227 @@
+"""`roco design check`: every fault of a design by name, with its place; with a recording also what
+the run shows.
+
+With `--estimate` also what each channel will carry before anything runs; beside a recording, how
+wrong that was. Exit codes: 0 no findings, 1 findings or a figure further off than is wanted, 2 a
+file cannot be read.
+"""
+
+import textwrap
+from collections import Counter
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.table import Table
+
+from console.design import files
+from console.output import Form, Format, option
+from console.terminal.console import Console
+from console.terminal.table import table
+from topdown.check import recorded
+from topdown.check.estimate import Estimate, Measured, estimate, measure
+from topdown.model.design import Design, load
+from topdown.model.findings import Finding
+from topdown.model.rulings import Ruling, rulings
+
+WITHIN = 0.3
+"""The error that is wanted: estimates should be within 30 %."""
+
+
+class EstimateReport(msgspec.Struct, frozen=True):
+    """The estimate for programs. `compared`: each figure with its error."""
+
+    estimate: Estimate
+    narrowest: str
+    slowest: str
+    compared: tuple[tuple[Measured, float | None], ...] = ()
+
+
+def check(
+    file: files.File = None,
+    run: files.Recording = None,
+    ruled: Annotated[
+        bool, option("Also what the design rules, entry by entry.", "--rulings")
+    ] = False,
+    estimated: Annotated[
+        bool,
+        option("Also counts, sizes, bandwidth, latencies, bottlenecks to expect.", "--estimate"),
+    ] = False,
+    within: Annotated[
+        float, option("Of the estimate beside a recording: the error that is wanted, as a share.")
+    ] = WITHIN,
+    form: Form = Format.TEXT,
+) -> None:
+    """Check a design: steps, channels, messages both ways, interfaces, state machines. Exits with 1
+    on a finding.
+
+    Examples:
+      roco design check
+      roco design check design.toml --rulings
+      roco design check --recording runs/latest
+      roco design check --estimate
+    """
+    with files.problems(form):
+        place = files.meant(file)
+        design, heard = load(place), files.observed(run)
+        found = files.findings(design, place)
+        if heard is not None:
+            found += recorded.findings(design, heard)
+        told = rulings(design) if ruled else ()
+        expected = estimate(design) if estimated else None
+        compared = measure(design, expected, heard) if expected and heard is not None else ()
+    answer: dict[str, object] = {"file": str(place), "findings": found, "rulings": told}
+    width, shown = files.width(), files.shown(place)
+    words = [line for one in told for line in _ruling(one, shown, width)]
+    if expected is not None:
+        errors = tuple((one, one.error) for one in compared)
+        report = EstimateReport(expected, expected.narrowest, expected.slowest, errors)
+        answer["estimate"] = report
+    files.tell(answer, form, "\n".join([*words, written(found, shown, design, width)]))
+    if expected is not None and form is Format.TEXT:
+        print()
+        show(expected, compared, within, Console(width=width, highlight=False))
+    if found or any(off(one, within) for one in compared):
+        raise typer.Exit(1)
+
+
+def written(found: tuple[Finding, ...], file: str, design: Design, width: int) -> str:
+    """The findings as people read them, then how many there are of each kind; of a sound design
+    what it has.
+    """
+    if not found:
+        has = design.file
+        counts = {
+            "requirements": len(has.requirement),
+            "steps": len(has.step),
+            "channels": len(design.channels),
+            "protocols": len(has.protocol),
+            "messages": sum(len(use.message) for use in has.protocol),
+            "agents": len(has.agent),
+            "states": sum(len(one.state) for one in has.agent),
+        }
+        inventory = ", ".join(f"{count} {name}" for name, count in counts.items())
+        whole = f"{file}: no findings in {inventory}"
+        return "\n".join(textwrap.wrap(whole, width, subsequent_indent="  "))
+    lines: list[str] = []
+    for finding in found:
+        lines.append(f"{_place(file, finding.line)}: {finding.kind}")
+        lines += _wrapped(f"{finding.where}: {finding.wrong}", width, "  ")
+        lines += [*_wrapped(finding.right, width, "  -> "), ""]
+    counted = Counter(finding.kind for finding in found).most_common()
+    summary = f"{len(found)} findings: " + ", ".join(f"{count} {kind}" for kind, count in counted)
+    return "\n".join([*lines, *textwrap.wrap(summary, width, subsequent_indent="  ")])
+
+
+def _ruling(one: Ruling, file: str, width: int) -> list[str]:
+    words = " ".join(one.text.split())
+    return [f"{_place(file, one.line)}: ruling on {one.where}", *_wrapped(words, width, "  "), ""]
+
+
+def _place(file: str, line: int | None) -> str:
+    return f"{file}:{line}" if line else file
+
+
+def _wrapped(text: str, width: int, first: str) -> list[str]:
+    return textwrap.wrap(
+        text, width, initial_indent=first, subsequent_indent=" " * (len(first) + 2)
+    )
+
+
+# --- The estimate ---------------------------------------------------------------------------------
+
+
+def off(one: Measured, within: float) -> bool:
+    """Whether an estimate is further off than wanted."""
+    return one.error is not None and abs(one.error) > within
+
+
+def show(found: Estimate, compared: tuple[Measured, ...], within: float, console: Console) -> None:
+    """Print it for people."""
+    console.print(_channels(found))
+    console.print()
+    console.print(_uses(found))
+    if any(0 < one.budget_s < one.latency_s for one in found.uses):
+        console.print("! over the budget of the design")
+    console.print()
+    if found.seconds:
+        console.print(f"the whole takes {found.seconds:.3g} s")
+    if found.narrowest:
+        busy = _bits(found.channels[found.narrowest].busy_bit_s)
+        console.print(f"narrowest: channel {found.narrowest}, {busy} while it is busy")
+    if found.slowest:
+        share = max(one.share for one in found.uses)
+        console.print(f"slowest: {found.slowest}, in which {share:.0%} of the time passes")
+    if found.missing:
+        taken = "counted once, shortest, as large as the budgets allow"
+        console.print(f"without figures, so {taken}: {', '.join(found.missing)}")
+    if compared:
+        console.print()
+        console.print(_beside(compared, within))
+        known = [one for one in compared if one.error is not None]
+        near = [one for one in known if not off(one, within)]
+        console.print(f"{len(near)} of {len(known)} figures are within {within:.0%}")
+
+
+def _channels(found: Estimate) -> Table:
+    drawn = _table("channel", "communicates", "bytes", "at most", "mean", "busy")
+    for name, carried in found.channels.items():
+        sizes = (_scaled(carried.bytes, "B"), _scaled(carried.most_bytes, "B"))
+        rates = (_bits(carried.mean_bit_s), _bits(carried.busy_bit_s))
+        drawn.add_row(name, f"{carried.communicates:.4g}", *sizes, *rates)
+    return drawn
+
+
+def _uses(found: Estimate) -> Table:
+    times = ("one takes", "answer", "budget", "of the time")
+    drawn = _table("protocol", "channel", "conversations", *times)
+    for one in found.uses:
+        over = " !" if 0 < one.budget_s < one.latency_s else ""
+        took = (_seconds(one.seconds), _seconds(one.latency_s), _seconds(one.budget_s) + over)
+        share = f"{one.share:.0%}" if one.share else ""
+        drawn.add_row(one.use, one.channel, f"{one.conversations:.4g}", *took, share)
+    return drawn
+
+
+def _beside(compared: tuple[Measured, ...], within: float) -> Table:
+    """A row for each figure: estimated, recorded, error."""
+    drawn = _table("of", "figure", "estimated", "recorded", "error")
+    for one in compared:
+        if one.estimated or one.recorded:
+            figures = (_figure(one.estimated, one.unit), _figure(one.recorded, one.unit))
+            error = "" if one.error is None else f"{one.error:+.0%}"
+            style = "yellow" if off(one, within) else ""
+            drawn.add_row(one.where, one.what, *figures, error, style=style)
+    return drawn
+
+
+def _table(*heads: str) -> Table:
+    numbers = [head for head in heads[1:] if head not in ("channel", "figure")]
+    return table(heads, right=numbers, header_style="bold", padding=(0, 1), pad_edge=False)
+
+
+def _figure(value: float, unit: str) -> str:
+    if unit == "B":
+        return _scaled(value, "B")
+    if unit == "bit/s":
+        return _bits(value)
+    return _seconds(value) if unit == "s" else f"{value:.4g}"
+
+
+def _bits(value: float) -> str:
+    return _scaled(value, "bit/s") if value else ""
+
+
+def _scaled(value: float, unit: str) -> str:
+    """Three digits and a prefix of the SI."""
+    for limit, prefix in ((1e6, "M"), (1e3, "k")):
+        if value >= limit:
+            return f"{float(f'{value / limit:.3g}'):g} {prefix}{unit}"
+    return f"{value:.3g} {unit}"
+
+
+def _seconds(value: float) -> str:
+    """Short ones in ms; nothing for 0."""
+    if not value:
+        return ""
+    return f"{value:.3g} s" if value >= 1 else f"{1000 * value:.3g} ms"

@@ -1,0 +1,161 @@
+"""`roco design verify`: the proof of a design in three layers, before anything runs.
+
+Exit codes: 0 all holds, 1 something was found or is open, 2 a file cannot be read or an option
+makes no sense.
+"""
+
+import textwrap
+from functools import partial
+from typing import Annotated
+
+import msgspec
+import typer
+
+from console import completion
+from console.design import files
+from console.output import Form, Format, option
+from console.terminal.console import Console
+from topdown.model.design import load
+from topdown.prove import counterexample, durable, volatile
+from topdown.prove.abstractions import ABSTRACTIONS, NOT_PROVEN
+from topdown.prove.verify import LAYERS, Task, Verdict, tasks
+
+ANY = "any"
+TITLES = {
+    1: "Layer 1: the durable stream and physical acts, in micro-steps",
+    2: "Layer 2: each use of a protocol, copies and receipts explicit",
+    3: "Layer 3: all agents composed, on ideal queues",
+}
+
+FAULTS = option(
+    "How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.", complete=completion.faults
+)
+ONE_LAYER = option("Only this layer; may be given again.", "--layer", complete=completion.layers)
+STEP = option(
+    "Only the channels that this step of the design created or changed.", complete=completion.steps
+)
+GONE = option(
+    "Besides: this agent may die for good, and wishes of persons still end.",
+    complete=completion.agents,
+)
+SECONDS = option("CPU seconds for each verdict; what is open then is said.")
+SKIP_START = option("Leave out the start of all agents (layer 3).", "--skip-start")
+LONG = option("Also what the model leaves out, and why that is safe.", "--long")
+
+
+def verify(
+    file: files.File = None,
+    faults: Annotated[str, FAULTS] = "1",
+    layer: Annotated[list[int] | None, ONE_LAYER] = None,
+    step: Annotated[int | None, STEP] = None,
+    gone: Annotated[list[str] | None, GONE] = None,
+    seconds: Annotated[float | None, SECONDS] = None,
+    skip_start: Annotated[bool, SKIP_START] = False,
+    long: Annotated[bool, LONG] = False,
+    form: Form = Format.TEXT,
+) -> None:
+    """Prove a design: no deadlock, nothing unforeseen, every conversation ends, no act twice, no
+    stale plan.
+
+    Examples:
+      roco design verify
+      roco design verify --format json
+    """
+    with files.problems(form):
+        place = files.meant(file)
+        most, wanted = _most(faults), tuple(layer or LAYERS)
+        asked = partial(tasks, faults=most, layers=wanted, step=step, gone=gone or ())
+        try:
+            work = tuple(asked(load(place), seconds=seconds, skip_start=skip_start))
+        except IndexError as error:
+            raise ValueError(str(error)) from error
+        if not work:
+            raise ValueError(
+                "nothing to prove; layers are 1, 2, 3, and a step changes channels of layer 2 only"
+            )
+        verdicts = _verdicts(work, form)
+    files.tell(
+        [_plain(verdict) for verdict in verdicts], form, summary(verdicts, files.width(), long=long)
+    )
+    if not all(verdict.holds for verdict in verdicts):
+        raise typer.Exit(1)
+
+
+def _most(faults: str) -> int | None:
+    if faults == ANY:
+        return None
+    if not faults.isdigit():
+        raise ValueError(f"--faults {faults!r} is no number; say 0, 1, 2 or {ANY}")
+    return int(faults)
+
+
+def _verdicts(work: tuple[Task, ...], form: Format) -> list[Verdict]:
+    """Each verdict as it comes, with progress on a terminal."""
+    verdicts: list[Verdict] = []
+    console, shown = Console(stderr=True), 0
+    for task in work:
+        if form is Format.TEXT and task.layer != shown:
+            shown = task.layer
+            print(TITLES[shown])
+        with console.status(f"{task.what} ..." if console.is_terminal else "") as status:
+            verdict = task.run(
+                lambda states, waiting, what=task.what: status.update(  # type: ignore[misc]
+                    f"{what}: {states} states, {waiting} still to look at"
+                )
+            )
+        verdicts.append(verdict)
+        if form is Format.TEXT:
+            print(line(verdict, files.width()))
+    return verdicts
+
+
+def line(verdict: Verdict, width: int) -> str:
+    """A verdict in a line, and what is wrong or open below it."""
+    count = verdict.faults
+    faults = "any faults" if count is None else f"{count} fault{'s' * (count != 1)}"
+    word = "holds" if verdict.holds else "FAILS" if verdict.findings else "open"
+    took = f"{verdict.states:>9,} states  {verdict.seconds:6.1f} s"
+    lines = [f"  {verdict.what:<28} {faults:<11}{took}  {word}"]
+    for text in verdict.open:
+        lines += textwrap.wrap(text, width, initial_indent="      ", subsequent_indent="      ")
+    lines += [f"\n{counterexample.as_text(finding, width)}\n" for finding in verdict.findings]
+    return "\n".join(lines)
+
+
+def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
+    """A summary of all verdicts, and of what none of them covers."""
+    failed = sum(bool(verdict.findings) for verdict in verdicts)
+    opened = sum(bool(verdict.open) for verdict in verdicts)
+    states = sum(verdict.states for verdict in verdicts)
+    lines = [f"{len(verdicts)} verdicts, {states:,} states: {failed} fail, {opened} open"]
+    notes = [note for verdict in verdicts for note in verdict.notes]
+    if notes and not long:
+        lines.append(f"{len(notes)} rows or states were not needed by any path; --long lists them")
+    if long:
+        lines += ["", "Not needed by any path:", *(f"  {note}" for note in notes or ["nothing"])]
+        lines += ["", "What the composed model leaves out, and why that is safe:"]
+        for one in ABSTRACTIONS:
+            lines += _item(f"{one.what}: {one.why}. Shown by: {one.shown}.", width)
+        models = {"durable": durable.ABSTRACTIONS, "volatile": volatile.ABSTRACTIONS}
+        for title, table in models.items():
+            lines += ["", f"What the models of {title} uses leave out, and why that is safe:"]
+            lines += [line for what, why in table for line in _item(f"{what}: {why}.", width)]
+    lines += ["", "Not proven by any layer:"]
+    for text in (*(text for verdict in verdicts for text in verdict.beyond), *NOT_PROVEN):
+        lines += _item(text, width)
+    return "\n".join(lines)
+
+
+def _item(text: str, width: int) -> list[str]:
+    return textwrap.wrap(f"- {text}", width, subsequent_indent="  ")
+
+
+def _plain(verdict: Verdict) -> dict[str, object]:
+    """A verdict for programs."""
+    findings = []
+    for one in verdict.findings:
+        trace = [{"who": step.who, "what": step.what} for step in one.trace]
+        findings.append({"kind": one.kind, "text": one.text, "trace": trace})
+    fields = {name: getattr(verdict, name) for name in verdict._fields if name != "findings"}
+    kept: dict[str, object] = msgspec.to_builtins(fields)
+    return {**kept, "holds": verdict.holds, "findings": findings}

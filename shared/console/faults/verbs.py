@@ -1,0 +1,238 @@
+"""`roco fault KIND PROCESS`, `list`, `heal`: faults done on purpose, recorded, healed at the
+end.
+"""
+
+from datetime import datetime
+from functools import partial
+from typing import Annotated
+
+import msgspec
+
+from console import completion, interrupts
+from console.errors import UsageError
+from console.faults import inflict, moments
+from console.faults.kinds import KINDS, VERBS, Kind
+from console.fleet import targets
+from console.output import (
+    Form,
+    Format,
+    Reply,
+    RunDir,
+    argument,
+    option,
+    problems,
+    tell,
+    tell_json,
+    tell_problem,
+)
+from console.terminal.console import Console
+from console.terminal.table import table
+from operate.fault_lines import Fault, latest, read
+
+Process = Annotated[str, argument("A process.", complete=targets.processes, metavar="PROCESS")]
+At = Annotated[
+    str,
+    option(
+        "When it begins: seconds from now, a state (STATE or AGENT:STATE), the Nth message of"
+        " the process (3rd-message), an event of the run (event:NAME) or a step of the plan"
+        " (plan:STEP); else at once.",
+        "--at",
+        complete=completion.moments,
+        metavar="MOMENT",
+    ),
+]
+Within = Annotated[float, option("Seconds to wait for the moment.", "--within", min=0.1)]
+HEADS = ("begun", "fault", "lasted", "what came of it")
+WITHIN_S = 300.0
+"""Estimate: longer than a pour on a loaded machine."""
+
+
+class Faults(msgspec.Struct, frozen=True):
+    """`roco fault list --format json`. `healed`: those whose command was gone, just now."""
+
+    where: str
+    faults: tuple[Fault, ...]
+    healed: tuple[Fault, ...]
+
+
+def kinds(incomplete: str) -> list[str]:
+    """The kinds of faults for the shell to complete, and the verbs that begin with `fault`."""
+    from console.lazy import added
+    from console.verbs import VERBS as TABLE
+    from console.verbs import merged
+
+    rows = [words for panel in merged(TABLE, added()).values() for words in panel]
+    below = [words.removeprefix("fault ") for words in rows if words.startswith("fault ")]
+    return completion.among((*VERBS, *below), incomplete)
+
+
+def fault(
+    kind: Annotated[str, argument("What is done to it.", complete=kinds, metavar="KIND")],
+    process: Process,
+    amount: Annotated[
+        float | None,
+        argument("delay, clock: seconds; loss, corrupt: a share; rate: bytes.", metavar="[AMOUNT]"),
+    ] = None,
+    per_second: Annotated[
+        float | None, option("flood: so many a second; else 500.", min=1.0)
+    ] = None,
+    speaker: Annotated[
+        str,
+        option(
+            "flood: who floods, the operator or a peer.",
+            "--as",
+            complete=completion.agents,
+            metavar="NAME",
+        ),
+    ] = "",
+    at: At = "",
+    for_: Annotated[
+        float | None,
+        option("Seconds until it is healed; else as its kind has it.", "--for", min=0.0),
+    ] = None,
+    within: Within = WITHIN_S,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Do a fault to a process of a running fleet; it is recorded, and healed at its end.
+
+    kill: kill a process (SIGKILL), and wait until it is back; with --for it is kept down so long.
+
+    hang: let it hang (SIGSTOP) until somebody ends it: who supervises it, `roco fault heal`, or the
+    time --for.
+
+    pause: give it no processor for a time (SIGSTOP, then SIGCONT).
+
+    restart: end it in order (SIGTERM) in the middle of its work, and wait until it is back.
+
+    cut: cut the wires of an agent, as if its plug were pulled; a router: all to it; AGENT-PEER: the
+    link of the two.
+
+    delay: delay what passes the wires of an agent, each way, by AMOUNT seconds.
+
+    loss: lose a share of what passes the wires of an agent; TCP sends it again, later.
+
+    rate: bound the rate of the wires of an agent, in bytes per second each way.
+
+    corrupt: turn over a bit in a share of what passes the wires of an agent.
+
+    disk-full: let what it writes to files fail, as if its disk were full (EFBIG), until it ends or
+    the time is over.
+
+    flood: flood an agent with orders of the operator, or with copies of what another agent says to
+    it (--as).
+
+    clock: step the wall clock of an agent, forward or below 0 back; its monotonic clock goes on as
+    it was.
+
+    Examples:
+      roco fault kill AGENT
+      roco fault kill AGENT --at 10th-message
+      roco fault kill router --for 5
+      roco fault hang monitor --for 10
+      roco fault pause AGENT --for 1.5
+      roco fault pause router --for 3 --at 20
+      roco fault restart AGENT --at 3rd-message
+      roco fault cut AGENT-PEER
+      roco fault cut AGENT --for 1 --at 5th-message
+      roco fault delay AGENT 0.2
+      roco fault loss AGENT 0.05 --for 10
+      roco fault rate AGENT 20000
+      roco fault corrupt AGENT 0.01
+      roco fault disk-full monitor --for 10
+      roco fault flood AGENT --as PEER --per-second 2000 --for 10
+      roco fault clock AGENT -3600
+    """
+    with problems(form), interrupts.heard():
+        if kind not in VERBS:
+            raise UsageError(f"there is no kind of fault {kind!r}; there are {', '.join(VERBS)}")
+        row = KINDS[kind]
+        much = amount_of(kind, row, amount, per_second)
+        if speaker and not row.speaker:
+            raise UsageError(f"nobody speaks in a fault of kind {kind}; leave --as out")
+        if for_ is not None and row.for_s is None:
+            raise UsageError(f"{kind} has no --for: it is over when the process is back")
+        for_s = for_ if for_ is not None else row.for_s or 0.0
+        fleet = targets.find(target, run_dir)
+        inflict.refuse(fleet)
+        moment = moments.parse(at, fleet.system.design, process)
+        heal_left(fleet, form)
+        done = row.timed if row.timed and for_s else kind
+        planned = inflict.planned(fleet, done, process, moments.moment_text(moment), much, speaker)
+        wait = partial(moments.wait, moment, within, target, run_dir)
+        told = print if form is Format.TEXT else lambda _: None
+        ended = inflict.Inflicting(fleet, planned).run(wait, for_s, told)
+        tell(ended, form, f"{ended.words}: {ended.text}, {lasted(ended):.1f} s")
+
+
+def amount_of(kind: str, row: Kind, amount: float | None, per_second: float | None) -> float:
+    """The amount of a fault, 0 for a kind without. Raise UsageError where it is missing, wrong, or
+    of another kind.
+    """
+    has = row.amount
+    optional = has is not None and has.option != ""
+    if per_second is not None and not optional:
+        raise UsageError(f"{kind} has no --per-second; a flood has")
+    if amount is not None and (has is None or optional):
+        raise UsageError(f"{kind} has no amount; leave {amount:g} out")
+    if has is None:
+        return 0.0
+    given = per_second if optional else amount
+    given = given if given is not None else has.default
+    if given is None:
+        raise UsageError(f"{kind} needs {has.metavar} behind the process: {has.text}")
+    least, most = has.least, has.most
+    if (least is not None and given < least) or (most is not None and given > most):
+        bounds = f"{least:g} at least" + (f", {most:g} at most" if most is not None else "")
+        raise UsageError(f"{kind}: {has.metavar} is {given:g}; it must be {bounds}")
+    return given
+
+
+def heal_left(fleet: targets.Target, form: Format) -> None:
+    """Heal the faults whose command is gone, and tell of each."""
+    for one in inflict.heal(fleet, inflict.left(fleet)):
+        tell_problem(f"{one.words}: its command was gone; healed", form)
+
+
+def list_(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+    """List the faults of a run; those whose command was killed are healed first.
+
+    Examples:
+      roco fault list
+      roco fault list --format json
+    """
+    with problems(form):
+        fleet = targets.find(target, run_dir)
+        healed = inflict.heal(fleet, inflict.left(fleet))
+        every = latest(read(fleet.faults()))
+        if form is Format.JSON:
+            tell_json(Faults(fleet.where, every, tuple(healed)))
+        elif every:
+            Console().print(table(HEADS, map(_row, every), fold=HEADS))
+        else:
+            print(f"no fault was done to {fleet.where}")
+
+
+def heal(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
+    """Heal all faults that go on, also those of commands that run.
+
+    Examples:
+      roco fault heal
+    """
+    with problems(form):
+        fleet = targets.find(target, run_dir)
+        healed = inflict.heal(fleet, inflict.open_faults(fleet))
+        words = "\n".join(f"{one.words}: healed" for one in healed) or "no fault goes on"
+        tell(Reply(words, fleet.where), form)
+
+
+def lasted(fault: Fault) -> float:
+    """Return how long a fault lasted [s]; so far, where it goes on."""
+    return (fault.ended or fault.t) - fault.began if fault.began else 0.0
+
+
+def _row(one: Fault) -> tuple[str, ...]:
+    began = f"{datetime.fromtimestamp(one.began):%H:%M:%S}" if one.began else "–"
+    now = one.text or ("goes on" if one.began else "waits for its moment")
+    return began, one.words, f"{lasted(one):.1f} s" if one.ended else "", now
