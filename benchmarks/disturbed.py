@@ -48,7 +48,7 @@ from companion.tasks.pour.done import Pour, PourKind
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess
 from services.task.outgoing_messages import SURVEY
-from velma.model.contacts import Kind as Meets
+from velma.model.build import Kind as Meets
 from velma.model.kinds import Model
 from velma.model.scene import CANONICAL, Scene, SceneObject, load, vary
 from velma.model.scene_xml import scene_xml

@@ -22,8 +22,8 @@ from companion.skills.loop_messages import Motion, Phase, motion
 from services.executor.loop.core import LoopCore
 from services.executor.loop.memory import MEMORY, Keeper
 from velma.model import scene
-from velma.model.grains import grain_name
 from velma.model.scene import Content
+from velma.model.scene_xml import grain_name
 from velma.sim.mujoco_backend import MujocoBackend
 
 CYCLES, GRAINS, SPINS = 3000, 30, (False, True)

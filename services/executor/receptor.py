@@ -19,9 +19,9 @@ from services.executor.eye_messages import uncertainty
 from velma import names
 from velma.eyes import content
 from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH
-from velma.model.grains import GRAIN
 from velma.model.kinds import Model
 from velma.model.scene import Noise
+from velma.model.scene_xml import GRAIN
 
 # Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less to see
 # held things (estimate).

@@ -21,8 +21,8 @@ from velma.eyes.lens import lens
 from velma.eyes.pictures import jpeg, smaller
 from velma.eyes.seeing import Eyes, Seen, eyes_of
 from velma.model.scene import Scene
+from velma.sim.disturbed_world import SpoiledPictures
 from velma.sim.photographs import Photographs
-from velma.sim.spoiled_senses import SpoiledPictures
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

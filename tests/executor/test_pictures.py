@@ -20,9 +20,8 @@ from services.executor.telemetry import AGAIN_S, LATE_S, PAUSE_S, STILL, Picture
 from velma.eyes.lens import HEIGHT, WIDTH
 from velma.eyes.pictures import smaller
 from velma.model.scene import load
-from velma.sim.head_camera import HeadCamera
 from velma.sim.mujoco_backend import MujocoBackend, compiled
-from velma.sim.photographs import marked
+from velma.sim.photographs import HeadCamera, marked
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(250)]
 

@@ -1,19 +1,29 @@
 """Writes a scene as MJCF around the robot: furniture, vessels, and the settings of the physics.
 
 Contact shapes (groups 0 and 3) and visual shapes (group 1) are separate: a vessel is plates and
-rings for physics and a smooth surface for pictures. Names: a body per thing under its id; those of
-content are in grains.py.
+rings for physics and a smooth surface for pictures. Names: a body per thing under its id, and
+`grain_<k>` for each ball of the content.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from xml.etree import ElementTree as ET
 
-from velma.model import grains, surfaces
-from velma.model.build import ROBOT_XML, quat_wxyz, text
-from velma.model.contacts import LOOK_CLASS, SHAPE_GROUP, Kind, add_class, masks
+import numpy as np
+
+from velma.model import surfaces
+from velma.model.build import (
+    LOOK_CLASS,
+    ROBOT_XML,
+    SHAPE_GROUP,
+    Kind,
+    add_class,
+    masks,
+    quat_wxyz,
+    text,
+)
 from velma.model.kinds import BOXES, CABINETS, DOORS, TABLES, Model, Numbers, objects
-from velma.model.scene import Scene, SceneObject
+from velma.model.scene import Content, Scene, SceneObject, Vector
 from velma.names import FT_BODY
 
 WRIST_SENSORS = ("force", "torque")
@@ -35,14 +45,14 @@ def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
     default, world = root.find("default"), root.find("worldbody")
     assert default is not None
     assert world is not None
-    _classes(default, grains.contacts(objects(), scene.content))
+    _classes(default, _contacts(scene.content))
     surfaces.studio(root, world, offscreen)
     _wrists(root)
     for thing in scene.things:
         _DRAW[thing.model](world, thing)
     vessel = scene.find(scene.content.inside) if scene.content else None
     if vessel is not None and scene.content is not None:
-        grains.add(world, objects(), vessel.xyz, scene.content)
+        _add_grains(world, vessel.xyz, scene.content)
     return ET.tostring(root, encoding="unicode")
 
 
@@ -226,3 +236,70 @@ _DRAW = {
     **dict.fromkeys(BOXES, _box),
     **dict.fromkeys(DOORS, _door),
 }
+
+
+# --- The content of a jar: balls ------------------------------------------------------------------
+# Grains that do not spin slide along three axes, and their coordinates count from where they begin.
+# Those that spin have a free joint, and theirs are in the world: the first three of both are along
+# the axes of the world.
+
+AXES = ("1 0 0", "0 1 0", "0 0 1")
+GRAIN = "grain_"
+"""The body of the k-th grain is GRAIN and k."""
+
+
+def grain_name(k: int) -> str:
+    """Return the body of the k-th grain."""
+    return f"{GRAIN}{k}"
+
+
+def _contacts(content: Content | None) -> Numbers:
+    """Return the numbers of all contacts, those of grains and of the inside of a jar as the content
+    says.
+    """
+    contact: dict[str, Numbers] = dict(objects()["contact"])
+    if content is not None and content.friction is not None:
+        inner = contact["inner"]
+        contact["inner"] = {**inner, "friction": [content.friction, *inner["friction"][1:]]}
+    if content is not None and content.spin:
+        spin = objects()["spin"]
+        for kind in ("grain", "inner"):
+            friction = [contact[kind]["friction"][0], spin["about_normal"], spin["rolling"]]
+            contact[kind] = {**contact[kind], "friction": friction, "condim": spin["condim"]}
+    return contact
+
+
+def _add_grains(world: ET.Element, jar: Vector, content: Content) -> None:
+    """Add the grains, in a jar whose centre is at `jar` [m]."""
+    grain = objects()["grain"]
+    for k, at in zip(
+        range(content.grains), _stacked(objects()["jar"], grain["radius"]), strict=False
+    ):
+        body = ET.SubElement(world, "body", name=grain_name(k), pos=text(np.add(jar, at)))
+        if content.spin:
+            ET.SubElement(body, "freejoint")
+        else:
+            for axis in AXES:
+                ET.SubElement(body, "joint", type="slide", axis=axis)
+        look = {"class": "grain", "material": "grain"}
+        size = text([grain["radius"]])
+        ET.SubElement(
+            body, "geom", {"type": "sphere", "size": size, "mass": text([grain["mass"]]), **look}
+        )
+
+
+def _stacked(jar: Numbers, radius: float) -> Iterator[Vector]:
+    """Yield places in a jar without overlap, layer by layer from the bottom, in the frame of the
+    jar.
+    """
+    room = jar["radius"] - jar["wall"] - radius - 0.0015
+    pitch = 2.06 * radius
+    reach = int(room / pitch) + 2
+    for layer in range(int(jar["height"] / pitch)):
+        z = -jar["height"] / 2 + 0.006 + radius + 0.95 * pitch * layer
+        shift = 0.25 * pitch * (layer % 2)
+        for ix in range(-reach, reach + 1):
+            for iy in range(-reach, reach + 1):
+                x, y = (ix + 0.5 * (iy % 2)) * pitch + shift, 0.87 * iy * pitch + shift
+                if math.hypot(x, y) <= room:
+                    yield x, y, z

@@ -1,10 +1,9 @@
 """Faults of a simulated robot's senses and of its world, as plain data, and the file by which they
 are ordered.
 
-A sense is spoiled where the simulated sensor is made (spoiled_senses.py, photographs.py), a thing
-is moved in the simulated world (disturbed_world.py). Only the simulator reads the file: nobody who
-controls the robot is told. What stands in the file goes on; what is taken out of it has ended.
-Simulated robots only.
+disturbed_world.py does what it says to the simulated senses and things. Only the simulator reads
+the file: nobody who controls the robot is told. What stands in the file goes on; what is taken out
+of it has ended. Simulated robots only.
 """
 
 import os

@@ -29,8 +29,7 @@ from velma.sim.backend import (
     at_rest,
 )
 from velma.sim.disturbances import Disturbance, Orders
-from velma.sim.disturbed_world import DisturbedWorld
-from velma.sim.spoiled_senses import SpoiledReadings
+from velma.sim.disturbed_world import DisturbedWorld, SpoiledReadings
 
 # --- MuJoCo's sleep: what is at rest and touched by nothing awake is not simulated ----------------
 

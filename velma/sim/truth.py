@@ -9,10 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from velma.model.grains import grain_name
 from velma.model.kinds import FURNITURE, MOVEABLE, Model, objects
 from velma.model.scene import Scene
-from velma.model.scene_xml import WRIST_SENSORS
+from velma.model.scene_xml import WRIST_SENSORS, grain_name
 from velma.names import BODY, SIDES
 from velma.sim.mujoco_backend import MujocoBackend
 

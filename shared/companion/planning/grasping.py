@@ -10,8 +10,8 @@ from companion.planning import steps
 from companion.planning.methods import fallen
 from companion.planning.situation import Situation, configured, on_wire
 from velma.kinematics.frames import transform
+from velma.kinematics.tasks import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches
-from velma.kinematics.tasks.speeds import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
 
 GRASPS = 8  # estimate: found in 0.1 s
 # [m] height below which no hand reaches a thing: IK 0 of 15 on the floor, from 0.30 to 0.45 m some

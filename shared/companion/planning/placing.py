@@ -27,6 +27,7 @@ from companion.planning.steps import (
 from velma.kinematics.frames import heading, transform
 from velma.kinematics.motion import Motion
 from velma.kinematics.shapes import solid
+from velma.kinematics.tasks import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
 from velma.kinematics.tasks.grasping import LIFT_M, GraspWay
 from velma.kinematics.tasks.inserting import Opening, insertions
 from velma.kinematics.tasks.placing import (
@@ -39,7 +40,6 @@ from velma.kinematics.tasks.placing import (
     turned,
     within,
 )
-from velma.kinematics.tasks.speeds import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
 
 # --- Places to put something down: free spots on flat surfaces that km knows, in reach of the arm,
 # best first

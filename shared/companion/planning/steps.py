@@ -23,8 +23,8 @@ from velma.kinematics import ik, motion
 from velma.kinematics.frames import tilt, transform
 from velma.kinematics.motion import Keep, Motion
 from velma.kinematics.robot import Robot
+from velma.kinematics.tasks import EMPTY_SPEED, LOADED_SPEED
 from velma.kinematics.tasks.carrying import FINGERS, homes, upright
-from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED
 from velma.kinematics.timing import timed
 
 TRIED, ENOUGH = 8, 3  # estimate: more goals make motions hardly quicker, but planning slower

@@ -17,10 +17,9 @@ from companion.skills.situation import Situation
 from velma.kinematics import backing, motion
 from velma.kinematics.frames import heading, level, standing, tilt
 from velma.kinematics.shapes import Cylinder
-from velma.kinematics.tasks import attaching
+from velma.kinematics.tasks import LOADED_SPEED, attaching
 from velma.kinematics.tasks.carrying import upright
 from velma.kinematics.tasks.placing import FROM_ABOVE, placings, points_on, turned, within
-from velma.kinematics.tasks.speeds import LOADED_SPEED
 
 HERE_M = 0.06  # estimate: an object this close above a surface was not taken out yet
 SAG_M = 0.02  # estimate: it may hang a little lower in the hand than it stood

@@ -14,9 +14,8 @@ from companion.skills.skill import NotPossible, Skill, SkillRow, replan
 from velma import names
 from velma.kinematics import backing, ik, motion
 from velma.kinematics.frames import shifted, tilt
-from velma.kinematics.tasks import attaching
+from velma.kinematics.tasks import EMPTY_SPEED, LOADED_SPEED, RETREAT_SPEED, attaching
 from velma.kinematics.tasks.carrying import FINGERS, homes, upright
-from velma.kinematics.tasks.speeds import EMPTY_SPEED, LOADED_SPEED, RETREAT_SPEED
 
 # [m] tried in turn. In task runs hands were up to 24 mm beside their path, mostly 10; poses seen
 # are wrong by 4 mm.

@@ -17,7 +17,7 @@ from services.task import plan as plans
 from velma import names
 from velma.kinematics.frames import tilt, transform
 from velma.kinematics.robot import Robot
-from velma.kinematics.tasks.speeds import LOADED_SPEED
+from velma.kinematics.tasks import LOADED_SPEED
 
 pytestmark = pytest.mark.timeout(240)
 OUT = ("hand over jar_1", "hand-over")

@@ -15,9 +15,9 @@ from velma.eyes import content
 from velma.eyes.fit import View
 from velma.eyes.lens import lens
 from velma.kinematics.robot import Robot
-from velma.model.grains import grain_name
 from velma.model.kinds import Model, objects
 from velma.model.scene import Content, Scene, load
+from velma.model.scene_xml import grain_name
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.photographs import Photographs
 

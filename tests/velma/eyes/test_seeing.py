@@ -16,9 +16,8 @@ from velma.eyes.seeing import Seen, eyes_of
 from velma.kinematics.robot import Robot
 from velma.model.markers import of_scene
 from velma.model.scene import Scene, load, vary
-from velma.sim.head_camera import HeadCamera
 from velma.sim.mujoco_backend import MujocoBackend
-from velma.sim.photographs import marked
+from velma.sim.photographs import HeadCamera, marked
 
 pytestmark = pytest.mark.needs_opengl
 

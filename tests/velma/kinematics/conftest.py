@@ -15,7 +15,7 @@ import pytest
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 from velma.kinematics.shapes import Box, Cylinder
-from velma.model.contacts import Kind
+from velma.model.build import Kind
 from velma.model.kinds import Model
 from velma.model.scene import load
 from velma.model.scene_xml import scene_xml

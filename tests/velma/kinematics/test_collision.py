@@ -14,7 +14,7 @@ from velma.kinematics.collision import UnknownThing, World
 from velma.kinematics.frames import standing
 from velma.kinematics.robot import Robot
 from velma.kinematics.shapes import Box, NoShape, Sphere
-from velma.model.contacts import SHAPE_GROUP
+from velma.model.build import SHAPE_GROUP
 
 OBJECTS = ("jar_1", "bowl_1")
 Furnish = Callable[[], World]

@@ -8,7 +8,7 @@ import yaml
 
 from velma import names
 from velma.model import build
-from velma.model.contacts import Kind
+from velma.model.build import Kind
 
 
 @pytest.fixture(scope="module")

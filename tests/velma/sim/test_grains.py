@@ -12,10 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from velma.model.grains import grain_name
 from velma.model.kinds import Model, objects
 from velma.model.scene import Content, Scene, SceneObject, load
-from velma.model.scene_xml import scene_xml
+from velma.model.scene_xml import grain_name, scene_xml
 from velma.sim.backend import no_command
 from velma.sim.mujoco_backend import MujocoBackend, compiled
 from velma.sim.truth import TruthReader

@@ -18,8 +18,8 @@ from velma.model.kinds import Model
 from velma.model.scene import Noise, Scene, SceneObject, load
 from velma.model.surfaces import MATERIALS
 from velma.sim import gl
-from velma.sim.head_camera import HOUSING, HeadCamera
 from velma.sim.mujoco_backend import MujocoBackend, compiled
+from velma.sim.photographs import HOUSING, HeadCamera
 
 pytestmark = pytest.mark.needs_opengl
 
@@ -210,7 +210,7 @@ def test_both_libraries_draw_the_same(show: Show, monkeypatch: pytest.MonkeyPatc
         "import sys, numpy as np\n"
         "from velma.model.kinds import Model\n"
         "from velma.model.scene import Noise, Scene, SceneObject\n"
-        "from velma.sim.head_camera import HeadCamera\n"
+        "from velma.sim.photographs import HeadCamera\n"
         "from velma.sim.mujoco_backend import compiled\n"
         f"thing = SceneObject('bowl_1', Model.BOWL, {OPEN})\n"
         f"camera = HeadCamera(compiled(Scene('test', (thing,), None, Noise(0.0))), {WIDTH},"

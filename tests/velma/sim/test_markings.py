@@ -17,9 +17,8 @@ from velma.eyes.lens import HEIGHT, WIDTH, lens
 from velma.model.kinds import DOORS, Model
 from velma.model.markers import Marker, of_scene
 from velma.model.scene import Noise, Scene, SceneObject, hung, load
-from velma.sim.head_camera import CAMERA, HeadCamera
 from velma.sim.mujoco_backend import MujocoBackend, compiled
-from velma.sim.photographs import marked
+from velma.sim.photographs import CAMERA, HeadCamera, marked
 
 AT = (1.5, 0.0, 1.0)
 AWAY_M, NEAR_M = 0.5, 0.25  # of the camera, from furniture and from things

@@ -10,7 +10,7 @@ from companion.planning.placing import Surfaces, above, retreating
 from companion.planning.registry import Argument, Plan, each_hand, each_try
 from companion.planning.situation import configured
 from companion.planning.steps import Geometry, Step, move
-from velma.kinematics.tasks.speeds import LOADED_SPEED
+from velma.kinematics.tasks import LOADED_SPEED
 
 
 def bring_with(known: Known, km: str, hand: Side, name: str, side: str) -> Subtasks | None:

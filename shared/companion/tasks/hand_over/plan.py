@@ -24,9 +24,9 @@ from companion.planning.steps import Geometry, Step, home, move
 from companion.tasks.hand_over.done import HandOver, HandOverKind
 from velma.kinematics import ik
 from velma.kinematics.frames import heading, standing, transform
+from velma.kinematics.tasks import LOADED_SPEED
 from velma.kinematics.tasks.carrying import CARRY_TILT
 from velma.kinematics.tasks.placing import turned, within
-from velma.kinematics.tasks.speeds import LOADED_SPEED
 
 TABLE = "table"
 WAIT_S = 30.0  # issue

@@ -16,7 +16,7 @@ from companion.skills.senses import REST_S, require_sight
 from companion.skills.situation import Situation
 from companion.skills.skill import NotPossible, Sensed, Skill, SkillRow
 from velma import names
-from velma.kinematics.tasks.speeds import LOADED_SPEED
+from velma.kinematics.tasks import LOADED_SPEED
 
 THERE_M = 0.1  # a thing this near to the point is what the look is for (estimate)
 # [rad] of the torso from where it was; estimate: an arm passes 0.3 m before the camera

@@ -29,8 +29,7 @@ from companion.tasks.open_door.done import DoorClaim, DoorKind, OpenDoor
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import heading, transform
-from velma.kinematics.tasks import attaching, opening
-from velma.kinematics.tasks.speeds import APPROACH_SPEED, PULL_SPEED, RETREAT_SPEED
+from velma.kinematics.tasks import APPROACH_SPEED, PULL_SPEED, RETREAT_SPEED, attaching, opening
 
 FINGERS_NEEDED = 2  # one on each side of the bar hold it
 SETTLE_S = 0.3  # as of a hand that grasps (tasks/take)

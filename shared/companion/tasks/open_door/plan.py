@@ -32,8 +32,7 @@ from companion.tasks.open_door.done import DoorKind, OpenDoor
 from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import heading, transform
-from velma.kinematics.tasks import attaching, opening
-from velma.kinematics.tasks.speeds import PULL_SPEED
+from velma.kinematics.tasks import PULL_SPEED, attaching, opening
 
 DOORS = (1, 2)
 """Ranks of the closed doors before a thing, one of which is opened first: a cabinet has two."""

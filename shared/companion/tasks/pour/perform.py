@@ -46,8 +46,8 @@ from velma import names
 from velma.control.grip import Grip
 from velma.kinematics import ik
 from velma.kinematics.frames import shifted, tilt
+from velma.kinematics.tasks import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 from velma.kinematics.tasks.pouring import Stream, follow, stream
-from velma.kinematics.tasks.speeds import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 
 LOOK_EVERY_S = 0.25
 """Between two looks [s, simulated]; estimate: a tilt takes 2.2 s, a look 80 ms of processor

@@ -20,8 +20,8 @@ from companion.planning.situation import Situation, configured
 from companion.planning.steps import Geometry, Step, move
 from companion.tasks.pour.done import Pour, PourKind
 from velma.kinematics.frames import transform
+from velma.kinematics.tasks import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, TRIES, Stream, stream, tiltings
-from velma.kinematics.tasks.speeds import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 
 HELD_TILT = math.radians(40.0)  # task runs with the true robot model
 HELD_TRIES = 4 * TRIES

@@ -32,10 +32,9 @@ from velma import names
 from velma.kinematics import backing, ik
 from velma.kinematics.frames import shifted, transform
 from velma.kinematics.shapes import Box
-from velma.kinematics.tasks import attaching
+from velma.kinematics.tasks import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED, attaching
 from velma.kinematics.tasks.carrying import CARRY_TILT
 from velma.kinematics.tasks.placing import ABOVE_M, retreat_poses
-from velma.kinematics.tasks.speeds import DOWN_SPEED, LOADED_SPEED, RETREAT_SPEED
 
 # the descent aims this far below the place; contact ends it; task runs with the true robot model
 BELOW_M = 0.02

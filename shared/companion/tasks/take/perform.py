@@ -16,8 +16,7 @@ from companion.skills.skill import Cancelled, NotPossible, Skill, SkillRow, empt
 from velma import names
 from velma.kinematics import ik
 from velma.kinematics.frames import transform
-from velma.kinematics.tasks import attaching
-from velma.kinematics.tasks.speeds import APPROACH_SPEED
+from velma.kinematics.tasks import APPROACH_SPEED, attaching
 
 # [rad] where a finger stops that touches nothing; one that holds: jar 1.47, bowl 1.66 (measured)
 UPTO = 1.9

@@ -12,8 +12,8 @@ from companion.planning.methods import Known, Subtasks
 from companion.planning.registry import Argument, Each, Plan, each_hand
 from companion.planning.situation import configured
 from companion.planning.steps import Geometry, Step, move
+from velma.kinematics.tasks import LOADED_SPEED
 from velma.kinematics.tasks.carrying import CARRY_TILT, carries
-from velma.kinematics.tasks.speeds import LOADED_SPEED
 
 CLEARED = (1, 2)
 """Ranks of the things beside a wanted one that are put aside, 1 the nearest. Estimate: a try takes
