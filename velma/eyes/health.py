@@ -176,10 +176,10 @@ def _together(
 ) -> tuple[Stand, float]:
     """Return how these pieces stand, taken as one body."""
     there = [(name, one) for name in before for one in markers[name] if one.number in found]
-    seen = [_shown(one, *before[name], found) for name, one in there]
-    if len(seen) < LEAST_MARKERS:
+    if len(there) < LEAST_MARKERS:
         return Stand.UNTOLD, 0.0
-    corners, pixels = (np.concatenate(part) for part in zip(*seen, strict=True))
+    stood = [one.corners @ before[name][0].T + before[name][1] for name, one in there]
+    corners, pixels = np.concatenate(stood), np.concatenate([found[one.number] for _, one in there])
     body = turn(view, corners, pixels, np.array(PIVOT))
     if body is None:
         return Stand.UNTOLD, 0.0
@@ -192,12 +192,3 @@ def _together(
 def _there(one: View, other: View) -> bool:
     """Whether two pictures were taken from the same place."""
     return np.allclose(one.rotation, other.rotation) and np.allclose(one.position, other.position)
-
-
-def _shown(
-    marker: Marker, rotation: Array, position: Array, found: Mapping[int, Array]
-) -> tuple[Array, Array]:
-    """Return where the corners (4, 3) of a marker were in the world, and the pixels (4, 2) at which
-    they are now.
-    """
-    return marker.corners @ rotation.T + position, found[marker.number]

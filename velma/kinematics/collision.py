@@ -259,8 +259,7 @@ class PlainChecks:
 
     def at(self, shape: int) -> Any:
         """Return T_world_shape, as coal has it, in the posture looked at last."""
-        pose = self._placed.oMg[shape]
-        return coal.Transform3s(pose.rotation, pose.translation)
+        return _placed(self._placed.oMg[shape])
 
     def free(self, among: Array, margin: float, q: Array) -> bool:
         """Whether no pair is nearer than the margin [m]; False where an angle is not finite."""
@@ -429,13 +428,13 @@ class World:
             self._place(old, None, pose)
             return
         self._things[name] = _CollisionObject(tuple(shapes), kind, pose)
-        self._forget()
+        self._checks = None
 
     def remove(self, name: str) -> None:
         """Remove the thing."""
         self._thing(name)
         del self._things[name]
-        self._forget()
+        self._checks = None
 
     def attach(self, name: str, side: str, T_grip_object: Any) -> None:
         """Attach the thing to the hand of `side`."""
@@ -569,9 +568,6 @@ class World:
             * thing.pose
         )
 
-    def _forget(self) -> None:
-        self._checks, self._fresh = None, False
-
     def _called(self, geometry: int) -> str:
         own = len(self._body.groups)
         if geometry >= own:
@@ -601,6 +597,7 @@ class World:
         checks = self._checks
         if checks is None:
             checks = self._checks = self._built()
+            self._fresh = False
         if not self._fresh:
             now = (self._allowed, tuple(thing.side for thing in self._things.values()))
             if now not in self._worked_out:
@@ -621,22 +618,18 @@ class World:
         self._numbered: names.Columns = np.array(np.nonzero(np.triu(self._pairs)))
         self._worked_out: dict[Any, Any] = {}
         body, built = self._body, library()
+        checks: Near | PlainChecks
         if built is None:
-            return self._filled(
-                PlainChecks(body.model, self._q, body.columns, solids, self._numbered)
+            checks = PlainChecks(body.model, self._q, body.columns, solids, self._numbered)
+        else:
+            joints = [one.parentJoint for one in body.shapes.geometryObjects]
+            joints += [0] * (len(groups) - len(body.groups))
+            numbers: dict[tuple[int, str], int] = {}
+            bodies = np.array(
+                [numbers.setdefault(key, len(numbers)) for key in zip(joints, groups, strict=True)]
             )
-        joints = [one.parentJoint for one in body.shapes.geometryObjects] + [0] * (
-            len(groups) - len(body.groups)
-        )
-        numbers: dict[tuple[int, str], int] = {}
-        bodies = np.array(
-            [numbers.setdefault(key, len(numbers)) for key in zip(joints, groups, strict=True)]
-        )
-        return self._filled(Near(built, body.tree, self._q, solids, bodies, self._numbered))
-
-    def _filled(self, checks: Near | PlainChecks) -> Near | PlainChecks:
-        """Return checks with each shape where it is."""
-        for k, one in enumerate(self._body.shapes.geometryObjects):
+            checks = Near(built, body.tree, self._q, solids, bodies, self._numbered)
+        for k, one in enumerate(body.shapes.geometryObjects):
             checks.mount(k, one.parentJoint, one.placement)
         for thing in self._things.values():
             self._mount(checks, thing)

@@ -8,7 +8,7 @@ T_world_grip, q (15,) [rad].
 
 import ctypes
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from itertools import product
 from typing import Any
@@ -217,6 +217,7 @@ _LARGEST_ERROR = 0.25  # m and rad: targets farther away are approached in parts
 _A_SECOND = 0.04
 _TOLERANCE = (5e-4, 2e-3)  # m and rad, of each axis
 _ON_A_LINE = 15  # iterations from one pose of a line to the next
+_TRIED = 200  # torsos and elbows, until a pose counts as out of reach (estimate)
 _JUMP = 0.25  # rad between neighbours of a line: more means that the elbow flipped
 
 
@@ -240,25 +241,22 @@ def solve(
     *,
     columns: Columns | None = None,
     iterations: int = 45,
-    tolerance: tuple[float, float] = _TOLERANCE,
 ) -> Array | None:
     """Return q with the grip of `side` at `target`, reached from q by moving only `columns` (torso
     + arm by default).
 
-    Tolerance is per axis in m and rad; the result is a new array at least 0.03 rad inside the
+    The result is a new array at least 0.03 rad inside the
     limits, or None.
     """
     columns = names.COLUMNS[side] if columns is None else columns
     if not all(map(math.isfinite, q.tolist())):
         return None
-    return robot.chain[side].solve(target, q, _limits(robot, tuple(columns), iterations, tolerance))
+    return robot.chain[side].solve(target, q, _limits(robot, tuple(columns), iterations))
 
 
 @lru_cache(maxsize=64)
-def _limits(
-    robot: Robot, columns: tuple[int, ...], iterations: int, tolerance: tuple[float, float]
-) -> Limits:
-    numbers = (iterations, *tolerance, _DAMPING, _LARGEST_TURN, _LARGEST_ERROR)
+def _limits(robot: Robot, columns: tuple[int, ...], iterations: int) -> Limits:
+    numbers = (iterations, *_TOLERANCE, _DAMPING, _LARGEST_TURN, _LARGEST_ERROR)
     return Limits(numbers, robot.lower + _STAY_INSIDE, robot.upper - _STAY_INSIDE, list(columns))
 
 
@@ -284,7 +282,7 @@ def line(
     length = float(np.linalg.norm(target.translation - start.translation))
     turn = float(np.linalg.norm(pin.log3(target.rotation @ start.rotation.T)))
     count = max(2, int(max(length / step, turn / 0.06)))
-    limits = _limits(robot, tuple(columns.tolist()), _ON_A_LINE, _TOLERANCE)
+    limits = _limits(robot, tuple(columns.tolist()), _ON_A_LINE)
     solved, jumps = robot.chain[side].line(start, target, count, q, limits, _JUMP)
     path = [q]
     for following in solved[: len(solved) - jumps]:
@@ -295,6 +293,21 @@ def line(
         raise PathBlocked("jump", solved[-1], (len(path) - 1) / count)
     if len(path) <= count:
         raise PathBlocked("reach", path[-1], (len(path) - 1) / count)
+    return path
+
+
+def lines(
+    robot: Robot, side: str, q: Array, poses: Iterable[Any], accept: Accept
+) -> list[Array] | None:
+    """Return q and the configurations after it on straight `line`s through grip poses; None if one
+    is blocked.
+    """
+    path = [q]
+    try:
+        for pose in poses:
+            path += line(robot, side, path[-1], pose, accept=accept)[1:]
+    except PathBlocked:
+        return None
     return path
 
 
@@ -413,18 +426,16 @@ def _wanted(robot: Robot, side: str) -> Wanted:
     return Wanted(*limits, END_MARGIN, TORSO_END, names.WRIST_POLYGON[side], int(columns[0]))
 
 
-def reachable(
-    robot: Robot, side: str, target: Any, rng: np.random.Generator, *, starts: int = 200
-) -> bool:
-    """Whether the grip can be at `target` at all, within the limits of `solve`, for one of `starts`
-    torsos and elbows.
+def reachable(robot: Robot, side: str, target: Any, rng: np.random.Generator) -> bool:
+    """Whether the grip can be at `target` at all, within the limits of `solve`, for one of
+    `_TRIED` torsos and elbows.
 
     Where a fiftieth of all torsos and elbows does, one in fifty is missed. Collisions are not
     checked.
     """
     columns = names.COLUMNS[side]
     lower, upper = robot.lower[columns] + _STAY_INSIDE, robot.upper[columns] - _STAY_INSIDE
-    torso, swivel = rng.uniform(lower[0], upper[0], starts), rng.uniform(-np.pi, np.pi, starts)
+    torso, swivel = rng.uniform(lower[0], upper[0], _TRIED), rng.uniform(-np.pi, np.pi, _TRIED)
     found = geometry(robot, side).postures(target, torso, swivel)
     return bool(((found >= lower) & (found <= upper)).all(axis=1).any())
 

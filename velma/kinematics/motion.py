@@ -270,7 +270,7 @@ class _Task:
 
     def timed(self, path: Array) -> Trajectory:
         """Return the timed motion along a path (n, 8)."""
-        return timed(self.robot, [self.whole(v) for v in path], tool_speed=self.tool_speed)
+        return timed(self.robot, list(self.wholes(path)), tool_speed=self.tool_speed)
 
     def free_in_time(self, trajectory: Trajectory) -> bool:
         """Whether all states of a motion are allowed, `CHECK_S` apart."""
@@ -316,7 +316,7 @@ def plan(
     if len(out):
         way = np.concatenate((out, way))
         duration = task.timed(way).duration
-    return Motion([task.whole(v) for v in way], duration)
+    return Motion(list(task.wholes(way)), duration)
 
 
 def _way(task: _Task, iterations: int, seed: int, attempts: int) -> tuple[Array, float] | None:

@@ -304,24 +304,6 @@ class Robot:
         pin.forwardKinematics(self.model, self.data, q)
         return pin.updateFramePlacement(self.model, self.data, self.frame[side]).copy()
 
-    def track(self, postures: Array, side: str) -> Array:
-        """Return the positions (n, 3) [m] of the grip of `side` in postures (n, 15)."""
-        return self.chain[side].track(postures)
-
-    def upward(self, side: str, direction: Array) -> Callable[[Array], Array]:
-        """Return the function from postures (n, 15) to the upward parts (n,) of a direction (3,)
-        fixed to a grip.
-        """
-        return self.chain[side].upward(direction)
-
-    def jacobian(self, q: Array, side: str) -> Array:
-        """Return J (6, 15): joint speeds [rad/s] to velocity [m/s] and rotation [rad/s] of the
-        grip, world axes.
-        """
-        return np.asarray(
-            pin.computeFrameJacobian(self.model, self.data, q, self.frame[side], _WORLD_AXES)
-        )
-
     def camera(self, torso: float, pan: float, tilt: float) -> Any:
         """Return T_world_camera (`pin.SE3`) of the Kinect's optical frame: z forward, x right;
         angles in rad.

@@ -103,7 +103,6 @@ def _tridiagonal(lower: Array, diagonal: Array, upper: Array, right: Array) -> A
 PERIOD_S = 0.01  # between knots; the loop interpolates
 JOINT_FRACTION = 0.5  # of the joints' speed limits (trial runs: 0.26 rad/s torso, 0.96-1.57 arms)
 _ARM_ACCELERATION = (1.2, 1.2, 1.5, 1.5, 2.0, 2.0, 2.0)
-SLOWEST_FRACTION = 0.01  # estimate: the torso then turns by 0.3 degrees a second
 # rad/s^2, trial runs: the load stays put
 ACCELERATION = np.array([0.4, *_ARM_ACCELERATION, *_ARM_ACCELERATION])
 _AVERAGED = 8  # periods: 80 ms, trial runs
@@ -154,19 +153,17 @@ def timed(
     path: Sequence[Array],
     *,
     tool_speed: float,
-    joint_fraction: float = JOINT_FRACTION,
 ) -> Trajectory:
     """Return the timed path [(15,) each, rad]: both grips at most at `tool_speed` [m/s], joints
     within limits.
 
-    Limits are `joint_fraction` of the joints' speeds, and `ACCELERATION`. Raises MotionError for a
+    Limits are `JOINT_FRACTION` of the joints' speeds, and `ACCELERATION`. Raises MotionError for a
     path beyond limits of joints (or farther beyond than its start), a speed out of its range, and a
     motion of more than LONGEST_S.
     """
     ranges.number("tool_speed", tool_speed, ranges.SLOWEST_TOOL, ranges.FASTEST_TOOL)
-    ranges.number("joint_fraction", joint_fraction, SLOWEST_FRACTION, 1.0)
     whole = ranges.joints("path", path)
-    speed = joint_fraction * robot.speed
+    speed = JOINT_FRACTION * robot.speed
     _check_duration(float((np.abs(np.diff(whole, axis=0)) / speed).max(axis=1, initial=0.0).sum()))
     points, goal = dense(whole), whole[-1]
     if len(points) == 1:
@@ -271,7 +268,7 @@ def _largest_speeds(
     """
     reach = np.zeros(len(grid))  # metres of the faster grip per unit of path
     for side in names.SIDES:
-        way = np.linalg.norm(np.diff(robot.track(postures, side), axis=0), axis=1)
+        way = np.linalg.norm(np.diff(robot.chain[side].track(postures), axis=0), axis=1)
         per_unit = way / np.diff(grid)
         reach[:-1] = np.maximum(reach[:-1], per_unit)
         reach[1:] = np.maximum(reach[1:], per_unit)

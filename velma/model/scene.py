@@ -7,7 +7,6 @@ them. Knows no physics: scene_xml.py writes a scene as MJCF.
 
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
@@ -48,6 +47,9 @@ _THING = re.compile(r"thing (?P<id>\S+?)(?:: (?P<key>\w+))?$")
 _FIELD = re.compile(r"(?P<table>\w+)\.(?P<key>\w+)$")
 
 
+Lines = list[tuple[int, str]]  # of the file, with their numbers
+
+
 def of_path(text: str, message: str) -> int:
     """Return the line of the path in a message of msgspec, as in "- at `$.thing[2].xyz`"; 1 if
     there is none.
@@ -55,63 +57,41 @@ def of_path(text: str, message: str) -> int:
     found = _PATH.search(message)
     if not found:
         return 1
-    number = int(found["number"] or 0)
-    blocks = [block for block in _blocks(text) if block.table == found["table"]]
-    return blocks[number].line(found["key"]) if number < len(blocks) else _top(text, found["table"])
+    number, blocks = int(found["number"] or 0), _blocks(text, found["table"])
+    if number < len(blocks):
+        return _line(blocks[number], found["key"] or "")
+    return _line(list(enumerate(text.splitlines(), 1)), found["table"])
 
 
 def of_field(text: str, field: str) -> int:
     """Return the line of a field as SceneError names it: "thing jar_1: inside", "noise.force"; 1 if
     there is none.
     """
+    named, key = list[Lines](), ""
     if found := _THING.match(field):
-        named = [block for block in _blocks(text) if block.has_id(found["id"])]
-        return named[-1].line(found["key"] or "id") if named else 1
-    if found := _FIELD.match(field):
-        return next(
-            (block.line(found["key"]) for block in _blocks(text) if block.table == found["table"]),
-            1,
-        )
-    return 1
+        same = re.compile(rf"\s*id\s*=\s*[\"']{re.escape(found['id'])}[\"']")
+        every = _blocks(text, "thing")
+        named = [block for block in every if any(same.match(line) for _, line in block)]
+        key = found["key"] or "id"
+    elif found := _FIELD.match(field):
+        named, key = _blocks(text, found["table"])[:1], found["key"]
+    return _line(named[-1], key) if named else 1
 
 
-class _Block:
-    """A table of the file: its name, its first line, the lines below."""
-
-    def __init__(self, table: str, first: int) -> None:
-        self.table, self.first = table, first
-        self.lines: list[str] = []
-
-    def line(self, key: str | None) -> int:
-        """Return the line of a key, that of the table's head where the key is not there."""
-        begins = re.compile(rf"\s*{key}\s*=")
-        return next(
-            (self.first + n for n, line in enumerate(self.lines, 1) if key and begins.match(line)),
-            self.first,
-        )
-
-    def has_id(self, name: str) -> bool:
-        return any(
-            re.match(rf"\s*id\s*=\s*[\"']{re.escape(name)}[\"']", line) for line in self.lines
-        )
-
-
-def _blocks(text: str) -> Iterator[_Block]:
-    block: _Block | None = None
+def _blocks(text: str, table: str) -> list[Lines]:
+    """Return the lines of each table of this name, its head first."""
+    blocks = [("", Lines())]
     for number, line in enumerate(text.splitlines(), 1):
         if head := re.match(r"\s*\[+\s*(\w+)\s*\]+", line):
-            if block is not None:
-                yield block
-            block = _Block(head[1], number)
-        elif block is not None:
-            block.lines.append(line)
-    if block is not None:
-        yield block
+            blocks.append((head[1], []))
+        blocks[-1][1].append((number, line))
+    return [lines for name, lines in blocks if name == table]
 
 
-def _top(text: str, key: str) -> int:
+def _line(lines: Lines, key: str) -> int:
+    """Return the number of the line of a key, of the first one where the key is not there."""
     begins = re.compile(rf"\s*{key}\s*=")
-    return next((n for n, line in enumerate(text.splitlines(), 1) if begins.match(line)), 1)
+    return next((number for number, line in lines if begins.match(line)), lines[0][0])
 
 
 # --- A scene --------------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ from velma.names import FT_BODY
 WRIST_SENSORS = ("force", "torque")
 
 
-def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
+def scene_xml(scene: Scene) -> str:
     """Return the MJCF of the robot in a scene, ready for `mujoco.MjModel.from_xml_string`."""
     root = ET.parse(ROBOT_XML).getroot()
     root.set("model", scene.name)
@@ -46,7 +46,7 @@ def scene_xml(scene: Scene, *, offscreen: tuple[int, int] = (1280, 960)) -> str:
     assert default is not None
     assert world is not None
     _classes(default, _contacts(scene.content))
-    surfaces.studio(root, world, offscreen)
+    surfaces.studio(root, world)
     _wrists(root)
     for thing in scene.things:
         _DRAW[thing.model](world, thing)

@@ -54,7 +54,7 @@ def material(model: Model, part: str) -> str:
     return "wood_thin" if part in ("back", "left_side", "right_side", "top") else "wood"
 
 
-def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> None:
+def studio(root: ET.Element, world: ET.Element) -> None:
     """Add materials, meshes, lights and the floor."""
     asset = ET.SubElement(root, "asset")
     for name, (rgba, *shine) in MATERIALS.items():
@@ -75,8 +75,7 @@ def studio(root: ET.Element, world: ET.Element, offscreen: tuple[int, int]) -> N
             asset, "mesh", {"name": part.mesh, "inertia": "shell", **turned(part.outline)}
         )
     visual = ET.SubElement(root, "visual")
-    width, height = offscreen
-    ET.SubElement(visual, "global", offwidth=str(width), offheight=str(height))
+    ET.SubElement(visual, "global", offwidth="1280", offheight="960")
     light = {"ambient": "0.38 0.38 0.40", "diffuse": "0.25 0.25 0.25", "specular": "0.1 0.1 0.1"}
     ET.SubElement(visual, "headlight", light)
     ET.SubElement(visual, "quality", shadowsize="8192", offsamples="8")
@@ -97,17 +96,17 @@ def _number(x: float) -> str:
     return f"{x:g}"
 
 
-def turned(outline: tuple[tuple[float, float], ...], segments: int = SEGMENTS) -> dict[str, str]:
+def turned(outline: tuple[tuple[float, float], ...]) -> dict[str, str]:
     """Return vertices and faces of an outline (radius, z) turned about z, as MJCF words; faces look
     left of its way.
     """
-    around = [2 * math.pi * k / segments for k in range(segments)]
+    around = [2 * math.pi * k / SEGMENTS for k in range(SEGMENTS)]
     points = [(r * math.cos(a), r * math.sin(a), z) for r, z in outline for a in around]
     faces = []
     for row in range(len(outline) - 1):
-        for k in range(segments):
-            a, b = row * segments + k, row * segments + (k + 1) % segments
-            c, d = a + segments, b + segments
+        for k in range(SEGMENTS):
+            a, b = row * SEGMENTS + k, row * SEGMENTS + (k + 1) % SEGMENTS
+            c, d = a + SEGMENTS, b + SEGMENTS
             if outline[row][0] > 0:
                 faces.append((a, b, d))
             if outline[row + 1][0] > 0:

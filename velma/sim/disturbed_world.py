@@ -14,6 +14,7 @@ Also the readings of the joints, wrists, fingers and camera of the simulated rob
 
 import math
 from collections.abc import Callable, Generator, Iterator, Sequence
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -102,7 +103,7 @@ class DisturbedWorld:
             if one.of is Of.THING and one.kind is not Kind.MOVED:
                 back = one.kind is Kind.REMOVED and one.on in self._kind
                 self._undo[one.id] = (
-                    self._bringing(one.on, self._home[one.on]) if back else _nothing
+                    partial(self._carry, one.on, self._home[one.on]) if back else _nothing
                 )
         self._data.xfrc_applied[:] = 0.0
 
@@ -123,41 +124,39 @@ class DisturbedWorld:
                 return self._furniture(one.id, one.on, size)
             case _ if self._kind[one.on] not in MOVEABLE:
                 return _nothing
-            case Kind.PUSHED:
-                self._going[one.id] = self._push(one.on, size)
-            case Kind.TIPPED:
-                self._going[one.id] = self._tip(one.on, size)
-            case Kind.PULLED:
-                self._going[one.id] = self._pull(one.on, size)
-            case Kind.KNOCKED:
-                self._going[one.id] = self._knock(one.on, size)
             case Kind.REMOVED:
                 back = self._data.body(one.on).xpos.copy()
                 self._carry(one.on, self._aside(one.on))
-                return self._bringing(one.on, back)
+                return partial(self._carry, one.on, back)
             case Kind.ADDED:
                 self._carry(one.on, size if size.size else self._home[one.on])
+            case _:
+                self._going[one.id] = self._forced(one.on, _FORCE[one.kind](self, one.on, size))
         return _nothing
+
+    def _forced(self, name: str, going: Going) -> Going:
+        """Let forces act on a thing until their time or order is over."""
+        try:
+            yield from going
+        finally:
+            self._data.xfrc_applied[self._model.body(name).id] = 0.0
 
     def _push(self, name: str, by: Array) -> Going:
         """Push a thing by a vector (3,) [m], as far as nothing stops it."""
         body, data = self._model.body(name).id, self._data
         begun, cycles = data.xipos[body].copy(), round(PUSH_S / PERIOD_S)
         before, flat = begun.copy(), np.array([1.0, 1.0, 1.0 if by[2] else 0.0])
-        try:
-            for cycle in range(1, cycles + cycles // 2):
-                share = min(1.0, cycle / cycles)
-                wanted, now = begun + share * by, data.xipos[body].copy()
-                speed = (by / PUSH_S if share < 1.0 else 0.0) - (now - before) / PERIOD_S
-                force = (STIFF * (wanted - now) + DAMPED * speed) * flat
-                force *= min(1.0, PUSH_N / max(1e-9, float(np.linalg.norm(force))))
-                up = data.xmat[body].reshape(3, 3)[:, 2]
-                foot = data.xpos[body] - (_height(self._kind[name]) - LOW_M) * up
-                data.xfrc_applied[body] = (*force, *np.cross(foot - now, force))
-                before = now
-                yield
-        finally:
-            data.xfrc_applied[body] = 0.0
+        for cycle in range(1, cycles + cycles // 2):
+            share = min(1.0, cycle / cycles)
+            wanted, now = begun + share * by, data.xipos[body].copy()
+            speed = (by / PUSH_S if share < 1.0 else 0.0) - (now - before) / PERIOD_S
+            force = (STIFF * (wanted - now) + DAMPED * speed) * flat
+            force *= min(1.0, PUSH_N / max(1e-9, float(np.linalg.norm(force))))
+            up = data.xmat[body].reshape(3, 3)[:, 2]
+            foot = data.xpos[body] - (_height(self._kind[name]) - LOW_M) * up
+            data.xfrc_applied[body] = (*force, *np.cross(foot - now, force))
+            before = now
+            yield
 
     def _pull(self, name: str, force: Array) -> Going:
         """Pull at a thing with a force (3,) [N] that grows, as long as that is ordered; carry off
@@ -176,7 +175,6 @@ class DisturbedWorld:
                 self._draw(body, at + AWAY_SPEED * PERIOD_S * step * way, turn)
                 yield
         finally:
-            data.xfrc_applied[body] = 0.0
             if has:
                 self._carry(name, self._aside(name))
 
@@ -197,12 +195,9 @@ class DisturbedWorld:
     def _knock(self, name: str, force: Array) -> Going:
         """Knock against a thing with a force (3,) [N] that comes and goes as half a sine."""
         body, cycles = self._model.body(name).id, round(KNOCK_S / PERIOD_S)
-        try:
-            for cycle in range(1, cycles):
-                self._data.xfrc_applied[body, :3] = force * math.sin(math.pi * cycle / cycles)
-                yield
-        finally:
-            self._data.xfrc_applied[body] = 0.0
+        for cycle in range(1, cycles):
+            self._data.xfrc_applied[body, :3] = force * math.sin(math.pi * cycle / cycles)
+            yield
 
     def _tip(self, name: str, towards: Array) -> Going:
         """Tip a thing over in a direction (3,), of which the horizontal part counts."""
@@ -212,22 +207,16 @@ class DisturbedWorld:
         x, y, _ = towards / max(1e-9, float(np.linalg.norm(towards[:2])))
         torque = OVER * weight * _foot(self._kind[name]) * np.array([-y, x, 0.0])
         over = math.cos(math.radians(ROLLED_DEG if self._kind[name] is Model.BOWL else FALLEN_DEG))
-        try:
-            for _ in range(round(TIP_S / PERIOD_S)):
-                if data.xmat[body][8] < over:
-                    break
-                data.xfrc_applied[body, 3:] = torque
-                yield
-        finally:
-            data.xfrc_applied[body] = 0.0
+        for _ in range(round(TIP_S / PERIOD_S)):
+            if data.xmat[body][8] < over:
+                break
+            data.xfrc_applied[body, 3:] = torque
+            yield
 
     def _aside(self, name: str) -> Array:
         number = list(self._kind).index(name)
         z = _height(self._kind[name]) + STANDS_M
         return np.array([ASIDE[0], ASIDE[1] + APART_M * number, z])
-
-    def _bringing(self, name: str, at: Array) -> Callable[[], None]:
-        return lambda: self._carry(name, at)
 
     def _carry(self, name: str, to: Array) -> None:
         """Put a thing upright and at rest with its origin at `to` (3,) [m, world], what is in it
@@ -343,6 +332,12 @@ _BEGIN: dict[Of, Callable[[DisturbedWorld, Disturbance], Callable[[], None]]] = 
     Of.GRAINS: DisturbedWorld._weigh,
 }
 """What begins a disturbance, and returns what undoes it."""
+_FORCE: dict[Kind, Callable[[DisturbedWorld, str, Array], Going]] = {
+    Kind.PUSHED: DisturbedWorld._push,
+    Kind.TIPPED: DisturbedWorld._tip,
+    Kind.PULLED: DisturbedWorld._pull,
+    Kind.KNOCKED: DisturbedWorld._knock,
+}
 _ENDED = object()
 
 

@@ -93,7 +93,7 @@ class TruthReader:
             grains=len(self._grain_bodies),
             grains_in=inside,
             tilt_deg={name: self.tilt_deg(name) for name in self._moveable},
-            at={name: self._at(name) for name in self._moveable},
+            at={name: _vector(data.xpos[self._bodies[name]]) for name in self._moveable},
             fingers_on={name: self.fingers_on(name) for name in self._moveable},
             furniture_touched=self.furniture_touched(),
             work_J=self._backend.work_J,
@@ -109,9 +109,6 @@ class TruthReader:
         """Return rotation (3, 3) and position (3,) of a thing's origin in the world."""
         body = self._backend.data.body(name)
         return body.xmat.reshape(3, 3).copy(), body.xpos.copy()
-
-    def _at(self, name: str) -> Vector:
-        return _vector(self._backend.data.xpos[self._bodies[name]])
 
     def _pose(self, body: int) -> tuple[Vector, Quaternion]:
         w, x, y, z = self._backend.data.xquat[body].tolist()

@@ -46,21 +46,6 @@ def test_the_camera_is_where_mujoco_has_it(robot: Robot, rng: np.random.Generato
         )
 
 
-@pytest.mark.parametrize("side", names.SIDES)
-def test_the_jacobian_is_the_derivative(robot: Robot, side: str, rng: np.random.Generator) -> None:
-    """Each column is the finite difference of the grip's pose in axes of the world."""
-    q, small = rng.uniform(robot.lower, robot.upper), 1e-6
-    jacobian = robot.jacobian(q, side)
-    for joint in range(15):
-        ahead, behind = q.copy(), q.copy()
-        ahead[joint] += small
-        behind[joint] -= small
-        there, here = robot.grip(ahead, side), robot.grip(behind, side)
-        moved = (there.translation - here.translation) / (2 * small)
-        turned = pin.log3(there.rotation @ here.rotation.T) / (2 * small)
-        np.testing.assert_allclose(jacobian[:, joint], np.concatenate((moved, turned)), atol=1e-6)
-
-
 def test_a_grip_is_a_copy(robot: Robot) -> None:
     """A pose handed out does not change when the robot is asked about another posture."""
     first = robot.grip(names.START, "left")

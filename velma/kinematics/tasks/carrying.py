@@ -56,7 +56,7 @@ def upright(robot: Robot, side: str, T_grip_object: pin.SE3, largest_tilt: float
     vertical.
     """
     least = math.cos(largest_tilt)
-    parts = robot.upward(side, np.ascontiguousarray(T_grip_object.rotation[:, 2]))
+    parts = robot.chain[side].upward(np.ascontiguousarray(T_grip_object.rotation[:, 2]))
     return lambda postures: np.asarray(parts(postures) > least)
 
 

@@ -137,7 +137,7 @@ def _solve(
         )
         if grasp is None:
             return None
-        way_in = _through(robot, world, side, grasp, poses[-2::-1])
+        way_in = ik.lines(robot, side, grasp, poses[-2::-1], world.free)
     if way_in is None:
         return None
     way_out = _pull(robot, world, side, grasp, target, poses[-1])
@@ -149,21 +149,6 @@ def _solve(
     steps = tuple((target.pose.inverse() * pose, fingers) for pose, (_, fingers) in pairs)
     score = _comfort(robot, side, (way_in[-1], grasp, way_out[-1])) - 0.2 * abs(azimuth)
     return Approach(way.name, steps, way_in[::-1], way_out, score)
-
-
-def _through(
-    robot: Robot, world: World, side: str, q: np.ndarray, poses: Sequence[pin.SE3]
-) -> list[np.ndarray] | None:
-    """Return straight lines from q through grip poses, each state free; None if a line is
-    blocked.
-    """
-    path = [q]
-    for pose in poses:
-        try:
-            path += ik.line(robot, side, path[-1], pose, accept=world.free)[1:]
-        except ik.PathBlocked:
-            return None
-    return path
 
 
 def _pull(

@@ -116,11 +116,8 @@ def _drawn_out(
     there is none.
     """
     world.fingers(side, approach.steps[0][1])
-    path = [approach.way_in[0]]
-    try:
-        with attaching.allowed(world, (name, f"{side}_hand")):
-            for pose in poses:
-                path += ik.line(robot, side, path[-1], pose, accept=world.free)[1:]
-    except ik.PathBlocked:
+    with attaching.allowed(world, (name, f"{side}_hand")):
+        path = ik.lines(robot, side, approach.way_in[0], poses, world.free)
+    if path is None or not world.free(path[-1]) or not ik.comfortable(robot, path[-1], side):
         return []
-    return path[1:] if world.free(path[-1]) and ik.comfortable(robot, path[-1], side) else []
+    return path[1:]

@@ -156,17 +156,14 @@ def _retreat(
     place: pin.SE3,
     retreat: Sequence[tuple[pin.SE3, float]],
 ) -> list[np.ndarray] | None:
-    path = [q]
     poses = retreat_poses(robot.grip(q, side), retreat)
     with (
         attaching.stood(world, name, place, side),
         attaching.allowed(world, (name, f"{side}_hand")),
     ):
         world.fingers(side, retreat[0][1])
-        for pose in poses:
-            try:
-                path += ik.line(robot, side, path[-1], pose, accept=world.free)[1:]
-            except ik.PathBlocked:
-                return None
+        path = ik.lines(robot, side, q, poses, world.free)
+    if path is None or not ik.comfortable(robot, path[-1], side):
+        return None
     with attaching.stood(world, name, place, side):
-        return path if world.free(path[-1]) and ik.comfortable(robot, path[-1], side) else None
+        return path if world.free(path[-1]) else None
