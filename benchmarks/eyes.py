@@ -25,7 +25,7 @@ import typer
 from companion.skills.motions import aim
 from velma import names
 from velma.eyes.fit import View
-from velma.eyes.lens import lens
+from velma.eyes.lens import LENS
 from velma.eyes.seeing import eyes_of
 from velma.kinematics.robot import Robot
 from velma.model.kinds import TABLES, objects
@@ -71,7 +71,7 @@ def measured(scene: Scene, seed: int) -> dict[str, Any]:
         began = time.process_time()
         found = eyes.markers(camera.take(qpos, number))
         seen = {
-            one.name: one for one in eyes.bodies(found, View(lens(), eye.rotation, eye.translation))
+            one.name: one for one in eyes.bodies(found, View(LENS, eye.rotation, eye.translation))
         }
         cpu += time.process_time() - began
         for other in scene.things:
@@ -126,7 +126,7 @@ def draw(scene: Scene, file: Path) -> None:
     for joint, angle in zip(names.HEAD, (goal.pan, goal.tilt), strict=True):
         qpos[backend.model.joint(joint).qposadr[0]] = angle
     (clean, taken), eye = camera.both(qpos, 0), robot.camera(0.0, goal.pan, goal.tilt)
-    found, view = eyes.markers(taken), View(lens(), eye.rotation, eye.translation)
+    found, view = eyes.markers(taken), View(LENS, eye.rotation, eye.translation)
     shown = cv2.cvtColor(clean, cv2.COLOR_RGB2BGR)
     fine = {"shift": 4, "lineType": cv2.LINE_AA}
     cv2.polylines(

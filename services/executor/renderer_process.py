@@ -17,7 +17,7 @@ from services.executor.eye_messages import SHRINK, Saw, See, Show, SightedObject
 from velma.eyes import health
 from velma.eyes.content import Content
 from velma.eyes.fit import View
-from velma.eyes.lens import lens
+from velma.eyes.lens import LENS
 from velma.eyes.pictures import jpeg, smaller
 from velma.eyes.seeing import Eyes, Seen, eyes_of
 from velma.model.scene import Scene
@@ -55,7 +55,7 @@ class Renderer:
         if see.number == 1:  # by a new skill process, which has no look before
             self._sight = Sighted(self._scene)
         pixels = self._camera.take(np.frombuffer(see.world), see.number)
-        view = View(lens(), np.array(see.rotation).reshape(3, 3), np.array(see.position))
+        view = View(LENS, np.array(see.rotation).reshape(3, 3), np.array(see.position))
         self._link.send(self._sight.saw(see.number, pixels, view))
 
     def _show(self, show: Show) -> None:

@@ -12,6 +12,7 @@ from agent_runtime.io.cli import endpoints
 from companion.design import DESIGN
 from companion.tools.key_folders import FOLDERS
 from companion.tools.system import PROCESSES
+from operate.fault_proxy import files
 from topdown.model.rights import identities
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -247,3 +248,52 @@ def test_every_install_is_from_a_lock_file():
         assert "--require-hashes" in line or "--no-deps --no-index --prefix /opt/project" in line
     for name in re.findall(r"requirements/(\S+\.txt) ", DOCKERFILE):
         assert "--hash=sha256:" in (ROOT / "requirements" / name).read_text()
+
+
+# --- compose.faults.yaml: a wire for each agent, guarded as every service is ----------------------
+
+
+OVER = yaml.safe_load((ROOT / "deploy/compose.faults.yaml").read_text())
+WIRES = OVER["services"]["wires"]
+OWN = {"command", "environment", "volumes", "depends_on", "healthcheck", "mem_limit"}
+
+
+def test_each_agent_reaches_the_router_and_its_neighbours_by_wires_of_its_own():
+    """The proxy listens for each where that one is told to connect, and goes on to where the other
+    end listens.
+    """
+    own = WIRES["environment"]
+    told = files.listed(own["ROCO_CONNECT"], endpoints(own["ROCO_AGENTS"]), own["ROCO_LISTEN"])
+    assert told is not None
+    assert told.bind == "0.0.0.0"
+    assert told.ends == {
+        "router": ("router", 7447),
+        **{name: (name, 7448) for name in DESIGN.agents},
+    }
+    agents = {
+        name: service["environment"]
+        for name, service in OVER["services"].items()
+        if name != "wires"
+    }
+    assert set(agents) == set(told.ports) == set(DESIGN.agents)
+    for name, ports in told.ports.items():
+        assert set(ports) == {"router", *DESIGN.peers(name)}
+        reached = {end: f"tls/wires:{port}" for end, port in ports.items()}
+        assert agents[name]["ROCO_CONNECT"] == reached.pop("router")
+        assert endpoints(agents[name]["ROCO_AGENTS"]) == {name: f"tls/{name}:7448", **reached}
+    every = [port for ports in told.ports.values() for port in ports.values()]
+    assert len(set(every)) == len(every)
+    like = FILE["services"]["co"]["environment"]
+    assert {key: own[key] for key in ("ROCO_CONNECT", "ROCO_AGENTS")} == {
+        key: like[key] for key in ("ROCO_CONNECT", "ROCO_AGENTS")
+    }
+
+
+def test_the_proxy_is_guarded_as_every_service():
+    """As co is, but for what it runs; it has no keys, since it decrypts nothing."""
+    like = FILE["services"]["co"]
+    assert {key: value for key, value in WIRES.items() if key not in OWN} == {
+        key: value for key, value in like.items() if key not in OWN
+    }
+    assert WIRES["volumes"] == ["wires:/var/lib/roco"]
+    assert WIRES["healthcheck"] == like["healthcheck"] | {"test": ["CMD", "healthy", "wires"]}

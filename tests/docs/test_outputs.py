@@ -168,3 +168,28 @@ def test_no_page_tells_where_it_was_made() -> None:
             assert not any(
                 str(shown.ROOT) in one.text or "/tmp/" in one.text for one in block.shown
             ), block.where
+
+
+# --- The outputs that need a running fleet: one fleet, all pages ----------------------------------
+
+
+@pytest.mark.long
+@pytest.mark.zenoh
+@pytest.mark.timeout(900)
+def test_pages_show_what_a_running_fleet_prints(tmp_path: Path) -> None:
+    """`scripts/outputs --fleet` rewrites them."""
+    shown.place(tmp_path, recorded=False)
+    wrong = []
+    try:
+        for block in shown.in_order(EVERY):
+            wrong += shown.differences(block, *shown.run(block, tmp_path))
+    finally:
+        shown.bash("roco down", tmp_path)
+    assert not wrong, "\n".join(one.words for one in wrong)
+
+
+def test_the_fleet_comes_up_first_and_goes_down_last() -> None:
+    """By the numbers of the blocks."""
+    commands = [one.command for block in shown.in_order(EVERY) for one in block.shown]
+    assert "roco up" in commands[0]
+    assert "roco down" in commands[-1]

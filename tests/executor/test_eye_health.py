@@ -16,7 +16,7 @@ from services.executor.eye_messages import Saw
 from services.executor.renderer_process import Sighted
 from velma.eyes import health
 from velma.eyes.fit import View
-from velma.eyes.lens import lens
+from velma.eyes.lens import LENS
 from velma.kinematics.robot import Robot
 from velma.model.scene import Scene, load, vary
 from velma.sim.mujoco_backend import MujocoBackend
@@ -44,7 +44,7 @@ class Camera(NamedTuple):
         qpos = self.backend.configuration().copy()
         neck = look_at(self.backend.model, qpos, point)
         eye = ROBOT.camera(*np.add(neck, error))
-        return self.photographs.take(qpos, number), View(lens(), eye.rotation, eye.translation)
+        return self.photographs.take(qpos, number), View(LENS, eye.rotation, eye.translation)
 
 
 @pytest.fixture(scope="module")

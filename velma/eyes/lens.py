@@ -40,6 +40,5 @@ class Lens(NamedTuple):
         )
 
 
-def lens(width: int = WIDTH, height: int = HEIGHT) -> Lens:
-    """Return the lens of a picture of width x height pixels."""
-    return Lens(width / 2 / HALF_WIDTH, (width - 1) / 2, (height - 1) / 2)
+LENS = Lens(WIDTH / 2 / HALF_WIDTH, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
+"""That of the pictures of WIDTH x HEIGHT pixels."""

@@ -19,7 +19,7 @@ from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side, Uncertainty
 from velma import names
-from velma.eyes.lens import HEIGHT, WIDTH, lens
+from velma.eyes.lens import HEIGHT, LENS, WIDTH
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
 from velma.kinematics.shapes import Cylinder
@@ -470,7 +470,7 @@ def _framed(corners: Array, camera: pin.SE3) -> bool:
     inside = (corners - camera.translation) @ camera.rotation
     if (inside[:, 2] < TINY).any():
         return False
-    return bool((np.abs(lens().project(inside) / (WIDTH, HEIGHT) - 0.5) < IN_PICTURE).all())
+    return bool((np.abs(LENS.project(inside) / (WIDTH, HEIGHT) - 0.5) < IN_PICTURE).all())
 
 
 def _edge(hole: models.Opening) -> list[tuple[float, float, float]]:
@@ -499,7 +499,7 @@ def _read(corners: Array, eye: Array) -> bool:
     outwards, way = _normal(corners), eye - corners.mean(axis=0)
     far, side = float(np.linalg.norm(way)), float(np.linalg.norm(corners[1] - corners[0]))
     facing = float(outwards @ way) / (float(np.linalg.norm(outwards)) * far)
-    return far <= SURE_M and facing >= FACING and lens().focal * side * facing / far >= SURE_PX
+    return far <= SURE_M and facing >= FACING and LENS.focal * side * facing / far >= SURE_PX
 
 
 def _inwards(corners: Array) -> bool:

@@ -13,7 +13,7 @@ from simulated import look_at
 from services.executor.receptor import Receptor
 from velma.eyes import content
 from velma.eyes.fit import View
-from velma.eyes.lens import lens
+from velma.eyes.lens import LENS
 from velma.kinematics.robot import Robot
 from velma.model.kinds import Model, objects
 from velma.model.scene import Content, Scene, load
@@ -47,7 +47,7 @@ class Pile:
         self.rng = np.random.default_rng(grains)
         self._let_fall(grains, beside, spin)
         eye = Robot().camera(*look_at(self.model, self.data.qpos, (*self.at, RIM_Z)))
-        self.view = View(lens(), eye.rotation, eye.translation)
+        self.view = View(LENS, eye.rotation, eye.translation)
         self.inside = sum(self._in_bowl(k) for k in range(grains))
         rays = Receptor(self.model, {"bowl_1": Model.BOWL}, scene.noise).look(self.data.qpos)
         self.told_by_rays = next((one.content for one in rays if one.whole), None)

@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from velma.eyes.fit import FLOOR_PX, View, _linear, fit, largest, poses
-from velma.eyes.lens import lens
+from velma.eyes.lens import LENS
 from velma.model.kinds import Model
 from velma.model.markers import Marker, of_scene
 from velma.model.scene import Scene, SceneObject
@@ -28,7 +28,7 @@ def looking(point: np.ndarray) -> View:
     forwards = (point - EYE) / np.linalg.norm(point - EYE)
     right = np.cross(forwards, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
-    return View(lens(), np.column_stack([right, np.cross(forwards, right), forwards]), EYE)
+    return View(LENS, np.column_stack([right, np.cross(forwards, right), forwards]), EYE)
 
 
 def towards(yaw: float) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 from simulated import look_at, placed, put
 
 from velma.eyes.fit import View
-from velma.eyes.lens import HEIGHT, WIDTH, lens
+from velma.eyes.lens import HEIGHT, LENS, WIDTH
 from velma.eyes.pictures import disturbed
 from velma.eyes.seeing import Seen, eyes_of
 from velma.kinematics.robot import Robot
@@ -44,7 +44,7 @@ class Look:
         """The head to a point: the markers found, and the view by the joints."""
         eye = self.robot.camera(*look_at(self.model, self.qpos, point))
         picture = disturbed(self.camera.picture(self.qpos), NOISE, 0.0, 1.0, self.rng)
-        return self.eyes.markers(picture), View(lens(), eye.rotation, eye.translation)
+        return self.eyes.markers(picture), View(LENS, eye.rotation, eye.translation)
 
     def seen(self, point: np.ndarray) -> dict[str, Seen]:
         """What is seen there."""
@@ -128,7 +128,7 @@ def test_a_wrong_reading_does_not_move_a_thing(look: Look) -> None:
     assert not look.eyes.bodies(right | {jar[0]: found[jar[1]], jar[1]: found[jar[0]]}, view)
 
 
-AHEAD = View(lens(), np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.zeros(3))
+AHEAD = View(LENS, np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.zeros(3))
 """A camera at the origin that looks along x."""
 
 

@@ -12,7 +12,7 @@ import pytest
 from simulated import look_at, placed, turn_head
 
 from velma import names
-from velma.eyes.lens import HALF_WIDTH, HEIGHT, WIDTH, lens
+from velma.eyes.lens import HALF_WIDTH, HEIGHT, LENS, WIDTH
 from velma.model.build import load as robot
 from velma.model.kinds import Model
 from velma.model.scene import Noise, Scene, SceneObject, load
@@ -50,7 +50,7 @@ class View:
         """Row and column of a point of the world, by the body of the optical frame and the lens."""
         body = placed(self.model, self.qpos).body(names.CAMERA_BODY)
         seen = (np.array(point) - body.xpos) @ body.xmat.reshape(3, 3)
-        column, row = lens().project(seen[None])[0]
+        column, row = LENS.project(seen[None])[0]
         return round(float(row)), round(float(column))
 
     def pixel(self, point: Point) -> np.ndarray:

@@ -13,7 +13,7 @@ import pytest
 from velma.eyes import detect
 from velma.eyes.detect import Detector
 from velma.eyes.fit import View
-from velma.eyes.lens import HEIGHT, WIDTH, lens
+from velma.eyes.lens import HEIGHT, LENS, WIDTH
 from velma.model.kinds import DOORS, Model
 from velma.model.markers import Marker, of_scene
 from velma.model.scene import Noise, Scene, SceneObject, hung, load
@@ -87,7 +87,7 @@ class Stand:
         camera = self.model.camera(CAMERA).id
         self.model.cam_pos[camera], self.model.cam_quat[camera] = eye, quaternion
         picture = self.camera.picture(self.qpos)
-        return cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), View(lens(), rotation, eye)
+        return cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), View(LENS, rotation, eye)
 
 
 @pytest.fixture(params=list(Model), ids=str)

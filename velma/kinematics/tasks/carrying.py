@@ -33,7 +33,6 @@ def carries(
     T_grip_object: pin.SE3,
     rng: np.random.Generator,
     *,
-    torso: float = 0.0,
     tries: int = 300,
 ) -> Iterator[np.ndarray]:
     """Yield free carry postures (15,); the object is attached to the hand in `world`."""
@@ -45,7 +44,7 @@ def carries(
         grip = standing(np.zeros(3), turn - object_yaw) * T_grip_object.inverse()
         target = pin.SE3(grip.rotation, at)
         posture = ik.sample(
-            robot, side, target, q, rng, torso=torso, first=world.first_free, best=True
+            robot, side, target, q, rng, torso=0.0, first=world.first_free, best=True
         )
         if posture is not None and all(world.free(_turned(posture, t)) for t in TORSO_SWEEP):
             yield posture

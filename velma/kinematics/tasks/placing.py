@@ -73,7 +73,6 @@ def placings(
     retreat: Sequence[tuple[pin.SE3, float]],
     rng: np.random.Generator,
     *,
-    torso: tuple[float, float] = (-1.2, 1.2),
     tries: int = 500,
 ) -> Iterator[Placing]:
     """Yield solved places of the object attached to the hand, its origin on one of `spots`
@@ -87,7 +86,7 @@ def placings(
         place = standing(np.add(spot, (0.0, 0.0, CLEARANCE_M)), rng.uniform(-np.pi, np.pi))
         grip = place * T_grip_object.inverse()
         over, first = shifted(grip, np.array([0.0, 0.0, ABOVE_M])), world.first_free
-        above = ik.sample(robot, side, over, q, rng, torso=torso, first=first)
+        above = ik.sample(robot, side, over, q, rng, torso=(-1.2, 1.2), first=first)
         if above is None:
             continue
         try:
