@@ -21,7 +21,7 @@ from console.fleet.up import Rate, SceneFile, Speed
 from console.output import FirstSeed, Form, Format, option, problems, tell_problem
 from console.runs import folders, machine, trials
 from console.terminal.console import Console
-from operate.experiments.setting import RESULTS_FILE
+from operate.experiments.run_figures import RESULTS_FILE
 
 # a run before any was timed: a pour on two idle cores at --speed max (measured 2026-11-21)
 FIRST_S = 75.0

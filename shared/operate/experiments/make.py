@@ -12,8 +12,7 @@ from agent_runtime.io.run_files import replaced, write_whole
 from operate.experiments import page, results, summary, tables
 from operate.experiments.measures import Runs
 from operate.experiments.results import NothingHere
-from operate.experiments.run_figures import SentMessage, sent_messages
-from operate.experiments.setting import RESULTS_FILE
+from operate.experiments.run_figures import RESULTS_FILE, SentMessage, sent_messages
 from operate.file_names import TRAFFIC_FILE
 from operate.recording.run import Run
 

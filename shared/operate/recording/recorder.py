@@ -37,6 +37,7 @@ from operate.live_lines import Against, Happened
 from operate.pictures.feed import Feed, feeding
 from operate.recording.contents import versions_now
 from operate.recording.ends import Ends
+from operate.recording.index import NOTE
 from operate.recording.mcap_file import FILE, Recording, cursor
 from operate.recording.records import (
     FAULT,
@@ -52,7 +53,6 @@ from operate.recording.records import (
     sampled,
     understood,
 )
-from operate.recording.stored import NOTE
 from operate.system import System
 from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
@@ -483,10 +483,10 @@ def serve(options: Options, system: System) -> int:
     ready.unlink(missing_ok=True)
     log.write("recorded", samples=recorders.counts, dropped=waiting.dropped)
     from operate.recording.run import Run
-    from operate.reports import make
+    from operate.reports.report import everything
 
     made = [
-        make.everything(Run(folder, system), partial(log.write, system=name))
+        everything(Run(folder, system), partial(log.write, system=name))
         for name, folder in where.items()
     ]
     log.close()

@@ -17,10 +17,9 @@ from companion.tools.system import SYSTEM
 from companion.tools.telemetry import robot
 from operate.experiments import make, page, results, summary, tables
 from operate.experiments.results import NothingHere
-from operate.experiments.run_figures import Result
-from operate.experiments.setting import RESULTS_FILE
+from operate.experiments.run_figures import RESULTS_FILE, Result
+from operate.recording.index import NoRecordingError
 from operate.recording.run import opened
-from operate.recording.stored import NoRecordingError
 from operate.reports import report
 from operate.reports.counts import Latency, Spans
 

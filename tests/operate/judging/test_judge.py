@@ -19,7 +19,7 @@ from operate.recording import history
 from operate.recording.recorder import Recorder
 from operate.recording.records import Setting, understood
 from operate.recording.run import Run, verdicts
-from operate.reports import make
+from operate.reports.report import everything
 from operate.system import NoSystemError, languages_at, of_design
 from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
@@ -141,7 +141,7 @@ def test_a_recorder_that_began_first_knows_beginnings(tmp_path: Path) -> None:
     recorder.begin(Setting(seed=7, speed="1"))
     recorder.finish()
     assert (tmp_path / VERDICTS_FILE).read_bytes() == b""
-    assert make.everything(Run(tmp_path, SYSTEM), lambda *_, **__: None)
+    assert everything(Run(tmp_path, SYSTEM), lambda *_, **__: None)
 
 
 def test_another_systems_design_and_languages_are_named(tmp_path: Path) -> None:

@@ -8,8 +8,7 @@ from noted import Noted, live
 
 from companion.tools.system import SYSTEM
 from operate.fault_lines import Fault
-from operate.pictures.happenings import of_history
-from operate.pictures.stage import FAULTS, REST, Stage
+from operate.pictures.stage import FAULTS, REST, Stage, of_history
 from operate.recording import history
 from operate.recording.records import FAULT, OPERATOR, House, Record
 

@@ -8,9 +8,8 @@ import pytest
 from noted import Noted
 
 from companion.design import DESIGN
-from operate.pictures.colours import CHANNELS, GREY, ORANGE, RED, channel
-from operate.pictures.sheet import flat_arrows
-from operate.pictures.traffic import APART, ARROWS, MOST_LETTERS, ROW_HIGH, ROWS, ring
+from operate.pictures.sheet import CHANNELS, GREY, ORANGE, RED, channel, flat_arrows
+from operate.pictures.stage import APART, ARROWS, MOST_LETTERS, ROW_HIGH, ROWS, ring
 from operate.recording.history import History
 
 TOLD_APART = 60.0

@@ -20,9 +20,7 @@ from companion.tools.pictures.velma import VELMA
 from companion.tools.system import SYSTEM
 from operate.pictures.blueprint import LIVE_S, YOUNG, axis
 from operate.pictures.file import end_s
-from operate.pictures.happenings import Happening
-from operate.pictures.stage import REST, Stage
-from operate.pictures.traffic import GRAPH, positions
+from operate.pictures.stage import GRAPH, REST, Happening, Stage, positions
 from operate.recording import history
 from operate.recording.records import Record
 from operate.verdict_lines import Judged

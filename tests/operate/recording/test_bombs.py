@@ -17,9 +17,9 @@ from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 
 from operate.recording import mcap_file
+from operate.recording.index import CHUNK_LIMIT
 from operate.recording.mcap_file import Reading
 from operate.recording.records import Token
-from operate.recording.stored import CHUNK_LIMIT
 
 GIGABYTE = 1 << 30
 PIECE = bytes(1 << 20)

@@ -15,8 +15,8 @@ from agent_runtime.io.forked import FORKS_VARIABLE
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from operate.fleet_file import ProcessState
 from operate.supervisor import core, folder
-from operate.supervisor.processes import Process, around
 from operate.supervisor.shell import FORKS, FORKS_FILE, Shell, forking
+from operate.system import Process, around
 
 TABLE = (
     *around(),

@@ -12,7 +12,7 @@ from companion.tools.system import SYSTEM
 from operate.fault_proxy import files
 from operate.supervisor import core
 from operate.supervisor.__main__ import chosen
-from operate.supervisor.wiring import CONNECT, WIRES, wired
+from operate.supervisor.shell import CONNECT, WIRES, wired
 
 AGENTS = tuple(SYSTEM.design.agents)
 
