@@ -65,7 +65,7 @@ class Past:
 
     def judged(self, one: Judged) -> bool:
         """Whether the past has this verdict."""
-        return _name(one) in self._judged
+        return (one.t, one.id, one.verdict) in self._judged
 
     def read(self, run: Path, system: System, reader: Reader) -> Iterator[Happening]:
         """Yield them in the order of time."""
@@ -98,12 +98,8 @@ class Past:
                 if one.t >= self._at:
                     continue
                 if one.t > self._at - LATE_S:
-                    self._judged.add(_name(one))
+                    self._judged.add((one.t, one.id, one.verdict))
                 yield Happening(one.t, one)
-
-
-def _name(one: Judged) -> tuple[float, str, str]:
-    return one.t, one.id, one.verdict
 
 
 # --- Viewers' connections, passed on to Rerun's server: its ports are open before it runs, and a

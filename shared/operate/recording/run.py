@@ -154,14 +154,10 @@ def _in_order(records: tuple[Record, ...]) -> tuple[Record, ...]:
 
 def _is_logged(record: Record) -> bool:
     """Whether agents' logs have it."""
-    match record:
-        case Spoken() | Unpaired():
-            return True
-        case Garbage(log=log):
-            return bool(log)
-        case House(kind=kind):
-            return kind == RECEIPT
-    return False
+    if isinstance(record, Garbage):
+        return bool(record.log)
+    receipt = isinstance(record, House) and record.kind == RECEIPT
+    return receipt or isinstance(record, Spoken | Unpaired)
 
 
 def _observation(one: Spoken) -> Observation:
