@@ -198,9 +198,9 @@ def _finish(place: Path, form: Form, console: Console) -> None:
     say = partial(console.out, highlight=False)
     if form is Format.TEXT:
         say("making the report …")
-    from operate.experiments import make
+    from operate.experiments import page
 
-    told = make.everything(place)
+    told = page.everything(place)
     if form is Format.JSON:
         say(msgspec.json.encode({"kind": DONE, **msgspec.structs.asdict(told)}).decode())
         return
