@@ -18,15 +18,18 @@ import pytest
 pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).parents[1]
-MODULES = sorted(
-    ".".join(path.relative_to(above).parent.parts)
-    for above, room in (
-        (ROOT, "services"),
-        (ROOT / "shared", "operate"),
-        (ROOT / "shared", "console"),
-    )
-    for path in (above / room).rglob("__main__.py")
-)
+MODULES = [
+    "operate.router",
+    *(
+        ".".join(path.relative_to(above).parent.parts)
+        for above, room in (
+            (ROOT, "services"),
+            (ROOT / "shared", "operate"),
+            (ROOT / "shared", "console"),
+        )
+        for path in sorted((above / room).rglob("__main__.py"))
+    ),
+]
 SHARED = {"CONNECT", "LISTEN", "SYSTEM", "RUN_DIR", "LOG_LEVEL", "SPEED", "SEED", "SCENE"}
 OWN = {
     "console": set(),

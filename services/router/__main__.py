@@ -1,6 +1,6 @@
 """The fleet's router (operate.router)."""
 
-from operate.router.__main__ import main
+from operate.router import main
 
 if __name__ == "__main__":
     main()

@@ -9,10 +9,12 @@ and the services find it once, by `of_run` or `here`. A project names its own in
 
 An installed one is named by an entry point of the group `roco.system`.
 docs/design-your-own-robot.md shows both. Code of a project is imported only where nobody but the
-caller and root can change it (operate.trust).
+caller and root can change it (`changeable`).
 """
 
+import grp
 import os
+import pwd
 import stat
 import sys
 import tomllib
@@ -29,10 +31,151 @@ from operate import wording
 from operate.file_names import FLEET_FILE
 from operate.fleet_file import Fleet
 from operate.live_lines import Step
-from operate.supervisor.processes import Process
-from operate.trust import TRUST_VARIABLE, changeable
 from topdown.model import design as designs
 from topdown.model.errors import TopdownError
+
+# --- A process of a system ------------------------------------------------------------------------
+
+
+ORDERLY_STOP_S = 5.0  # estimate: an agent closes its session and its journal in well under a second
+SILENT_S = 6.0  # estimate: six heartbeats
+# estimate: the monitor works at a low priority, and reads large content amid its heartbeats
+RECORDS_S = 20.0
+# estimate: when it is stopped the monitor writes report and pictures, perhaps of several robots
+REPORT_S = 120.0
+
+
+class Process(msgspec.Struct, frozen=True):
+    """One process: Python runs `-m module arguments`.
+
+    `forked`: whether the fork server makes it, where there is one; one that locks its memory would
+    lock a copy of all that the server imported. `workers`: modules that children of it run.
+
+    `after`: processes that are ready before it starts, and stop only once it has ended. `optional`:
+    others do not wait for it for more than `patience_s`, and the fleet counts as ready without it.
+    `stop_within_s`: then it is killed. `hangs_s`: silence of its heartbeat after which it is killed
+    and started again [s].
+    """
+
+    name: str
+    module: str
+    after: tuple[str, ...] = ()
+    optional: bool = False
+    patience_s: float = 10.0
+    stop_within_s: float = ORDERLY_STOP_S
+    hangs_s: float = SILENT_S
+    arguments: tuple[str, ...] = ()
+    workers: tuple[str, ...] = ()
+    forked: bool = True
+
+
+# Agents start side by side: each is ready when a ping was answered on each of its channels: they
+# wait for each other. They end before the monitor, which then has their last word. They do not wait
+# until it is ready: it reads their logs.
+FIRST = ("router", "monitor")
+
+
+def around(
+    router: str = "operate.router", monitor: str = "operate.recording"
+) -> tuple[Process, Process]:
+    """The router and the monitor of a system, run by these modules."""
+    return (
+        Process("router", router),
+        Process(
+            "monitor",
+            monitor,
+            after=("router",),
+            optional=True,
+            patience_s=0.0,
+            stop_within_s=REPORT_S,
+            hangs_s=RECORDS_S,
+        ),
+    )
+
+
+def agents(package: str, *names: str) -> tuple[Process, ...]:
+    """Agents that are run as `package.name`."""
+    return tuple(Process(name, f"{package}.{name}", after=FIRST) for name in names)
+
+
+# --- Whose code may run ---------------------------------------------------------------------------
+# A file or a folder is trusted where only the caller and root can change what it holds. A run's
+# fleet.json and a project's pyproject.toml name Python code. Root who looks at a user's run, or
+# anybody below a folder that others write to, would run theirs.
+
+
+TRUST_VARIABLE = "ROCO_TRUST"
+"""Folders that the caller trusts whoever owns them, a colon between, with all that is below
+them.
+"""
+ACCESS_LIST = "system.posix_acl_access"
+
+
+def changeable(place: Path) -> str:
+    """Say who besides the caller and root could change this file, or what is in this folder; ""
+    where nobody could.
+
+    The folders above count, too: who can rename one of them can put another in its place. In one
+    with the sticky bit, as /tmp, only the owner of an entry can.
+    """
+    place = place.resolve()
+    trusted = [
+        Path(one).resolve() for one in os.environ.get(TRUST_VARIABLE, "").split(os.pathsep) if one
+    ]
+    if any(place.is_relative_to(one) for one in trusted):
+        return ""
+    found = (_changeable(one, sticky=one != place) for one in (place, *place.parents))
+    return next(filter(None, found), "")
+
+
+def _changeable(place: Path, sticky: bool) -> str:
+    try:
+        found = place.stat()
+        listed = ACCESS_LIST in os.listxattr(place)
+    except OSError as error:
+        return f"{place} cannot be looked at ({error.strerror})"
+    if found.st_uid not in _safe():
+        return f"{place} belongs to {_user(found.st_uid)}"
+    if sticky and found.st_mode & stat.S_ISVTX:
+        return ""
+    if found.st_mode & stat.S_IWOTH:
+        return f"every user can write to {place}"
+    if found.st_mode & stat.S_IWGRP and (listed or not _alone(found.st_gid)):
+        return f"other users can write to {place} (group {_group(found.st_gid)})"
+    return ""
+
+
+def _safe() -> set[int]:
+    return {0, os.geteuid()}
+
+
+def _alone(gid: int) -> bool:
+    """Whether a group has nobody but the caller and root in it, as a user's own group where the
+    umask is 002.
+    """
+    try:
+        members = {pwd.getpwnam(name).pw_uid for name in grp.getgrgid(gid).gr_mem}
+    except KeyError:  # nobody has written down who is in it
+        return False
+    return members | {user.pw_uid for user in pwd.getpwall() if user.pw_gid == gid} <= _safe()
+
+
+def _user(uid: int) -> str:
+    try:
+        return f"{pwd.getpwuid(uid).pw_name} (uid {uid})"
+    except KeyError:
+        return f"uid {uid}"
+
+
+def _group(gid: int) -> str:
+    try:
+        return grp.getgrgid(gid).gr_name
+    except KeyError:
+        return str(gid)
+
+
+# --- A system, and how the tools find it ----------------------------------------------------------
+
 
 ENTRY_VARIABLE, PROJECT_VARIABLE = "ROCO_ENTRY", "ROCO_PROJECT"
 """The processes of a fleet find their system by these: `module:NAME`, and the folder that Python

@@ -34,23 +34,23 @@ from pathlib import Path
 from companion.tools.system import SYSTEM
 from operate.pictures.feed import feeding
 from operate.recording.run import Run
-from operate.reports import make
+from operate.reports.report import everything
 from operate.recording.run import Run
 import services.monitor.__main__, operate.recording.recorder
 told = []
 say = lambda event, **fields: told.append((event, fields.get("file")))
-assert make.everything(Run(Path(sys.argv[2]), SYSTEM), say), told
+assert everything(Run(Path(sys.argv[2]), SYSTEM), say), told
 assert feeding({"roco": Path(sys.argv[2])}, SYSTEM, say) == {}
 print(told)
 """
 MADE = """
 from pathlib import Path
 from companion.tools.system import SYSTEM
-from operate.reports import make
+from operate.reports.report import everything
 from operate.recording.run import Run
 told = []
 say = lambda event, **fields: told.append((event, fields.get("file")))
-assert make.everything(Run(Path(sys.argv[2]), SYSTEM), say), told
+assert everything(Run(Path(sys.argv[2]), SYSTEM), say), told
 print(told)
 """
 

@@ -19,7 +19,7 @@ from console.fleet import starting
 from console.output import Format
 from console.runs import experiment, machine, trials
 from console.terminal.console import Console
-from operate.experiments.setting import RESULTS_FILE
+from operate.experiments.run_figures import RESULTS_FILE
 from operate.file_names import REPORT_FILE
 
 pytestmark = pytest.mark.process

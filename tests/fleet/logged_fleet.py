@@ -9,8 +9,7 @@ from pretended_fleet import Fleet
 from agent_runtime.core.events import Received
 from agent_runtime.io.steplog import StepLog, noted
 from companion.tools.system import SYSTEM
-from operate.recording import reasons
-from operate.recording.run import Run
+from operate.recording.run import Run, reasons
 
 APART_S = 1e-7
 
@@ -54,7 +53,7 @@ class LoggedFleet(Fleet):
     def reasons(self, about=""):
         """The reasons of a task, or of the newest one."""
         self.flush()
-        return reasons.of(Run(self.run, SYSTEM), about)
+        return reasons(Run(self.run, SYSTEM), about)
 
     def traced(self):
         """The run as far as it has gone."""

@@ -36,8 +36,8 @@ from fipa_codec.communicate import decode, decode_strictly, encode
 from fipa_codec.errors import FipaError, MalformedError
 from operate.recording import contents, history, mcap_file
 from operate.recording.ends import Ends
+from operate.recording.index import NoRecordingError
 from operate.recording.records import Garbage, Spoken, Token, sampled, understood
-from operate.recording.stored import NoRecordingError
 from services.coordinator import behaviours as coordinator
 from services.human_interface import grammar, interpretation
 from services.knowledge import behaviours as knowledge

@@ -1,11 +1,13 @@
-"""Makes the synthetic run beside it importable (tests have no packages)."""
+"""Makes the modules beside it and in its folders importable (tests have no packages)."""
 
 import sys
 from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.extend(
+    str(Path(__file__).parent / folder) for folder in ("", "experiments", "pictures", "supervisor")
+)
 
 from synthetic import Run, pour
 

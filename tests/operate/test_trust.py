@@ -25,9 +25,8 @@ from operate.file_names import FLEET_FILE, REPORT_FILE, RRD_FILE
 from operate.fleet_file import Fleet
 from operate.recording.recorder import Recorder
 from operate.recording.run import Run
-from operate.reports import make
-from operate.system import UntrustedError, of_run
-from operate.trust import TRUST_VARIABLE, changeable
+from operate.reports.report import PAGE_FILE, everything
+from operate.system import TRUST_VARIABLE, UntrustedError, changeable, of_run
 
 ROOT = Path(__file__).parents[2]
 POUR = ROOT / "tests/histories/pour_seed_7"
@@ -277,7 +276,7 @@ def test_no_stop_is_written_through_a_link(place: Path) -> None:
 
 def test_no_report_is_written_through_a_link(place: Path) -> None:
     """The link is replaced by the file; so is one at the name under which the file is begun."""
-    run, names = place / "run", (REPORT_FILE, RRD_FILE, make.PAGE_FILE)
+    run, names = place / "run", (REPORT_FILE, RRD_FILE, PAGE_FILE)
     Recorder(run, SYSTEM).finish()
     secret = place / "secret"
     secret.write_bytes(b"kept")
@@ -287,7 +286,7 @@ def test_no_report_is_written_through_a_link(place: Path) -> None:
         (run / f".{name}.new").symlink_to(secret)
         (run / f".{name}").symlink_to(secret)
     told: list[object] = []
-    made = make.everything(Run(run, SYSTEM), lambda *words, **more: told.append((words, more)))
+    made = everything(Run(run, SYSTEM), lambda *words, **more: told.append((words, more)))
     assert made, told
     assert secret.read_bytes() == b"kept"
     assert not any((run / name).is_symlink() for name in names)

@@ -311,11 +311,11 @@ def test_every_agent_of_the_run_is_run_again_to_the_same_bytes(depot: Depot) -> 
 AGAIN = """
 import sys
 from pathlib import Path
-from operate.reports import make
+from operate.reports.report import everything
 from operate.system import of_run
 from operate.recording.run import Run
 run = Path(sys.argv[1])
-assert make.everything(Run(run, of_run(run)), lambda *_, **__: None)
+assert everything(Run(run, of_run(run)), lambda *_, **__: None)
 ours = ("companion", "velma", "services")
 print([name for name in sys.modules if name.partition(".")[0] in ours])
 """

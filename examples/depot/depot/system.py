@@ -1,7 +1,6 @@
 """The system as the tools see it (operate.system): `roco` in this folder is about it."""
 
-from operate.supervisor.processes import agents, around
-from operate.system import System
+from operate.system import System, agents, around
 
 from depot.design import DESIGN, LANGUAGES
 

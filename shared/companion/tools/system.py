@@ -7,8 +7,7 @@ from companion.design import DESIGN
 from companion.run_files import DISTURBANCES_FILE, SLOTS_FILE
 from companion.sentences import about, happened, plain, why
 from companion.tools.shown import SHOWN, step
-from operate.supervisor.processes import FIRST, Process, around
-from operate.system import Additions, Job, System
+from operate.system import FIRST, Additions, Job, Process, System, around
 
 EX_WORKERS = tuple(f"services.executor.{name}_process" for name in ("skill", "renderer"))
 # Loop and agent of ex are siblings: each may die and come back without the other.

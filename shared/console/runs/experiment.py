@@ -21,7 +21,7 @@ from console.fleet.up import Rate, SceneFile, Speed
 from console.output import FirstSeed, Form, Format, option, problems, tell_problem
 from console.runs import folders, machine, trials
 from console.terminal.console import Console
-from operate.experiments.setting import RESULTS_FILE
+from operate.experiments.run_figures import RESULTS_FILE
 
 # a run before any was timed: a pour on two idle cores at --speed max (measured 2026-11-21)
 FIRST_S = 75.0
@@ -198,9 +198,9 @@ def _finish(place: Path, form: Form, console: Console) -> None:
     say = partial(console.out, highlight=False)
     if form is Format.TEXT:
         say("making the report …")
-    from operate.experiments import make
+    from operate.experiments import page
 
-    told = make.everything(place)
+    told = page.everything(place)
     if form is Format.JSON:
         say(msgspec.json.encode({"kind": DONE, **msgspec.structs.asdict(told)}).decode())
         return

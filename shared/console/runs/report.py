@@ -48,8 +48,7 @@ def report(
     with problems(form):
         from operate.experiments import measures
         from operate.recording.run import Run, opened
-        from operate.reports import make
-        from operate.reports.report import of
+        from operate.reports.report import everything, of
 
         run, complaints = opened(recording), list[str]()
 
@@ -60,7 +59,7 @@ def report(
         folder = _target(recording, out)
         if folder is not None:
             made = run if folder == recording else Run(folder, run.system)
-            if not make.everything(made, complain):
+            if not everything(made, complain):
                 raise ConsoleError(complaints[-1])
         told = of(run.history, run.system)
         shown = measures.shown(told, measures.of(run.system))

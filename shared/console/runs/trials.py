@@ -22,7 +22,7 @@ from agent_runtime.io.run_files import make_run
 from console.errors import UsageError, last_line
 from console.fleet import starting
 from console.runs import machine
-from operate.experiments.setting import RESULTS_FILE, SETTING_FILE, ExperimentSetting
+from operate.experiments.run_figures import RESULTS_FILE, SETTING_FILE, ExperimentSetting
 from operate.file_names import REPORT_FILE
 
 LOG_FILE = "run.log"

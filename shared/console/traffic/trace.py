@@ -159,12 +159,11 @@ def why(
       roco why SUBJECT --records
     """
     with problems(form):
-        from operate.recording import reasons
-        from operate.recording.run import opened
+        from operate.recording.run import opened, reasons
 
         file = recording_of(run, target, run_dir)
         with waiting("reading the recording …", form):
-            found = reasons.of(opened(file), subject, at)
+            found = reasons(opened(file), subject, at)
         tell(found, form, lambda: _show(found, Console(), records=records))
 
 

@@ -11,8 +11,7 @@ import msgspec
 import pyarrow
 
 from operate.experiments.intervals import Interval
-from operate.experiments.run_figures import Figures, Result, SentMessage
-from operate.experiments.setting import ExperimentSetting
+from operate.experiments.run_figures import ExperimentSetting, Figures, Result, SentMessage
 from operate.quantiles import enough
 from operate.recording.history import History
 from operate.system import NoSystemError, System

@@ -10,8 +10,15 @@ import msgspec
 
 from operate.experiments import measures, tables
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Figures, Result, SentMessage, sent_messages
-from operate.experiments.setting import RESULTS_FILE, SETTING_FILE, ExperimentSetting
+from operate.experiments.run_figures import (
+    RESULTS_FILE,
+    SETTING_FILE,
+    ExperimentSetting,
+    Figures,
+    Result,
+    SentMessage,
+    sent_messages,
+)
 from operate.file_names import REPORT_FILE, TRAFFIC_FILE
 from operate.recording.run import opened
 from operate.reports import report

@@ -9,8 +9,7 @@ import msgspec
 from operate.experiments import intervals
 from operate.experiments.intervals import Interval
 from operate.experiments.measures import Measures, Published, Row, Runs, values
-from operate.experiments.run_figures import Figures, Result
-from operate.experiments.setting import ExperimentSetting
+from operate.experiments.run_figures import ExperimentSetting, Figures, Result
 
 SENT, RECEIVED = "sent", "received"
 """The margins of the count matrix: a last row, and a last column."""

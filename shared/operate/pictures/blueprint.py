@@ -7,7 +7,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
 from operate.pictures.sheet import RUN
-from operate.pictures.traffic import HIGH, SEQUENCE, WIDE
+from operate.pictures.stage import HIGH, SEQUENCE, WIDE
 
 LIVE_S = 90.0
 """Time span of live plots [s]; estimate: a minute and a half is what a person looks back."""

@@ -7,9 +7,8 @@ import rerun.blueprint as rrb
 
 from agent_runtime.io.run_files import replaced
 from operate.pictures.blueprint import blueprint
-from operate.pictures.happenings import of_history
 from operate.pictures.sheet import Sheet
-from operate.pictures.stage import Stage
+from operate.pictures.stage import Stage, of_history
 from operate.recording.history import History
 from operate.system import System
 

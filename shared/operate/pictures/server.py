@@ -16,6 +16,7 @@ import sys
 import time
 from pathlib import Path
 
+import rerun as rr
 import rerun_cli  # type: ignore[import-untyped]
 
 from operate import proc
@@ -86,7 +87,7 @@ class Server:
 def _command(place: Place) -> tuple[str, ...]:
     grpc, web = str(place.grpc), str(place.web)
     if place.bind == EVERY_INTERFACE:
-        return sys.executable, "-P", "-m", "operate.pictures.library_server", grpc, web, KEPT
+        return sys.executable, "-P", "-m", "operate.pictures.server", grpc, web, KEPT
     options = ("--serve-web", "--bind", place.bind, "--port", grpc)
     return str(PROGRAM), *options, "--web-viewer-port", web, "--server-memory-limit", KEPT
 
@@ -110,3 +111,21 @@ def _home(run: Path) -> Path:
 
 def _die_with_parent() -> None:
     _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def serve_by_library(grpc: int, web: int, kept: str) -> None:
+    """Serve what is logged and the web viewer's page until a signal ends it.
+
+    The library's server listens at every interface. It needs a recording of its own, which stays
+    empty. With the name of what is drawn, the web viewer would take its own layout for ours
+    (tried).
+    """
+    own = rr.RecordingStream("server", recording_id="server", send_properties=False)
+    rr.serve_grpc(grpc_port=grpc, server_memory_limit=kept, recording=own)
+    rr.serve_web_viewer(web_port=web, open_browser=False)
+    while True:
+        signal.pause()
+
+
+if __name__ == "__main__":
+    serve_by_library(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3])

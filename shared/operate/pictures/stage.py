@@ -1,19 +1,388 @@
-"""Everything that is drawn, fed with events; the same live and from a recording."""
+"""Everything that is drawn, fed with events; the same live and from a recording.
 
-from collections.abc import Iterable
-from typing import Protocol
+Events in the order of time; traffic: log, sizes (the paper's Figure 12), bandwidth (Figure 13),
+graph, sequence diagram; states of agents; all of them together.
+"""
 
+import math
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Protocol
+
+import msgspec
 import rerun as rr
 
+from fipa_codec.communicate import UNREADABLE
 from operate.fault_lines import Fault
-from operate.pictures.colours import FRESH, GREY, RED
-from operate.pictures.happenings import Happening, Lost
-from operate.pictures.sheet import Colour, Sheet, states
-from operate.pictures.traffic import Bandwidth, Graph, Log, Sequence, Sizes
-from operate.recording.history import Entered
+from operate.pictures.sheet import (
+    FRESH,
+    GREY,
+    ORANGE,
+    RED,
+    Colour,
+    Sheet,
+    between,
+    channel,
+    flat_arrows,
+    log_lines,
+    nodes,
+    scalars,
+    states,
+)
+from operate.recording.history import Entered, History, state_in
+from operate.recording.records import House, Record, Spoken, Token, fault_in
 from operate.system import System
 from operate.verdict_lines import Judged
+from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
+
+# --- Events of a run in the order of time: from records as they come, or from a whole history -----
+
+
+class Lost(msgspec.Struct, frozen=True):
+    """So many samples in all could not be shown: drawing was too slow. They are in the
+    recording.
+    """
+
+    samples: int
+
+
+What = Any
+"""Spoken, Judged, Entered, Fault, Lost, or what the system tells on house keys
+(Additions.telemetry).
+"""
+
+
+class Happening(msgspec.Struct, frozen=True):
+    """Something at `at` [unix s]."""
+
+    at: float
+    what: What
+
+
+class Reader:
+    """Reads records as they come; remembers agents' states, to tell what is new."""
+
+    def __init__(self, system: System) -> None:
+        self._decoders: Mapping[str, Callable[[bytes], Any]] = system.addition("telemetry") or {}
+        self._states: dict[str, tuple[str, bool]] = {}
+
+    def read(self, record: Record) -> Iterator[Happening]:
+        """Yield the events of a record; none for what is not drawn or cannot be read."""
+        if isinstance(record, Spoken):
+            yield Happening(record.received, record)
+        elif (fault := fault_in(record)) is not None:
+            yield Happening(fault.began if fault.ended is None else fault.ended, fault)
+        elif isinstance(record, House) and record.kind in self._decoders:
+            try:
+                yield Happening(record.received, self._decoders[record.kind](record.data))
+            except UNREADABLE:
+                return
+        elif isinstance(record, House | Token):
+            yield from self._state(record)
+
+    def _state(self, record: House | Token) -> Iterator[Happening]:
+        now = state_in(record, self._states)
+        if now is not None and self._states.get(now.agent) != (now.state, now.alive):
+            self._states[now.agent] = (now.state, now.alive)
+            yield Happening(now.at, now)
+
+
+def of_history(history: History) -> list[Happening]:
+    """Everything of a recorded run."""
+    found = [Happening(one.received, one) for one in (*history.said, *history.copies)]
+    found += [Happening(one.t, one) for one in history.judged]
+    found += [Happening(at, one) for at, one in history.told]
+    found += [Happening(one.at, one) for one in history.entered]
+    for fault in history.faults:
+        found.append(Happening(fault.began, msgspec.structs.replace(fault, ended=None)))
+        if fault.ended is not None:
+            found.append(Happening(fault.ended, fault))
+    return sorted(found, key=lambda one: one.at)
+
+
+# --- Traffic --------------------------------------------------------------------------------------
+
+
+BIN_S = 0.25
+"""Of the bandwidth over time; estimate: some ten queries of a search."""
+LEVELS = {
+    Verdict.LEGAL: "INFO",
+    Verdict.SLOW: "WARN",
+    Verdict.COPY: "DEBUG",
+    Verdict.NOT_JUDGED: "DEBUG",
+}
+"""Of a line of the log; verdicts that are not named here are against the design: ERROR."""
+OTHER = "other"
+
+
+class Log:
+    """A line for each verdict about a communicate."""
+
+    def __init__(self, sheet: Sheet, design: Design) -> None:
+        self._sheet, self._channels = sheet, design.channels
+
+    def take(self, happening: Happening) -> None:
+        """Write the line."""
+        match happening.what:
+            case Judged() as one:
+                level = LEVELS.get(Verdict(one.verdict), "ERROR")
+                text = f"  {one.text}" if one.text else ""
+                said = f"{one.sender} > {one.receiver}  {one.performative}{text}  ({one.bytes} B)"
+                what = said if one.sender else one.key
+                why = (
+                    f"  {one.verdict.upper()}: {one.why}" if level not in ("INFO", "DEBUG") else ""
+                )
+                self._add(happening.at, one.channel, what + why, level)
+            case Lost(samples=count):
+                text = f"drawing is too slow: {count} samples not shown (they are recorded)"
+                self._add(happening.at, "", text, "WARN")
+
+    def _add(self, at: float, name: str, text: str, level: str) -> None:
+        colours: dict[str, Colour] = {"ERROR": RED, "WARN": ORANGE, "DEBUG": GREY}
+        where = name if name in self._channels else OTHER
+        self._sheet.add(
+            f"communicates/{where}", log_lines, at, (text, level, colours.get(level, channel(name)))
+        )
+
+
+class Sizes:
+    """A point for each communicate."""
+
+    def __init__(self, sheet: Sheet, design: Design) -> None:
+        self._sheet = sheet
+        for name in design.channels:
+            look = rr.SeriesPoints(
+                colors=[channel(name)], names=[name], markers=["circle"], marker_sizes=[2.5]
+            )
+            sheet.static(f"sizes/{name}", look)
+
+    def take(self, happening: Happening) -> None:
+        """Draw the point."""
+        one = happening.what
+        if isinstance(one, Spoken):
+            self._sheet.add(
+                f"sizes/{one.channel}", scalars, happening.at, (math.log10(max(one.size, 1)),)
+            )
+
+
+class Bins:
+    """Counts by channel in bins of BIN_S; `close` hands out each bin that is over, empty ones
+    too.
+    """
+
+    def __init__(self) -> None:
+        self._number: int | None = None
+        self._sums: defaultdict[str, float] = defaultdict(float)
+
+    def close(self, at: float) -> list[tuple[float, dict[str, float]]]:
+        """Bins that ended before `at` [unix s]: (start, channel -> sum). Long silence is two empty
+        bins, not all.
+        """
+        number = int(at / BIN_S)
+        if self._number is None:
+            self._number = number
+        if number <= self._number:
+            return []
+        done = [(self._number * BIN_S, dict(self._sums))]
+        self._sums.clear()
+        between = range(self._number + 1, number)
+        done += [
+            (k * BIN_S, {})
+            for k in (between if len(between) < 16 else (*between[:14], between[-1]))
+        ]
+        self._number = number
+        return done
+
+    def add(self, name: str, amount: float) -> None:
+        """Count in the bin that is open."""
+        self._sums[name] += amount
+
+
+class Bandwidth:
+    """A line for each channel, kbit/s; at rest it is drawn where it begins and ends only."""
+
+    def __init__(self, sheet: Sheet, design: Design) -> None:
+        self._sheet, self._channels, self._bins = sheet, design.channels, Bins()
+        self._last: dict[str, tuple[float, float]] = {}
+        for name in design.channels:
+            look = rr.SeriesLines(colors=[channel(name)], names=[name], widths=[1.5])
+            sheet.static(f"bandwidth/{name}", look)
+
+    def pass_time(self, at: float) -> None:
+        """Draw the bins that are over."""
+        for start, sums in self._bins.close(at):
+            for name in self._channels:
+                self._point(name, start, sums.get(name, 0.0) * 8 / BIN_S / 1000)
+
+    def take(self, happening: Happening) -> None:
+        """Count the bits."""
+        if isinstance(happening.what, Spoken):
+            self._bins.add(happening.what.channel, happening.what.size)
+
+    def _point(self, name: str, start: float, kbit_s: float) -> None:
+        before, last = self._last.get(name, (start, 0.0))
+        if kbit_s > 0 and last == 0.0 and name in self._last:
+            self._sheet.add(f"bandwidth/{name}", scalars, max(before, start - BIN_S), (0.0,))
+        if kbit_s > 0 or last > 0 or name not in self._last:
+            self._sheet.add(f"bandwidth/{name}", scalars, start, (kbit_s,))
+        self._last[name] = (start, kbit_s)
+
+
+# --- Agents and channels as a graph: agents with their state, channels alight while they carry
+# traffic
+
+
+GRAPH = "graph"
+WIDE, HIGH = 165.0, 90.0
+"""Half axes of the ellipse agents stand on, in points of the viewer; estimate: labels do not
+meet.
+"""
+DIM: Colour = (110, 118, 130)
+"""A channel at rest, on light and on dark."""
+FADE = 0.55
+"""Share of a channel's light that is left after a bin; estimate: dark a second after its last
+word.
+"""
+FULL = 4.0
+"""So many communicates in a bin are full light."""
+
+
+class Graph:
+    """Draws the graph at each change of a state or of a light."""
+
+    def __init__(self, sheet: Sheet, design: Design) -> None:
+        self._sheet, self._design, self._bins = sheet, design, Bins()
+        self._light: dict[str, float] = dict.fromkeys(design.channels, 0.0)
+        self._states: dict[str, tuple[str, bool]] = {}
+        self._drawn: tuple[list[str], list[Colour]] | None = None
+        places = positions(design)
+        edges = [(agent, name) for name, one in design.channels.items() for agent in one.ends]
+        radii = [9.0 if name in design.agents else 6.0 for name in places]
+        look = rr.GraphNodes(
+            list(places), positions=list(places.values()), radii=radii, show_labels=True
+        )
+        sheet.static(GRAPH, look)
+        sheet.static(GRAPH, rr.GraphEdges(edges))
+
+    def take(self, happening: Happening) -> None:
+        """Count a communicate, or note a state."""
+        match happening.what:
+            case Spoken(channel=name):
+                self._bins.add(name, 1.0)
+            case Entered(agent=agent, state=state, alive=alive):
+                self._states[agent] = (state, alive)
+
+    def pass_time(self, at: float) -> None:
+        """Let lights fade and draw what changed."""
+        for start, sums in self._bins.close(at):
+            for name in self._light:
+                lit = self._light[name] * FADE + sums.get(name, 0.0)
+                self._light[name] = lit if lit > 0.05 else 0.0
+            now = self._now(sums)
+            if now != self._drawn:
+                self._drawn = now
+                self._sheet.add(GRAPH, nodes, start, now)
+
+    def _now(self, sums: dict[str, float]) -> tuple[list[str], list[Colour]]:
+        labels, colours = [], []
+        for agent in self._design.agents:
+            state, alive = self._states.get(agent, ("", True))
+            labels.append(
+                f"{agent}: {state}" if alive and state else agent if alive else f"{agent}: gone"
+            )
+            colours.append(FRESH if alive and state else GREY if alive else RED)
+        for name, light in self._light.items():
+            rate = sums.get(name, 0.0) / BIN_S
+            labels.append(f"{name} {rate:.0f}/s" if rate else name)
+            colours.append(between(DIM, channel(name), min(1.0, light / FULL) ** 0.5))
+        return labels, colours
+
+
+def positions(design: Design) -> dict[str, tuple[float, float]]:
+    """Agents on an ellipse, neighbours by channels side by side; each channel in the middle of its
+    two.
+    """
+    around = ring(design)
+    turn = 2 * math.pi / len(around)
+    places = {
+        a: (-WIDE * math.cos(turn * k), -HIGH * math.sin(turn * k)) for k, a in enumerate(around)
+    }
+    ordered = {agent: places[agent] for agent in design.agents}
+    for name, one in design.channels.items():
+        (ax, ay), (bx, by) = (places[agent] for agent in one.ends)
+        ordered[name] = ((ax + bx) / 2, (ay + by) / 2)
+    return ordered
+
+
+def ring(design: Design) -> list[str]:
+    """The agents so that channels lead from one to the next, where they do; the least connected
+    first.
+    """
+    beside = {
+        a: [b for one in design.channels.values() if a in one.ends for b in one.ends if b != a]
+        for a in design.agents
+    }
+    found: list[str] = []
+    waiting = sorted(beside, key=lambda agent: len(beside[agent]))
+    while waiting:
+        near = [agent for agent in waiting if found and agent in beside[found[-1]]]
+        found.append(min(near, key=lambda agent: len(beside[agent])) if near else waiting[0])
+        waiting.remove(found[-1])
+    return found
+
+
+# --- The newest communicates as a sequence diagram: a lane for each agent, an arrow for each
+# communicate, newest below
+
+
+SEQUENCE = "sequence"
+ARROWS, LANES, NAMES = (f"{SEQUENCE}/{part}" for part in ("arrows", "lanes", "agents"))
+ROWS = 20
+"""Communicates that are drawn; estimate: as many with their labels as a view has room for."""
+APART, ROW_HIGH = 200.0, 42.0
+"""Between lanes and between arrows, in points of the viewer; estimate: labels do not meet."""
+MOST_LETTERS = 52
+"""Largest number of letters of a label. Estimate: it fits into two lanes."""
+
+
+class Sequence:
+    """Draws the diagram again when something was said, at most once in BIN_S."""
+
+    def __init__(self, sheet: Sheet, design: Design) -> None:
+        self._sheet = sheet
+        self._lanes = {agent: APART * k for k, agent in enumerate(ring(design))}
+        self._said: deque[Spoken] = deque(maxlen=ROWS)
+        self._drawn, self._changed = 0.0, False
+        lanes = [[(x, 0.0), (x, ROW_HIGH * (ROWS + 1))] for x in self._lanes.values()]
+        # negative: in points of the screen
+        sheet.static(LANES, rr.LineStrips2D(lanes, colors=[GREY], radii=[-0.5]))
+        places = [(x, -ROW_HIGH) for x in self._lanes.values()]
+        dots: dict[str, Any] = {"colors": [FRESH], "radii": [-2.0], "show_labels": True}
+        sheet.static(NAMES, rr.Points2D(places, labels=list(self._lanes), **dots))
+        sheet.static(ARROWS, rr.Arrows2D.from_fields(radii=[-1.0], show_labels=True))
+
+    def take(self, happening: Happening) -> None:
+        """Note a communicate."""
+        if isinstance(happening.what, Spoken):
+            self._said.append(happening.what)
+            self._changed = True
+
+    def pass_time(self, at: float) -> None:
+        """Draw what was said, if the last drawing was BIN_S ago."""
+        if self._changed and at - self._drawn > BIN_S:
+            self._drawn, self._changed = at, False
+            rows = [self._arrow(row, one) for row, one in enumerate(self._said, 1)]
+            self._sheet.add(ARROWS, flat_arrows, self._said[-1].received, rows)
+
+    def _arrow(
+        self, row: int, one: Spoken
+    ) -> tuple[tuple[float, float], tuple[float, float], str, tuple[int, int, int]]:
+        start, end = self._lanes[one.sender], self._lanes[one.receiver]
+        text = f"{one.conversation}: {one.performative} {one.text}".rstrip()
+        text = text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 1]}…"
+        return (start, ROW_HIGH * row), (end - start, 0.0), text, channel(one.channel)
+
 
 # --- States over time: a lane for each agent. States of rest are grey, others stand out -----------
 

@@ -14,8 +14,7 @@ from mcap.records import Channel, Footer, Header, McapRecord, Message, Metadata,
 
 from fipa_codec.communicate import UNREADABLE
 from operate.file_names import TRAFFIC_FILE
-from operate.recording.index import REPAIRED
-from operate.recording.stored import CONTENTS, NOTE, TORN, NoRecordingError, stored
+from operate.recording.index import CONTENTS, NOTE, REPAIRED, TORN, NoRecordingError, stored
 from operate.system import System
 
 PROJECT = "robot-companion"

@@ -416,11 +416,11 @@ class Ends:
             if wrote:
                 yield _not_sent(one, at)
         for identity, ((*_, said), at) in list(self._said.items()):
-            if (
-                until >= at + LOST_S
-                and not self._is_kept(said.communicate)
-                and not self._holds(identity)
-            ):
+            if until < at + LOST_S or self._is_kept(said.communicate):
+                continue
+            log = self._logs.get(identity[1])
+            # its receiver may have taken it by a clock that is ahead
+            if log is None or not log.holds(identity, said=False):
                 yield from self._lost(identity)
         if not self._unsaid and until < math.inf:
             for log in self._logs.values():
@@ -434,11 +434,6 @@ class Ends:
         if log is None or not log.pairs or log.broken:
             return False if until >= at + LOST_S else None
         return None if log.holds(identity, said=True) else log.wrote(at, until)
-
-    def _holds(self, identity: Identity) -> bool:
-        """Whether its receiver took it by a clock that is ahead."""
-        log = self._logs.get(identity[1])
-        return log is not None and log.holds(identity, said=False)
 
     def _is_kept(self, one: Communicate) -> bool:
         """Whether its sender says it again until it is taken."""

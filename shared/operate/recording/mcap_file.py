@@ -24,8 +24,8 @@ from agent_runtime.io.journal import free_name
 from agent_runtime.io.run_files import write_secret
 from fipa_codec.communicate import UNREADABLE
 from operate.recording import index
+from operate.recording.index import CONTENTS, NOTE, TORN, NoRecordingError, stored
 from operate.recording.records import Garbage, House, Record, Spoken, Token, Unpaired
-from operate.recording.stored import CONTENTS, NOTE, TORN, NoRecordingError, stored
 from operate.system import System
 
 # --- The JSON schema of a record, in the narrow form that viewers of MCAP read --------------------

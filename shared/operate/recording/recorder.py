@@ -37,6 +37,7 @@ from operate.live_lines import Against, Happened
 from operate.pictures.feed import Feed, feeding
 from operate.recording.contents import versions_now
 from operate.recording.ends import Ends
+from operate.recording.index import NOTE
 from operate.recording.mcap_file import FILE, Recording, cursor
 from operate.recording.records import (
     FAULT,
@@ -52,7 +53,7 @@ from operate.recording.records import (
     sampled,
     understood,
 )
-from operate.recording.stored import NOTE
+from operate.structs import alike
 from operate.system import System
 from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
@@ -376,8 +377,9 @@ class Recorder:
     def _told(self, one: Judged) -> None:
         self._verdicts.write(encoded(one))
         if one.violation:
-            self._live_file.write(msgspec.json.encode(_against(one)) + b"\n")
-            self._say("not as designed", level="warning", **_verdict_fields(one))
+            self._live_file.write(msgspec.json.encode(alike(Against, one)) + b"\n")
+            fields = {name: getattr(one, name) for name in TOLD if getattr(one, name)}
+            self._say("not as designed", level="warning", **fields)
 
     def _sum_up(self, now: float) -> None:
         """Tell how many more violations of a kind there were than were told singly."""
@@ -396,16 +398,6 @@ def _kind(one: Judged) -> Judged:
     return Judged(
         0.0, one.verdict, 0, one.channel, one.sender, one.receiver, key=one.key, violation=True
     )
-
-
-def _against(one: Judged) -> Against:
-    return Against(
-        one.t, one.verdict, one.channel, one.sender, one.receiver, one.performative, one.why
-    )
-
-
-def _verdict_fields(one: Judged) -> dict[str, str]:
-    return {name: getattr(one, name) for name in TOLD if getattr(one, name)}
 
 
 class Recorders:
@@ -483,10 +475,10 @@ def serve(options: Options, system: System) -> int:
     ready.unlink(missing_ok=True)
     log.write("recorded", samples=recorders.counts, dropped=waiting.dropped)
     from operate.recording.run import Run
-    from operate.reports import make
+    from operate.reports.report import everything
 
     made = [
-        make.everything(Run(folder, system), partial(log.write, system=name))
+        everything(Run(folder, system), partial(log.write, system=name))
         for name, folder in where.items()
     ]
     log.close()

@@ -10,9 +10,9 @@ import msgspec
 from agent_runtime.io.tap import Sample
 from operate.filters import Filter
 from operate.recording.contents import versions_now
+from operate.recording.index import NOTE
 from operate.recording.mcap_file import Recording
 from operate.recording.records import SETTING, House, Spoken, Token, understood
-from operate.recording.stored import NOTE
 from operate.system import System
 
 FILTER = "filter"

@@ -23,12 +23,11 @@ from agent_runtime.io.options import (
 )
 from agent_runtime.io.run_files import KEYS_VARIABLE, RUN_FOLDER_VARIABLE
 from agent_runtime.io.secured import ROUTER, links_file
-from operate.supervisor import folder, wiring
+from operate.supervisor import folder
 from operate.supervisor.folder import KeptError, kept
-from operate.supervisor.processes import Process
 from operate.supervisor.securing import DAYS, Keys
-from operate.supervisor.shell import FORKS_FILE, Shell, end_left, forking
-from operate.system import NoSystemError, here
+from operate.supervisor.shell import FORKS_FILE, Shell, end_left, forking, wired
+from operate.system import NoSystemError, Process, here
 from topdown.model.design import Design
 
 
@@ -176,7 +175,7 @@ def main(
         options |= bound.environment(run)
         apart = {ROUTER: {LISTEN_VARIABLE: made.listen}} if routing else {}
         if faults:
-            processes, wires = wiring.wired(processes, bound.design, made.own, made.agents, run)
+            processes, wires = wired(processes, bound.design, made.own, made.agents, run)
             apart |= wires
         processes = forking(processes)
         options[FORKS_VARIABLE] = str(run / FORKS_FILE)

@@ -14,7 +14,7 @@ import msgspec
 
 from agent_runtime.io.options import USAGE_ERROR
 from operate.fleet_file import ProcessState, ProcessStatus
-from operate.supervisor.processes import Process
+from operate.system import Process
 
 FIRST_PAUSE_S = 0.2  # before the first restart; doubles with each failure in a row
 LONGEST_PAUSE_S = 5.0  # estimate: a person still sees that something happens

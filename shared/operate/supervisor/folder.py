@@ -29,7 +29,7 @@ from agent_runtime.io.run_files import (
 from operate import proc
 from operate.file_names import FLEET_FILE, LATEST, LOCK_FILE, OFF_SUFFIX
 from operate.fleet_file import Fleet
-from operate.supervisor.processes import ORDERLY_STOP_S, Process
+from operate.system import ORDERLY_STOP_S, Process
 
 MOST_BYTES = 32 * 1024 * 1024
 """Of what a process prints, as of its log (agent_runtime.io.logs; estimate)."""

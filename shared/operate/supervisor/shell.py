@@ -27,16 +27,18 @@ import msgspec
 from agent_runtime.io import forked
 from agent_runtime.io.fleet_processes import set_stop
 from agent_runtime.io.forked import Forked, Handed, fork
-from agent_runtime.io.options import USAGE_ERROR
+from agent_runtime.io.options import AGENTS_VARIABLE, USAGE_ERROR
 from agent_runtime.io.process_heartbeat import ProcessHeartbeat
+from agent_runtime.io.reaching import free_port
 from agent_runtime.io.run_files import FLEET_VARIABLE
 from agent_runtime.io.secured import ROUTER
+from operate.fault_proxy import clocks, files
 from operate.fleet_file import Fleet as FleetFile
 from operate.fleet_file import ProcessState
 from operate.supervisor import core, folder
 from operate.supervisor.folder import Left, end_others, left
-from operate.supervisor.processes import RECORDS_S, Process
-from operate.system import System
+from operate.system import RECORDS_S, Process, System
+from topdown.model.design import Design
 
 NAME = "supervisor"
 
@@ -76,6 +78,50 @@ def forking(processes: tuple[Process, ...]) -> tuple[Process, ...]:
 def program(process: Process) -> str:
     """Return the module that Python runs for a process."""
     return f"{process.module}.__main__"
+
+
+# --- A fleet with wires, for `roco up --faults` ---------------------------------------------------
+# Agents reach the router and each other by them, and have own clocks.
+
+
+WIRES = Process("wires", "operate.fault_proxy")
+CONNECT = "ROCO_CONNECT"
+
+
+def wired(
+    processes: tuple[Process, ...], design: Design, connect: str, agents: dict[str, str], run: Path
+) -> tuple[tuple[Process, ...], dict[str, dict[str, str]]]:
+    """Return the processes with the wires' own among them, and the variables that agents get apart;
+    wires.json is told.
+
+    `connect`: the router's address; `agents`: those of the agents. They start after the wires, and
+    end before them.
+    """
+    link = connect.partition("/")[0]
+    places = {name: files.place(address) for name, address in agents.items()}
+    own = [one.name for one in processes if one.name in design.agents]
+    ends = {name: (ROUTER, *(set(design.peers(name)) & set(places))) for name in own}
+    listening = {name: {end: free_port() for end in near} for name, near in ends.items()}
+    wires = files.Wires({ROUTER: files.place(connect)} | places, listening)
+    files.tell(run, wires)
+    first = next((n for n, one in enumerate(processes) if one.name in wires.ports), len(processes))
+    before = tuple(one.name for one in processes[:first] if one.name == ROUTER)
+    behind = (
+        msgspec.structs.replace(one, after=(*one.after, WIRES.name))
+        if one.name in wires.ports
+        else one
+        for one in processes[first:]
+    )
+    clocked, apart = clocks.made(run, tuple(wires.ports)), {}
+    for name, ports in wires.ports.items():
+        reached = {end: f"{link}/127.0.0.1:{port}" for end, port in ports.items()}
+        seen = agents | {end: at for end, at in reached.items() if end in agents}
+        apart[name] = {
+            CONNECT: reached[ROUTER],
+            AGENTS_VARIABLE: ",".join(f"{end}={at}" for end, at in seen.items()),
+            **clocked.get(name, {}),
+        }
+    return (*processes[:first], msgspec.structs.replace(WIRES, after=before), *behind), apart
 
 
 # --- The fleet ------------------------------------------------------------------------------------

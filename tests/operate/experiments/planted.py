@@ -9,8 +9,14 @@ import msgspec
 from companion.tools.report.measures import MEASURES, Plan, PourFigures
 from operate.experiments import results
 from operate.experiments.measures import Runs
-from operate.experiments.run_figures import Happened, Result, SentMessage
-from operate.experiments.setting import RESULTS_FILE, SETTING_FILE, ExperimentSetting
+from operate.experiments.run_figures import (
+    RESULTS_FILE,
+    SETTING_FILE,
+    ExperimentSetting,
+    Happened,
+    Result,
+    SentMessage,
+)
 from operate.reports.counts import Communicates, Latency, Sizes, Spans
 
 Change = Callable[[PourFigures], PourFigures]

@@ -15,12 +15,11 @@ from companion.tools.report.measures import MEASURES, PourFigures
 from companion.tools.report.paper import PAPER
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import robot
-from operate.experiments import make, page, results, summary, tables
+from operate.experiments import page, results, summary, tables
 from operate.experiments.results import NothingHere
-from operate.experiments.run_figures import Result
-from operate.experiments.setting import RESULTS_FILE
+from operate.experiments.run_figures import RESULTS_FILE, Result
+from operate.recording.index import NoRecordingError
 from operate.recording.run import opened
-from operate.recording.stored import NoRecordingError
 from operate.reports import report
 from operate.reports.counts import Latency, Spans
 
@@ -62,7 +61,7 @@ def test_all_of_it_is_made_of_a_folder_of_lines(tmp_path: Path) -> None:
     same.
     """
     place = written(tmp_path / "mine", runs(failing=[2]))
-    made = make.everything(place)
+    made = page.everything(place)
     assert (made.runs, made.success) == (30, 29 / 30)
     assert made.lines[0].startswith("29 of 30 runs poured: 97 %, 95 % interval 83 … 99 %")
     assert "seed 2: the jar fell" in made.lines[1]
@@ -93,7 +92,7 @@ def test_an_experiment_without_recordings_still_has_a_report(tmp_path: Path) -> 
     """The figures that need what was said are left out, and the page says so."""
     place = written(tmp_path / "mine", msgspec.structs.replace(runs(), said={}))
     (place / results.SAID_FILE).unlink()
-    make.everything(place)
+    page.everything(place)
     assert "What was said was not kept." in (place / "report.html").read_text()
 
 
@@ -187,10 +186,10 @@ def test_what_holds_nothing_is_named(tmp_path: Path) -> None:
     with pytest.raises(NoRecordingError, match=why):
         opened(tmp_path / "none", SYSTEM)
     with pytest.raises(NothingHere, match="`roco experiment` makes one"):
-        make.everything(tmp_path)
+        page.everything(tmp_path)
     (tmp_path / RESULTS_FILE).touch()
     with pytest.raises(NothingHere, match="--resume"):
-        make.everything(tmp_path)
+        page.everything(tmp_path)
 
 
 def test_a_folder_of_runs_is_a_set(tmp_path: Path) -> None:

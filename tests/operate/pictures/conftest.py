@@ -1,12 +1,6 @@
-"""Makes `noted` beside it importable (tests have no packages)."""
-
-import sys
-from pathlib import Path
+"""Runs, and what is drawn of them."""
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from noted import Noted, afterwards, recorded
 from synthetic import Run
 

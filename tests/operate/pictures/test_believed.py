@@ -23,8 +23,8 @@ from companion.tools.pictures.believed import (
 )
 from companion.tools.pictures.scene import Scene
 from companion.tools.telemetry import truth
-from operate.pictures.happenings import Happening
 from operate.pictures.sheet import HIDDEN, Sheet, labels
+from operate.pictures.stage import Happening
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from velma.names import BODY

@@ -14,9 +14,8 @@ from companion.tools.pictures.camera import CAMERA, MARKERS
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import pictures, robot
 from operate.pictures.file import write
-from operate.pictures.happenings import Reader
 from operate.pictures.sheet import images, outlines
-from operate.pictures.stage import Stage
+from operate.pictures.stage import Reader, Stage
 from operate.recording import history, mcap_file
 from operate.recording.records import House, Record
 from operate.recording.run import Run

@@ -23,10 +23,9 @@ from agent_runtime.io.tap import Sample
 from companion.tools.system import SYSTEM
 from operate.file_names import VERDICTS_FILE, VIEW_FILE
 from operate.pictures import feed as feeding
-from operate.pictures import viewer_pipe
-from operate.pictures.child import Past
+from operate.pictures.__main__ import Past
 from operate.pictures.feed import OVERHEAD, Feed, Queue
-from operate.pictures.happenings import Reader
+from operate.pictures.stage import Reader
 from operate.pictures.viewer_address import Place, ViewSettingError, wanted
 from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
@@ -103,9 +102,9 @@ def begin(tmp_path: Path, place: Place, monkeypatch: pytest.MonkeyPatch) -> Iter
         yield feed
 
 
-def heard(data: bytes) -> viewer_pipe.Heard:
+def heard(data: bytes) -> feeding.Heard:
     """A sample with these bytes."""
-    return viewer_pipe.Heard(Sample("", data, 1.0))
+    return feeding.Heard(Sample("", data, 1.0))
 
 
 @given(
@@ -136,20 +135,20 @@ def test_the_queue_is_bounded_and_keeps_the_newest_in_order(
     assert (queue.take(), queue.bytes) == ([], 0)
 
 
-def numbers(items: list[viewer_pipe.Item]) -> list[int]:
+def numbers(items: list[feeding.Item]) -> list[int]:
     """What the samples begin with."""
-    samples = [item.sample for item in items if isinstance(item, viewer_pipe.Heard)]
+    samples = [item.sample for item in items if isinstance(item, feeding.Heard)]
     return [int.from_bytes(sample.data[:4], "big") for sample in samples]
 
 
 @given(st.lists(st.integers(1, 60), max_size=40))
 def test_frames_come_whole_however_they_are_cut(cuts: list[int]) -> None:
     """Items out are the items in."""
-    items: list[viewer_pipe.Item] = [
-        viewer_pipe.Heard(Sample("k", b"d" * n, float(n))) for n in cuts
-    ] + [viewer_pipe.Missed(1.0, 2)]
-    data = b"".join(viewer_pipe.framed(viewer_pipe.encode(item)) for item in items)
-    frames, found = viewer_pipe.Frames(), list[viewer_pipe.Item]()
+    items: list[feeding.Item] = [feeding.Heard(Sample("k", b"d" * n, float(n))) for n in cuts] + [
+        feeding.Missed(1.0, 2)
+    ]
+    data = b"".join(feeding.framed(feeding.encode(item)) for item in items)
+    frames, found = feeding.Frames(), list[feeding.Item]()
     while data:
         cut = cuts[len(found) % len(cuts)] if cuts else 1
         found += frames.feed(data[:cut])
@@ -157,7 +156,7 @@ def test_frames_come_whole_however_they_are_cut(cuts: list[int]) -> None:
     assert found == items
     # something else than frames is not waited for
     with pytest.raises(ValueError, match="not a pipe of the monitor"):
-        viewer_pipe.Frames().feed(b"\xff\xff\xff\xff")
+        feeding.Frames().feed(b"\xff\xff\xff\xff")
 
 
 @pytest.mark.usefixtures("look")
@@ -271,18 +270,18 @@ def test_each_sample_is_in_the_recording_or_fed(
         recorder.take(late)
         assert eventually(lambda: not feed._queue.bytes)
         recorder.finish()
-    since, *fed = viewer_pipe.Frames().feed((tmp_path / "fed").read_bytes())
-    assert isinstance(since, viewer_pipe.Since)
+    since, *fed = feeding.Frames().feed((tmp_path / "fed").read_bytes())
+    assert isinstance(since, feeding.Since)
     past = Past(since.at)
     recorded = [one.what for one in past.read(then, SYSTEM, Reader(SYSTEM))]
     before = [one for one in recorded if isinstance(one, Spoken)]
-    samples = [item.sample for item in fed if isinstance(item, viewer_pipe.Heard)]
+    samples = [item.sample for item in fed if isinstance(item, feeding.Heard)]
     after = spoken([one for one in samples if not past.has(one.at)])
     assert before
     assert after
     found = sorted((one.received, one.identity) for one in (*before, *after))
     assert found == sorted((one.received, one.identity) for one in spoken(pouring.samples))
-    told = [item.judged for item in fed if isinstance(item, viewer_pipe.ShownVerdict)]
+    told = [item.judged for item in fed if isinstance(item, feeding.ShownVerdict)]
     judged = [one for one in told if not past.judged(one)]
     judged += [one for one in recorded if isinstance(one, Judged)]
     lines = (tmp_path / VERDICTS_FILE).read_bytes().splitlines()

@@ -16,8 +16,8 @@ from companion.tools.pictures.scene import Scene
 from companion.tools.pictures.velma import entity
 from companion.tools.telemetry import truth
 from fipa_codec.communicate import encode
-from operate.pictures.happenings import Happening
 from operate.pictures.sheet import HIDDEN, UNSEEN, transforms
+from operate.pictures.stage import Happening
 from operate.recording.history import History
 from velma.names import ARM, BODY, COLUMNS, START
 

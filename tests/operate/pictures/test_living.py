@@ -21,9 +21,10 @@ from test_feed import eventually, spoken
 from companion.tools.system import SYSTEM
 from operate.file_names import VIEW_FILE
 from operate.fleet_file import ViewAddress
-from operate.pictures import child, server
+from operate.pictures import __main__ as child
 from operate.pictures import feed as feeding
-from operate.pictures.child import OverLimit
+from operate.pictures import server
+from operate.pictures.__main__ import OverLimit
 from operate.pictures.feed import Feed
 from operate.pictures.server import ServerError
 from operate.pictures.viewer_address import BIND, EVERY_INTERFACE, Place, opened, wanted

@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 import pytest
 from noted import Noted, live
@@ -18,13 +19,29 @@ from companion.tools.pictures.drawers import ACT, LOOP
 from companion.tools.pictures.plan import PLAN
 from companion.tools.pictures.velma import VELMA
 from companion.tools.system import SYSTEM
+from operate.fault_lines import Fault
 from operate.pictures.blueprint import LIVE_S, YOUNG, axis
 from operate.pictures.file import end_s
-from operate.pictures.happenings import Happening
-from operate.pictures.stage import REST, Stage
-from operate.pictures.traffic import GRAPH, positions
+from operate.pictures.sheet import CHANNELS, GREY, ORANGE, RED, flat_arrows
+from operate.pictures.sheet import channel as colour_of
+from operate.pictures.stage import (
+    APART,
+    ARROWS,
+    FAULTS,
+    GRAPH,
+    MOST_LETTERS,
+    REST,
+    ROW_HIGH,
+    ROWS,
+    Happening,
+    Stage,
+    of_history,
+    positions,
+    ring,
+)
 from operate.recording import history
-from operate.recording.records import Record
+from operate.recording.history import History
+from operate.recording.records import FAULT, OPERATOR, House, Record
 from operate.verdict_lines import Judged
 from velma.names import BODY, GRIP_BODY, START
 
@@ -200,3 +217,106 @@ def test_live_plots_are_filled(end_s: float | None, start_s: float) -> None:
     """From the beginning of the run at first, later the last stretch before the cursor."""
     (span,) = axis(end_s).view_range.as_arrow_array().to_pylist()
     assert span == {"start": 1e9 * start_s, "end": 2e9}
+
+
+# --- The newest communicates as arrows between lanes of agents ------------------------------------
+
+
+TOLD_APART = 60.0
+"""Of two colours by their red, green and blue, 0 to 255; estimate: a hue apart."""
+
+
+def test_the_last_drawing_has_the_last_communicates(true_past: History, true_sheet: Noted) -> None:
+    """In their order, each from its sender's lane to its receiver's, in its channel's colour."""
+    said = sorted((*true_past.said, *true_past.copies), key=lambda one: one.received)[-ROWS:]
+    at, rows = true_sheet.of(ARROWS)[-1]
+    assert at == pytest.approx(said[-1].received - true_past.begin)
+    assert len(rows) == ROWS
+    lanes = ring(DESIGN)
+    for row, (one, ((x, y), (along, down), text, colour)) in enumerate(
+        zip(said, rows, strict=True), 1
+    ):
+        ends = lanes[round(x / APART)], lanes[round((x + along) / APART)]
+        assert ends == (one.sender, one.receiver)
+        assert (y, down) == (ROW_HIGH * row, 0.0)
+        assert text.startswith(f"{one.conversation}: {one.performative}")
+        assert len(text) <= MOST_LETTERS
+        assert colour == colour_of(one.channel)
+
+
+def test_it_is_not_drawn_for_each_communicate(true_past: History, true_sheet: Noted) -> None:
+    """A search for a plan says hundreds within a second."""
+    assert 10 < len(true_sheet.of(ARROWS)) < len(true_past.said) / 3
+
+
+def test_rerun_gets_as_many_arrows_as_there_are_each_time() -> None:
+    """One, then two."""
+    one = ((0.0, 1.0), (2.0, 0.0), "said", RED)
+    for column in flat_arrows([[one], [one, one]]):
+        assert [*map(len, column.as_arrow_array().to_pylist())] == [1, 2]
+
+
+def test_no_channel_looks_like_a_level_or_another_channel() -> None:
+    """WARN is orange, ERROR red, DEBUG grey."""
+    for number, one in enumerate(CHANNELS):
+        for other in (*CHANNELS[:number], RED, ORANGE, GREY):
+            assert math.dist(one, other) > TOLD_APART
+
+
+# --- The lane of faults, the same live and afterwards ---------------------------------------------
+
+
+def lines(fault: Fault) -> list[House]:
+    """A fault as it was noted: waiting, begun, ended."""
+    waits = msgspec.structs.replace(fault, began=0.0, ended=None, t=fault.began - 1.0)
+    begun = msgspec.structs.replace(fault, ended=None, t=fault.began)
+    told = [waits, begun, *([fault] if fault.ended is not None else [])]
+    return [House(FAULT, OPERATOR, one.target, one.t, msgspec.json.encode(one)) for one in told]
+
+
+@pytest.fixture
+def some(records: list[Record], past: history.History) -> list[Record]:
+    """The synthetic run with three faults, two of which overlap and one of which is not healed."""
+    at = past.begin
+    faults = [
+        ("a", "kill", "pl", at + 2.0, at + 4.0, ""),
+        ("b", "hang", "ta", at + 3.0, at + 5.0, "ta:running"),
+        ("c", "pause", "km", at + 6.0, None, ""),
+    ]
+    names = ("id", "kind", "target", "began", "ended", "at")
+    made = [Fault(t=row[4] or row[3], **dict(zip(names, row, strict=True))) for row in faults]  # type: ignore[arg-type]
+    more = [line for fault in made for line in lines(fault)]
+    return sorted([*records, *more], key=lambda one: one.received)
+
+
+def test_overlapping_faults_stand_side_by_side(some: list[Record], past: history.History) -> None:
+    """Live as afterwards; what waits for its moment is not there."""
+    hang = "hang ta at ta:running"
+    states = (
+        (2.0, "kill pl"),
+        (3.0, f"kill pl, {hang}"),
+        (4.0, hang),
+        (5.0, REST),
+        (6.0, "pause km"),
+    )
+    expected = list(states)
+    sheet = Noted(past.begin)
+    stage = Stage(sheet, SYSTEM)
+    for happening in of_history(history.of_records(some, SYSTEM)):
+        stage.take(happening)
+    for drawn in (sheet, live(some, past.begin, past.begin + 9.0)):
+        assert [(pytest.approx(at, abs=1e-6), state) for at, state in drawn.of(FAULTS)] == expected
+
+
+def test_a_run_without_faults_has_no_lane(sheet: Noted) -> None:
+    """Nor a static look of one."""
+    assert sheet.of(FAULTS) == []
+    assert FAULTS not in sheet.looks
+
+
+def test_the_history_has_each_fault_once(some: list[Record]) -> None:
+    """As its last line has it; the lines are not traffic."""
+    past = history.of_records(some, SYSTEM)
+    goes_on = {one.id: one.ended is None for one in past.faults}
+    assert goes_on == {"a": False, "b": False, "c": True}
+    assert FAULT not in past.houses

@@ -14,9 +14,9 @@ from companion.tools.system import SYSTEM
 from console.__main__ import app
 from operate.recording import mcap_file
 from operate.recording.contents import Contents, contents, digest, versions_now
+from operate.recording.index import CONTENTS, NOTE, NoRecordingError
 from operate.recording.mcap_file import Recording, topic
 from operate.recording.records import Record, understood
-from operate.recording.stored import CONTENTS, NOTE, NoRecordingError
 
 
 @pytest.fixture(scope="module")

@@ -18,10 +18,10 @@ from companion.tools.system import SYSTEM
 from console.__main__ import app
 from operate.recording import mcap_file
 from operate.recording.contents import contents
+from operate.recording.index import stored
 from operate.recording.mcap_file import Recording, read
 from operate.recording.recorder import Recorder
 from operate.recording.records import Record, understood
-from operate.recording.stored import stored
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7" / "traffic.mcap"
 RERUN = (sys.executable, "-m", "rerun")

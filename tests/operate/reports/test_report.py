@@ -20,7 +20,7 @@ from operate.recording import history, mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, Origin, Record, Spoken, understood
 from operate.recording.run import Run as RecordedRun
-from operate.reports import make
+from operate.reports.report import everything
 
 SLOW = (("km", "pl"), ("pl", "co"), ("co", "hi"))
 
@@ -168,7 +168,7 @@ def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_pa
     """
     record(pouring.samples, tmp_path)
     said: list[str] = []
-    made = make.everything(RecordedRun(tmp_path, SYSTEM), lambda event, **_: said.append(event))
+    made = everything(RecordedRun(tmp_path, SYSTEM), lambda event, **_: said.append(event))
     assert made, said
     told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
     assert told["success"] is True
@@ -183,7 +183,7 @@ def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_pa
 
 def test_an_empty_folder_gives_a_report_that_says_so(tmp_path: Path) -> None:
     """With nothing recorded there is a report without a single figure, and a reason for each."""
-    assert make.everything(RecordedRun(tmp_path, SYSTEM), lambda *_, **__: None)
+    assert everything(RecordedRun(tmp_path, SYSTEM), lambda *_, **__: None)
     told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
     assert told["success"] is False
     assert told["poured_fraction"] is None

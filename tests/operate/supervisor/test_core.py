@@ -10,7 +10,7 @@ from companion.tools.system import PROCESSES
 from operate.fleet_file import ProcessState
 from operate.supervisor import core
 from operate.supervisor.core import Kill, Start, Terminate
-from operate.supervisor.processes import Process, agents, around
+from operate.system import Process, agents, around
 
 ROUTER = Process("router", "r")
 THREE = (

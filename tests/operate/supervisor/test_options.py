@@ -12,6 +12,7 @@ from companion.tools.system import SYSTEM
 from operate.supervisor import folder
 from operate.supervisor.__main__ import main
 from operate.system import ENTRY_VARIABLE
+from topdown.scaffold import scaffold, smallest
 
 FAR_AWAY = 'name = "far"\n[[thing]]\nid = "jar_1"\nmodel = "jar"\nxyz = [100.0, 0.0, 0.0]\n'
 WRONG = (
@@ -76,3 +77,25 @@ def test_latest_is_moved_only_where_it_may_be(tmp_path: Path) -> None:
     assert (tmp_path / "latest").readlink() == Path("first")
     folder.make(tmp_path / "third")
     assert (tmp_path / "latest").readlink() == Path("third")
+
+
+# --- A project in the foreground ------------------------------------------------------------------
+
+
+@pytest.mark.long
+@pytest.mark.zenoh
+def test_an_agent_that_cannot_start_is_named_and_the_rest_is_ended(tmp_path: Path) -> None:
+    """Its behaviours do not fit the design: the binding says which, the command ends with 1 and
+    leaves nothing.
+    """
+    scaffold(smallest("tiny"), tmp_path)
+    broken = tmp_path / "tiny" / "doer" / "behaviours.py"
+    broken.write_text(broken.read_text().replace('"do": do}', '"dance": do}'))
+    command = [sys.executable, "-m", "tiny", "--until-ready", "--run-dir", str(tmp_path / "run")]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=50)
+    assert done.returncode == 1
+    assert "not ready: " in done.stdout
+    assert "doer" in done.stdout.rpartition("not ready: ")[2]
+    log = (tmp_path / "run" / "doer.log").read_text()
+    assert "nothing is bound to do; the design has no dance" in log
+    assert list((tmp_path / "run").glob("*.pid")) == []

@@ -20,8 +20,8 @@ from agent_runtime.io.run_files import STOP_FILE, STOP_HELD, STOP_RELEASED
 from operate.file_names import LOCK_FILE, OFF_SUFFIX
 from operate.fleet_file import Fleet, ProcessState
 from operate.supervisor import core, folder
-from operate.supervisor.processes import Process
 from operate.supervisor.shell import NotBuiltError, Shell, python_module
+from operate.system import Process
 
 pytestmark = pytest.mark.process
 

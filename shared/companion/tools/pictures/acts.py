@@ -19,9 +19,8 @@ from companion.tools.pictures import robot
 from companion.tools.pictures.scene import Scene
 from companion.tools.shown import SHOWN
 from companion.world.geometry import compose, rotate
-from operate.pictures.colours import AXES, ORANGE, SIDES
-from operate.pictures.happenings import Happening
-from operate.pictures.sheet import Sheet, arrows, strips
+from operate.pictures.sheet import AXES, ORANGE, SIDES, Sheet, arrows, strips
+from operate.pictures.stage import Happening
 from operate.recording.records import Spoken
 from velma.names import BODY, COLUMNS, GRIP_BODY
 

@@ -19,9 +19,8 @@ from companion.tools.beliefs import MOST_APART_MM, Belief, Beliefs
 from companion.tools.pictures import robot, scene
 from companion.tools.pictures.scene import Scene
 from companion.world.geometry import compose
-from operate.pictures.colours import GHOST, INK
-from operate.pictures.happenings import Happening
-from operate.pictures.sheet import HIDDEN, Sheet, labels, strips, transforms
+from operate.pictures.sheet import GHOST, HIDDEN, INK, Sheet, labels, strips, transforms
+from operate.pictures.stage import Happening
 from operate.recording.records import Spoken
 from velma.names import GRIP_BODY
 

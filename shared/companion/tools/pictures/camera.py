@@ -12,9 +12,8 @@ import rerun as rr
 from companion.telemetry import Picture
 from companion.tools.pictures import robot
 from companion.tools.pictures.velma import entity
-from operate.pictures.colours import GREY
-from operate.pictures.happenings import Happening
-from operate.pictures.sheet import Sheet, images, outlines
+from operate.pictures.sheet import GREY, Sheet, images, outlines
+from operate.pictures.stage import Happening
 from velma.names import CAMERA_BODY
 
 CAMERA = f"{entity(next(link for link in robot.links() if link.name == CAMERA_BODY))}/camera"

@@ -20,9 +20,8 @@ from companion.tools.pictures.scene import Contacts, Scene
 from companion.tools.pictures.velma import Velma
 from fipa_codec.performatives import Performative
 from operate.pictures import blueprint as views
-from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, scalars
-from operate.pictures.stage import REST, Drawer, Lane
+from operate.pictures.stage import REST, Drawer, Happening, Lane
 from operate.recording.records import Spoken
 from velma.names import ARM, BODY, TORSO
 

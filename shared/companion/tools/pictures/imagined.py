@@ -12,9 +12,8 @@ from companion.tools.pictures import robot, scene
 from companion.tools.pictures.scene import Scene
 from companion.tools.pictures.velma import entity, placed, shaped
 from companion.world.geometry import compose, inverse
-from operate.pictures.colours import PLANNED
-from operate.pictures.happenings import Happening
-from operate.pictures.sheet import HIDDEN, Sheet, transforms
+from operate.pictures.sheet import HIDDEN, PLANNED, Sheet, transforms
+from operate.pictures.stage import Happening
 from operate.recording.records import Spoken
 from velma.names import ARM, BODY, COLUMNS, GRIP_BODY, START
 

@@ -2,8 +2,8 @@
 
 from companion.languages import hfsm, sw
 from companion.sentences import does, plain
-from operate.pictures.happenings import Happening
 from operate.pictures.sheet import Sheet, documents
+from operate.pictures.stage import Happening
 from operate.recording.records import Spoken
 
 PLAN = "plan"

@@ -13,9 +13,8 @@ from companion.languages.values import Box, Cylinder, Pose, Sphere
 from companion.models import KNOWN_AS, MODELS
 from companion.telemetry import TrueState
 from companion.tools.pictures.velma import xyzw
-from operate.pictures.colours import RED
-from operate.pictures.happenings import Happening
-from operate.pictures.sheet import Sheet, arrows, points, transforms
+from operate.pictures.sheet import RED, Sheet, arrows, points, transforms
+from operate.pictures.stage import Happening
 from operate.recording.records import Spoken
 from velma.model.surfaces import MATERIALS, VESSELS, Part, turned
 

@@ -11,9 +11,8 @@ from companion.languages.values import Pose
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot
 from companion.world.geometry import place
-from operate.pictures.colours import AXES
-from operate.pictures.happenings import Happening
-from operate.pictures.sheet import Sheet, transforms
+from operate.pictures.sheet import AXES, Sheet, transforms
+from operate.pictures.stage import Happening
 from velma.names import BODY, GRIP_BODY, START
 
 VELMA = "world/velma"
