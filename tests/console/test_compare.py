@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from calling import POUR, printed, roco
 
-from console.runs import compare
+from console.runs import report
 from console.terminal.console import Console
 from operate.experiments.comparing import Compared, Diverged, Divergence, Verdict
 from operate.experiments.intervals import Interval
@@ -75,7 +75,7 @@ def test_a_unit_and_an_interval_are_shown() -> None:
     )
     console = Console(width=80, color_system=None)
     with console.capture() as text:
-        console.print(compare.quantities((row,)))
+        console.print(report.quantities((row,)))
     assert "command to end, s" in text.get()
     assert "-1.0 … +9.4" in text.get()
 
@@ -88,12 +88,12 @@ def test_the_first_difference_is_shown_in_words() -> None:
         1.5, "C6", "ta", "km", "subscribe", "inform", "km-1-1", "SeenObject", 300, "seen jar"
     )
     first = Divergence("km to ta, subscribe", 1, 3, said, None)
-    lines = compare.divergences((Diverged(4, first), Diverged(5, None)))
+    lines = report.divergences((Diverged(4, first), Diverged(5, None)))
     assert lines[0].startswith("what was said differs in 1 of 2 seeds")
     assert "seed 4: km to ta, subscribe, conversation 1, communicate 3" in lines[1]
     assert lines[2].endswith("A: 1.50 s  ta > km  inform  seen jar")
     assert lines[3].endswith("B: nothing more")
-    assert compare.divergences((Diverged(4, None),)) == ["the same was said in 1 run of each side"]
+    assert report.divergences((Diverged(4, None),)) == ["the same was said in 1 run of each side"]
 
 
 @pytest.mark.parametrize("form", ["text", "json"])

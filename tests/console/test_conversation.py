@@ -12,9 +12,9 @@ from calling import POUR
 from rich.cells import cell_len
 
 from companion.design import DESIGN
+from console.runs.folders import verdicts_of
 from console.terminal import sequence
-from console.traffic import conversation
-from console.traffic.verdicts import verdicts_of
+from console.traffic import trace
 from operate.file_names import VERDICTS_FILE
 from operate.verdict_lines import Judged
 from topdown.judge.verdicts import Verdict
@@ -54,10 +54,10 @@ def roco(run_dir: Path, *words: str, columns: int = 80, code: int = 0) -> str:
     return done.stdout + done.stderr
 
 
-def listed(run_dir: Path, *words: str) -> list[conversation.Conversation]:
+def listed(run_dir: Path, *words: str) -> list[trace.Conversation]:
     """The list, for programs."""
     return msgspec.json.decode(
-        roco(run_dir, "--format", "json", *words), type=list[conversation.Conversation]
+        roco(run_dir, "--format", "json", *words), type=list[trace.Conversation]
     )
 
 
@@ -100,7 +100,7 @@ def test_a_conversation_is_drawn(run_dir: Path) -> None:
 
 def test_a_drawing_fits_the_terminal(run_dir: Path) -> None:
     """No line is wider, and both lifelines stand in the same columns throughout."""
-    found = {one.id: one for one in conversation.conversations(verdicts_of(run_dir), DESIGN)}
+    found = {one.id: one for one in trace.conversations(verdicts_of(run_dir), DESIGN)}
     for name, width in product(("hi-1-1", "km-1-1", "co-1-2"), (60, 80, 120, 200)):
         one = found[name]
         lines = sequence.drawn(one.said, one.initiator, one.participant, width).plain.splitlines()
@@ -133,5 +133,5 @@ def test_a_run_that_goes_on_is_shown_as_far_as_it_is(tmp_path: Path) -> None:
 
 def test_the_design_says_who_opened_a_conversation_of_which_the_beginning_is_not_there() -> None:
     """Its first words here are an answer."""
-    [one] = conversation.conversations([AGREED], DESIGN)
+    [one] = trace.conversations([AGREED], DESIGN)
     assert (one.initiator, one.participant) == (ASKED.sender, ASKED.receiver)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from companion.design import DESIGN
 from companion.tools.system import SYSTEM
 from console.fleet.process_status import Beat, Seen
-from console.terminal import graph
+from console.terminal import top
+from console.terminal.top import Graph, arc_rows, dot, drawn_graph, ordered
 from operate.fleet_file import ProcessState, ProcessStatus
 from operate.live_lines import Sent
 
@@ -28,7 +29,7 @@ def test_every_edge_joins_its_two_nodes(joined: dict[str, tuple[str, str]]) -> N
     """One corner at each end, in a row of that node, and a line in one column without a gap between
     them.
     """
-    rows = graph.rows(NODES, joined)
+    rows = arc_rows(NODES, joined)
     assert [row.node for row in rows if row.node] == list(NODES)
     of = []
     for row in rows:
@@ -58,7 +59,7 @@ def test_no_order_of_the_nodes_has_shorter_arcs_than_the_one_chosen(
     def length(order: list[str]) -> int:
         return sum(abs(order.index(one) - order.index(other)) for one, other in joined.values())
 
-    found = graph.ordered(NODES, joined)
+    found = ordered(NODES, joined)
     assert sorted(found) == list(NODES)
     assert length(found) <= length(list(NODES))
 
@@ -66,7 +67,7 @@ def test_no_order_of_the_nodes_has_shorter_arcs_than_the_one_chosen(
 def test_an_edge_to_nowhere_is_named() -> None:
     """With the nodes there are."""
     with pytest.raises(ValueError, match="edge E joins a and z; there are a, b"):
-        graph.rows(("a", "b"), {"E": ("a", "z")})
+        arc_rows(("a", "b"), {"E": ("a", "z")})
 
 
 def sent(t: float, channel: str, size: int) -> Sent:
@@ -87,9 +88,7 @@ SEEN = (
     Seen(ProcessStatus("km", ProcessState.READY, 5), Beat(pid=5, incarnation=1, state="idle"), 0.1),
     Seen(ProcessStatus("pl", ProcessState.BACKING_OFF, note="killed by signal 9")),
 )
-FOUND = graph.Graph(
-    "here", 100.0, 10.0, graph.nodes(DESIGN, SEEN), graph.edges(DESIGN, LINES, 100.0, 10.0)
-)
+FOUND = Graph("here", 100.0, 10.0, top.nodes(DESIGN, SEEN), top.edges(DESIGN, LINES, 100.0, 10.0))
 
 
 def test_rates_are_those_of_the_last_seconds() -> None:
@@ -103,7 +102,7 @@ def test_rates_are_those_of_the_last_seconds() -> None:
 
 def test_the_drawing_fits_a_terminal_and_says_what_is_wrong() -> None:
     """80 columns; all agents, all channels; in words what an agent does."""
-    text = graph.drawn(FOUND, SYSTEM).plain
+    text = drawn_graph(FOUND, SYSTEM).plain
     assert max(map(len, text.splitlines())) <= 80
     for name in (*DESIGN.agents, *DESIGN.channels):
         assert name in text
@@ -114,7 +113,7 @@ def test_the_drawing_fits_a_terminal_and_says_what_is_wrong() -> None:
 
 def test_graphviz_gets_an_edge_a_channel() -> None:
     """With the same rates."""
-    text = graph.dot(FOUND)
+    text = dot(FOUND)
     assert text.count(" -- ") == len(DESIGN.channels)
     assert r'pl -- km [label="C4\n0.2/s 40 B/s", penwidth=3];' in text
     assert r'km [label="km\nidle"];' in text

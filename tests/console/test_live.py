@@ -14,7 +14,7 @@ from companion.design import DESIGN
 from companion.run_files import TaskLine
 from companion.tools.system import SYSTEM
 from companion.tools.verbs import pour_run
-from console.fleet import state_words
+from console.fleet import process_tables
 from console.terminal import draw, run_state
 from console.terminal.console import Console
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
@@ -192,7 +192,7 @@ def test_the_start_says_whom_it_waits_for() -> None:
 def test_states_of_all_agents_have_words() -> None:
     """No state of the design is shown as an id."""
     every = [(name, one.name) for name, agent in DESIGN.agents.items() for one in agent.state]
-    assert [pair for pair in every if not state_words.state_text(SYSTEM, *pair)] == []
+    assert [pair for pair in every if not process_tables.state_text(SYSTEM, *pair)] == []
 
 
 @given(st.integers(1, 30), st.integers(1, 12), st.data())

@@ -21,8 +21,7 @@ from console.errors import NoRunError
 from console.fleet import view
 from console.fleet.checkup import Level, pictures
 from console.fleet.local import Local
-from console.fleet.picture_ports import GRPC, SWITCH, WEB
-from console.fleet.status import state_of
+from console.fleet.status import GRPC, SWITCH, WEB, state_of
 from operate.file_names import FLEET_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 

@@ -12,8 +12,7 @@ from console.errors import UsageError
 from console.fleet import operator, targets
 from console.fleet.targets import Target
 from console.output import Form, Format, RunDir, argument, problems, tell
-from console.terminal.console import Console
-from console.terminal.table import table
+from console.terminal.console import Console, table
 from topdown.model.parameters import Parameters, allowed, worded
 
 LEVEL = completion.LEVEL

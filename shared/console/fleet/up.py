@@ -10,7 +10,7 @@ from typing import Annotated
 from agent_runtime.io.options import HOW_LINKED, Linking
 from console import completion, interrupts
 from console.errors import FleetError, UsageError
-from console.fleet import running_fleets, starting, targets
+from console.fleet import starting, targets
 from console.output import (
     Form,
     Format,
@@ -90,7 +90,7 @@ def up(
       roco up --for 30
     """
     with problems(form), interrupts.heard():
-        where = running_fleets.place(out, another, datetime.now())
+        where = folders.place(out, another, datetime.now())
         words = options(seed, speed, scene, insecure, faults=faults)
         words += ["--only", only] if only else []
         words += ["--links", links.value] if links is not Linking.DIRECT else []
@@ -109,7 +109,7 @@ def up(
 
 
 def _begun(
-    where: running_fleets.Place, words: list[str], wait: bool, seconds: float | None, form: Format
+    where: folders.Place, words: list[str], wait: bool, seconds: float | None, form: Format
 ) -> None:
     """Start the fleet and wait until it is ready; let it run for some seconds then, and bring it
     down.

@@ -27,7 +27,7 @@ from console import completion, interrupts
 from console.errors import ConsoleError, NoRunError, UsageError, last_line
 from console.fleet import targets
 from console.fleet.local import Local
-from console.fleet.picture_ports import GRPC, HOST, WEB, listens, taken
+from console.fleet.status import GRPC, HOST, WEB, listens, taken
 from console.output import Form, Format, RunDir, argument, option, problems, tell_json
 from console.runs import folders
 from operate.file_names import RRD_FILE, VIEW_FILE

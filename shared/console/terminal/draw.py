@@ -16,8 +16,8 @@ from rich.table import Table
 from rich.text import Text
 
 from console.fleet import starting
-from console.fleet.state_words import COLOURS, doing, waited_for
-from console.fleet.tasks import ENDED, Task
+from console.fleet.process_status import ENDED, Task
+from console.fleet.process_tables import COLOURS, doing, waited_for
 from console.runs import folders
 from console.terminal import run_state
 from console.terminal.console import Console

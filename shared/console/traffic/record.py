@@ -21,9 +21,8 @@ from console.errors import ConsoleError, UsageError
 from console.fleet import targets
 from console.output import Form, Format, RunDir, argument, option, problems, tell
 from console.runs import folders
-from console.terminal.console import Console
-from console.terminal.table import table
-from console.traffic import selection
+from console.terminal.console import Console, table
+from console.traffic import listen
 from console.traffic.listen import RECORDING, LostError, about, hearing
 from operate.file_names import TRAFFIC_FILE
 from operate.wording import bytes_in_words
@@ -46,12 +45,12 @@ def record(
     out: Annotated[
         Path | None, option("The file; else recording-<time>.mcap here.", "--out")
     ] = None,
-    channel: selection.Channels = None,
-    agent: selection.Agents = None,
-    protocol: selection.Protocols = None,
-    performative: selection.Performatives = None,
-    count: selection.Count = 0,
-    for_: selection.Seconds = 0.0,
+    channel: listen.Channels = None,
+    agent: listen.Agents = None,
+    protocol: listen.Protocols = None,
+    performative: listen.Performatives = None,
+    count: listen.Count = 0,
+    for_: listen.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -70,7 +69,7 @@ def record(
         from operate.recording.side_recording import Asked, Keeper
 
         system = about(None, run_dir, target)
-        which = selection.wanted(system.design, channel, agent, protocol, performative)
+        which = listen.wanted(system.design, channel, agent, protocol, performative)
         file = (out or Path(f"recording-{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap")).resolve()
         if file.exists():
             raise UsageError(f"{file} is there already; name another --out, or remove it")

@@ -25,9 +25,17 @@ from console.output import Form, Format, argument, option, problems, tell
 from console.runs import folders
 from console.terminal.console import Console
 from console.traffic import replace, verify
-from console.traffic.listen import HOUSE, heard_message, recorded
+from console.traffic.listen import (
+    HOUSE,
+    Agents,
+    Channels,
+    Performatives,
+    Protocols,
+    heard_message,
+    recorded,
+    wanted,
+)
 from console.traffic.play import Player, Replayed, sentence
-from console.traffic.selection import Agents, Channels, Performatives, Protocols, wanted
 from operate.file_names import FLEET_FILE, LIVE_FILE, STEPS
 from operate.filters import Filter
 from operate.fleet_file import Fleet

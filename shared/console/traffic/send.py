@@ -30,10 +30,9 @@ from console.fleet import identity, targets
 from console.fleet.local import Local
 from console.output import Form, Format, RunDir, option, problems, tell
 from console.runs import folders
-from console.terminal.console import Console
-from console.terminal.table import table
+from console.terminal.console import Console, table
 from console.traffic.listen import fields_of
-from console.traffic.selection import names as conversation_names
+from console.traffic.listen import names as conversation_names
 from fipa_codec.communicate import Communicate, encode, encode_strictly
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind, Languages
