@@ -26,7 +26,7 @@ from console.errors import FleetError, UsageError, last_line
 from console.faults.kinds import KINDS, VERBS, Kind
 from console.fleet import starting
 from console.fleet.up import Rate, Speed
-from console.output import FirstSeed, Form, Format, option, problems, tell_json, tell_problem
+from console.output import FirstSeed, Form, Format, option, tell_json, tell_problem
 from console.runs import experiment, folders
 from console.runs.experiment import span
 from console.terminal.console import Console, table
@@ -182,9 +182,21 @@ def done(out: Path, setting: experiment.Setting, cell: Cell) -> Result:
     whatever happens.
     """
     run = experiment.folder(out, cell.seed)
-    with contextlib.ExitStack() as fault:
-        inflicting = _Inflicting(run, cell, fault)
-        line = experiment.one_run(out, setting, cell.seed, lambda since: inflicting.look())
+    begun: list[subprocess.Popen[bytes]] = []
+
+    def look(_: float) -> None:
+        """Begin the fault once the fleet is ready."""
+        told = folders.fleet(run)
+        needed = [one for one in told.processes if not one.optional] if told is not None else []
+        if needed and not begun and all(one.state is ProcessState.READY for one in needed):
+            words = ["console", "fault", *cell.command, "--run-dir", str(run)]
+            begun.append(starting.in_background(words, run / FAULT_LOG))
+
+    try:
+        line = experiment.one_run(out, setting, cell.seed, look)
+    finally:
+        for child in begun:
+            _over(child)
     left = tuple(orphans(run))
     file = run / FAULTS_FILE
     faults = latest(read(file.read_bytes())) if file.exists() else ()
@@ -204,24 +216,6 @@ def done(out: Path, setting: experiment.Setting, cell: Cell) -> Result:
         wall_s=line.took_s,
         load=line.load[0],
     )
-
-
-class _Inflicting:
-    """Begins the fault once the fleet is ready; at the end of the stack it is over, and healed."""
-
-    def __init__(self, run: Path, cell: Cell, stack: contextlib.ExitStack) -> None:
-        self._run, self._cell, self._stack = run, cell, stack
-        self._begun = False
-
-    def look(self) -> None:
-        """Begin it now, where the fleet is ready."""
-        told = folders.fleet(self._run)
-        needed = [one for one in told.processes if not one.optional] if told is not None else []
-        if self._begun or not needed or any(one.state is not ProcessState.READY for one in needed):
-            return
-        self._begun = True
-        words = ["console", "fault", *self._cell.command, "--run-dir", str(self._run)]
-        self._stack.callback(_over, starting.in_background(words, self._run / FAULT_LOG))
 
 
 def _over(child: "subprocess.Popen[bytes]") -> None:
@@ -380,7 +374,7 @@ def chaos(
       roco chaos --runs 1 --seed 7
       roco chaos --kind kill,pause --on AGENT --budget 30
     """
-    with problems(form), interrupts.heard():
+    with interrupts.heard():
         if resume and out is None:
             raise UsageError("--resume needs what to go on with; name its folder with --out")
         system = here()

@@ -30,7 +30,6 @@ from console.output import (
     RunDir,
     argument,
     option,
-    problems,
     tell,
     tell_json,
     tell_problem,
@@ -153,7 +152,7 @@ def fault(
       roco fault flood AGENT --as PEER --per-second 2000 --for 10
       roco fault clock AGENT -3600
     """
-    with problems(form), interrupts.heard():
+    with interrupts.heard():
         if kind not in VERBS:
             raise UsageError(f"there is no kind of fault {kind!r}; there are {', '.join(VERBS)}")
         row = KINDS[kind]
@@ -211,16 +210,15 @@ def list_(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format
       roco fault list
       roco fault list --format json
     """
-    with problems(form):
-        fleet = targets.find(target, run_dir)
-        healed = inflict.heal(fleet, inflict.left(fleet))
-        every = latest(read(fleet.faults()))
-        if form is Format.JSON:
-            tell_json(Faults(fleet.where, every, tuple(healed)))
-        elif every:
-            Console().print(table(HEADS, map(_row, every), fold=HEADS))
-        else:
-            print(f"no fault was done to {fleet.where}")
+    fleet = targets.find(target, run_dir)
+    healed = inflict.heal(fleet, inflict.left(fleet))
+    every = latest(read(fleet.faults()))
+    if form is Format.JSON:
+        tell_json(Faults(fleet.where, every, tuple(healed)))
+    elif every:
+        Console().print(table(HEADS, map(_row, every), fold=HEADS))
+    else:
+        print(f"no fault was done to {fleet.where}")
 
 
 def heal(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
@@ -229,11 +227,10 @@ def heal(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.
     Examples:
       roco fault heal
     """
-    with problems(form):
-        fleet = targets.find(target, run_dir)
-        healed = inflict.heal(fleet, inflict.open_faults(fleet))
-        words = "\n".join(f"{one.words}: healed" for one in healed) or "no fault goes on"
-        tell(Reply(words, fleet.where), form)
+    fleet = targets.find(target, run_dir)
+    healed = inflict.heal(fleet, inflict.open_faults(fleet))
+    words = "\n".join(f"{one.words}: healed" for one in healed) or "no fault goes on"
+    tell(Reply(words, fleet.where), form)
 
 
 def lasted(fault: Fault) -> float:
@@ -386,7 +383,7 @@ def run(
       roco fault run faults.toml
       roco fault run faults.toml --seed 7
     """
-    with problems(form), interrupts.heard():
+    with interrupts.heard():
         fleet = targets.find(target, run_dir)
         inflict.refuse(fleet)
         chosen = choose(load(file), seed)

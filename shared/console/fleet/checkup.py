@@ -30,7 +30,7 @@ from console.fleet.compose import docker
 from console.fleet.local import Local
 from console.fleet.process_status import Look, Seen, Target, stuck, trouble
 from console.fleet.status import GRPC, WEB, key_folder, key_times, listens, taken
-from console.output import Form, Format, RunDir, problems, tell, waiting
+from console.output import Form, Format, RunDir, tell, waiting
 from console.runs import folders
 from console.terminal.console import Console, table
 from operate.fleet_file import Fleet, ProcessState
@@ -508,18 +508,17 @@ def doctor(target: targets.Name = "", run_dir: RunDir = None, form: Form = Forma
       roco doctor --format json
       roco doctor --target compose
     """
-    with problems(form):
-        fleet, reason = found(target, run_dir)
-        with waiting("checking", form) as say:
-            checks = tuple(examined(fleet, reason, say))
-        count = sum(check.level is Level.WRONG for check in checks)
-        tell(
-            Diagnosis(fleet.where if fleet else "", count, checks),
-            form,
-            lambda: show(checks, Console()),
-        )
-        if count:
-            raise typer.Exit(NO)
+    fleet, reason = found(target, run_dir)
+    with waiting("checking", form) as say:
+        checks = tuple(examined(fleet, reason, say))
+    count = sum(check.level is Level.WRONG for check in checks)
+    tell(
+        Diagnosis(fleet.where if fleet else "", count, checks),
+        form,
+        lambda: show(checks, Console()),
+    )
+    if count:
+        raise typer.Exit(NO)
 
 
 def found(target: str, run_dir: Path | None) -> tuple[Target | None, str]:

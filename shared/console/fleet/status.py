@@ -19,7 +19,7 @@ from console.fleet import process_status, targets
 from console.fleet.local import Local
 from console.fleet.process_status import Look, Task, stuck, trouble
 from console.fleet.targets import Target
-from console.output import Form, Format, RunDir, problems, tell_json
+from console.output import Form, Format, RunDir, tell_json
 from operate.fleet_file import Fleet, ProcessState
 
 
@@ -102,16 +102,15 @@ def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Forma
       roco status --format json
       roco status --target compose
     """
-    with problems(form):
-        now = state_of(targets.find(target, run_dir))
-        if form is Format.JSON:
-            tell_json(now)
-        else:
-            from console.fleet.process_tables import show_status
+    now = state_of(targets.find(target, run_dir))
+    if form is Format.JSON:
+        tell_json(now)
+    else:
+        from console.fleet.process_tables import show_status
 
-            show_status(now)
-        if code := verdict(now):
-            raise typer.Exit(code)
+        show_status(now)
+    if code := verdict(now):
+        raise typer.Exit(code)
 
 
 def verdict(now: Status) -> int:

@@ -18,7 +18,6 @@ from console.output import (
     RunDir,
     Seed,
     option,
-    problems,
     tell,
     tell_problem,
     waiting,
@@ -89,7 +88,7 @@ def up(
       roco up --only ROUTER,PEER --agents PEER=tls/desk:7448,AGENT=tls/robot:7448
       roco up --for 30
     """
-    with problems(form), interrupts.heard():
+    with interrupts.heard():
         where = folders.place(out, another, datetime.now())
         words = options(seed, speed, scene, insecure, faults=faults)
         words += ["--only", only] if only else []
@@ -158,12 +157,11 @@ def down(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.
       roco down --run-dir runs/today
       roco down --target compose
     """
-    with problems(form):
-        found = targets.find(target, run_dir)
-        with waiting("the fleet ends, the report is written; Ctrl-C does not wait", form):
-            names = found.down()
-        words = f"ended {', '.join(names)}" if names else f"nothing of {found.where} was running"
-        tell(Reply(words, found.where), form)
+    found = targets.find(target, run_dir)
+    with waiting("the fleet ends, the report is written; Ctrl-C does not wait", form):
+        names = found.down()
+    words = f"ended {', '.join(names)}" if names else f"nothing of {found.where} was running"
+    tell(Reply(words, found.where), form)
 
 
 def options(

@@ -21,7 +21,7 @@ from rich.text import Text
 
 from console import completion
 from console.errors import ConsoleError, NoRunError, UsageError
-from console.output import Form, Format, argument, option, problems, tell
+from console.output import Form, Format, argument, option, tell
 from console.runs import folders
 from console.terminal.console import Console, table
 from operate.file_names import FLEET_FILE, LATEST, REPORT_FILE, STEPS, TRAFFIC_FILE
@@ -121,20 +121,19 @@ def runs(
       roco runs --failed --remove
       roco runs 2026-01-31_12-00-00 --remove
     """
-    with problems(form):
-        found, age_s = catalogue(within), age(older_than) if older_than else None
-        rule = Rule(_named(names or [], found, within, remove), age_s, keep, failed)
-        if remove:
-            _remove(rule, found, within, form)
-            return
-        chosen = rule.chosen(found, time.time()) if rule else found
-        if chosen or form is Format.JSON:
-            tell(chosen, form, lambda: _show(chosen, Console()))
-        elif found:
-            print("no run fits")
-        if not found:
-            none = f"no run is in {within}; `roco up` starts one, --in names another folder"
-            raise NoRunError(str(within), none)
+    found, age_s = catalogue(within), age(older_than) if older_than else None
+    rule = Rule(_named(names or [], found, within, remove), age_s, keep, failed)
+    if remove:
+        _remove(rule, found, within, form)
+        return
+    chosen = rule.chosen(found, time.time()) if rule else found
+    if chosen or form is Format.JSON:
+        tell(chosen, form, lambda: _show(chosen, Console()))
+    elif found:
+        print("no run fits")
+    if not found:
+        none = f"no run is in {within}; `roco up` starts one, --in names another folder"
+        raise NoRunError(str(within), none)
 
 
 def catalogue(within: Path) -> list[Run]:

@@ -28,7 +28,7 @@ from console import interrupts
 from console.errors import ConsoleError, UsageError, last_line
 from console.fleet import starting
 from console.fleet.up import Rate, SceneFile, Speed
-from console.output import FirstSeed, Form, Format, option, problems, tell_problem
+from console.output import FirstSeed, Form, Format, option, tell_problem
 from console.runs import folders
 from console.terminal.console import Console
 from operate.experiments.setting import RESULTS_FILE, SETTING_FILE, ExperimentSetting
@@ -458,7 +458,7 @@ def repeated(
     `words`: what was said behind `roco experiment`, by which it goes on; `command`: the verb;
     `good`: what a successful run did, one word.
     """
-    with problems(form), interrupts.heard():
+    with interrupts.heard():
         if resume and out is None:
             raise UsageError(
                 "--resume needs the experiment to go on with; name its folder with --out"

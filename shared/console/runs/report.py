@@ -14,7 +14,7 @@ from rich.table import Table
 
 from console import completion
 from console.errors import ConsoleError, UsageError
-from console.output import Form, Format, argument, option, problems, tell, tell_json
+from console.output import Form, Format, argument, option, tell, tell_json
 from console.terminal.console import Console, table
 from operate.file_names import TRAFFIC_FILE
 
@@ -49,28 +49,27 @@ def report(
       roco report traffic.mcap --out again
       roco report runs/latest/traffic.mcap --format json
     """
-    with problems(form):
-        from operate.experiments import measures
-        from operate.recording.run import Run, opened
-        from operate.reports import make
-        from operate.reports.report import of
+    from operate.experiments import measures
+    from operate.recording.run import Run, opened
+    from operate.reports import make
+    from operate.reports.report import of
 
-        run, complaints = opened(recording), list[str]()
+    run, complaints = opened(recording), list[str]()
 
-        def complain(event: str, **fields: object) -> None:
-            if fields.get("level") == "error":
-                complaints.append(f"{event}: {str(fields.get('why', '')).strip().splitlines()[-1]}")
+    def complain(event: str, **fields: object) -> None:
+        if fields.get("level") == "error":
+            complaints.append(f"{event}: {str(fields.get('why', '')).strip().splitlines()[-1]}")
 
-        folder = _target(recording, out)
-        if folder is not None:
-            made = run if folder == recording else Run(folder, run.system)
-            if not make.everything(made, complain):
-                raise ConsoleError(complaints[-1])
-        told = of(run.history, run.system)
-        shown = measures.shown(told, measures.of(run.system))
-        tell(told, form, lambda: show(msgspec.to_builtins(told), shown, folder, Console()))
-        if getattr(told, "success", None) is False:
-            raise typer.Exit(1)
+    folder = _target(recording, out)
+    if folder is not None:
+        made = run if folder == recording else Run(folder, run.system)
+        if not make.everything(made, complain):
+            raise ConsoleError(complaints[-1])
+    told = of(run.history, run.system)
+    shown = measures.shown(told, measures.of(run.system))
+    tell(told, form, lambda: show(msgspec.to_builtins(told), shown, folder, Console()))
+    if getattr(told, "success", None) is False:
+        raise typer.Exit(1)
 
 
 def _target(place: Path, out: Path | None) -> Path | None:
@@ -197,19 +196,18 @@ def export(
       roco export runs/latest --to parquet --out tables
       roco export runs/latest/traffic.mcap --to csv --out tables --format json
     """
-    with problems(form):
-        from operate.experiments import tables
-        from operate.recording.run import opened
+    from operate.experiments import tables
+    from operate.recording.run import opened
 
-        run = opened(recording)
-        made = tables.of_history(run.history, run.system)
-        files = zip(tables.write(made, out, to), made.values(), strict=True)
-        written = [Written(str(file), table.num_rows, table.num_columns) for file, table in files]
-        if form is Format.JSON:
-            tell_json(written)
-            return
-        for one in written:
-            print(f"{one.file}: {one.rows} rows, {one.columns} columns")
+    run = opened(recording)
+    made = tables.of_history(run.history, run.system)
+    files = zip(tables.write(made, out, to), made.values(), strict=True)
+    written = [Written(str(file), table.num_rows, table.num_columns) for file, table in files]
+    if form is Format.JSON:
+        tell_json(written)
+        return
+    for one in written:
+        print(f"{one.file}: {one.rows} rows, {one.columns} columns")
 
 
 # --- `roco compare`: two sets of runs side by side ------------------------------------------------
@@ -250,17 +248,16 @@ def compare(
       roco compare experiments/before experiments/after --threshold latency=30 --threshold energy=5
       roco compare runs/latest other/traffic.mcap --threshold 20 --format json
     """
-    with problems(form):
-        from operate.experiments import comparing, results
+    from operate.experiments import comparing, results
 
-        try:
-            limits = comparing.thresholds(threshold or [])
-        except ValueError as error:
-            raise UsageError(str(error)) from error
-        told = comparing.compared(results.load(a), results.load(b), limits)
-        tell(told, form, lambda: show_comparison(told, Console()))
-        if told.regression:
-            raise typer.Exit(1)
+    try:
+        limits = comparing.thresholds(threshold or [])
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    told = comparing.compared(results.load(a), results.load(b), limits)
+    tell(told, form, lambda: show_comparison(told, Console()))
+    if told.regression:
+        raise typer.Exit(1)
 
 
 def show_comparison(told: "Comparison", console: Console) -> None:

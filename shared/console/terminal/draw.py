@@ -239,7 +239,11 @@ class Watch:
             yield self
             return
         with Live(
-            console=self.console, refresh_per_second=8, get_renderable=self._picture
+            console=self.console,
+            refresh_per_second=8,
+            get_renderable=lambda: picture(
+                self.scene, lines=self.console.height, width=self.console.width
+            ),
         ) as self._live:
             yield self
 
@@ -295,6 +299,3 @@ class Watch:
             self.console.out(msgspec.json.encode(what).decode(), highlight=False)
         elif words and not self.pictures:
             self.console.out(f"{max(0.0, t - self.scene.began):7.1f} s  {words}", highlight=False)
-
-    def _picture(self) -> RenderableType:
-        return picture(self.scene, lines=self.console.height, width=self.console.width)

@@ -24,7 +24,7 @@ from console.fleet import process_status, targets
 from console.fleet.process_status import ENDED, Look, Row, Seen, Task, rows, trouble
 from console.fleet.process_tables import COLOURS, COLUMNS, cells, doing, state_text
 from console.fleet.targets import Target
-from console.output import Format, RunDir, option, problems, tell_json
+from console.output import RunDir, option, tell_json
 from console.terminal import run_state
 from console.terminal.console import Console, table
 from console.terminal.draw import events
@@ -350,19 +350,18 @@ def top(
       roco top --graph --once --window 60 --format json
       roco top --once --format dot
     """
-    with problems(Format.JSON if form is Drawing.JSON else Format.TEXT):
-        watched = Watched(targets.find(target, run_dir), window, graph=graph)
-        console, count = Console(), 1 if once else count
-        shows: dict[Drawing, Callable[[], None]] = {
-            Drawing.JSON: lambda: tell_json(watched.graph() if graph else watched.screen),
-            Drawing.DOT: lambda: print(dot(watched.graph())),
-            Drawing.TEXT: lambda: console.print(watched.picture(console.width, 40)),
-        }
-        with suppress(KeyboardInterrupt):
-            if form is Drawing.TEXT and console.is_terminal and not once:
-                _live(watched, period, count, console)
-            else:
-                _each(watched, period, count, shows[form])
+    watched = Watched(targets.find(target, run_dir), window, graph=graph)
+    console, count = Console(), 1 if once else count
+    shows: dict[Drawing, Callable[[], None]] = {
+        Drawing.JSON: lambda: tell_json(watched.graph() if graph else watched.screen),
+        Drawing.DOT: lambda: print(dot(watched.graph())),
+        Drawing.TEXT: lambda: console.print(watched.picture(console.width, 40)),
+    }
+    with suppress(KeyboardInterrupt):
+        if form is Drawing.TEXT and console.is_terminal and not once:
+            _live(watched, period, count, console)
+        else:
+            _each(watched, period, count, shows[form])
 
 
 class Watched:

@@ -3,9 +3,9 @@
 import sys
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +18,7 @@ from agent_runtime.io.tap import Sample
 from console import interrupts
 from console.errors import UsageError
 from console.fleet import targets
-from console.output import Form, Format, RunDir, option, problems, tell_json
+from console.output import Form, Format, RunDir, option, tell_json
 from console.terminal.console import Console
 from console.terminal.sequence import Lifelines, mark
 from console.traffic import listen
@@ -66,48 +66,50 @@ def echo(
       roco traffic echo --target compose --wrong
       roco traffic echo --run runs/latest --performative request --format json
     """
-    with problems(form):
-        which = listen.wanted(
-            about(run, run_dir, target).design, channel, agent, protocol, performative
-        )
-        with source(run, run_dir, target) as heard:
-            _print(heard, which, form, count=count, seconds=for_, wrong=wrong)
-
-
-def _print(
-    heard: Source, which: Filter, form: Form, *, count: int, seconds: float, wrong: bool
-) -> None:
-    console = Console(highlight=False)
+    which = listen.wanted(
+        about(run, run_dir, target).design, channel, agent, protocol, performative
+    )
+    console = Console(highlight=False, quiet=form is Format.JSON)
     width = console.width if console.is_terminal else ENDLESS
-    names = _widest(heard.system)
-    with suppress(KeyboardInterrupt):
-        for one, communicate in chosen(heard, which, count=count, seconds=seconds, wrong=wrong):
-            if form is Format.JSON:
-                tell_json(fields(one, communicate))
-            else:
-                console.print(drawn(one, width, names), soft_wrap=True)
-    tell_lost(heard)
+    with source(run, run_dir, target) as heard:
+        ends = [">".join(one.ends) for one in heard.system.design.channels.values()]
+        names = max(map(len, ends), default=0)
+
+        def show(one: Judged) -> None:
+            console.print(drawn(one, width, names), soft_wrap=True)
+
+        _told(heard, which, form, show, limits=(count, for_), wrong=wrong)
 
 
-def chosen(
-    heard: Source, which: Filter, *, count: int, seconds: float, wrong: bool
-) -> Iterator[Echoed]:
-    """Yield what is meant of what is said, as it is judged: `count` of it at most, 0: all; `wrong`:
-    violations only.
+def _told(
+    heard: Source,
+    which: Filter,
+    form: Form,
+    show: Callable[[Judged], None],
+    *,
+    limits: tuple[int, float],
+    wrong: bool,
+) -> None:
+    """Show what is meant of what is said, as it is judged, until Ctrl-C; for programs as JSON.
+
+    `limits`: how many at most (0: all), and seconds; `wrong`: violations only. How many came faster
+    than they could be taken is said on standard error.
     """
-    found = 0
-    for one, communicate in echoed(heard, seconds):
-        if which.keeps(one) and (one.violation or not wrong):
-            yield one, communicate
-            found += 1
-            if found == count:
-                return
-
-
-def tell_lost(heard: Source) -> None:
-    """Say on standard error how many came faster than they could be taken, if any did."""
-    if lost := heard.lost():
-        print(f"roco: {lost.removeprefix('; ')}", file=sys.stderr)
+    found, (count, seconds) = 0, limits
+    try:
+        for one, communicate in echoed(heard, seconds):
+            if which.keeps(one) and (one.violation or not wrong):
+                show(one)
+                if form is Format.JSON:
+                    tell_json(fields(one, communicate))
+                found += 1
+                if found == count:
+                    break
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if lost := heard.lost():
+            print(f"roco: {lost.removeprefix('; ')}", file=sys.stderr)
 
 
 def echoed(heard: Source, seconds: float = 0.0) -> Iterator[Echoed]:
@@ -140,12 +142,6 @@ def _judged(judge: Judge, sample: Sample | None, at: float) -> Iterable[Judgemen
 
 def _line(judgement: Judgement, system: System) -> Echoed:
     return line(judgement, system), judgement.heard.communicate
-
-
-def _widest(system: System) -> int:
-    """Columns of the longest "sender>receiver" of a design."""
-    channels = system.design.channels.values()
-    return max((len(">".join(channel.ends)) for channel in channels), default=0)
 
 
 def fields(one: Judged, communicate: Communicate | None) -> dict[str, Any]:
@@ -260,15 +256,16 @@ def sniff(
       roco sniff --agent AGENT --for 30 --svg talk.svg
       roco sniff --run runs/latest --channel CHANNEL
     """
-    with problems(form), interrupts.heard():
+    with interrupts.heard():
         if svg is not None and not svg.resolve().parent.is_dir():
             raise UsageError(f"{svg.parent} is not a folder; make it, or name another --svg")
         design = about(run, run_dir, target).design
         which = listen.wanted(design, channel, agent, protocol, performative)
         console = Console(highlight=False, quiet=form is Format.JSON)
         seen = Sniffed(speakers(design, which), console)
-        with source(run, run_dir, target) as heard, suppress(KeyboardInterrupt):
-            _draw_all(heard, which, seen, form, limits=(count, for_), wrong=wrong)
+        show = partial(seen.add, draw=form is Format.TEXT)
+        with source(run, run_dir, target) as heard:
+            _told(heard, which, form, show, limits=(count, for_), wrong=wrong)
         if svg is not None:
             svg.write_text(
                 seen.svg(f"what was said in {design.file.system.name}"), encoding="utf-8"
@@ -302,23 +299,3 @@ def arrows(kept: Sequence[Judged]) -> list[Arrow]:
         )
         for one in kept
     ]
-
-
-def _draw_all(
-    heard: Source,
-    which: Filter,
-    seen: Sniffed,
-    form: Form,
-    *,
-    limits: tuple[int, float],
-    wrong: bool,
-) -> None:
-    try:
-        for one, communicate in chosen(
-            heard, which, count=limits[0], seconds=limits[1], wrong=wrong
-        ):
-            seen.add(one, draw=form is Format.TEXT)
-            if form is Format.JSON:
-                tell_json(fields(one, communicate))
-    finally:
-        tell_lost(heard)

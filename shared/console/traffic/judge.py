@@ -14,7 +14,7 @@ from console import completion
 from console.errors import UsageError
 from console.fleet import targets
 from console.fleet.local import Local
-from console.output import Form, Format, RunDir, argument, option, problems, tell
+from console.output import Form, Format, RunDir, argument, option, tell
 from console.runs.folders import judged
 from console.terminal.console import Console, table
 from console.traffic.listen import Agents, Recorded, about, wanted
@@ -63,15 +63,14 @@ def judge(
       roco traffic judge runs/latest
       roco traffic judge runs/latest/traffic.mcap --format json
     """
-    with problems(form):
-        system = of_run(file) if design is None else of_design(design)
-        if languages:
-            system = msgspec.structs.replace(system, languages=languages_at(languages))
-        lines = judged(file, system)
-        if not lines:
-            raise UsageError(
-                f"{file} has no communicates to judge; give a recording in which agents spoke"
-            )
+    system = of_run(file) if design is None else of_design(design)
+    if languages:
+        system = msgspec.structs.replace(system, languages=languages_at(languages))
+    lines = judged(file, system)
+    if not lines:
+        raise UsageError(
+            f"{file} has no communicates to judge; give a recording in which agents spoke"
+        )
     found = summary(lines)
     tell(found, form, lambda: show(found, Console()))
     raise typer.Exit(1 if found.violations else 0)
@@ -163,12 +162,11 @@ def dead_(
       roco traffic dead --run runs/latest --agent AGENT
       roco traffic dead --run runs/latest --format json
     """
-    with problems(form):
-        which = wanted(about(run, run_dir, target).design, None, agent, None, None).agents
-        from operate.recording import dead as dead_letters
-        from operate.recording.run import Run
+    which = wanted(about(run, run_dir, target).design, None, agent, None, None).agents
+    from operate.recording import dead as dead_letters
+    from operate.recording.run import Run
 
-        found = dead_letters.letters(Run(_folder(run, run_dir, target)))
+    found = dead_letters.letters(Run(_folder(run, run_dir, target)))
     letters = [one for one in found if not which or {one.sender, one.receiver} & {*which}]
     tell(letters, form, lambda: _show_letters(letters, Console(highlight=False)))
 

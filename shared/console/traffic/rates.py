@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from console.fleet import targets
-from console.output import Form, Format, RunDir, argument, problems, tell_json
+from console.output import Form, Format, RunDir, argument, tell_json
 from console.terminal.console import Console, table
 from console.traffic import listen
 from console.traffic.listen import HeardMessage, Source, about, heard_message, source
@@ -290,13 +290,12 @@ def stats(
       roco traffic stats bw --agent AGENT --for 10
       roco traffic stats size --performative inform-ref --count 100
     """
-    with problems(form):
-        which = listen.wanted(
-            about(run, run_dir, target).design, channel, agent, protocol, performative
-        )
-        what = "stats" if kind is Kind.ALL else kind.value
-        with source(run, run_dir, target) as heard:
-            _watch(heard, Tally(which), what, form, limits=(count, for_))
+    which = listen.wanted(
+        about(run, run_dir, target).design, channel, agent, protocol, performative
+    )
+    what = "stats" if kind is Kind.ALL else kind.value
+    with source(run, run_dir, target) as heard:
+        _watch(heard, Tally(which), what, form, limits=(count, for_))
 
 
 def _watch(

@@ -19,7 +19,7 @@ from agent_runtime.io.tap import Waiting
 from console import completion, interrupts
 from console.errors import ConsoleError, UsageError
 from console.fleet import targets
-from console.output import Form, Format, RunDir, argument, option, problems, tell
+from console.output import Form, Format, RunDir, argument, option, tell
 from console.runs import folders
 from console.terminal.console import Console, table
 from console.traffic import listen
@@ -65,7 +65,7 @@ def record(
       roco record
       roco record --out part.mcap --channel CHANNEL --for 60
     """
-    with problems(form), interrupts.heard():
+    with interrupts.heard():
         from operate.recording.side_recording import Asked, Keeper
 
         system = about(None, run_dir, target)
@@ -153,11 +153,10 @@ def info(
       roco record info runs/latest --keys
       roco record info mine.mcap --format json
     """
-    with problems(form):
-        from operate.recording.contents import contents
+    from operate.recording.contents import contents
 
-        found = contents(recording or folders.find(None))
-        tell(found, form, lambda: _show(found, Console(highlight=False), keys=keys))
+    found = contents(recording or folders.find(None))
+    tell(found, form, lambda: _show(found, Console(highlight=False), keys=keys))
 
 
 def _show(told: "Contents", console: Console, *, keys: bool) -> None:
@@ -224,16 +223,15 @@ def repair(
       roco record repair
       roco record repair mine.mcap
     """
-    with problems(form):
-        from operate.recording.index import repaired
+    from operate.recording.index import repaired
 
-        file = recording or folders.find(None)
-        path = file / TRAFFIC_FILE if file.is_dir() else file
-        try:
-            done = repaired(path)
-        except OSError as error:
-            raise ConsoleError(worded(path, error)) from error
-        tell(done, form, repair_sentence(done))
+    file = recording or folders.find(None)
+    path = file / TRAFFIC_FILE if file.is_dir() else file
+    try:
+        done = repaired(path)
+    except OSError as error:
+        raise ConsoleError(worded(path, error)) from error
+    tell(done, form, repair_sentence(done))
 
 
 def repair_sentence(done: "Written") -> str:

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from console.errors import ConsoleError, UsageError
 from console.fleet import targets
-from console.output import Form, Format, RunDir, option, problems, tell, tell_json, waiting
+from console.output import Form, Format, RunDir, option, tell, tell_json, waiting
 from console.terminal import sequence
 from console.terminal.console import Console, table
 from console.terminal.sequence import seconds
@@ -84,26 +84,25 @@ def trace(
       roco trace SUBJECT --run runs/latest --all
       roco trace SUBJECT --format otlp
     """
-    with problems(Format.TEXT if form is As.TEXT else Format.JSON):
-        from operate.recording.run import opened
+    from operate.recording.run import opened
 
-        file = recording_of(run, target, run_dir)
-        found = opened(file).trace
-        if not found.spans:
-            raise UsageError(f"{file} has no communicate; give the folder of a run, or a recording")
-        if not subject and form is not As.OTLP:
-            _list(found, form)
-            return
-        roots = (span_of(found, subject),) if subject else found.roots
-        if form is As.OTLP:
-            tell_json(otlp.exported(found, roots))
-        elif form is As.JSON:
-            tell_json(
-                msgspec.structs.replace(found, spans=tuple(one for _, one in found.below(roots[0])))
-            )
-        else:
-            console = Console()
-            console.print(tree(found, roots[0], console.width, every=every))
+    file = recording_of(run, target, run_dir)
+    found = opened(file).trace
+    if not found.spans:
+        raise UsageError(f"{file} has no communicate; give the folder of a run, or a recording")
+    if not subject and form is not As.OTLP:
+        _list(found, form)
+        return
+    roots = (span_of(found, subject),) if subject else found.roots
+    if form is As.OTLP:
+        tell_json(otlp.exported(found, roots))
+    elif form is As.JSON:
+        tell_json(
+            msgspec.structs.replace(found, spans=tuple(one for _, one in found.below(roots[0])))
+        )
+    else:
+        console = Console()
+        console.print(tree(found, roots[0], console.width, every=every))
 
 
 def span_of(found: Trace, subject: str) -> Span:
@@ -168,14 +167,13 @@ def why(
       roco why THING --at 30
       roco why SUBJECT --records
     """
-    with problems(form):
-        from operate.recording import reasons
-        from operate.recording.run import opened
+    from operate.recording import reasons
+    from operate.recording.run import opened
 
-        file = recording_of(run, target, run_dir)
-        with waiting("reading the recording …", form):
-            found = reasons.of(opened(file), subject, at)
-        tell(found, form, lambda: _show(found, Console(), records=records))
+    file = recording_of(run, target, run_dir)
+    with waiting("reading the recording …", form):
+        found = reasons.of(opened(file), subject, at)
+    tell(found, form, lambda: _show(found, Console(), records=records))
 
 
 def _show(found: Why, console: Console, *, records: bool) -> None:
@@ -396,33 +394,32 @@ def conversation(
       roco conversation AGENT-1-1
       roco conversation AGENT-1-3 --run recording.mcap --format json
     """
-    with problems(form):
-        design = about(run, run_dir, target).design
-        which = listen.wanted(design, channel, agent, protocol, performative)
-        kept = [
-            one
-            for one in conversations(listen.lines_of(run, target, run_dir), design)
-            if any(map(which.keeps, one.said))
-            and open_ in (None, not one.ended)
-            and (one.violations or not wrong)
-            and (not subject or is_meant(subject, one.id, one.participant))
-        ]
-        if subject and not kept:
-            raise ConsoleError(
-                f"no conversation {subject!r} in this run; `roco conversation` lists them"
-            )
-        if form is Format.JSON:
-            tell_json(kept if subject else [msgspec.structs.replace(one, said=()) for one in kept])
-            return
-        console = Console()
-        if subject:
-            for one in kept:
-                between = (one.initiator, one.participant)
-                console.print(sequence.heading(one.channel, one.protocol, one.id, one.ended))
-                console.print(sequence.drawn(one.said, *between, console.width))
-        else:
-            console.print(conversation_table(kept))
-            console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
+    design = about(run, run_dir, target).design
+    which = listen.wanted(design, channel, agent, protocol, performative)
+    kept = [
+        one
+        for one in conversations(listen.lines_of(run, target, run_dir), design)
+        if any(map(which.keeps, one.said))
+        and open_ in (None, not one.ended)
+        and (one.violations or not wrong)
+        and (not subject or is_meant(subject, one.id, one.participant))
+    ]
+    if subject and not kept:
+        raise ConsoleError(
+            f"no conversation {subject!r} in this run; `roco conversation` lists them"
+        )
+    if form is Format.JSON:
+        tell_json(kept if subject else [msgspec.structs.replace(one, said=()) for one in kept])
+        return
+    console = Console()
+    if subject:
+        for one in kept:
+            between = (one.initiator, one.participant)
+            console.print(sequence.heading(one.channel, one.protocol, one.id, one.ended))
+            console.print(sequence.drawn(one.said, *between, console.width))
+    else:
+        console.print(conversation_table(kept))
+        console.print(f"{len(kept)} conversation{'s' * (len(kept) != 1)}", style="dim")
 
 
 def conversations(lines: list[Judged], design: Design) -> list[Conversation]:
