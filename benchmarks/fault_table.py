@@ -21,7 +21,7 @@ from companion.tools.promises import begun_twice
 from companion.tools.system import JOB, SYSTEM
 from console.faults import chaos
 from console.faults.chaos import Cell
-from console.runs import trials
+from console.runs import experiment
 from operate.file_names import REPORT_FILE
 from operate.recording.run import Run
 
@@ -42,8 +42,8 @@ BEGIN, END = "<!-- faults: python benchmarks/fault_table.py --table -->\n", "<!-
 def cell(victim: str, phase: str, fault: str, seed: int, out: Path) -> dict[str, Any]:
     """Return what became of one pour, as a line of the results file."""
     one = Cell(seed, fault, victim, phase, JOB.phases[phase], FAULTS[fault])
-    asked = trials.Asked(1, seed, "max", None, JOB.timeout_s, 0.0)
-    done = chaos.done(out, trials.here("chaos", (*JOB.command, "--faults"), asked), one)
+    asked = experiment.Asked(1, seed, "max", None, JOB.timeout_s, 0.0)
+    done = chaos.done(out, experiment.setting_here("chaos", (*JOB.command, "--faults"), asked), one)
     line = {
         "victim": victim,
         "phase": phase,
@@ -54,7 +54,7 @@ def cell(victim: str, phase: str, fault: str, seed: int, out: Path) -> dict[str,
     }
     line |= {"exit": done.exit, "wall_s": done.wall_s, "poured": done.success, "why": done.why}
     line |= {"broken": done.broken, "stuck": done.stuck, "orphans": done.orphans}
-    return line | figures(trials.folder(out, seed))
+    return line | figures(experiment.folder(out, seed))
 
 
 def figures(run: Path) -> dict[str, Any]:

@@ -23,7 +23,7 @@ app = typer.Typer(cls=Verbs, no_args_is_help=True, help=TEXT, name="roco")
 def tell_version(asked: bool) -> None:
     """Print the installed version, and end."""
     if asked:
-        from console.runs.machine import installed
+        from console.runs.experiment import installed
 
         print(f"roco {installed()}")
         raise typer.Exit

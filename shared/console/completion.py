@@ -1,5 +1,4 @@
-"""Names for the shell to complete: runs, and what a design has. Imports are made only when a shell
-asks.
+"""Names for the shell to complete: runs, and what a design has.
 
 Nothing of a project is imported: its design is read as a file (operate.system.design_shown). Names
 that only a running fleet knows are in console.fleet.targets. A completer gets the options that
@@ -9,14 +8,13 @@ there.
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import typer
 
+from operate.system import NoSystemError, design_shown, here
 from operate.wording import escaped, one_line
-
-if TYPE_CHECKING:
-    from topdown.model.design import Design
+from topdown.model.design import Design, load
+from topdown.model.errors import TopdownError
 
 RUNS = Path("runs")
 NAMING = ("file", "design", "run", "recording", "run_dir")
@@ -37,7 +35,7 @@ def among(names: Iterable[str], incomplete: str) -> list[str]:
 
 
 def _of_design(
-    names: "Callable[[Design], Iterable[str]]",
+    names: Callable[[Design], Iterable[str]],
 ) -> Callable[[typer.Context, str], list[str]]:
     """A completer of names that a design has."""
 
@@ -152,9 +150,6 @@ def started(incomplete: str) -> list[str]:
     """Return names of processes of the system here as `roco up --only` takes them, behind the
     commas so far.
     """
-    from operate.system import NoSystemError, here
-    from topdown.model.errors import TopdownError
-
     try:
         names = [one.name for one in here().processes]
     except (NoSystemError, TopdownError):
@@ -188,14 +183,10 @@ def path_given(ctx: typer.Context, name: str) -> Path | None:
     return Path(value) if isinstance(value, str | Path) and str(value) else None
 
 
-def _designs(ctx: typer.Context) -> "Iterable[Design]":
+def _designs(ctx: typer.Context) -> Iterable[Design]:
     """The design that the options name, else that of the system here; none where it cannot be
     read.
     """
-    from operate.system import NoSystemError, design_shown
-    from topdown.model.design import load
-    from topdown.model.errors import TopdownError
-
     named = next((path for name in NAMING if (path := path_given(ctx, name)) is not None), None)
     try:
         if named is not None and named.suffix == ".toml":

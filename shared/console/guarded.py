@@ -1,5 +1,5 @@
 """Output of verbs: names and messages are written by others, and what a terminal would obey in them
-is escaped.
+is escaped; what goes wrong is told in words.
 """
 
 import codecs
@@ -12,6 +12,8 @@ from typing import Any, TextIO, cast
 
 from operate.wording import escaped
 
+FOR_PROGRAMS = ("json", "otlp")
+"""Formats of answers beside which a problem is told as JSON, too."""
 UNSHOWN = "roco.unshown"
 """Name of the error handler of an output that lacks a letter: it is escaped as in JSON, \\u2713 in
 place of a tick.
@@ -48,12 +50,18 @@ class Guarded:
 
 
 def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """A verb whose output is escaped, however it prints."""
+    """A verb whose output is escaped, however it prints, and whose problems are told in words."""
 
     @functools.wraps(verb)
     def call(*given: Any, **named: Any) -> Any:
         out, err = (cast(TextIO, Guarded(stream)) for stream in (sys.stdout, sys.stderr))
-        with redirect_stdout(out), redirect_stderr(err):
+        from console.output import (  # a verb has imported it; a list of verbs need not
+            Format,
+            problems,
+        )
+
+        form = Format.JSON if named.get("form") in FOR_PROGRAMS else Format.TEXT
+        with redirect_stdout(out), redirect_stderr(err), problems(form):
             return verb(*given, **named)
 
     return call

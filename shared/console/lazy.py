@@ -16,7 +16,9 @@ from typer.core import TyperCommand, TyperGroup
 
 from console.guarded import guarded
 from console.verbs import VERBS, Table, merged
+from operate.system import NoSystemError, design_shown, here, installed_here
 from operate.wording import escaped
+from topdown.model.errors import TopdownError
 
 ROOM = "console"
 EXAMPLES = "\nExamples:\n"
@@ -177,9 +179,6 @@ def named(examples: str) -> str:
     """Return examples with a channel of the system here and its agents; as they are if no system is
     found.
     """
-    from operate.system import NoSystemError, design_shown
-    from topdown.model.errors import TopdownError
-
     try:
         channel = next(iter(design_shown().channels.values()), None)
     except (NoSystemError, TopdownError):
@@ -193,9 +192,6 @@ def added(*, of_project: bool = False) -> Table:
     """The verbs that the system here adds; none if it cannot be read. A project's is imported only
     if asked for.
     """
-    from operate.system import NoSystemError, here, installed_here
-    from topdown.model.errors import TopdownError
-
     try:
         found = here() if of_project else installed_here()
         return (found.addition("verbs") if found is not None else None) or {}
@@ -207,9 +203,6 @@ def unknown(words: str, there: list[str]) -> str:
     """Return the message for an unknown verb: it does not exist at all, or not for the system
     here.
     """
-    from operate.system import NoSystemError, here
-    from topdown.model.errors import TopdownError
-
     try:
         where = f"the system here, {here().name}, has no verb {words!r}"
     except (NoSystemError, TopdownError) as error:

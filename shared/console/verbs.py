@@ -77,7 +77,7 @@ VERBS: Table = {
             "Show counts, sizes, rates, and how long answers took; or more of one of them.",
         ),
         "sniff": (
-            ".traffic.sniff:sniff",
+            ".traffic.echo:sniff",
             "Draw a sequence diagram of what is said as it goes by, with a lifeline for every"
             " agent.",
         ),
@@ -101,9 +101,12 @@ VERBS: Table = {
             ".traffic.judge:judge",
             "Judge every communicate of a recording by the design.",
         ),
-        "traffic dead": (".traffic.dead:dead", "List the communicates that nobody took, and why."),
+        "traffic dead": (
+            ".traffic.judge:dead_",
+            "List the communicates that nobody took, and why.",
+        ),
         "conversation": (
-            ".traffic.conversation:conversation",
+            ".traffic.trace:conversation",
             "List the conversations of a run, oldest first; show one as a sequence diagram.",
         ),
         "trace": (
@@ -125,7 +128,7 @@ VERBS: Table = {
             "Do a fault to a process of a running fleet; it is recorded, and healed at its end.",
         ),
         "fault run": (
-            ".faults.run:run",
+            ".faults.verbs:run",
             "Do the faults of a scenario, and wait until all are over.",
         ),
         "fault list": (".faults.verbs:list_", "List the faults of a run."),
@@ -150,7 +153,7 @@ VERBS: Table = {
             "Write what a recording holds as tables: communicates, events, telemetry.",
         ),
         "compare": (
-            ".runs.compare:compare",
+            ".runs.report:compare",
             "Compare two sets of runs: success, latency, energy, traffic.",
         ),
         "experiment": (GROUP, "Runs repeated, and how they differ."),
@@ -165,13 +168,13 @@ VERBS: Table = {
             ".design.check:check",
             "Check a design: steps, channels, messages both ways, interfaces.",
         ),
-        "design diff": (".design.diff:diff_", "Tell what changed between two designs."),
+        "design diff": (".design.check:diff_", "Tell what changed between two designs."),
         "design export": (
-            ".design.export:export",
+            ".design.verify:export",
             "Write the models of a design's protocols for spin (Promela).",
         ),
         "design follow": (
-            ".design.follow:follow",
+            ".design.verify:follow",
             "Follow a run through the composed model of its design.",
         ),
         "design new": (
@@ -183,7 +186,7 @@ VERBS: Table = {
             "Show a design: requirements, steps, channels, protocols, the system.",
         ),
         "design trace": (
-            ".design.trace:trace_",
+            ".design.check:trace_",
             "Trace every leaf requirement to what shows that it is met.",
         ),
         "design verify": (
@@ -191,7 +194,7 @@ VERBS: Table = {
             "Prove a design: no deadlock, nothing unforeseen.",
         ),
         "protocol": (
-            ".design.protocol:protocol",
+            ".design.show:protocol",
             "List the protocols that a design can follow; show the tables of one: who may say"
             " what in which state.",
         ),

@@ -235,7 +235,7 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     figures and the run's name that gives report.html. `drawers`: a function of a Sheet that gives
     further operate.pictures.stage.Drawer, `blueprint`: one of the length of the run that gives the
     layout of the viewer. `telemetry`: kind of a signal -> decoder, a mapping. `tasks`: a function
-    of a Target that gives what people asked for, as lines of console.fleet.tasks.Task; it
+    of a Target that gives what people asked for, as lines of console.fleet.process_status.Task; it
     raises ConsoleError. `checks`: an console.fleet.checkup.Checks for `roco doctor`.
     `untouchable`: a function of a Target that gives why `roco fault` must leave it alone (a real
     robot moves there), "" where it need not. `promises`: a function of a History that gives, in

@@ -16,9 +16,8 @@ from console.errors import UsageError
 from console.faults import chaos, moments, verbs
 from console.faults.chaos import Cell, Result
 from console.faults.kinds import KINDS, VERBS
-from console.fleet import running_fleets
 from console.output import Format
-from console.runs import trials
+from console.runs import experiment, folders
 from operate.system import Job
 
 WITHOUT = msgspec.structs.replace(SYSTEM, job=Job())
@@ -108,9 +107,9 @@ def done(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
     """In place of runs the seeds that were run; seed 2 is broken."""
     seeds: list[int] = []
 
-    def run(out: Path, setting: trials.Setting, cell: Cell) -> Result:
+    def run(out: Path, setting: experiment.Setting, cell: Cell) -> Result:
         seeds.append(cell.seed)
-        trials.folder(out, cell.seed).mkdir(parents=True, exist_ok=True)
+        experiment.folder(out, cell.seed).mkdir(parents=True, exist_ok=True)
         return result(cell, broken=("it broke",) if cell.seed == 2 else ())
 
     monkeypatch.chdir(tmp_path)
@@ -131,7 +130,7 @@ def test_what_is_done_is_not_done_again(done: list[int], tmp_path: Path) -> None
     file.write_bytes(file.read_bytes()[:-20])
     roco("chaos", "--runs", 4, "--out", out, "--resume")
     assert done == [1, 2, 3, 3, 4]
-    results = trials.read_lines(file, Result)
+    results = experiment.read_lines(file, Result)
     assert [one.cell.seed for one in results] == [1, 2, 3, 4]
 
 
@@ -154,8 +153,8 @@ def test_programs_get_a_line_for_each_run(done: list[int]) -> None:
 
 def test_beside_a_fleet_it_is_refused(done: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
     """The machine would be shared."""
-    fleet = running_fleets.Fleet("roco", "tcp/127.0.0.1:1", 1, 1.0, ())
-    living = running_fleets.Living(Path("runs/x"), fleet, ("router",))
-    monkeypatch.setattr(running_fleets, "here", lambda: [living])
+    fleet = folders.Fleet("roco", "tcp/127.0.0.1:1", 1, 1.0, ())
+    living = folders.Living(Path("runs/x"), fleet, ("router",))
+    monkeypatch.setattr(folders, "living_here", lambda: [living])
     assert "a fleet runs here already" in roco("chaos", code=1).output
     assert done == []

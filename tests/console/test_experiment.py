@@ -17,7 +17,7 @@ from console.__main__ import app
 from console.errors import ConsoleError, UsageError
 from console.fleet import starting
 from console.output import Format
-from console.runs import experiment, machine, trials
+from console.runs import experiment
 from console.terminal.console import Console
 from operate.experiments.run_figures import RESULTS_FILE
 from operate.file_names import REPORT_FILE
@@ -30,10 +30,11 @@ MISSED = '{"success": false, "failure": "the jar fell"}'
 HANGS = "import time; time.sleep(60)"
 
 
-def setting(**changed: object) -> trials.Setting:
+def setting(**changed: object) -> experiment.Setting:
     """Three runs from seed 1 on."""
     return msgspec.structs.replace(
-        trials.here("pour", ("demo",), trials.Asked(3, 1, "max", None, 20.0, 0.0)), **changed
+        experiment.setting_here("pour", ("demo",), experiment.Asked(3, 1, "max", None, 20.0, 0.0)),
+        **changed,
     )
 
 
@@ -45,13 +46,13 @@ def played(monkeypatch: pytest.MonkeyPatch) -> Callable[[Play], list[int]]:
     seeds: list[int] = []
 
     def by(play: Play) -> list[int]:
-        def start(place: Path, setting: trials.Setting, seed: int) -> subprocess.Popen[bytes]:
+        def start(place: Path, setting: experiment.Setting, seed: int) -> subprocess.Popen[bytes]:
             seeds.append(seed)
             command = [sys.executable, "-c", play(seed)]
-            with (place / trials.LOG_FILE).open("ab") as log:
+            with (place / experiment.LOG_FILE).open("ab") as log:
                 return subprocess.Popen(command, cwd=place, stdout=log, stderr=log)
 
-        monkeypatch.setattr(trials, "_start", start)
+        monkeypatch.setattr(experiment, "_start", start)
         return seeds
 
     return by
@@ -63,11 +64,11 @@ def leaves(report: str, code: int = 0) -> str:
 
 
 def run_all(
-    place: Path, wanted: trials.Setting, resume: bool = False, form: Format = Format.TEXT
+    place: Path, wanted: experiment.Setting, resume: bool = False, form: Format = Format.TEXT
 ) -> str:
     """The verb without its report; what it printed."""
     console = Console(file=StringIO(), width=100)
-    now, done = trials.begun(place, wanted, resume)
+    now, done = experiment.begun(place, wanted, resume)
     experiment._all(place, now, experiment.Watch(now, done, form, console))
     return console.file.getvalue()  # type: ignore[attr-defined]
 
@@ -76,7 +77,7 @@ def test_each_run_leaves_a_line(tmp_path: Path, played: Callable[[Play], list[in
     """With its seed, why it failed, its report in a line, and the estimate of what is left."""
     played(lambda seed: leaves(MISSED, 1) if seed == 2 else leaves(POURED))
     said = run_all(tmp_path, setting())
-    lines = trials.lines(tmp_path)
+    lines = experiment.lines(tmp_path)
     found = [(one.seed, one.failure, one.exit) for one in lines]
     assert found == [(1, None, 0), (2, "the jar fell", 1), (3, None, 0)]
     assert msgspec.json.decode(lines[0].figures)["energy_J"] == 1.0
@@ -96,25 +97,25 @@ def test_an_interrupted_experiment_goes_on(
     whole = (tmp_path / RESULTS_FILE).read_bytes()
     # a kill in the middle of the second line
     (tmp_path / RESULTS_FILE).write_bytes(whole[:-20])
-    left = trials.folder(tmp_path, 2) / "left over"
+    left = experiment.folder(tmp_path, 2) / "left over"
     left.touch()
     with pytest.raises(UsageError, match="--resume"):
-        trials.begun(tmp_path, setting(), resume=False)
+        experiment.begun(tmp_path, setting(), resume=False)
     run_all(tmp_path, setting(runs=4), resume=True)
     assert seeds == [1, 2, 2, 3, 4]
-    assert sorted(one.seed for one in trials.lines(tmp_path)) == [1, 2, 3, 4]
+    assert sorted(one.seed for one in experiment.lines(tmp_path)) == [1, 2, 3, 4]
     assert not left.exists()
-    assert trials.setting(tmp_path).runs == 4
+    assert experiment.setting(tmp_path).runs == 4
 
 
 def test_of_a_seed_that_stands_there_twice_the_first_line_counts(tmp_path: Path) -> None:
     """Two experiments at once in one folder do not choose the better run."""
     for failure in ("the jar fell", None):
-        trials.append_line(
-            tmp_path / trials.RESULTS_FILE,
-            trials.Line(1, 1.0, 60.0, 0, False, (1.0, 1.0), failure, msgspec.Raw(b"null")),
+        experiment.append_line(
+            tmp_path / experiment.RESULTS_FILE,
+            experiment.Line(1, 1.0, 60.0, 0, False, (1.0, 1.0), failure, msgspec.Raw(b"null")),
         )
-    assert [one.failure for one in trials.lines(tmp_path)] == ["the jar fell"]
+    assert [one.failure for one in experiment.lines(tmp_path)] == ["the jar fell"]
 
 
 @pytest.mark.parametrize("changed", [{"seed": 2}, {"speed": "1"}, {"scene": "other.toml"}])
@@ -122,9 +123,9 @@ def test_another_experiment_does_not_go_on_in_its_folder(
     tmp_path: Path, changed: dict[str, object]
 ) -> None:
     """Runs of two settings in one table would say nothing."""
-    trials.begun(tmp_path, setting(), resume=False)
+    experiment.begun(tmp_path, setting(), resume=False)
     with pytest.raises(UsageError, match=next(iter(changed))):
-        trials.begun(tmp_path, setting(**changed), resume=True)
+        experiment.begun(tmp_path, setting(**changed), resume=True)
 
 
 def test_a_run_that_hangs_is_ended_and_counts_as_a_failure(
@@ -133,10 +134,10 @@ def test_a_run_that_hangs_is_ended_and_counts_as_a_failure(
     """Also one that does not listen to Ctrl-C; the others go on."""
     deaf = f"import signal; signal.signal({int(signal.SIGINT)}, signal.SIG_IGN); {HANGS}"
     played(lambda seed: {1: HANGS, 2: deaf}.get(seed, leaves(POURED)))
-    monkeypatch.setattr(trials, "END_S", 0.5)
+    monkeypatch.setattr(experiment, "END_S", 0.5)
     run_all(tmp_path, setting(runs=2, timeout_s=3.0))
     run_all(tmp_path, setting(timeout_s=50.0), resume=True)
-    lines = trials.lines(tmp_path)
+    lines = experiment.lines(tmp_path)
     assert [one.timed_out for one in lines] == [True, True, False]
     assert [one.failure for one in lines] == ["not ended after 3 s", "not ended after 3 s", None]
     assert lines[1].exit == -signal.SIGKILL
@@ -156,7 +157,7 @@ def test_a_report_of_success_and_a_bad_exit_is_no_success(
     """Something went wrong after the pour."""
     played(lambda seed: leaves(POURED, 1))
     run_all(tmp_path, setting(runs=1))
-    assert trials.lines(tmp_path)[0].failure == "`roco demo` ended with 1"
+    assert experiment.lines(tmp_path)[0].failure == "`roco demo` ended with 1"
 
 
 def test_for_programs_each_run_is_a_line_of_json(
@@ -177,13 +178,13 @@ def test_for_programs_each_run_is_a_line_of_json(
 def test_a_run_waits_for_a_quiet_machine_but_not_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     """It begins as soon as the load is low enough, and after its patience in any case."""
     loads = iter([9.0, 7.0, 2.0])
-    monkeypatch.setattr(machine, "LOOK_S", 0.001)
-    monkeypatch.setattr(machine, "load", lambda: next(loads))
+    monkeypatch.setattr(experiment, "LOAD_S", 0.001)
+    monkeypatch.setattr(experiment, "machine_load", lambda: next(loads))
     seen: list[float] = []
-    assert machine.quiet(3.0, 20.0, lambda load, _: seen.append(load))
+    assert experiment.quiet(3.0, 20.0, lambda load, _: seen.append(load))
     assert seen == [9.0, 7.0]
-    monkeypatch.setattr(machine, "load", lambda: 9.0)
-    assert not machine.quiet(3.0, 0.01, lambda *_: None)
+    monkeypatch.setattr(experiment, "machine_load", lambda: 9.0)
+    assert not experiment.quiet(3.0, 0.01, lambda *_: None)
 
 
 def test_a_supervisor_that_told_nothing_yet_is_ended() -> None:

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 from console import lazy
 from console.errors import UsageError
-from console.faults import run, verbs
+from console.faults import verbs
 from console.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
-from console.faults.run import SIGNED, Entry, Scenario, choose, fault_arguments, load
+from console.faults.verbs import SIGNED, Entry, Scenario, choose, fault_arguments, load
 
 numbers = st.floats(0, 100).map(lambda value: round(value, 3))
 spans = numbers | st.tuples(numbers, numbers).map(lambda pair: (min(pair), max(pair)))
@@ -146,7 +146,7 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, why: str) -> None:
 
 def test_the_example_is_right() -> None:
     """That of the depot."""
-    assert len(run.load(Path(__file__).parents[2] / "examples/depot/faults.toml").fault) == 3
+    assert len(verbs.load(Path(__file__).parents[2] / "examples/depot/faults.toml").fault) == 3
 
 
 def test_each_kind_is_told_and_called_by_the_verb() -> None:

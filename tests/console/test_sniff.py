@@ -16,7 +16,7 @@ from rich.cells import cell_len
 
 from companion.design import DESIGN
 from console.terminal.sequence import LEAST, Lifelines
-from console.traffic.sniff import arrows, speakers
+from console.traffic.echo import arrows, speakers
 from operate.filters import Filter
 from operate.verdict_lines import Judged
 from topdown.draw.sequence import Arrow, Columns, Diagram, draw

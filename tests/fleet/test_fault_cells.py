@@ -7,7 +7,7 @@ import pytest
 from companion.tools.system import JOB, SYSTEM
 from console.faults import chaos
 from console.faults.chaos import Cell
-from console.runs import trials
+from console.runs import experiment
 
 pytestmark = [pytest.mark.process, pytest.mark.long, pytest.mark.timeout(JOB.timeout_s + 120.0)]
 
@@ -46,7 +46,9 @@ def test_the_pour_succeeds_all_the_same(phase, tmp_path):
     """And every invariant of the whole history holds."""
     kind, process, for_s = CELLS[phase]
     cell = Cell(1 + list(CELLS).index(phase), kind, process, phase, JOB.phases[phase], for_s)
-    asked = trials.Asked(1, cell.seed, "max", None, JOB.timeout_s, 0.0)
-    done = chaos.done(tmp_path, trials.here("chaos", (*JOB.command, "--faults"), asked), cell)
+    asked = experiment.Asked(1, cell.seed, "max", None, JOB.timeout_s, 0.0)
+    done = chaos.done(
+        tmp_path, experiment.setting_here("chaos", (*JOB.command, "--faults"), asked), cell
+    )
     assert done.began, done.text
     assert (done.success, done.broken, done.stuck, done.orphans) == (True, (), False, ()), done.why

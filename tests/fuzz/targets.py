@@ -30,7 +30,7 @@ from companion.binding import wiring
 from companion.stop_words import stop_words
 from companion.tools.system import SYSTEM
 from console.errors import UsageError
-from console.faults import run as scenario
+from console.faults import verbs as scenario
 from fipa_codec import acl_string
 from fipa_codec.communicate import decode, decode_strictly, encode
 from fipa_codec.errors import FipaError, MalformedError

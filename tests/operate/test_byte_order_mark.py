@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from console.faults import run
+from console.faults import verbs
 from operate.system import here
 from topdown.model import loading
 from velma.model import scene
@@ -30,7 +30,7 @@ def marked(tmp_path: Path) -> Callable[[str], Path]:
     ("load", "file"),
     [
         (loading.load, "examples/depot/depot/design.toml"),
-        (run.load, "examples/depot/faults.toml"),
+        (verbs.load, "examples/depot/faults.toml"),
         (scene.load, "velma/model/scenes/env2.toml"),
     ],
 )

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import msgspec
 import pytest
-import typer
 from secured_fleet import serve, serve_linked
 from toy_fleet import Fleet as Processes
 from toy_fleet import wait_for
 from typer.testing import CliRunner
 
 from companion.tools.verbs.hi import Hi, address
+from console.__main__ import app
 from console.fleet.local import Local
-from console.traffic.send import Sending, send
+from console.traffic.send import Sending
 
 pytestmark = pytest.mark.zenoh
 
@@ -31,9 +31,8 @@ def fleet(secured_router: Processes) -> Processes:
 
 def roco(run: Path, *words: str, code: int = 0) -> str:
     """`roco send`; its exit code must be `code`."""
-    app = typer.Typer()
-    app.command()(send)
-    done = CliRunner().invoke(app, [*words, "--run-dir", str(run)], env={"COLUMNS": "100"})
+    words = ("send", *words, "--run-dir", str(run))
+    done = CliRunner().invoke(app, words, env={"COLUMNS": "100"})
     assert done.exit_code == code, done.output
     return done.stdout + done.stderr
 

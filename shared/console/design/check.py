@@ -1,5 +1,6 @@
-"""`roco design check`: every fault of a design by name, with its place; with a recording also what
-the run shows.
+"""What is found in design files: `roco design check`, `diff`, `trace`.
+
+`check` names every fault of a design with its place; with a recording also what the run shows.
 
 With `--estimate` also what each channel will carry before anything runs; beside a recording, how
 wrong that was. Exit codes: 0 no findings, 1 findings or a figure further off than is wanted, 2 a
@@ -8,6 +9,7 @@ file cannot be read.
 
 import textwrap
 from collections import Counter
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -15,11 +17,12 @@ import typer
 from rich.table import Table
 
 from console.design import files
-from console.output import Form, Format, option
-from console.terminal.console import Console
-from console.terminal.table import table
+from console.output import Form, Format, argument, option
+from console.terminal.console import Console, table
 from topdown.check import recorded
+from topdown.check.difference import Change, Way, diff
 from topdown.check.estimate import Estimate, Measured, estimate, measure
+from topdown.check.requirements import Evidence, Shown, Traced, trace
 from topdown.model.design import Design, load
 from topdown.model.findings import Finding
 from topdown.model.rulings import Ruling, rulings
@@ -225,3 +228,139 @@ def _seconds(value: float) -> str:
     if not value:
         return ""
     return f"{value:.3g} s" if value >= 1 else f"{1000 * value:.3g} ms"
+
+
+# --- `roco design diff A B`: what changed between two designs, and what follows from it -----------
+
+
+WAYS = {Way.ADDED: "+", Way.REMOVED: "-", Way.CHANGED: "~"}
+
+
+def diff_(
+    old: Annotated[Path, argument("A design file.")],
+    new: Annotated[Path, argument("The design file it became.")],
+    form: Form = Format.TEXT,
+) -> None:
+    """Tell what changed between two designs, whatever the order of their entries. Exits with 1
+    where they differ.
+
+    Examples:
+      roco design diff old.toml new.toml
+    """
+    with files.problems(form):
+        found = diff(load(old), load(new))
+    files.tell(found, form, changes_text(found, files.width()))
+    if found:
+        raise typer.Exit(1)
+
+
+def changes_text(found: tuple[Change, ...], width: int) -> str:
+    """The changes as people read them: what was written, then what follows."""
+    if not found:
+        return "the designs are the same"
+    lines: list[str] = []
+    for derived, title in ((False, "written"), (True, "what follows")):
+        some = [change for change in found if change.derived is derived]
+        if some:
+            lines += [title, *_by_entry(some, width), ""]
+    return "\n".join(lines).rstrip()
+
+
+def _by_entry(changes: list[Change], width: int) -> list[str]:
+    """Changes of one entry stand below its name."""
+    lines: list[str] = []
+    last = ""
+    for one in changes:
+        entry = f"  {WAYS[one.way]} {one.kind} {one.name}"
+        if one.way is not Way.CHANGED:
+            lines += _hung(entry, one.old or one.new, width)
+        else:
+            lines += [entry] * (entry != last)
+            change = f"{one.old or 'nothing'} -> {one.new or 'nothing'}"
+            lines += _hung(f"      {one.field}", change, width)
+        last = entry
+    return lines
+
+
+def _hung(head: str, words: str, width: int) -> list[str]:
+    whole = f"{head}: {words}" if words else head
+    indent = len(head) - len(head.lstrip()) + 4
+    return textwrap.wrap(whole, width, subsequent_indent=" " * indent, drop_whitespace=True)
+
+
+# --- `roco design trace`: each leaf requirement, groups, agents, channels, and what shows it ------
+
+
+SHOWN = {Shown.SEEN: "+", Shown.NAMED: " ", Shown.MISSING: "-"}
+
+
+def trace_(file: files.File = None, run: files.Recording = None, form: Form = Format.TEXT) -> None:
+    """Trace every leaf requirement to what shows that it is met. Exits with 1 where something is
+    missing.
+
+    Examples:
+      roco design trace
+      roco design trace --format json
+    """
+    with files.problems(form):
+        place = files.meant(file)
+        found = trace(load(place), files.observed(run), Tests(place))
+    files.tell(
+        {"file": str(place), "leaves": found, "bare": [leaf.id for leaf in found if leaf.bare]},
+        form,
+        leaves_text(found, files.width(), looked=run is not None),
+    )
+    if any(leaf.bare or missing(leaf) for leaf in found):
+        raise typer.Exit(1)
+
+
+class Tests:
+    """Looks for tests by paths that begin where the design file stands, or in a folder above it."""
+
+    __test__ = False
+
+    def __init__(self, file: Path) -> None:
+        self._folders = file.resolve().parents
+
+    def __call__(self, path: str, name: str) -> bool:
+        found = next((folder / path for folder in self._folders if (folder / path).is_file()), None)
+        return found is not None and (
+            not name or f"def {name}(" in found.read_text(encoding="utf-8")
+        )
+
+
+def missing(leaf: Traced) -> list[Evidence]:
+    """Evidence that was looked for in vain."""
+    return [one for one in leaf.evidence if one.shown is Shown.MISSING]
+
+
+def leaves_text(found: tuple[Traced, ...], width: int, *, looked: bool) -> str:
+    """The leaves as people read them, then those that nothing shows."""
+    lines = [line for leaf in found for line in _leaf(leaf, width)]
+    how = "; events and messages are looked for with --recording RUN"
+    lines.append(f"+ seen, - missing{'' if looked else how}")
+    bare = [leaf.id for leaf in found if leaf.bare]
+    lost = [leaf.id for leaf in found if missing(leaf) and not leaf.bare]
+    without = f"without evidence: {', '.join(bare)}"
+    lines.append(without if bare else f"all {len(found)} leaves have evidence")
+    lines += [f"some evidence is missing: {', '.join(lost)}"] if lost else []
+    return "\n".join(lines)
+
+
+def _leaf(leaf: Traced, width: int) -> list[str]:
+    leads = {"step": map(str, leaf.steps), "groups": leaf.groups, "agents": leaf.agents}
+    leads["channels"] = leaf.channels
+    way = " -> ".join(f"{kind} {', '.join(names) or 'none'}" for kind, names in leads.items())
+    lines = textwrap.wrap(f"{leaf.id}  {leaf.text}", width, subsequent_indent="    ")
+    lines += textwrap.wrap(way, width, initial_indent="    ", subsequent_indent="      ")
+    return [*lines, *_evidence(leaf), ""]
+
+
+def _evidence(leaf: Traced) -> list[str]:
+    if not leaf.evidence:
+        return ["  - nothing shows it"]
+    times = (f" ({one.count} times)" if one.count > 1 else "" for one in leaf.evidence)
+    return [
+        f"  {SHOWN[one.shown]} {one.kind} {one.name}{count}"
+        for one, count in zip(leaf.evidence, times, strict=True)
+    ]

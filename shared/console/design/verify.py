@@ -1,4 +1,5 @@
-"""`roco design verify`: the proof of a design in three layers, before anything runs.
+"""`roco design verify`: the proof of a design in three layers, before anything runs; `export`: its
+models for spin; `follow`: whether a run is a path of them.
 
 Exit codes: 0 all holds, 1 something was found or is open, 2 a file cannot be read or an option
 makes no sense.
@@ -6,18 +7,27 @@ makes no sense.
 
 import textwrap
 from functools import partial
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
 import typer
 
+from agent_runtime.io.steplog import deeds
 from console import completion
 from console.design import files
-from console.output import Form, Format, option
+from console.output import Form, Format, argument, option
 from console.terminal.console import Console
-from topdown.model.design import load
+from operate.file_names import STEPS
+from operate.system import of_run
+from topdown.model.design import Design, load
+from topdown.model.errors import NoSuchEntry
 from topdown.prove import counterexample, durable, volatile
 from topdown.prove.abstractions import ABSTRACTIONS, NOT_PROVEN
+from topdown.prove.net import NetModel
+from topdown.prove.pairs import net_of
+from topdown.prove.paths import Deviation, Follower
+from topdown.prove.promela import promela
 from topdown.prove.verify import LAYERS, Task, Verdict, tasks
 
 ANY = "any"
@@ -159,3 +169,134 @@ def _plain(verdict: Verdict) -> dict[str, object]:
     fields = {name: getattr(verdict, name) for name in verdict._fields if name != "findings"}
     kept: dict[str, object] = msgspec.to_builtins(fields)
     return {**kept, "holds": verdict.holds, "findings": findings}
+
+
+# --- `roco design export`: the uses of protocols as models for spin (Promela) ---------------------
+
+
+PROMELA = option("Write Promela for spin here: a file for one use, a folder for more.", "--promela")
+USE = option("A use of a protocol by name; may be given again.", "--use", complete=completion.uses)
+PAIR = option("Two agents with - between: all uses between them.", complete=completion.pairs)
+IDEAL = option("Durable uses over ideal queues, without copies and receipts.", "--ideal")
+
+
+LOOK_WITH = "spin -a -o1 -o2 FILE && gcc -O2 -DSAFETY -DNOREDUCE -o pan pan.c && ./pan -m1000000"
+
+
+class Written(msgspec.Struct, frozen=True):
+    """A file, and the size of what is in it; `look_with`: the command by which its tool takes
+    it.
+    """
+
+    use: str
+    file: str
+    variables: int
+    queues: int
+    commands: int
+    look_with: str
+
+
+def export(
+    file: files.File = None,
+    to: Annotated[Path | None, PROMELA] = None,
+    use: Annotated[list[str] | None, USE] = None,
+    pair: Annotated[str | None, PAIR] = None,
+    faults: Annotated[int, option("How many faults at most.", min=0)] = 0,
+    ideal: Annotated[bool, IDEAL] = False,
+    form: Form = Format.TEXT,
+) -> None:
+    """Write the models of a design's protocols for spin (Promela).
+
+    Examples:
+      roco design export --promela plan.pml --use execute_plan
+      roco design export --promela models --pair AGENT-PEER
+    """
+    with files.problems(form):
+        place = files.meant(file)
+        if to is None:
+            raise ValueError("nothing to write; name a file or a folder with --promela")
+        design = load(place)
+        names = _uses(design, use or [], pair)
+        one_file = len(names) == 1 and bool(to.suffix) and not to.is_dir()
+        written = []
+        for name in names:
+            net = net_of(design, name, faults, ideal=ideal)
+            NetModel(net)  # names are checked before anything is written
+            where = to if one_file else to / f"{name}.pml"
+            where.parent.mkdir(parents=True, exist_ok=True)
+            where.write_text(promela(net), encoding="utf-8")
+            sizes = len(net.variables), len(net.queues), len(net.commands)
+            look_with = LOOK_WITH.replace("FILE", str(where))
+            written.append(Written(net.name, str(where), *sizes, look_with))
+    lines = [
+        f"wrote {one.file}: {one.use}, {one.variables} variables,"
+        f"{f' {one.queues} queues,' if one.queues else ''} {one.commands} commands"
+        for one in written
+    ]
+    lines += dict.fromkeys(f"  {one.look_with}" for one in written)
+    files.tell(written, form, "\n".join(lines))
+
+
+def _uses(design: Design, named: list[str], pair: str | None) -> list[str]:
+    """The uses that are meant; all where none is named. Raises NoSuchEntry, ValueError."""
+    names = [design.protocol(name).name for name in named]
+    if pair is not None:
+        ends = set(pair.split("-"))
+        if len(ends) != 2:
+            raise ValueError(f"--pair {pair!r} is no pair; write two agents with - between")
+        found = [
+            use.name for use in design.file.protocol if {use.initiator, use.participant} == ends
+        ]
+        if not found:
+            pairs = (f"{use.initiator}-{use.participant}" for use in design.file.protocol)
+            raise NoSuchEntry("pair with a protocol", pair, pairs)
+        names += found
+    known = [use.name for use in design.file.protocol if use.follows in design.tables]
+    return list(dict.fromkeys(names)) or known
+
+
+# --- `roco design follow`: whether what agents of a run did is a path of the proven model ---------
+
+
+Run = Annotated[Path, argument("A run's folder; its agents' steps are in RUN/steps.", exists=True)]
+DesignFile = Annotated[
+    Path | None, option("A design file; else that of the run's system.", "--design")
+]
+
+
+def follow(run: Run, design: DesignFile = None, form: Form = Format.TEXT) -> None:
+    """Follow a run through the composed model of its design: every step of every agent must be a
+    move of it.
+
+    Examples:
+      roco design follow runs/latest
+    """
+    with files.problems(form):
+        done = deeds(run / STEPS)
+        if not done:
+            raise ValueError(
+                f"{run / STEPS} has no steps; name the folder of a run, as `roco up` or `roco demo`"
+                " wrote it"
+            )
+        follower = Follower(of_run(run).design if design is None else load(design))
+        found = follower.follow(done)
+    files.tell(
+        {"steps": follower.count, "deviation": found and found._asdict()},
+        form,
+        _progress_text(follower, found),
+    )
+    if found is not None:
+        raise typer.Exit(1)
+
+
+def _progress_text(follower: Follower, found: Deviation | None) -> str:
+    if found is None:
+        return (
+            f"{follower.count} steps, each a move of the model (at most {follower.most} of its"
+            " states at a time)"
+        )
+    lines = [
+        f"step {found.number} is no move of the model: {found.agent} {found.what}",
+        "the model would be at",
+    ]
+    return "\n".join(lines + [f"  {agent:<4} {words}" for agent, words in found.here.items()])

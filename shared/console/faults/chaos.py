@@ -24,13 +24,12 @@ from agent_runtime.io.secured import ROUTER
 from console import completion, interrupts
 from console.errors import FleetError, UsageError, last_line
 from console.faults.kinds import KINDS, VERBS, Kind
-from console.fleet import running_fleets, starting
+from console.fleet import starting
 from console.fleet.up import Rate, Speed
-from console.output import FirstSeed, Form, Format, option, problems, tell_json, tell_problem
-from console.runs import folders, trials
+from console.output import FirstSeed, Form, Format, option, tell_json, tell_problem
+from console.runs import experiment, folders
 from console.runs.experiment import span
-from console.terminal.console import Console
-from console.terminal.table import table
+from console.terminal.console import Console, table
 from operate import proc
 from operate.fault_lines import Fault, latest, read
 from operate.file_names import FAULTS_FILE
@@ -178,14 +177,26 @@ class Result(msgspec.Struct, frozen=True):
         return not (self.broken or self.stuck or self.orphans) and (self.success or bool(self.why))
 
 
-def done(out: Path, setting: trials.Setting, cell: Cell) -> Result:
+def done(out: Path, setting: experiment.Setting, cell: Cell) -> Result:
     """Return what became of a run; its folder stays for who wants to look. It is down afterwards,
     whatever happens.
     """
-    run = trials.folder(out, cell.seed)
-    with contextlib.ExitStack() as fault:
-        inflicting = _Inflicting(run, cell, fault)
-        line = trials.run(out, setting, cell.seed, lambda since: inflicting.look())
+    run = experiment.folder(out, cell.seed)
+    begun: list[subprocess.Popen[bytes]] = []
+
+    def look(_: float) -> None:
+        """Begin the fault once the fleet is ready."""
+        told = folders.fleet(run)
+        needed = [one for one in told.processes if not one.optional] if told is not None else []
+        if needed and not begun and all(one.state is ProcessState.READY for one in needed):
+            words = ["console", "fault", *cell.command, "--run-dir", str(run)]
+            begun.append(starting.in_background(words, run / FAULT_LOG))
+
+    try:
+        line = experiment.one_run(out, setting, cell.seed, look)
+    finally:
+        for child in begun:
+            _over(child)
     left = tuple(orphans(run))
     file = run / FAULTS_FILE
     faults = latest(read(file.read_bytes())) if file.exists() else ()
@@ -205,24 +216,6 @@ def done(out: Path, setting: trials.Setting, cell: Cell) -> Result:
         wall_s=line.took_s,
         load=line.load[0],
     )
-
-
-class _Inflicting:
-    """Begins the fault once the fleet is ready; at the end of the stack it is over, and healed."""
-
-    def __init__(self, run: Path, cell: Cell, stack: contextlib.ExitStack) -> None:
-        self._run, self._cell, self._stack = run, cell, stack
-        self._begun = False
-
-    def look(self) -> None:
-        """Begin it now, where the fleet is ready."""
-        told = folders.fleet(self._run)
-        needed = [one for one in told.processes if not one.optional] if told is not None else []
-        if self._begun or not needed or any(one.state is not ProcessState.READY for one in needed):
-            return
-        self._begun = True
-        words = ["console", "fault", *self._cell.command, "--run-dir", str(self._run)]
-        self._stack.callback(_over, starting.in_background(words, self._run / FAULT_LOG))
 
 
 def _over(child: "subprocess.Popen[bytes]") -> None:
@@ -381,22 +374,22 @@ def chaos(
       roco chaos --runs 1 --seed 7
       roco chaos --kind kill,pause --on AGENT --budget 30
     """
-    with problems(form), interrupts.heard():
+    with interrupts.heard():
         if resume and out is None:
             raise UsageError("--resume needs what to go on with; name its folder with --out")
         system = here()
         kinds, targets = _names(kind), _names(on)
         check(kinds, targets, system)
-        running_fleets.refuse("chaos needs the machine for itself")
-        place = (
-            out or running_fleets.EXPERIMENTS / f"chaos-{datetime.now():%Y-%m-%d_%H-%M-%S}"
-        ).resolve()
+        folders.refuse_beside("chaos needs the machine for itself")
+        place = (out or folders.EXPERIMENTS / f"chaos-{datetime.now():%Y-%m-%d_%H-%M-%S}").resolve()
         chosen = [
             choose(system, one, kinds or _possible(), targets) for one in range(seed, seed + runs)
         ]
-        asked = trials.Asked(runs, seed, speed.value, None, system.job.timeout_s, 0.0)
-        setting, _ = trials.begun(
-            place, trials.here("chaos", (*system.job.command, "--faults"), asked), resume
+        asked = experiment.Asked(runs, seed, speed.value, None, system.job.timeout_s, 0.0)
+        setting, _ = experiment.begun(
+            place,
+            experiment.setting_here("chaos", (*system.job.command, "--faults"), asked),
+            resume,
         )
         results = _all(place, setting, chosen, budget, form, keep=keep)
         _tell(place, results, form)
@@ -419,7 +412,7 @@ def _possible() -> tuple[str, ...]:
 
 def _all(
     place: Path,
-    setting: trials.Setting,
+    setting: experiment.Setting,
     chosen: list[Cell],
     budget_min: float,
     form: Format,
@@ -429,7 +422,7 @@ def _all(
     """Do the runs that are not done yet, a line for each; the results of all, in the order of their
     seeds.
     """
-    known = {one.cell: one for one in trials.read_lines(place / RESULTS_FILE, Result)}
+    known = {one.cell: one for one in experiment.read_lines(place / RESULTS_FILE, Result)}
     until = time.monotonic() + 60.0 * budget_min if budget_min else float("inf")
     for number, cell in enumerate(chosen, 1):
         if cell in known:
@@ -441,10 +434,10 @@ def _all(
             )
             break
         result = known[cell] = done(place, setting, cell)
-        trials.append_line(place / RESULTS_FILE, result)
+        experiment.append_line(place / RESULTS_FILE, result)
         _line(number, len(chosen), result, form)
         if result.held and not keep:
-            shutil.rmtree(trials.folder(place, cell.seed), ignore_errors=True)
+            shutil.rmtree(experiment.folder(place, cell.seed), ignore_errors=True)
     return [known[cell] for cell in chosen if cell in known]
 
 

@@ -16,6 +16,7 @@ import msgspec
 from agent_runtime.io.tap import Sample
 from console.errors import FleetError, UsageError
 from console.fleet import targets
+from console.fleet.process_status import Beat
 from console.terminal.run_state import Follow
 from console.traffic import listen
 from fipa_codec.communicate import UNREADABLE
@@ -97,14 +98,6 @@ class InPlan(msgspec.Struct, frozen=True):
 Moment = After | Until | InState | Message | Event | InPlan
 
 
-class _Beat(msgspec.Struct, frozen=True):
-    agent: str
-    state: str
-
-
-_beat = msgspec.json.Decoder(_Beat)
-
-
 def parse(text: str, design: Design, target: str) -> Moment:
     """Read a moment, for a fault of this process. Raise UsageError with the forms, or the states
     that there are.
@@ -173,7 +166,7 @@ def _tells(sample: Sample, moment: InState) -> bool:
     if sample.token or chunks[2:5] != [listen.HOUSE, "state", moment.agent]:
         return False
     try:
-        return _beat.decode(sample.data).state == moment.state
+        return msgspec.json.decode(sample.data, type=Beat).state == moment.state
     except UNREADABLE:
         return False
 

@@ -18,7 +18,7 @@ from console.errors import NO, FleetError, NoRunError
 from console.fleet import operator, targets
 from console.fleet.process_status import Info, Row, Seen, rows
 from console.fleet.targets import LOG_LINES, Target, named
-from console.output import Form, Format, RunDir, argument, option, problems, tell, waiting
+from console.output import Form, Format, RunDir, argument, option, tell, waiting
 from console.runs import folders
 from operate.fleet_file import ProcessState
 
@@ -85,26 +85,23 @@ def agents(
       roco agents AGENT --offers --long
       roco agents --protocol request --up --format json
     """
-    with problems(form):
-        if offers or protocol or ontology or language or up or long:
-            from console.fleet.offers import Search, offered  # most calls ask for processes
+    if offers or protocol or ontology or language or up or long:
+        from console.fleet.offers import Search, offered  # most calls ask for processes
 
-            search = Search(tuple(names or ()), protocol, ontology, language)
-            offered(search, target, run_dir, form, up=up, long=long)
-            return
-        fleet = targets.find(target, run_dir)
-        if names:
-            for told in info(fleet, names):
-                tell(told, form, partial(_show, told))
-            return
-        found = measured(fleet)
-        tell(Agents(fleet.where, found), form, partial(_show, found))
-        if not any(row.pid for row in found):
-            raise NoRunError(
-                fleet.where, f"nothing of {fleet.where} runs; `roco up` starts a fleet"
-            )
-        if any(row.trouble for row in found):
-            raise typer.Exit(NO)
+        search = Search(tuple(names or ()), protocol, ontology, language)
+        offered(search, target, run_dir, form, up=up, long=long)
+        return
+    fleet = targets.find(target, run_dir)
+    if names:
+        for told in info(fleet, names):
+            tell(told, form, partial(_show, told))
+        return
+    found = measured(fleet)
+    tell(Agents(fleet.where, found), form, partial(_show, found))
+    if not any(row.pid for row in found):
+        raise NoRunError(fleet.where, f"nothing of {fleet.where} runs; `roco up` starts a fleet")
+    if any(row.trouble for row in found):
+        raise typer.Exit(NO)
 
 
 def _show(found: Info | tuple[Row, ...]) -> None:
@@ -172,10 +169,9 @@ def stop(
       roco agent stop AGENT
       roco agent stop monitor --target compose
     """
-    with problems(form):
-        fleet = targets.find(target, run_dir)
-        named(fleet, name)
-        turn(fleet, name, (False,), f"stopped; `roco agent start {name}` starts it", form)
+    fleet = targets.find(target, run_dir)
+    named(fleet, name)
+    turn(fleet, name, (False,), f"stopped; `roco agent start {name}` starts it", form)
 
 
 def start(
@@ -187,14 +183,13 @@ def start(
     Examples:
       roco agent start AGENT
     """
-    with problems(form):
-        fleet = targets.find(target, run_dir)
-        one = named(fleet, name)
-        if one.status.state is ProcessState.READY and one.beat is not None and one.beat.paused:
-            ordered(fleet, name, Resume(), "goes on", form)
-            return
-        given_up = one.status.state is ProcessState.GIVEN_UP
-        turn(fleet, name, (False, True) if given_up else (True,), "ready", form)
+    fleet = targets.find(target, run_dir)
+    one = named(fleet, name)
+    if one.status.state is ProcessState.READY and one.beat is not None and one.beat.paused:
+        ordered(fleet, name, Resume(), "goes on", form)
+        return
+    given_up = one.status.state is ProcessState.GIVEN_UP
+    turn(fleet, name, (False, True) if given_up else (True,), "ready", form)
 
 
 def restart(
@@ -206,10 +201,9 @@ def restart(
       roco agent restart AGENT
       roco agent restart monitor --format json
     """
-    with problems(form):
-        fleet = targets.find(target, run_dir)
-        named(fleet, name)
-        turn(fleet, name, (False, True), "ready", form)
+    fleet = targets.find(target, run_dir)
+    named(fleet, name)
+    turn(fleet, name, (False, True), "ready", form)
 
 
 def pause(
@@ -224,9 +218,8 @@ def pause(
     Examples:
       roco agent pause AGENT
     """
-    with problems(form):
-        text = f"paused; `roco agent start {agent}` lets it go on"
-        ordered(targets.find(target, run_dir), agent, Pause(), text, form)
+    text = f"paused; `roco agent start {agent}` lets it go on"
+    ordered(targets.find(target, run_dir), agent, Pause(), text, form)
 
 
 def ordered(fleet: Target, agent: str, order: Order, text: str, form: Format) -> None:
@@ -284,17 +277,16 @@ def repair(agent: Agent, run_dir: RunDir = None, form: Form = Format.TEXT) -> No
       roco agent repair AGENT
       roco agent repair AGENT --run-dir runs/latest
     """
-    with problems(form):
-        file = journal_file(folders.find(run_dir), agent)
-        try:
-            done = repaired(file)
-        except JournalError as error:
-            raise FleetError(str(error)) from error
-        except OSError as error:
-            raise FleetError(
-                f"journal {file} cannot be repaired: {error.strerror}; nothing was changed"
-            ) from error
-        tell(done, form, _repair_text(agent, done))
+    file = journal_file(folders.find(run_dir), agent)
+    try:
+        done = repaired(file)
+    except JournalError as error:
+        raise FleetError(str(error)) from error
+    except OSError as error:
+        raise FleetError(
+            f"journal {file} cannot be repaired: {error.strerror}; nothing was changed"
+        ) from error
+    tell(done, form, _repair_text(agent, done))
 
 
 def _repair_text(agent: str, done: Repaired) -> str:

@@ -25,15 +25,14 @@ from agent_runtime.io.reaching import LOOPBACK_REMEDY, no_loopback, why_not
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTER, key_file
 from console.errors import NO, ConsoleError, DockerError
-from console.fleet import identity, running_fleets, targets
+from console.fleet import identity, targets
 from console.fleet.compose import docker
-from console.fleet.key_times import key_folder, key_times
 from console.fleet.local import Local
-from console.fleet.picture_ports import GRPC, WEB, listens, taken
 from console.fleet.process_status import Look, Seen, Target, stuck, trouble
-from console.output import Form, Format, RunDir, problems, tell, waiting
-from console.terminal.console import Console
-from console.terminal.table import table
+from console.fleet.status import GRPC, WEB, key_folder, key_times, listens, taken
+from console.output import Form, Format, RunDir, tell, waiting
+from console.runs import folders
+from console.terminal.console import Console, table
 from operate.fleet_file import Fleet, ProcessState
 from operate.system import NoSystemError, UntrustedError, here
 
@@ -458,7 +457,7 @@ def clock_jump(fleet: Target, now: Look) -> Iterator[Check]:
 def stale(fleet: Target, now: Look) -> Iterator[Check]:
     """Processes of other runs that were left behind."""
     here = fleet.run if isinstance(fleet, Local) else None
-    for one in running_fleets.here():
+    for one in folders.living_here():
         if one.run.resolve() == here:
             continue
         alone = "" if one.fleet.supervisor else ", without a supervisor"
@@ -509,18 +508,17 @@ def doctor(target: targets.Name = "", run_dir: RunDir = None, form: Form = Forma
       roco doctor --format json
       roco doctor --target compose
     """
-    with problems(form):
-        fleet, reason = found(target, run_dir)
-        with waiting("checking", form) as say:
-            checks = tuple(examined(fleet, reason, say))
-        count = sum(check.level is Level.WRONG for check in checks)
-        tell(
-            Diagnosis(fleet.where if fleet else "", count, checks),
-            form,
-            lambda: show(checks, Console()),
-        )
-        if count:
-            raise typer.Exit(NO)
+    fleet, reason = found(target, run_dir)
+    with waiting("checking", form) as say:
+        checks = tuple(examined(fleet, reason, say))
+    count = sum(check.level is Level.WRONG for check in checks)
+    tell(
+        Diagnosis(fleet.where if fleet else "", count, checks),
+        form,
+        lambda: show(checks, Console()),
+    )
+    if count:
+        raise typer.Exit(NO)
 
 
 def found(target: str, run_dir: Path | None) -> tuple[Target | None, str]:

@@ -23,7 +23,7 @@ from console.errors import DockerError, FleetError, NoRunError, UsageError, last
 from console.fleet import process_status
 from console.fleet.identity import OPERATOR
 from console.fleet.process_status import Look, Put, Seen, Target
-from console.traffic import verdicts
+from console.runs import folders
 from operate import proc
 from operate.fault_proxy import files
 from operate.file_names import FAULTS_FILE, FLEET_FILE, OFF_SUFFIX, VERDICTS_FILE
@@ -285,7 +285,7 @@ class Compose(Target):
         return Look(told, found, any(read.stop_held for _, read in sheets), at)
 
     def verdicts(self) -> list[Judged]:
-        return verdicts.read(self.recorded(VERDICTS_FILE).splitlines())
+        return folders.verdicts_in(self.recorded(VERDICTS_FILE).splitlines())
 
     def hearing(self) -> list[str]:
         """The command that prints what goes by as samples, a JSON object a line, until its standard
@@ -451,7 +451,7 @@ class Compose(Target):
         options = [*_options(agent), "--entrypoint=python"]
         if keys := agent.variable(KEYS_VARIABLE):
             options.append(f"--volume={self.project}_keys-{OPERATOR}:{keys}:ro")
-        words = (agent.config.image, "-m", "console.fleet.operating", key, data.hex())
+        words = (agent.config.image, "-m", "console.fleet.identity", key, data.hex())
         docker("run", "--rm", *options, *words, timeout_s=END_S)
 
     def logging(self) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import RIGHTS, KeysError
 from console import completion
 from console.errors import ConsoleError, UsageError
-from console.output import Form, Format, RunDir, argument, option, problems, tell
+from console.output import Form, Format, RunDir, argument, option, tell
 from console.runs import folders
 from operate.system import here, of_design
 
@@ -58,16 +58,15 @@ def make(
       roco keys make keys --apart --keep 3.5
       roco keys make keys --system velma1 --system velma2 --host robots.lan
     """
-    with problems(form):
-        found = here() if design is None else of_design(design)
-        hosts = (*issuing.HOSTS, *found.design.agents, *(host or ()))
-        names = [name.strip() for name in ",".join(system or [found.name]).split(",")]
-        issue = partial(issuing.issue, folder, found.design, [*filter(None, names)])
-        try:
-            made = issue(days=days, hosts=hosts, apart=apart, keep_days=keep)
-        except UnicodeError as error:
-            raise ConsoleError(str(error)) from error
-        tell(made, form, keys_text(made, apart=apart))
+    found = here() if design is None else of_design(design)
+    hosts = (*issuing.HOSTS, *found.design.agents, *(host or ()))
+    names = [name.strip() for name in ",".join(system or [found.name]).split(",")]
+    issue = partial(issuing.issue, folder, found.design, [*filter(None, names)])
+    try:
+        made = issue(days=days, hosts=hosts, apart=apart, keep_days=keep)
+    except UnicodeError as error:
+        raise ConsoleError(str(error)) from error
+    tell(made, form, keys_text(made, apart=apart))
 
 
 def keys_text(made: issuing.Issued, *, apart: bool) -> str:
@@ -116,12 +115,11 @@ def revoke(
       roco keys revoke AGENT --undo
       roco keys revoke SYSTEM.AGENT --keys keys
     """
-    with problems(form):
-        where = folder or folders.find(run_dir) / KEYS_FOLDER
-        try:
-            denied = issuing.revoke(where, name, undo=undo)
-        except KeysError as error:
-            raise UsageError(str(error)) from error
-        names = ", ".join(denied) or "none"
-        words = f"{where}: revoked are {names}; the router listens again within a second"
-        tell(Revoked(str(where), denied), form, words)
+    where = folder or folders.find(run_dir) / KEYS_FOLDER
+    try:
+        denied = issuing.revoke(where, name, undo=undo)
+    except KeysError as error:
+        raise UsageError(str(error)) from error
+    names = ", ".join(denied) or "none"
+    words = f"{where}: revoked are {names}; the router listens again within a second"
+    tell(Revoked(str(where), denied), form, words)

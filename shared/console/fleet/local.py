@@ -13,11 +13,10 @@ from agent_runtime.io.fleet_processes import set_stop, variables
 from agent_runtime.io.run_files import heartbeat_file, opened, write_whole
 from console.errors import FleetError, UsageError
 from console.fleet import process_status, starting
-from console.fleet.identity import OPERATOR
+from console.fleet.identity import OPERATOR, session
 from console.fleet.process_status import Look, Put, Seen, Target
 from console.runs import folders
 from console.terminal.run_state import of_file
-from console.traffic import verdicts
 from operate import proc
 from operate.fault_proxy import clocks, files
 from operate.file_names import FAULTS_FILE, OFF_SUFFIX
@@ -47,7 +46,7 @@ class Local(Target):
         return Look(told, found, folders.stop_held(self.run), time.monotonic(), unkept)
 
     def verdicts(self) -> list[Judged]:
-        return verdicts.verdicts_of(self.run)
+        return folders.verdicts_of(self.run)
 
     def read(self, name: str, file: str, offset: int = 0) -> bytes:
         return self.recorded(file, offset)
@@ -131,9 +130,7 @@ class Local(Target):
         return self.speaking(OPERATOR, "")
 
     def speaking(self, identity: str, to: str) -> AbstractContextManager[Put]:
-        from console.fleet import operating  # most verbs need no session
-
-        return operating.session(self.run, identity, to)
+        return session(self.run, identity, to)
 
     def logging(self) -> tuple[str, ...]:
         return tuple(sorted(file.stem for file in (self.run / "logs").glob("*.jsonl")))

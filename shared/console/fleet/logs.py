@@ -17,7 +17,7 @@ from console import completion
 from console.errors import UsageError
 from console.fleet import targets
 from console.fleet.targets import Target
-from console.output import Form, Format, RunDir, argument, option, problems, tell_json
+from console.output import Form, Format, RunDir, argument, option, tell_json
 from console.terminal.console import Console
 
 LAST = 40
@@ -75,18 +75,17 @@ def logs(
       roco logs -f AGENT --level debug
       roco logs --since 5m --level warning
     """
-    with problems(form):
-        begin = moment(since, time.time()) if since else 0.0
-        written = Written(targets.find(target, run_dir), name)
-        shown = [line for line in written.new() if _wanted(line, level, begin)]
-        show = _shown(form, written.names)
-        show(shown if since or not lines else shown[-lines:])
-        try:
-            while follow:
-                time.sleep(LOOK_S)
-                show([line for line in written.new() if _wanted(line, level, begin)])
-        except KeyboardInterrupt:
-            return
+    begin = moment(since, time.time()) if since else 0.0
+    written = Written(targets.find(target, run_dir), name)
+    shown = [line for line in written.new() if _wanted(line, level, begin)]
+    show = _shown(form, written.names)
+    show(shown if since or not lines else shown[-lines:])
+    try:
+        while follow:
+            time.sleep(LOOK_S)
+            show([line for line in written.new() if _wanted(line, level, begin)])
+    except KeyboardInterrupt:
+        return
 
 
 class Written:

@@ -11,9 +11,8 @@ from console import completion
 from console.errors import UsageError
 from console.fleet import operator, targets
 from console.fleet.targets import Target
-from console.output import Form, Format, RunDir, argument, problems, tell
-from console.terminal.console import Console
-from console.terminal.table import table
+from console.output import Form, Format, RunDir, argument, tell
+from console.terminal.console import Console, table
 from topdown.model.parameters import Parameters, allowed, worded
 
 LEVEL = completion.LEVEL
@@ -69,22 +68,21 @@ def param(
       roco param AGENT log-level
       roco param AGENT log-level debug
     """
-    with problems(form):
-        fleet = targets.find(target, run_dir)
-        if name:
-            if value is not None:
-                operator.order(fleet, agent, setting(fleet, agent, name, value))
-            one = log_level(fleet, agent) if name == LEVEL else one_of(fleet, agent, name)
-            tell(one, form, worded(one.value))
-            return
-        names = (operator.agent_of(fleet, agent),) if agent else tuple(fleet.system.design.agents)
-        told = Listed(fleet.where, tuple(one for each in names for one in shown(fleet, each)))
-        if told.parameters:
-            drawn = table(HEADS, map(_row, told.parameters), fold=HEADS)
-            tell(told, form, lambda: Console().print(drawn))
-        else:
-            none = f"{agent or fleet.system.name} has no parameters"
-            tell(told, form, f"{none}; docs/parameters.md says how to give it some")
+    fleet = targets.find(target, run_dir)
+    if name:
+        if value is not None:
+            operator.order(fleet, agent, setting(fleet, agent, name, value))
+        one = log_level(fleet, agent) if name == LEVEL else one_of(fleet, agent, name)
+        tell(one, form, worded(one.value))
+        return
+    names = (operator.agent_of(fleet, agent),) if agent else tuple(fleet.system.design.agents)
+    told = Listed(fleet.where, tuple(one for each in names for one in shown(fleet, each)))
+    if told.parameters:
+        drawn = table(HEADS, map(_row, told.parameters), fold=HEADS)
+        tell(told, form, lambda: Console().print(drawn))
+    else:
+        none = f"{agent or fleet.system.name} has no parameters"
+        tell(told, form, f"{none}; docs/parameters.md says how to give it some")
 
 
 def setting(fleet: Target, agent: str, name: str, text: str) -> Order:

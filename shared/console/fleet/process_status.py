@@ -5,7 +5,7 @@ Pure: texts of files in, Structs out. Whoever looks is in console.fleet.local or
 console.fleet.compose.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from typing import Protocol
 
@@ -13,10 +13,11 @@ import msgspec
 
 from agent_runtime.core.control import Answer, Value
 from agent_runtime.io.heartbeat import Inside
+from console.errors import ConsoleError
 from operate.file_names import FAULTS_FILE, LIVE_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 from operate.proc import Used
-from operate.system import System
+from operate.system import NoSystemError, System
 from operate.verdict_lines import Judged
 
 LATE_S = 3.0
@@ -305,3 +306,35 @@ def beat(data: bytes) -> Beat | None:
         return msgspec.json.decode(data, type=Beat)
     except msgspec.DecodeError:
         return None
+
+
+# --- Tasks that people gave a system, if it has tasks ---------------------------------------------
+
+
+ENDED = ("done", "failed", "cancelled", "refused")
+
+
+class Task(Protocol):
+    """A task: its id, its state ("running", ..., or one of ENDED), what is to be said of it, what a
+    person said.
+    """
+
+    @property
+    def task(self) -> str: ...
+    @property
+    def state(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def said(self) -> str: ...
+
+
+def tasks_of(fleet: Target) -> tuple[tuple[Task, ...], str]:
+    """Return the tasks of a fleet, oldest first, and why they are not known, "" where they are;
+    none of a system without.
+    """
+    try:
+        told: Callable[[Target], Sequence[Task]] | None = fleet.system.addition("tasks")
+        return (tuple(told(fleet)), "") if told is not None else ((), "")
+    except (ConsoleError, NoSystemError) as error:
+        return (), str(error)

@@ -94,18 +94,16 @@ def _refuse_second(run: Path, own: int) -> None:
         )
 
 
-def wait_kept(run: Path, supervisor: subprocess.Popen[bytes], patience_s: float = READY_S) -> None:
+def wait_kept(run: Path, supervisor: subprocess.Popen[bytes]) -> None:
     """Wait until the supervisor keeps its folder. Raise FleetError where another does, or it
     ended.
     """
-    deadline = time.monotonic() + patience_s
+    deadline = time.monotonic() + READY_S
     while folders.keeper(run) != supervisor.pid:
         _refuse_second(run, supervisor.pid)
         _refuse_ended(run, supervisor)
         if time.monotonic() > deadline:
-            raise FleetError(
-                f"the supervisor did not begin within {patience_s:.0f} s (logs in {run})"
-            )
+            raise FleetError(f"the supervisor did not begin within {READY_S:.0f} s (logs in {run})")
         time.sleep(PERIOD_S)
 
 
@@ -123,14 +121,13 @@ def wait_ready(
     run: Path,
     supervisor: subprocess.Popen[bytes],
     tick: Callable[[Fleet | None], None],
-    patience_s: float = READY_S,
 ) -> Fleet:
     """Wait until all processes but the optional ones are ready; `tick` sees the fleet at each look.
 
     FleetError names who cannot be started, or who is not ready in time.
     """
-    wait_kept(run, supervisor, patience_s)
-    deadline = time.monotonic() + patience_s
+    wait_kept(run, supervisor)
+    deadline = time.monotonic() + READY_S
     while True:
         told = folders.fleet(run)
         # not that of an earlier one
@@ -145,12 +142,12 @@ def wait_ready(
         if fleet is not None and not missing:
             return fleet
         if time.monotonic() > deadline:
-            late = f"not ready after {patience_s:.0f} s (logs in {run}):"
+            late = f"not ready after {READY_S:.0f} s (logs in {run}):"
             raise FleetError(late, tuple(map(describe, missing)))
         time.sleep(PERIOD_S)
 
 
-def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
+def down(run: Path) -> tuple[str, ...]:
     """End the fleet of a run in order; the names of what was ended. Works with the supervisor dead,
     too.
     """
@@ -160,9 +157,9 @@ def down(run: Path, patience_s: float = STOP_S) -> tuple[str, ...]:
     living = tuple(name for name, pid in pids.items() if folders.is_service(pid, modules[name]))
     if supervisor := folders.keeper(run):
         _ask([supervisor])
-        _wait_gone([supervisor], patience_s)
+        _wait_gone([supervisor], STOP_S)
     _end([pid for name, pid in _named(run, modules).items() if name not in LAST], LEFT_S)
-    _end([pid for name, pid in _named(run, modules).items() if name == MONITOR], patience_s)
+    _end([pid for name, pid in _named(run, modules).items() if name == MONITOR], STOP_S)
     others = [pid for pid in started_in(run) if pid != os.getpid()]
     _end([*_named(run, modules).values(), *others], LEFT_S)
     return living
@@ -193,12 +190,12 @@ def patient(run: Path) -> Iterator[None]:
         raise NotWaitedError(str(folders.near(run)), names) from error
 
 
-def end(supervisor: subprocess.Popen[bytes], patience_s: float = STOP_S) -> None:
+def end(supervisor: subprocess.Popen[bytes]) -> None:
     """End a supervisor that this command started, with all that it keeps."""
     if supervisor.poll() is None:
         supervisor.terminate()
         try:
-            supervisor.wait(patience_s)
+            supervisor.wait(STOP_S)
         except subprocess.TimeoutExpired:
             supervisor.kill()
             supervisor.wait()

@@ -15,7 +15,7 @@ from agent_runtime.io.fleet_processes import run_folders
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from console import completion
 from console.errors import ConsoleError, NoRunError, UsageError
-from console.fleet import running_fleets, tasks
+from console.fleet import process_status
 from console.fleet.local import Local
 from console.fleet.process_status import Put as Put
 from console.fleet.process_status import Seen
@@ -105,14 +105,14 @@ def _named(name: str) -> Target:
 
 def _lives(run: Path) -> bool:
     """Whether anything of a run is there."""
-    return any(running_fleets.living(run.resolve()))
+    return any(folders.living_among(run.resolve()))
 
 
 def _other() -> Target | None:
     """The fleet that runs here while runs/latest, of another one, does not. UsageError where there
     are several.
     """
-    found = running_fleets.here()
+    found = folders.living_here()
     if len(found) > 1:
         names = " or ".join(one.run.name for one in found)
         raise UsageError(f"several fleets run; name one: --target {names}")
@@ -148,8 +148,10 @@ def processes(ctx: typer.Context, incomplete: str) -> list[str]:
 def open_tasks(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the tasks of the fleet that is meant that have not ended."""
     fleet = meant(ctx)
-    found = tasks.of(fleet)[0] if fleet is not None else ()
-    return completion.among([one.task for one in found if one.state not in tasks.ENDED], incomplete)
+    found = process_status.tasks_of(fleet)[0] if fleet is not None else ()
+    return completion.among(
+        [one.task for one in found if one.state not in process_status.ENDED], incomplete
+    )
 
 
 def meant(ctx: typer.Context) -> Target | None:

@@ -10,7 +10,7 @@ from typing import Annotated
 from agent_runtime.io.options import HOW_LINKED, Linking
 from console import completion, interrupts
 from console.errors import FleetError, UsageError
-from console.fleet import running_fleets, starting, targets
+from console.fleet import starting, targets
 from console.output import (
     Form,
     Format,
@@ -18,7 +18,6 @@ from console.output import (
     RunDir,
     Seed,
     option,
-    problems,
     tell,
     tell_problem,
     waiting,
@@ -89,8 +88,8 @@ def up(
       roco up --only ROUTER,PEER --agents PEER=tls/desk:7448,AGENT=tls/robot:7448
       roco up --for 30
     """
-    with problems(form), interrupts.heard():
-        where = running_fleets.place(out, another, datetime.now())
+    with interrupts.heard():
+        where = folders.place(out, another, datetime.now())
         words = options(seed, speed, scene, insecure, faults=faults)
         words += ["--only", only] if only else []
         words += ["--links", links.value] if links is not Linking.DIRECT else []
@@ -109,7 +108,7 @@ def up(
 
 
 def _begun(
-    where: running_fleets.Place, words: list[str], wait: bool, seconds: float | None, form: Format
+    where: folders.Place, words: list[str], wait: bool, seconds: float | None, form: Format
 ) -> None:
     """Start the fleet and wait until it is ready; let it run for some seconds then, and bring it
     down.
@@ -158,12 +157,11 @@ def down(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.
       roco down --run-dir runs/today
       roco down --target compose
     """
-    with problems(form):
-        found = targets.find(target, run_dir)
-        with waiting("the fleet ends, the report is written; Ctrl-C does not wait", form):
-            names = found.down()
-        words = f"ended {', '.join(names)}" if names else f"nothing of {found.where} was running"
-        tell(Reply(words, found.where), form)
+    found = targets.find(target, run_dir)
+    with waiting("the fleet ends, the report is written; Ctrl-C does not wait", form):
+        names = found.down()
+    words = f"ended {', '.join(names)}" if names else f"nothing of {found.where} was running"
+    tell(Reply(words, found.where), form)
 
 
 def options(

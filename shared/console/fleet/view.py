@@ -27,8 +27,8 @@ from console import completion, interrupts
 from console.errors import ConsoleError, NoRunError, UsageError, last_line
 from console.fleet import targets
 from console.fleet.local import Local
-from console.fleet.picture_ports import GRPC, HOST, WEB, listens, taken
-from console.output import Form, Format, RunDir, argument, option, problems, tell_json
+from console.fleet.status import GRPC, HOST, WEB, listens, taken
+from console.output import Form, Format, RunDir, argument, option, tell_json
 from console.runs import folders
 from operate.file_names import RRD_FILE, VIEW_FILE
 from operate.fleet_file import ViewAddress
@@ -78,7 +78,7 @@ def view(
       roco view run.rrd --web
       roco view --target compose --web --format json
     """
-    with problems(form), interrupts.heard():
+    with interrupts.heard():
         seen = found(file, target, run_dir, web)
         if form is Format.JSON:
             tell_json(seen)

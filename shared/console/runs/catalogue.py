@@ -21,11 +21,9 @@ from rich.text import Text
 
 from console import completion
 from console.errors import ConsoleError, NoRunError, UsageError
-from console.fleet import running_fleets
-from console.output import Form, Format, argument, option, problems, tell
+from console.output import Form, Format, argument, option, tell
 from console.runs import folders
-from console.terminal.console import Console
-from console.terminal.table import table
+from console.terminal.console import Console, table
 from operate.file_names import FLEET_FILE, LATEST, REPORT_FILE, STEPS, TRAFFIC_FILE
 from operate.fleet_file import Fleet, ProcessState
 from operate.wording import bytes_in_words
@@ -123,20 +121,19 @@ def runs(
       roco runs --failed --remove
       roco runs 2026-01-31_12-00-00 --remove
     """
-    with problems(form):
-        found, age_s = catalogue(within), age(older_than) if older_than else None
-        rule = Rule(_named(names or [], found, within, remove), age_s, keep, failed)
-        if remove:
-            _remove(rule, found, within, form)
-            return
-        chosen = rule.chosen(found, time.time()) if rule else found
-        if chosen or form is Format.JSON:
-            tell(chosen, form, lambda: _show(chosen, Console()))
-        elif found:
-            print("no run fits")
-        if not found:
-            none = f"no run is in {within}; `roco up` starts one, --in names another folder"
-            raise NoRunError(str(within), none)
+    found, age_s = catalogue(within), age(older_than) if older_than else None
+    rule = Rule(_named(names or [], found, within, remove), age_s, keep, failed)
+    if remove:
+        _remove(rule, found, within, form)
+        return
+    chosen = rule.chosen(found, time.time()) if rule else found
+    if chosen or form is Format.JSON:
+        tell(chosen, form, lambda: _show(chosen, Console()))
+    elif found:
+        print("no run fits")
+    if not found:
+        none = f"no run is in {within}; `roco up` starts one, --in names another folder"
+        raise NoRunError(str(within), none)
 
 
 def catalogue(within: Path) -> list[Run]:
@@ -182,7 +179,7 @@ def outcome(folder: Path, told: Fleet | None, report: _Report) -> tuple[str, str
 
 def living(folder: Path, told: Fleet | None) -> str:
     """Return what of a run is up, in words; "" where nothing is."""
-    for one in running_fleets.living(folder):
+    for one in folders.living_among(folder):
         kept = "" if one.fleet.supervisor else ", and no supervisor"
         return f"{len(one.names)} process{'es' * (len(one.names) != 1)}{kept}"
     replayed = told is not None and not told.supervisor and not told.processes

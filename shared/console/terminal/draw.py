@@ -16,8 +16,8 @@ from rich.table import Table
 from rich.text import Text
 
 from console.fleet import starting
-from console.fleet.state_words import COLOURS, doing, waited_for
-from console.fleet.tasks import ENDED, Task
+from console.fleet.process_status import ENDED, Task
+from console.fleet.process_tables import COLOURS, doing, waited_for
 from console.runs import folders
 from console.terminal import run_state
 from console.terminal.console import Console
@@ -239,7 +239,11 @@ class Watch:
             yield self
             return
         with Live(
-            console=self.console, refresh_per_second=8, get_renderable=self._picture
+            console=self.console,
+            refresh_per_second=8,
+            get_renderable=lambda: picture(
+                self.scene, lines=self.console.height, width=self.console.width
+            ),
         ) as self._live:
             yield self
 
@@ -295,6 +299,3 @@ class Watch:
             self.console.out(msgspec.json.encode(what).decode(), highlight=False)
         elif words and not self.pictures:
             self.console.out(f"{max(0.0, t - self.scene.began):7.1f} s  {words}", highlight=False)
-
-    def _picture(self) -> RenderableType:
-        return picture(self.scene, lines=self.console.height, width=self.console.width)

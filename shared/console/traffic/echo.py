@@ -2,10 +2,12 @@
 
 import sys
 import time
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime
-from typing import Any
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
 
 import msgspec
 from rich.cells import cell_len, set_cell_size
@@ -13,18 +15,24 @@ from rich.text import Text
 
 from agent_runtime.core.wiring import parse_life
 from agent_runtime.io.tap import Sample
+from console import interrupts
+from console.errors import UsageError
 from console.fleet import targets
-from console.output import Form, Format, RunDir, problems, tell_json
+from console.output import Form, Format, RunDir, option, tell_json
 from console.terminal.console import Console
-from console.traffic import selection
+from console.terminal.sequence import Lifelines, mark
+from console.traffic import listen
 from console.traffic.listen import Source, about, heard_message, source
 from fipa_codec.communicate import Communicate, decode
 from operate.filters import Filter
 from operate.system import System
 from operate.verdict_lines import Judged, line
 from operate.wording import bytes_in_words
+from topdown.draw import sequence
+from topdown.draw.sequence import Arrow
 from topdown.judge.judge import Judge
 from topdown.judge.verdicts import Judgement, Verdict
+from topdown.model.design import Design
 
 ENDLESS = 10_000
 """Columns where nobody's terminal is: a line for each, whole."""
@@ -33,14 +41,14 @@ Echoed = tuple[Judged, Communicate | None]
 
 
 def echo(
-    channel: selection.Channels = None,
-    agent: selection.Agents = None,
-    protocol: selection.Protocols = None,
-    performative: selection.Performatives = None,
-    wrong: selection.Wrong = False,
-    run: selection.Recorded = None,
-    count: selection.Count = 0,
-    for_: selection.Seconds = 0.0,
+    channel: listen.Channels = None,
+    agent: listen.Agents = None,
+    protocol: listen.Protocols = None,
+    performative: listen.Performatives = None,
+    wrong: listen.Wrong = False,
+    run: listen.Recorded = None,
+    count: listen.Count = 0,
+    for_: listen.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -58,48 +66,50 @@ def echo(
       roco traffic echo --target compose --wrong
       roco traffic echo --run runs/latest --performative request --format json
     """
-    with problems(form):
-        which = selection.wanted(
-            about(run, run_dir, target).design, channel, agent, protocol, performative
-        )
-        with source(run, run_dir, target) as heard:
-            _print(heard, which, form, count=count, seconds=for_, wrong=wrong)
-
-
-def _print(
-    heard: Source, which: Filter, form: Form, *, count: int, seconds: float, wrong: bool
-) -> None:
-    console = Console(highlight=False)
+    which = listen.wanted(
+        about(run, run_dir, target).design, channel, agent, protocol, performative
+    )
+    console = Console(highlight=False, quiet=form is Format.JSON)
     width = console.width if console.is_terminal else ENDLESS
-    names = _widest(heard.system)
-    with suppress(KeyboardInterrupt):
-        for one, communicate in chosen(heard, which, count=count, seconds=seconds, wrong=wrong):
-            if form is Format.JSON:
-                tell_json(fields(one, communicate))
-            else:
-                console.print(drawn(one, width, names), soft_wrap=True)
-    tell_lost(heard)
+    with source(run, run_dir, target) as heard:
+        ends = [">".join(one.ends) for one in heard.system.design.channels.values()]
+        names = max(map(len, ends), default=0)
+
+        def show(one: Judged) -> None:
+            console.print(drawn(one, width, names), soft_wrap=True)
+
+        _told(heard, which, form, show, limits=(count, for_), wrong=wrong)
 
 
-def chosen(
-    heard: Source, which: Filter, *, count: int, seconds: float, wrong: bool
-) -> Iterator[Echoed]:
-    """Yield what is meant of what is said, as it is judged: `count` of it at most, 0: all; `wrong`:
-    violations only.
+def _told(
+    heard: Source,
+    which: Filter,
+    form: Form,
+    show: Callable[[Judged], None],
+    *,
+    limits: tuple[int, float],
+    wrong: bool,
+) -> None:
+    """Show what is meant of what is said, as it is judged, until Ctrl-C; for programs as JSON.
+
+    `limits`: how many at most (0: all), and seconds; `wrong`: violations only. How many came faster
+    than they could be taken is said on standard error.
     """
-    found = 0
-    for one, communicate in echoed(heard, seconds):
-        if which.keeps(one) and (one.violation or not wrong):
-            yield one, communicate
-            found += 1
-            if found == count:
-                return
-
-
-def tell_lost(heard: Source) -> None:
-    """Say on standard error how many came faster than they could be taken, if any did."""
-    if lost := heard.lost():
-        print(f"roco: {lost.removeprefix('; ')}", file=sys.stderr)
+    found, (count, seconds) = 0, limits
+    try:
+        for one, communicate in echoed(heard, seconds):
+            if which.keeps(one) and (one.violation or not wrong):
+                show(one)
+                if form is Format.JSON:
+                    tell_json(fields(one, communicate))
+                found += 1
+                if found == count:
+                    break
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if lost := heard.lost():
+            print(f"roco: {lost.removeprefix('; ')}", file=sys.stderr)
 
 
 def echoed(heard: Source, seconds: float = 0.0) -> Iterator[Echoed]:
@@ -132,12 +142,6 @@ def _judged(judge: Judge, sample: Sample | None, at: float) -> Iterable[Judgemen
 
 def _line(judgement: Judgement, system: System) -> Echoed:
     return line(judgement, system), judgement.heard.communicate
-
-
-def _widest(system: System) -> int:
-    """Columns of the longest "sender>receiver" of a design."""
-    channels = system.design.channels.values()
-    return max((len(">".join(channel.ends)) for channel in channels), default=0)
 
 
 def fields(one: Judged, communicate: Communicate | None) -> dict[str, Any]:
@@ -177,3 +181,121 @@ def drawn(one: Judged, width: int, names: int) -> Text:
     if one.violation and one.why:
         text.append(f"\n{'':13}{one.why}", "red")
     return text
+
+
+# --- `roco sniff`: a sequence diagram of what is said, with a lifeline for every agent, as it goes
+# by or of a recording.
+
+
+HEADING_EACH = 30
+"""Lines after which a terminal shows the names again: about a screen (estimate)."""
+MOST_ARROWS = 1000
+"""Arrows in a drawing: the newest. One with more is taller than viewers show (estimate)."""
+
+
+class Sniffed:
+    """The diagram so far: printed line by line, the newest kept for the drawing."""
+
+    def __init__(self, agents: list[str], console: Console) -> None:
+        self.agents, self.console = agents, console
+        self.lives = Lifelines(agents, console.width)
+        # numbered: one step, whenever Ctrl-C comes
+        self._kept: deque[tuple[int, Judged]] = deque(maxlen=MOST_ARROWS)
+        self._begin = 0.0
+        if console.is_terminal:
+            console.print(self.lives.heading(), soft_wrap=True)
+
+    @property
+    def count(self) -> int:
+        """Number of communicates."""
+        return self._kept[-1][0] if self._kept else 0
+
+    def add(self, one: Judged, *, draw: bool) -> None:
+        """Take a communicate; `draw`: print it."""
+        before = self.count
+        self._begin = self._begin if before else one.t
+        self._kept.append((before + 1, one))
+        if not draw:
+            return
+        terminal = self.console.is_terminal
+        if (before and before % HEADING_EACH == 0) if terminal else not before:
+            self.console.print(self.lives.heading(), soft_wrap=True)
+        room = self.lives.room if terminal else ENDLESS
+        self.console.print(self.lives.row(one, self._begin, room), soft_wrap=True)
+
+    def svg(self, title: str) -> str:
+        """Return the drawing of what is kept."""
+        # By time: a verdict may have come later than those of what followed.
+        kept = sorted((one for _, one in self._kept), key=lambda one: one.t)
+        return sequence.draw(sequence.Diagram(title, tuple(self.agents), tuple(arrows(kept)))).svg()
+
+
+def sniff(
+    channel: listen.Channels = None,
+    agent: listen.Agents = None,
+    protocol: listen.Protocols = None,
+    performative: listen.Performatives = None,
+    wrong: listen.Wrong = False,
+    svg: Annotated[Path | None, option("Write the diagram here at the end.", "--svg")] = None,
+    run: listen.Recorded = None,
+    count: listen.Count = 0,
+    for_: listen.Seconds = 0.0,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """Draw a sequence diagram of what is said as it goes by, with a lifeline for every agent.
+
+    Of a running fleet until Ctrl-C; of a recording with --run. With a filter the lifelines are
+    those of agents that may say or hear what is meant. Beside an arrow stand channel, content and,
+    if it is not legal, the verdict; the drawing of --svg has the newest 1000 arrows. JSON is that
+    of `roco traffic echo`. Of one conversation, with the states of its roles: `roco conversation`.
+
+    Examples:
+      roco sniff
+      roco sniff --agent AGENT --for 30 --svg talk.svg
+      roco sniff --run runs/latest --channel CHANNEL
+    """
+    with interrupts.heard():
+        if svg is not None and not svg.resolve().parent.is_dir():
+            raise UsageError(f"{svg.parent} is not a folder; make it, or name another --svg")
+        design = about(run, run_dir, target).design
+        which = listen.wanted(design, channel, agent, protocol, performative)
+        console = Console(highlight=False, quiet=form is Format.JSON)
+        seen = Sniffed(speakers(design, which), console)
+        show = partial(seen.add, draw=form is Format.TEXT)
+        with source(run, run_dir, target) as heard:
+            _told(heard, which, form, show, limits=(count, for_), wrong=wrong)
+        if svg is not None:
+            svg.write_text(
+                seen.svg(f"what was said in {design.file.system.name}"), encoding="utf-8"
+            )
+            console.print(
+                f"wrote {svg}: {min(MOST_ARROWS, seen.count)} of {seen.count} arrows",
+                soft_wrap=True,
+            )
+
+
+def speakers(design: Design, which: Filter) -> list[str]:
+    """Return the agents that may say or hear what is meant, in the order of the design; without a
+    filter all.
+    """
+    rules = [rule for rule in design.rules.values() if which.keeps(rule)]
+    named = {name for rule in rules for name in (rule.sender, rule.receiver)}
+    return [name for name in design.agents if name in named or not which]
+
+
+def arrows(kept: Sequence[Judged]) -> list[Arrow]:
+    """Return communicates as arrows of a drawing; times since the first of them."""
+    begin = kept[0].t if kept else 0.0
+    return [
+        Arrow(
+            at=one.t - begin,
+            sender=one.sender or "?",
+            receiver=one.receiver or one.key,
+            label=one.performative or f"{one.bytes} bytes",
+            detail=" ".join(filter(None, (one.channel, bytes_in_words(one.bytes), one.text))),
+            alert=": ".join(filter(None, (mark(one), one.why if one.violation else ""))),
+        )
+        for one in kept
+    ]

@@ -1,6 +1,7 @@
 """`roco traffic judge`: is everything that was said as designed? Afterwards, from a recording."""
 
 from collections import Counter
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -11,13 +12,15 @@ from rich.text import Text
 
 from console import completion
 from console.errors import UsageError
-from console.output import Form, Format, argument, option, problems, tell
-from console.terminal.console import Console
-from console.terminal.table import table
-from console.traffic.verdicts import judged
+from console.fleet import targets
+from console.fleet.local import Local
+from console.output import Form, Format, RunDir, argument, option, tell
+from console.runs.folders import judged
+from console.terminal.console import Console, table
+from console.traffic.listen import Agents, Recorded, about, wanted
 from operate import verdict_lines
 from operate.system import languages_at, of_design, of_run
-from operate.verdict_lines import Judged
+from operate.verdict_lines import DeadLetter, Judged
 from topdown.judge.verdicts import VIOLATIONS, Verdict
 
 MOST = 40
@@ -60,15 +63,14 @@ def judge(
       roco traffic judge runs/latest
       roco traffic judge runs/latest/traffic.mcap --format json
     """
-    with problems(form):
-        system = of_run(file) if design is None else of_design(design)
-        if languages:
-            system = msgspec.structs.replace(system, languages=languages_at(languages))
-        lines = judged(file, system)
-        if not lines:
-            raise UsageError(
-                f"{file} has no communicates to judge; give a recording in which agents spoke"
-            )
+    system = of_run(file) if design is None else of_design(design)
+    if languages:
+        system = msgspec.structs.replace(system, languages=languages_at(languages))
+    lines = judged(file, system)
+    if not lines:
+        raise UsageError(
+            f"{file} has no communicates to judge; give a recording in which agents spoke"
+        )
     found = summary(lines)
     tell(found, form, lambda: show(found, Console()))
     raise typer.Exit(1 if found.violations else 0)
@@ -137,3 +139,63 @@ def sentence(found: Judgements) -> Text:
         verdicts.update(row)
     text = verdict_lines.outcome(verdicts)
     return Text(f"\n{text}", "green" if text.startswith("all") else "")
+
+
+# --- `roco traffic dead`: the communicates that nobody took, and why ------------------------------
+
+
+def dead_(
+    agent: Agents = None,
+    run: Recorded = None,
+    target: targets.Name = "",
+    run_dir: RunDir = None,
+    form: Form = Format.TEXT,
+) -> None:
+    """List the communicates that nobody took, and why.
+
+    Of a running fleet so far, also from before restarts; what is on its way for less than 5 s is
+    left out. Of a run that has ended by its folder: recording, step logs, agents' logs and
+    journals.
+
+    Examples:
+      roco traffic dead
+      roco traffic dead --run runs/latest --agent AGENT
+      roco traffic dead --run runs/latest --format json
+    """
+    which = wanted(about(run, run_dir, target).design, None, agent, None, None).agents
+    from operate.recording import dead as dead_letters
+    from operate.recording.run import Run
+
+    found = dead_letters.letters(Run(_folder(run, run_dir, target)))
+    letters = [one for one in found if not which or {one.sender, one.receiver} & {*which}]
+    tell(letters, form, lambda: _show_letters(letters, Console(highlight=False)))
+
+
+def _show_letters(letters: list[DeadLetter], console: Console) -> None:
+    heads = ("at", "reason", "from > to", "act", "protocol", "id", "why")
+    drawn = table(heads, fold=("why",))
+    for one in letters:
+        at = datetime.fromtimestamp(one.t).strftime("%H:%M:%S.%f")[:-3]
+        both = one.sender or one.receiver
+        who = f"{one.sender or '?'} > {one.receiver or '?'}" if both else one.key
+        act = (one.performative, one.protocol, one.id)
+        drawn.add_row(at, Text(one.reason, "red"), who, *act, Text(one.why))
+    if letters:
+        console.print(drawn)
+    console.print(f"{len(letters)} dead letter{'s' * (len(letters) != 1)}", style="dim")
+
+
+def _folder(run: Path | None, run_dir: Path | None, target: str) -> Path:
+    """The run folder that is meant. Raises UsageError where there is none here."""
+    if run is not None:
+        if not run.is_dir():
+            raise UsageError(
+                f"{run} is no run folder; a recording alone does not tell what was taken"
+            )
+        return run
+    fleet = targets.find(target, run_dir)
+    if not isinstance(fleet, Local):
+        raise UsageError(
+            "the folder of a fleet in containers is in its volumes; copy it, and name it with --run"
+        )
+    return fleet.run

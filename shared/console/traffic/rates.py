@@ -15,10 +15,9 @@ from rich.table import Table
 from rich.text import Text
 
 from console.fleet import targets
-from console.output import Form, Format, RunDir, argument, problems, tell_json
-from console.terminal import table as tables
-from console.terminal.console import Console
-from console.traffic import selection
+from console.output import Form, Format, RunDir, argument, tell_json
+from console.terminal.console import Console, table
+from console.traffic import listen
 from console.traffic.listen import HeardMessage, Source, about, heard_message, source
 from operate.filters import Filter
 from operate.quantiles import quantile, tail
@@ -217,12 +216,12 @@ def rows(kind: str, tally: Tally, seconds: float) -> list[dict[str, Any]]:
     ]
 
 
-def table(kind: str, tally: Tally, seconds: float) -> Table:
+def rates_table(kind: str, tally: Tally, seconds: float) -> Table:
     """The table for people."""
     columns, before = TABLES[kind], ""
     numbers = [column.head for column in columns]
     heads = ("on", "performative", *numbers)
-    drawn = tables.table(heads, right=numbers, padding=(0, 1, 0, 0), pad_edge=False)
+    drawn = table(heads, right=numbers, padding=(0, 1, 0, 0), pad_edge=False)
     for flow in tally.rows:
         values = ((column, column.value(flow, seconds)) for column in columns)
         cells = ["·" if value is None else column.words(value) for column, value in values]
@@ -260,13 +259,13 @@ def stats(
     kind: Annotated[
         Kind, argument("hz: how often; bw: bytes per second; size: how large.")
     ] = Kind.ALL,
-    channel: selection.Channels = None,
-    agent: selection.Agents = None,
-    protocol: selection.Protocols = None,
-    performative: selection.Performatives = None,
-    run: selection.Recorded = None,
-    count: selection.Count = 0,
-    for_: selection.Seconds = 0.0,
+    channel: listen.Channels = None,
+    agent: listen.Agents = None,
+    protocol: listen.Protocols = None,
+    performative: listen.Performatives = None,
+    run: listen.Recorded = None,
+    count: listen.Count = 0,
+    for_: listen.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -291,13 +290,12 @@ def stats(
       roco traffic stats bw --agent AGENT --for 10
       roco traffic stats size --performative inform-ref --count 100
     """
-    with problems(form):
-        which = selection.wanted(
-            about(run, run_dir, target).design, channel, agent, protocol, performative
-        )
-        what = "stats" if kind is Kind.ALL else kind.value
-        with source(run, run_dir, target) as heard:
-            _watch(heard, Tally(which), what, form, limits=(count, for_))
+    which = listen.wanted(
+        about(run, run_dir, target).design, channel, agent, protocol, performative
+    )
+    what = "stats" if kind is Kind.ALL else kind.value
+    with source(run, run_dir, target) as heard:
+        _watch(heard, Tally(which), what, form, limits=(count, for_))
 
 
 def _watch(
@@ -313,7 +311,7 @@ def _watch(
     def drawn() -> Group:
         seconds = _seconds(heard, tally)
         line = Text(sentence(tally, seconds) + heard.lost(), "dim")
-        return Group(table(kind, tally, seconds), line) if tally.count else Group(line)
+        return Group(rates_table(kind, tally, seconds), line) if tally.count else Group(line)
 
     if form is Format.JSON:
         _count(heard, tally, told, limits)

@@ -19,11 +19,10 @@ from agent_runtime.io.tap import Waiting
 from console import completion, interrupts
 from console.errors import ConsoleError, UsageError
 from console.fleet import targets
-from console.output import Form, Format, RunDir, argument, option, problems, tell
+from console.output import Form, Format, RunDir, argument, option, tell
 from console.runs import folders
-from console.terminal.console import Console
-from console.terminal.table import table
-from console.traffic import selection
+from console.terminal.console import Console, table
+from console.traffic import listen
 from console.traffic.listen import RECORDING, LostError, about, hearing
 from operate.file_names import TRAFFIC_FILE
 from operate.wording import bytes_in_words
@@ -46,12 +45,12 @@ def record(
     out: Annotated[
         Path | None, option("The file; else recording-<time>.mcap here.", "--out")
     ] = None,
-    channel: selection.Channels = None,
-    agent: selection.Agents = None,
-    protocol: selection.Protocols = None,
-    performative: selection.Performatives = None,
-    count: selection.Count = 0,
-    for_: selection.Seconds = 0.0,
+    channel: listen.Channels = None,
+    agent: listen.Agents = None,
+    protocol: listen.Protocols = None,
+    performative: listen.Performatives = None,
+    count: listen.Count = 0,
+    for_: listen.Seconds = 0.0,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
@@ -66,11 +65,11 @@ def record(
       roco record
       roco record --out part.mcap --channel CHANNEL --for 60
     """
-    with problems(form), interrupts.heard():
+    with interrupts.heard():
         from operate.recording.side_recording import Asked, Keeper
 
         system = about(None, run_dir, target)
-        which = selection.wanted(system.design, channel, agent, protocol, performative)
+        which = listen.wanted(system.design, channel, agent, protocol, performative)
         file = (out or Path(f"recording-{datetime.now():%Y-%m-%d_%H-%M-%S}.mcap")).resolve()
         if file.exists():
             raise UsageError(f"{file} is there already; name another --out, or remove it")
@@ -154,11 +153,10 @@ def info(
       roco record info runs/latest --keys
       roco record info mine.mcap --format json
     """
-    with problems(form):
-        from operate.recording.contents import contents
+    from operate.recording.contents import contents
 
-        found = contents(recording or folders.find(None))
-        tell(found, form, lambda: _show(found, Console(highlight=False), keys=keys))
+    found = contents(recording or folders.find(None))
+    tell(found, form, lambda: _show(found, Console(highlight=False), keys=keys))
 
 
 def _show(told: "Contents", console: Console, *, keys: bool) -> None:
@@ -225,16 +223,15 @@ def repair(
       roco record repair
       roco record repair mine.mcap
     """
-    with problems(form):
-        from operate.recording.index import repaired
+    from operate.recording.index import repaired
 
-        file = recording or folders.find(None)
-        path = file / TRAFFIC_FILE if file.is_dir() else file
-        try:
-            done = repaired(path)
-        except OSError as error:
-            raise ConsoleError(worded(path, error)) from error
-        tell(done, form, repair_sentence(done))
+    file = recording or folders.find(None)
+    path = file / TRAFFIC_FILE if file.is_dir() else file
+    try:
+        done = repaired(path)
+    except OSError as error:
+        raise ConsoleError(worded(path, error)) from error
+    tell(done, form, repair_sentence(done))
 
 
 def repair_sentence(done: "Written") -> str:

@@ -21,13 +21,21 @@ from agent_runtime.io.steplog import StepLogs
 from agent_runtime.io.tap import Sample
 from console import completion
 from console.errors import ConsoleError, UsageError
-from console.output import Form, Format, argument, option, problems, tell
+from console.output import Form, Format, argument, option, tell
 from console.runs import folders
 from console.terminal.console import Console
 from console.traffic import replace, verify
-from console.traffic.listen import HOUSE, heard_message, recorded
+from console.traffic.listen import (
+    HOUSE,
+    Agents,
+    Channels,
+    Performatives,
+    Protocols,
+    heard_message,
+    recorded,
+    wanted,
+)
 from console.traffic.play import Player, Replayed, sentence
-from console.traffic.selection import Agents, Channels, Performatives, Protocols, wanted
 from operate.file_names import FLEET_FILE, LIVE_FILE, STEPS
 from operate.filters import Filter
 from operate.fleet_file import Fleet
@@ -99,27 +107,26 @@ def replay(
       roco replay runs/latest --replace AGENT --speed max
       roco replay runs/latest --verify
     """
-    with problems(form):
-        fast = factor(speed)
-        if verify_ and replace_:
-            raise UsageError("--verify and --replace are two questions; ask one after the other")
-        if verify_:
-            verify.verified(file, agent or [], seed, form)
-            return
-        if replace_:
-            replace.replaced(file, replace_, fast, seed, form)
-            return
-        chosen = narrowed(only or [], channel, agent, protocol, performative)
-        samples = list(_meant(file, wanted(of_run(file).design, *chosen), telemetry=telemetry))
-        if not samples:
-            none = "holds nothing that is meant; choose more, or leave filters out"
-            raise UsageError(f"{file} {none}")
-        try:
-            stage = Stage(system, connect)
-            done = _played(of_run(file), samples, stage, fast, after, form, loop=loop)
-        except RuntimeFault as error:
-            raise ConsoleError(str(error)) from error
-        tell(done, form, sentence(done))
+    fast = factor(speed)
+    if verify_ and replace_:
+        raise UsageError("--verify and --replace are two questions; ask one after the other")
+    if verify_:
+        verify.verified(file, agent or [], seed, form)
+        return
+    if replace_:
+        replace.replaced(file, replace_, fast, seed, form)
+        return
+    chosen = narrowed(only or [], channel, agent, protocol, performative)
+    samples = list(_meant(file, wanted(of_run(file).design, *chosen), telemetry=telemetry))
+    if not samples:
+        none = "holds nothing that is meant; choose more, or leave filters out"
+        raise UsageError(f"{file} {none}")
+    try:
+        stage = Stage(system, connect)
+        done = _played(of_run(file), samples, stage, fast, after, form, loop=loop)
+    except RuntimeFault as error:
+        raise ConsoleError(str(error)) from error
+    tell(done, form, sentence(done))
 
 
 def factor(speed: str) -> float | None:

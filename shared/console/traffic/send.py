@@ -28,12 +28,11 @@ from console import completion
 from console.errors import ConsoleError, NoRunError, UsageError
 from console.fleet import identity, targets
 from console.fleet.local import Local
-from console.output import Form, Format, RunDir, option, problems, tell
+from console.output import Form, Format, RunDir, option, tell
 from console.runs import folders
-from console.terminal.console import Console
-from console.terminal.table import table
+from console.terminal.console import Console, table
 from console.traffic.listen import fields_of
-from console.traffic.selection import names as conversation_names
+from console.traffic.listen import names as conversation_names
 from fipa_codec.communicate import Communicate, encode, encode_strictly
 from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind, Languages
@@ -289,7 +288,7 @@ def send(
       roco send --as AGENT --to PEER --protocol request --list
     """
     chosen = (sender, receiver, protocol, performative)
-    with problems(form), _refusals():
+    with _refusals():
         system = targets.about(target, run_dir)
         if choices or not all(chosen):
             _list(system.design, chosen, form, missing=not choices)

@@ -24,8 +24,7 @@ from agent_runtime.io.steplog import Again, Parted, SentAgain, digest, fingerpri
 from console.errors import ConsoleError, UsageError, last_line
 from console.output import Form, Format, tell
 from console.runs import folders
-from console.terminal.console import Console
-from console.terminal.table import table
+from console.terminal.console import Console, table
 from console.traffic.listen import fields_of
 from console.traffic.play import as_agent, compared, difference
 from fipa_codec.communicate import Communicate, decode

@@ -12,7 +12,7 @@ from companion.tools import asking
 from console.errors import NO, UsageError
 from console.fleet import targets
 from console.output import Format, RunDir, problems
-from console.traffic.selection import Recorded, recording_of
+from console.traffic.listen import Recorded, recording_of
 
 
 class As(StrEnum):

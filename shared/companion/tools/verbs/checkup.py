@@ -12,12 +12,13 @@ import msgspec
 from companion.run_files import SLOTS_FILE
 from companion.tools.verbs.hi import HI, tasks
 from console.errors import ConsoleError
-from console.fleet import checkup, running_fleets
+from console.fleet import checkup
 from console.fleet.checkup import Check, Checks, Level
 from console.fleet.local import Local
-from console.fleet.picture_ports import GRPC, WEB
 from console.fleet.process_status import Look
+from console.fleet.status import GRPC, WEB
 from console.fleet.targets import Target
+from console.runs import folders
 from velma import compiled
 from velma.errors import GlError
 from velma.sim import gl
@@ -107,7 +108,7 @@ def real_time() -> Iterator[Check]:
     Tried out only where no fleet runs here: its own loop would be in the way, and is looked at
     instead.
     """
-    if not running_fleets.here():
+    if not folders.living_here():
         yield from _paced(
             measure(), "end other programs, or start with `--speed max`, which needs no real time"
         )

@@ -27,15 +27,13 @@ from companion.tools.verbs.hi import ON_ITS_WAY, Hi, HiError, address
 from companion.tools.verbs.page import door_when_there
 from console import interrupts
 from console.errors import ConsoleError, UsageError
-from console.fleet import running_fleets, starting, up, view
+from console.fleet import starting, up, view
 from console.fleet.local import Local
-from console.fleet.process_status import Look, stuck
-from console.fleet.tasks import ENDED
+from console.fleet.process_status import ENDED, Look, stuck
 from console.fleet.up import Rate, SceneFile, Speed
 from console.output import FirstSeed, Form, Format, Seed, problems, waiting
 from console.runs import folders
-from console.runs.experiment import Count, MostLoad, Place, Resume, Timeout, repeated
-from console.runs.trials import Asked
+from console.runs.experiment import Asked, Count, MostLoad, Place, Resume, Timeout, repeated
 from console.terminal.console import Console
 from console.terminal.draw import Watch
 from console.terminal.run_state import View
@@ -312,7 +310,7 @@ def demo(
     """
     with problems(form), interrupts.heard():
         _see(eyes, form)
-        run, latest = running_fleets.place(out, another, datetime.now())
+        run, latest = folders.place(out, another, datetime.now())
         starting.check(up.options(seed, Speed.REAL, scene, insecure))
         console = Console()
         words = up.options(seed, speed or _held(console, form), scene, insecure, faults=faults)

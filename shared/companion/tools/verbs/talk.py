@@ -40,8 +40,8 @@ from companion.tools.verbs.hi import (
 from console.errors import NO, ConsoleError, FleetError, UsageError
 from console.fleet import targets
 from console.fleet.local import Local
+from console.fleet.process_status import ENDED
 from console.fleet.targets import Target
-from console.fleet.tasks import ENDED
 from console.output import Form, Format, Reply, RunDir, problems, tell, tell_json, tell_problem
 
 TAKEN_S = 15.0  # estimate: co agrees within milliseconds; one that hangs is killed after 6 s
