@@ -8,8 +8,8 @@ import pytest
 from calling import roco
 
 from companion.design import DESIGN
+from topdown.prove.net import promela
 from topdown.prove.pairs import net_of
-from topdown.prove.promela import promela
 
 LAMP = Path(__file__).parents[1] / "topdown" / "lamp.toml"
 

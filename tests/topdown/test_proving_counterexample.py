@@ -3,8 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from topdown.prove.counterexample import as_text
-from topdown.prove.engine import Finding, Step
+from topdown.prove.engine import Finding, Step, as_text
 from topdown.prove.stream import Variant, explore_stream
 
 LOST = explore_stream(Variant.RECEIPT_FIRST).findings[0]

@@ -11,8 +11,7 @@ from spoiling import design
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import QUERY, REQUEST
 from topdown.check import recorded
-from topdown.check.adding_up import difference
-from topdown.check.recorded import Observation, answers
+from topdown.check.recorded import Observation, answers, difference
 from topdown.model.design import Design
 from topdown.model.findings import Kind
 

@@ -2,7 +2,7 @@
 
 from spoiling import Change, design
 
-from topdown.model.rulings import rulings
+from topdown.model.design import rulings
 
 RULED: list[Change] = [
     ("latency_s = 1.0\n", 'latency_s = 1.0\nruling = "nobody said how long"\n'),

@@ -20,9 +20,8 @@ from console.terminal.console import Console
 from console.terminal.table import table
 from topdown.check import recorded
 from topdown.check.estimate import Estimate, Measured, estimate, measure
-from topdown.model.design import Design, load
+from topdown.model.design import Design, Ruling, load, rulings
 from topdown.model.findings import Finding
-from topdown.model.rulings import Ruling, rulings
 
 WITHIN = 0.3
 """The error that is wanted: estimates should be within 30 %."""

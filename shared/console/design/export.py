@@ -13,9 +13,8 @@ from console.design import files
 from console.output import Form, Format, option
 from topdown.model.design import Design, load
 from topdown.model.errors import NoSuchEntry
-from topdown.prove.net import NetModel
+from topdown.prove.net import NetModel, promela
 from topdown.prove.pairs import net_of
-from topdown.prove.promela import promela
 
 PROMELA = option("Write Promela for spin here: a file for one use, a folder for more.", "--promela")
 USE = option("A use of a protocol by name; may be given again.", "--use", complete=completion.uses)

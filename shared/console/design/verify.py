@@ -16,9 +16,9 @@ from console.design import files
 from console.output import Form, Format, option
 from console.terminal.console import Console
 from topdown.model.design import load
-from topdown.prove import counterexample, durable, volatile
-from topdown.prove.abstractions import ABSTRACTIONS, NOT_PROVEN
-from topdown.prove.verify import LAYERS, Task, Verdict, tasks
+from topdown.prove import durable, volatile
+from topdown.prove.engine import as_text
+from topdown.prove.verify import ABSTRACTIONS, LAYERS, NOT_PROVEN, Task, Verdict, tasks
 
 ANY = "any"
 TITLES = {
@@ -118,7 +118,7 @@ def line(verdict: Verdict, width: int) -> str:
     lines = [f"  {verdict.what:<28} {faults:<11}{took}  {word}"]
     for text in verdict.open:
         lines += textwrap.wrap(text, width, initial_indent="      ", subsequent_indent="      ")
-    lines += [f"\n{counterexample.as_text(finding, width)}\n" for finding in verdict.findings]
+    lines += [f"\n{as_text(finding, width)}\n" for finding in verdict.findings]
     return "\n".join(lines)
 
 

@@ -16,9 +16,8 @@ from fipa_codec.communicate import Communicate, decode_strictly, number_of
 from fipa_codec.errors import MalformedError
 from fipa_codec.languages import Languages
 from fipa_codec.tables import Role
-from topdown.judge.admission import Admission, Read
 from topdown.judge.conversations import Copies, Entry, Known, Pair, Streams, Talk, Talks
-from topdown.judge.verdicts import Heard, Judgement, Verdict
+from topdown.judge.verdicts import Admission, Heard, Judgement, Read, Verdict
 from topdown.model.design import Design
 
 # --- Calls due at given times. No clock: the caller passes the time -------------------------------

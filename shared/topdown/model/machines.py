@@ -16,9 +16,8 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Protocol, Role
 from topdown.model import elements
-from topdown.model.design import Design
+from topdown.model.design import Design, act_word
 from topdown.model.errors import DesignError
-from topdown.model.own_tables import act_word
 
 NONE = "none"
 """Word for a conversation that is not open, in a row's `when`."""
