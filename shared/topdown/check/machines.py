@@ -5,6 +5,7 @@ states that act.
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from fipa_codec.exploration import reached
 from fipa_codec.performatives import Performative
 from topdown.model import elements
 from topdown.model.design import Design
@@ -95,14 +96,10 @@ def reachable(agent: elements.Agent, start: str = "") -> frozenset[str]:
     """States that a chain of arcs leads to from `start` (none: the initial one), that one
     included.
     """
-    first = start or agent.initial
-    found, ahead = {first}, [first]
-    while ahead:
-        here = ahead.pop()
-        for arc in agent.arc:
-            if arc.source == here and arc.target not in found:
-                found.add(arc.target)
-                ahead.append(arc.target)
+    found = reached(
+        [start or agent.initial],
+        lambda here: (arc.target for arc in agent.arc if arc.source == here),
+    )
     return frozenset(found)
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from fipa_codec.exploration import reached
 from fipa_codec.performatives import Performative
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Way
@@ -258,16 +259,9 @@ class _Writer:
         """Whether the main line leads from a place to a head without passing the heads around
         it.
         """
-        seen, ahead = {place}, [place]
-        while ahead:
-            here = ahead.pop()
-            if here == head:
-                return True
-            if here not in heads:
-                new = {e.to for e in self.main[here]} - seen
-                seen |= new
-                ahead += new
-        return False
+        return head in reached(
+            [place], lambda here: () if here in heads else (e.to for e in self.main[here])
+        )
 
     def _rests(self, place: Place) -> bool:
         tables = (self.protocol.tables[role] for role in (Role.INITIATOR, Role.PARTICIPANT))

@@ -173,7 +173,7 @@ class Admission:
         rule = self._rules.get((one.sender, one.receiver, one.protocol, one.performative))
         if rule is None:
             fault = Fault(Verdict.NOT_ENTITLED, self._no_rule(one))
-            return Admitted(None, (self.parts(key) or {}).get("channel", ""), (), (fault,))
+            return Admitted(None, self.channel(key), (), (fault,))
         faults = []
         if wrong := self._wrong_key(key, one, rule):
             faults.append(Fault(Verdict.WRONG_CHANNEL, wrong))
@@ -189,6 +189,10 @@ class Admission:
             faults.append(Fault(Verdict.OVER_BUDGET, why))
         channel = rule.channel
         return Admitted(rule, channel, UNKNOWN_KINDS if kind is None else (kind,), tuple(faults))
+
+    def channel(self, key: str) -> str:
+        """The channel that a key names, "" if none."""
+        return (self.parts(key) or {}).get("channel", "")
 
     def _no_rule(self, one: Communicate) -> str:
         for agent in (one.sender, one.receiver):

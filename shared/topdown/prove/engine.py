@@ -288,10 +288,8 @@ class _Walk:
     # --- findings ---------------------------------------------------------------------------------
 
     def _find(self, kind: str, text: str, number: int) -> None:
-        if (kind, text) not in self.findings:
-            self.findings[kind, text] = self._finding(kind, text, number)
-
-    def _finding(self, kind: str, text: str, number: int) -> Finding:
+        if (kind, text) in self.findings:
+            return
         way = [number]
         while way[-1]:
             way.append(self.parents[way[-1]])
@@ -302,7 +300,8 @@ class _Walk:
         for here, there in ((states[one], states[other]) for one, other in pairwise(way)):
             who, what, *_ = next(move for move in self.model.moves(here) if move[2] == there)
             steps.append(Step(who, what, self.model.describe(there)))
-        return Finding(kind, text, tuple(steps), self.model.describe(self.model.start))
+        start = self.model.describe(self.model.start)
+        self.findings[kind, text] = Finding(kind, text, tuple(steps), start)
 
 
 # --- A counterexample as a sequence diagram with states, as text for a terminal -------------------

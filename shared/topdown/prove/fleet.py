@@ -24,7 +24,7 @@ from topdown.model.machines import Cause, Event, Machine, ProtocolAct, machines
 from topdown.prove.local import GONE, Agent, Local, Stray
 from topdown.prove.parts import OWN, RESTART, SAY, Net, Parts, Ready, endless
 
-# --- A group as an end of channels: it may say whatever the tables of its uses allow, at any time ---
+# --- A group as an end of channels: it may say what the tables of its uses allow, at any time -----
 # Nobody of the design runs a group, so nothing is known of it but its tables and the acts that its
 # messages list. Its rows are made of these: what its peers say it takes, what it is asked it
 # answers sooner or later, by any word that the table has there; what it opens, calls off or
@@ -256,8 +256,6 @@ class Soft:
                 yield self._unknown(ends, net, said)
             elif said in self.outward:
                 yield from self._heard(ends, net, said, self.server, ends.server)
-            elif self.latest and said == self.news:
-                yield from self._observed(ends, net)
             else:
                 yield from self._heard(ends, net, said, self.asker, ends.asker)
 
@@ -294,31 +292,25 @@ class Soft:
     def _heard(
         self, ends: Ends, net: Net, said: ProtocolAct, number: int, local: int
     ) -> Iterator[Turn]:
-        """An agent takes a word, or a copy of it; what nobody waits for is dropped."""
+        """An agent takes a word, or a copy of it; what nobody waits for is dropped. Of the newest
+        observation nothing more is owed then; or (a fault) its receipt is lost.
+        """
+        observed = self.latest and said == self.news and number == self.asker
         found, name = self.parts.outcomes(number, local, said), self.parts.names[number]
         if isinstance(found, Stray):
             yield Turn(name, f"{said} is dropped", self._with(ends, net.taken(said)))
         elif isinstance(found, str):
             yield Turn(name, str(said), ends, wrong=found)
         for ready in found if isinstance(found, tuple) else ():
-            yield Turn(name, ready.label, self._with(ends, net.taken(said)), number, ready)
-            yield Turn(name, f"{ready.label} (a copy)", ends, number, ready, fault=True)
-
-    def _observed(self, ends: Ends, net: Net) -> Iterator[Turn]:
-        """The newest observation is taken, and nothing more is owed; or (a fault) its receipt is
-        lost.
-        """
-        found = self.parts.outcomes(self.asker, ends.asker, self.news)
-        name = self.parts.names[self.asker]
-        if isinstance(found, Stray):
-            yield Turn(name, f"{self.news} is dropped", self._with(ends, net.taken(self.news)))
-        elif isinstance(found, str):
-            yield Turn(name, str(self.news), ends, wrong=found)
-        for ready in found if isinstance(found, tuple) else ():
-            paid = ends._replace(server=self.parts.without_debt(self.server, ends.server, self.use))
-            yield Turn(name, ready.label, self._with(paid, net.known(self.news)), self.asker, ready)
-            lost, unpaid = f"{ready.label}; its receipt is lost", net.taken(self.news)
-            yield Turn(name, lost, self._with(ends, unpaid), self.asker, ready, fault=True)
+            if observed:
+                local = self.parts.without_debt(self.server, ends.server, self.use)
+                after = self._with(ends._replace(server=local), net.known(said))
+                yield Turn(name, ready.label, after, number, ready)
+                lost, unpaid = f"{ready.label}; its receipt is lost", net.taken(said)
+                yield Turn(name, lost, self._with(ends, unpaid), number, ready, fault=True)
+            else:
+                yield Turn(name, ready.label, self._with(ends, net.taken(said)), number, ready)
+                yield Turn(name, f"{ready.label} (a copy)", ends, number, ready, fault=True)
 
     # --- by itself --------------------------------------------------------------------------------
 

@@ -1,7 +1,8 @@
 """Variables, bounded queues and guarded commands: the one form from which a model and its exports
 are made.
 
-A net is data, so one and the same table is explored here (`NetModel`) and given to spin (`promela`). To fill it:
+A net is data, so one and the same table is explored here (`NetModel`) and given to spin
+(`promela`). To fill it:
 
   * `Variable("co", ("idle", "busy"), owner="co")`: a small finite domain of words; it starts with
     the first one, or with `start`. `owner`: the lifeline under which drawings show its value ("" =
@@ -9,12 +10,11 @@ A net is data, so one and the same table is explored here (`NetModel`) and given
   * `Queue("co>ta", ("request", "cancel"), capacity=3)`: first in, first out, empty at the start.
   * `Command(who, what, guards, effects)`: may happen where all `guards` hold, and all its effects
     happen at once. Alternatives are separate commands. `fair` and `fault` mean what they mean in
-    `engine.Move`. Guards: `Is(variable, {values})`, `Head(queue, {words})`, `Empty(queue)`,
-    `Full(queue)`. Effects, carried out in their order: `Set(variable, value)`, `Copy(variable,
-    source)` (another variable with the same domain), `Take(queue)` (its first word goes),
-    `Send(queue, word)`, `Clear(queue)`. A command with `Send` does not happen while there is no
-    room (a full queue holds the sender back); where fullness is an error, write another command
-    guarded by `Full` that sets a variable of `wrong`. `Take` wants a `Head` guard.
+    `engine.Move`. Guards: `Is(variable, {values})`, `Head(queue, {words})`, `Empty(queue)`.
+    Effects, carried out in their order: `Set(variable, value)`, `Copy(variable, source)` (another
+    variable with the same domain), `Take(queue)` (its first word goes), `Send(queue, word)`. A
+    command with `Send` does not happen while there is no room (a full queue holds the sender back).
+    `Take` wants a `Head` guard.
   * `rest`: alternatives, each of them guards; where all guards of one hold, everybody may stay as
     he is. `wrong`: what must never be, each with its words. Beyond a wrong state nothing is
     explored.
@@ -78,12 +78,6 @@ class Empty(NamedTuple):
     queue: str
 
 
-class Full(NamedTuple):
-    """The queue has no room."""
-
-    queue: str
-
-
 class Set(NamedTuple):
     """Give the variable a value."""
 
@@ -111,14 +105,8 @@ class Send(NamedTuple):
     word: str
 
 
-class Clear(NamedTuple):
-    """All words go."""
-
-    queue: str
-
-
-Guard = Is | Head | Empty | Full
-Effect = Set | Copy | Take | Send | Clear
+Guard = Is | Head | Empty
+Effect = Set | Copy | Take | Send
 
 
 class Command(NamedTuple):
@@ -259,12 +247,6 @@ class NetModel:
         """Index of each variable and queue in a state."""
         return {thing.name: place for place, thing in enumerate(self.net.things)}
 
-    def value(self, state: Any, variable: str) -> str:
-        """The value of a variable in a state."""
-        values = next(one.values for one in self.net.variables if one.name == variable)
-        index: int = state[self.places[variable]]
-        return values[index]
-
     def describe(self, state: Any) -> dict[str, str]:
         """Lifeline -> the values of what it owns; empty queues are left out."""
         words: dict[str, list[str]] = {name: [] for name in self.net.lifelines}
@@ -342,7 +324,7 @@ def rooms(net: Net, command: Command) -> Iterator[tuple[str, int]]:
     for queue in net.queues:
         mine = [type(effect) for effect in command.effects if effect[0] == queue.name]
         more = mine.count(Send) - mine.count(Take)
-        if more > 0 and Clear not in mine:
+        if more > 0:
             yield queue.name, queue.capacity - more
 
 
@@ -365,8 +347,6 @@ def _guard(guard: Guard, known: Mapping[str, Any], cells: Cells) -> str:
             return f"{cell} and {_one_of(f'{cell}[0]', numbers)}"
         case Empty():
             return f"not {cell}"
-        case Full(name):
-            return f"len({cell}) >= {known[name].capacity}"
 
 
 def _one_of(cell: str, numbers: list[int]) -> str:
@@ -390,8 +370,6 @@ def _after(net: Net, effects: tuple[Effect, ...], cells: Cells) -> str:
             case Send(name, word):
                 place = thing.words.index(word) if isinstance(thing, Queue) else ""
                 now[name] = f"({now[name]} + ({place},))"
-            case Clear(name):
-                now[name] = "()"
     return f"({', '.join(now[name] for name in cells)},)"
 
 
@@ -490,8 +468,6 @@ def _promela_guard(thing: Variable | Queue, guard: Guard, name: str) -> str:
             text = " || ".join(f"{name}?[{number}]" for number in numbers)
         case Empty(), _:
             return f"len({name}) == 0"
-        case Full(), Queue(_, _, capacity):
-            return f"len({name}) == {capacity}"
         case _:
             raise AssertionError(guard)
     return f"({text})" if len(numbers) > 1 else text
@@ -508,8 +484,6 @@ def _effect(net: Net, effect: Effect, names: Names) -> str:
             return f"{name}?_"
         case Send(_, word), Queue(_, words):
             return f"{name}!{words.index(word)}"
-        case Clear(), _:
-            return f"do :: len({name}) > 0 -> {name}?_ :: else -> break od"
         case _:
             raise AssertionError(effect)
 

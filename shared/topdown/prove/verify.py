@@ -8,6 +8,7 @@ waits for them.
 
 from collections.abc import Callable, Collection, Iterator
 from enum import StrEnum
+from functools import partial
 from typing import NamedTuple
 
 from topdown.model.design import Design
@@ -214,7 +215,8 @@ def tasks(
     if 2 in layers:
         for use in design.file.protocol:
             if use.follows in design.tables and (channels is None or use.channel in channels):
-                yield Task(2, f"{use.channel} {use.name}", _pair(design, use.name, faults, seconds))
+                what = f"{use.channel} {use.name}"
+                yield Task(2, what, partial(_pair, design, what, use.name, faults, seconds))
     if 3 in layers and step is None:
         wishes = {} if skip_start else {"all agents, starting": Faults(0, boot=True)}
         wishes["all agents"] = Faults(ANY if faults is None else faults)
@@ -222,7 +224,7 @@ def tasks(
             dead = Faults(0, gone=name, waiting=waiting(design, name))
             wishes[f"{name} dies for good"] = dead
         for what, wish in wishes.items():
-            yield Task(3, what, _fleet(design, what, wish, seconds))
+            yield Task(3, what, partial(_fleet, design, what, wish, seconds))
 
 
 def _verdict(
@@ -245,34 +247,32 @@ def _micro(what: str, explored: Callable[[], Exploration]) -> Task:
 
 
 def _pair(
-    design: Design, use: str, faults: int | None, seconds: float | None
-) -> Callable[[Progress | None], Verdict]:
-    def run(progress: Progress | None) -> Verdict:
-        result = explore_use(design, use, faults, seconds=seconds)
-        notes = tuple(f"never reached: {state}" for state in result.unreached)
-        what = f"{result.channel} {use}"
-        return _verdict(2, what, faults, result.exploration, notes=notes)
-
-    return run
+    design: Design,
+    what: str,
+    use: str,
+    faults: int | None,
+    seconds: float | None,
+    _: Progress | None,
+) -> Verdict:
+    result = explore_use(design, use, faults, seconds=seconds)
+    notes = tuple(f"never reached: {state}" for state in result.unreached)
+    return _verdict(2, what, faults, result.exploration, notes=notes)
 
 
 def _fleet(
-    design: Design, what: str, faults: Faults, seconds: float | None
-) -> Callable[[Progress | None], Verdict]:
-    def run(progress: Progress | None) -> Verdict:
-        most = None if faults.most == ANY else faults.most
-        silent = [name for name, machine in machines(design).items() if not machine.rows]
-        if silent:
-            missing = f"agents without rows cannot be composed: {', '.join(silent)}"
-            return Verdict(3, what, most, 0, 0, 0.0, (), (missing,))
-        fleet = Fleet(design, faults)
-        found = explore(fleet, seconds=seconds, progress=progress)
-        loud = fleet.not_silent() if not found.findings else ()
-        whole = not (faults.gone or faults.boot or found.findings)
-        notes, beyond = (fleet.unused(), fleet.endless()) if whole else ((), ())
-        return _verdict(3, what, most, found, *loud, notes=notes, beyond=beyond)
-
-    return run
+    design: Design, what: str, faults: Faults, seconds: float | None, progress: Progress | None
+) -> Verdict:
+    most = None if faults.most == ANY else faults.most
+    silent = [name for name, machine in machines(design).items() if not machine.rows]
+    if silent:
+        missing = f"agents without rows cannot be composed: {', '.join(silent)}"
+        return Verdict(3, what, most, 0, 0, 0.0, (), (missing,))
+    fleet = Fleet(design, faults)
+    found = explore(fleet, seconds=seconds, progress=progress)
+    loud = fleet.not_silent() if not found.findings else ()
+    whole = not (faults.gone or faults.boot or found.findings)
+    notes, beyond = (fleet.unused(), fleet.endless()) if whole else ((), ())
+    return _verdict(3, what, most, found, *loud, notes=notes, beyond=beyond)
 
 
 def waiting(design: Design, gone: str) -> tuple[str, ...]:
