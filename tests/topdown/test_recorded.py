@@ -5,8 +5,7 @@ up.
 import math
 
 import pytest
-from measured_runs import run, said
-from spoiling import design
+from spoiling import design, run, said
 
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import QUERY, REQUEST
