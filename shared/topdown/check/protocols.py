@@ -106,8 +106,8 @@ def _without_row(use: elements.Protocol, protocol: Protocol, at: Path_) -> Itera
     for number, message in enumerate(use.message):
         if message.sender not in (use.initiator, use.participant):
             continue
-        role = Role.INITIATOR if message.sender == use.initiator else Role.PARTICIPANT
-        rows = {row.performative for row in protocol.tables[role] if row.way is Way.SEND}
+        table = protocol.tables[use.role(message.sender)]
+        rows = {row.performative for row in table if row.way is Way.SEND}
         if message.performative not in rows:
             where = f"protocol {use.name}, {message.sender}"
             right = f"its rows are {', '.join(sorted(rows))}"

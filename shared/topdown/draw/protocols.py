@@ -442,8 +442,7 @@ def _detail(said: Sending, carried: Carried) -> str:
 def _carried(use: Use) -> Carried:
     carried: dict[tuple[Role, Performative], tuple[tuple[str, tuple[str, ...]], ...]] = {}
     for message in use.message:
-        role = Role.INITIATOR if message.sender == use.initiator else Role.PARTICIPANT
-        key = (role, message.performative)
+        key = (use.role(message.sender), message.performative)
         carried[key] = (*carried.get(key, ()), (message.language, _contents(message)))
     return carried
 
@@ -456,9 +455,10 @@ def _messages(use: Use) -> Grid:
     """The communicates <V, Z, L, O, I> in detail."""
     rows = []
     for m in use.message:
-        to = use.participant if m.sender == use.initiator else use.initiator
         words = (m.performative.value, m.language, listed(_contents(m), "none"))
-        rows.append((f"{m.sender} → {to}", *words, use.ontology or "-", size(m.bytes)))
+        rows.append(
+            (f"{m.sender} → {use.peer(m.sender)}", *words, use.ontology or "-", size(m.bytes))
+        )
     within = f" (answer within {seconds(use.latency_s)})" if use.latency_s else ""
     notes = rulings(*((f"{m.sender} {m.performative}", m.ruling) for m in use.message))
     head = ("from → to", "performative", "language", "content", "ontology", "at most")

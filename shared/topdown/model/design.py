@@ -318,7 +318,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         return Rule(
             channel=use.channel,
             sender=message.sender,
-            receiver=use.participant if message.sender == use.initiator else use.initiator,
+            receiver=use.peer(message.sender),
             protocol=use.follows,
             performative=message.performative,
             use=use.name,

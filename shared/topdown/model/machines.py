@@ -124,8 +124,8 @@ class Machine:
         self.uses = {
             use.name: Use(
                 name=use.name,
-                peer=use.participant if agent == use.initiator else use.initiator,
-                role=Role.INITIATOR if agent == use.initiator else Role.PARTICIPANT,
+                peer=use.peer(agent),
+                role=use.role(agent),
                 protocol=design.tables[use.follows],
                 durable=use.durable,
                 latest=use.latest,

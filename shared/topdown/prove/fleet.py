@@ -85,8 +85,7 @@ class _End:
 
     def __init__(self, use: elements.Protocol, group: str, protocol: Protocol) -> None:
         self.use, self.protocol = use, protocol
-        self.role = Role.INITIATOR if use.initiator == group else Role.PARTICIPANT
-        self.peer = use.participant if use.initiator == group else use.initiator
+        self.role, self.peer = use.role(group), use.peer(group)
         self.table = protocol.tables[self.role]
         self.acts = {message.performative for message in use.message if message.sender == group}
         self.observed = use.latest and self.role is Role.PARTICIPANT

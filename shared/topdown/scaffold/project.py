@@ -503,7 +503,7 @@ def _purpose(design: Design, entry: elements.Agent, states: list[elements.State]
         return
     for name in dict.fromkeys(name for state in states for name in state.talks):
         use = design.protocol(name)
-        peer = use.participant if use.initiator == entry.name else use.initiator
+        peer = use.peer(entry.name)
         said: dict[str, list[str]] = {peer: [], entry.name: []}
         for message in use.message:
             contents = " | ".join(
