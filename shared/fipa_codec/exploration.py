@@ -8,14 +8,15 @@ latter).
 """
 
 from collections import deque
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from typing import NamedTuple, TypeVar
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Row, Table
 
 Message = tuple[Performative, Kind]
+One = TypeVar("One", bound=Hashable)
 
 CAPACITY = 3
 """Messages in transit to one role.
@@ -83,6 +84,17 @@ class Exploration(NamedTuple):
         state.
         """
         return not (self.unspecified or self.stuck or self.unreachable)
+
+
+def reached(first: Iterable[One], onward: Callable[[One], Iterable[One]]) -> set[One]:
+    """All that `onward` leads to from `first`, in any number of steps; with `first` itself."""
+    found = set(first)
+    waiting = list(found)
+    while waiting:
+        more = set(onward(waiting.pop())) - found
+        found |= more
+        waiting += more
+    return found
 
 
 def explore(protocol: Protocol, capacity: int = CAPACITY) -> Exploration:
@@ -209,12 +221,8 @@ class _Search:
             for step, there in steps:
                 if not step.row.free:
                     before.setdefault(there, []).append(here)
-        good = {here for here in self.edges if self._finished(here)}
-        waiting = list(good)
-        while waiting:
-            found = [c for c in before.get(waiting.pop(), ()) if c not in good]
-            good.update(found)
-            waiting.extend(found)
+        ends = filter(self._finished, self.edges)
+        good = reached(ends, lambda there: before.get(there, ()))
         for here in self.edges:
             if here not in good:
                 text = (

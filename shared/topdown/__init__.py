@@ -2,7 +2,7 @@
 judged by it.
 
 Read in this order: elements (what a file holds), loading, decomposition, design; checks and
-agreement (is it sound); own_tables, machines, steps, silence (what agents do at which event);
+agreement (is it sound); machines, steps, silence (what agents do at which event);
 proving (before it runs); judging (while it runs); tracing, differing, estimating (for its
 designer); drawing; scaffold. No I/O but files; knows no system.
 """

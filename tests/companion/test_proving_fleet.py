@@ -7,9 +7,8 @@ from companion.design import DESIGN
 from topdown.model import elements
 from topdown.model.design import Design
 from topdown.prove.engine import DEADLOCK, UNREACHED, explore
-from topdown.prove.fleet import Faults, Fleet
+from topdown.prove.fleet import Faults, Fleet, Soft
 from topdown.prove.local import Agent
-from topdown.prove.soft import Soft
 
 STUCK = f"{DEADLOCK}|{UNREACHED}"
 Rows = tuple[elements.Row, ...]

@@ -5,9 +5,12 @@ finding.
 from pathlib import Path
 
 import msgspec
+import pytest
 from spoiling import Change, design, text_of
 
-from topdown.check import check
+from topdown.check import agreement, check
+from topdown.model.design import Design, load, rulings
+from topdown.model.errors import NoSuchEntry
 from topdown.model.findings import Kind
 
 
@@ -92,3 +95,168 @@ def test_every_kind_of_fault_of_a_file_is_spoilt_here() -> None:
     elsewhere.
     """
     assert {fault.kind for fault in FAULTS} == set(Kind) - {Kind[one] for one in ELSEWHERE.split()}
+
+
+# --- Rows of agents are compared with the messages, both ways, and with the arcs; a spoilt one is
+# named
+
+
+DESK = """row = [
+  { in = ["idle"], on = "person order", say = ["order request"], to = "ordering" },
+  { in = ["ordering"], on = "person regret", say = ["order cancel"] },
+  { in = ["ordering"], on = "order agree" },
+  { in = ["ordering"], on = "order inform", to = "idle" },
+  { in = ["ordering"], on = "order inform[cancel]", to = "idle" },
+  { in = ["ordering"], on = "order failure", to = "idle" },
+]
+"""
+NAV = """row = [
+  { in = ["idle"], on = "order request", say = ["order agree", "ask query-ref"], to = "asking" },
+  { in = ["asking", "driving"], on = "order cancel", say = ["order inform[cancel]"], to = "idle" },
+  { in = ["asking"], on = "ask inform", say = ["drive request"], to = "driving" },
+  { in = ["asking"], on = "late ask", say = ["order failure"], to = "idle" },
+  { in = ["driving"], on = "drive agree" },
+  { in = ["driving"], on = "drive inform", then = "arrived" },
+  { in = ["idle"], on = "tell_place confirm" },
+]
+choice = [
+  { name = "arrived", ways = [{ say = ["order inform"], to = "idle" }, { say = ["tell_place inform", "order inform"], to = "idle" }] },
+]
+"""  # noqa: E501
+ATLAS = """row = [
+  { in = ["idle"], on = "ask query-ref", say = ["ask inform"] },
+  { in = ["idle"], on = "tell_place inform", say = ["tell_place confirm"] },
+]
+"""
+ROWS: list[Change] = [
+    ("[agent.sends]\nperformatives = [\"request\"",
+     DESK + "\n[agent.sends]\nperformatives = [\"request\""),
+    ("[[agent.parameter]]\nname = \"tries\"", NAV + "\n[[agent.parameter]]\nname = \"tries\""),
+    ("[agent.sends]\nperformatives = [\"inform\"",
+     ATLAS + "\n[agent.sends]\nperformatives = [\"inform\""),
+]  # fmt: skip
+
+
+def test_rows_that_fit_have_no_findings() -> None:
+    """Not a single one; words of a choice count."""
+    assert check(design(*ROWS)) == ()
+
+
+REGRET = '  { in = ["ordering"], on = "person regret", say = ["order cancel"] },\n'
+AGREED = '  { in = ["driving"], on = "drive agree" },\n'
+REFUSED = ', { in = ["idle"], on = "drive refuse" }'
+SPOILT = (
+    ('on = "order agree" }', 'on = "order agre" }', Kind.BAD_ROW, "'agre'"),
+    ('to = "ordering" }', 'to = "odering" }', Kind.BAD_ROW, "no state 'odering'"),
+    ('then = "arrived" }', 'then = "gone" }', Kind.BAD_ROW, "no choice 'gone'"),
+    ('on = "late ask"', 'on = "late aks"', Kind.BAD_ROW, "'aks'"),
+    (REGRET, "", Kind.RECEIVED_NOT_SENT, "says"),
+    (AGREED, "", Kind.SENT_NOT_RECEIVED, "no row of nav takes it"),
+    ('inform"], to', 'inform", "order refuse"], to', Kind.SENT_NOT_RECEIVED, "says order"),
+    ('"drive agree" }', '"drive agree" }' + REFUSED, Kind.RECEIVED_NOT_SENT, ""),
+)
+
+
+def test_a_spoilt_row_is_found() -> None:
+    """One finding of the right kind; it names the row or the message."""
+    for old, new, kind, words in SPOILT:
+        found = check(design(*ROWS, (old, new)))
+        assert [one.kind for one in found] == [kind], (new, [str(one) for one in found])
+        assert words in f"{found[0].where} {found[0].wrong}", new
+        assert found[0].line is not None, new
+
+
+def test_a_row_leads_where_arcs_lead() -> None:
+    """nav's asking is left for driving by an arc; without it the row leads nowhere."""
+    arc: Change = ('  { source = "asking", target = "driving", when = "way_found" },\n', "")
+    found = check(design(*ROWS, arc))
+    assert Kind.BAD_ROW in {one.kind for one in found}
+    assert any(one.wrong == "no arcs lead from asking to driving" for one in found)
+
+
+def test_a_ruling_answers_for_a_message_without_a_row() -> None:
+    """It says why it is listed all the same."""
+    cancel = 'performative = "cancel", language = "WAY", bytes = 100'
+    ruled: Change = (cancel, f'{cancel}, ruling = "no hurry"')
+    assert check(design(*ROWS, (REGRET, ""), ruled)) == ()
+
+
+# --- Design and code are compared both ways: whatever one has and the other lacks is a finding
+
+
+@pytest.fixture(scope="module")
+def lamp() -> Design:
+    """A design with one language, one query and two agents."""
+    return load(Path(__file__).with_name("lamp.toml"))
+
+
+def test_classes_are_compared_with_the_languages(lamp: Design) -> None:
+    """A class that a language lacks is named, with those it has."""
+    assert agreement.check_languages(lamp, {"L": ["On", "Lit"]}) == ()
+    found = agreement.check_languages(lamp, {"L": ["On"]})
+    assert found
+    assert all("'Lit'" in finding.wrong and "On" in finding.right for finding in found)
+
+
+def test_a_class_that_no_message_carries_is_found(lamp: Design) -> None:
+    """The code has it, the design never says it."""
+    (found,) = agreement.check_languages(lamp, {"L": ["On", "Lit", "Dim"]})
+    assert (found.kind, "Dim" in found.wrong) == (Kind.UNUSED, True)
+
+
+def test_languages_are_compared_both_ways(lamp: Design) -> None:
+    """One without a module and a module without a language."""
+    found = agreement.check_languages(lamp, {"M": []})
+    assert {finding.where for finding in found} >= {"language L", "language M"}
+
+
+def test_kinds_of_queries_are_compared_both_ways(lamp: Design) -> None:
+    """A kind without entry and an entry without kind are both found."""
+    assert agreement.check_queries(lamp, ["switching"], "L", ["On"]) == ()
+    missing, foreign = agreement.check_queries(lamp, ["switching"], "L", ["Off"])
+    assert (missing.kind, missing.where) == (Kind.NOT_ASKED, "L.Off")
+    assert (foreign.kind, foreign.where) == (Kind.NOT_SUPPORTED, "L.On")
+
+
+def test_what_is_declared_must_be_answered(lamp: Design) -> None:
+    """A query that the agent's code does not answer, and an answer that nobody can ask for."""
+    assert agreement.check_supported(lamp, "lamp", ["L.On"]) == ()
+    unanswered, unasked = agreement.check_supported(lamp, "lamp", ["L.Dim"])
+    assert (unanswered.kind, "L.On" in unanswered.where) == (Kind.NOT_SUPPORTED, True)
+    assert (unasked.kind, unasked.where) == (Kind.NOT_ASKED, "L.Dim")
+
+
+def test_a_look_up_that_fails_lists_what_there_is(lamp: Design) -> None:
+    """The error names the kind, the name and the known ones."""
+    with pytest.raises(NoSuchEntry) as caught:
+        lamp.agent("foot")
+    assert caught.value.known == ("hand", "lamp")
+
+
+# --- Rulings of a design are found, each with its place -------------------------------------------
+
+
+RULED: list[Change] = [
+    ("latency_s = 1.0\n", 'latency_s = 1.0\nruling = "nobody said how long"\n'),
+    (
+        'performative = "cancel", language = "WAY"',
+        'performative = "cancel", ruling = "not printed", language = "WAY"',
+    ),
+]
+
+
+def test_a_design_without_rulings_has_none() -> None:
+    """Nothing is made up."""
+    assert rulings(design()) == ()
+
+
+def test_every_ruling_is_found_with_its_line() -> None:
+    """On an entry, and on an entry inside it."""
+    spoilt = design(*RULED)
+    found = rulings(spoilt)
+    assert [(one.where, one.text) for one in found] == [
+        ("protocol order", "nobody said how long"),
+        ("protocol order, message desk cancel", "not printed"),
+    ]
+    lines = spoilt.text.splitlines()
+    assert all(one.line is not None and one.text in lines[one.line - 1] for one in found)

@@ -13,8 +13,17 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
 from topdown.draw import sequence
-from topdown.draw.exchange import Frame, Part, Place, Remark, Sending, exchange, meet, name_of
-from topdown.draw.protocols import diagram
+from topdown.draw.protocols import (
+    Frame,
+    Part,
+    Place,
+    Remark,
+    Sending,
+    diagram,
+    exchange,
+    meet,
+    name_of,
+)
 
 FIPA = [value for value in vars(protocols).values() if isinstance(value, Protocol)]
 Word = tuple[Role, str]

@@ -1,8 +1,7 @@
 """Estimates follow from the typical figures, and are right beside a run that has them."""
 
 import pytest
-from measured_runs import run
-from spoiling import Change, design
+from spoiling import Change, design, run
 
 from topdown.check.estimate import UseEstimate, estimate, measure, recorded_as_estimate
 from topdown.check.recorded import Observed

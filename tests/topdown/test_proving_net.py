@@ -6,11 +6,9 @@ from hypothesis import strategies as st
 
 from topdown.prove.engine import DEADLOCK, WRONG, explore
 from topdown.prove.net import (
-    Clear,
     Command,
     Copy,
     Empty,
-    Full,
     Head,
     Is,
     Net,
@@ -33,14 +31,12 @@ guards = st.one_of(
     st.just(Head("q", frozenset({"m"}))),
     st.just(Head("q", frozenset({"m", "n"}))),
     st.just(Empty("q")),
-    st.just(Full("q")),
 )
 effects = st.one_of(
     st.builds(Set, st.sampled_from(["a", "b"]), values),
     st.just(Copy("a", "b")),
     st.just(Copy("b", "a")),
     st.builds(Send, st.just("q"), st.sampled_from(["m", "n"])),
-    st.just(Clear("q")),
 )
 
 
@@ -53,8 +49,6 @@ def holds(guard, state):
             return bool(state[name]) and state[name][0] in words
         case Empty(name):
             return not state[name]
-        case Full(name):
-            return len(state[name]) >= 2
 
 
 def changed(effects, state):
@@ -72,8 +66,6 @@ def changed(effects, state):
                 state[name].append(word)
             case Take(name):
                 state[name].pop(0)
-            case Clear(name):
-                state[name].clear()
     return state if len(state["q"]) <= 2 else None
 
 
@@ -91,7 +83,6 @@ takes = st.builds(
 @given(st.lists(commands | takes, max_size=6))
 def test_commands_do_what_their_words_say(table):
     """Against a reading of the words one by one, in every state that is reached."""
-    table = [c for c in table if not {Clear, Send} <= {type(effect) for effect in c.effects}]
     net = Net("any", VARIABLES, QUEUES, tuple(table), ((),), lifelines=("A", "B"))
     model = NetModel(net)
 
@@ -114,16 +105,16 @@ def net_of(*commands, rest=((),), wrong=()):
     return Net("small", VARIABLES, QUEUES, commands, rest, wrong, ("A", "B"))
 
 
-def test_a_full_queue_holds_the_sender_back_and_may_be_called_wrong():
-    """Three sends into two places: no room for the third; where fullness is wrong the second is the
-    last.
-    """
+def test_a_full_queue_holds_the_sender_back_and_what_is_wrong_ends_the_search():
+    """Three sends into two places: no room for the third."""
     send = Command("A", "send -> B", (), (Send("q", "m"),))
     (finding,) = explore(NetModel(net_of(send, rest=((Empty("q"), is_("b", "z")),)))).findings
     assert (finding.kind, len(finding.trace)) == (DEADLOCK, 2)
     assert finding.trace[-1].after == {"A": "x", "B": "y [m, m]"}
-    (finding,) = explore(NetModel(net_of(send, wrong=(Wrong("full", (Full("q"),)),)))).findings
-    assert (finding.kind, finding.text) == (WRONG, "full")
+    (finding,) = explore(
+        NetModel(net_of(send, wrong=(Wrong("waits", (Head("q", frozenset({"m"})),)),)))
+    ).findings
+    assert (finding.kind, finding.text) == (WRONG, "waits")
 
 
 @pytest.mark.parametrize(("faults", "states"), [(0, 1), (1, 2), (2, 3), (None, 3)])

@@ -34,9 +34,8 @@ from fipa_codec.protocols import CFP, SUBSCRIBE
 from fipa_codec.tables import RECEIVE, SEND, Role, Row, Table
 from topdown.model.machines import ProtocolAct
 from topdown.prove.engine import explore
-from topdown.prove.fleet import ANY, Flat, Fleet
+from topdown.prove.fleet import ANY, Flat, Fleet, _repeated
 from topdown.prove.parts import Net
-from topdown.prove.soft import _repeated
 
 ASKED, ANSWER = (ProtocolAct("ask", act, Kind.PLAIN) for act in (P.QUERY_REF, P.INFORM))
 NEWS = ProtocolAct("watch", P.INFORM, Kind.PLAIN)

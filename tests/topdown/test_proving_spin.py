@@ -15,8 +15,7 @@ from fipa_codec.tables import RECEIVE, Role, Row
 from topdown.prove import net
 from topdown.prove.durable import durable_pair
 from topdown.prove.engine import DEADLOCK, WRONG, explore
-from topdown.prove.net import NetModel, is_
-from topdown.prove.promela import promela
+from topdown.prove.net import NetModel, is_, promela
 from topdown.prove.roles import restricted
 from topdown.prove.volatile import Rules, volatile_pair
 

@@ -5,14 +5,12 @@ up.
 import math
 
 import pytest
-from measured_runs import run, said
-from spoiling import design
+from spoiling import design, run, said
 
 from fipa_codec.performatives import Performative as P
 from fipa_codec.protocols import QUERY, REQUEST
 from topdown.check import recorded
-from topdown.check.adding_up import difference
-from topdown.check.recorded import Observation, answers
+from topdown.check.recorded import Observation, answers, difference
 from topdown.model.design import Design
 from topdown.model.findings import Kind
 

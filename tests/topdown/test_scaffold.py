@@ -18,8 +18,7 @@ from topdown.check import check
 from topdown.model import loading
 from topdown.model.design import Design
 from topdown.scaffold import ScaffoldError, project_files, scaffold, smallest
-from topdown.scaffold.naming import docstring
-from topdown.scaffold.writing import MANIFEST, missing
+from topdown.scaffold.project import MANIFEST, docstring, missing
 
 ROOT = Path(__file__).parents[2]
 DEPOT = ROOT / "examples" / "depot" / "depot" / "design.toml"

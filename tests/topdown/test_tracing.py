@@ -2,8 +2,7 @@
 is told.
 """
 
-from measured_runs import run, said
-from spoiling import design
+from spoiling import design, run, said
 
 from fipa_codec.performatives import Performative as P
 from topdown.check.requirements import Shown, descendants, leaves, trace

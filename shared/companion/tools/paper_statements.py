@@ -14,8 +14,8 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from topdown.check.adding_up import sums
 from topdown.check.estimate import total
+from topdown.check.recorded import sums
 from topdown.model.design import Design
 from topdown.model.findings import Finding, located
 

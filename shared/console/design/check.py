@@ -23,9 +23,8 @@ from topdown.check import recorded
 from topdown.check.difference import Change, Way, diff
 from topdown.check.estimate import Estimate, Measured, estimate, measure
 from topdown.check.requirements import Evidence, Shown, Traced, trace
-from topdown.model.design import Design, load
+from topdown.model.design import Design, Ruling, load, rulings
 from topdown.model.findings import Finding
-from topdown.model.rulings import Ruling, rulings
 
 WITHIN = 0.3
 """The error that is wanted: estimates should be within 30 %."""

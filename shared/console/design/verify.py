@@ -22,13 +22,12 @@ from operate.file_names import STEPS
 from operate.system import of_run
 from topdown.model.design import Design, load
 from topdown.model.errors import NoSuchEntry
-from topdown.prove import counterexample, durable, volatile
-from topdown.prove.abstractions import ABSTRACTIONS, NOT_PROVEN
-from topdown.prove.net import NetModel
+from topdown.prove import durable, volatile
+from topdown.prove.engine import as_text
+from topdown.prove.net import NetModel, promela
 from topdown.prove.pairs import net_of
 from topdown.prove.paths import Deviation, Follower
-from topdown.prove.promela import promela
-from topdown.prove.verify import LAYERS, Task, Verdict, tasks
+from topdown.prove.verify import ABSTRACTIONS, LAYERS, NOT_PROVEN, Task, Verdict, tasks
 
 ANY = "any"
 TITLES = {
@@ -128,7 +127,7 @@ def line(verdict: Verdict, width: int) -> str:
     lines = [f"  {verdict.what:<28} {faults:<11}{took}  {word}"]
     for text in verdict.open:
         lines += textwrap.wrap(text, width, initial_indent="      ", subsequent_indent="      ")
-    lines += [f"\n{counterexample.as_text(finding, width)}\n" for finding in verdict.findings]
+    lines += [f"\n{as_text(finding, width)}\n" for finding in verdict.findings]
     return "\n".join(lines)
 
 

@@ -40,8 +40,8 @@ from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
 from operate.fleet_file import Fleet
 from operate.system import System
-from topdown.judge.admission import Admission
 from topdown.judge.follow import Followed
+from topdown.judge.verdicts import Admission
 from topdown.model.design import Design, Rule
 
 if TYPE_CHECKING:

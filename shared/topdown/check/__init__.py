@@ -5,7 +5,7 @@ rows, waits, parameters; recorded compares a run with the design. A fault is rep
 only follows from it is left out. No I/O.
 """
 
-from topdown.check import channels, machines, names, protocols, requirements
+from topdown.check import machines, names, protocols, requirements
 from topdown.check.machines import reachable as reachable
 from topdown.model.design import Design
 from topdown.model.findings import Finding, located
@@ -14,12 +14,12 @@ PARTS = (
     requirements.findings,
     requirements.step_findings,
     requirements.outcome_findings,
-    channels.findings,
+    protocols.channel_findings,
     names.findings,
     protocols.findings,
-    channels.form_findings,
+    protocols.form_findings,
     machines.side_findings,
-    channels.interface_findings,
+    protocols.interface_findings,
     machines.findings,
     machines.row_findings,
     machines.wait_findings,

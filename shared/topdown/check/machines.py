@@ -5,6 +5,7 @@ states that act.
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from fipa_codec.exploration import reached
 from fipa_codec.performatives import Performative
 from topdown.model import elements
 from topdown.model.design import Design
@@ -95,14 +96,10 @@ def reachable(agent: elements.Agent, start: str = "") -> frozenset[str]:
     """States that a chain of arcs leads to from `start` (none: the initial one), that one
     included.
     """
-    first = start or agent.initial
-    found, ahead = {first}, [first]
-    while ahead:
-        here = ahead.pop()
-        for arc in agent.arc:
-            if arc.source == here and arc.target not in found:
-                found.add(arc.target)
-                ahead.append(arc.target)
+    found = reached(
+        [start or agent.initial],
+        lambda here: (arc.target for arc in agent.arc if arc.source == here),
+    )
     return frozenset(found)
 
 
@@ -147,9 +144,8 @@ def messages(design: Design) -> Iterator[Heard]:
     for index, use in enumerate(design.file.protocol):
         for number, message in enumerate(use.message):
             if message.sender in (use.initiator, use.participant):
-                receiver = use.participant if message.sender == use.initiator else use.initiator
                 at: Path_ = ("protocol", index, "message", number)
-                yield Heard(use, message.sender, receiver, message, at)
+                yield Heard(use, message.sender, use.peer(message.sender), message, at)
 
 
 def side_findings(design: Design) -> Iterator[Finding]:
@@ -384,7 +380,7 @@ def _waitings(design: Design, agent: elements.Agent) -> Iterator[Waiting]:
     for state in agent.state:
         uses = [design.protocols[name] for name in state.talks if name in design.protocols]
         opens = frozenset(use.name for use in uses if use.initiator == agent.name)
-        peers = {u.name: u.participant if u.name in opens else u.initiator for u in uses}
+        peers = {use.name: use.peer(agent.name) for use in uses}
         if opens and state.name not in rest:
             yield Waiting(agent.name, state.name, peers, opens)
 

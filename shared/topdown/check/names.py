@@ -1,6 +1,6 @@
 """Every name once, every name that is used defined, every name that is defined used."""
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from topdown.model.design import Design
@@ -30,13 +30,8 @@ def twice(design: Design) -> Iterator[Finding]:
 def _kinds(design: Design) -> Iterator[Named]:
     file = design.file
     yield Named("requirement", ("requirement",), tuple(entry.id for entry in file.requirement))
-    yield Named("language", ("language",), tuple(entry.name for entry in file.language))
-    yield Named("ontology", ("ontology",), tuple(entry.name for entry in file.ontology))
-    yield Named("interface", ("interface",), tuple(entry.name for entry in file.interface))
-    yield Named("protocol", ("protocol",), tuple(entry.name for entry in file.protocol))
-    yield Named("table", ("table",), tuple(entry.name for entry in file.table))
-    yield Named("agent", ("agent",), tuple(entry.name for entry in file.agent))
-    yield Named("group", ("group",), tuple(entry.name for entry in file.group))
+    for kind in ("language", "ontology", "interface", "protocol", "table", "agent", "group"):
+        yield Named(kind, (kind,), tuple(entry.name for entry in getattr(file, kind)))
     yield Named("signal", ("signal",), tuple(entry.kind for entry in file.signal))
     for index, agent in enumerate(file.agent):
         states = tuple(state.name for state in agent.state)
@@ -56,25 +51,19 @@ def findings(design: Design) -> Iterator[Finding]:
     spoken |= {
         name.partition(".")[0] for entry in offers for name in (*entry.arguments, *entry.answers)
     }
-    yield from _unused("language", design, [entry.name for entry in file.language], spoken)
-    named = {use.ontology for use in file.protocol}
-    yield from _unused("ontology", design, [entry.name for entry in file.ontology], named)
-    offered = {name for use in file.protocol for name in use.interface}
-    yield from _unused("interface", design, [entry.name for entry in file.interface], offered)
-    followed = {use.follows for use in file.protocol}
-    yield from _unused("table", design, [entry.name for entry in file.table], followed)
+    used = {
+        "language": spoken,
+        "ontology": {use.ontology for use in file.protocol},
+        "interface": {name for use in file.protocol for name in use.interface},
+        "table": {use.follows for use in file.protocol},
+    }
+    for kind, names in used.items():
+        for index, entry in enumerate(getattr(file, kind)):
+            if entry.name not in names:
+                where, right = f"{kind} {entry.name}", "name it in a protocol or drop it"
+                yield Finding(Kind.UNUSED, where, "no protocol uses it", right, (kind, index))
     yield from _undefined(design)
     yield from _content_types(design)
-
-
-def _unused(
-    kind: str, design: Design, defined: Iterable[str], used: Collection[str]
-) -> Iterator[Finding]:
-    for index, name in enumerate(defined):
-        if name not in used:
-            right = "name it in a protocol or drop it"
-            where = f"{kind} {name}"
-            yield Finding(Kind.UNUSED, where, "no protocol uses it", right, (kind, index))
 
 
 def _undefined(design: Design) -> Iterator[Finding]:

@@ -2,11 +2,12 @@
 section 4, step 2).
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from enum import StrEnum
 
 import msgspec
 
+from fipa_codec.exploration import reached
 from fipa_codec.performatives import Performative
 from topdown.check.recorded import Observed, use_of
 from topdown.model import elements
@@ -197,7 +198,7 @@ def findings(design: Design) -> Iterator[Finding]:
         if parent and parent not in parents:
             wrong = f"its parent {parent!r} is not there"
             yield Finding(Kind.UNDEFINED, where, wrong, listed, (*at, "parent"))
-        elif _circular(name, parents):
+        elif parent and name in reached([parent], lambda one: filter(None, [parents.get(one)])):
             wrong = "is its own ancestor"
             yield Finding(Kind.NO_TREE, where, wrong, "requirements form a tree", (*at, "parent"))
     handled: dict[str, int] = {}
@@ -236,15 +237,6 @@ def _evidence(design: Design) -> Iterator[Finding]:
                 right = "name a protocol, an act and a class that a message lists"
                 wrong = f"no message of the design is {one.name!r}"
                 yield Finding(Kind.NO_EVIDENCE, where, wrong, right, at)
-
-
-def _circular(name: str, parents: Mapping[str, str]) -> bool:
-    """Whether a requirement is among its own ancestors."""
-    seen, here = {name}, parents.get(name, "")
-    while here and here not in seen:
-        seen.add(here)
-        here = parents.get(here, "")
-    return here == name
 
 
 # --- The steps can be carried out, every group has a task, and every group left is an agent or said

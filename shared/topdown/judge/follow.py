@@ -13,6 +13,7 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 from fipa_codec.conversation import Needs, needs
+from fipa_codec.exploration import reached
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import NOT_UNDERSTOOD, RECEIVE, SEND, START, Protocol, Role, Table, Way
@@ -58,17 +59,8 @@ class Moves:
     @cached_property
     def uncancelled(self) -> States:
         """States that are reached without a cancel."""
-        found: set[str] = {START}
-        while (
-            more := {
-                row.to
-                for row in self.table
-                if row.state in found and row.performative is not Performative.CANCEL
-            }
-            - found
-        ):
-            found |= more
-        return frozenset(found)
+        rows = [row for row in self.table if row.performative is not Performative.CANCEL]
+        return frozenset(reached([START], lambda s: (row.to for row in rows if row.state == s)))
 
     def saying(self, states: States, said: TableMessage) -> States:
         """The states it may be in after saying this; none: it may not say it."""

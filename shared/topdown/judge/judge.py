@@ -16,9 +16,8 @@ from fipa_codec.communicate import Communicate, decode_strictly, number_of
 from fipa_codec.errors import MalformedError
 from fipa_codec.languages import Languages
 from fipa_codec.tables import Role
-from topdown.judge.admission import Admission, Read
 from topdown.judge.conversations import Copies, Entry, Known, Pair, Streams, Talk, Talks
-from topdown.judge.verdicts import Heard, Judgement, Verdict
+from topdown.judge.verdicts import Admission, Heard, Judgement, Read, Verdict
 from topdown.model.design import Design
 
 # --- Calls due at given times. No clock: the caller passes the time -------------------------------
@@ -93,23 +92,13 @@ class Judge:
         (None) nobody can read it. Judgements of it, and of earlier ones that it explains.
         """
         self._advance(at)
-        one: Communicate | None = None
-        why = ""
-        if isinstance(said, Communicate):
-            one = said
-        else:
+        if not isinstance(said, Communicate):
             size = size or len(said)
             try:
-                one = decode_strictly(said)
+                said = decode_strictly(said)
             except MalformedError as error:
-                why = str(error)
-        heard = Heard(next(self._numbers), at, key, size, one)
-        if one is None:
-            self._say(
-                Verdict.MALFORMED, heard, (self._admission.parts(key) or {}).get("channel", ""), why
-            )
-        else:
-            self._admit(heard, one, read)
+                return self._malformed(key, str(error), at, size)
+        self._admit(Heard(next(self._numbers), at, key, size, said), said, read)
         return self._told()
 
     def noted(self, key: str, why: str, at: float) -> tuple[Judgement, ...]:
@@ -117,8 +106,11 @@ class Judge:
         themselves.
         """
         self._advance(at)
-        channel = (self._admission.parts(key) or {}).get("channel", "")
-        self._say(Verdict.MALFORMED, Heard(next(self._numbers), at, key, 0, None), channel, why)
+        return self._malformed(key, why, at, 0)
+
+    def _malformed(self, key: str, why: str, at: float, size: int) -> tuple[Judgement, ...]:
+        heard = Heard(next(self._numbers), at, key, size, None)
+        self._say(Verdict.MALFORMED, heard, self._admission.channel(key), why)
         return self._told()
 
     def pass_time(self, now: float) -> tuple[Judgement, ...]:

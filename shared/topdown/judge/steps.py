@@ -42,7 +42,7 @@ _CAUSES: dict[str, tuple[Cause, ...]] = {
     "Settled": (Cause.OWN,),
 }
 NOT_UNDERSTOOD = ("Broken",)
-"""A conversation that ended by not-understood: outside the proof (topdown.prove.abstractions)."""
+"""A conversation that ended by not-understood: outside the proof (topdown.prove.verify)."""
 
 
 class Steps(Machine):

@@ -1,10 +1,12 @@
 """A design, and all that is derived from its file: channels, keys, rules for each message,
-interfaces, state machines.
+interfaces, state machines, tables of its own, rulings.
 
 What the paper has in tables (sections 4 and 5) a designer types once in a file; the rest is
 computed here, so that it cannot drift. Nothing here knows a particular system, Zenoh or a clock.
 """
 
+import re
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Protocol as Shape
@@ -12,14 +14,16 @@ from typing import TypeVar
 
 import msgspec
 
+from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import REASON as REASON_LANGUAGE
-from fipa_codec.languages import Reason
+from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative
-from fipa_codec.tables import Protocol
+from fipa_codec.protocols import named
+from fipa_codec.tables import Protocol, Row, Table
 from topdown.model import elements, loading
 from topdown.model.decomposition import Channel, Decomposition, decompose
-from topdown.model.errors import NoSuchEntry
-from topdown.model.own_tables import fipa_table, own_table
+from topdown.model.errors import DesignError, NoSuchEntry
+from topdown.model.loading import Path_, line_of
 
 T = TypeVar("T")
 
@@ -314,7 +318,7 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         return Rule(
             channel=use.channel,
             sender=message.sender,
-            receiver=use.participant if message.sender == use.initiator else use.initiator,
+            receiver=use.peer(message.sender),
             protocol=use.follows,
             performative=message.performative,
             use=use.name,
@@ -352,3 +356,99 @@ def _look_up(kind: str, name: str, table: dict[str, T]) -> T:
     if name not in table:
         raise NoSuchEntry(kind, name, table)
     return table[name]
+
+
+# --- Interaction protocols that a design brings along, beside FIPA's: entries of the file made
+# into tables of rows
+# Also the word by which files and people name a use of a performative: `inform`, `inform[final]`.
+
+
+_WORD = re.compile(r"(?P<act>[a-z-]+)(?:\[(?P<kind>[a-z]+)\])?")
+
+
+def act_word(word: str) -> tuple[Performative, Kind]:
+    """Performative and guard word of `inform[final]`. Raises ValueError, which says what there
+    is.
+    """
+    match = _WORD.fullmatch(word)
+    if match is None:
+        raise ValueError(f"{word!r} is not an act; write `inform` or `inform[final]`")
+    try:
+        return Performative(match["act"]), Kind(match["kind"] or "")
+    except ValueError:
+        kinds = ", ".join(kind for kind in Kind if kind)
+        raise ValueError(
+            f"{word!r}: acts are {', '.join(Performative)}; guard words {kinds}"
+        ) from None
+
+
+def fipa_table(name: str) -> Protocol | None:
+    """FIPA's protocol of that name or alias; None where there is none."""
+    try:
+        return named(name)
+    except LocalProtocolError:
+        return None
+
+
+def own_table(entry: elements.Table, file: str = "design.toml") -> Protocol:
+    """The protocol of an entry. Raises DesignError."""
+    try:
+        return Protocol(
+            entry.name,
+            initiator=_role(entry.initiator),
+            participant=_role(entry.participant),
+            confirmed=entry.confirmed,
+            rounds=entry.rounds,
+        )
+    except (ValueError, LocalProtocolError) as error:
+        right = "rows are [state, send or receive, act, next state], one for each state and act"
+        raise DesignError(file, None, f"table {entry.name}", str(error), right) from error
+
+
+def _role(role: elements.RoleTable) -> Table:
+    rows = [Row(state, way, *act_word(act), to) for state, way, act, to in role.rows]
+    return Table(rows, ended=role.ended, urgent=role.urgent, resting=role.resting)
+
+
+# --- The rulings of a design: where its source is silent or contradicts itself, what the design
+# does instead
+
+
+_NAMES = ("name", "id", "kind")
+
+
+class Ruling(msgspec.Struct, frozen=True):
+    """A ruling, the entry it stands on, its line; None: not known."""
+
+    where: str
+    text: str
+    line: int | None
+
+
+def rulings(design: Design) -> tuple[Ruling, ...]:
+    """Every ruling, in the file's order."""
+    found = [
+        Ruling(where, text, line_of(design.text, at))
+        for where, text, at in _walk(design.file, "", ())
+    ]
+    return tuple(sorted(found, key=lambda one: one.line or 0))
+
+
+def _walk(entry: object, where: str, at: Path_) -> Iterator[tuple[str, str, Path_]]:
+    if isinstance(entry, tuple):
+        for index, one in enumerate(entry):
+            yield from _walk(one, f"{where} {_name(one, index)}", (*at, index))
+    elif isinstance(entry, msgspec.Struct):
+        if text := getattr(entry, "ruling", ""):
+            yield where.strip(), text, (*at, "ruling")
+        for field in msgspec.structs.fields(entry):
+            inside = f"{where}, {field.encode_name}" if where else field.encode_name
+            yield from _walk(getattr(entry, field.name), inside, (*at, field.encode_name))
+
+
+def _name(entry: object, index: int) -> str:
+    """The name of a list's entry; of a message, sender and act; else its number."""
+    names = [str(getattr(entry, field)) for field in _NAMES if hasattr(entry, field)]
+    if hasattr(entry, "performative") and hasattr(entry, "sender"):
+        names = [f"{entry.sender} {entry.performative}"]
+    return names[0] if names else str(index + 1)

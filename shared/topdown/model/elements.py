@@ -12,7 +12,7 @@ from enum import StrEnum
 import msgspec
 
 from fipa_codec.performatives import Performative
-from fipa_codec.tables import Way
+from fipa_codec.tables import Role, Way
 
 # --- The method's own entries of a design file: the requirement tree, and the steps of the
 # decomposition
@@ -278,6 +278,14 @@ class Protocol(Entry, frozen=True):
     typical_s: float = 0.0
     typical_latency_s: float = 0.0
     alongside: bool = False
+
+    def peer(self, agent: str) -> str:
+        """The end beside `agent`."""
+        return self.participant if agent == self.initiator else self.initiator
+
+    def role(self, agent: str) -> Role:
+        """The role of one of the ends."""
+        return Role.INITIATOR if agent == self.initiator else Role.PARTICIPANT
 
 
 class State(Entry, frozen=True):

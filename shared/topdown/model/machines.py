@@ -16,9 +16,8 @@ from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Protocol, Role
 from topdown.model import elements
-from topdown.model.design import Design
+from topdown.model.design import Design, act_word
 from topdown.model.errors import DesignError
-from topdown.model.own_tables import act_word
 
 NONE = "none"
 """Word for a conversation that is not open, in a row's `when`."""
@@ -125,8 +124,8 @@ class Machine:
         self.uses = {
             use.name: Use(
                 name=use.name,
-                peer=use.participant if agent == use.initiator else use.initiator,
-                role=Role.INITIATOR if agent == use.initiator else Role.PARTICIPANT,
+                peer=use.peer(agent),
+                role=use.role(agent),
                 protocol=design.tables[use.follows],
                 durable=use.durable,
                 latest=use.latest,

@@ -2,22 +2,359 @@
 all soft parts.
 
 Durable streams are ideal FIFO queues here; layer 1 proves that they may be taken so. Queries,
-subscriptions and observations are volatile (parts.py, soft.py): lost or doubled by faults, asked
-again once nothing is on the way. A death and the coming back are one step: what is in the journal
-stays, soft conversations are gone. What is left out, and why that is safe, stands in
-abstractions.py. A state is a flat tuple of small numbers, so that millions fit into memory.
+subscriptions and observations are volatile (`Soft`): lost or doubled by faults, asked again once
+nothing is on the way. A death and the coming back are one step: what is in the journal stays, soft
+conversations are gone. What is left out, and why that is safe, stands in verify.ABSTRACTIONS. A
+state is a flat tuple of small numbers, so that millions fit into memory.
 """
 
 from collections import deque
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from msgspec.structs import replace
+
+from fipa_codec.languages import Kind
+from fipa_codec.performatives import Performative
+from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
+from topdown.model import elements
 from topdown.model.design import Design
-from topdown.model.machines import Cause, Event, Machine, machines
-from topdown.prove.chaos import composed, groups
-from topdown.prove.local import GONE, Agent, Local
-from topdown.prove.parts import OWN, RESTART, SAY, Parts, Ready, endless
-from topdown.prove.soft import Ends, Soft
+from topdown.model.errors import DesignError
+from topdown.model.machines import Cause, Event, Machine, ProtocolAct, machines
+from topdown.prove.local import GONE, Agent, Local, Stray
+from topdown.prove.parts import OWN, RESTART, SAY, Net, Parts, Ready, endless
+
+# --- A group as an end of channels: it may say what the tables of its uses allow, at any time -----
+# Nobody of the design runs a group, so nothing is known of it but its tables and the acts that its
+# messages list. Its rows are made of these: what its peers say it takes, what it is asked it
+# answers sooner or later, by any word that the table has there; what it opens, calls off or
+# observes is its free choice, of which nobody may wait.
+
+
+ANYTHING = "anything"
+"""The one state of a group."""
+SAYS, CHOOSES = "own says", "person there"
+"""Events of its rows: what will happen if it matters, and what may happen."""
+
+
+def groups(design: Design) -> tuple[str, ...]:
+    """The groups at ends of uses of protocols. Raises DesignError for an end that is not a group
+    either.
+    """
+    known = {group.name for group in design.file.group}
+    found: dict[str, None] = {}
+    for use in design.file.protocol:
+        for end in (use.initiator, use.participant):
+            if end not in design.agents:
+                found[end] = None
+                if end not in known:
+                    agents, names = ", ".join(design.agents), ", ".join(sorted(known))
+                    raise DesignError(
+                        design.path or "design.toml",
+                        None,
+                        f"protocol {use.name}",
+                        f"{end!r} is neither an agent nor a group",
+                        f"agents are {agents or 'none'}, groups {names or 'none'}; give it an"
+                        " [[agent]] or a [[group]]",
+                    )
+    return tuple(found)
+
+
+def composed(design: Design) -> Design:
+    """The design with an agent for each of its groups; the same one where none is at an end of a
+    use.
+    """
+    made = [_agent(design, name) for name in groups(design)]
+    if not made:
+        return design
+    file = replace(design.file, agent=(*design.file.agent, *made))
+    return Design(file, design.path, design.text, design.folder)
+
+
+def _agent(design: Design, group: str) -> elements.Agent:
+    uses = [use for use in design.file.protocol if group in (use.initiator, use.participant)]
+    tables = design.tables
+    ends = [_End(use, group, tables[use.follows]) for use in uses if use.follows in tables]
+    rows = (*(row for end in ends for row in end.rows()), *_renewals(ends))
+    state = elements.State(ANYTHING, "chaos", "never", talks=tuple(end.use.name for end in ends))
+    return elements.Agent(name=group, initial=ANYTHING, state=(state,), row=rows)
+
+
+class _End:
+    """A group's end of one use."""
+
+    def __init__(self, use: elements.Protocol, group: str, protocol: Protocol) -> None:
+        self.use, self.protocol = use, protocol
+        self.role, self.peer = use.role(group), use.peer(group)
+        self.table = protocol.tables[self.role]
+        self.acts = {message.performative for message in use.message if message.sender == group}
+        self.observed = use.latest and self.role is Role.PARTICIPANT
+        self.subscribes = use.latest and self.role is Role.INITIATOR
+
+    def rows(self) -> Iterator[elements.Row]:
+        """All of this use: what is taken, said, and opened."""
+        yield from self._taken()
+        for said in dict.fromkeys(self._said()):
+            free = said.act is Performative.CANCEL or self._opens(said)
+            yield _group_row(CHOOSES if free else SAYS, said)
+        for said in self.openings():
+            yield _group_row(
+                SAYS if self.subscribes else CHOOSES, said, when=(f"{self.use.name} none",)
+            )
+        if self.observed:
+            # what is observed before the answer to a subscription is sent after it: that is an
+            # observation made later
+            told = "|".join(("none", *sorted(map(str, self.table.resting))))
+            when = (f"{self.use.name} {told}",)
+            yield elements.Row((ANYTHING,), CHOOSES, owes=(self.use.name,), when=when)
+        if self.role is Role.INITIATOR and not self.use.durable:
+            yield elements.Row((ANYTHING,), f"late {self.use.name}")
+
+    def openings(self) -> tuple[ProtocolAct, ...]:
+        """The words that begin a conversation."""
+        return tuple(map(self._word, filter(self._may_say, self.table.allowed(START, SEND))))
+
+    def _taken(self) -> Iterator[elements.Row]:
+        """Each word of the peer, with each way to say what is owed for it in the same step."""
+        ways: dict[tuple[ProtocolAct, tuple[ProtocolAct, ...]], None] = {}
+        for row in self.table:
+            if row.way is RECEIVE:
+                ways |= {(self._word(row), said): None for said in self._owed(str(row.to), ())}
+        for heard, said in ways:
+            yield _group_row(str(heard), *said)
+
+    def _said(self) -> Iterator[ProtocolAct]:
+        """Words in a conversation that is open; a volatile opening is asked again by the model
+        itself.
+        """
+        for row in self.table:
+            if row.way is SEND and row.state != START and row.to != START and self._may_say(row):
+                said = self._word(row)
+                again = self._opens(said) and (not self.use.durable or row.to == row.state)
+                news = self.observed and (said.act, said.kind) == (Performative.INFORM, Kind.PLAIN)
+                if not again and not news:
+                    yield said
+
+    def _owed(
+        self, state: str, before: tuple[ProtocolAct, ...]
+    ) -> Iterator[tuple[ProtocolAct, ...]]:
+        """Ways to say what a state owes in the same step; one that says nothing where it owes
+        nothing.
+        """
+        if state not in self.table.urgent:
+            yield before
+            return
+        for row in self.table.allowed(state, SEND):
+            if self._may_say(row) and self._word(row) not in before:
+                yield from self._owed(str(row.to), (*before, self._word(row)))
+
+    def _opens(self, said: ProtocolAct) -> bool:
+        return self.role is Role.INITIATOR and said.act in self.protocol.openings
+
+    def _may_say(self, row: Row) -> bool:
+        """Whether its messages list the act; the answer to a cancel the runtime gives by itself."""
+        return row.performative in self.acts or row.kind is Kind.CANCEL
+
+    def _word(self, row: Row) -> ProtocolAct:
+        return ProtocolAct(self.use.name, row.performative, row.kind)
+
+
+def _renewals(ends: list[_End]) -> Iterator[elements.Row]:
+    """A peer that came back is subscribed to once more, in each use, as the runtime does."""
+    for peer in dict.fromkeys(end.peer for end in ends if end.subscribes):
+        mine = [end for end in ends if end.subscribes and end.peer == peer]
+        said = tuple(str(said) for end in mine for said in end.openings()[:1])
+        dropped = tuple(end.use.name for end in mine)
+        yield elements.Row(in_=(ANYTHING,), on=f"back {peer}", drop=dropped, say=said)
+
+
+def _group_row(event: str, *said: ProtocolAct, when: tuple[str, ...] = ()) -> elements.Row:
+    return elements.Row(in_=(ANYTHING,), on=event, say=tuple(map(str, said)), when=when)
+
+
+# --- A volatile use: what of it may happen by itself, and to words on their way -------------------
+# What may happen depends on the two ends and on what is on the way; it is worked out once and kept.
+# Asked again is only what nothing more is on the way of: other repetitions are copies, which count
+# as faults.
+
+
+class Ends(NamedTuple):
+    """The two ends' local states and the net, by number."""
+
+    asker: int
+    server: int
+    net: int
+
+
+class Turn(NamedTuple):
+    """Something that may happen: the parts change to `ends`; then agent `number` does `ready`, if
+    there is one.
+
+    `wrong`: nobody has thought of it, and why.
+    """
+
+    who: str
+    what: str
+    ends: Ends
+    number: int = -1
+    ready: Ready | None = None
+    fault: bool = False
+    wrong: str = ""
+
+
+class Soft:
+    """One volatile use; `slot` is its net's place in a state."""
+
+    def __init__(self, parts: Parts, use: elements.Protocol) -> None:
+        self.parts, self.use, self.latest = parts, use.name, use.latest
+        self.slot = parts.net_of[use.name]
+        self.asker, self.server = parts.place[use.initiator], parts.place[use.participant]
+        tables = parts.agents[self.asker].machine.uses[use.name].protocol.tables
+        asker, server = tables[Role.INITIATOR], tables[Role.PARTICIPANT]
+        said = {message.performative for message in use.message}
+        opening = [row for row in asker.allowed(START, SEND) if row.performative in said]
+        self.openings = {str(row.to): _act(use.name, row) for row in opening}
+        self.asks = {**_repeated(use.name, asker), **self.openings}
+        self.outward = {_act(use.name, row) for row in asker if row.way is SEND}
+        self.unanswered = {str(row.to) for row in server.allowed(START, RECEIVE)}
+        self.resting = server.resting
+        self.late = parts.agents[self.server].late_answers(use.name)
+        self.answers = {
+            str(row.to): _act(use.name, row)
+            for state in self.unanswered
+            for row in reversed(server.allowed(state, SEND))
+        }
+        self.news = ProtocolAct(use.name, Performative.INFORM, Kind.PLAIN)
+        self._turns: dict[Ends, tuple[Turn, ...]] = {}
+
+    def at_rest(self, ends: Ends) -> bool:
+        """Nothing on its way; a subscription is live, and its newest observation known."""
+        net = self.parts.net(ends.net)
+        live = bool(self.parts.talk(self.asker, ends.asker, self.use)) and net.current
+        return not net.words and not net.stale and (live or not self.latest)
+
+    def turns(self, ends: Ends) -> tuple[Turn, ...]:
+        """All that may happen in this use, faults as well."""
+        found = self._turns.get(ends)
+        if found is None:
+            found = (*self._taken(ends), *self.by_itself(ends), *self._lost(ends))
+            self._turns[ends] = found
+        return found
+
+    def _with(self, ends: Ends, net: Net) -> Ends:
+        return ends._replace(net=self.parts.nets(net))
+
+    # --- taken ------------------------------------------------------------------------------------
+
+    def _taken(self, ends: Ends) -> Iterator[Turn]:
+        net = self.parts.net(ends.net)
+        for said in net.words:
+            if said in self.openings.values():
+                yield from self._asked(ends, net, said)
+            elif said in self.outward and not net.current:
+                yield self._unknown(ends, net, said)
+            elif said in self.outward:
+                yield from self._heard(ends, net, said, self.server, ends.server)
+            else:
+                yield from self._heard(ends, net, said, self.asker, ends.asker)
+
+    def _asked(self, ends: Ends, net: Net, said: ProtocolAct) -> Iterator[Turn]:
+        """An opening: of the present question once more, or of a newer one, whose conversation
+        replaces the older.
+        """
+        talk = self.parts.talk(self.server, ends.server, self.use)
+        if talk and net.current:
+            answer, after = self.answers.get(talk), net.taken(said)
+            after = after if answer is None else after.added(answer)
+            name = self.parts.names[self.server]
+            yield Turn(name, f"{said}: asked again", self._with(ends, after))
+            return
+        local = self.parts.without_talk(self.server, ends.server, self.use)
+        forgot = ends._replace(server=local)
+        for turn in self._heard(forgot, net, said, self.server, local):
+            after = self.parts.net(turn.ends.net)
+            after = after.accepted() if turn.ready else after
+            yield turn._replace(ends=self._with(turn.ends, after))
+
+    def _unknown(self, ends: Ends, net: Net, said: ProtocolAct) -> Turn:
+        """A word in a conversation that the participant does not hold: a cancel is answered as the
+        table says.
+        """
+        name, after = self.parts.names[self.server], net.taken(said)
+        if said.act is not Performative.CANCEL:
+            return Turn(name, f"{said} is dropped", self._with(ends, after))
+        for answer in self.late:
+            after = after.added(answer)
+        what = f"{said} <- {self.parts.names[self.asker]}, too late"
+        return Turn(name, what, self._with(ends, after))
+
+    def _heard(
+        self, ends: Ends, net: Net, said: ProtocolAct, number: int, local: int
+    ) -> Iterator[Turn]:
+        """An agent takes a word, or a copy of it; what nobody waits for is dropped. Of the newest
+        observation nothing more is owed then; or (a fault) its receipt is lost.
+        """
+        observed = self.latest and said == self.news and number == self.asker
+        found, name = self.parts.outcomes(number, local, said), self.parts.names[number]
+        if isinstance(found, Stray):
+            yield Turn(name, f"{said} is dropped", self._with(ends, net.taken(said)))
+        elif isinstance(found, str):
+            yield Turn(name, str(said), ends, wrong=found)
+        for ready in found if isinstance(found, tuple) else ():
+            if observed:
+                local = self.parts.without_debt(self.server, ends.server, self.use)
+                after = self._with(ends._replace(server=local), net.known(said))
+                yield Turn(name, ready.label, after, number, ready)
+                lost, unpaid = f"{ready.label}; its receipt is lost", net.taken(said)
+                yield Turn(name, lost, self._with(ends, unpaid), number, ready, fault=True)
+            else:
+                yield Turn(name, ready.label, self._with(ends, net.taken(said)), number, ready)
+                yield Turn(name, f"{ready.label} (a copy)", ends, number, ready, fault=True)
+
+    # --- by itself --------------------------------------------------------------------------------
+
+    def by_itself(self, ends: Ends) -> Iterator[Turn]:
+        """What is said again when nothing of it is on the way."""
+        net, names = self.parts.net(ends.net), self.parts.names
+        asked = self.asks.get(self.parts.talk(self.asker, ends.asker, self.use))
+        served = self.parts.talk(self.server, ends.server, self.use)
+        thinks = net.current and served in self.unanswered
+        if asked is not None and not net.words and (not thinks or asked.act is Performative.CANCEL):
+            what = f"{asked} -> {names[self.server]}, again"
+            yield Turn(names[self.asker], what, self._with(ends, net.added(asked)))
+        owed = self.latest and self.use in self.parts.local(self.server, ends.server).owed
+        heard = net.current and served in self.resting
+        if owed and heard and self.news not in net.words:
+            what = f"{self.news} -> {names[self.asker]}, again"
+            yield Turn(names[self.server], what, self._with(ends, net.added(self.news)))
+
+    def _lost(self, ends: Ends) -> Iterator[Turn]:
+        net = self.parts.net(ends.net)
+        for said in net.words:
+            yield Turn("net", f"{said} is lost", self._with(ends, net.taken(said)), fault=True)
+
+
+def _repeated(use: str, asker: Table) -> dict[str, ProtocolAct]:
+    """What is repeated in each state: the newest word of the initiator until something is taken, or
+    its cancel, which crossing messages do not answer, until the conversation has ended.
+    """
+    found = {str(row.to): row for row in asker if row.way is SEND and row.to not in asker.ended}
+    waiting = [row for row in found.values() if row.performative is Performative.CANCEL]
+    while waiting:
+        cancel = waiting.pop()
+        for row in asker.allowed(cancel.to, RECEIVE):
+            if row.kind is not Kind.CANCEL and row.to not in asker.ended and row.to not in found:
+                found[str(row.to)] = cancel._replace(to=row.to)
+                waiting.append(found[str(row.to)])
+    return {state: _act(use, row) for state, row in found.items()}
+
+
+def _act(use: str, row: Row) -> ProtocolAct:
+    return ProtocolAct(use, row.performative, row.kind)
+
+
+# --- The composed system --------------------------------------------------------------------------
+
 
 QUEUE_BOUND = 5
 """Longest durable queue (estimate): the outbox of a running agent holds 16; this alarms long before
@@ -52,7 +389,7 @@ class Faults(NamedTuple):
 class Fleet:
     """The model, for topdown.prove.engine.explore. Raises DesignError for rows that cannot be read.
 
-    `groups`: the ends that nobody of the design runs; chaos.py has what they do.
+    `groups`: the ends that nobody of the design runs; `composed` has what they do.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Variables, bounded queues and guarded commands: the one form from which a model and its exports
 are made.
 
-A net is data, so one and the same table is explored here (`net_model.NetModel`) and given to spin
+A net is data, so one and the same table is explored here (`NetModel`) and given to spin
 (`promela`). To fill it:
 
   * `Variable("co", ("idle", "busy"), owner="co")`: a small finite domain of words; it starts with
@@ -10,12 +10,11 @@ A net is data, so one and the same table is explored here (`net_model.NetModel`)
   * `Queue("co>ta", ("request", "cancel"), capacity=3)`: first in, first out, empty at the start.
   * `Command(who, what, guards, effects)`: may happen where all `guards` hold, and all its effects
     happen at once. Alternatives are separate commands. `fair` and `fault` mean what they mean in
-    `engine.Move`. Guards: `Is(variable, {values})`, `Head(queue, {words})`, `Empty(queue)`,
-    `Full(queue)`. Effects, carried out in their order: `Set(variable, value)`, `Copy(variable,
-    source)` (another variable with the same domain), `Take(queue)` (its first word goes),
-    `Send(queue, word)`, `Clear(queue)`. A command with `Send` does not happen while there is no
-    room (a full queue holds the sender back); where fullness is an error, write another command
-    guarded by `Full` that sets a variable of `wrong`. `Take` wants a `Head` guard.
+    `engine.Move`. Guards: `Is(variable, {values})`, `Head(queue, {words})`, `Empty(queue)`.
+    Effects, carried out in their order: `Set(variable, value)`, `Copy(variable, source)` (another
+    variable with the same domain), `Take(queue)` (its first word goes), `Send(queue, word)`. A
+    command with `Send` does not happen while there is no room (a full queue holds the sender back).
+    `Take` wants a `Head` guard.
   * `rest`: alternatives, each of them guards; where all guards of one hold, everybody may stay as
     he is. `wrong`: what must never be, each with its words. Beyond a wrong state nothing is
     explored.
@@ -26,6 +25,7 @@ faults is fault commands without a counter, a bounded one a variable that they c
 agents, files.
 """
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -78,12 +78,6 @@ class Empty(NamedTuple):
     queue: str
 
 
-class Full(NamedTuple):
-    """The queue has no room."""
-
-    queue: str
-
-
 class Set(NamedTuple):
     """Give the variable a value."""
 
@@ -111,14 +105,8 @@ class Send(NamedTuple):
     word: str
 
 
-class Clear(NamedTuple):
-    """All words go."""
-
-    queue: str
-
-
-Guard = Is | Head | Empty | Full
-Effect = Set | Copy | Take | Send | Clear
+Guard = Is | Head | Empty
+Effect = Set | Copy | Take | Send
 
 
 class Command(NamedTuple):
@@ -259,12 +247,6 @@ class NetModel:
         """Index of each variable and queue in a state."""
         return {thing.name: place for place, thing in enumerate(self.net.things)}
 
-    def value(self, state: Any, variable: str) -> str:
-        """The value of a variable in a state."""
-        values = next(one.values for one in self.net.variables if one.name == variable)
-        index: int = state[self.places[variable]]
-        return values[index]
-
     def describe(self, state: Any) -> dict[str, str]:
         """Lifeline -> the values of what it owns; empty queues are left out."""
         words: dict[str, list[str]] = {name: [] for name in self.net.lifelines}
@@ -342,7 +324,7 @@ def rooms(net: Net, command: Command) -> Iterator[tuple[str, int]]:
     for queue in net.queues:
         mine = [type(effect) for effect in command.effects if effect[0] == queue.name]
         more = mine.count(Send) - mine.count(Take)
-        if more > 0 and Clear not in mine:
+        if more > 0:
             yield queue.name, queue.capacity - more
 
 
@@ -365,8 +347,6 @@ def _guard(guard: Guard, known: Mapping[str, Any], cells: Cells) -> str:
             return f"{cell} and {_one_of(f'{cell}[0]', numbers)}"
         case Empty():
             return f"not {cell}"
-        case Full(name):
-            return f"len({cell}) >= {known[name].capacity}"
 
 
 def _one_of(cell: str, numbers: list[int]) -> str:
@@ -390,6 +370,123 @@ def _after(net: Net, effects: tuple[Effect, ...], cells: Cells) -> str:
             case Send(name, word):
                 place = thing.words.index(word) if isinstance(thing, Queue) else ""
                 now[name] = f"({now[name]} + ({place},))"
-            case Clear(name):
-                now[name] = "()"
     return f"({', '.join(now[name] for name in cells)},)"
+
+
+# --- A net as Promela, so that spin can give a second opinion (spinroot.com; SPIN 6.5 was tried)
+# One process, one loop, one `d_step` for each command: spin stores exactly the states that are
+# explored here. What is wrong is an assertion, a deadlock an invalid end state; in nets with
+# faults it is an assertion as well, since a fault that may still happen is not a way out. Whether
+# rest can be reached from everywhere is a branching property, which spin does not check. Verify
+# with: spin -a -o1 -o2 FILE; gcc -DSAFETY -DNOREDUCE -o pan pan.c; ./pan -m1000000 -c0 (-o1 -o2:
+# else spin leaves out variables that nobody asks, and stores fewer states).
+
+
+Names = Mapping[str, str]
+
+
+def promela(net: Net) -> str:
+    """The model's text. Raises NetError for names the net does not have."""
+    net.check()
+    names = {
+        thing.name: f"{_identifier(thing.name)}_{number}" for number, thing in enumerate(net.things)
+    }
+    return "\n".join([*_head(net, names), *_declared(net, names), *_process(net, names), ""])
+
+
+def _identifier(name: str) -> str:
+    word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_").lower()
+    return word if word and word[0].isalpha() else f"v_{word}"
+
+
+def _head(net: Net, names: Names) -> Iterator[str]:
+    """Comments that explain the numbers."""
+    yield f"/* {_comment(net.name)}: {len(net.commands)} commands"
+    for thing in net.things:
+        words = thing.values if isinstance(thing, Variable) else thing.words
+        meaning = ", ".join(f"{number} {word or 'none'}" for number, word in enumerate(words))
+        yield f"   {names[thing.name]}: {_comment(thing.name)}: {_comment(meaning)}"
+    yield "*/"
+
+
+def _declared(net: Net, names: Names) -> Iterator[str]:
+    for variable in net.variables:
+        yield f"byte {names[variable.name]} = {variable.first};"
+    for queue in net.queues:
+        yield f"chan {names[queue.name]} = [{queue.capacity}] of {{ byte }};"
+    yield f"#define REST ({_any_promela(net, net.rest, names)})"
+    yield f"#define WRONG ({_any_promela(net, tuple(wrong.guards for wrong in net.wrong), names)})"
+
+
+def _process(net: Net, names: Names) -> Iterator[str]:
+    yield "active proctype net() {"
+    yield "  do"
+    for wrong in net.wrong:
+        step = f"{{ {_all_promela(net, wrong.guards, names)} -> assert(false) }}"
+        yield f"  :: d_step {step} /* {_comment(wrong.text)} */"
+    yield "  :: d_step { REST && !WRONG -> skip }"
+    for command in net.commands:
+        effects = "; ".join(_effect(net, effect, names) for effect in command.effects) or "skip"
+        words = _comment(f"{command.who}: {command.what}")
+        step = f"{{ !WRONG && {_condition(net, command, names)} -> {effects} }}"
+        yield f"  :: d_step {step} /* {words} */"
+    if any(command.fault for command in net.commands):
+        able = [_condition(net, command, names) for command in net.commands if not command.fault]
+        # spin ends a statement at a line that could be one
+        yield "  :: d_step { !WRONG && !REST &&"
+        yield from (f"       !({condition}) &&" for condition in dict.fromkeys(able))
+        yield "       true -> assert(false) } /* deadlock */"
+    yield "  od"
+    yield "}"
+
+
+def _condition(net: Net, command: Command, names: Names) -> str:
+    """Guards of a command, and room for what it sends."""
+    room = [f"len({names[name]}) <= {most}" for name, most in rooms(net, command)]
+    return " && ".join([_all_promela(net, command.guards, names), *room])
+
+
+def _any_promela(net: Net, alternatives: tuple[tuple[Guard, ...], ...], names: Names) -> str:
+    return (
+        " || ".join(f"({_all_promela(net, guards, names)})" for guards in alternatives) or "false"
+    )
+
+
+def _all_promela(net: Net, guards: tuple[Guard, ...], names: Names) -> str:
+    known = net.by_name
+    conditions = (_promela_guard(known[guard[0]], guard, names[guard[0]]) for guard in guards)
+    return " && ".join(conditions) or "true"
+
+
+def _promela_guard(thing: Variable | Queue, guard: Guard, name: str) -> str:
+    match guard, thing:
+        case Is(_, wanted), Variable(_, values):
+            numbers = sorted(values.index(value) for value in wanted)
+            text = " || ".join(f"{name} == {number}" for number in numbers)
+        case Head(_, wanted), Queue(_, words):
+            numbers = sorted(words.index(word) for word in wanted)
+            text = " || ".join(f"{name}?[{number}]" for number in numbers)
+        case Empty(), _:
+            return f"len({name}) == 0"
+        case _:
+            raise AssertionError(guard)
+    return f"({text})" if len(numbers) > 1 else text
+
+
+def _effect(net: Net, effect: Effect, names: Names) -> str:
+    name, thing = names[effect[0]], net.by_name[effect[0]]
+    match effect, thing:
+        case Set(_, value), Variable(_, values):
+            return f"{name} = {values.index(value)}"
+        case Copy(_, source), _:
+            return f"{name} = {names[source]}"
+        case Take(), _:
+            return f"{name}?_"
+        case Send(_, word), Queue(_, words):
+            return f"{name}!{words.index(word)}"
+        case _:
+            raise AssertionError(effect)
+
+
+def _comment(text: str) -> str:
+    return text.replace("*/", "* /").replace("/*", "/ *")

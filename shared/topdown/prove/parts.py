@@ -7,6 +7,7 @@ Everything that depends on an agent's local state alone is worked out once and k
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
+from fipa_codec.exploration import reached
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, Role, Table, Way
@@ -152,18 +153,8 @@ def _free_loops(machine: Machine) -> Iterator[Row]:
         state: {row.to or state for row in free if state in row.states} for state in machine.waits
     }
     for row in free:
-        if any(state in _reached(row.to or state, leads) for state in row.states):
+        if any(state in reached([row.to or state], leads.__getitem__) for state in row.states):
             yield row
-
-
-def _reached(start: str, leads: dict[str, set[str]]) -> set[str]:
-    """The states that free rows lead to from a state, itself included."""
-    found, waiting = {start}, [start]
-    while waiting:
-        more = leads[waiting.pop()] - found
-        found |= more
-        waiting += more
-    return found
 
 
 def _heard(machine: Machine) -> set[ProtocolAct]:

@@ -8,6 +8,7 @@ tables.
 from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 
+from fipa_codec.exploration import reached
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row, Table
@@ -162,12 +163,7 @@ def spoilt_copies(name: str, words: str) -> Iterator[Command]:
 
 def reachable(table: Table) -> Table:
     """The rows that a walk from the start reaches, whatever the peer does."""
-    known, waiting = {START}, [START]
-    while waiting:
-        state = waiting.pop()
-        found = {str(row.to) for row in table if row.state == state} - known
-        known |= found
-        waiting += found
+    known = reached([START], lambda state: (row.to for row in table if row.state == state))
     return table.only(row for row in table if row.state in known)
 
 

@@ -1,19 +1,20 @@
 """All three layers of the proof of a design, one verdict after the other.
 
 Layer 1: the durable stream, and a physical act, in micro-steps. Layer 2: each use of a protocol
-with copies and receipts explicit. Layer 3: the composed system of all agents' rows. Must not know:
-how verdicts are printed, who waits for them.
+with copies and receipts explicit. Layer 3: the composed system of all agents' rows. Last stand the
+simplifications of layer 3, and what is not proven. Must not know: how verdicts are printed, who
+waits for them.
 """
 
 from collections.abc import Callable, Collection, Iterator
 from enum import StrEnum
+from functools import partial
 from typing import NamedTuple
 
 from topdown.model.design import Design
 from topdown.model.machines import machines
-from topdown.prove.chaos import composed
 from topdown.prove.engine import Exploration, Finding, Move, explore
-from topdown.prove.fleet import ANY, Faults, Fleet
+from topdown.prove.fleet import ANY, Faults, Fleet, composed
 from topdown.prove.pairs import changed_channels, explore_use
 from topdown.prove.stream import explore_stream
 
@@ -214,7 +215,8 @@ def tasks(
     if 2 in layers:
         for use in design.file.protocol:
             if use.follows in design.tables and (channels is None or use.channel in channels):
-                yield Task(2, f"{use.channel} {use.name}", _pair(design, use.name, faults, seconds))
+                what = f"{use.channel} {use.name}"
+                yield Task(2, what, partial(_pair, design, what, use.name, faults, seconds))
     if 3 in layers and step is None:
         wishes = {} if skip_start else {"all agents, starting": Faults(0, boot=True)}
         wishes["all agents"] = Faults(ANY if faults is None else faults)
@@ -222,7 +224,7 @@ def tasks(
             dead = Faults(0, gone=name, waiting=waiting(design, name))
             wishes[f"{name} dies for good"] = dead
         for what, wish in wishes.items():
-            yield Task(3, what, _fleet(design, what, wish, seconds))
+            yield Task(3, what, partial(_fleet, design, what, wish, seconds))
 
 
 def _verdict(
@@ -245,34 +247,32 @@ def _micro(what: str, explored: Callable[[], Exploration]) -> Task:
 
 
 def _pair(
-    design: Design, use: str, faults: int | None, seconds: float | None
-) -> Callable[[Progress | None], Verdict]:
-    def run(progress: Progress | None) -> Verdict:
-        result = explore_use(design, use, faults, seconds=seconds)
-        notes = tuple(f"never reached: {state}" for state in result.unreached)
-        what = f"{result.channel} {use}"
-        return _verdict(2, what, faults, result.exploration, notes=notes)
-
-    return run
+    design: Design,
+    what: str,
+    use: str,
+    faults: int | None,
+    seconds: float | None,
+    _: Progress | None,
+) -> Verdict:
+    result = explore_use(design, use, faults, seconds=seconds)
+    notes = tuple(f"never reached: {state}" for state in result.unreached)
+    return _verdict(2, what, faults, result.exploration, notes=notes)
 
 
 def _fleet(
-    design: Design, what: str, faults: Faults, seconds: float | None
-) -> Callable[[Progress | None], Verdict]:
-    def run(progress: Progress | None) -> Verdict:
-        most = None if faults.most == ANY else faults.most
-        silent = [name for name, machine in machines(design).items() if not machine.rows]
-        if silent:
-            missing = f"agents without rows cannot be composed: {', '.join(silent)}"
-            return Verdict(3, what, most, 0, 0, 0.0, (), (missing,))
-        fleet = Fleet(design, faults)
-        found = explore(fleet, seconds=seconds, progress=progress)
-        loud = fleet.not_silent() if not found.findings else ()
-        whole = not (faults.gone or faults.boot or found.findings)
-        notes, beyond = (fleet.unused(), fleet.endless()) if whole else ((), ())
-        return _verdict(3, what, most, found, *loud, notes=notes, beyond=beyond)
-
-    return run
+    design: Design, what: str, faults: Faults, seconds: float | None, progress: Progress | None
+) -> Verdict:
+    most = None if faults.most == ANY else faults.most
+    silent = [name for name, machine in machines(design).items() if not machine.rows]
+    if silent:
+        missing = f"agents without rows cannot be composed: {', '.join(silent)}"
+        return Verdict(3, what, most, 0, 0, 0.0, (), (missing,))
+    fleet = Fleet(design, faults)
+    found = explore(fleet, seconds=seconds, progress=progress)
+    loud = fleet.not_silent() if not found.findings else ()
+    whole = not (faults.gone or faults.boot or found.findings)
+    notes, beyond = (fleet.unused(), fleet.endless()) if whole else ((), ())
+    return _verdict(3, what, most, found, *loud, notes=notes, beyond=beyond)
 
 
 def waiting(design: Design, gone: str) -> tuple[str, ...]:
@@ -291,3 +291,120 @@ def waiting(design: Design, gone: str) -> tuple[str, ...]:
         others = ", ".join(name for name in design.agents if name != gone)
         raise ValueError(f"{wrong}; name another agent: {others or 'there is none'}")
     return left
+
+
+# --- Simplifications of the composed model: why each is safe, and the evidence for it -------------
+# `roco design verify --long` prints this table; a reader who doubts a verdict begins here.
+
+
+class Abstraction(NamedTuple):
+    """`what` is done to the running system to get the model; `why` no error is hidden by it;
+    `shown` by what.
+    """
+
+    what: str
+    why: str
+    shown: str
+
+
+ABSTRACTIONS = (
+    Abstraction(
+        "contents of messages are dropped",
+        "a row offers every reaction that some content may cause, so the model does more than the"
+        " agents, never less",
+        "each step of a running agent is compared with its rows (topdown.judge.steps)",
+    ),
+    Abstraction(
+        "words that change nothing (progress told and confirmed) are not sent",
+        "their receiver stands as before after taking them, in every state in which they may come",
+        "topdown.prove.parts, and Fleet.not_silent after the exploration, over every state that was"
+        " reached",
+    ),
+    Abstraction(
+        "words under `may` are not said",
+        "they are such silent words, or questions of whose answer nobody waits",
+        "the design's author; checked are tables (a row for the answer in the state that follows)"
+        " and running steps",
+    ),
+    Abstraction(
+        "a durable stream is an ideal FIFO queue",
+        "numbered, journalled, re-sent: nothing is lost, doubled or overtaken, whatever dies",
+        "layer 1, under any number of faults; layer 2 with copies and receipts explicit",
+    ),
+    Abstraction(
+        "a death and the coming back are one step, and faults are explored from rest",
+        "while an agent is down its queues only wait; the start of all agents is explored by"
+        " itself, without faults",
+        "layers 1 and 2 let a side die between any two of its micro-steps",
+    ),
+    Abstraction(
+        "a volatile channel is a set of words; what belongs to a question given up is dropped at"
+        " once",
+        "copies of one word do the same; a late answer is dropped by the conversation's id whenever"
+        " it comes",
+        "layer 2, volatile: copies explicit",
+    ),
+    Abstraction(
+        "a question is asked again only when nothing of it is on its way",
+        "asking earlier makes copies, and copies are explored as faults",
+        "layer 2, volatile",
+    ),
+    Abstraction(
+        "the receipt of an observation comes with its taking, or is lost",
+        "a receipt that comes later is an observation taken later: until then it is owed in both",
+        "layer 2, latest: receipts explicit",
+    ),
+    Abstraction(
+        "one observation stands for all subjects",
+        "what is owed is a yes or no to whoever waits for all of it; no order among subjects is"
+        " relied on",
+        "agent_runtime: observations of every subject are kept and re-sent alike"
+        " (tests/agent_runtime)",
+    ),
+    Abstraction(
+        "a group says anything that the tables of its uses and the acts of its messages allow, at"
+        " any time",
+        "it does more than any group that keeps to its tables; nobody may wait for what it opens or"
+        " calls off",
+        "topdown.prove.fleet; each row that a group's word needs is taken away"
+        " (tests/topdown/test_proving_groups.py)",
+    ),
+    Abstraction(
+        "a wait may be over at any time, and no time passes",
+        "every order of ends of waits and messages is explored, so no duration is relied on",
+        "by construction; nothing is said of durations",
+    ),
+)
+
+NOT_PROVEN = (
+    (
+        "several conversations of one use at a time (rows marked `several`): several commands,"
+        " parallel plans"
+    ),
+    "not-understood in the composed system; each protocol is explored with it alone",
+    "durations, fairness of the scheduler, and loops of a plan (next act, new plan) that never end",
+    "a journal that is lost or lies; a process that hangs and does not die",
+    "waits of a publisher for a subscriber that is gone for good (`late` of a latest use)",
+    (
+        "that what is named happens: a worker that says nothing after a death, a message left in"
+        " the inbox for ever"
+    ),
+    (
+        "a volatile question that was given up, or is older than its reply-by, and reaches a server"
+        " that is slow to answer"
+    ),
+    (
+        "a peer that seems to come back though it never died (the router was away), but for what"
+        " its death brings about"
+    ),
+    (
+        "how long a queue gets by words that change nothing (progress), which are not sent in the"
+        " model: the bound is proven for all other words; a full outbox holds the sender back"
+    ),
+    "that a group (an end that the design gives no rows) answers what it is asked, sooner or later",
+    (
+        "two agents whose outboxes are full towards each other, which only many reports that nobody"
+        " asked for bring about"
+    ),
+)
+"""Limits: properties that no layer covers."""

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple
 
+from fipa_codec.exploration import reached
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import RECEIVE, SEND, START, Protocol, Role, Row
@@ -191,13 +192,8 @@ class _Volatile:
     def cancelling(self) -> frozenset[str]:
         """States of the initiator after its cancel."""
         sends = (row for row in self.first if row.way is SEND)
-        waiting = [row.to for row in sends if row.performative is Performative.CANCEL]
-        found: set[str] = set()
-        while waiting:
-            state = str(waiting.pop())
-            if state not in found:
-                found.add(state)
-                waiting += [row.to for row in self.first if row.state == state]
+        after = (row.to for row in sends if row.performative is Performative.CANCEL)
+        found = reached(after, lambda s: (row.to for row in self.first if row.state == s))
         return frozenset(found)
 
     def _again(self) -> Iterator[Command]:

@@ -7,8 +7,6 @@ is made runs at once: behaviours that are not filled in refuse what they are ask
 operate; this package itself imports only fipa_codec.
 """
 
-from topdown.scaffold.naming import ScaffoldError
-from topdown.scaffold.project import project_files, scaffold, smallest
-from topdown.scaffold.writing import Outcome
+from topdown.scaffold.project import Outcome, ScaffoldError, project_files, scaffold, smallest
 
 __all__ = ["Outcome", "ScaffoldError", "project_files", "scaffold", "smallest"]
