@@ -17,16 +17,22 @@ from typing import Any
 import msgspec
 import zenoh
 
-from agent_runtime.core.duplicate_digests import covered, digest_of, note, preceding, receipt
-from agent_runtime.core.effects import Receipt
 from agent_runtime.core.errors import RuntimeFault
-from agent_runtime.core.lineage import begin_again
+from agent_runtime.core.events import Receipt
+from agent_runtime.core.peers import begin_again
 from agent_runtime.core.state import Outgoing, Record
-from agent_runtime.core.streams import RESEND_FIRST, parse_observation
+from agent_runtime.core.streams import (
+    RESEND_FIRST,
+    covered,
+    digest_of,
+    note,
+    parse_observation,
+    preceding,
+    receipt,
+)
 from agent_runtime.core.wiring import Delivery, Wiring, communicate_key, parse_life, service_key
-from agent_runtime.io.inbox import Inbox
+from agent_runtime.io.inbox import Inbox, OneReaderQueue
 from agent_runtime.io.journal import Journal, journal_file, new_name
-from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.sessions import (
     Links,
     free_endpoint,

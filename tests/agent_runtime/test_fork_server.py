@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 from worker_entries import At, Count, counting
 
-from agent_runtime.io import forked
-from agent_runtime.io.forked import FORKS_VARIABLE, UNKNOWN, Forked, Handed, fork
+from agent_runtime.io import fork_server
+from agent_runtime.io.fork_server import FORKS_VARIABLE, UNKNOWN, Forked, Handed, fork
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from agent_runtime.io.worker import Worker
 
@@ -189,7 +189,7 @@ def test_what_counts_at_the_start_only_is_not_lost(variable: str, forks: Forks) 
 
 def test_nothing_runs_for_who_has_given_up(forks: Forks, monkeypatch: pytest.MonkeyPatch) -> None:
     """A server that hangs makes nothing later: the process would run twice."""
-    monkeypatch.setattr(forked, "WITHIN_S", 0.2)
+    monkeypatch.setattr(fork_server, "WITHIN_S", 0.2)
     forks.server.send_signal(signal.SIGSTOP)
     assert forks.fork("tells", "0") is None
     forks.server.send_signal(signal.SIGCONT)
@@ -214,8 +214,10 @@ def test_what_was_forked_outlives_the_server(forks: Forks) -> None:
 def test_nonsense_does_not_end_the_server(forks: Forks) -> None:
     """A connection with no valid request is closed."""
     for words in (b"", b"nonsense", b'{"module":1}'):
-        line = forked.socket.socket(forked.socket.AF_UNIX, forked.socket.SOCK_SEQPACKET)
-        with line, forked.short(forks.run / "forks.sock") as address:
+        line = fork_server.socket.socket(
+            fork_server.socket.AF_UNIX, fork_server.socket.SOCK_SEQPACKET
+        )
+        with line, fork_server.short(forks.run / "forks.sock") as address:
             line.connect(address)
             if words:
                 line.send(words)

@@ -8,8 +8,7 @@ from driven import Driven, agree, recording, request
 from toy_agents import Want, wirings
 
 from agent_runtime.core.control import Command, Pause
-from agent_runtime.core.effects import Deed
-from agent_runtime.core.events import Local, Ordered
+from agent_runtime.core.events import Deed, Local, Ordered
 from agent_runtime.io.heartbeat import SHOWN, looked_into
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy_agents import Double, Want, answers, toys
 
-from agent_runtime.core.duplicate_digests import KEPT
-from agent_runtime.core.effects import Effects
+from agent_runtime.core.events import Effects
 from agent_runtime.core.state import restored
+from agent_runtime.core.streams import KEPT
 from agent_runtime.testing.memory_bus import Faults, MemoryBus, Point, Quiet
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative as P

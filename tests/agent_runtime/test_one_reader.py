@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent_runtime.io.one_reader import OneReaderEvent, OneReaderQueue
+from agent_runtime.io.inbox import OneReaderEvent, OneReaderQueue
 
 ROUNDS = 50_000  # SimpleQueue of CPython 3.11 hangs in this loop after 0 to 10,026 of them
 

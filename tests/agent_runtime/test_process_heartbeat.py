@@ -7,15 +7,15 @@ import time
 import msgspec
 import pytest
 
-from agent_runtime.io import process_heartbeat
-from agent_runtime.io.process_heartbeat import PERIOD_S, ProcessHeartbeat, Turns
+from agent_runtime.io import run_files
+from agent_runtime.io.run_files import PERIOD_S, ProcessHeartbeat, Turns
 
 
 @pytest.fixture
 def clock(monkeypatch):
     """Time as the test says."""
     now = [100.0]
-    monkeypatch.setattr(process_heartbeat.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(run_files.time, "monotonic", lambda: now[0])
     return now
 
 

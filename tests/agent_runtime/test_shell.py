@@ -13,12 +13,11 @@ import zenoh
 from driven import World, message
 from toy_observers import Seen, Topic, WhatOf, knower, watcher, wiring
 
-from agent_runtime.core.effects import Receipt
-from agent_runtime.core.events import AnyEvent, Arrived, Local, PeerChanged, Started
+from agent_runtime.core.events import AnyEvent, Arrived, Local, PeerChanged, Receipt, Started
 from agent_runtime.core.peers import Peers
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import Delivery, Link, Wiring
-from agent_runtime.io import shell, step_recorder, steplog
+from agent_runtime.io import shell, steplog
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.options import Options
 from agent_runtime.io.zenoh_wire import BULK_BYTES, ZenohWire
@@ -171,10 +170,10 @@ def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(
     serving.shell._recorder.write()
     assert written(tmp_path) == before + 1
     seen = set()
-    for value in range(1, 3 * step_recorder.MOST_UNWRITTEN):
+    for value in range(1, 3 * steplog.MOST_UNWRITTEN):
         serving.happen(Local(Seen("jar", value)))
         seen.add(written(tmp_path))
-        assert before + value + 1 - written(tmp_path) < step_recorder.MOST_UNWRITTEN
+        assert before + value + 1 - written(tmp_path) < steplog.MOST_UNWRITTEN
     assert len(seen) == 3, "written in batches"
 
 
@@ -182,7 +181,7 @@ def test_much_that_was_said_is_written_sooner(
     serving: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Unwritten words are bounded in bytes, too."""
-    monkeypatch.setattr(step_recorder, "MOST_SAID", 500)
+    monkeypatch.setattr(steplog, "MOST_SAID", 500)
     serving.happen(subscribed())
     serving.shell._wire.send = lambda communicate, after, heard: 400
     before = written(tmp_path)
@@ -197,7 +196,7 @@ def test_much_that_was_heard_is_let_go_at_once(
     """Its memory is for the next message; the log has it at the next pause."""
     content = subscribed().communicate.content
     assert isinstance(content, msgspec.Raw)
-    monkeypatch.setattr(step_recorder, "MOST_HEARD", len(content) + 1)
+    monkeypatch.setattr(steplog, "MOST_HEARD", len(content) + 1)
     before = written(tmp_path)
     serving.happen(subscribed())
     assert len(serving.shell._recorder._unwritten) == 1
@@ -207,9 +206,9 @@ def test_much_that_was_heard_is_let_go_at_once(
     assert serving.shell._next_at() <= time.time() + shell.QUIET_S
     serving.shell._recorder.write()
     assert written(tmp_path) == before + 2
-    for number in range(3, 3 * step_recorder.MOST_UNWRITTEN):
+    for number in range(3, 3 * steplog.MOST_UNWRITTEN):
         serving.happen(subscribed(number))
-        assert before + number - written(tmp_path) < step_recorder.MOST_UNWRITTEN
+        assert before + number - written(tmp_path) < steplog.MOST_UNWRITTEN
 
 
 def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> None:

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from agent_runtime.io.inbox import Class, Inbox
-from agent_runtime.io.step_lock import Failed, StepLock
+from agent_runtime.io.inbox import Class, Failed, Inbox, StepLock
 
 HEARD = Class.STREAM
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agent_runtime.core.effects import Effects
-from agent_runtime.core.events import Arrived
+from agent_runtime.core.events import Arrived, Effects
 from agent_runtime.io import steplog
 from agent_runtime.io.steplog import MUCH_BYTES, StepLog, fingerprint, noted, read
 from fipa_codec.communicate import Communicate

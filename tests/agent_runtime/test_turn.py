@@ -10,9 +10,9 @@ from toy_agents import LANGUAGES, Double, Want, wirings
 from toy_observers import Seen, Topic, WhatOf
 from toy_observers import wiring as observers
 
-from agent_runtime.core.effects import Deed
 from agent_runtime.core.errors import AgentTableError
 from agent_runtime.core.events import (
+    Deed,
     Garbled,
     Late,
     LinkChanged,

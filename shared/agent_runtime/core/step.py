@@ -17,13 +17,22 @@ from typing import Any, Generic, TypeVar
 import msgspec
 from msgspec.structs import replace
 
-from agent_runtime.core import control, lineage, streams
+from agent_runtime.core import control, peers, streams
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.effects import Deed, Effects, Out
 from agent_runtime.core.errors import AgentTableError, BehaviourError
-from agent_runtime.core.events import AnyEvent, Arrived, Broken, Late, PeerChanged, Received, Woken
-from agent_runtime.core.reception import note
-from agent_runtime.core.sequence_check import Verdict, What, carry_out, judge
+from agent_runtime.core.events import (
+    AnyEvent,
+    Arrived,
+    Broken,
+    Deed,
+    Effects,
+    Late,
+    Out,
+    PeerChanged,
+    Received,
+    Woken,
+)
+from agent_runtime.core.reception import Verdict, What, carry_out, judge, note
 from agent_runtime.core.state import (
     CoreState,
     Held,
@@ -298,7 +307,7 @@ class Core(Generic[M]):
         elif choice.late is not None:
             self._take_late(state, out, choice.late, now)
         elif choice.lost:
-            lost = lineage.note_lost(state, choice.lost)
+            lost = peers.note_lost(state, choice.lost)
             out.durable = True
             talk = lost.held.conversation
             out.about = self.wiring.required(talk.peer, talk.protocol).use

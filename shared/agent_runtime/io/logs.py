@@ -10,7 +10,7 @@ import logging
 import math
 import sys
 import time
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path
@@ -18,7 +18,31 @@ from typing import Any, Generic, TextIO, TypeVar
 
 import msgspec
 
-from agent_runtime.io import clock
+# --- The clock of an agent ------------------------------------------------------------------------
+# The wall time at which the process started, and from there the time that really passed.
+# A wall clock may be set: back, and everything that is due waits for the hours to come again;
+# forward, and every deadline is over at once. This one does neither while the process lives. A
+# restart begins with the wall time of then: deadlines in the journal are absolute, so one that was
+# set before the clock was moved is off by that once.
+
+
+class Clock:
+    """`now`: unix seconds, even. `wall`, `steady`: the clocks of the system."""
+
+    def __init__(
+        self, wall: Callable[[], float] = time.time, steady: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._steady = steady
+        self._offset = wall() - steady()
+
+    def now(self) -> float:
+        """The time [unix s]; it never goes back."""
+        return self._offset + self._steady()
+
+
+clock = Clock()
+"""The clock of this process."""
+
 
 # --- Rate limit for reports of one kind, so that a sender of many wrong messages fills no disk:
 # pure, without a clock The first of a kind are told one by one. What comes beyond them within a

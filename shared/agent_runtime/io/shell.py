@@ -1,9 +1,9 @@
 """The shell around the core: one loop thread that owns session, clock, journal and signals.
 
-One step at a time, on the loop's thread or on the one that heard (see step_lock): it steps the core
+One step at a time, on the loop's thread or on the one that heard (see inbox): it steps the core
 and carries the effects out in the one order that keeps the promise: record synced, receipts, sends,
 messages to the devices. Where the record cannot be written, the step has not happened, and its
-event waits (full_disk). Logs and step log, which nobody waits for, are written in the next pause.
+event waits (journal). Logs and step log, which nobody waits for, are written in the next pause.
 SIGTERM and SIGINT stop it between steps. An exception of the agent's own code ends the process with
 status 1: the journal is as before the step, and the supervisor restarts it.
 """
@@ -22,14 +22,14 @@ import msgspec
 import zenoh
 
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.duplicate_digests import preceding
-from agent_runtime.core.effects import Deed, Out
 from agent_runtime.core.errors import JournalError, RuntimeFault
 from agent_runtime.core.events import (
     AnyEvent,
+    Deed,
     LinkChanged,
     Local,
     Next,
+    Out,
     PeerChanged,
     Receipted,
     Started,
@@ -38,21 +38,19 @@ from agent_runtime.core.events import (
 from agent_runtime.core.peers import Peers, Watch, unheard_text
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
+from agent_runtime.core.streams import preceding
 from agent_runtime.core.wiring import Wiring
-from agent_runtime.io import clock, heartbeat, steplog
+from agent_runtime.io import heartbeat, steplog
 from agent_runtime.io.devices import Device, DeviceMaker, NoDevice
-from agent_runtime.io.full_disk import FullDisk
 from agent_runtime.io.heartbeat import STEPS, Heartbeat, looked_into
-from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.journal import Journal, journal_file, new_name
-from agent_runtime.io.logs import Log
+from agent_runtime.io.inbox import Failed, Inbox, StepLock
+from agent_runtime.io.journal import FullDisk, Journal, journal_file, new_name
+from agent_runtime.io.logs import Log, clock
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import make_run, ready_file
 from agent_runtime.io.secured import KeysError
 from agent_runtime.io.sessions import Joining, Links
-from agent_runtime.io.step_lock import Failed, StepLock
-from agent_runtime.io.step_recorder import StepRecorder
-from agent_runtime.io.steplog import StepLog
+from agent_runtime.io.steplog import StepLog, StepRecorder
 from agent_runtime.io.zenoh_wire import (
     Bytes,
     OrderBytes,

@@ -17,7 +17,7 @@ import zenoh
 
 from agent_runtime.core.control import KIND
 from agent_runtime.core.wiring import service_key
-from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.inbox import OneReaderQueue
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import close, open_client, put

@@ -27,8 +27,8 @@ from typing import Any, TypeVar
 import msgspec
 
 from agent_runtime.core.errors import WorkerError
-from agent_runtime.io.forked import Forked, Handed, fork
-from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.fork_server import Forked, Handed, fork
+from agent_runtime.io.inbox import OneReaderQueue
 
 MODULE = "agent_runtime.io.worker"
 HEAD = struct.Struct("<I")

@@ -17,9 +17,8 @@ import msgspec
 import zenoh
 
 from agent_runtime.core.control import KIND, Command
-from agent_runtime.core.duplicate_digests import receipted
-from agent_runtime.core.effects import Receipt
-from agent_runtime.core.events import AnyEvent, Arrived, Garbled, Ordered
+from agent_runtime.core.events import AnyEvent, Arrived, Garbled, Ordered, Receipt
+from agent_runtime.core.streams import receipted
 from agent_runtime.core.wiring import Delivery, Wiring, life, parse_life, service_key
 from agent_runtime.io.inbox import Class
 from agent_runtime.io.sessions import close, put
@@ -244,7 +243,7 @@ class ZenohWire:
 
     def send(self, communicate: Communicate, after: bytes = b"", heard: int = 0) -> int:
         """Put a communicate; its size in bytes. `after`, `heard`: which one it follows
-        (recent.preceding).
+        (streams.preceding).
         """
         data = encode(communicate)
         act = (communicate.receiver, communicate.protocol, communicate.performative)

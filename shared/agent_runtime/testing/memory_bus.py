@@ -20,24 +20,25 @@ import msgspec
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.control import Command, Order
-from agent_runtime.core.duplicate_digests import preceding, receipted
-from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.events import (
     AnyEvent,
     Arrived,
+    Effects,
     Local,
     Next,
     Ordered,
     PeerChanged,
+    Receipt,
     Started,
     Tick,
 )
 from agent_runtime.core.state import CoreState, restored
 from agent_runtime.core.step import Core
+from agent_runtime.core.streams import preceding, receipted
 from agent_runtime.core.wiring import Delivery, Wiring
 from agent_runtime.io.devices import Device, DeviceMaker, NoDevice
-from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.inbox import OneReaderQueue
 from fipa_codec.communicate import Communicate, decode, encode
 
 LATENCY_S = 0.0005

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from stepped import ended, until
 
-from agent_runtime.io.forked import FORKS_VARIABLE
+from agent_runtime.io.fork_server import FORKS_VARIABLE
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from operate.fleet_file import ProcessState
 from operate.supervisor import core, folder
