@@ -190,7 +190,7 @@ def test_a_journal_lost_at_any_moment(victim: str, after_s: float) -> None:
     """All is answered in the end, and nothing stays open on either side."""
     wires = toys(1, 2, 3)
     wires.run_for(after_s)
-    wires.lose_journal(victim)
+    wires.put_back(victim, None)
     wires.run(lambda: at_rest(wires, 3))
     assert wires.memory("asker").answers == ((1, 2), (2, 4), (3, 6))
 
@@ -254,7 +254,7 @@ def test_lost_and_shortened_journals_among_other_faults(
     for victim, pause_s, back in lost:
         wires.run_for(pause_s)
         if wires.up(victim) and back is None:
-            wires.lose_journal(victim)
+            wires.put_back(victim, None)
             kept.pop(victim, None)  # nobody believes a name again that was given up
         elif wires.up(victim) and kept.get(victim):
             wires.put_back(victim, kept[victim][max(0, len(kept[victim]) - 1 - back)])

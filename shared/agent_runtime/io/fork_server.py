@@ -205,20 +205,6 @@ server).
 """
 
 
-class Sources:
-    """The files of all that was imported, as they were then."""
-
-    def __init__(self) -> None:
-        files = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
-        self._times = {
-            file: _changed(file) for file in files if file and "site-packages" not in file
-        }
-
-    def changed(self) -> bool:
-        """Whether one of them is another now."""
-        return any(_changed(file) != time for file, time in self._times.items())
-
-
 def _changed(file: str) -> int:
     try:
         return os.stat(file).st_mtime_ns
@@ -238,7 +224,11 @@ class Server:
 
     def __init__(self, place: Path, beat: Callable[[], None], start: Mapping[str, str]) -> None:
         """`place`: of the socket; `start`: variables that counted when this interpreter started."""
-        self._sources, self._beat, self._start = Sources(), beat, start
+        self._beat, self._start = beat, start
+        files = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
+        self._sources = {
+            file: _changed(file) for file in files if file and "site-packages" not in file
+        }
         self._lines: dict[int, socket.socket] = {}  # to who waits for the end of a process
         self._ending = False
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -268,7 +258,10 @@ class Server:
             self._beat()
             for key, _ in self._selector.select(PERIOD_S):
                 if key.fileobj is self._listener:
-                    self._accept()
+                    with suppress(OSError):
+                        line, _ = self._listener.accept()
+                        line.setblocking(False)
+                        self._selector.register(line, selectors.EVENT_READ)
                 elif key.fileobj is self._woken:
                     with suppress(BlockingIOError):
                         self._woken.recv(4096)
@@ -280,12 +273,6 @@ class Server:
             self._bury()
         return None
 
-    def _accept(self) -> None:
-        with suppress(OSError):
-            line, _ = self._listener.accept()
-            line.setblocking(False)
-            self._selector.register(line, selectors.EVENT_READ)
-
     def _read(self, line: socket.socket) -> Asked | None:
         """Read a request and fork; return what it asks for in the new process only."""
         self._selector.unregister(line)
@@ -295,7 +282,8 @@ class Server:
             asked = Asked.decoded(data)
             # An interpreter of its own would be another than this one: by its sources, or how it
             # starts.
-            other = self._sources.changed() or at_the_start(asked.environment) != self._start
+            changed = any(_changed(file) != time for file, time in self._sources.items())
+            other = changed or at_the_start(asked.environment) != self._start
             if len(files) != len(asked.places) or other:
                 raise OSError("nothing is made")
             pid = os.fork()
@@ -370,7 +358,11 @@ def run(asked: Asked) -> None:
         sys.argv[1:] = asked.arguments
         runpy.run_module(asked.module, run_name="__main__", alter_sys=True)
     except SystemExit as end:
-        code = _code(end)
+        code = 1
+        if end.code is None or isinstance(end.code, int):  # as Python itself has it
+            code = (end.code or 0) & 0xFF
+        else:
+            print(end.code, file=sys.stderr)
     except BaseException:
         traceback.print_exc()
         code = 1
@@ -387,14 +379,6 @@ def _exit(code: int) -> NoReturn:
         with suppress(OSError, ValueError):
             stream.flush()
     os._exit(code)
-
-
-def _code(end: SystemExit) -> int:
-    """The code of an end as Python itself has it."""
-    if end.code is None or isinstance(end.code, int):
-        return (end.code or 0) & 0xFF
-    print(end.code, file=sys.stderr)
-    return 1
 
 
 def rename(module: str, *arguments: str) -> None:

@@ -96,12 +96,7 @@ def router_tls(folder: Path, identity: str = ROUTER) -> dict[str, Any]:
 
 def rights_of(folder: Path, *systems: str) -> Rights:
     """The router's rights in a folder. Raises KeysError where they are of other systems."""
-    try:
-        rights = msgspec.json.decode(Path(_file(folder / RIGHTS)).read_bytes(), type=Rights)
-    except msgspec.MsgspecError as error:
-        raise KeysError(
-            f"{folder / RIGHTS} cannot be read ({error}); make the keys again"
-        ) from error
+    rights = _rights(folder / RIGHTS)
     missing = ", ".join(repr(system) for system in systems if system not in rights.systems)
     if missing:
         there = ", ".join(repr(system) for system in rights.systems)
@@ -116,15 +111,14 @@ def links_of(folder: Path, agent: str) -> dict[str, Any]:
     """An agent's rules for its neighbours, without those whose keys are revoked. Raises
     KeysError.
     """
+    return granted(_rights(links_file(folder, agent)).access_control, revoked(folder))
+
+
+def _rights(file: Path) -> Rights:
     try:
-        rights = msgspec.json.decode(
-            Path(_file(links_file(folder, agent))).read_bytes(), type=Rights
-        )
+        return msgspec.json.decode(Path(_file(file)).read_bytes(), type=Rights)
     except msgspec.MsgspecError as error:
-        raise KeysError(
-            f"{links_file(folder, agent)} cannot be read ({error}); make the keys again"
-        ) from error
-    return granted(rights.access_control, revoked(folder))
+        raise KeysError(f"{file} cannot be read ({error}); make the keys again") from error
 
 
 def links_file(folder: Path, agent: str) -> Path:

@@ -455,10 +455,16 @@ def _listen(
     keys = _awaited(options, pulse, ended)
     if ended.is_set():
         return
-    session = _opened(options)
+    denied: tuple[str, ...] = ()
+    if options.keys is None:
+        session = open_router(_at(options))
+    else:
+        zenoh.init_log_from_env_or("warn")
+        rights, denied = rights_of(options.keys, *options.all_systems), revoked(options.keys)
+        rules = granted(rights.access_control, denied)
+        session = open_router(_at(options), router_tls(options.keys), rules)
     ready.unlink(missing_ok=True)  # of an earlier life; its time of change counts
     _tell_ready(ready, options)
-    denied = revoked(options.keys) if options.keys is not None else ()
     log.write("listening", at=_at(options), revoked=" ".join(denied))
     while not ended.wait(PERIOD_S) and _age(options) in (keys, None):
         pulse.beat()
@@ -497,15 +503,6 @@ def _age(options: Options) -> tuple[int, int] | None:
     none.
     """
     return None if options.keys is None else age(options.keys, ROUTER)
-
-
-def _opened(options: Options) -> zenoh.Session:
-    if options.keys is None:
-        return open_router(_at(options))
-    zenoh.init_log_from_env_or("warn")
-    rights = rights_of(options.keys, *options.all_systems)
-    rules = granted(rights.access_control, revoked(options.keys))
-    return open_router(_at(options), router_tls(options.keys), rules)
 
 
 def _at(options: Options) -> str:

@@ -269,9 +269,8 @@ class Reader:
             content = file.read(step.apart)
             if len(content) < step.apart:
                 return None
-            return (
-                _joined(step, content) if step.apart else step
-            ), self.at + HEAD.size + length + step.apart
+            end = self.at + HEAD.size + length + step.apart
+            return (_joined(step, content) if step.apart else step), end
         except UNREADABLE as error:
             raise StepLogError(self.path, self.at, str(error)) from error
 
@@ -340,7 +339,13 @@ def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effec
         if step.kind == BOOT:
             state = booted(core, step.input)
             continue
-        state, effects = core.step(state, _event(core, step), step.at)
+        kind = getattr(events, step.kind)
+        if kind is events.Local:
+            content = msgspec.msgpack.decode(step.input, type=_RawLocal).content
+            event: events.AnyEvent = kind(msgspec.msgpack.decode(content, type=core.agent.local))
+        else:
+            event = msgspec.msgpack.decode(step.input, type=kind)
+        state, effects = core.step(state, event, step.at)
         yield step, effects
 
 
@@ -364,15 +369,6 @@ def journal_of(record: bytes) -> str:
 class _Begun(msgspec.Struct):
     incarnation: int
     journal: str = ""
-
-
-def _event(core: Core[Any], step: Step) -> events.AnyEvent:
-    kind = getattr(events, step.kind)
-    if kind is not events.Local:
-        event: events.AnyEvent = msgspec.msgpack.decode(step.input, type=kind)
-        return event
-    content = msgspec.msgpack.decode(step.input, type=_RawLocal).content
-    return events.Local(msgspec.msgpack.decode(content, type=core.agent.local))
 
 
 class _RawLocal(msgspec.Struct, tag="Local"):
@@ -622,9 +618,8 @@ class StepLogs:
     def _note(
         self, agent: str, at: float, event: events.AnyEvent, said: tuple[SentMessage, ...] = ()
     ) -> None:
-        self._write(
-            agent, Step(1, 0, at, type(event).__name__, msgspec.msgpack.encode(event), said=said)
-        )
+        kind, data = type(event).__name__, msgspec.msgpack.encode(event)
+        self._write(agent, Step(1, 0, at, kind, data, said=said))
 
     def _write(self, agent: str, step: Step) -> None:
         log = StepLog(self._folder / f"{agent}.steps")
@@ -653,20 +648,7 @@ to hash them takes time of those who hear them. Estimate: ten of the largest ans
 """
 
 
-class _Done(msgspec.Struct, frozen=True):
-    """A step that is carried out and not written down yet; `sizes`: bytes of each communicate sent.
-
-    It holds no decoded content: that may be as large as the message and is free for the next one at
-    once.
-    """
-
-    event: AnyEvent
-    at: float
-    incarnation: int
-    step: int
-    effects: Effects
-    sizes: list[int]
-    received: Communicate | None
+_Done = tuple[int, int, float, events.AnyEvent, Effects, Communicate | None, list[int]]
 
 
 class StepRecorder:
@@ -674,8 +656,10 @@ class StepRecorder:
 
     def __init__(self, log: Log, steps: StepLog, wiring: Wiring) -> None:
         self._log, self._steps, self._wiring = log, steps, wiring
-        self._without_log = wiring.groups
         self._unwritten: list[_Done] = []
+        """Arguments of `noted`. No decoded content is held: that may be as large as the message and
+        is free for the next one at once.
+        """
         self._noted = self._heard = self._said = 0
 
     @property
@@ -701,7 +685,7 @@ class StepRecorder:
         received = effects.handled.communicate if isinstance(effects.handled, Received) else None
         rest = msgspec.structs.replace(effects, handled=None)
         self._unwritten.append(
-            _Done(event, at, after.incarnation, after.soft.step, rest, sizes, received)
+            (after.incarnation, after.soft.step, at, event, rest, received, sizes)
         )
         heard = event.communicate if isinstance(event, Arrived) else received
         content = b"" if heard is None or heard.content is msgspec.UNSET else heard.content
@@ -721,27 +705,16 @@ class StepRecorder:
         lines = [line for one in done for line in self._lines(one)]
         if lines:
             self._log.write_all(lines)
-        self._steps.write(
-            noted(
-                one.incarnation,
-                one.step,
-                one.at,
-                one.event,
-                one.effects,
-                one.received,
-                one.sizes,
-                self._without_log,
-            )
-            for one in done
-        )
+        self._steps.write(noted(*one, self._wiring.groups) for one in done)
 
     def _lines(self, one: _Done) -> Iterator[tuple[float, str, str, dict[str, Any]]]:
-        if one.received is not None:
-            yield one.at, *self._spoken("received", one.received, 0)
-        for line in one.effects.logs:
-            yield one.at, line.event, line.level, line.fields
-        for sent, size in zip(one.effects.sends, one.sizes, strict=True):
-            yield one.at, *self._spoken("sent", sent, size)
+        _, _, at, _, effects, received, sizes = one
+        if received is not None:
+            yield at, *self._spoken("received", received, 0)
+        for line in effects.logs:
+            yield at, line.event, line.level, line.fields
+        for sent, size in zip(effects.sends, sizes, strict=True):
+            yield at, *self._spoken("sent", sent, size)
 
     def _spoken(
         self, event: str, communicate: Communicate, size: int

@@ -201,9 +201,13 @@ class Waiting:
     def get(self, timeout_s: float) -> Sample | None:
         """The oldest sample; None: stop, or none came in time."""
         try:
-            return self._taken(self._queue.get(timeout_s))
+            sample = self._queue.get(timeout_s)
         except Empty:
             return None
+        if sample is not None:
+            with self._lock:
+                self._bytes -= len(sample.data)
+        return sample
 
     def left(self) -> list[Sample]:
         """The waiting samples."""
@@ -213,9 +217,3 @@ class Waiting:
             if sample is not None:
                 left.append(sample)
         return left
-
-    def _taken(self, sample: Sample | None) -> Sample | None:
-        if sample is not None:
-            with self._lock:
-                self._bytes -= len(sample.data)
-        return sample

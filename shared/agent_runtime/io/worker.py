@@ -200,12 +200,7 @@ def _end_with_parent(lifeline: int) -> None:
 
 def main(arguments: list[str]) -> None:
     """The child: entry, socket, lifeline, niceness."""
-    entry, end, lifeline, nice = (
-        arguments[0],
-        int(arguments[1]),
-        int(arguments[2]),
-        int(arguments[3]),
-    )
+    entry, (end, lifeline, nice) = arguments[0], map(int, arguments[1:])
     threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
     if nice:
         os.nice(nice)

@@ -182,15 +182,9 @@ class MemoryBus:
         if self.nodes[agent].state is not None:
             self._die(agent, restart_s)
 
-    def lose_journal(self, agent: str, *, restart_s: float = 0.5) -> None:
-        """Kill the agent and delete its journal; it comes back `restart_s` later, under another
-        journal's name.
-        """
-        self.put_back(agent, None, restart_s=restart_s)
-
     def put_back(self, agent: str, journal: bytes | None, *, restart_s: float = 0.5) -> None:
         """Kill the agent and put another record in place of its journal; it comes back `restart_s`
-        later.
+        later. None: the journal is deleted, and the next one has another name.
         """
         self._die(agent, restart_s)
         self.nodes[agent].journal = journal
