@@ -180,12 +180,8 @@ class Log:
                     self._console.flush()
 
     def _line(self, at: float, event: str, level: str, fields: dict[str, Any]) -> bytes:
-        return (
-            _encoder.encode(
-                {"agent": self._agent, "t": at, "level": level, **fields, "event": event}
-            )
-            + b"\n"
-        )
+        line = {"agent": self._agent, "t": at, "level": level, **fields, "event": event}
+        return _encoder.encode(line) + b"\n"
 
     def _short(self, at: float, event: str, level: str, fields: dict[str, Any]) -> str:
         """`12:00:01.123 ta   sent  inform to co  co-1-4`: time, agent, event, the rest as words."""

@@ -55,28 +55,14 @@ def key_file(folder: Path, identity: str) -> Path:
 
 def client_tls(folder: Path, identity: str) -> dict[str, Any]:
     """`transport/link/tls` of a session that is this identity. Raises KeysError."""
-    certificate, key = _pair(folder, identity)
-    return {
-        "root_ca_certificate": _file(folder / AUTHORITY),
-        "enable_mtls": True,
-        "connect_certificate": certificate,
-        "connect_private_key": key,
-        "verify_name_on_connect": True,
-        "close_link_on_expiration": True,
-        "so_sndbuf": SEND_BUFFER_BYTES,
-    }
+    return _dialling(folder, identity) | _tls(folder)
 
 
 def links_tls(folder: Path, identity: str) -> dict[str, Any]:
     """`transport/link/tls` of an agent that listens to its neighbours, and dials them. Raises
     KeysError.
     """
-    certificate, key = _pair(folder, identity)
-    return router_tls(folder, identity) | {
-        "connect_certificate": certificate,
-        "connect_private_key": key,
-        "verify_name_on_connect": True,
-    }
+    return router_tls(folder, identity) | _dialling(folder, identity)
 
 
 def router_tls(folder: Path, identity: str = ROUTER) -> dict[str, Any]:
@@ -84,11 +70,19 @@ def router_tls(folder: Path, identity: str = ROUTER) -> dict[str, Any]:
     refused. Raises KeysError.
     """
     certificate, key = _pair(folder, identity)
+    return _tls(folder) | {"listen_certificate": certificate, "listen_private_key": key}
+
+
+def _dialling(folder: Path, identity: str) -> dict[str, Any]:
+    certificate, key = _pair(folder, identity)
+    own = {"connect_certificate": certificate, "connect_private_key": key}
+    return own | {"verify_name_on_connect": True}
+
+
+def _tls(folder: Path) -> dict[str, Any]:
     return {
         "root_ca_certificate": _file(folder / AUTHORITY),
         "enable_mtls": True,
-        "listen_certificate": certificate,
-        "listen_private_key": key,
         "close_link_on_expiration": True,
         "so_sndbuf": SEND_BUFFER_BYTES,
     }

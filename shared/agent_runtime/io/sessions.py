@@ -134,13 +134,8 @@ def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Con
     """Configuration of a client of the router. `endpoint` like tcp/127.0.0.1:7447; with `tls`
     (secured.client_tls) tls/...
     """
-    parts: dict[str, Any] = {
-        "mode": "client",
-        "connect": {"endpoints": [endpoint], "timeout_ms": 0, "retry": _RETRY},
-        "scouting": _NO_SCOUTING,
-        "transport": _transport(tls, CLIENT_PATIENCE_MS, router=False),
-    }
-    return zenoh.Config.from_json5(json.dumps(parts))
+    connect = {"endpoints": [endpoint], "timeout_ms": 0, "retry": _RETRY}
+    return _config("client", _transport(tls, CLIENT_PATIENCE_MS), connect=connect)
 
 
 def links_config(
@@ -155,23 +150,16 @@ def links_config(
     With keys (secured.links_tls) it grants its neighbours the rights of `access_control`; all
     others get none.
     """
-    parts: dict[str, Any] = {
-        "mode": "peer",
-        "listen": {"endpoints": [listen]},
-        "connect": {
-            "endpoints": list(neighbours),
-            "timeout_ms": -1,
-            "exit_on_failure": False,
-            "retry": _RETRY,
-        },
-        "scouting": _NO_SCOUTING,
+    waiting = {"timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY}
+    return _config(
+        "peer",
+        _transport(tls, LINK_PATIENCE_MS),
+        access_control,
+        listen={"endpoints": [listen]},
+        connect={"endpoints": list(neighbours), **waiting},
         # Else each open waits 0.5 s for neighbours that are not there yet.
-        "open": {"return_conditions": {"connect_scouted": False, "declares": False}},
-        "transport": _transport(tls, LINK_PATIENCE_MS, router=False),
-    }
-    if access_control is not None:
-        parts["access_control"] = access_control
-    return zenoh.Config.from_json5(json.dumps(parts))
+        open={"return_conditions": {"connect_scouted": False, "declares": False}},
+    )
 
 
 def router_config(
@@ -185,44 +173,43 @@ def router_config(
     `endpoint`: several, comma between, are independent: a flood of handshakes at one locks that one
     alone.
     """
-    parts: dict[str, Any] = {
-        "mode": "router",
-        "listen": {"endpoints": endpoint.split(",")},
-        "scouting": _NO_SCOUTING,
-        "transport": _transport(tls, ROUTER_PATIENCE_MS, router=True),
-        "adminspace": {"enabled": True},
-        "qos": {"network": [_DROPPED_AT_LAST]},
-    }
+    transport = _transport(tls, ROUTER_PATIENCE_MS, router=True)
+    if access_control is not None:
+        most = len(access_control.get("subjects", ())) + MORE_SESSIONS
+        transport["unicast"] = {"max_sessions": most}
+    return _config(
+        "router",
+        transport,
+        access_control,
+        listen={"endpoints": endpoint.split(",")},
+        adminspace={"enabled": True},
+        qos={"network": [_DROPPED_AT_LAST]},
+    )
+
+
+def _config(
+    mode: str, transport: dict[str, Any], access_control: dict[str, Any] | None = None, **more: Any
+) -> zenoh.Config:
+    parts = {"mode": mode, "scouting": _NO_SCOUTING, "transport": transport, **more}
     if access_control is not None:
         parts["access_control"] = access_control
-        parts["transport"]["unicast"] = {
-            "max_sessions": len(access_control.get("subjects", ())) + MORE_SESSIONS
-        }
     return zenoh.Config.from_json5(json.dumps(parts))
 
 
-def _transport(tls: dict[str, Any] | None, patience_ms: int, *, router: bool) -> dict[str, Any]:
+def _transport(
+    tls: dict[str, Any] | None, patience_ms: int, *, router: bool = False
+) -> dict[str, Any]:
     patience = patience_ms * 1000
-    waiting = {
-        "block": {"wait_before_close": patience},
-        "drop": (
-            {"wait_before_drop": patience, "max_wait_before_drop_fragments": patience}
-            if router
-            else {}
-        ),
-    }
+    drop = {"wait_before_drop": patience, "max_wait_before_drop_fragments": patience}
+    waiting = {"block": {"wait_before_close": patience}, "drop": drop if router else {}}
+    queue = {"size": _QUEUE, "congestion_control": waiting}
     link: dict[str, Any] = {
-        "tx": {
-            "lease": LEASE_MS,
-            "keep_alive": 4,
-            "queue": {"size": _QUEUE, "congestion_control": waiting},
-        },
+        "tx": {"lease": LEASE_MS, "keep_alive": 4, "queue": queue},
         "rx": {"max_message_size": LONGEST},
     }
-    return {
-        "link": link if tls is None else link | {"tls": tls},
-        "shared_memory": {"enabled": False},
-    }
+    if tls is not None:
+        link["tls"] = tls
+    return {"link": link, "shared_memory": {"enabled": False}}
 
 
 def keep_memory() -> None:
