@@ -337,8 +337,16 @@ class StepLock:
         if not self._wanted and self._lock.acquire(blocking=False):
             try:
                 if self._open and self._inbox.idle:
-                    self._step_here(item)
+                    self.step(item)
+                    at = self._next_at()
+                    if at < self.until:
+                        self.until = at
+                        self._inbox.put(Class.OWN, None)  # the loop thread looks at the time
                     return
+            except Exception as error:
+                # whatever is heard from now on waits behind it
+                self._inbox.put(Class.OWN, Failed(error))
+                return
             finally:
                 self._lock.release()
         self._inbox.put(kind, item, sender, size)
@@ -349,15 +357,3 @@ class StepLock:
             self._own.append(item)
         else:
             self._inbox.put(Class.OWN, item)
-
-    def _step_here(self, item: Any) -> None:
-        try:
-            self.step(item)
-        except Exception as error:
-            # whatever is heard from now on waits behind it
-            self._inbox.put(Class.OWN, Failed(error))
-            return
-        at = self._next_at()
-        if at < self.until:
-            self.until = at
-            self._inbox.put(Class.OWN, None)  # the loop thread looks at the time

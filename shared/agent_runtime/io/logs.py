@@ -214,15 +214,10 @@ class Log:
             self._lost += count
             self._torn = self._torn or bool(taken)
         self._size += taken or 0
-        if self._size > MOST_BYTES:
-            self._begin_anew()
-
-    def _begin_anew(self) -> None:
-        assert self._file is not None
-        assert self._path is not None
-        self._file.close()
-        self._path.replace(before(self._path))
-        self._file, self._size = FileIO(self._path, "a"), 0
+        if self._size > MOST_BYTES and self._path is not None:
+            file.close()
+            self._path.replace(before(self._path))
+            self._file, self._size = FileIO(self._path, "a"), 0
 
     def close(self) -> None:
         """Write the sums of what was not written, close the file."""

@@ -103,7 +103,17 @@ class Worker:
         watched, self._lifeline = os.pipe()
         self._socket = ours
         self._link = Link(ours)
-        self._process = _started(entry, theirs.fileno(), watched, nice)
+        words = (entry, str(theirs.fileno()), str(watched), str(nice))
+        passed = (theirs.fileno(), watched)
+        hand = [Handed(file, file) for file in (1, 2, *passed)]
+        # forked where this process has a fork server
+        self._process: subprocess.Popen[bytes] | Forked = fork(
+            MODULE, *words, environment=os.environ, hand=hand
+        ) or subprocess.Popen(
+            [sys.executable, "-P", "-m", MODULE, *words],
+            pass_fds=passed,
+            stdin=subprocess.DEVNULL,
+        )
         theirs.close()
         os.close(watched)
         self._outgoing = OneReaderQueue[bytes | None]()
@@ -172,22 +182,8 @@ class Worker:
         code = self._process.wait()
         self._outgoing.put(None)
         if self._on_end is not None and not self._muted.is_set():
-            self._on_end(reason or _ended(code))
-
-
-def _started(entry: str, end: int, lifeline: int, nice: int) -> "subprocess.Popen[bytes] | Forked":
-    """The child, forked where this process has a fork server."""
-    words = (entry, str(end), str(lifeline), str(nice))
-    hand = [Handed(file, file) for file in (1, 2, end, lifeline)]
-    if (forked := fork(MODULE, *words, environment=os.environ, hand=hand)) is not None:
-        return forked
-    command = [sys.executable, "-P", "-m", MODULE, *words]
-    return subprocess.Popen(command, pass_fds=(end, lifeline), stdin=subprocess.DEVNULL)
-
-
-def _ended(code: int) -> str:
-    """How a process ended that said nothing of it."""
-    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
+            killed = f"killed by {signal.Signals(-code).name}" if code < 0 else ""
+            self._on_end(reason or killed or f"exit status {code}")
 
 
 def _end_with_parent(lifeline: int) -> None:
