@@ -23,7 +23,7 @@ import msgspec
 import typer
 import zenoh
 
-from agent_runtime.core.effects import Receipt
+from agent_runtime.core.events import Receipt
 from agent_runtime.io import issuing
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import client_config, free_endpoint

@@ -36,7 +36,7 @@ ENUMS = {  # words that a person meets as the reason of something; each member h
     "acts": ("shared/companion/languages/rc.py", "NotDoneKind"),
     "states": ("shared/operate/fleet_file.py", "ProcessState"),
 }
-# members of agent_runtime.core.sequence_check.What
+# members of agent_runtime.core.reception.What
 DROPS = {"What.DROP": "stray", "What.REFUSE": "not understood"}
 CODES = "shared/console/errors.py"
 

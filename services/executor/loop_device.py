@@ -20,7 +20,7 @@ from queue import Empty
 import numpy as np
 
 from agent_runtime.io.devices import Post
-from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.inbox import OneReaderQueue
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import FAULT, Cancel, LookAgain, Mode, Phase, Release
 from services.executor.device_messages import (

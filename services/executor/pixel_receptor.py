@@ -7,7 +7,7 @@ Where the camera is comes from the measured joints and the robot's model, never 
 from collections.abc import Callable
 
 from agent_runtime.core.errors import WorkerError
-from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.inbox import OneReaderQueue
 from companion.skills.situation import Neck, Sight
 from services.executor.device_messages import Array
 from services.executor.eye_messages import Blind, Saw, See, SightedObject

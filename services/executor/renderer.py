@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from queue import Empty
 
-from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.inbox import OneReaderQueue
 from agent_runtime.io.worker import Worker
 from companion.telemetry import Picture
 from services.executor.eye_messages import Blind, Saw, See, Show

@@ -19,8 +19,13 @@ import msgspec
 from agent_runtime.io import cli
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import USAGE_ERROR, Options
-from agent_runtime.io.process_heartbeat import ProcessHeartbeat
-from agent_runtime.io.run_files import listen_at, make_run, ready_file, write_secret
+from agent_runtime.io.run_files import (
+    ProcessHeartbeat,
+    listen_at,
+    make_run,
+    ready_file,
+    write_secret,
+)
 from companion.loopback import HERE, Hi, HiError
 from companion.loopback_server import RobotStop, Server, listener
 from companion.run_files import HI_FILE, PAGE_FILE, HiEvent, PageAddress, Tasks

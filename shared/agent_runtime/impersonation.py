@@ -17,16 +17,22 @@ from typing import Any
 import msgspec
 import zenoh
 
-from agent_runtime.core.duplicate_digests import covered, digest_of, note, preceding, receipt
-from agent_runtime.core.effects import Receipt
 from agent_runtime.core.errors import RuntimeFault
-from agent_runtime.core.lineage import begin_again
+from agent_runtime.core.events import Receipt
+from agent_runtime.core.peers import begin_again
 from agent_runtime.core.state import Outgoing, Record
-from agent_runtime.core.streams import RESEND_FIRST, parse_observation
+from agent_runtime.core.streams import (
+    RESEND_FIRST,
+    covered,
+    digest_of,
+    note,
+    parse_observation,
+    preceding,
+    receipt,
+)
 from agent_runtime.core.wiring import Delivery, Wiring, communicate_key, parse_life, service_key
-from agent_runtime.io.inbox import Inbox
+from agent_runtime.io.inbox import Inbox, OneReaderQueue
 from agent_runtime.io.journal import Journal, journal_file, new_name
-from agent_runtime.io.one_reader import OneReaderQueue
 from agent_runtime.io.sessions import (
     Links,
     free_endpoint,
@@ -130,11 +136,15 @@ class StandIn:
         elsewhere.
         """
         self._wiring, self._inbox, self._early = wiring, Inbox(), deque[Any]()
-        self._session = _linked(links, wiring.agent)
+        try:
+            self._session = links.open()
+        except zenoh.ZError as error:
+            raise StandInError(f"{wiring.agent} lives: {links.at} is taken", lives=True) from error
         try:
             there = living(self._session, wiring.system, wiring.agent)
             if there:
-                raise StandInError(f"{wiring.agent} lives, as incarnation {max(there)}", lives=True)
+                life = max(there[wiring.agent])
+                raise StandInError(f"{wiring.agent} lives, as incarnation {life}", lives=True)
             self._journal = Journal(journal_file(run, wiring.agent))
         except RuntimeFault:
             self._session.close()  # type: ignore[no-untyped-call]
@@ -302,12 +312,17 @@ class StandIn:
             self._due = time.time() + RESEND_FIRST
 
 
-def living(session: zenoh.Session, system: str, agent: str) -> list[int]:
-    """The incarnations of an agent whose tokens are there."""
+def living(session: zenoh.Session, system: str, agent: str) -> dict[str, list[int]]:
+    """The incarnations, by agent, whose tokens are there; `agent` "*": of all."""
     replies = session.liveliness().get(service_key(system, "alive", agent, "*"), timeout=LOOK_S)
-    keys = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
-    lives = [parse_life(key.rsplit("/", 1)[-1]) for key in keys]
-    return [one[0] for one in lives if one is not None]
+    found: dict[str, list[int]] = {}
+    for reply in replies:
+        if reply.ok is not None:
+            name, chunk = str(reply.ok.key_expr).split("/")[-2:]
+            life = parse_life(chunk)
+            if life is not None:
+                found.setdefault(name, []).append(life[0])
+    return found
 
 
 def opened(endpoint: str, patience_s: float, tls: dict[str, Any] | None = None) -> zenoh.Session:
@@ -317,13 +332,6 @@ def opened(endpoint: str, patience_s: float, tls: dict[str, Any] | None = None) 
     if session is None:
         raise StandInError(f"nobody answers at {endpoint}", lives=False)
     return session
-
-
-def _linked(links: Links, agent: str) -> zenoh.Session:
-    try:
-        return links.open()
-    except zenoh.ZError as error:
-        raise StandInError(f"{agent} lives: {links.at} is taken", lives=True) from error
 
 
 def _record(last: bytes | None, agent: str, start: str) -> Record:
@@ -374,7 +382,7 @@ class Stage:
         self._watch = session.liveliness().declare_subscriber(
             service_key(system, "alive", "*", "*"), self._seen
         )
-        there = tuple(sorted(set(self._tokens())))
+        there = tuple(sorted(living(session, system, "*")))
         if there:
             self.close()
             raise LivingError(system, there, self.endpoint)
@@ -393,12 +401,6 @@ class Stage:
         for session in (self._session, self._router):
             if session is not None:
                 session.close()  # type: ignore[no-untyped-call]
-
-    def _tokens(self) -> list[str]:
-        replies = self._session.liveliness().get(
-            service_key(self.system, "alive", "*", "*"), timeout=1.0
-        )
-        return [str(reply.ok.key_expr).split("/")[4] for reply in replies if reply.ok is not None]
 
     def _seen(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT:

@@ -105,7 +105,7 @@ def refused(error: OSError) -> ConsoleError:
     """Return what the operating system refused as an error of the command line, with what to do; an
     error of our own has its words.
     """
-    from agent_runtime.io.full_disk import DISK, worded  # seldom needed, and verbs start quickly
+    from agent_runtime.io.journal import DISK, worded  # seldom needed, and verbs start quickly
 
     if error.errno in DISK:
         return ConsoleError(

@@ -6,7 +6,7 @@ may live in this process: the router's access rules would not hold for it.
 """
 
 from agent_runtime.io import cli
-from agent_runtime.io.router import serve
+from agent_runtime.io.sessions import serve
 
 
 def main() -> None:

@@ -14,9 +14,8 @@ from msgspec.msgpack import encode as pack
 from toy_agents import Double, Doubled, Want, single, wirings
 
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.effects import Effects
 from agent_runtime.core.errors import BehaviourError
-from agent_runtime.core.events import AnyEvent, Arrived, Local, Next, Received, Tick
+from agent_runtime.core.events import AnyEvent, Arrived, Effects, Local, Next, Received, Tick
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn

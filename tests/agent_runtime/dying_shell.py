@@ -19,8 +19,7 @@ import msgspec
 from driven import World, request
 from toy_agents import server, wirings
 
-from agent_runtime.core.effects import Receipt
-from agent_runtime.core.events import PeerChanged, Started
+from agent_runtime.core.events import PeerChanged, Receipt, Started
 from agent_runtime.core.state import Record
 from agent_runtime.io import journal, shell
 from agent_runtime.io.journal import journal_file

@@ -11,10 +11,9 @@ from toy_observers import Seen, WhatOf
 from toy_observers import wiring as observers
 
 from agent_runtime.core import reception
-from agent_runtime.core.duplicate_digests import digest_of
-from agent_runtime.core.effects import Receipt
-from agent_runtime.core.events import Arrived, Local, PeerChanged, Tick
+from agent_runtime.core.events import Arrived, Local, PeerChanged, Receipt, Tick
 from agent_runtime.core.reception import HELD_OF_STREAM, HELD_VOLATILE
+from agent_runtime.core.streams import digest_of
 from agent_runtime.core.turn import Turn
 from agent_runtime.core.wiring import Delivery
 from fipa_codec.performatives import Performative as P

@@ -9,11 +9,10 @@ import pytest
 from driven import Driven, agree, recording, request
 from toy_agents import Want, asker, wirings
 
-from agent_runtime.core import duplicate_digests, reception
-from agent_runtime.core.duplicate_digests import JUMP, KEPT, digest_of, preceding
-from agent_runtime.core.effects import Effects
-from agent_runtime.core.events import Arrived, Broken, Local, PeerChanged, Receipted
+from agent_runtime.core import streams
+from agent_runtime.core.events import Arrived, Broken, Effects, Local, PeerChanged, Receipted
 from agent_runtime.core.state import restored
+from agent_runtime.core.streams import JUMP, KEPT, digest_of, preceding
 from fipa_codec.communicate import decode, encode
 from fipa_codec.performatives import Performative as P
 
@@ -196,7 +195,7 @@ def test_tries_lie_farther_and_farther_ahead_and_are_not_made_at_once_for_ever()
         gaps.append(outbox(one)[0] - taken)
     assert gaps[:4] == [1, 16, 256, 4096]
     assert max(gaps) <= JUMP
-    assert at_once == reception.AT_ONCE
+    assert at_once == streams.AT_ONCE
     effects = one.later(one.now + 10.0)
     assert [communicate.id for communicate in effects.sends] == [str(outbox(one)[0])]
 
@@ -247,4 +246,4 @@ def test_the_digest_of_a_word_is_of_all_it_says() -> None:
     other = {"id": "2", "conversation": "b", "sent": 5.0, "performative": P.AGREE, "reply_by": 3.0}
     for field, value in other.items():
         assert digest_of(msgspec.structs.replace(said, **{field: value})) != digest_of(said)
-    assert len(digest_of(said)) == duplicate_digests.DIGEST_BYTES
+    assert len(digest_of(said)) == streams.DIGEST_BYTES

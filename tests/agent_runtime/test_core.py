@@ -14,11 +14,11 @@ from msgspec.structs import replace
 from toy_agents import Double, Doubled, Want, asker, server, single, wirings
 
 from agent_runtime.core.agent import Agent, Arc, Behaviour
-from agent_runtime.core.effects import Deed
 from agent_runtime.core.errors import AgentTableError, BehaviourError
 from agent_runtime.core.events import (
     Arrived,
     Broken,
+    Deed,
     Late,
     LinkChanged,
     Local,

@@ -4,6 +4,7 @@ or not at all.
 
 import os
 import queue
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,9 +17,10 @@ from typing import Any
 import pytest
 from worker_entries import At, Count, counting
 
-from agent_runtime.io import forked
-from agent_runtime.io.forked import FORKS_VARIABLE, UNKNOWN, Forked, Handed, fork
-from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
+from agent_runtime.io import fork_server
+from agent_runtime.io.fleet_processes import deleted_files, set_stop, started_in
+from agent_runtime.io.fork_server import FORKS_VARIABLE, UNKNOWN, Forked, Handed, fork
+from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE, STOP_FILE, STOP_HELD
 from agent_runtime.io.worker import Worker
 
 pytestmark = pytest.mark.process
@@ -189,7 +191,7 @@ def test_what_counts_at_the_start_only_is_not_lost(variable: str, forks: Forks) 
 
 def test_nothing_runs_for_who_has_given_up(forks: Forks, monkeypatch: pytest.MonkeyPatch) -> None:
     """A server that hangs makes nothing later: the process would run twice."""
-    monkeypatch.setattr(forked, "WITHIN_S", 0.2)
+    monkeypatch.setattr(fork_server, "WITHIN_S", 0.2)
     forks.server.send_signal(signal.SIGSTOP)
     assert forks.fork("tells", "0") is None
     forks.server.send_signal(signal.SIGCONT)
@@ -214,8 +216,10 @@ def test_what_was_forked_outlives_the_server(forks: Forks) -> None:
 def test_nonsense_does_not_end_the_server(forks: Forks) -> None:
     """A connection with no valid request is closed."""
     for words in (b"", b"nonsense", b'{"module":1}'):
-        line = forked.socket.socket(forked.socket.AF_UNIX, forked.socket.SOCK_SEQPACKET)
-        with line, forked.short(forks.run / "forks.sock") as address:
+        line = fork_server.socket.socket(
+            fork_server.socket.AF_UNIX, fork_server.socket.SOCK_SEQPACKET
+        )
+        with line, fork_server.short(forks.run / "forks.sock") as address:
             line.connect(address)
             if words:
                 line.send(words)
@@ -258,3 +262,93 @@ def test_without_a_server_nothing_is_forked(tmp_path: Path) -> None:
         fork("ends", environment={FORKS_VARIABLE: str(tmp_path / "no" / "forks.sock")}, hand=[])
         is None
     )
+
+
+# --- Processes of a fleet that live ---------------------------------------------------------------
+
+
+pytestmark = pytest.mark.process
+LOOP = """
+import mmap, os, sys, time
+file = os.open(sys.argv[1], os.O_RDWR | os.O_CREAT, 0o600)
+os.pwrite(file, b"\\0", 0)
+byte = mmap.mmap(file, 1)
+print("mapped", flush=True)
+while byte[:1] != b"\\1":
+    time.sleep(0.001)
+print("held", flush=True)
+while byte[:1] != b"\\0":
+    time.sleep(0.001)
+print("released", flush=True)
+"""
+"""As the control loop does: it has the stop flag mapped."""
+Loops = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run folder."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def loop() -> Iterator[Loops]:
+    """Starts a process with the stop flag of a run mapped, of a fleet or of none."""
+    started: list[subprocess.Popen[str]] = []
+
+    def begin(run: Path, fleet: str = "f1") -> "subprocess.Popen[str]":
+        variables = os.environ | {RUN_FOLDER_VARIABLE: str(run), FLEET_VARIABLE: fleet}
+        command = [sys.executable, "-P", "-c", LOOP, str(run / STOP_FILE)]
+        started.append(subprocess.Popen(command, env=variables, stdout=subprocess.PIPE, text=True))
+        assert line(started[-1]) == "mapped"
+        return started[-1]
+
+    yield begin
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def line(process: "subprocess.Popen[str]") -> str:
+    """The next line of a process; pytest's time-out ends a wait for ever."""
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_a_stop_reaches_a_loop_whose_folder_is_gone(run: Path, loop: Loops, gone: bool) -> None:
+    """So does the release; in a folder that was made again the flag tells the same."""
+    process = loop(run)
+    if gone:
+        shutil.rmtree(run)
+        run.mkdir()
+    set_stop(run, held=True)
+    assert line(process) == "held"
+    assert (run / STOP_FILE).read_bytes() == STOP_HELD
+    set_stop(run, held=False)
+    assert line(process) == "released"
+
+
+def test_a_stop_without_any_folder_is_no_error_if_a_loop_hears_it(run: Path, loop: Loops) -> None:
+    """Without a loop it is one."""
+    process = loop(run)
+    shutil.rmtree(run)
+    set_stop(run, held=True)
+    assert line(process) == "held"
+    process.kill()
+    process.wait()
+    with pytest.raises(FileNotFoundError):
+        set_stop(run, held=True)
+
+
+def test_only_processes_of_the_fleet_are_meant(run: Path, loop: Loops, tmp_path: Path) -> None:
+    """Neither a shell in which the run folder is set, nor what runs for another folder."""
+    mine, shell = loop(run), loop(run, fleet="")
+    (tmp_path / "other").mkdir()
+    other = loop(tmp_path / "other")
+    assert started_in(run) == (mine.pid,)
+    shutil.rmtree(run)
+    assert {file.parts[2] for file in deleted_files(run, STOP_FILE)} == {str(mine.pid)}
+    assert {shell.poll(), other.poll()} == {None}

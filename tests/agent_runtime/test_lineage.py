@@ -12,9 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy_agents import Want, faulty, toys, wirings
 
-from agent_runtime.core import lineage
-from agent_runtime.core.effects import Effects
-from agent_runtime.core.events import Arrived, Broken, Local, PeerChanged, Receipted, Received
+from agent_runtime.core import peers
+from agent_runtime.core.events import (
+    Arrived,
+    Broken,
+    Effects,
+    Local,
+    PeerChanged,
+    Receipted,
+    Received,
+)
 from agent_runtime.core.turn import Turn
 from agent_runtime.testing.memory_bus import Faults, MemoryBus
 from fipa_codec.performatives import Performative as P
@@ -144,8 +151,8 @@ def test_what_is_remembered_of_lost_journals_is_bounded() -> None:
     for number in range(100):
         one.step(PeerChanged("asker", 1, f"new-{number}"))
         one.step(of(f"new-{number}", request(1, conversation=f"asker-1-{number}x")))
-    assert len(one.state.given_up) == lineage.GIVEN_UP
-    assert len(one.state.lost) <= lineage.TOLD + 1
+    assert len(one.state.given_up) == peers.GIVEN_UP
+    assert len(one.state.lost) <= peers.TOLD + 1
 
 
 def test_a_subscriber_renews_when_the_observer_lost_its_memory() -> None:
@@ -183,7 +190,7 @@ def test_a_journal_lost_at_any_moment(victim: str, after_s: float) -> None:
     """All is answered in the end, and nothing stays open on either side."""
     wires = toys(1, 2, 3)
     wires.run_for(after_s)
-    wires.lose_journal(victim)
+    wires.put_back(victim, None)
     wires.run(lambda: at_rest(wires, 3))
     assert wires.memory("asker").answers == ((1, 2), (2, 4), (3, 6))
 
@@ -206,8 +213,8 @@ def test_a_journal_whose_end_is_lost(victim: str, back: int, after_s: float) -> 
     other = "server" if victim == "asker" else "asker"
     forgot = after.taken.get(other, 0) < before.taken.get(other, 0)
     mine, theirs = (wires.nodes[name].state.counts for name in (victim, other))
-    assert lineage.SHORTENED not in theirs
-    assert mine.get(lineage.SHORTENED, 0) == theirs.get("peer lost its memory", 0) == forgot
+    assert peers.SHORTENED not in theirs
+    assert mine.get(peers.SHORTENED, 0) == theirs.get("peer lost its memory", 0) == forgot
 
 
 def records(wires: MemoryBus) -> dict[str, list[bytes]]:
@@ -247,7 +254,7 @@ def test_lost_and_shortened_journals_among_other_faults(
     for victim, pause_s, back in lost:
         wires.run_for(pause_s)
         if wires.up(victim) and back is None:
-            wires.lose_journal(victim)
+            wires.put_back(victim, None)
             kept.pop(victim, None)  # nobody believes a name again that was given up
         elif wires.up(victim) and kept.get(victim):
             wires.put_back(victim, kept[victim][max(0, len(kept[victim]) - 1 - back)])

@@ -3,6 +3,7 @@ step was.
 """
 
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
@@ -10,21 +11,32 @@ from unittest.mock import MagicMock
 import msgspec
 import pytest
 import zenoh
-from driven import World, message
+from driven import Driven, World, agree, message, recording, request
+from toy_agents import Want, wirings
 from toy_observers import Seen, Topic, WhatOf, knower, watcher, wiring
 
-from agent_runtime.core.effects import Receipt
-from agent_runtime.core.events import AnyEvent, Arrived, Local, PeerChanged, Started
+from agent_runtime.core.control import Command, Pause
+from agent_runtime.core.events import (
+    AnyEvent,
+    Arrived,
+    Deed,
+    Local,
+    Ordered,
+    PeerChanged,
+    Receipt,
+    Started,
+)
 from agent_runtime.core.peers import Peers
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import Delivery, Link, Wiring
-from agent_runtime.io import shell, step_recorder, steplog
+from agent_runtime.io import shell, steplog
+from agent_runtime.io.heartbeat import SHOWN, looked_into
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.options import Options
 from agent_runtime.io.zenoh_wire import BULK_BYTES, ZenohWire
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.conversation import Conversation
-from fipa_codec.languages import Languages
+from fipa_codec.languages import Kind, Languages
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
 
@@ -171,10 +183,10 @@ def test_while_it_serves_logs_wait_for_a_pause_but_not_for_ever(
     serving.shell._recorder.write()
     assert written(tmp_path) == before + 1
     seen = set()
-    for value in range(1, 3 * step_recorder.MOST_UNWRITTEN):
+    for value in range(1, 3 * steplog.MOST_UNWRITTEN):
         serving.happen(Local(Seen("jar", value)))
         seen.add(written(tmp_path))
-        assert before + value + 1 - written(tmp_path) < step_recorder.MOST_UNWRITTEN
+        assert before + value + 1 - written(tmp_path) < steplog.MOST_UNWRITTEN
     assert len(seen) == 3, "written in batches"
 
 
@@ -182,7 +194,7 @@ def test_much_that_was_said_is_written_sooner(
     serving: Stepped, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Unwritten words are bounded in bytes, too."""
-    monkeypatch.setattr(step_recorder, "MOST_SAID", 500)
+    monkeypatch.setattr(steplog, "MOST_SAID", 500)
     serving.happen(subscribed())
     serving.shell._wire.send = lambda communicate, after, heard: 400
     before = written(tmp_path)
@@ -197,7 +209,7 @@ def test_much_that_was_heard_is_let_go_at_once(
     """Its memory is for the next message; the log has it at the next pause."""
     content = subscribed().communicate.content
     assert isinstance(content, msgspec.Raw)
-    monkeypatch.setattr(step_recorder, "MOST_HEARD", len(content) + 1)
+    monkeypatch.setattr(steplog, "MOST_HEARD", len(content) + 1)
     before = written(tmp_path)
     serving.happen(subscribed())
     assert len(serving.shell._recorder._unwritten) == 1
@@ -207,9 +219,9 @@ def test_much_that_was_heard_is_let_go_at_once(
     assert serving.shell._next_at() <= time.time() + shell.QUIET_S
     serving.shell._recorder.write()
     assert written(tmp_path) == before + 2
-    for number in range(3, 3 * step_recorder.MOST_UNWRITTEN):
+    for number in range(3, 3 * steplog.MOST_UNWRITTEN):
         serving.happen(subscribed(number))
-        assert before + number - written(tmp_path) < step_recorder.MOST_UNWRITTEN
+        assert before + number - written(tmp_path) < steplog.MOST_UNWRITTEN
 
 
 def test_what_waits_to_be_written_is_written_when_it_stops(tmp_path: Path) -> None:
@@ -259,3 +271,46 @@ def test_much_that_may_wait_goes_behind_the_rest(
         (key, data), how = session.put.call_args
         assert (key, data) == ("roco/toy/C1/a/b/query/query-ref", encode(communicate))
         assert how["priority"] == priority
+
+
+# --- Memory of an agent as its heartbeat's file tells it ------------------------------------------
+
+
+_, TO_ASKER = wirings()
+
+
+def test_what_waits_is_told_in_its_order() -> None:
+    """A communicate by act, sender and protocol; a word of the own side by its class. More than is
+    shown is counted.
+    """
+    one = Driven(recording(said=agree), TO_ASKER)
+    for event in (Ordered(Command("1", Pause())), request(1), Local(Want(1))):
+        one.step(event)
+    found = looked_into(one.state, deque())
+    told = [(each.what, each.peer, each.protocol) for each in found.inbox]
+    assert told == [("request", "asker", "request"), ("Local", "", "")]
+    assert (found.waiting, found.open) == (2, 0)
+    for number in range(SHOWN):
+        one.step(Local(Want(number)))
+    found = looked_into(one.state, deque())
+    assert (found.waiting, len(found.inbox)) == (SHOWN + 2, SHOWN)
+
+
+def test_open_conversations_are_told_until_they_end() -> None:
+    """With the state they are in, as this side sees it."""
+    one = Driven(recording(said=agree), TO_ASKER)
+    one.step(request(1, conversation="b"))
+    (talk,) = looked_into(one.state, deque()).talks
+    assert (talk.id, talk.peer, talk.protocol) == ("b", "asker", "request")
+    assert (talk.role, talk.state) == ("participant", "agreed")
+
+
+def test_a_step_is_told_in_the_words_of_the_design() -> None:
+    """The step tells the word taken, the word said with its guard, and the state it led to."""
+    taken, said = ("order", P.REQUEST, Kind.PLAIN), ("order", P.INFORM, Kind.CANCEL)
+    deeds = [Deed("idle", "Received", taken, (said,), "busy")]
+    deeds += [Deed("busy", "Woken", None, (), "idle")]
+    one = Driven(recording(), TO_ASKER)
+    first, second = looked_into(one.state, deque(enumerate(deeds))).steps
+    assert (first.event, first.said) == ("order request", ("order inform[cancel]",))
+    assert (second.before, second.event, second.after) == ("busy", "Woken", "idle")

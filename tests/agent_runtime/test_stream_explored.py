@@ -13,13 +13,23 @@ import pytest
 from driven import message
 from toy_agents import Double, Doubled, asker, server, wirings
 
-from agent_runtime.core import duplicate_digests, reception, sequence_check, streams
-from agent_runtime.core.duplicate_digests import preceding, receipted
-from agent_runtime.core.effects import Effects, LogLine, Receipt
+from agent_runtime.core import reception, streams
 from agent_runtime.core.errors import BehaviourError
-from agent_runtime.core.events import AnyEvent, Arrived, Next, Receipted, Received, Started, Tick
+from agent_runtime.core.events import (
+    AnyEvent,
+    Arrived,
+    Effects,
+    LogLine,
+    Next,
+    Receipt,
+    Receipted,
+    Received,
+    Started,
+    Tick,
+)
 from agent_runtime.core.state import CoreState, Soft, restored
 from agent_runtime.core.step import Core
+from agent_runtime.core.streams import preceding, receipted
 from fipa_codec.communicate import encode
 from fipa_codec.performatives import Performative
 from topdown.prove.engine import UNREACHED, WRONG, Exploration, Move, explore
@@ -380,12 +390,12 @@ def last_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Receipt a word and forget its number."""
 
     def spoilt(state: Any, peer: str) -> Receipt:
-        told = duplicate_digests.receipt(state, peer)
+        told = streams.receipt(state, peer)
         state.taken.pop(peer, None)
         state.recent.pop(peer, None)
         return told
 
-    monkeypatch.setattr(sequence_check, "receipt", spoilt)
+    monkeypatch.setattr(reception, "receipt", spoilt)
 
 
 def gaps_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -418,7 +428,7 @@ def not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def order_not_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """No word says which one it follows."""
-    monkeypatch.setattr(duplicate_digests, "_known", lambda *_: True)
+    monkeypatch.setattr(streams, "_known", lambda *_: True)
 
 
 def refused_by_number(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -427,7 +437,7 @@ def refused_by_number(monkeypatch: pytest.MonkeyPatch) -> None:
     def spoilt(one: Any, event: Any) -> bool:
         return one.number <= event.taken if event.refused else one.number == event.taken
 
-    monkeypatch.setattr(reception, "_another_taken", spoilt)
+    monkeypatch.setattr(streams, "_another_taken", spoilt)
 
 
 @pytest.mark.parametrize(

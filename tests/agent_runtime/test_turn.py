@@ -1,18 +1,22 @@
 """Acts of a behaviour in its turn: those kept on the disk, those refused, and the time of Late."""
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
 import pytest
 from driven import Driven, agree, ask, quiet, recording, refused, request
+from msgspec import Struct
 from msgspec.structs import replace
 from toy_agents import LANGUAGES, Double, Want, wirings
 from toy_observers import Seen, Topic, WhatOf
 from toy_observers import wiring as observers
 
-from agent_runtime.core.effects import Deed
+from agent_runtime.core.agent import NOES, Agent, Behaviour, unfilled
 from agent_runtime.core.errors import AgentTableError
 from agent_runtime.core.events import (
+    Deed,
     Garbled,
     Late,
     LinkChanged,
@@ -24,10 +28,14 @@ from agent_runtime.core.events import (
 from agent_runtime.core.step import LATE_AFTER, Core
 from agent_runtime.core.streams import OUTBOX_BOUND
 from agent_runtime.core.turn import Turn
-from agent_runtime.core.wiring import Wiring
+from agent_runtime.core.wiring import Delivery, Link, Wiring
+from agent_runtime.io import tap
+from agent_runtime.io.tap import Sample, Waiting
+from agent_runtime.testing.alone import Alone
 from fipa_codec.conversation import Conversation
-from fipa_codec.languages import Kind
+from fipa_codec.languages import Kind, Language, Languages, Reason
 from fipa_codec.performatives import Performative as P
+from fipa_codec.protocols import PROTOCOLS
 from fipa_codec.tables import Role
 
 TO_SERVER, TO_ASKER = wirings()
@@ -305,3 +313,130 @@ def test_a_deed_is_told_in_the_words_of_the_design() -> None:
     late = Driven(quiet(ask, name="asker"), to_server)
     late.step(Local(Want(1)))
     assert late.later(106.0).deed == Deed("s", "Late deal", None, (), "s")
+
+
+# --- Words that wait ------------------------------------------------------------------------------
+
+
+def sample(size: int, at: float = 0.0) -> Sample:
+    """Of `size` bytes."""
+    return Sample("k", b"x" * size, at)
+
+
+def test_what_finds_no_room_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By number or by bytes, whichever is reached first; what is taken makes room."""
+    monkeypatch.setattr(tap, "MOST_WAITING", 3)
+    monkeypatch.setattr(tap, "MOST_BYTES", 100)
+    one = Waiting()
+    for size in (60, 60, 40, 1):
+        one.put(sample(size))
+    assert one.dropped == 2
+    assert [len(each.data) for each in one.left()] == [60, 40]
+    for _ in range(5):
+        one.put(sample(1))
+    assert one.dropped == 4
+    taken = one.get(1.0)
+    assert taken is not None
+    one.put(sample(98))
+    assert one.dropped == 4
+
+
+def test_all_room_is_there_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After several threads put and one took everything."""
+    monkeypatch.setattr(tap, "MOST_BYTES", 3000)
+    one = Waiting()
+    threads = [
+        threading.Thread(target=lambda: [one.put(sample(3)) for _ in range(500)]) for _ in range(4)
+    ]
+    for thread in threads:
+        thread.start()
+    taken = 0
+    while any(thread.is_alive() for thread in threads):
+        taken += one.get(0.001) is not None
+    taken += len(one.left())
+    assert taken + one.dropped == 2000
+    one.put(sample(3000))
+    assert len(one.left()) == 1
+
+
+def test_stop_ends_the_wait() -> None:
+    """At once, and what waits is there still."""
+    one = Waiting()
+    one.stop()
+    one.put(sample(1))
+    assert one.get(60.0) is None
+    assert one.stopped
+    assert len(one.left()) == 1
+
+
+def test_what_another_process_wrote_waits_and_its_end_stops() -> None:
+    """A last line that is cut off is left out."""
+    one, lines = Waiting(), [msgspec.json.encode(sample(size)) for size in (1, 2)]
+    one.fill([*lines, lines[0][:9]])
+    assert one.stopped
+    assert [len(each.data) for each in one.left()] == [1, 2]
+
+
+# --- A behaviour that is not filled in ------------------------------------------------------------
+
+
+class Memory(Struct, frozen=True):
+    """Nothing."""
+
+
+class Say(Struct, frozen=True, tag=True):
+    """Something."""
+
+
+SAYING = Languages((Language("L", Say),))
+ALONE = [
+    protocol for protocol in PROTOCOLS if protocol.name not in ("brokering", "recruiting")
+]  # these need a third agent
+
+
+def stub(protocol: str, says: dict[P, tuple[str, ...]] | None = None) -> Alone:
+    """An agent with one behaviour that is not filled in, as the participant of a protocol."""
+    agent = Agent(
+        "a", "s", Memory(), {"s": Behaviour(lambda memory, turn: unfilled(memory, turn, "work"))}
+    )
+    delivery = Delivery.LATEST if protocol == "subscribe" else Delivery.DURABLE
+    if protocol == "query":
+        delivery = Delivery.VOLATILE
+    link = Link("b", "C1", protocol, Role.PARTICIPANT, delivery, silent="L", says=says or {})
+    return Alone(agent, Wiring("test", "a", (link,), SAYING))
+
+
+OPENINGS = [(protocol.name, act) for protocol in ALONE for act in sorted(protocol.openings)]
+
+
+@pytest.mark.parametrize(("protocol", "act"), OPENINGS)
+def test_whatever_is_asked_is_declined_and_over(protocol, act):
+    """The answer comes in the same step, says which behaviour is missing, and leaves no
+    conversation open.
+    """
+    one = stub(protocol)
+    name = one.ask("b", protocol, act, Say())
+    (answer,) = [said for said in one.said if said.conversation == name]
+    assert answer.performative in (*NOES, P.NOT_UNDERSTOOD)
+    assert one.content(answer) == Reason("behaviour work of a is not filled in")
+    assert one.talks[name].ended
+    assert one.state == "s"
+
+
+def test_a_protocol_that_may_refuse_is_refused():
+    """Request has refuse, so nothing stronger is said."""
+    one = stub("request")
+    assert one.answers(one.ask("b", "request", P.REQUEST, Say())) == (P.REFUSE,)
+
+
+@pytest.mark.parametrize(
+    ("says", "answer"),
+    [
+        ({P.FAILURE: (), P.NOT_UNDERSTOOD: ("reason.Reason",)}, P.FAILURE),
+        ({P.INFORM: (), P.NOT_UNDERSTOOD: ("reason.Reason",)}, P.NOT_UNDERSTOOD),
+    ],
+)
+def test_a_design_without_refuse_gets_the_next_word(says, answer):
+    """Only acts that the design lists are said."""
+    one = stub("request", says)
+    assert one.answers(one.ask("b", "request", P.REQUEST, Say())) == (answer,)

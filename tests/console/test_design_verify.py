@@ -13,8 +13,8 @@ from typer.testing import Result
 from agent_runtime.io import steplog
 from companion.design import DESIGN, FILE
 from console.design.verify import TITLES
+from topdown.prove.net import promela
 from topdown.prove.pairs import net_of
-from topdown.prove.promela import promela
 
 TESTS = Path(__file__).resolve().parents[1]
 LAMP = TESTS / "topdown/lamp.toml"

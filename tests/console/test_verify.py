@@ -17,8 +17,7 @@ from msgspec.msgpack import encode as pack
 from msgspec.structs import replace
 from typer.testing import CliRunner
 
-from agent_runtime.core.effects import Effects, Receipt
-from agent_runtime.core.events import Arrived
+from agent_runtime.core.events import Arrived, Effects, Receipt
 from agent_runtime.io.steplog import HEAD, Parted, Put, fingerprint, read
 from console.__main__ import app
 from console.traffic.verify import Kept, first

@@ -97,6 +97,6 @@ def test_a_quiet_event_is_none(room: Path) -> None:
 
 def test_drops_are_called_what_the_runtime_calls_them() -> None:
     """The two that are members of an enumeration."""
-    from agent_runtime.core.sequence_check import What
+    from agent_runtime.core.reception import What
 
     assert {f"What.{one.name}": one.value for one in (What.DROP, What.REFUSE)} == troubles.DROPS

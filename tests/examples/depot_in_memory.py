@@ -16,7 +16,7 @@ from depot.ox import behaviours as ox
 from depot.traffic import behaviours as traffic
 
 from agent_runtime.core.binding import wiring
-from agent_runtime.core.effects import Effects
+from agent_runtime.core.events import Effects
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.io.devices import Device
 from agent_runtime.testing.memory_bus import Faults, MemoryBus

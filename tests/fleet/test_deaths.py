@@ -115,7 +115,7 @@ def test_without_its_journal_a_task_ends_and_the_fleet_is_at_rest(victim, counte
         fleet = Fleet(seed=step)  # what was said in a life that nobody remembers is not judged
         fleet.say()
         until(fleet, victim, step)
-        fleet.wires.lose_journal(victim)
+        fleet.wires.put_back(victim, None)
         if victim != "hi":  # who forgets its tasks has none to end
             fleet.until(fleet.ended, 3600.0)
             ends = [task for task in fleet.tasks if task.state in FINAL]

@@ -16,9 +16,8 @@ from http_target import serving as serving_http
 from mutation import BINARY, MCAP, TEXT, Bytes, behind, content, flip, lengths, packed
 
 from agent_runtime.core.control import Command, Pause, Resume, SetLevel, SetParameter
-from agent_runtime.core.effects import Receipt
 from agent_runtime.core.errors import RuntimeFault, StepLogError
-from agent_runtime.core.events import Arrived, Next, Started
+from agent_runtime.core.events import Arrived, Next, Receipt, Started
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
 from agent_runtime.io import steplog, zenoh_wire

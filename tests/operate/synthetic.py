@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
-from agent_runtime.core.effects import Receipt
+from agent_runtime.core.events import Receipt
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN, language_of
 from companion.languages import cmd, hfsm, rc, rs, sw, wm

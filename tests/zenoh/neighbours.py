@@ -13,7 +13,7 @@ from pathlib import Path
 
 import zenoh
 
-from agent_runtime.core.effects import Receipt
+from agent_runtime.core.events import Receipt
 from agent_runtime.core.wiring import service_key
 from agent_runtime.io.inbox import Inbox
 from agent_runtime.io.secured import client_tls, links_of, links_tls

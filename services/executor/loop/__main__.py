@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from agent_runtime.io.options import USAGE_ERROR
-from agent_runtime.io.process_heartbeat import ProcessHeartbeat, Turns
+from agent_runtime.io.run_files import ProcessHeartbeat, Turns
 from services.executor.loop.backends import SHORT, maker
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink

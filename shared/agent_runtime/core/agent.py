@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
 
 from agent_runtime.core.control import Parameters
-from agent_runtime.core.effects import Deed
 from agent_runtime.core.errors import AgentTableError
-from agent_runtime.core.events import Late, Local, Received
+from agent_runtime.core.events import Deed, Late, Local, Received
 from agent_runtime.core.turn import Turn
 from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import Kind, Reason

@@ -71,7 +71,13 @@ def bind(
         start=entry.initial,
         memory=memory,
         behaviours={
-            state.name: _behaviour(state, behaviours, conditions, kept) for state in entry.state
+            state.name: Behaviour(
+                transition=behaviours[state.behaviour],
+                terminal=conditions[state.terminal],
+                error=conditions[state.error] if state.error else never,
+                takes=kept.get(state.behaviour, everything),
+            )
+            for state in entry.state
         },
         arcs=tuple(Arc(arc.source, arc.target, arc.when) for arc in entry.arc),
         conditions=dict(conditions),
@@ -106,30 +112,17 @@ def _require(agent: str, kind: str, wanted: Iterable[str], bound: Iterable[str])
         raise BindingError(agent, kind, missing, extra)
 
 
-def _behaviour(
-    state: elements.State,
-    behaviours: Mapping[str, Transition[M]],
-    conditions: Mapping[str, Condition[M]],
-    takes: Mapping[str, Takes[M]],
-) -> Behaviour[M]:
-    return Behaviour(
-        transition=behaviours[state.behaviour],
-        terminal=conditions[state.terminal],
-        error=conditions[state.error] if state.error else never,
-        takes=takes.get(state.behaviour, everything),
-    )
-
-
 def _link(name: str, use: elements.Protocol, design: Design) -> Link:
     initiates = name == use.initiator
     peer = use.participant if initiates else use.initiator
     rules = [rule for rule in design.rules.values() if rule.use == use.name]
+    kept = Delivery.LATEST if use.latest else Delivery.VOLATILE
     return Link(
         peer=peer,
         channel=use.channel,
         protocol=use.follows,
         role=Role.INITIATOR if initiates else Role.PARTICIPANT,
-        delivery=_delivery(use),
+        delivery=Delivery.DURABLE if use.durable else kept,
         ontology=use.ontology,
         silent=_silent(name, use),
         use=use.name,
@@ -137,12 +130,6 @@ def _link(name: str, use: elements.Protocol, design: Design) -> Link:
         says={rule.performative: rule.contents for rule in rules if rule.sender == name},
         hears={rule.performative: rule.contents for rule in rules if rule.sender == peer},
     )
-
-
-def _delivery(use: elements.Protocol) -> Delivery:
-    if use.durable:
-        return Delivery.DURABLE
-    return Delivery.LATEST if use.latest else Delivery.VOLATILE
 
 
 def _silent(name: str, use: elements.Protocol) -> str:

@@ -5,51 +5,58 @@ What the behaviour is to be told is put into the inbox.
 """
 
 from collections.abc import Sequence
+from enum import StrEnum
 from typing import Any
 
+import msgspec
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from agent_runtime.core import control, lineage, streams
+from agent_runtime.core import control, peers, streams
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.duplicate_digests import (
-    JUMP,
+from agent_runtime.core.errors import BehaviourError
+from agent_runtime.core.events import (
+    AnyEvent,
+    Arrived,
+    Broken,
+    Garbled,
+    LinkChanged,
+    Local,
+    Next,
+    Ordered,
+    Out,
+    PeerChanged,
+    Receipt,
+    Receipted,
+    Received,
+    Settled,
+    Started,
+    Tick,
+)
+from agent_runtime.core.state import CoreState, Held, Waiting, age
+from agent_runtime.core.streams import (
     digest_of,
     follows,
+    parse_observation,
     receipt,
     refuse,
     taken_before,
     tell,
     too_far,
 )
-from agent_runtime.core.effects import Out, Receipt
-from agent_runtime.core.errors import BehaviourError
-from agent_runtime.core.events import (
-    AnyEvent,
-    Arrived,
-    Garbled,
-    LinkChanged,
-    Local,
-    Next,
-    Ordered,
-    PeerChanged,
-    Receipted,
-    Settled,
-    Started,
-    Tick,
-)
-from agent_runtime.core.state import CoreState, Lost, Outgoing, Waiting
-from agent_runtime.core.streams import parse_observation
+from agent_runtime.core.turn import dispatch
 from agent_runtime.core.wiring import Delivery, Link, Wiring
-from fipa_codec.communicate import LONGEST_LABEL, MOST_DIGITS, Communicate, number_of
+from fipa_codec.communicate import LONGEST_LABEL, Communicate, number_of
+from fipa_codec.conversation import Conversation
 from fipa_codec.errors import RemoteProtocolError
-from fipa_codec.languages import Kind
+from fipa_codec.languages import REASON, Kind, Reason
 from fipa_codec.performatives import Performative
+from fipa_codec.protocols import named
 from fipa_codec.tables import Role
 
 # --- Intake of a message: it is kept for its turn, receipted again, or dropped and counted --------
 # Durable: only the next number of the sender's stream is kept; a copy of an older one is receipted
-# again, another message under its number is refused (duplicate_digests); a gap is dropped without
+# again, another message under its number is refused (streams); a gap is dropped without
 # receipt, so it comes again. Observations: only a newer version of the subject, and only in a
 # conversation that is held. Volatile: every message but copies of a waiting one, up to a bound.
 # Nothing is answered here: answers follow the order of the stream.
@@ -210,118 +217,6 @@ def _wait(
     _queue(state, waiting)
 
 
-# --- Renumbering: a sender whose numbers another used for its messages sends its own again, under
-# new numbers
-# Whoever has this agent's key can do so. The receiver's receipt names the message that it took by
-# its digest (duplicate_digests), or says that one was refused. Order is kept: what follows a
-# refused message in the outbox gets new numbers, too, and each message says which one it follows.
-# With each message that is refused the new numbers lie farther ahead, so a thief who always uses
-# the next number is passed; after AT_ONCE tries without one that is taken, the next is made when it
-# is time to re-send. Where the receiver cannot know any more whether a message was taken, it is not
-# sent again: its conversation is lost, and the behaviour is told.
-
-
-AT_ONCE = 5
-FARTHER = 16
-"""New numbers lie 0, 15, 255, 4095, 32767 beyond the next one: a thief sends a few in a round trip
-(estimate).
-"""
-MOST = 10**MOST_DIGITS - 2 * JUMP
-"""Numbers beyond it are of a receiver that lies: none could follow them."""
-
-
-def look(state: CoreState, out: Out, event: Receipted, now: float) -> None:
-    """After the messages that a receipt covers are settled: see whether it is for another's, or
-    refuses one.
-    """
-    peer, taken = event.peer, event.taken
-    if event.subject or not (event.digest or event.refused) or not 0 <= taken <= MOST:
-        return
-    sent, issued = state.outbox.get(peer, ()), state.issued.get(peer, 0)
-    place = next((at for at, one in enumerate(sent) if _another_taken(one, event)), None)
-    if place is None:
-        if taken > issued:
-            _tell(state, out, peer, f"took number {taken}, and this agent's last word has {issued}")
-            state.issued[peer] = taken if taken <= issued + JUMP else issued
-    elif event.unknown:
-        _give_up(state, out, peer, place, taken, now)
-    else:
-        _renumber(state, out, peer, place, taken, now)
-
-
-def _another_taken(one: Outgoing, event: Receipted) -> bool:
-    """Whether a receipt says that another message has the number of this one, or that it is too far
-    on.
-    """
-    if event.refused:
-        near = event.taken < one.number <= event.taken + JUMP
-        return not near and digest_of(one.communicate) == event.refused
-    return one.number == event.taken
-
-
-def _renumber(state: CoreState, out: Out, peer: str, place: int, taken: int, now: float) -> None:
-    """Send the message at this place of the outbox, and what follows it, under numbers after the
-    last one taken.
-    """
-    sent, soft = state.outbox[peer], state.soft
-    tries = soft.renumbered.get(peer, 0)
-    kept = sent[:place]
-    first = max(taken, kept[-1].number if kept else 0) + min(FARTHER**tries, JUMP // 2)
-    again = enumerate((one.communicate for one in sent[place:]), first)
-    moved = tuple(Outgoing(number, replace(one, id=str(number))) for number, one in again)
-    why = (
-        f"took another word than this agent's as number {sent[place].number}; it is said again as"
-        f" {first}"
-    )
-    _tell(state, out, peer, why)
-    state.outbox[peer] = (*kept, *moved)
-    state.issued[peer] = moved[-1].number
-    soft.renumbered[peer] = tries + 1
-    out.durable = True
-    if tries < AT_ONCE:
-        for one in moved:
-            streams.send(state, out, one.communicate)
-        soft.resend[peer] = (now + streams.RESEND_FIRST, streams.RESEND_FIRST)
-
-
-def _give_up(state: CoreState, out: Out, peer: str, place: int, taken: int, now: float) -> None:
-    """Never send the message at this place again, nor what follows in its conversation, which is
-    lost.
-    """
-    sent = state.outbox[peer]
-    given_up = sent[place].communicate
-    why = (
-        f"does not know any more whether it took number {given_up.id} from this agent or from"
-        " another"
-    )
-    _tell(state, out, peer, f"{why}; the conversation is over")
-    for key, held in list(state.conversations.items()):
-        if (held.conversation.peer, held.conversation.id) == (peer, given_up.conversation):
-            state.lost[key] = Lost(
-                held, f"{peer} {why}; perhaps it was done, look before you say it again"
-            )
-            del state.conversations[key]
-    rest = tuple(
-        one for one in sent[place + 1 :] if one.communicate.conversation != given_up.conversation
-    )
-    streams.put(state.outbox, peer, (*sent[:place], *rest))
-    out.durable = True
-    if rest:
-        _renumber(state, out, peer, place, taken, now)
-    else:
-        state.issued[peer] = max(taken, state.issued[peer])
-
-
-def _tell(state: CoreState, out: Out, peer: str, what: str) -> None:
-    me = state.agent
-    why = (
-        f"{peer} {what}: somebody else speaks with {me}'s key, or its journal is an old copy; `roco"
-        f" keys revoke {me}`"
-    )
-    state.count("another speaker")
-    out.log("another speaker", level="error", peer=peer, why=why)
-
-
 # --- Reception of an event, before anything is taken ----------------------------------------------
 
 
@@ -371,9 +266,9 @@ def note(
 def _arrive(wiring: Wiring, state: CoreState, out: Out, event: Arrived, now: float) -> None:
     """Admit a message that is between the present journals of both."""
     sender = event.communicate.sender
-    if event.journal and not lineage.fits(state, out, sender, event.journal, event.believed):
+    if event.journal and not peers.fits(state, out, sender, event.journal, event.believed):
         return
-    if not (event.journal and lineage.shortened(state, out, sender, event.heard, now)):
+    if not (event.journal and peers.shortened(state, out, sender, event.heard, now)):
         admit(state, out, wiring, event)
 
 
@@ -401,11 +296,11 @@ def _obey(agent: Agent[Any], state: CoreState, out: Out, event: Ordered) -> None
 def _settles(wiring: Wiring, state: CoreState, out: Out, event: Receipted, now: float) -> bool:
     """Take a receipt of the present journal. Whether it covers the last observation due."""
     told = bool(event.life) and not event.answer
-    if event.journal and not lineage.fits(state, out, event.peer, event.journal, event.believed):
+    if event.journal and not peers.fits(state, out, event.peer, event.journal, event.believed):
         if told and event.life == state.incarnation:
-            lineage.renamed(state, out, event, now)
+            peers.renamed(state, out, event, now)
         return False
-    if lineage.shortened(state, out, event.peer, event.heard, now):
+    if peers.shortened(state, out, event.peer, event.heard, now):
         return False
     if told:
         out.receipts.append(replace(receipt(state, event.peer), life=event.life, answer=True))
@@ -414,7 +309,7 @@ def _settles(wiring: Wiring, state: CoreState, out: Out, event: Receipted, now: 
         if not (state.outbox.get(event.peer) or state.due.get(event.peer)):
             state.soft.resend.pop(event.peer, None)
     emptied = streams.settle(state, out, wiring, event, now)
-    look(state, out, event, now)
+    streams.look(state, out, event, now)
     return emptied
 
 
@@ -427,7 +322,7 @@ def _note_peer(wiring: Wiring, state: CoreState, out: Out, event: PeerChanged, n
         if state.soft.peers.get(event.agent, event.incarnation) != event.incarnation:
             streams.forget_last(state, event.agent)
         state.soft.peers[event.agent] = event.incarnation
-        news = lineage.met(state, out, event.agent, event.journal)
+        news = peers.met(state, out, event.agent, event.journal)
         if state.heard.get(event.agent) or event.journal in state.given_up:
             state.soft.untold[event.agent] = event.incarnation
         streams.flush(state, out, wiring, event.agent, now, force=news)
@@ -451,3 +346,220 @@ def _forget_unanswered(state: CoreState, now: float) -> None:
 
 def _queue(state: CoreState, waiting: Waiting) -> None:
     state.soft.inbox = (*state.soft.inbox, waiting)
+
+
+# --- Whether a waiting message is in sequence, and what is done with one that is not --------------
+# Nothing a peer says kills an agent. In sequence: it goes to the behaviour. A cancel that came too
+# late is answered as its protocol demands. A question asked again gets its answer again. What is
+# wrong on a durable stream, or as an opening, is answered not-understood, which ends the
+# conversation on both sides. Volatile strays are dropped: copies and late answers are normal there.
+
+
+class What(StrEnum):
+    TAKE = "take"
+    REPEAT = "asked again"
+    LATE_CANCEL = "late cancel"
+    DROP = "stray"
+    REFUSE = "not understood"
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """`held`: the conversation after the message (TAKE, LATE_CANCEL), or as it was (REPEAT,
+    REFUSE).
+
+    `kind`: which use of its performative the message makes (TAKE).
+    """
+
+    what: What
+    held: Held | None = None
+    error: RemoteProtocolError | None = None
+    kind: Kind = Kind.PLAIN
+
+
+_CANCEL, _TAKE = Performative.CANCEL, What.TAKE
+
+
+def judge(state: CoreState, waiting: Waiting) -> Verdict:
+    """What is to be done with a message; nothing is changed."""
+    communicate: Communicate = waiting.event.communicate
+    held = state.held(communicate.conversation, communicate.sender)
+    try:
+        if held is None:
+            return _judge_new(state, waiting, communicate)
+        if waiting.fault is not None:
+            return Verdict(What.REFUSE, held, waiting.fault)
+        talk = held.conversation
+        if (
+            held.delivery is not _DURABLE
+            and talk.role is _PARTICIPANT
+            and communicate.performative in named(talk.protocol).openings
+            and communicate.reply_with == talk.asked
+        ):
+            return Verdict(What.REPEAT, held)
+        talk = talk.receive(communicate, waiting.kind)
+    except RemoteProtocolError as error:
+        durable = waiting.number > 0
+        return Verdict(What.REFUSE if durable else What.DROP, held if durable else None, error)
+    kind = held.conversation.kind_of(
+        communicate.performative, communicate.in_reply_to, waiting.kind
+    )
+    return Verdict(_TAKE, replace(held, conversation=talk), kind=kind)
+
+
+def _judge_new(state: CoreState, waiting: Waiting, communicate: Communicate) -> Verdict:
+    link: Link = waiting.link
+    opening = communicate.performative in named(link.protocol).openings
+    if link.role is _INITIATOR or not (opening or communicate.performative is _CANCEL):
+        return Verdict(What.DROP, error=RemoteProtocolError("conversation", "is not open here"))
+    if waiting.fault is not None:
+        return Verdict(What.REFUSE, error=waiting.fault)
+    if opening and (communicate.sender, communicate.conversation) in state.soft.over:
+        error = RemoteProtocolError("conversation", "has ended; its last word was said")
+        return Verdict(What.DROP, error=error)
+    if opening and link.delivery is _LATEST and _outlived(state, communicate):
+        error = RemoteProtocolError("conversation", "a newer subscription took its place")
+        return Verdict(What.DROP, error=error)
+    try:
+        talk = Conversation.answering(communicate, state.agent).receive(communicate, waiting.kind)
+    except RemoteProtocolError as error:
+        return Verdict(What.REFUSE, error=error)
+    return Verdict(What.TAKE if opening else What.LATE_CANCEL, Held(talk, link.delivery))
+
+
+def _outlived(state: CoreState, communicate: Communicate) -> bool:
+    """Whether a subscription is a late copy of one that its subscriber replaced by a newer one.
+
+    A subscriber asks again until agreed, so copies of its older `subscribe` may come in after the
+    newer one. To take one would send the observations into a conversation that no agent holds, for
+    ever. A subscription of the present life is newer than all others: a subscriber whose journal
+    was lost counts its lives from 1 again.
+    """
+    alive = state.soft.peers.get(communicate.sender)
+
+    def rank(name: str) -> tuple[bool, int, int]:
+        incarnation, counter = age(name) or (0, 0)
+        return incarnation == alive, incarnation, counter
+
+    every = state.soft.conversations.values()
+    held = (one.conversation.id for one in every if _same_subscriber(one, communicate))
+    return any(rank(name) > rank(communicate.conversation) for name in held)
+
+
+def _same_subscriber(held: Held, communicate: Communicate) -> bool:
+    talk = held.conversation
+    same = (talk.peer, talk.protocol) == (communicate.sender, communicate.protocol)
+    return same and held.delivery is _LATEST and talk.role is _PARTICIPANT
+
+
+def carry_out(
+    state: CoreState, out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict, now: float
+) -> Received | Broken | None:
+    """Count the message as taken, carry the verdict out; return the event for the behaviour, None
+    if there is none.
+    """
+    communicate: Communicate = waiting.event.communicate
+    if waiting.number:
+        streams.note(state, waiting.peer, waiting.number, waiting.digest)
+        out.receipts.append(receipt(state, waiting.peer))
+        out.durable = True
+    elif waiting.subject:
+        state.versions[waiting.peer] = state.versions.get(waiting.peer, {}) | {
+            waiting.subject: waiting.version
+        }
+        out.receipts.append(Receipt(waiting.peer, subject=waiting.subject, version=waiting.version))
+        out.durable = True
+    held = verdict.held
+    match verdict.what:
+        case What.TAKE if held is not None:
+            return _take(state, out, waiting, held)
+        case What.REPEAT if held is not None:
+            state.count(What.REPEAT)
+            if held.answer is not None:
+                streams.send(state, out, held.answer)
+                streams.send_due(state, out, wiring, communicate.sender, now)
+        case What.LATE_CANCEL if held is not None:
+            state.count(What.LATE_CANCEL)
+            _answer_late_cancel(state, out, wiring, held, now)
+        case What.REFUSE:
+            return _refuse(state, out, wiring, waiting, verdict, now)
+        case _:
+            why = str(verdict.error)
+            if waiting.number:
+                reject(state, out, communicate, What.DROP, why)
+            else:
+                state.count(What.DROP)
+                if waiting.link.role is _INITIATOR:
+                    # perhaps its last word
+                    out.receipts.append(Receipt(communicate.sender, subject=communicate.id))
+    return None
+
+
+def _take(state: CoreState, out: Out, waiting: Waiting, held: Held) -> Received:
+    """Keep the conversation after a message in sequence."""
+    talk, asks = held.conversation, state.soft.asks
+    communicate: Communicate = waiting.event.communicate
+    volatile = not (waiting.number or waiting.subject)
+    if volatile and talk.ended and talk.role is _INITIATOR and talk.id not in asks:
+        # It ends a conversation in which this agent asks no more: it is repeated until receipted.
+        out.receipts.append(Receipt(communicate.sender, subject=communicate.id))
+    if not talk.cancel or talk.ended:  # what crosses a cancel is not an answer to it
+        asks.pop(communicate.conversation, None)
+    # a subscriber's new conversation replaces its older one
+    if held.delivery is _LATEST and talk.role is _PARTICIPANT:
+        for name, other in list(state.soft.conversations.items()):
+            if name != talk.id and _same_subscriber(other, communicate):
+                del state.soft.conversations[name]
+    state.keep(held)
+    return Received(communicate, waiting.content, talk)
+
+
+def _answer_late_cancel(state: CoreState, out: Out, wiring: Wiring, held: Held, now: float) -> None:
+    """Answer a late cancel: `request` and `subscribe` demand a failure; `coordinate` drops it."""
+    talk = held.conversation
+    if not talk.owes:
+        return
+    reason = Reason("the conversation has ended, or never was")
+    durable = held.delivery is _DURABLE
+    talk, communicate = talk.send(
+        Performative.FAILURE,
+        id=streams.next_id(state, talk.peer, durable),
+        now=now,
+        content=REASON.encode(reason),
+        language=REASON.name,
+        kind=Kind.CANCEL,
+    )
+    dispatch(state, out, wiring, replace(held, conversation=talk), communicate, now)
+
+
+def _refuse(
+    state: CoreState, out: Out, wiring: Wiring, waiting: Waiting, verdict: Verdict, now: float
+) -> Broken | None:
+    """Answer not-understood with the reason; end the conversation it was said in, and tell the
+    behaviour.
+    """
+    communicate: Communicate = waiting.event.communicate
+    error = verdict.error or RemoteProtocolError("", "not understood")
+    reject(state, out, communicate, What.REFUSE, str(error))
+    durable = waiting.number > 0
+    answer = Communicate(
+        performative=error.performative,
+        content=REASON.encode(Reason(error.reason, error.field)),
+        language=REASON.name,
+        protocol=communicate.protocol,
+        in_reply_to=communicate.reply_with,
+        conversation=communicate.conversation,
+        sender=state.agent,
+        receiver=communicate.sender,
+        id=streams.next_id(state, communicate.sender, durable),
+        sent=now,
+    )
+    if durable:
+        streams.issue(state, out, answer, now)
+    else:
+        streams.send(state, out, answer)
+    if verdict.held is None:
+        return None
+    held = verdict.held
+    for place in (state.conversations, state.soft.conversations, state.soft.asks):
+        place.pop(held.key, None)
+    return Broken(held.conversation.id, str(error), held.conversation.peer if held.several else "")

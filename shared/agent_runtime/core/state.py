@@ -115,7 +115,7 @@ class Soft(msgspec.Struct):
     conversations, by id, until they are receipted; `over`: the newest of those conversations (peer,
     conversation), which no late copy of their opening opens again. `renumbered`: how often messages
     to a peer got new numbers since it receipted one. `untold`: lives of peers that have not
-    answered yet how much of this agent's messages they had receipted (lineage).
+    answered yet how much of this agent's messages they had receipted (peers).
     """
 
     step: int = 0

@@ -12,18 +12,27 @@ Started, then with each event; after each step carry the effects out in their or
 """
 
 from collections.abc import Sequence
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import msgspec
 from msgspec.structs import replace
 
-from agent_runtime.core import control, lineage, streams
+from agent_runtime.core import control, peers, streams
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.effects import Deed, Effects, Out
 from agent_runtime.core.errors import AgentTableError, BehaviourError
-from agent_runtime.core.events import AnyEvent, Arrived, Broken, Late, PeerChanged, Received, Woken
-from agent_runtime.core.reception import note
-from agent_runtime.core.sequence_check import Verdict, What, carry_out, judge
+from agent_runtime.core.events import (
+    AnyEvent,
+    Arrived,
+    Broken,
+    Deed,
+    Effects,
+    Late,
+    Out,
+    PeerChanged,
+    Received,
+    Woken,
+)
+from agent_runtime.core.reception import Verdict, What, carry_out, judge, note
 from agent_runtime.core.state import (
     CoreState,
     Held,
@@ -75,77 +84,6 @@ class Choice(msgspec.Struct, frozen=True):
     lost: str = ""
 
 
-class Choices:
-    """The choices of an agent. It has no state but a cache of look-ups in the design."""
-
-    def __init__(self, agent: Agent[Any]) -> None:
-        self.agent = agent
-        self._taken_in: dict[tuple[str, str, Performative, Kind], bool] = {}
-
-    def next(
-        self, state: CoreState, now: float, waits: Sequence[Held] | None = None
-    ) -> Choice | None:
-        """What can be taken first; None for nothing. `waits`: what `unended` returned, where it is
-        known.
-        """
-        soft = state.soft
-        for key, one in state.lost.items():
-            if not one.told and key not in soft.held:
-                return Choice(lost=key)
-        if soft.inbox and (choice := self._find_waiting(state)) is not None:
-            return choice
-        if state.wakes:
-            past = ((at, name) for name, at in state.wakes.items() if at <= now)
-            due = [(at, name) for at, name in past if wake_key(name) not in soft.held]
-            if due:
-                return Choice(wake=min(due)[1])
-        takes = self.agent.behaviours[state.state].takes
-        for held in unended(state) if waits is None else waits:
-            over = held.reply_by is not None and now > held.reply_by and held.key not in soft.held
-            if over and takes(state.memory, Late(held.conversation.id)):
-                return Choice(late=held)
-        return None
-
-    def _find_waiting(self, state: CoreState) -> Choice | None:
-        """The first inbox entry that can be taken. Streams keep their order: an entry not taken
-        blocks the rest.
-        """
-        passed: set[str] = set()
-        takes = self.agent.behaviours[state.state].takes
-        for waiting in state.soft.inbox:
-            if waiting.held or (waiting.number and waiting.peer in passed):
-                if waiting.number:
-                    passed.add(waiting.peer)
-                continue
-            if not isinstance(waiting.event, Arrived):
-                if waiting.forced or takes(state.memory, waiting.event):
-                    return Choice(waiting)
-                continue
-            verdict = judge(state, waiting)
-            if verdict.what is not _TAKE:
-                return Choice(waiting, verdict)
-            communicate = waiting.event.communicate
-            if self._named(state, waiting, verdict) and takes(
-                state.memory, Received(communicate, waiting.content)
-            ):
-                return Choice(waiting, verdict)
-            if waiting.number:
-                passed.add(waiting.peer)
-        return None
-
-    def _named(self, state: CoreState, waiting: Waiting, verdict: Verdict) -> bool:
-        """Whether a row of the state names this message; a complaint is always taken."""
-        rows, act = self.agent.rows, waiting.event.communicate.performative
-        if rows is None or act is _COMPLAINT:
-            return True
-        # all of the design, so their number is bounded
-        place = state.state, waiting.link.use, act, verdict.kind
-        taken = self._taken_in.get(place)
-        if taken is None:
-            taken = self._taken_in[place] = rows.takes(*place)
-        return taken
-
-
 def wake_at(state: CoreState, waits: Sequence[Held] | None, now: float) -> float | None:
     """When the next Tick is wanted; times already past wait for a behaviour that takes them, or for
     room.
@@ -187,7 +125,7 @@ class Core(Generic[M]):
             raise AgentTableError(agent.name, where, "give it its own wiring")
         self.agent, self.wiring = agent, wiring
         self._designed: set[Deed] = set()
-        self._choices = Choices(agent)
+        self._taken_in: dict[tuple[str, str, Performative, Kind], bool] = {}
         try:
             restored(agent, encode_record(fresh(agent)))
         except (msgspec.MsgspecError, TypeError, AttributeError) as error:
@@ -260,8 +198,73 @@ class Core(Generic[M]):
             elif len(self._designed) < KNOWN_DEEDS:
                 self._designed.add(deed)
         waits = None if after.paused else unended(after)
-        more = waits is not None and self._choices.next(after, now, waits) is not None
+        more = waits is not None and self._next(after, now, waits) is not None
         return out.sealed(more, wake_at(after, waits, now), deed)
+
+    # --- choice of the next event -----------------------------------------------------------------
+
+    def _next(
+        self, state: CoreState, now: float, waits: Sequence[Held] | None = None
+    ) -> Choice | None:
+        """What can be taken first; None for nothing. `waits`: what `unended` returned, where it is
+        known.
+        """
+        soft = state.soft
+        for key, one in state.lost.items():
+            if not one.told and key not in soft.held:
+                return Choice(lost=key)
+        if soft.inbox and (choice := self._find_waiting(state)) is not None:
+            return choice
+        if state.wakes:
+            past = ((at, name) for name, at in state.wakes.items() if at <= now)
+            due = [(at, name) for at, name in past if wake_key(name) not in soft.held]
+            if due:
+                return Choice(wake=min(due)[1])
+        takes = self.agent.behaviours[state.state].takes
+        for held in unended(state) if waits is None else waits:
+            over = held.reply_by is not None and now > held.reply_by and held.key not in soft.held
+            if over and takes(state.memory, Late(held.conversation.id)):
+                return Choice(late=held)
+        return None
+
+    def _find_waiting(self, state: CoreState) -> Choice | None:
+        """The first inbox entry that can be taken. Streams keep their order: an entry not taken
+        blocks the rest.
+        """
+        passed: set[str] = set()
+        takes = self.agent.behaviours[state.state].takes
+        for waiting in state.soft.inbox:
+            if waiting.held or (waiting.number and waiting.peer in passed):
+                if waiting.number:
+                    passed.add(waiting.peer)
+                continue
+            if not isinstance(waiting.event, Arrived):
+                if waiting.forced or takes(state.memory, waiting.event):
+                    return Choice(waiting)
+                continue
+            verdict = judge(state, waiting)
+            if verdict.what is not _TAKE:
+                return Choice(waiting, verdict)
+            communicate = waiting.event.communicate
+            if self._named(state, waiting, verdict) and takes(
+                state.memory, Received(communicate, waiting.content)
+            ):
+                return Choice(waiting, verdict)
+            if waiting.number:
+                passed.add(waiting.peer)
+        return None
+
+    def _named(self, state: CoreState, waiting: Waiting, verdict: Verdict) -> bool:
+        """Whether a row of the state names this message; a complaint is always taken."""
+        rows, act = self.agent.rows, waiting.event.communicate.performative
+        if rows is None or act is _COMPLAINT:
+            return True
+        # all of the design, so their number is bounded
+        place = state.state, waiting.link.use, act, verdict.kind
+        taken = self._taken_in.get(place)
+        if taken is None:
+            taken = self._taken_in[place] = rows.takes(*place)
+        return taken
 
     # --- taking one event -------------------------------------------------------------------------
 
@@ -269,7 +272,7 @@ class Core(Generic[M]):
         """Take what can be taken first. With a full outbox: the first that fits, and what does not
         fit stays.
         """
-        while (choice := self._choices.next(state, now)) is not None:
+        while (choice := self._next(state, now)) is not None:
             if not (state.outbox and streams.crowded(state)):
                 self._take(state, out, choice, now)
                 return state, out
@@ -298,7 +301,7 @@ class Core(Generic[M]):
         elif choice.late is not None:
             self._take_late(state, out, choice.late, now)
         elif choice.lost:
-            lost = lineage.note_lost(state, choice.lost)
+            lost = peers.note_lost(state, choice.lost)
             out.durable = True
             talk = lost.held.conversation
             out.about = self.wiring.required(talk.peer, talk.protocol).use

@@ -1,23 +1,35 @@
 """Durable numbered streams, latest-value observations, repeated questions: sending, keeping,
 receipts, sending again.
 
-The receiver keeps one number per stream, with digests of the newest messages (duplicate_digests);
-the sender keeps the unreceipted messages (messages of another under its numbers: reception). They
-are sent again at once when the peer (re)appears, else after RESEND_FIRST, then after twice the wait
-up to RESEND_LAST, for ever: reply-by does not end this. All functions change the forked state they
-are given and add to `out`; nothing here knows protocols' tables or behaviours.
+The receiver keeps one number per stream, with digests of the newest messages; the sender keeps the
+unreceipted messages. They are sent again at once when the peer (re)appears, else after
+RESEND_FIRST, then after twice the wait up to RESEND_LAST, for ever: reply-by does not end this. All
+functions change the forked state they are given and add to `out`; nothing here knows protocols'
+tables or behaviours.
 """
 
+from collections.abc import Sequence
+from hashlib import blake2b
+from itertools import pairwise
 from typing import Any
 
+import msgspec
 from msgspec.structs import replace
 
-from agent_runtime.core.duplicate_digests import covered, receipt
-from agent_runtime.core.effects import Out
-from agent_runtime.core.events import Arrived, Receipted
-from agent_runtime.core.state import Ask, CoreState, Due, Held, Outgoing, Version
+from agent_runtime.core.events import Arrived, Out, Receipt, Receipted
+from agent_runtime.core.state import (
+    Ask,
+    CoreState,
+    Due,
+    Held,
+    Lost,
+    Outgoing,
+    Record,
+    Version,
+    Waiting,
+)
 from agent_runtime.core.wiring import Delivery, Wiring
-from fipa_codec.communicate import Communicate, number_of
+from fipa_codec.communicate import LONGEST_LABEL, MOST_DIGITS, Communicate, number_of
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import named
 from fipa_codec.tables import Role
@@ -57,7 +69,7 @@ def issue(state: CoreState, out: Out, communicate: Communicate, now: float) -> N
 
 
 def _named(state: CoreState, peer: str) -> bool:
-    """Whether messages to a peer can name its journal (lineage); until its token came they wait."""
+    """Whether messages to a peer can name its journal (peers); until its token came they wait."""
     return peer in state.journals or not state.journal or peer in state.soft.peers
 
 
@@ -307,3 +319,256 @@ def put(table: dict[str, Any], key: str, value: Any) -> None:
         table[key] = value
     else:
         table.pop(key, None)
+
+
+# --- Digests of the messages taken under a stream's newest numbers --------------------------------
+# Another message under such a number is no copy.
+# Whoever has an agent's key can send a message under its next number; the agent's own under that
+# number comes later. So a receipt names the message it is for by its digest, and a message that is
+# not the one that was taken is refused. A message says which message of its sender it follows,
+# while that one is not receipted: it is not taken before that one, whatever number either of them
+# gets.
+
+
+KEPT = 16
+"""Messages of a stream that are remembered: as many as its sender's outbox holds in ordinary use
+(OUTBOX_BOUND).
+"""
+DIGEST_BYTES = 8
+"""Length of a digest: to find another message with the same one takes 2^64 tries; the right one is
+taken meanwhile.
+"""
+JUMP = 65_536
+"""Farthest number after the last one that a message may have. Estimate: farther than a thief gets
+in a round trip, and with a thousand messages a second the numbers (18 digits) last 480 years.
+"""
+# what came was decoded, what is sent encoded: without their checks
+_encode = msgspec.msgpack.Encoder().encode
+
+
+def digest_of(communicate: Communicate) -> bytes:
+    """A copy has the same, another message or another number has another."""
+    return blake2b(_encode(communicate), digest_size=DIGEST_BYTES).digest()
+
+
+def note(record: Record, peer: str, number: int, digest: bytes) -> None:
+    """Note that a message was taken as this number of the peer's stream."""
+    record.taken[peer] = number
+    record.recent[peer] = (*record.recent.get(peer, ())[1 - KEPT :], (number, digest))
+
+
+def receipt(record: Record, peer: str) -> Receipt:
+    """The receipt for all that was taken of a peer's stream."""
+    newest = record.recent.get(peer, ())
+    return Receipt(peer, taken=record.taken.get(peer, 0), digest=newest[-1][1] if newest else b"")
+
+
+def receipted(sender: str, one: Receipt, journal: str = "", believed: str = "") -> Receipted:
+    """The event that a receipt of `sender` is for whom it names; the names of journals as in
+    Arrived.
+    """
+    parts = {name: getattr(one, name) for name in one.__struct_fields__ if name != "peer"}
+    return Receipted(peer=sender, journal=journal, believed=believed, **parts)
+
+
+def preceding(record: Record, communicate: Communicate) -> tuple[bytes, int]:
+    """Which message a durable one follows: its digest while it is not receipted, else its number.
+
+    (b"", 0) for the first message of a stream, and for one that is of no stream.
+    """
+    sent = record.outbox.get(communicate.receiver, ())
+    if sent and sent[0].communicate is communicate:
+        return b"", record.heard.get(communicate.receiver, 0)
+    for before, one in pairwise(sent):
+        if one.communicate is communicate:
+            return digest_of(before.communicate), 0
+    return b"", 0
+
+
+def covered(sent: Sequence[Outgoing], taken: int, digest: bytes) -> int:
+    """Up to which number a receipt is for what was sent; 0 where it is for another's message.
+
+    Receipts of test programs name no message, and are believed.
+    """
+    if not digest or any(
+        one.number == taken and digest_of(one.communicate) == digest for one in sent
+    ):
+        return taken
+    return 0
+
+
+def follows(
+    state: CoreState, arrived: Arrived, waiting: Sequence[Waiting], number: int, last: int
+) -> bool:
+    """Whether a message is the next one of its stream after `last`.
+
+    The one it follows was taken or waits. Then its number may be farther on: between the two its
+    sender said nothing, though others did in its name.
+    """
+    if not _known(state, arrived, waiting):
+        return False
+    return number == last + 1 or (bool(arrived.journal) and number <= last + JUMP)
+
+
+def too_far(state: CoreState, arrived: Arrived, number: int, last: int) -> bool:
+    """Whether a message is the next one of its sender, under a number that it cannot have here."""
+    return bool(arrived.journal) and number > last + JUMP and _known(state, arrived, ())
+
+
+def _known(state: CoreState, arrived: Arrived, waiting: Sequence[Waiting]) -> bool:
+    after = arrived.after
+    if not after or any(one.digest == after for one in waiting):
+        return True
+    return any(digest == after for _, digest in state.recent.get(arrived.communicate.sender, ()))
+
+
+def taken_before(state: CoreState, out: Out, communicate: Communicate, number: int) -> None:
+    """Receipt a copy of what was taken; refuse another message under the number of one."""
+    peer, digest = communicate.sender, digest_of(communicate)
+    kept = state.recent.get(peer, ())
+    copy, unknown = (number, digest) in kept, len(kept) == KEPT and number < kept[0][0]
+    if copy or unknown:
+        state.count("taken before")
+        conversation = communicate.conversation[:LONGEST_LABEL]
+        out.log("taken before", sender=peer, id=communicate.id, conversation=conversation)
+    else:
+        tell(state, out, communicate, "was taken")
+    if copy:
+        out.receipts.append(Receipt(peer, taken=number, digest=digest))
+    else:
+        refuse(state, out, peer, digest, unknown=unknown)
+
+
+def refuse(state: CoreState, out: Out, peer: str, digest: bytes, *, unknown: bool = False) -> None:
+    """Tell the sender of a message that it was not taken, or (`unknown`) that this is not known any
+    more.
+    """
+    out.receipts.append(replace(receipt(state, peer), refused=digest, unknown=unknown))
+
+
+def tell(state: CoreState, out: Out, communicate: Communicate, what: str) -> None:
+    """Log that two speak in the name of a peer; `what` became of the other message under the number
+    of this one.
+    """
+    peer, number = communicate.sender, communicate.id
+    why = (
+        f"{peer} said two words under its number {number}, of which the other {what}: somebody else"
+        f" speaks with its key; `roco keys revoke {peer}`"
+    )
+    state.count("another speaker")
+    conversation = communicate.conversation[:LONGEST_LABEL]
+    out.log(
+        "another speaker", level="error", sender=peer, id=number, conversation=conversation, why=why
+    )
+
+
+# --- Renumbering: a sender whose numbers another used for its messages sends its own again, under
+# new numbers
+# Whoever has this agent's key can do so. The receiver's receipt names the message that it took by
+# its digest, or says that one was refused. Order is kept: what follows a
+# refused message in the outbox gets new numbers, too, and each message says which one it follows.
+# With each message that is refused the new numbers lie farther ahead, so a thief who always uses
+# the next number is passed; after AT_ONCE tries without one that is taken, the next is made when it
+# is time to re-send. Where the receiver cannot know any more whether a message was taken, it is not
+# sent again: its conversation is lost, and the behaviour is told.
+
+
+AT_ONCE = 5
+FARTHER = 16
+"""New numbers lie 0, 15, 255, 4095, 32767 beyond the next one: a thief sends a few in a round trip
+(estimate).
+"""
+MOST = 10**MOST_DIGITS - 2 * JUMP
+"""Numbers beyond it are of a receiver that lies: none could follow them."""
+
+
+def look(state: CoreState, out: Out, event: Receipted, now: float) -> None:
+    """After the messages that a receipt covers are settled: see whether it is for another's, or
+    refuses one.
+    """
+    peer, taken = event.peer, event.taken
+    if event.subject or not (event.digest or event.refused) or not 0 <= taken <= MOST:
+        return
+    sent, issued = state.outbox.get(peer, ()), state.issued.get(peer, 0)
+    place = next((at for at, one in enumerate(sent) if _another_taken(one, event)), None)
+    if place is None:
+        if taken > issued:
+            _tell(state, out, peer, f"took number {taken}, and this agent's last word has {issued}")
+            state.issued[peer] = taken if taken <= issued + JUMP else issued
+    elif event.unknown:
+        _give_up(state, out, peer, place, taken, now)
+    else:
+        _renumber(state, out, peer, place, taken, now)
+
+
+def _another_taken(one: Outgoing, event: Receipted) -> bool:
+    """Whether a receipt says that another message has the number of this one, or that it is too far
+    on.
+    """
+    if event.refused:
+        near = event.taken < one.number <= event.taken + JUMP
+        return not near and digest_of(one.communicate) == event.refused
+    return one.number == event.taken
+
+
+def _renumber(state: CoreState, out: Out, peer: str, place: int, taken: int, now: float) -> None:
+    """Send the message at this place of the outbox, and what follows it, under numbers after the
+    last one taken.
+    """
+    sent, soft = state.outbox[peer], state.soft
+    tries = soft.renumbered.get(peer, 0)
+    kept = sent[:place]
+    first = max(taken, kept[-1].number if kept else 0) + min(FARTHER**tries, JUMP // 2)
+    again = enumerate((one.communicate for one in sent[place:]), first)
+    moved = tuple(Outgoing(number, replace(one, id=str(number))) for number, one in again)
+    why = (
+        f"took another word than this agent's as number {sent[place].number}; it is said again as"
+        f" {first}"
+    )
+    _tell(state, out, peer, why)
+    state.outbox[peer] = (*kept, *moved)
+    state.issued[peer] = moved[-1].number
+    soft.renumbered[peer] = tries + 1
+    out.durable = True
+    if tries < AT_ONCE:
+        for one in moved:
+            send(state, out, one.communicate)
+        soft.resend[peer] = (now + RESEND_FIRST, RESEND_FIRST)
+
+
+def _give_up(state: CoreState, out: Out, peer: str, place: int, taken: int, now: float) -> None:
+    """Never send the message at this place again, nor what follows in its conversation, which is
+    lost.
+    """
+    sent = state.outbox[peer]
+    given_up = sent[place].communicate
+    why = (
+        f"does not know any more whether it took number {given_up.id} from this agent or from"
+        " another"
+    )
+    _tell(state, out, peer, f"{why}; the conversation is over")
+    for key, held in list(state.conversations.items()):
+        if (held.conversation.peer, held.conversation.id) == (peer, given_up.conversation):
+            state.lost[key] = Lost(
+                held, f"{peer} {why}; perhaps it was done, look before you say it again"
+            )
+            del state.conversations[key]
+    rest = tuple(
+        one for one in sent[place + 1 :] if one.communicate.conversation != given_up.conversation
+    )
+    put(state.outbox, peer, (*sent[:place], *rest))
+    out.durable = True
+    if rest:
+        _renumber(state, out, peer, place, taken, now)
+    else:
+        state.issued[peer] = max(taken, state.issued[peer])
+
+
+def _tell(state: CoreState, out: Out, peer: str, what: str) -> None:
+    me = state.agent
+    why = (
+        f"{peer} {what}: somebody else speaks with {me}'s key, or its journal is an old copy; `roco"
+        f" keys revoke {me}`"
+    )
+    state.count("another speaker")
+    out.log("another speaker", level="error", peer=peer, why=why)

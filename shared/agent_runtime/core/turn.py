@@ -11,13 +11,13 @@ import msgspec
 from msgspec.structs import replace
 
 from agent_runtime.core import streams
-from agent_runtime.core.effects import Out
 from agent_runtime.core.errors import BehaviourError
 from agent_runtime.core.events import (
     Broken,
     Late,
     Local,
     Ordered,
+    Out,
     PeerChanged,
     Received,
     Settled,

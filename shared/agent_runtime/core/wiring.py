@@ -76,18 +76,13 @@ class Link(msgspec.Struct, frozen=True):
         """
         fits = content in self.hears.get(performative, ())
         wrong = None if fits else _misfit(self.hears, performative, content)
-        wrong = wrong if wrong or content else self._lacking(performative)
+        wanted = self.hears.get(performative)
+        if not (wrong or content) and wanted and performative in named(self.protocol).openings:
+            wrong = "content", f"{performative} has none; it carries {', '.join(wanted)}"
         if wrong is not None:
             raise ContentError(
                 wrong[0], f"{self.protocol} of {self.peer!r} on {self.channel}: {wrong[1]}"
             )
-
-    def _lacking(self, act: Performative) -> tuple[str, str] | None:
-        """Field and reason where an act without content asks for what stands in it."""
-        wanted = self.hears.get(act)
-        if not wanted or act not in named(self.protocol).openings:
-            return None
-        return "content", f"{act} has none; it carries {', '.join(wanted)}"
 
 
 def _misfit(

@@ -9,13 +9,24 @@ tries again.
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from agent_runtime.io.options import AGENTS_VARIABLE, LISTEN_VARIABLE, Options
+from agent_runtime.io.options import Options
 
 _DEFAULT = Options()
+_LISTEN = (
+    "Where it listens: a router, comma between, else at --connect; an agent, else at its endpoint"
+    " in --agents."
+)
+_SYSTEMS = "Of router and monitor: names of several robots, comma between."
+_REPLAY = "Of an agent: a step log to run again offline instead of serving."
+_AGENTS = "Of an agent: its endpoint and those of its neighbours, as co=tls/co:7448,ta=tls/ta:7448."
+
+
+def _option(name: str, text: str) -> Any:
+    return typer.Option(envvar=f"ROCO_{name}", help=text)
 
 
 class Level(StrEnum):
@@ -40,77 +51,37 @@ def app(called: str, text: str, serve: Callable[[Options], int | None]) -> typer
 
     @command.command(help=text)
     def main(
-        connect: Annotated[
-            str, typer.Option(envvar="ROCO_CONNECT", help="The router's endpoint.")
-        ] = _DEFAULT.connect,
-        listen: Annotated[
-            str,
-            typer.Option(
-                envvar=LISTEN_VARIABLE,
-                help=(
-                    "Where it listens: a router, comma between, else at --connect; an agent, else"
-                    " at its endpoint in"
-                    " --agents."
-                ),
-            ),
-        ] = _DEFAULT.listen,
+        connect: Annotated[str, _option("CONNECT", "The router's endpoint.")] = _DEFAULT.connect,
+        listen: Annotated[str, _option("LISTEN", _LISTEN)] = _DEFAULT.listen,
         system: Annotated[
-            str, typer.Option(envvar="ROCO_SYSTEM", help="Prefix of every key: one name per robot.")
+            str, _option("SYSTEM", "Prefix of every key: one name per robot.")
         ] = _DEFAULT.system,
         systems: Annotated[
             str,
-            typer.Option(
-                envvar="ROCO_SYSTEMS",
-                help="Of router and monitor: names of several robots, comma between.",
-            ),
+            _option("SYSTEMS", _SYSTEMS),
         ] = "",
         run_dir: Annotated[
-            Path,
-            typer.Option(
-                envvar="ROCO_RUN_DIR", help="Folder of this run: journals, logs, ready files."
-            ),
+            Path, _option("RUN_DIR", "Folder of this run: journals, logs, ready files.")
         ] = _DEFAULT.run_dir,
         log_level: Annotated[
-            Level,
-            typer.Option(
-                envvar="ROCO_LOG_LEVEL", help="Least level shown; the log file has everything."
-            ),
+            Level, _option("LOG_LEVEL", "Least level shown; the log file has everything.")
         ] = Level.INFO,
         speed: Annotated[
-            Speed, typer.Option(envvar="ROCO_SPEED", help="1: real time; max: as fast as it goes.")
+            Speed, _option("SPEED", "1: real time; max: as fast as it goes.")
         ] = Speed.REAL,
         seed: Annotated[
-            int, typer.Option(envvar="ROCO_SEED", help="Varies poses and noise; 0: nothing.")
+            int, _option("SEED", "Varies poses and noise; 0: nothing.")
         ] = _DEFAULT.seed,
         scene: Annotated[
-            str,
-            typer.Option(
-                envvar="ROCO_SCENE", help="A scene's TOML file; empty: the canonical one."
-            ),
+            str, _option("SCENE", "A scene's TOML file; empty: the canonical one.")
         ] = "",
         keys: Annotated[
-            str,
-            typer.Option(
-                envvar="ROCO_TLS_DIR",
-                help="Folder of keys (`roco keys make`); empty: no encryption.",
-            ),
+            str, _option("TLS_DIR", "Folder of keys (`roco keys make`); empty: no encryption.")
         ] = "",
-        agents: Annotated[
-            str,
-            typer.Option(
-                envvar=AGENTS_VARIABLE,
-                help=(
-                    "Of an agent: its endpoint and those of its neighbours, as"
-                    " co=tls/co:7448,ta=tls/ta:7448."
-                ),
-            ),
-        ] = "",
+        agents: Annotated[str, _option("AGENTS", _AGENTS)] = "",
         replay: Annotated[
             str,
-            typer.Option(
-                envvar="ROCO_REPLAY",
-                help="Of an agent: a step log to run again offline instead of serving.",
-            ),
+            _option("REPLAY", _REPLAY),
         ] = "",
     ) -> None:
         options = Options(

@@ -1,5 +1,5 @@
 """`python -m agent_runtime.io.fork_server MODULES`: import them once, then make processes by fork,
-until SIGTERM.
+until SIGTERM; and its client.
 
 A process that is forked need not import again what all share. The server has one thread when it
 forks, so nothing is lost by that. Where what it imported has changed since, or the process is to
@@ -13,25 +13,189 @@ import ctypes
 import fcntl
 import gc
 import importlib
+import json
 import os
 import runpy
+import select
 import selectors
 import signal
 import socket
+import struct
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import msgspec
 
-from agent_runtime.io.forked import FORKS, FORKS_VARIABLE, GO, NUMBER, Asked, short
-from agent_runtime.io.process_heartbeat import PERIOD_S, ProcessHeartbeat
-from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE, ready_file
+from agent_runtime.io.run_files import PERIOD_S, RUN_FOLDER_VARIABLE, ProcessHeartbeat, ready_file
+
+# --- Client of the fork server --------------------------------------------------------------------
+# `fork` asks for a process; `Forked` watches and ends it.
+# The variable ROCO_FORKS holds the path of the server's socket. Without an answer of a server,
+# `fork` returns None, and the caller starts the process itself. A new process waits for the
+# caller's go, and ends if the caller is gone.
+
+
+FORKS = "forks"
+"""Name of the server among the processes of a fleet."""
+FORKS_VARIABLE = "ROCO_FORKS"
+"""The file of the server's socket."""
+WITHIN_S = 2.0  # for an answer; estimate: a fork takes 10-40 ms on a loaded machine
+NUMBER = struct.Struct("<q")
+GO = b"go"
+UNKNOWN = 1  # exit code of a process whose end nobody saw: its parent had died
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """Run `python -m module arguments` in this folder and environment, in a session of its own if
+    so asked.
+
+    `places`: the number that each file handed over has in the new process.
+    """
+
+    module: str
+    arguments: tuple[str, ...]
+    folder: str
+    environment: dict[str, str]
+    session: bool
+    places: tuple[int, ...]
+
+    def encoded(self) -> bytes:
+        """Return it as JSON; unlike msgspec's, this has a place for a variable that is not
+        UTF-8.
+        """
+        return json.dumps(msgspec.structs.asdict(self)).encode()
+
+    @classmethod
+    def decoded(cls, data: bytes) -> "Asked":
+        """Raise ValueError, RecursionError or msgspec.ValidationError."""
+        return msgspec.convert(json.loads(data), cls)
+
+
+class Handed(NamedTuple):
+    """A file that is open here, and the number that it shall have there."""
+
+    file: int
+    place: int
+
+
+class Other:
+    """A process that is not a child of this one, by a handle: another one that gets its number
+    later is not meant.
+
+    Any thread may use it. The handle is closed with the object.
+    """
+
+    def __init__(self, pid: int) -> None:
+        """Raise ProcessLookupError where there is none."""
+        self.pid = pid
+        self._handle = os.pidfd_open(pid)
+        weakref.finalize(self, os.close, self._handle)
+
+    def ended(self, within_s: float | None = 0.0) -> bool:
+        """Whether it has ended, or does within this time [s]; None: wait until it has."""
+        return bool(select.select([self._handle], [], [], within_s)[0])
+
+    def terminate(self) -> None:
+        self._signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        self._signal(signal.SIGKILL)
+
+    def _signal(self, number: signal.Signals) -> None:
+        with suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self._handle, number)
+
+
+class Forked(Other):
+    """A process that a fork server made; as much of subprocess.Popen as is needed."""
+
+    def __init__(self, pid: int, line: socket.socket) -> None:
+        """`line`: to the server, which tells the exit code. Raise ProcessLookupError."""
+        super().__init__(pid)
+        self.returncode: int | None = None
+        self._line, self._lock = line, threading.Lock()
+
+    def poll(self) -> int | None:
+        """The exit code once it has ended, negative for a signal; else None."""
+        with self._lock:
+            if self.returncode is None and self.ended():
+                self.returncode = self._code()
+            return self.returncode
+
+    def wait(self) -> int:
+        """The exit code once it has ended."""
+        while (code := self.poll()) is None:
+            self.ended(None)
+        return code
+
+    def _code(self) -> int:
+        """The exit code that the server tells; UNKNOWN where it does not."""
+        with self._line as line:
+            try:
+                return int(NUMBER.unpack(line.recv(NUMBER.size))[0])
+            except (OSError, struct.error):
+                return UNKNOWN
+
+
+def fork(
+    module: str,
+    *arguments: str,
+    environment: Mapping[str, str],
+    hand: Sequence[Handed],
+    session: bool = False,
+) -> Forked | None:
+    """The process that runs this module, made by the server; None where the server does not make
+    it.
+
+    `environment`: of the new process; it names the server, too.
+    """
+    place = environment.get(FORKS_VARIABLE)
+    if not place:
+        return None
+    asked = Asked(
+        module,
+        arguments,
+        str(Path.cwd()),
+        dict(environment),
+        session,
+        tuple(one.place for one in hand),
+    )
+    line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    line.settimeout(WITHIN_S)
+    try:
+        with short(Path(place)) as address:
+            line.connect(address)
+        socket.send_fds(line, [asked.encoded()], [one.file for one in hand])
+        made = Forked(NUMBER.unpack(line.recv(NUMBER.size))[0], line)
+        line.send(GO)
+    # the new process, if there is one, sees that nobody waits for it, and ends
+    except (OSError, struct.error):
+        line.close()
+        return None
+    return made
+
+
+@contextmanager
+def short(place: Path) -> Iterator[str]:
+    """Yield an address of this socket that is short enough, however long the path is (107 bytes are
+    allowed).
+    """
+    folder = os.open(place.parent, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        yield f"/proc/self/fd/{folder}/{place.name}"
+    finally:
+        os.close(folder)
+
+
+# --- The server -----------------------------------------------------------------------------------
+
 
 MOST_BYTES, MOST_FILES = 1 << 20, 16  # of a request: an environment has some kB
 AT_THE_START = ("LD_", "PYTHON", "GLIBC_", "MALLOC_", "OMP_", "OPENBLAS_")
@@ -39,20 +203,6 @@ AT_THE_START = ("LD_", "PYTHON", "GLIBC_", "MALLOC_", "OMP_", "OPENBLAS_")
 when they start (by their manuals; more than those count for nothing but a start without the
 server).
 """
-
-
-class Sources:
-    """The files of all that was imported, as they were then."""
-
-    def __init__(self) -> None:
-        files = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
-        self._times = {
-            file: _changed(file) for file in files if file and "site-packages" not in file
-        }
-
-    def changed(self) -> bool:
-        """Whether one of them is another now."""
-        return any(_changed(file) != time for file, time in self._times.items())
 
 
 def _changed(file: str) -> int:
@@ -74,7 +224,11 @@ class Server:
 
     def __init__(self, place: Path, beat: Callable[[], None], start: Mapping[str, str]) -> None:
         """`place`: of the socket; `start`: variables that counted when this interpreter started."""
-        self._sources, self._beat, self._start = Sources(), beat, start
+        self._beat, self._start = beat, start
+        files = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
+        self._sources = {
+            file: _changed(file) for file in files if file and "site-packages" not in file
+        }
         self._lines: dict[int, socket.socket] = {}  # to who waits for the end of a process
         self._ending = False
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -104,7 +258,10 @@ class Server:
             self._beat()
             for key, _ in self._selector.select(PERIOD_S):
                 if key.fileobj is self._listener:
-                    self._accept()
+                    with suppress(OSError):
+                        line, _ = self._listener.accept()
+                        line.setblocking(False)
+                        self._selector.register(line, selectors.EVENT_READ)
                 elif key.fileobj is self._woken:
                     with suppress(BlockingIOError):
                         self._woken.recv(4096)
@@ -116,12 +273,6 @@ class Server:
             self._bury()
         return None
 
-    def _accept(self) -> None:
-        with suppress(OSError):
-            line, _ = self._listener.accept()
-            line.setblocking(False)
-            self._selector.register(line, selectors.EVENT_READ)
-
     def _read(self, line: socket.socket) -> Asked | None:
         """Read a request and fork; return what it asks for in the new process only."""
         self._selector.unregister(line)
@@ -131,7 +282,8 @@ class Server:
             asked = Asked.decoded(data)
             # An interpreter of its own would be another than this one: by its sources, or how it
             # starts.
-            other = self._sources.changed() or at_the_start(asked.environment) != self._start
+            changed = any(_changed(file) != time for file, time in self._sources.items())
+            other = changed or at_the_start(asked.environment) != self._start
             if len(files) != len(asked.places) or other:
                 raise OSError("nothing is made")
             pid = os.fork()
@@ -206,7 +358,11 @@ def run(asked: Asked) -> None:
         sys.argv[1:] = asked.arguments
         runpy.run_module(asked.module, run_name="__main__", alter_sys=True)
     except SystemExit as end:
-        code = _code(end)
+        code = 1
+        if end.code is None or isinstance(end.code, int):  # as Python itself has it
+            code = (end.code or 0) & 0xFF
+        else:
+            print(end.code, file=sys.stderr)
     except BaseException:
         traceback.print_exc()
         code = 1
@@ -223,14 +379,6 @@ def _exit(code: int) -> NoReturn:
         with suppress(OSError, ValueError):
             stream.flush()
     os._exit(code)
-
-
-def _code(end: SystemExit) -> int:
-    """The code of an end as Python itself has it."""
-    if end.code is None or isinstance(end.code, int):
-        return (end.code or 0) & 0xFF
-    print(end.code, file=sys.stderr)
-    return 1
 
 
 def rename(module: str, *arguments: str) -> None:

@@ -12,11 +12,10 @@ from pathlib import Path
 import msgspec
 
 from agent_runtime.core.control import Answer, Value
-from agent_runtime.core.effects import Act, Deed
-from agent_runtime.core.events import Arrived
+from agent_runtime.core.events import Act, Arrived, Deed
 from agent_runtime.core.peers import Unheard
 from agent_runtime.core.state import CoreState
-from agent_runtime.io.full_disk import overwrite
+from agent_runtime.io.journal import overwrite
 from agent_runtime.io.run_files import heartbeat_file, ready_file, write_whole
 
 # --- Inside of an agent, for people who look into it: its inbox, open conversations, and last steps

@@ -168,6 +168,7 @@ def _usage(*, certificates: bool) -> x509.KeyUsage:
 
 
 OWNER_ONLY = 0o700
+_IDENTIFIERS = {x509.SubjectKeyIdentifier, x509.AuthorityKeyIdentifier}
 
 
 class Seat(msgspec.Struct, frozen=True):
@@ -232,14 +233,13 @@ def issue(
         for agent in design.agents:
             links[names[agent]] = Rights((system,), links_control(design, system, agent, names))
     until = None if keep_days is None else holding(places, rights, hosts, links)
-    kept = (
-        until is not None
-        and keep_days is not None
-        and until >= begin + dt.timedelta(days=keep_days)
-    )
-    if until is None or not kept:
+    if until is not None and keep_days is not None and until < begin + dt.timedelta(days=keep_days):
+        until = None
+    made_now = until is None
+    if until is None:
         until = _make(folder, places, rights, begin, days, hosts, links)
-    return Issued(str(folder), rights.systems, tuple(seat.name for seat in places), until, not kept)
+    issued = tuple(seat.name for seat in places)
+    return Issued(str(folder), rights.systems, issued, until, made_now)
 
 
 def _make(
@@ -320,8 +320,9 @@ def holding(
             same = same and rules == msgspec.json.encode(links[seat.name])
         (issuer,) = map(x509.load_pem_x509_certificate, authorities)
         signed = all(_signed(one, issuer, seat.name) for seat, one in found)
+        every = (issuer, *(certificate for _, certificate in found))
         identified = all(
-            _identified(one) for one in (issuer, *(certificate for _, certificate in found))
+            {type(extension.value) for extension in one.extensions} >= _IDENTIFIERS for one in every
         )
         listening = (one for seat, one in found if seat.identity == ROUTER or seat.name in links)
         listens = all(_listens(one, hosts) for one in listening)
@@ -329,9 +330,7 @@ def holding(
         return None
     if not (there and same and signed and identified and listens):
         return None
-    return min(
-        one.not_valid_after_utc for one in (issuer, *(certificate for _, certificate in found))
-    )
+    return min(one.not_valid_after_utc for one in every)
 
 
 def lifetime(file: Path) -> tuple[dt.datetime, dt.datetime]:
@@ -351,11 +350,6 @@ def _signed(certificate: x509.Certificate, issuer: x509.Certificate, name: str) 
     except Exception:
         return False
     return bool(certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == name)
-
-
-def _identified(certificate: x509.Certificate) -> bool:
-    there = {type(extension.value) for extension in certificate.extensions}
-    return there >= {x509.SubjectKeyIdentifier, x509.AuthorityKeyIdentifier}
 
 
 def _listens(certificate: x509.Certificate, hosts: Sequence[str]) -> bool:

@@ -8,21 +8,25 @@ grown past COMPACT_BYTES, it is rewritten with one record. A write that fails le
 was before, whatever part of it came through. It knows bytes only, not what they mean.
 """
 
+import errno
 import fcntl
 import os
 import secrets
 import struct
+import time
 import zlib
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from agent_runtime.core.errors import JournalError
-from agent_runtime.core.lineage import begin_again
+from agent_runtime.core.peers import begin_again
 from agent_runtime.core.state import Record
+from agent_runtime.io.logs import Log
 from agent_runtime.io.run_files import opened
 
 # --- The bytes of a journal file: a first line with the format's version, then framed records.
@@ -252,7 +256,7 @@ def _write(fd: int, data: bytes) -> None:
 # file beside it
 # What came after the newest whole record cannot be known, and peers may have heard of it: then the
 # agent goes on with that memory under another journal's name, so that its peers begin again with it
-# (core.lineage).
+# (core.peers).
 
 
 WHY = "this agent's journal was damaged, and what it knew of this conversation is not certain"
@@ -319,3 +323,89 @@ def free_name(path: Path) -> Path:
         for number in range(1000)
     )
     return next(name for name in names if not name.exists())
+
+
+# --- Behaviour of an agent whose disk is full -----------------------------------------------------
+# It says so once, keeps the events in order, and tries again.
+# A step whose record cannot be written has not happened: nothing of it was receipted, sent or told.
+# So the event waits, with those behind it, until there is room; peers send again what no receipt
+# covers.
+
+
+PAUSES_S = (0.1, 0.2, 0.5, 1.0)
+"""Between tries; the last one again and again. Estimate: people free a disk in minutes."""
+DISK = {
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "the file may not grow any more",
+    errno.EIO: "the disk fails",
+    errno.EROFS: "the disk is read-only",
+}
+
+
+def worded(path: object, error: OSError) -> str:
+    """What is wrong with the disk, in words."""
+    what = DISK.get(error.errno or 0, "the disk cannot be used")
+    return f"{what}: {path} cannot be written ({error.strerror or error})"
+
+
+class FullDisk:
+    """State of one agent. `why`: what is wrong now, "" where nothing is; `events`: those that wait,
+    oldest first.
+    """
+
+    def __init__(self, log: Log) -> None:
+        self._log = log
+        self._tries = 0
+        self.why = ""
+        self.events: deque[Any] = deque()
+
+    def failed(self, path: object, error: OSError) -> None:
+        """Note a write that failed; said once."""
+        if not self.why:
+            self.why = worded(path, error)
+            why = (
+                f"{self.why}; nothing is receipted, said or done until there is room, then it goes"
+                " on by itself"
+            )
+            self._log.write("no room", level="error", why=why)
+
+    def freed(self) -> None:
+        """Note a write that came through."""
+        if self.why:
+            self.why, self._tries = "", 0
+            self._log.write("room again", why="what waited goes on")
+
+    def pause_s(self) -> float:
+        """The time until the next try."""
+        self._tries += 1
+        return PAUSES_S[min(self._tries, len(PAUSES_S)) - 1]
+
+    def wait_for_room(
+        self, happen: Callable[[Any], None], beat: Callable[[], None], stopped: Callable[[], bool]
+    ) -> None:
+        """Try the steps that could not be recorded again, until they can or a signal comes; beat on
+        meanwhile.
+        """
+        while self.events and not stopped():
+            beat()
+            time.sleep(self.pause_s())
+            waiting, self.events = self.events, deque()
+            for event in waiting:
+                happen(event)
+
+
+def overwrite(path: Path, data: bytes) -> None:
+    """Write over a small file where there is no room for another beside it; a longer one is only
+    touched.
+
+    Raise OSError.
+    """
+    fd = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
+    try:
+        size = os.fstat(fd).st_size
+        if len(data) <= size:
+            os.pwrite(fd, data.ljust(size), 0)  # JSON may end in blanks
+    finally:
+        os.utime(fd)
+        os.close(fd)

@@ -10,7 +10,7 @@ import logging
 import math
 import sys
 import time
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path
@@ -18,7 +18,31 @@ from typing import Any, Generic, TextIO, TypeVar
 
 import msgspec
 
-from agent_runtime.io import clock
+# --- The clock of an agent ------------------------------------------------------------------------
+# The wall time at which the process started, and from there the time that really passed.
+# A wall clock may be set: back, and everything that is due waits for the hours to come again;
+# forward, and every deadline is over at once. This one does neither while the process lives. A
+# restart begins with the wall time of then: deadlines in the journal are absolute, so one that was
+# set before the clock was moved is off by that once.
+
+
+class Clock:
+    """`now`: unix seconds, even. `wall`, `steady`: the clocks of the system."""
+
+    def __init__(
+        self, wall: Callable[[], float] = time.time, steady: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._steady = steady
+        self._offset = wall() - steady()
+
+    def now(self) -> float:
+        """The time [unix s]; it never goes back."""
+        return self._offset + self._steady()
+
+
+clock = Clock()
+"""The clock of this process."""
+
 
 # --- Rate limit for reports of one kind, so that a sender of many wrong messages fills no disk:
 # pure, without a clock The first of a kind are told one by one. What comes beyond them within a
@@ -156,12 +180,8 @@ class Log:
                     self._console.flush()
 
     def _line(self, at: float, event: str, level: str, fields: dict[str, Any]) -> bytes:
-        return (
-            _encoder.encode(
-                {"agent": self._agent, "t": at, "level": level, **fields, "event": event}
-            )
-            + b"\n"
-        )
+        line = {"agent": self._agent, "t": at, "level": level, **fields, "event": event}
+        return _encoder.encode(line) + b"\n"
 
     def _short(self, at: float, event: str, level: str, fields: dict[str, Any]) -> str:
         """`12:00:01.123 ta   sent  inform to co  co-1-4`: time, agent, event, the rest as words."""
@@ -194,15 +214,10 @@ class Log:
             self._lost += count
             self._torn = self._torn or bool(taken)
         self._size += taken or 0
-        if self._size > MOST_BYTES:
-            self._begin_anew()
-
-    def _begin_anew(self) -> None:
-        assert self._file is not None
-        assert self._path is not None
-        self._file.close()
-        self._path.replace(before(self._path))
-        self._file, self._size = FileIO(self._path, "a"), 0
+        if self._size > MOST_BYTES and self._path is not None:
+            file.close()
+            self._path.replace(before(self._path))
+            self._file, self._size = FileIO(self._path, "a"), 0
 
     def close(self) -> None:
         """Write the sums of what was not written, close the file."""

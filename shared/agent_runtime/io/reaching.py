@@ -131,14 +131,6 @@ def no_loopback() -> str:
         return f"processes cannot meet on 127.0.0.1 ({error.strerror or error})"
 
 
-def require_loopback() -> None:
-    """Raise OSError where the processes of this host cannot meet on 127.0.0.1; it says what to
-    do.
-    """
-    if why := no_loopback():
-        raise OSError(f"{why}: {LOOPBACK_REMEDY}")
-
-
 RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
 PORTS, TRIES = 10_000, 100
 """So many ports below those of outgoing connections are looked at, and so often (estimate: few of
@@ -156,7 +148,8 @@ def free_port() -> int:
     connections meanwhile, and no other fleet is given it while this process lives, since the UDP
     port of the same number is kept. Raise OSError.
     """
-    require_loopback()
+    if why := no_loopback():
+        raise OSError(f"{why}: {LOOPBACK_REMEDY}")
     lowest = _lowest_given()
     for port in (*random.sample(range(lowest - PORTS, lowest), TRIES), 0):
         kept = socket.socket(type=socket.SOCK_DGRAM)

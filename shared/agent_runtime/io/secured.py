@@ -55,28 +55,14 @@ def key_file(folder: Path, identity: str) -> Path:
 
 def client_tls(folder: Path, identity: str) -> dict[str, Any]:
     """`transport/link/tls` of a session that is this identity. Raises KeysError."""
-    certificate, key = _pair(folder, identity)
-    return {
-        "root_ca_certificate": _file(folder / AUTHORITY),
-        "enable_mtls": True,
-        "connect_certificate": certificate,
-        "connect_private_key": key,
-        "verify_name_on_connect": True,
-        "close_link_on_expiration": True,
-        "so_sndbuf": SEND_BUFFER_BYTES,
-    }
+    return _dialling(folder, identity) | _tls(folder)
 
 
 def links_tls(folder: Path, identity: str) -> dict[str, Any]:
     """`transport/link/tls` of an agent that listens to its neighbours, and dials them. Raises
     KeysError.
     """
-    certificate, key = _pair(folder, identity)
-    return router_tls(folder, identity) | {
-        "connect_certificate": certificate,
-        "connect_private_key": key,
-        "verify_name_on_connect": True,
-    }
+    return router_tls(folder, identity) | _dialling(folder, identity)
 
 
 def router_tls(folder: Path, identity: str = ROUTER) -> dict[str, Any]:
@@ -84,11 +70,19 @@ def router_tls(folder: Path, identity: str = ROUTER) -> dict[str, Any]:
     refused. Raises KeysError.
     """
     certificate, key = _pair(folder, identity)
+    return _tls(folder) | {"listen_certificate": certificate, "listen_private_key": key}
+
+
+def _dialling(folder: Path, identity: str) -> dict[str, Any]:
+    certificate, key = _pair(folder, identity)
+    own = {"connect_certificate": certificate, "connect_private_key": key}
+    return own | {"verify_name_on_connect": True}
+
+
+def _tls(folder: Path) -> dict[str, Any]:
     return {
         "root_ca_certificate": _file(folder / AUTHORITY),
         "enable_mtls": True,
-        "listen_certificate": certificate,
-        "listen_private_key": key,
         "close_link_on_expiration": True,
         "so_sndbuf": SEND_BUFFER_BYTES,
     }
@@ -96,12 +90,7 @@ def router_tls(folder: Path, identity: str = ROUTER) -> dict[str, Any]:
 
 def rights_of(folder: Path, *systems: str) -> Rights:
     """The router's rights in a folder. Raises KeysError where they are of other systems."""
-    try:
-        rights = msgspec.json.decode(Path(_file(folder / RIGHTS)).read_bytes(), type=Rights)
-    except msgspec.MsgspecError as error:
-        raise KeysError(
-            f"{folder / RIGHTS} cannot be read ({error}); make the keys again"
-        ) from error
+    rights = _rights(folder / RIGHTS)
     missing = ", ".join(repr(system) for system in systems if system not in rights.systems)
     if missing:
         there = ", ".join(repr(system) for system in rights.systems)
@@ -116,15 +105,14 @@ def links_of(folder: Path, agent: str) -> dict[str, Any]:
     """An agent's rules for its neighbours, without those whose keys are revoked. Raises
     KeysError.
     """
+    return granted(_rights(links_file(folder, agent)).access_control, revoked(folder))
+
+
+def _rights(file: Path) -> Rights:
     try:
-        rights = msgspec.json.decode(
-            Path(_file(links_file(folder, agent))).read_bytes(), type=Rights
-        )
+        return msgspec.json.decode(Path(_file(file)).read_bytes(), type=Rights)
     except msgspec.MsgspecError as error:
-        raise KeysError(
-            f"{links_file(folder, agent)} cannot be read ({error}); make the keys again"
-        ) from error
-    return granted(rights.access_control, revoked(folder))
+        raise KeysError(f"{file} cannot be read ({error}); make the keys again") from error
 
 
 def links_file(folder: Path, agent: str) -> Path:

@@ -10,10 +10,12 @@ process were lost after another was killed, and nobody was told). All measured w
 
 import ctypes
 import json
+import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +23,23 @@ import zenoh
 
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.wiring import Wiring
+from agent_runtime.io.inbox import OneReaderEvent
+from agent_runtime.io.logs import Log
 from agent_runtime.io.options import AGENTS_VARIABLE, Options
 from agent_runtime.io.reaching import Tries, free_port
-from agent_runtime.io.secured import age, client_tls, links_of, links_tls
+from agent_runtime.io.run_files import PERIOD_S, ProcessHeartbeat, make_run
+from agent_runtime.io.secured import (
+    ROUTER,
+    KeysError,
+    age,
+    client_tls,
+    granted,
+    links_of,
+    links_tls,
+    revoked,
+    rights_of,
+    router_tls,
+)
 from fipa_codec.communicate import MAX_BYTES
 
 # --- Largest size of a message: the sender checks before it puts, since a router silently drops
@@ -118,13 +134,8 @@ def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Con
     """Configuration of a client of the router. `endpoint` like tcp/127.0.0.1:7447; with `tls`
     (secured.client_tls) tls/...
     """
-    parts: dict[str, Any] = {
-        "mode": "client",
-        "connect": {"endpoints": [endpoint], "timeout_ms": 0, "retry": _RETRY},
-        "scouting": _NO_SCOUTING,
-        "transport": _transport(tls, CLIENT_PATIENCE_MS, router=False),
-    }
-    return zenoh.Config.from_json5(json.dumps(parts))
+    connect = {"endpoints": [endpoint], "timeout_ms": 0, "retry": _RETRY}
+    return _config("client", _transport(tls, CLIENT_PATIENCE_MS), connect=connect)
 
 
 def links_config(
@@ -139,23 +150,16 @@ def links_config(
     With keys (secured.links_tls) it grants its neighbours the rights of `access_control`; all
     others get none.
     """
-    parts: dict[str, Any] = {
-        "mode": "peer",
-        "listen": {"endpoints": [listen]},
-        "connect": {
-            "endpoints": list(neighbours),
-            "timeout_ms": -1,
-            "exit_on_failure": False,
-            "retry": _RETRY,
-        },
-        "scouting": _NO_SCOUTING,
+    waiting = {"timeout_ms": -1, "exit_on_failure": False, "retry": _RETRY}
+    return _config(
+        "peer",
+        _transport(tls, LINK_PATIENCE_MS),
+        access_control,
+        listen={"endpoints": [listen]},
+        connect={"endpoints": list(neighbours), **waiting},
         # Else each open waits 0.5 s for neighbours that are not there yet.
-        "open": {"return_conditions": {"connect_scouted": False, "declares": False}},
-        "transport": _transport(tls, LINK_PATIENCE_MS, router=False),
-    }
-    if access_control is not None:
-        parts["access_control"] = access_control
-    return zenoh.Config.from_json5(json.dumps(parts))
+        open={"return_conditions": {"connect_scouted": False, "declares": False}},
+    )
 
 
 def router_config(
@@ -169,44 +173,43 @@ def router_config(
     `endpoint`: several, comma between, are independent: a flood of handshakes at one locks that one
     alone.
     """
-    parts: dict[str, Any] = {
-        "mode": "router",
-        "listen": {"endpoints": endpoint.split(",")},
-        "scouting": _NO_SCOUTING,
-        "transport": _transport(tls, ROUTER_PATIENCE_MS, router=True),
-        "adminspace": {"enabled": True},
-        "qos": {"network": [_DROPPED_AT_LAST]},
-    }
+    transport = _transport(tls, ROUTER_PATIENCE_MS, router=True)
+    if access_control is not None:
+        most = len(access_control.get("subjects", ())) + MORE_SESSIONS
+        transport["unicast"] = {"max_sessions": most}
+    return _config(
+        "router",
+        transport,
+        access_control,
+        listen={"endpoints": endpoint.split(",")},
+        adminspace={"enabled": True},
+        qos={"network": [_DROPPED_AT_LAST]},
+    )
+
+
+def _config(
+    mode: str, transport: dict[str, Any], access_control: dict[str, Any] | None = None, **more: Any
+) -> zenoh.Config:
+    parts = {"mode": mode, "scouting": _NO_SCOUTING, "transport": transport, **more}
     if access_control is not None:
         parts["access_control"] = access_control
-        parts["transport"]["unicast"] = {
-            "max_sessions": len(access_control.get("subjects", ())) + MORE_SESSIONS
-        }
     return zenoh.Config.from_json5(json.dumps(parts))
 
 
-def _transport(tls: dict[str, Any] | None, patience_ms: int, *, router: bool) -> dict[str, Any]:
+def _transport(
+    tls: dict[str, Any] | None, patience_ms: int, *, router: bool = False
+) -> dict[str, Any]:
     patience = patience_ms * 1000
-    waiting = {
-        "block": {"wait_before_close": patience},
-        "drop": (
-            {"wait_before_drop": patience, "max_wait_before_drop_fragments": patience}
-            if router
-            else {}
-        ),
-    }
+    drop = {"wait_before_drop": patience, "max_wait_before_drop_fragments": patience}
+    waiting = {"block": {"wait_before_close": patience}, "drop": drop if router else {}}
+    queue = {"size": _QUEUE, "congestion_control": waiting}
     link: dict[str, Any] = {
-        "tx": {
-            "lease": LEASE_MS,
-            "keep_alive": 4,
-            "queue": {"size": _QUEUE, "congestion_control": waiting},
-        },
+        "tx": {"lease": LEASE_MS, "keep_alive": 4, "queue": queue},
         "rx": {"max_message_size": LONGEST},
     }
-    return {
-        "link": link if tls is None else link | {"tls": tls},
-        "shared_memory": {"enabled": False},
-    }
+    if tls is not None:
+        link["tls"] = tls
+    return {"link": link, "shared_memory": {"enabled": False}}
 
 
 def keep_memory() -> None:
@@ -390,3 +393,104 @@ class Joining:
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join(timeout=1.0)  # a try ends after some ms
+
+
+# --- Serving as the fleet's router ----------------------------------------------------------------
+# The body of services.router, here because only this package speaks Zenoh.
+
+
+KEYS_S = 10.0
+"""Keys take a tenth of a second to make; some seconds on a machine that is busy with much else
+(measured).
+"""
+
+
+def serve(options: Options) -> int:
+    """Listen until SIGTERM or SIGINT. 0: stopped in order; 1: the address or the keys cannot be
+    had.
+
+    With keys it grants the rights that are beside them, and Zenoh writes each session it refuses to
+    standard error. Where the keys are renewed, or one is revoked, it listens again; its clients
+    reconnect and read theirs.
+    """
+    run = options.run_dir
+    make_run(run)
+    log = Log(ROUTER, options.log_level, run / "logs" / f"{ROUTER}.jsonl")
+    ended = OneReaderEvent()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: ended.set())
+    ready, pulse = run / f"{ROUTER}.ready", ProcessHeartbeat(run, ROUTER)
+    try:
+        while not ended.is_set():
+            _listen(options, log, ready, pulse, ended)
+    except (zenoh.ZError, KeysError) as error:
+        log.write("cannot listen", level="error", at=_at(options), why=str(error))
+        return 1
+    finally:
+        ready.unlink(missing_ok=True)
+    log.write("stopped")
+    log.close()
+    return 0
+
+
+def _listen(
+    options: Options, log: Log, ready: Path, pulse: ProcessHeartbeat, ended: OneReaderEvent
+) -> None:
+    """Be the router until the end is asked for, or other keys are there. Raises zenoh.ZError,
+    KeysError.
+    """
+    keys = _awaited(options, pulse, ended)
+    if ended.is_set():
+        return
+    denied: tuple[str, ...] = ()
+    if options.keys is None:
+        session = open_router(_at(options))
+    else:
+        zenoh.init_log_from_env_or("warn")
+        rights, denied = rights_of(options.keys, *options.all_systems), revoked(options.keys)
+        rules = granted(rights.access_control, denied)
+        session = open_router(_at(options), router_tls(options.keys), rules)
+    ready.unlink(missing_ok=True)  # of an earlier life; its time of change counts
+    _tell_ready(ready, options)
+    log.write("listening", at=_at(options), revoked=" ".join(denied))
+    while not ended.wait(PERIOD_S) and _age(options) in (keys, None):
+        pulse.beat()
+        _tell_ready(ready, options)
+    if not ended.is_set():
+        log.write("the keys were renewed, or one was revoked")
+    close(session)
+
+
+def _tell_ready(ready: Path, options: Options) -> None:
+    """Write the ready file where it is not there; on a full disk it waits for the next turn, and
+    nothing else does.
+    """
+    if not ready.exists() or not ready.stat().st_size:
+        with suppress(OSError):
+            ready.write_text(_at(options))
+
+
+def _awaited(
+    options: Options, pulse: ProcessHeartbeat, ended: OneReaderEvent
+) -> tuple[int, int] | None:
+    """The age of the keys, which may be in the making."""
+    until = time.monotonic() + KEYS_S
+    while (
+        options.keys is not None
+        and _age(options) is None
+        and time.monotonic() < until
+        and not ended.wait(0.01)
+    ):
+        pulse.beat()
+    return _age(options)
+
+
+def _age(options: Options) -> tuple[int, int] | None:
+    """The age of the router's keys, of those that are made together the last ones; None: there are
+    none.
+    """
+    return None if options.keys is None else age(options.keys, ROUTER)
+
+
+def _at(options: Options) -> str:
+    return options.listen or options.connect

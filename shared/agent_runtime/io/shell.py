@@ -1,9 +1,9 @@
 """The shell around the core: one loop thread that owns session, clock, journal and signals.
 
-One step at a time, on the loop's thread or on the one that heard (see step_lock): it steps the core
+One step at a time, on the loop's thread or on the one that heard (see inbox): it steps the core
 and carries the effects out in the one order that keeps the promise: record synced, receipts, sends,
 messages to the devices. Where the record cannot be written, the step has not happened, and its
-event waits (full_disk). Logs and step log, which nobody waits for, are written in the next pause.
+event waits (journal). Logs and step log, which nobody waits for, are written in the next pause.
 SIGTERM and SIGINT stop it between steps. An exception of the agent's own code ends the process with
 status 1: the journal is as before the step, and the supervisor restarts it.
 """
@@ -22,14 +22,13 @@ import msgspec
 import zenoh
 
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.duplicate_digests import preceding
-from agent_runtime.core.effects import Deed, Out
 from agent_runtime.core.errors import JournalError, RuntimeFault
 from agent_runtime.core.events import (
     AnyEvent,
-    LinkChanged,
+    Deed,
     Local,
     Next,
+    Out,
     PeerChanged,
     Receipted,
     Started,
@@ -38,21 +37,19 @@ from agent_runtime.core.events import (
 from agent_runtime.core.peers import Peers, Watch, unheard_text
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
+from agent_runtime.core.streams import preceding
 from agent_runtime.core.wiring import Wiring
-from agent_runtime.io import clock, heartbeat, steplog
+from agent_runtime.io import heartbeat, steplog
 from agent_runtime.io.devices import Device, DeviceMaker, NoDevice
-from agent_runtime.io.full_disk import FullDisk
 from agent_runtime.io.heartbeat import STEPS, Heartbeat, looked_into
-from agent_runtime.io.inbox import Inbox
-from agent_runtime.io.journal import Journal, journal_file, new_name
-from agent_runtime.io.logs import Log
+from agent_runtime.io.inbox import Failed, Inbox, StepLock
+from agent_runtime.io.journal import FullDisk, Journal, journal_file, new_name
+from agent_runtime.io.logs import Log, clock
 from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import make_run, ready_file
 from agent_runtime.io.secured import KeysError
 from agent_runtime.io.sessions import Joining, Links
-from agent_runtime.io.step_lock import Failed, StepLock
-from agent_runtime.io.step_recorder import StepRecorder
-from agent_runtime.io.steplog import StepLog
+from agent_runtime.io.steplog import StepLog, StepRecorder
 from agent_runtime.io.zenoh_wire import (
     Bytes,
     OrderBytes,
@@ -232,9 +229,8 @@ class Shell:
         return 0
 
     def _serve(self) -> None:
-        stopping: list[Stop] = []
         self._serving = True
-        session = self._session(lambda: self._stop_came(stopping))
+        session = self._session()
         if session is None:
             return
         state = self._state
@@ -246,13 +242,12 @@ class Shell:
             self.log.write("no router", level="warning", at=self._options.connect, why=why)
 
         self._joining = Joining(self._options, self.name, self._wire.join, router_away)
-        self._wire.knows(self._state.journals)
+        self._wire.knows(state.journals)
         self._peers.links(True, clock.now())
         if self._maker is not None:
             self._device = self._maker(DevicePort(self._step_lock, self._wire))
-        first = self._state.incarnation == 1
-        incarnation = self._state.incarnation
-        self.log.write("started", incarnation=incarnation, state=self._state.state, first=first)
+        first = incarnation == 1
+        self.log.write("started", incarnation=incarnation, state=state.state, first=first)
         self._happen(Started(first))
         # Objects made so far stay: no collection need look at them again (34 ms each in km, at
         # times amid an answer). Those that steps leave are freed without one: a question took 1.43
@@ -276,10 +271,13 @@ class Shell:
                     self._step_lock.step(item)
                 self._on_time()
 
-    def _session(self, stop_came: Callable[[], bool]) -> zenoh.Session | None:
-        """The session with the neighbours; None where a stop came."""
+    def _session(self) -> zenoh.Session | None:
+        """The session with the neighbours; None where a stop came. It beats on meanwhile."""
         told = ""
-        while not stop_came():
+        while self._stop is None:
+            if self._beat_at <= clock.now():
+                self._beat_at = clock.now() + HEARTBEAT_S
+                self._beat()
             try:
                 session = self._links.open()
             except (zenoh.ZError, KeysError) as error:
@@ -297,38 +295,25 @@ class Shell:
         if self._wire is None or not self._links.stale:
             return
         self.log.write("the keys were renewed, or one was revoked")
-        self._linked(up=False)
+        self._tell_links(up=False)
         self._wire.unlink()
-        session = self._session(lambda: self._stop is not None)
+        session = self._session()
         if session is not None:
             self._wire.link(session)
-            self._linked(up=True)
+            self._tell_links(up=True)
 
-    def _linked(self, *, up: bool) -> None:
-        """Tell that the session with the others opened, or closed: all tokens come again."""
+    def _tell_links(self, *, up: bool) -> None:
+        """The session with the others opened, or closed: all tokens come again."""
         for lost_or_back in self._peers.links(up, clock.now()):
-            self._changed(lost_or_back)
-
-    def _stop_came(self, stopping: list[Stop]) -> bool:
-        """Whether a signal came while it does not listen yet; asked for each try."""
-        if self._beat_at <= clock.now():
-            self._beat_at = clock.now() + HEARTBEAT_S
-            self._beat()
-        item = self._inbox.get(0.0)
-        if isinstance(item, Stop):
-            stopping.append(item)
-        return bool(stopping)
+            self._happen(lost_or_back)
 
     def _next_at(self) -> float:
         """The time of the next work that needs no event [unix s]."""
         if self._disk.events:
             return 0.0
         at = self._beat_at
-        for other in (
-            self._wake_at,
-            self._peers.look_at,
-            self._later[0][0] if self._later else None,
-        ):
+        later = self._later[0][0] if self._later else None
+        for other in (self._wake_at, self._peers.look_at, later):
             if other is not None and other < at:
                 at = other
         return min(at, self._quiet_at) if self._recorder.pending else at
@@ -350,19 +335,10 @@ class Shell:
             self._link_again()
             self._ping_all()
             for one, still in self._unheard.look(self._state, self._unanswered, self._peers, now):
-                why, level = (
-                    (unheard_text(self.name, one, now), "warning")
-                    if still
-                    else ("heard again", "info")
-                )
-                self.log.write(
-                    "unheard",
-                    level=level,
-                    peer=one.peer,
-                    channel=one.channel,
-                    what=one.what,
-                    why=why,
-                )
+                fields = {"peer": one.peer, "channel": one.channel, "what": one.what}
+                level = "warning" if still else "info"
+                why = unheard_text(self.name, one, now) if still else "heard again"
+                self.log.write("unheard", level=level, **fields, why=why)
             self._floods.look(self._inbox.dropped, full=self._steps.full)
             self._beat()
 
@@ -406,12 +382,11 @@ class Shell:
             case Ping():
                 self._pinged(item)
 
-    def _changed(self, change: PeerChanged | LinkChanged) -> None:
-        if isinstance(change, PeerChanged):
-            level = "info" if change.incarnation is not None else "warning"
-            peer = change.agent
-            self.log.write("peer", level=level, peer=peer, incarnation=change.incarnation or "gone")
-            self._ping_all()
+    def _changed(self, change: PeerChanged) -> None:
+        level = "info" if change.incarnation is not None else "warning"
+        peer = change.agent
+        self.log.write("peer", level=level, peer=peer, incarnation=change.incarnation or "gone")
+        self._ping_all()
         self._happen(change)
 
     # --- steps ------------------------------------------------------------------------------------
@@ -427,9 +402,14 @@ class Shell:
         while following is not None:
             now, before = clock.now(), self._state
             after, out = self._core.begin(before, following, now)
-            if out.record is not None and not self._recorded(out.record):
-                self._disk.events.append(following)
-                return
+            if out.record is not None:
+                try:
+                    self._journal.append(out.record)
+                except OSError as error:
+                    self._disk.failed(self._journal.path, error)
+                    self._disk.events.append(following)
+                    return
+                self._disk.freed()
             if after.journals is not before.journals and self._wire is not None:
                 self._wire.knows(after.journals)
             sizes = self._carry_out(out, after)
@@ -450,17 +430,6 @@ class Shell:
                 raise JournalError(self._journal.path, "its end was lost", hint)
         if self._recorder.full or not self._serving:
             self._recorder.write()
-
-    def _recorded(self, record: bytes) -> bool:
-        """Write the record of a step. Return False where the disk does not take it."""
-        try:
-            self._journal.append(record)
-        except OSError as error:
-            self._disk.failed(self._journal.path, error)
-            return False
-        if self._disk.why:
-            self._disk.freed()
-        return True
 
     def _carry_out(self, out: Out, after: CoreState) -> list[int]:
         """Do what comes after the record, in this order; return the bytes of each communicate
@@ -497,11 +466,6 @@ class Shell:
 
     def _beat(self) -> None:
         """Say what the agent is at: file, key, and once it is ready the file that says so."""
-        trouble, level = (
-            self._disk.why or self._recorder.trouble,
-            self._state.now_set.level or self._options.log_level,
-        )
-        up, ready = self._wire is not None and self._wire.at_router, not self._unanswered
         state = self._state
         beat = Heartbeat(
             agent=state.agent,
@@ -509,8 +473,8 @@ class Shell:
             incarnation=state.incarnation,
             step=state.soft.step,
             state=state.state,
-            ready=ready,
-            up=up,
+            ready=not self._unanswered,
+            up=self._wire is not None and self._wire.at_router,
             peers=dict(self._peers.alive),
             unreceipted={peer: len(sent) for peer, sent in state.outbox.items()},
             due={peer: len(due) for peer, due in state.due.items()},
@@ -519,25 +483,15 @@ class Shell:
             at=clock.now(),
             unheard=self._unheard.now,
             paused=state.paused,
-            level=level,
+            level=state.now_set.level or self._options.log_level,
             parameters=state.soft.parameters,
             answer=state.soft.answer,
-            trouble=trouble,
+            trouble=self._disk.why or self._recorder.trouble,
         )
         whole = msgspec.structs.replace(beat, inside=looked_into(state, self._steps_done))
         heartbeat.write(self._options.run_dir, whole, beat)
         if self._wire is not None:
             self._wire.publish("state", msgspec.json.encode(beat))
-
-
-def _made(make: Callable[[], Shell], disk: FullDisk, options: Options) -> Shell:
-    """Make a shell as soon as the disk takes what it writes first. Raises RuntimeFault."""
-    while True:
-        try:
-            return make()
-        except OSError as error:
-            disk.failed(error.filename or options.run_dir, error)
-            time.sleep(disk.pause_s())
 
 
 def run(
@@ -556,11 +510,16 @@ def run(
     if options.replay is not None:
         return steplog.tell(agent, wiring, options.replay)
     log = Log(agent.name, options.log_level)
-    try:
-        shell = _made(lambda: Shell(agent, wiring, options, device), FullDisk(log), options)
-    except RuntimeFault as fault:
-        log.write("cannot start", level="error", why=str(fault))
-        return 1
+    disk, shell = FullDisk(log), None
+    while shell is None:  # made as soon as the disk takes what it writes first
+        try:
+            shell = Shell(agent, wiring, options, device)
+        except OSError as error:
+            disk.failed(error.filename or options.run_dir, error)
+            time.sleep(disk.pause_s())
+        except RuntimeFault as fault:
+            log.write("cannot start", level="error", why=str(fault))
+            return 1
     if prepare is not None:
         prepare(shell)
     return shell.run()

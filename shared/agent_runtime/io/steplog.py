@@ -23,12 +23,13 @@ import msgspec
 
 from agent_runtime.core import events
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.effects import Deed, Effects, Receipt
 from agent_runtime.core.errors import StepLogError
+from agent_runtime.core.events import AnyEvent, Arrived, Deed, Effects, Receipt, Received
 from agent_runtime.core.state import CoreState
 from agent_runtime.core.step import Core
-from agent_runtime.core.wiring import Wiring
-from agent_runtime.io.full_disk import worded
+from agent_runtime.core.wiring import Delivery, Wiring
+from agent_runtime.io.journal import worded
+from agent_runtime.io.logs import Log
 from fipa_codec.communicate import UNREADABLE, Communicate, encode
 from fipa_codec.errors import FipaError
 
@@ -268,9 +269,8 @@ class Reader:
             content = file.read(step.apart)
             if len(content) < step.apart:
                 return None
-            return (
-                _joined(step, content) if step.apart else step
-            ), self.at + HEAD.size + length + step.apart
+            end = self.at + HEAD.size + length + step.apart
+            return (_joined(step, content) if step.apart else step), end
         except UNREADABLE as error:
             raise StepLogError(self.path, self.at, str(error)) from error
 
@@ -339,7 +339,13 @@ def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effec
         if step.kind == BOOT:
             state = booted(core, step.input)
             continue
-        state, effects = core.step(state, _event(core, step), step.at)
+        kind = getattr(events, step.kind)
+        if kind is events.Local:
+            content = msgspec.msgpack.decode(step.input, type=_RawLocal).content
+            event: events.AnyEvent = kind(msgspec.msgpack.decode(content, type=core.agent.local))
+        else:
+            event = msgspec.msgpack.decode(step.input, type=kind)
+        state, effects = core.step(state, event, step.at)
         yield step, effects
 
 
@@ -363,15 +369,6 @@ def journal_of(record: bytes) -> str:
 class _Begun(msgspec.Struct):
     incarnation: int
     journal: str = ""
-
-
-def _event(core: Core[Any], step: Step) -> events.AnyEvent:
-    kind = getattr(events, step.kind)
-    if kind is not events.Local:
-        event: events.AnyEvent = msgspec.msgpack.decode(step.input, type=kind)
-        return event
-    content = msgspec.msgpack.decode(step.input, type=_RawLocal).content
-    return events.Local(msgspec.msgpack.decode(content, type=core.agent.local))
 
 
 class _RawLocal(msgspec.Struct, tag="Local"):
@@ -621,11 +618,117 @@ class StepLogs:
     def _note(
         self, agent: str, at: float, event: events.AnyEvent, said: tuple[SentMessage, ...] = ()
     ) -> None:
-        self._write(
-            agent, Step(1, 0, at, type(event).__name__, msgspec.msgpack.encode(event), said=said)
-        )
+        kind, data = type(event).__name__, msgspec.msgpack.encode(event)
+        self._write(agent, Step(1, 0, at, kind, data, said=said))
 
     def _write(self, agent: str, step: Step) -> None:
         log = StepLog(self._folder / f"{agent}.steps")
         log.write([(step, NOTHING)])
         log.close()
+
+
+# --- The record of an agent's steps, written in the next pause ------------------------------------
+# Log lines for people, and the step log.
+# Nobody waits for it, so nothing of it stands between a message and its answer. A kill -9 takes
+# what was not written.
+
+
+MOST_UNWRITTEN = 64
+"""Steps after which logs are written though there is no pause; 6 to 11 us each, warm, for which who
+asks next waits.
+"""
+MOST_HEARD = 512 * 1024
+"""Bytes of content in such steps; with more they are copied into the step log's buffer at once.
+Else the next message has to take other memory, which is in no cache: 852 kB took 1.50 instead of
+1.43 of a get (benchmarks/as_shipped.py).
+"""
+MOST_SAID = 8 * 1024 * 1024
+"""Bytes of communicates in such steps, after which logs are written, too: they wait longer, since
+to hash them takes time of those who hear them. Estimate: ten of the largest answers (852 kB).
+"""
+
+
+_Done = tuple[int, int, float, events.AnyEvent, Effects, Communicate | None, list[int]]
+
+
+class StepRecorder:
+    """The steps of one agent that are not written down yet, and where they go."""
+
+    def __init__(self, log: Log, steps: StepLog, wiring: Wiring) -> None:
+        self._log, self._steps, self._wiring = log, steps, wiring
+        self._unwritten: list[_Done] = []
+        """Arguments of `noted`. No decoded content is held: that may be as large as the message and
+        is free for the next one at once.
+        """
+        self._noted = self._heard = self._said = 0
+
+    @property
+    def pending(self) -> bool:
+        """Whether something is to be written."""
+        return bool(self._unwritten) or self._steps.waiting > 0
+
+    @property
+    def trouble(self) -> str:
+        """The reason why steps are not written down, in words; "" if they are."""
+        steps = self._steps
+        return f"{steps.trouble}; steps that its log lacks: {steps.lost}" if steps.trouble else ""
+
+    @property
+    def full(self) -> bool:
+        """Whether it must be written without waiting for a pause."""
+        return self._noted >= MOST_UNWRITTEN or self._said >= MOST_SAID
+
+    def note(
+        self, event: AnyEvent, at: float, after: CoreState, effects: Effects, sizes: list[int]
+    ) -> None:
+        """Keep a step in mind; `sizes`: bytes of each communicate sent."""
+        received = effects.handled.communicate if isinstance(effects.handled, Received) else None
+        rest = msgspec.structs.replace(effects, handled=None)
+        self._unwritten.append(
+            (after.incarnation, after.soft.step, at, event, rest, received, sizes)
+        )
+        heard = event.communicate if isinstance(event, Arrived) else received
+        content = b"" if heard is None or heard.content is msgspec.UNSET else heard.content
+        self._noted += 1
+        self._heard += len(content)
+        self._said += sum(sizes)
+        if self._heard >= MOST_HEARD:
+            self._put_down()
+
+    def write(self) -> None:
+        self._put_down()
+        self._steps.flush()
+        self._noted = 0
+
+    def _put_down(self) -> None:
+        done, self._unwritten, self._heard, self._said = self._unwritten, [], 0, 0
+        lines = [line for one in done for line in self._lines(one)]
+        if lines:
+            self._log.write_all(lines)
+        self._steps.write(noted(*one, self._wiring.groups) for one in done)
+
+    def _lines(self, one: _Done) -> Iterator[tuple[float, str, str, dict[str, Any]]]:
+        _, _, at, _, effects, received, sizes = one
+        if received is not None:
+            yield at, *self._spoken("received", received, 0)
+        for line in effects.logs:
+            yield at, line.event, line.level, line.fields
+        for sent, size in zip(effects.sends, sizes, strict=True):
+            yield at, *self._spoken("sent", sent, size)
+
+    def _spoken(
+        self, event: str, communicate: Communicate, size: int
+    ) -> tuple[str, str, dict[str, Any]]:
+        peer = communicate.receiver if event == "sent" else communicate.sender
+        link = self._wiring.link(peer, communicate.protocol)
+        durable = link is not None and link.delivery is Delivery.DURABLE
+        fields = {
+            "performative": str(communicate.performative),
+            "peer": peer,
+            "protocol": communicate.protocol,
+            "language": communicate.language,
+            "id": communicate.id,
+            "bytes": size or None,
+            "conversation": communicate.conversation,
+        }
+        return event, "info" if durable else "debug", fields

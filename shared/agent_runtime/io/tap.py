@@ -17,7 +17,7 @@ import zenoh
 
 from agent_runtime.core.control import KIND
 from agent_runtime.core.wiring import service_key
-from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.inbox import OneReaderQueue
 from agent_runtime.io.options import Options
 from agent_runtime.io.secured import client_tls
 from agent_runtime.io.sessions import close, open_client, put
@@ -201,9 +201,13 @@ class Waiting:
     def get(self, timeout_s: float) -> Sample | None:
         """The oldest sample; None: stop, or none came in time."""
         try:
-            return self._taken(self._queue.get(timeout_s))
+            sample = self._queue.get(timeout_s)
         except Empty:
             return None
+        if sample is not None:
+            with self._lock:
+                self._bytes -= len(sample.data)
+        return sample
 
     def left(self) -> list[Sample]:
         """The waiting samples."""
@@ -213,9 +217,3 @@ class Waiting:
             if sample is not None:
                 left.append(sample)
         return left
-
-    def _taken(self, sample: Sample | None) -> Sample | None:
-        if sample is not None:
-            with self._lock:
-                self._bytes -= len(sample.data)
-        return sample

@@ -27,8 +27,8 @@ from typing import Any, TypeVar
 import msgspec
 
 from agent_runtime.core.errors import WorkerError
-from agent_runtime.io.forked import Forked, Handed, fork
-from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.fork_server import Forked, Handed, fork
+from agent_runtime.io.inbox import OneReaderQueue
 
 MODULE = "agent_runtime.io.worker"
 HEAD = struct.Struct("<I")
@@ -103,7 +103,17 @@ class Worker:
         watched, self._lifeline = os.pipe()
         self._socket = ours
         self._link = Link(ours)
-        self._process = _started(entry, theirs.fileno(), watched, nice)
+        words = (entry, str(theirs.fileno()), str(watched), str(nice))
+        passed = (theirs.fileno(), watched)
+        hand = [Handed(file, file) for file in (1, 2, *passed)]
+        # forked where this process has a fork server
+        self._process: subprocess.Popen[bytes] | Forked = fork(
+            MODULE, *words, environment=os.environ, hand=hand
+        ) or subprocess.Popen(
+            [sys.executable, "-P", "-m", MODULE, *words],
+            pass_fds=passed,
+            stdin=subprocess.DEVNULL,
+        )
         theirs.close()
         os.close(watched)
         self._outgoing = OneReaderQueue[bytes | None]()
@@ -172,22 +182,8 @@ class Worker:
         code = self._process.wait()
         self._outgoing.put(None)
         if self._on_end is not None and not self._muted.is_set():
-            self._on_end(reason or _ended(code))
-
-
-def _started(entry: str, end: int, lifeline: int, nice: int) -> "subprocess.Popen[bytes] | Forked":
-    """The child, forked where this process has a fork server."""
-    words = (entry, str(end), str(lifeline), str(nice))
-    hand = [Handed(file, file) for file in (1, 2, end, lifeline)]
-    if (forked := fork(MODULE, *words, environment=os.environ, hand=hand)) is not None:
-        return forked
-    command = [sys.executable, "-P", "-m", MODULE, *words]
-    return subprocess.Popen(command, pass_fds=(end, lifeline), stdin=subprocess.DEVNULL)
-
-
-def _ended(code: int) -> str:
-    """How a process ended that said nothing of it."""
-    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit status {code}"
+            killed = f"killed by {signal.Signals(-code).name}" if code < 0 else ""
+            self._on_end(reason or killed or f"exit status {code}")
 
 
 def _end_with_parent(lifeline: int) -> None:
@@ -200,12 +196,7 @@ def _end_with_parent(lifeline: int) -> None:
 
 def main(arguments: list[str]) -> None:
     """The child: entry, socket, lifeline, niceness."""
-    entry, end, lifeline, nice = (
-        arguments[0],
-        int(arguments[1]),
-        int(arguments[2]),
-        int(arguments[3]),
-    )
+    entry, (end, lifeline, nice) = arguments[0], map(int, arguments[1:])
     threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
     if nice:
         os.nice(nice)

@@ -17,9 +17,8 @@ import msgspec
 import zenoh
 
 from agent_runtime.core.control import KIND, Command
-from agent_runtime.core.duplicate_digests import receipted
-from agent_runtime.core.effects import Receipt
-from agent_runtime.core.events import AnyEvent, Arrived, Garbled, Ordered
+from agent_runtime.core.events import AnyEvent, Arrived, Garbled, Ordered, Receipt
+from agent_runtime.core.streams import receipted
 from agent_runtime.core.wiring import Delivery, Wiring, life, parse_life, service_key
 from agent_runtime.io.inbox import Class
 from agent_runtime.io.sessions import close, put
@@ -199,8 +198,10 @@ class ZenohWire:
                 for key in self._wiring.inbox_keys(peers)
             ),
             session.declare_subscriber(service_key(system, "receipt", owner, me), self._on_receipt),
-            session.declare_subscriber(service_key(system, "ping", owner, me), self._on_ping),
-            session.declare_subscriber(service_key(system, "pong", owner, me), self._on_pong),
+            *(
+                session.declare_subscriber(service_key(system, kind, owner, me), self._on_question)
+                for kind in ("ping", "pong")
+            ),
             # history: a token declared in the same instant was missed without it in 4 of 9 runs.
             session.liveliness().declare_subscriber(
                 service_key(system, "alive", owner, "*"), self._on_token, history=True
@@ -244,7 +245,7 @@ class ZenohWire:
 
     def send(self, communicate: Communicate, after: bytes = b"", heard: int = 0) -> int:
         """Put a communicate; its size in bytes. `after`, `heard`: which one it follows
-        (recent.preceding).
+        (streams.preceding).
         """
         data = encode(communicate)
         act = (communicate.receiver, communicate.protocol, communicate.performative)
@@ -317,17 +318,8 @@ class ZenohWire:
         session = self._tools if peer in self._wiring.groups else self._session
         if session is None or session.is_closed():  # it is said again once it is open
             return
-        if attached is None:
-            put(session, key, data, priority=priority, congestion_control=_BLOCK)
-        else:
-            put(
-                session,
-                key,
-                data,
-                priority=priority,
-                congestion_control=_BLOCK,
-                attachment=attached,
-            )
+        how = {"priority": priority, "congestion_control": _BLOCK, "attachment": attached}
+        put(session, key, data, **how)
 
     def _put_log(self, data: bytes) -> None:
         """Put a part of the log, behind everything else."""
@@ -359,11 +351,10 @@ class ZenohWire:
         return found
 
     def _on_receipt(self, sample: zenoh.Sample) -> None:
-        peer, data = _owner(sample), sample.payload.to_bytes()
+        peer, data = str(sample.key_expr).split("/")[4], sample.payload.to_bytes()
         if peer in self._channels:
-            self._inbox.put(
-                Class.CONTROL, ReceiptBytes(peer, data, _attachment(sample)[0]), peer, len(data)
-            )
+            item = ReceiptBytes(peer, data, _attachment(sample)[0])
+            self._inbox.put(Class.CONTROL, item, peer, len(data))
 
     def _on_order(self, sample: zenoh.Sample) -> None:
         data = sample.payload.to_bytes()
@@ -373,19 +364,15 @@ class ZenohWire:
         if self._sender is not None:
             self._sender.wanted(sample.payload.to_bytes())
 
-    def _on_ping(self, sample: zenoh.Sample) -> None:
-        self._on_question(sample, pong=False)
-
-    def _on_pong(self, sample: zenoh.Sample) -> None:
-        self._on_question(sample, pong=True)
-
-    def _on_question(self, sample: zenoh.Sample, *, pong: bool) -> None:
+    def _on_question(self, sample: zenoh.Sample) -> None:
         """Take it only of a channel that there is: a pong says the channel again, however long it
         is.
         """
-        peer, channel = _owner(sample), sample.payload.to_bytes()
+        kind, peer = str(sample.key_expr).split("/")[3:5]
+        channel = sample.payload.to_bytes()
         if channel in self._channels.get(peer, ()):
-            self._inbox.put(Class.CONTROL, Ping(peer, channel, pong), peer, len(channel))
+            ping = Ping(peer, channel, pong=kind == "pong")
+            self._inbox.put(Class.CONTROL, ping, peer, len(channel))
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         agent, chunk = str(sample.key_expr).split("/")[-2:]
@@ -409,7 +396,3 @@ def _attached(attached: bytes) -> Attached:
     with suppress(ValueError):
         return (own, believed), bytes.fromhex(after), number_of(heard) or 0
     return (own, believed), NOBODYS, 0
-
-
-def _owner(sample: zenoh.Sample) -> str:
-    return str(sample.key_expr).split("/")[4]

@@ -9,11 +9,12 @@ agent_runtime.testing.memory_bus.
 from typing import Any
 
 from agent_runtime.core.agent import Agent
-from agent_runtime.core.effects import Effects, LogLine
 from agent_runtime.core.events import (
     AnyEvent,
     Arrived,
+    Effects,
     Local,
+    LogLine,
     Next,
     PeerChanged,
     Receipted,

@@ -20,24 +20,25 @@ import msgspec
 
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.control import Command, Order
-from agent_runtime.core.duplicate_digests import preceding, receipted
-from agent_runtime.core.effects import Effects, Receipt
 from agent_runtime.core.errors import RuntimeFault
 from agent_runtime.core.events import (
     AnyEvent,
     Arrived,
+    Effects,
     Local,
     Next,
     Ordered,
     PeerChanged,
+    Receipt,
     Started,
     Tick,
 )
 from agent_runtime.core.state import CoreState, restored
 from agent_runtime.core.step import Core
+from agent_runtime.core.streams import preceding, receipted
 from agent_runtime.core.wiring import Delivery, Wiring
 from agent_runtime.io.devices import Device, DeviceMaker, NoDevice
-from agent_runtime.io.one_reader import OneReaderQueue
+from agent_runtime.io.inbox import OneReaderQueue
 from fipa_codec.communicate import Communicate, decode, encode
 
 LATENCY_S = 0.0005
@@ -181,15 +182,9 @@ class MemoryBus:
         if self.nodes[agent].state is not None:
             self._die(agent, restart_s)
 
-    def lose_journal(self, agent: str, *, restart_s: float = 0.5) -> None:
-        """Kill the agent and delete its journal; it comes back `restart_s` later, under another
-        journal's name.
-        """
-        self.put_back(agent, None, restart_s=restart_s)
-
     def put_back(self, agent: str, journal: bytes | None, *, restart_s: float = 0.5) -> None:
         """Kill the agent and put another record in place of its journal; it comes back `restart_s`
-        later.
+        later. None: the journal is deleted, and the next one has another name.
         """
         self._die(agent, restart_s)
         self.nodes[agent].journal = journal

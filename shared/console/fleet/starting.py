@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from agent_runtime.io.fleet_processes import started_in
-from agent_runtime.io.forked import FORKS
+from agent_runtime.io.fork_server import FORKS
 from agent_runtime.io.run_files import FLEET_VARIABLE, RUN_FOLDER_VARIABLE, make_run
 from agent_runtime.io.secured import ROUTER
 from console.errors import WRONG_USE, FleetError, NotWaitedError, UsageError

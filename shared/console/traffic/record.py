@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from rich.table import Table
 
-from agent_runtime.io.full_disk import worded
+from agent_runtime.io.journal import worded
 from agent_runtime.io.tap import Waiting
 from console import completion, interrupts
 from console.errors import ConsoleError, UsageError

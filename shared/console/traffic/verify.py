@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, cast
 import msgspec
 import typer
 
-from agent_runtime.core.effects import Effects, Receipt
+from agent_runtime.core.events import Effects, Receipt
 from agent_runtime.io.journal import records
 from agent_runtime.io.steplog import Again, Parted, SentAgain, digest, fingerprint
 from console.errors import ConsoleError, UsageError, last_line

@@ -16,7 +16,7 @@ from functools import partial
 
 from agent_runtime.io import cli
 from agent_runtime.io.options import Options
-from agent_runtime.io.process_heartbeat import ProcessHeartbeat
+from agent_runtime.io.run_files import ProcessHeartbeat
 from operate.fault_proxy import files
 from operate.fault_proxy.files import Conditions
 

@@ -18,9 +18,8 @@ from typing import TypeVar
 
 import msgspec
 
-from agent_runtime.core.effects import Receipt
 from agent_runtime.core.errors import StepLogError
-from agent_runtime.core.events import Arrived, Garbled, Receipted
+from agent_runtime.core.events import Arrived, Garbled, Receipt, Receipted
 from agent_runtime.io import steplog
 from agent_runtime.io.steplog import BOOT, SentMessage, checked
 from fipa_codec.communicate import UNREADABLE, Communicate, encode
@@ -42,7 +41,7 @@ from operate.structs import alike
 from operate.system import System
 
 # --- Times at which agents heard something, by their own step logs: a latency ends when the asker
-# hears the answer Times are those of the agent's clock (agent_runtime.io.clock), which is also that
+# hears the answer Times are those of the agent's clock (agent_runtime.io.logs), which is also that
 # of what it says. It is even within a life; of two lives, or of two hosts, clocks may differ. So
 # both ends of a span are times of one life of one agent. Must not know: which spans are wanted.
 
@@ -107,7 +106,7 @@ def receipts(houses: Iterable[House]) -> Iterator[HeardReceipt]:
 
 SETTLED_S = 0.1
 """A step is in its log so long after it was done, if its agent runs: it writes after 5 ms without a
-message, and at the latest after 64 steps (agent_runtime.io.step_recorder). Later ones are told
+message, and at the latest after 64 steps (agent_runtime.io.steplog). Later ones are told
 late, and out of order. Estimate.
 """
 LOST_S = 5.0

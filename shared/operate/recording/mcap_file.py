@@ -19,8 +19,7 @@ import msgspec
 from mcap.records import Channel, Footer, McapRecord, Message, Metadata
 from mcap.writer import IndexType, Writer
 
-from agent_runtime.io.full_disk import worded
-from agent_runtime.io.journal import free_name
+from agent_runtime.io.journal import free_name, worded
 from agent_runtime.io.run_files import write_secret
 from fipa_codec.communicate import UNREADABLE
 from operate.recording import index

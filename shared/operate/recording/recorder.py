@@ -22,11 +22,10 @@ from pathlib import Path
 import msgspec
 
 from agent_runtime.core.wiring import service_key
-from agent_runtime.io.full_disk import worded
+from agent_runtime.io.journal import worded
 from agent_runtime.io.logs import WINDOW_S, Log, Repeats
 from agent_runtime.io.options import USAGE_ERROR, Options
-from agent_runtime.io.process_heartbeat import ProcessHeartbeat
-from agent_runtime.io.run_files import make_run
+from agent_runtime.io.run_files import ProcessHeartbeat, make_run
 from agent_runtime.io.steplog import LOG_PART, LOG_WANTED, MUCH_BYTES, OFFSET
 from agent_runtime.io.tap import Sample, Tap, Waiting, open_tap
 from operate.fault_lines import FaultFile

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import msgspec
 
-from agent_runtime.core.effects import Deed
 from agent_runtime.core.errors import StepLogError
-from agent_runtime.core.events import Arrived
+from agent_runtime.core.events import Arrived, Deed
 from agent_runtime.io import steplog
 from fipa_codec.communicate import UNREADABLE, Communicate
 from operate.fault_lines import Fault

@@ -13,7 +13,7 @@ import msgspec
 import typer
 
 from agent_runtime.io.cli import Level, Speed, endpoints
-from agent_runtime.io.forked import FORKS_VARIABLE
+from agent_runtime.io.fork_server import FORKS_VARIABLE
 from agent_runtime.io.options import (
     AGENTS_VARIABLE,
     HOW_LINKED,

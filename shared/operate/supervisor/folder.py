@@ -17,7 +17,7 @@ from typing import IO
 import msgspec
 
 from agent_runtime.io.fleet_processes import started_in, variables
-from agent_runtime.io.forked import Other
+from agent_runtime.io.fork_server import Other
 from agent_runtime.io.run_files import (
     RUN_FOLDER_VARIABLE,
     STOP_FILE,

@@ -24,13 +24,12 @@ from typing import IO
 
 import msgspec
 
-from agent_runtime.io import forked
+from agent_runtime.io import fork_server
 from agent_runtime.io.fleet_processes import set_stop
-from agent_runtime.io.forked import Forked, Handed, fork
+from agent_runtime.io.fork_server import Forked, Handed, fork
 from agent_runtime.io.options import AGENTS_VARIABLE, USAGE_ERROR
-from agent_runtime.io.process_heartbeat import ProcessHeartbeat
 from agent_runtime.io.reaching import free_port
-from agent_runtime.io.run_files import FLEET_VARIABLE
+from agent_runtime.io.run_files import FLEET_VARIABLE, ProcessHeartbeat
 from agent_runtime.io.secured import ROUTER
 from operate.fault_proxy import clocks, files
 from operate.fleet_file import Fleet as FleetFile
@@ -49,7 +48,7 @@ NAME = "supervisor"
 
 PATIENCE_S = 30.0  # estimate: its imports take 2 s, and 12 s on a slow machine at a load of 3
 FORKS = Process(
-    forked.FORKS,
+    fork_server.FORKS,
     "agent_runtime.io.fork_server",
     optional=True,
     patience_s=PATIENCE_S,
@@ -169,7 +168,7 @@ class Shell:
 
     def serve(self) -> None:
         """Run the fleet until SIGTERM or SIGINT, and to the end of the last process."""
-        # a handler that sets the event could wait for ever: one_reader.py
+        # a handler that sets the event could wait for ever: inbox.py
         caught_signals: list[int] = []
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda caught, _: caught_signals.append(caught))

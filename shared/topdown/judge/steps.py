@@ -14,7 +14,7 @@ from topdown.model.machines import SETTLED, UNSETTLED, Cause, Event, Machine, Pr
 
 
 class Done(Protocol):
-    """A step, as agent_runtime.core.effects.Deed tells it."""
+    """A step, as agent_runtime.core.events.Deed tells it."""
 
     @property
     def before(self) -> str: ...

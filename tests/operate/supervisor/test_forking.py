@@ -12,7 +12,7 @@ import pytest
 from stepped import ended, until
 
 from agent_runtime.io.cli import endpoints
-from agent_runtime.io.forked import FORKS_VARIABLE
+from agent_runtime.io.fork_server import FORKS_VARIABLE
 from agent_runtime.io.options import AGENTS_VARIABLE
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from companion.tools.system import SYSTEM
