@@ -32,7 +32,7 @@ from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
 from services.knowledge.answers import ask
 from services.knowledge.behaviours import agent
-from services.knowledge.overlays import Overlays
+from services.knowledge.memory import Overlays
 from services.knowledge.store import Store
 
 VOLUME = Cylinder(0.25, 0.6, Pose((0.58, -0.52, 1.1)))

@@ -22,7 +22,7 @@ from companion.world.observe import observed
 from companion.world.scene import Scene
 from services.executor import simulation
 from services.knowledge.answers import ask
-from services.knowledge.overlays import Overlays
+from services.knowledge.memory import Overlays
 from services.task.outgoing_messages import SURVEY
 from velma import names
 from velma.kinematics.frames import xyz_quat

@@ -41,7 +41,7 @@ from companion.world.observe import observed
 from services.executor.loop.core import LoopCore
 from services.executor.simulation import InProcess, markers, model_names, receptor
 from services.knowledge.answers import ask
-from services.knowledge.overlays import Overlays
+from services.knowledge.memory import Overlays
 from services.knowledge.store import Store
 from services.task import plan as plans
 from services.task.outgoing_messages import SURVEY, known_after, not_checked, observations

@@ -29,7 +29,7 @@ from velma.names import (
 SLOWEST_TOOL, FASTEST_TOOL = 0.01, 2.0
 # rad/s of fingers and head; estimates: a finger then opens in 25 s
 SLOWEST_JOINT, FASTEST_JOINT = 0.1, 10.0
-# of a timed path; its knots fit the slot of the loop (services/executor/loop/slots.py)
+# of a timed path; its knots fit the slot of the loop (services/executor/loop/link.py)
 LONGEST_S = 300.0
 
 Bend = Annotated[float, Meta(ge=0.0, le=FINGER_UPPER)]  # rad

@@ -30,8 +30,7 @@ from services.coordinator.memory import (
     parameters_wanted,
     turn_come,
 )
-from services.coordinator.queue import comparing, decided, offer, place
-from services.coordinator.scheduling import RULES
+from services.coordinator.scheduling import RULES, comparing, decided, offer, place
 
 
 def await_trigger(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:

@@ -24,8 +24,7 @@ from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
 from services.coordinator import outgoing_messages as messages
 from services.coordinator.memory import Job, Limits, Memory, Stage
-from services.coordinator.queue import first_in, queued
-from services.coordinator.scheduling import RULES
+from services.coordinator.scheduling import RULES, first_in, queued
 
 PATIENCE = "patience"
 RULE = "rule"

@@ -14,8 +14,7 @@ from msgspec.structs import replace
 from companion.all_languages import AnyCommand
 from companion.languages import hfsm
 from companion.languages.cmd import Command
-from companion.languages.facts import Facts
-from services.coordinator.scheduling import Decision
+from companion.languages.facts import Fact, Facts
 
 
 class Limits(msgspec.Struct, frozen=True):
@@ -166,6 +165,21 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
         place = at.path[0] if at is not None else None
         steps = (number for number, one in enumerate(self.schedule, start=1) if one.at == place)
         return next(steps, 0)
+
+
+class Decision(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The task that goes on, and whether the running one is left for it; `rival`: the other one,
+    where there were two.
+
+    `switch_cost`, `wait_cost`: where they were compared.
+    """
+
+    task: str
+    why: Fact
+    switch: bool = False
+    switch_cost: float = 0.0
+    wait_cost: float = 0.0
+    rival: str = ""
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -5,48 +5,19 @@ beside it.
 import os
 import sys
 from pathlib import Path
-from typing import Any
 
 from agent_runtime.io import cli, shell
-from agent_runtime.io.devices import Device, Post
+from agent_runtime.io.devices import Post
 from agent_runtime.io.options import USAGE_ERROR, Options
 from companion.binding import wiring
 from companion.design import AgentName
 from companion.eyes import VARIABLE, eyes
 from companion.run_files import SLOTS_FILE
 from services.executor.behaviours import agent
-from services.executor.device_messages import Brake, Do, GoOn, Halt, Perform, Setup, Where
-from services.executor.loop_device import LoopDevice
-from services.executor.skill_device import SkillDevice
+from services.executor.device_messages import Setup
+from services.executor.devices import LoopDevice, RobotDevice, SkillDevice
 from services.executor.telemetry import Pictures, Telemetry
 from velma.sim import gl
-
-
-class RobotDevice:
-    """A device made of two, and of telemetry where there is a loop to show."""
-
-    def __init__(self, skills: Device, loop: Device, telemetry: Telemetry | None = None) -> None:
-        self.skills, self.loop, self._telemetry = skills, loop, telemetry
-
-    @property
-    def busy(self) -> bool:
-        """Whether one of them computes."""
-        return self.skills.busy or self.loop.busy
-
-    def tell(self, content: Any) -> None:
-        """Hand a message to the loop or to the skills."""
-        if self._telemetry is not None and isinstance(content, Perform):
-            self._telemetry.skill = type(content.command).__name__
-        (self.loop if isinstance(content, Where | Halt | Do | GoOn | Brake) else self.skills).tell(
-            content
-        )
-
-    def close(self) -> None:
-        """Close all of them."""
-        if self._telemetry is not None:
-            self._telemetry.close()
-        self.skills.close()
-        self.loop.close()
 
 
 def serve(options: Options) -> int:

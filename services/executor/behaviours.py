@@ -8,6 +8,7 @@ brought to rest, and nothing is started a second time. Must not know: plans, the
 """
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -20,29 +21,39 @@ from companion.design import AgentName
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.rc import NotDoneKind
+from companion.skills.loop_messages import Phase
 from fipa_codec.performatives import Performative
 from services.executor import device_messages, outgoing_messages
 from services.executor.device_messages import (
     Brake,
     ByRays,
     Crashed,
+    Do,
     Drop,
     Ended,
-    Felt,
+    Feel,
+    Glance,
+    GoOn,
     Halt,
     Lost,
+    Message,
     Move,
+    Moved,
+    Passing,
     Perform,
     Stands,
     Where,
+    duration,
 )
-from services.executor.memory import CONDITIONS, Act, Memory, Soft
-from services.executor.motion_sequence import PATIENCE, follow, heard, logged, lost, over, start
-from services.executor.situation_record import SituationRecord
+from services.executor.memory import CONDITIONS, Act, Felt, Memory, SituationRecord, Soft
 
 RESTARTED = (fact(Kind.ENDED, "ex"),)
+PATIENCE = "patience"
+LOOP, SKILL = "loop", "skill_process"
 # estimate: the longest computation of a skill, a planned path home, takes some seconds
 SKILL_WITHIN_S = 60.0
+# estimate: a hand closes in 10 s; a loaded machine is slower than real time
+MOTION_SLACK, MOTION_MARGIN_S = 5.0, 30.0
 
 
 def agent() -> Agent[Memory]:
@@ -123,7 +134,7 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
     there.
     """
     act = _required(memory)
-    match heard(memory, turn):
+    match _heard(memory, turn):
         case Stands(felt=felt) if _elsewhere(memory, felt):
             return _new_world(memory, felt)
         case Stands(number=number, felt=felt):
@@ -135,9 +146,9 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
             soft = replace(memory.soft, motion=move.motion)
             return replace(memory, act=act, remembered=move.remembered, soft=soft)
         case Ended() as end:
-            return over(memory, turn, end)
+            return _over(memory, turn, end)
         case Lost() | Crashed() as end:
-            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, logged(turn, end))
+            return _given_up(memory, turn, NotDoneKind.INTERRUPTED, _logged(turn, end))
     match turn.event:
         case None | Started():
             turn.wake(PATIENCE, turn.now + SKILL_WITHIN_S)
@@ -166,6 +177,10 @@ def _called_off(act: Act, event: Received | Broken) -> bool:
 
 def _given_up(memory: Memory, turn: Turn, kind: str, why: Facts) -> Memory:
     turn.tell(Drop(memory.number))
+    return _not_done(memory, kind, why)
+
+
+def _not_done(memory: Memory, kind: str, why: Facts) -> Memory:
     act = _required(memory)
     outcome = memory.remembered.not_done(act.command.key, kind, why)
     return replace(memory, act=replace(act, outcome=outcome))
@@ -181,14 +196,14 @@ def carry_out(memory: Memory, turn: Turn) -> Memory:
     act = _required(memory)
     match turn.event:
         case None:
-            return start(memory, turn)
+            return _start(memory, turn)
         case Started():
-            return lost(memory, RESTARTED)
+            return _lost(memory, RESTARTED)
         case Received() | Broken() as event if _called_off(act, event):
             return replace(memory, act=replace(act, cancelling=True))
         case Received():
             return _declined(memory, turn)
-    return follow(memory, turn)
+    return _follow(memory, turn)
 
 
 def stop_act(memory: Memory, turn: Turn) -> Memory:
@@ -204,25 +219,23 @@ def stop_act(memory: Memory, turn: Turn) -> Memory:
                 turn.tell(Brake(memory.number, act.command.key))
             return memory
         case Started():
-            return _halted(lost(memory, act.lost or RESTARTED), turn)
+            return _halted(_lost(memory, act.lost or RESTARTED), turn)
         case Local(content=Stands(number=number, felt=felt)) if (
             act.lost and number == memory.number
         ):
             if _elsewhere(memory, felt):
                 return _new_world(memory, felt)
-            kept = _where(memory, felt)
-            outcome = kept.remembered.not_done(act.command.key, NotDoneKind.UNKNOWN, act.lost)
-            return replace(kept, act=replace(act, outcome=outcome))
+            return _not_done(_where(memory, felt), NotDoneKind.UNKNOWN, act.lost)
         case Received() | Broken() as event if _called_off(act, event):
             return replace(memory, act=replace(act, cancelling=True))
         case Received():
             return _declined(memory, turn)
     if act.lost:
         return memory
-    after = follow(memory, turn)
+    after = _follow(memory, turn)
     if _required(after).lost:
         return _halted(after, turn)
-    return start(after, turn) if after.soft.motion is not None else after
+    return _start(after, turn) if after.soft.motion is not None else after
 
 
 def _halted(memory: Memory, turn: Turn) -> Memory:
@@ -254,6 +267,119 @@ def _new_world(memory: Memory, felt: Felt) -> Memory:
     act = _required(memory)
     outcome = rc.NotDone(act.command.key, NotDoneKind.NEW_WORLD, (fact(Kind.NEW_WORLD),))
     return replace(memory, act=replace(act, outcome=outcome))
+
+
+# --- the motions of an act, one after the other ---------------------------------------------------
+
+
+def _start(memory: Memory, turn: Turn) -> Memory:
+    """Send the waiting motion to the loop."""
+    motion = memory.soft.motion
+    assert motion is not None
+    turn.tell(Do(memory.number, motion))
+    turn.wake(PATIENCE, turn.now + MOTION_SLACK * duration(motion) + MOTION_MARGIN_S)
+    return replace(memory, soft=replace(memory.soft, motion=None, moving=True))
+
+
+def _lost(memory: Memory, why: Facts) -> Memory:
+    """Note that the outcome cannot be known; the robot only has to come to rest now."""
+    act, soft = replace(_required(memory), lost=why), replace(memory.soft, motion=None)
+    return replace(memory, act=act, soft=soft)
+
+
+def _heard(memory: Memory, turn: Turn) -> Any:
+    """Return what a device has sent for the act under way; None for what it sent for another one,
+    as a killed process does, and for every other event.
+    """
+    match turn.event:
+        case Local(content=Message(number=number) as content) if number == memory.number:
+            return content
+        case Local(content=Crashed() as crash):
+            return crash
+    return None
+
+
+def _follow(memory: Memory, turn: Turn) -> Memory:
+    """Take what skill process and loop send during an act."""
+    match _heard(memory, turn):
+        case Passing(number=number, felt=felt):
+            turn.tell(Glance(number, felt))
+        case GoOn() | Brake() as answer:
+            turn.tell(answer)  # nothing to do for the loop where the motion has ended meanwhile
+        case Moved(felt=felt):
+            return _moved(memory, turn, felt)
+        case Move() as move:
+            return _wanted(memory, turn, move)
+        case Ended() as end:
+            return _over(memory, turn, end)
+        case Lost() as loss:
+            return _lost(memory, _logged(turn, loss))
+        case Crashed() as crash:
+            return _without_skill(memory, turn, _logged(turn, crash))
+        case None if isinstance(turn.event, Woken) and turn.event.name == PATIENCE:
+            silent = LOOP if memory.soft.moving else SKILL
+            return _without_skill(memory, turn, (fact(Kind.GAVE_NO_ANSWER, silent),))
+    return memory
+
+
+def _over(memory: Memory, turn: Turn, end: Ended) -> Memory:
+    """Note the outcome of the skill."""
+    if end.text:
+        turn.log("the skill cannot make a motion", level="warning", reason=end.text)
+    return replace(
+        memory, act=replace(_required(memory), outcome=end.outcome), remembered=end.remembered
+    )
+
+
+def _logged(turn: Turn, end: Lost | Crashed) -> Facts:
+    """Log the end of loop or skill process, and return it as facts."""
+    if isinstance(end, Lost):
+        turn.log("the loop is lost", level="warning", reason=end.text)
+        return end.why
+    turn.log("the skill's process ended", level="warning", reason=end.reason)
+    return (fact(Kind.ENDED, SKILL),)
+
+
+def _moved(memory: Memory, turn: Turn, felt: Felt) -> Memory:
+    """Tell the skill how its motion ended; the first end after a cancel counts as cancelled, even
+    if they crossed.
+
+    A skill that braked its motion by itself was not told of a cancel.
+    """
+    act = _required(memory)
+    if felt.text:
+        turn.log("the loop refused or failed", level="warning", reason=felt.text)
+    if act.cancelling and not act.broken_off and felt.ended == Phase.DONE:
+        felt = replace(felt, ended=str(Phase.CANCELLED))
+    broken_off = act.broken_off or (act.cancelling and felt.ended == Phase.CANCELLED)
+    turn.tell(Feel(memory.number, felt))
+    turn.wake(PATIENCE, turn.now + SKILL_WITHIN_S)
+    soft = replace(memory.soft, moving=False, felt=felt)
+    return replace(memory, act=replace(act, broken_off=broken_off), soft=soft)
+
+
+def _wanted(memory: Memory, turn: Turn, move: Move) -> Memory:
+    """Note the next motion of the skill. If a cancel came while it was computed, tell the skill
+    "cancelled" instead.
+    """
+    act = _required(memory)
+    memory = replace(memory, remembered=move.remembered)
+    if act.cancelling and not act.broken_off and memory.soft.felt is not None:
+        cancelled = replace(
+            memory.soft.felt, ended=str(Phase.CANCELLED), why=(fact(Kind.CANCELLED),)
+        )
+        turn.tell(Feel(memory.number, cancelled))
+        return replace(memory, act=replace(act, broken_off=True))
+    return replace(memory, soft=replace(memory.soft, motion=move.motion))
+
+
+def _without_skill(memory: Memory, turn: Turn, why: Facts) -> Memory:
+    """End an act whose skill is gone: interrupted if the robot is at rest, unknown outcome if it
+    moves.
+    """
+    if memory.soft.moving:
+        return _lost(memory, why)
+    return _given_up(memory, turn, NotDoneKind.INTERRUPTED, why)
 
 
 # --- reporting ------------------------------------------------------------------------------------

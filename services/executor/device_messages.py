@@ -7,48 +7,16 @@ of the next act. None is a communicate, none leaves the computer.
 from pathlib import Path
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from companion.acts import AnyAct
 from companion.eyes import Eyes
 from companion.languages import rc
 from companion.languages.facts import Facts
-from companion.skills.loop_messages import GripReport, Motion
-from services.executor.eye_messages import Blind, Saw, See
-from services.executor.situation_record import SituationRecord
+from companion.skills.loop_messages import KNOT_S, Motion
+from services.executor.memory import Felt, SituationRecord
+from services.executor.renderer import Blind, Saw, See
 from velma.model import scene as scenes
 from velma.model.scene import Scene
-
-Array = NDArray[np.float64]
-
-
-class Felt(msgspec.Struct, frozen=True):
-    """Measurements of the loop: how a motion ended (phase of the loop, "" if there was none) and
-    why, and the posture.
-
-    `q`, `measured`: set-points and joints (15,) as float64 bytes [rad]. `touched`, `fingers`: per
-    side, which fingers touched, mean angle [rad]; `grips`: what the wrist feels. `world`: all
-    coordinates of the world model, for the receptor only. `epoch`: name of the simulated world, ""
-    of a real one. `text`: of a refusal or fault, for the log.
-    """
-
-    q: bytes
-    measured: bytes
-    head: tuple[float, float]
-    time: float
-    world: bytes = b""
-    epoch: str = ""
-    ended: str = ""
-    why: Facts = ()
-    text: str = ""
-    touched: dict[str, tuple[bool, bool, bool]] = {}
-    fingers: dict[str, float] = {}
-    grips: dict[str, GripReport] = {}
-
-    def setpoint(self) -> Array:
-        """Return the set-point (15,) [rad]."""
-        return np.frombuffer(self.q)
 
 
 class Message(msgspec.Struct, frozen=True, tag=True):
@@ -201,3 +169,8 @@ def scene_of(setup: Setup) -> Scene:
     """
     asked = scenes.load(Path(setup.scene)) if setup.scene else scenes.load()
     return scenes.vary(asked, setup.seed)
+
+
+def duration(motion: Motion) -> float:
+    """Return the time of its joint path and its rest at the end [s]."""
+    return len(motion.knots) / (15 * 8) * KNOT_S + motion.settle_s

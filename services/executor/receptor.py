@@ -1,4 +1,5 @@
-"""Eyes by rays: a simulated marker detector with noise. The only place that may read true poses.
+"""The eyes of ex. By rays: a simulated marker detector with noise, the only place that may read
+true poses.
 
 It sets a copy of the simulated world to the state that the loop published, and casts rays from the
 camera to points on each thing. A thing is detected if enough of its points are in the field of
@@ -8,20 +9,25 @@ tell it by the colour.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import mujoco
 import numpy as np
 import pinocchio as pin
+from agent_runtime.io.one_reader import OneReaderQueue
 
+from agent_runtime.core.errors import WorkerError
 from companion.skills.situation import Neck, Sight
-from services.executor.eye_messages import uncertainty
+from services.executor.renderer import ENTRY, Blind, Renderer, Saw, See, SightedObject, uncertainty
 from velma import names
 from velma.eyes import content
 from velma.eyes.lens import HALF_HEIGHT, HALF_WIDTH
+from velma.kinematics.frames import pose_of
+from velma.kinematics.robot import Robot
 from velma.model.kinds import Model
-from velma.model.scene import Noise
+from velma.model.scene import Noise, Scene
 from velma.model.scene_xml import GRAIN
+from velma.names import Array
 
 # Of the point cloud of Velma's simulated Kinect (velma_robot@43752e0): 0.5-3.0 m; 0.1 m less to see
 # held things (estimate).
@@ -167,3 +173,58 @@ def _surface(kind: int, size: np.ndarray) -> Iterator[np.ndarray]:
                 yield np.array(
                     [size[0] * math.cos(turn), size[0] * math.sin(turn), height * size[1]]
                 )
+
+
+# --- Eyes by pixels: another process renders the picture and reads the markers in it --------------
+# Where the camera is comes from the measured joints and the robot's model, never from the
+# simulator.
+
+
+class PixelReceptor:
+    """Sees the things of a scene by their markers. Calls come from one thread.
+
+    `wrong`, `off`: as of Saw, of the last look. A new child has no look to compare its first one
+    with.
+    """
+
+    def __init__(self, ask: Callable[[See], Saw | Blind], robot: Robot | None = None) -> None:
+        """`ask` waits for the answer of the child."""
+        self.wrong, self.off = "", 0.0
+        self._ask, self._robot, self._looks = ask, robot or Robot(), 0
+
+    def look(self, world: Array, neck: Neck) -> list[Sight]:
+        """Return what the picture of the state `world` (nq,) shows. Raises WorkerError where no
+        child sees, and why.
+        """
+        self._looks += 1
+        eye = self._robot.camera(*neck)
+        place = tuple(eye.rotation.ravel().tolist()), tuple(eye.translation.tolist())
+        saw = self._ask(See(self._looks, world.tobytes(), *place))
+        if isinstance(saw, Blind):
+            raise WorkerError(ENTRY, f"does not see: {saw.reason}", "start with --eyes rays")
+        self.wrong, self.off = saw.wrong, saw.off
+        return [_sight(one) for one in saw.things]
+
+    def close(self) -> None:
+        """Nothing to close: the child is another's."""
+
+
+def _sight(one: SightedObject) -> Sight:
+    pose = pose_of(one.rotation, one.position)
+    return Sight(one.name, pose, one.content, one.uncertainty, one.whole)
+
+
+class OwnPixelReceptor(PixelReceptor):
+    """Eyes by pixels with a child of their own."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.renderer, self._answers = Renderer(lambda: scene), OneReaderQueue[Saw | Blind]()
+        super().__init__(self._answered)
+
+    def close(self) -> None:
+        """End the child."""
+        self.renderer.close()
+
+    def _answered(self, see: See) -> Saw | Blind:
+        self.renderer.look(see, self._answers.put)
+        return self._answers.get()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from agent_runtime.io.worker import Link
 from companion.telemetry import Found, Picture
-from services.executor.eye_messages import SHRINK, Saw, See, Show, SightedObject, uncertainty
+from services.executor.renderer import SHRINK, Saw, See, Show, SightedObject, uncertainty
 from velma.eyes import health
 from velma.eyes.content import Content
 from velma.eyes.fit import View
@@ -21,10 +21,10 @@ from velma.eyes.lens import LENS
 from velma.eyes.pictures import jpeg, smaller
 from velma.eyes.seeing import Eyes, Seen, eyes_of
 from velma.model.scene import Scene
+from velma.names import Array
 from velma.sim.disturbed_world import SpoiledPictures
 from velma.sim.photographs import Photographs
 
-Array = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 

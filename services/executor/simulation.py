@@ -16,13 +16,11 @@ from companion.skills.loop_messages import Cancel, LookAgain, Motion, Phase
 from companion.skills.performing import Performance
 from companion.skills.situation import Eye
 from companion.skills.skill import Asked, Sensed
-from services.executor.device_messages import Array
 from services.executor.loop.core import LoopCore
-from services.executor.pixel_receptor import OwnPixelReceptor
-from services.executor.receptor import Receptor
+from services.executor.receptor import OwnPixelReceptor, Receptor
 from velma.model.markers import of_scene
 from velma.model.scene import Scene
-from velma.names import TORSO
+from velma.names import TORSO, Array
 from velma.sim.mujoco_backend import compiled
 
 

@@ -22,27 +22,26 @@ from companion.skills.situation import Eye, Held, Neck, Sight, Situation, beginn
 from companion.skills.skill import Asked, Sensed
 from services.executor import simulation
 from services.executor.device_messages import (
-    Array,
     Brake,
     ByRays,
     Ended,
     Feel,
-    Felt,
     Glance,
     GoOn,
     Move,
     Perform,
     Setup,
     ToSkill,
+    duration,
     scene_of,
 )
-from services.executor.eye_messages import Blind, Saw, See
-from services.executor.motion_sequence import duration
-from services.executor.pixel_receptor import PixelReceptor
-from services.executor.situation_record import Holding, SituationRecord
+from services.executor.memory import Felt, Holding, SituationRecord
+from services.executor.receptor import PixelReceptor
+from services.executor.renderer import Blind, Saw, See
 from velma import names
 from velma.kinematics.frames import transform, xyz_quat
 from velma.kinematics.robot import Robot
+from velma.names import Array
 
 
 class Stage:

@@ -18,11 +18,11 @@ import numpy as np
 from agent_runtime.io.devices import Post
 from companion.skills.loop_messages import Phase
 from companion.telemetry import PICTURE_S, RATE_HZ, Lateness, Picture, RobotState
-from services.executor.device_messages import Array, Setup, scene_of
-from services.executor.eye_messages import Show
+from services.executor.device_messages import Setup, scene_of
 from services.executor.loop.link import AgentLink, LoopAnswer, LoopState, Timing, reopened
-from services.executor.renderer import Renderer
+from services.executor.renderer import Renderer, Show
 from velma.errors import SlotError
+from velma.names import Array
 
 # --- Pictures of the head camera, and of the robot from the room, as telemetry --------------------
 # They are made when the robot or a thing has moved, by the process that renders for the robot's

@@ -32,7 +32,7 @@ from companion.run_files import (
 from companion.sentences import Reader, failure, operator, person, place, state
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
-from services.human_interface import device_messages, suggestions
+from services.human_interface import device_messages
 from services.human_interface.catalogue import LANGUAGES, abilities, say
 from services.human_interface.device_messages import (
     Answer,
@@ -50,6 +50,8 @@ from services.human_interface.interpretation import (
     forget_objects,
     in_words,
     outcome,
+    replies_to,
+    wishes,
     with_mentioned,
 )
 from services.human_interface.memory import CONDITIONS, FINAL, Memory, News
@@ -179,7 +181,7 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
     context = replace(memory.context, options=memory.options(word.asker, word.at))
     found = _timed(outcome(word.meaning, context), word, turn.now)
     options = found.options if isinstance(found, Ask) else ()
-    both = (suggestions.replies(options, language) for language in LANGUAGES)
+    both = (replies_to(options, language) for language in LANGUAGES)
     replies = tuple(text for texts in both for text in texts)
     memory = memory.asking(word.asker, word.at, options, replies)
     match found:
@@ -187,7 +189,7 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
             return _ask(memory, turn, word, tasks)
         case Ask(text=text):
             turn.tell(_shown(memory))  # first: who reads the answer may reply at once
-            offered = suggestions.replies(options, word.meaning.language)
+            offered = replies_to(options, word.meaning.language)
             memory = _no_task(memory, turn, word, QUESTION if options else REFUSED, text, offered)
             if context.options and not options:  # a no
                 memory = memory.hearing(word, TaskLine("", REFUSED, text, word.text, word.at))
@@ -405,7 +407,7 @@ def tell(memory: Memory, turn: Turn) -> Memory:
 def _shown(memory: Memory) -> Shown:
     """All that people may see between two events."""
     questions = tuple(Question(one.asker, one.until, one.replies) for one in memory.asked)
-    return Shown(memory.tasks, memory.told, suggestions.wishes(memory.context), questions)
+    return Shown(memory.tasks, memory.told, wishes(memory.context), questions)
 
 
 def _reported(line: TaskLine, said: cmd.TaskReport, text: str, now: float) -> TaskLine:

@@ -5,11 +5,15 @@ person is asked, and the options that were offered are kept for the answer. Pure
 HTTP, how tasks are carried out.
 """
 
+import itertools
+from collections.abc import Iterator
+
 import msgspec
 from msgspec.structs import replace
 
 from companion.all_languages import AnyCommand
 from companion.commands import Offer
+from companion.run_files import InWords, Wish
 from services.human_interface.catalogue import MAKE, TASKS, THINGS, abilities, say
 from services.human_interface.device_messages import Clause, Meaning, NamedObject
 from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
@@ -294,3 +298,59 @@ def noun(name: str, language: str, case: int = 0) -> str:
     forms = getattr(THINGS[kind], language)
     word = forms[case if language == "pl" else 0]
     return f"{word} {number}" if number else word
+
+
+# --- Sentences that could be said now, each understood as it is written ---------------------------
+
+YES, NO = {"en": "yes", "pl": "tak"}, {"en": "no", "pl": "nie"}
+MOST_THINGS = 6
+"""Things with sentences of their own; estimate: more buttons than 50 are not looked through."""
+
+
+def wishes(context: Context) -> tuple[Wish, ...]:
+    """Return the sentences, thing by thing, in the order in which the things were told."""
+    things = _offered_objects(context)[:MOST_THINGS]
+    return tuple(
+        Wish(
+            does,
+            InWords(noun(name, "en"), noun(name, "pl")),
+            InWords(in_words((task,)), in_words((task,), "pl")),
+        )
+        for name in things
+        for does, task in _offered(name, things)
+    )
+
+
+def _offered(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, AnyCommand]]:
+    """Yield what can be done with a thing, and others beside it: the name of the wish, and the
+    task.
+    """
+    for does, wish in TASKS.items():
+        if wish.offer is Offer.THINGS:
+            beside = [one for one in things if one != name]
+            others = itertools.permutations(beside, len(wish.uses) - 1)
+            for names in ((name, *rest) for rest in others):
+                if all(
+                    use in THINGS[kind_of(one)].can
+                    for one, use in zip(names, wish.uses, strict=True)
+                ):
+                    yield does, MAKE[does](names, "")
+
+
+def replies_to(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
+    """Return the sentences that answer a question: a name or "yes" for each option, and "no"; none
+    where it is none.
+    """
+    names = [noun(one.thing, language) if len(options) > 1 else YES[language] for one in options]
+    return (*names, NO[language]) if names else ()
+
+
+def _offered_objects(context: Context) -> tuple[str, ...]:
+    """The things that something is offered for, the only one of its kind without a number."""
+    uses = {wish.uses[0] for wish in TASKS.values() if wish.offer is Offer.THINGS}
+    known = [name for name in context.seen or () if kind_of(name) in THINGS]
+    seen = tuple(name for name in known if uses & {*THINGS[kind_of(name)].can})
+    kinds = [kind_of(name) for name in seen]
+    named = tuple(name if kinds.count(kind_of(name)) > 1 else kind_of(name) for name in seen)
+    mentioned = (name for name in context.mentioned if kind_of(name) not in kinds)
+    return tuple(dict.fromkeys((*named, *mentioned)))

@@ -4,6 +4,7 @@ the design.
 Must not know: HTTP, grammar.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -177,33 +178,10 @@ def _sentence_key(word: Sentence) -> tuple[str, int, str]:
     return word.text.strip(), 0 if word.instead else word.urgency, word.instead
 
 
-# --- the conditions of design.toml ----------------------------------------------------------------
-
-
-def words_wait(memory: Memory) -> bool:
-    """Whether a person said something."""
-    return bool(memory.words)
-
-
-def news_wait(memory: Memory) -> bool:
-    """Whether there is news to tell."""
-    return bool(memory.news)
-
-
-def heard(memory: Memory) -> bool:
-    """Whether a person or co said something."""
-    return words_wait(memory) or news_wait(memory)
-
-
-def interpreted(memory: Memory) -> bool:
-    """Whether every sentence was answered."""
-    return not memory.words
-
-
-def told(memory: Memory) -> bool:
-    """Whether all news was told."""
-    return not memory.news
-
-
-_CONDITIONS = (words_wait, news_wait, heard, interpreted, told)
-CONDITIONS = {condition.__name__: condition for condition in _CONDITIONS}
+CONDITIONS: dict[str, Callable[[Memory], bool]] = {
+    "words_wait": lambda memory: bool(memory.words),
+    "news_wait": lambda memory: bool(memory.news),
+    "heard": lambda memory: bool(memory.words or memory.news),
+    "interpreted": lambda memory: not memory.words,
+    "told": lambda memory: not memory.news,
+}

@@ -3,7 +3,7 @@ section 5.4).
 
 `ANSWERS` is the table: query class -> function; a test compares it with the design's interface.
 Only observations, object models, grasps and the reach of the arms are known. For all else the
-answer is Unknown, and why. Must not know: stores, conversations, who asks.
+answer is Unknown, and why. Must not know: conversations, who asks.
 """
 
 from collections.abc import Callable, Iterable
@@ -17,8 +17,8 @@ from companion.models import GRASPS, REACH, Model, fitting
 from companion.world import geometry
 from companion.world.extents import cells, extent
 from companion.world.scene import Scene, SceneObject
-from services.knowledge.overlays import Overlays
-from services.knowledge.subjects import below, is_kind
+from services.knowledge.memory import Overlays
+from services.knowledge.store import below, is_kind
 
 CONTENT = ".content"
 """`jar_1.content` is the name of what was in jar_1."""

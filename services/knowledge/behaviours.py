@@ -22,9 +22,8 @@ from companion.world.observe import forgotten, observed
 from fipa_codec.performatives import Performative
 from services.knowledge import outgoing_messages
 from services.knowledge.answers import LARGEST_WHY, ask
-from services.knowledge.memory import CONDITIONS, Memory, Mirror, News, Question
+from services.knowledge.memory import CONDITIONS, Memory, Mirror, News, Overlays, Question
 from services.knowledge.outgoing_messages import OBSERVATIONS, OBSERVER, QUERIES
-from services.knowledge.overlays import Overlays
 
 HELD_S = 5.0  # estimate: a look around takes 5 s, so that most questions are put off once at most
 ALONE_S = 20.0  # estimate: an observer that died is restarted within seconds

@@ -30,8 +30,7 @@ from companion.loopback import HERE, Hi, HiError
 from companion.loopback_server import RobotStop, Server, listener
 from companion.run_files import HI_FILE, PAGE_FILE, HiEvent, PageAddress, Tasks
 from services.page.app import Page
-from services.page.guard import Guard
-from services.page.pairing import Pairs
+from services.page.guard import Guard, Pairs
 from services.page.robot import RobotEye, RobotWord
 
 WAIT_S = 10.0

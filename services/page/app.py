@@ -39,8 +39,7 @@ from companion.run_files import MOST_EAST_MIN, Pairing, Say, TaskLine
 from companion.sentences import plain
 from companion.stop_words import AT_ONCE_S, calls_for_help, may_answer, stop_words
 from services.page import view
-from services.page.guard import cookie_name
-from services.page.pairing import CODE_S, KEPT_S, Pairs
+from services.page.guard import CODE_S, KEPT_S, Pairs, cookie_name
 from services.page.robot import RobotWord
 from services.page.view import LANGUAGES, say
 

@@ -5,7 +5,7 @@ from agent_runtime.io.options import Options
 from companion.binding import wiring
 from companion.design import AgentName
 from services.planner.behaviours import agent
-from services.planner.search_device import SearchDevice
+from services.planner.search import SearchDevice
 
 
 def serve(options: Options) -> int:

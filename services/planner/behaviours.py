@@ -17,10 +17,10 @@ from companion.design import AgentName
 from companion.languages import hfsm, wm
 from companion.languages.facts import Fact, Kind, fact
 from fipa_codec.performatives import Performative
-from services.planner import device_messages
 from services.planner import outgoing_messages as messages
-from services.planner.device_messages import Answer, Ask, Begin, Died, Found, Stop
+from services.planner import search
 from services.planner.memory import CONDITIONS, Memory, Problem, Soft
+from services.planner.search import Answer, Ask, Begin, Died, Found, Stop
 
 ATTEMPTS = "attempts"
 """Parameter of the design: after how many searches that km broke off a problem has no plan."""
@@ -32,9 +32,7 @@ def agent(seed: int = 1) -> Agent[Memory]:
         state.__name__: state
         for state in (await_problem, initialize_problem, search_plan, answer_problem)
     }
-    return bind(
-        AgentName.PL, Memory(seed=seed), behaviours, CONDITIONS, local=device_messages.Local
-    )
+    return bind(AgentName.PL, Memory(seed=seed), behaviours, CONDITIONS, local=search.Local)
 
 
 # --- idle -----------------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from companion.languages.evidence import Claim
 from companion.languages.facts import Facts, Kind, fact
 from companion.sentences import operator
 from fipa_codec.performatives import Performative
-from services.task import acts, orders, running
+from services.task import acts, running
 from services.task import plan as plans
 from services.task.memory import CONDITIONS, Memory, Pending
 from services.task.outgoing_messages import SURVEY
@@ -157,13 +157,13 @@ def _answered(memory: Memory, turn: Turn) -> Memory:
 
 def _ordered(memory: Memory, turn: Turn) -> Memory:
     """Take an order about the leaf that waits, or a level at which it need not wait."""
-    verb = orders.verb_about(turn, orders.place(memory))
+    verb = running.verb_about(turn, running.place(memory))
     if verb is Verb.REPLAN:
         following = plans.after(memory.machine, memory.asked, hfsm.Outcome.REPLAN)
         if isinstance(following, hfsm.Outcome):
-            return replace(memory, end=running.ENDS[following], why=orders.WANTED, pending=UNSET)
+            return replace(memory, end=running.ENDS[following], why=running.WANTED, pending=UNSET)
         return replace(memory, pending=Pending(following, let=True))
-    free = verb is Verb.GO or not orders.asks(
+    free = verb is Verb.GO or not running.asks(
         memory, turn, plans.leaf(memory.machine, memory.asked)
     )
     return replace(memory, pending=Pending(memory.asked, let=True)) if free else memory

@@ -7,18 +7,23 @@ reported to co, which confirms it; ta waits only for the last confirm.
 
 from collections.abc import Callable
 
+import msgspec
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from agent_runtime.core.control import SetParameter
 from agent_runtime.core.events import Broken, Late, Ordered, Received, Started
 from agent_runtime.core.turn import Turn
+from companion import autonomy
 from companion.acts import ACTS, needed
+from companion.autonomy import LEVEL, Verb
 from companion.design import AgentName
 from companion.languages import hfsm, rc, sw, wm
 from companion.languages.facts import Facts, Kind, fact, fitting
+from companion.languages.hfsm import Place
 from companion.sentences import operator
 from fipa_codec.performatives import Performative
-from services.task import acts, orders
+from services.task import acts
 from services.task import plan as plans
 from services.task.memory import Memory, Pending, Soft, way_to_safety
 from services.task.outgoing_messages import SURVEY, ill, not_checked
@@ -78,8 +83,8 @@ def run_plan(memory: Memory, turn: Turn) -> Memory:
         case Received(communicate=message, conversation=name) if name == memory.conversation:
             cancelled = message.performative is Performative.CANCEL
             return preempted(memory, turn, ()) if cancelled else memory
-        case Ordered() if orders.replan_wanted(memory, turn):
-            return replace(acts.stop(memory, turn), end=sw.WorkerState.REPLAN, why=orders.WANTED)
+        case Ordered() if replan_wanted(memory, turn):
+            return replace(acts.stop(memory, turn), end=sw.WorkerState.REPLAN, why=WANTED)
         case _:
             return _go_on(memory, turn, _finish)
 
@@ -152,7 +157,7 @@ def enter(
     `let`: the operator let it begin.
     """
     leaf = plans.leaf(memory.machine, position)
-    if not let and orders.asks(memory, turn, leaf):
+    if not let and asks(memory, turn, leaf):
         return replace(memory, at=memory.at or position, pending=Pending(position))
     memory = replace(memory, at=position)
     tell(memory, turn, sw.WorkerState.RUNNING)
@@ -276,4 +281,62 @@ def tell(memory: Memory, turn: Turn, state: sw.WorkerState, why: Facts = ()) -> 
     """Report the position in the plan to co."""
     if not turn.holds(memory.conversation) or memory.plan is None:
         return
-    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, orders.place(memory), why))
+    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, place(memory), why))
+
+
+# --- orders of the operator: which acts wait for one, what an order says (companion.autonomy) -----
+
+# of a place: the ends of names, no longer step; a report must stay within 400 bytes
+NAME_CHARS, STEP_BYTES = 40, 60
+WANTED = (fact(Kind.OPERATOR_WANTS_A_PLAN),)
+
+
+def asks(memory: Memory, turn: Turn, leaf: plans.Leaf) -> bool:
+    """Whether a leaf waits for the operator at the present level; what makes a cancelled plan safe
+    never does.
+    """
+    if memory.safe is not None or not isinstance(leaf, hfsm.ActState):
+        return False
+    return autonomy.asks(turn.parameter(LEVEL, str), type(leaf.command))
+
+
+def replan_wanted(memory: Memory, turn: Turn) -> bool:
+    """Whether this event is the operator's order to end the act under way, which is none of looking
+    around.
+    """
+    if memory.act is None or memory.looking:
+        return False
+    return verb_about(turn, place(memory)) is Verb.REPLAN
+
+
+def verb_about(turn: Turn, at: Place | None) -> Verb | None:
+    """What the operator wants of this leaf, where the event is an order about it."""
+    match turn.event:
+        case Ordered(command=command) if (
+            isinstance(command.order, SetParameter) and command.order.name == autonomy.STEP
+        ):
+            order = autonomy.read(str(command.order.value))
+            here = at.id if at is not None else ""
+            if order is not None and order.at == here:
+                return order.verb
+            turn.log(
+                "word of the operator about another leaf", at=here, word=str(command.order.value)
+            )
+    return None
+
+
+def place(memory: Memory) -> Place | None:
+    """Where the leaf is that waits or is active, as co is told of it; None before the first one."""
+    at = memory.asked or memory.at
+    first = memory.safe or (plans.state_at(memory.machine, at[:1]) if at else None)
+    if first is None:
+        return None
+    leaf = plans.leaf(memory.machine, at) if at else None
+    command = leaf.command if isinstance(leaf, hfsm.ActState) else None
+    path = (*((memory.safe.name,) if memory.safe else ()), *at)
+    act = type(command).__name__ if command is not None else ""
+    step = hfsm.step_of(first)
+    short = step if len(msgspec.msgpack.encode(step)) <= STEP_BYTES else None
+    return Place(
+        tuple(name[-NAME_CHARS:] for name in path), short, act, getattr(command, "side", None)
+    )

@@ -17,7 +17,6 @@ from companion.tasks.swap_hands.command import SwapHands
 from companion.tasks.take.command import Take
 from fipa_codec.performatives import Performative as P
 from services.coordinator.memory import Choice, Job, Stage
-from services.coordinator.queue import queued
 from services.coordinator.scheduling import (
     RULES,
     Decision,
@@ -26,6 +25,7 @@ from services.coordinator.scheduling import (
     by_deadline,
     first_come,
     in_order,
+    queued,
 )
 
 seconds = st.floats(0.0, 500.0)

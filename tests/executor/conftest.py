@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from services.executor.loop import process, timing
+from services.executor.loop import process
 
 HERE = Path(__file__).parent
 OTHERS = ("loop", "conformance", "../velma", "../fleet", "../agent_runtime")
@@ -28,8 +28,7 @@ class Clock:
 
 @pytest.fixture
 def clock(monkeypatch):
-    """In place of the module `time`, in the loop's process and its pacer."""
+    """In place of the module `time`, in the loop's process."""
     clock = Clock()
     monkeypatch.setattr(process, "time", clock)
-    monkeypatch.setattr(timing, "time", clock)
     return clock

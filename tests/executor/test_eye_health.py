@@ -12,7 +12,7 @@ from simulated import look_at
 
 from companion.look_around import POINTS
 from companion.skills.situation import Neck
-from services.executor.eye_messages import Saw
+from services.executor.renderer import Saw
 from services.executor.renderer_process import Sighted
 from velma.eyes import health
 from velma.eyes.fit import View

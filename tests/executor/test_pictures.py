@@ -15,7 +15,7 @@ from simulated import look_at
 from companion.telemetry import PICTURE_S, Picture, decoded
 from services.executor import telemetry
 from services.executor.device_messages import Setup
-from services.executor.eye_messages import SHRINK
+from services.executor.renderer import SHRINK
 from services.executor.telemetry import AGAIN_S, LATE_S, PAUSE_S, STILL, Pictures
 from velma.eyes.lens import HEIGHT, WIDTH
 from velma.eyes.pictures import smaller

@@ -17,8 +17,7 @@ from companion.eyes import VARIABLE, Eyes, eyes
 from companion.look_around import POINTS
 from companion.skills.situation import Eye, Neck, Sight
 from services.executor import renderer
-from services.executor.pixel_receptor import OwnPixelReceptor
-from services.executor.receptor import Receptor
+from services.executor.receptor import OwnPixelReceptor, Receptor
 from services.executor.simulation import receptor
 from velma.model.scene import Scene, load, vary
 from velma.sim.mujoco_backend import MujocoBackend

@@ -11,8 +11,7 @@ from doubles import WITHIN_S, eventually
 
 from companion.telemetry import Picture
 from services.executor import renderer
-from services.executor.eye_messages import Blind, Saw, See, Show
-from services.executor.renderer import Renderer
+from services.executor.renderer import Blind, Renderer, Saw, See, Show
 from services.executor.renderer_process import Renderer as Child
 from velma.kinematics.robot import Robot
 from velma.model.scene import load

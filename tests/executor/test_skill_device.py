@@ -9,11 +9,11 @@ from doubles import PostDouble, eventually
 
 from companion.languages import rc
 from companion.skills.loop_messages import Phase
-from services.executor import skill_device
-from services.executor.device_messages import Drop, Ended, Feel, Felt, Move, Perform, Setup
+from services.executor import devices
+from services.executor.device_messages import Drop, Ended, Feel, Move, Perform, Setup
+from services.executor.devices import SkillDevice
+from services.executor.memory import Felt, SituationRecord
 from services.executor.renderer import Renderer
-from services.executor.situation_record import SituationRecord
-from services.executor.skill_device import SkillDevice
 from velma.model.scene import load
 from velma.names import START
 
@@ -35,7 +35,7 @@ def agent() -> PostDouble:
 
 @pytest.fixture
 def device(agent: PostDouble, monkeypatch: pytest.MonkeyPatch) -> Iterator[SkillDevice]:
-    monkeypatch.setattr(skill_device, "REST_S", 0.3)
+    monkeypatch.setattr(devices, "REST_S", 0.3)
     made = SkillDevice(agent, Setup(), Renderer(load))
     yield made
     made.close()

@@ -14,7 +14,7 @@ from companion.languages.values import Pose
 from companion.skills.loop_messages import motion
 from companion.tasks.pour.done import Pour
 from services.executor import device_messages
-from services.executor.situation_record import Holding
+from services.executor.memory import Holding
 
 REST = np.zeros(15)
 PLACED = Pose((0.8, 0.0, 0.9))

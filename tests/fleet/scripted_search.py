@@ -11,7 +11,7 @@ from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from companion.tasks.pour.done import Pour
-from services.planner.device_messages import Answer, Ask, Begin, Found, Stop
+from services.planner.search import Answer, Ask, Begin, Found, Stop
 
 Searching = Generator[wm.AnyQuery, wm.AnyAnswer, hfsm.HierarchicalPlan | hfsm.NoPlan]
 OK, REPLAN = hfsm.Outcome.SUCCEEDED, hfsm.Outcome.REPLAN

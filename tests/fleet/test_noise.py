@@ -17,7 +17,7 @@ from companion.tools.system import JOB, SYSTEM
 from console.faults.moments import Event, InPlan, parse
 from operate.live_lines import Happened, LiveLine
 from operate.recording.run import opened
-from services.human_interface import suggestions
+from services.human_interface import interpretation
 from services.page.view import Heard, View, view
 
 POUR = "pour the content of the jar into the bowl"
@@ -88,7 +88,7 @@ def story(run, *, missing):
         if shown_last and shown_last[-1] == (fleet.tasks, fleet.wires.memory("hi").context):
             return fleet.ended()
         shown_last.append((fleet.tasks, fleet.wires.memory("hi").context))
-        wishes = suggestions.wishes(fleet.wires.memory("hi").context)
+        wishes = interpretation.wishes(fleet.wires.memory("hi").context)
         heard = Heard(hi=True, tasks=fleet.tasks, wishes=wishes)
         pages.extend(view(heard, language) for language in ("en", "pl"))
         return fleet.ended()

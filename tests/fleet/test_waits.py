@@ -6,7 +6,7 @@ from scripted_search import Script
 from agent_runtime.testing.memory_bus import Point
 from companion.languages import wm
 from companion.languages.facts import Kind, fact
-from services.planner.device_messages import Answer, Begin, Died
+from services.planner.search import Answer, Begin, Died
 
 
 def test_an_empty_world(fleet):

@@ -14,10 +14,10 @@ from companion.eyes import Eyes
 from companion.skills.loop_messages import Phase
 from services.executor import device_messages
 from services.executor.__main__ import RobotDevice
+from services.executor.devices import SkillDevice
 from services.executor.loop.core import LoopCore
 from services.executor.renderer import Renderer
-from services.executor.skill_device import SkillDevice
-from services.planner.search_device import SearchDevice
+from services.planner.search import SearchDevice
 from velma.model.scene import CANONICAL, load, vary
 from velma.names import SIDES
 from velma.sim.mujoco_backend import MujocoBackend

@@ -2,7 +2,7 @@
 
 from companion.world.observe import observed
 from services.knowledge.answers import ask
-from services.knowledge.overlays import Overlays
+from services.knowledge.memory import Overlays
 
 
 def store_observation(store, observation, version, now=0.0):

@@ -17,7 +17,7 @@ from companion.models import GRASPS, MODELS
 from companion.world.scene import PARTS, Scene, SceneObject
 from fipa_codec.performatives import Performative
 from services.knowledge.answers import ANSWERS, MAKERS, ask
-from services.knowledge.overlays import Overlays
+from services.knowledge.memory import Overlays
 from services.knowledge.store import Store
 from topdown.check.agreement import check_supported
 from topdown.model.findings import Kind as Found

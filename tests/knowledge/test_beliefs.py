@@ -23,7 +23,7 @@ from companion.tools import asking
 from fipa_codec.communicate import decode
 from operate.recording import mcap_file
 from operate.recording.records import Spoken, Token
-from services.knowledge.beliefs import Beliefs, believed, dataset
+from services.knowledge.asked import Beliefs, believed, dataset
 from services.knowledge.store import Store
 
 POUR = Path(__file__).parents[1] / "histories" / "pour_seed_7"

@@ -15,7 +15,7 @@ from companion.world.observe import observed, subject_of
 from companion.world.relations import relate
 from companion.world.scene import PARTS, Origin, Scene
 from services.knowledge.answers import ask
-from services.knowledge.overlays import Overlays
+from services.knowledge.memory import Overlays
 from services.knowledge.store import Store
 
 from .conftest import KITCHEN, yaw

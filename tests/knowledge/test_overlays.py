@@ -12,7 +12,7 @@ from companion.languages.values import Box, Pose, Side
 from companion.world.observe import observed
 from companion.world.scene import PARTS, Scene
 from services.knowledge.answers import ask
-from services.knowledge.overlays import Impossible, Overlays, changed
+from services.knowledge.memory import Impossible, Overlays, changed
 
 from .conftest import KITCHEN
 

@@ -15,9 +15,8 @@ from companion.languages.values import Pose, Side
 from companion.models import MODELS
 from companion.world.observe import WORLD, forgotten, observed
 from companion.world.scene import Scene, SceneObjects
-from services.knowledge.overlays import changed
-from services.knowledge.store import Store
-from services.knowledge.subjects import differing, subjects
+from services.knowledge.memory import changed
+from services.knowledge.store import Store, differing, subjects
 
 from .conftest import yaw
 

@@ -10,8 +10,7 @@ from rdflib import RDF, URIRef
 from companion.asking import PREFIXES
 from companion.languages import wm
 from companion.languages.values import BodyPosture, Pose, Side, Uncertainty
-from services.knowledge.store import Store
-from services.knowledge.subjects import ROCO, below, node
+from services.knowledge.store import ROCO, Store, below, node
 
 from .conftest import KITCHEN
 from .storing import store_observation

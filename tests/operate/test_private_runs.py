@@ -16,7 +16,7 @@ from agent_runtime.io.run_files import make_run
 from operate.recording.mcap_file import Recording
 from operate.recording.recorder import Recorder
 from operate.supervisor import folder
-from services.executor.loop.slots import LoopFile
+from services.executor.loop.link import LoopFile
 
 NOBODY = 65534
 MAKERS: dict[str, Callable[[Path], object]] = {

@@ -11,7 +11,7 @@ from page_house import wait_for
 from playwright.sync_api import expect
 
 from companion.run_files import SLOTS_FILE
-from services.page.pairing import CODE_S, TRIES, Bucket, Pairs
+from services.page.guard import CODE_S, TRIES, Bucket, Pairs
 
 POSTS = ("/say", "/first", "/cancel", "/stop", "/release")
 GETS = ("/events", "/speech?text=hello", "/static/page.js")

@@ -18,8 +18,7 @@ from fipa_codec.performatives import Performative as P
 from services.knowledge import behaviours as knowledge
 from services.knowledge.store import device_at
 from services.planner import behaviours
-from services.planner.device_messages import Answer, Ask, Begin, Found, Stop
-from services.planner.search_device import SearchDevice
+from services.planner.search import Answer, Ask, Begin, Found, SearchDevice, Stop
 
 
 def network(name):

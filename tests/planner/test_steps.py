@@ -13,8 +13,8 @@ from companion.languages import hfsm, wm
 from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative as P
 from services.planner import behaviours
-from services.planner.device_messages import Answer, Ask, Begin, Died, Found, Stop
 from services.planner.outgoing_messages import ANSWER_WITHIN_S, DROP_WITHIN_S
+from services.planner.search import Answer, Ask, Begin, Died, Found, Stop
 
 SEED = 3
 ASKED = wm.ListObjects()

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.skills.loop_messages import Mode, Motion, Phase, motion
 from services.executor.conformance.subject import Bench, Subject, bench, dynamics
@@ -37,10 +36,10 @@ from velma.names import (
     SPREAD_UPPER,
     TORQUE,
     UPPER,
+    Array,
 )
 from velma.sim.backend import PERIOD_S, Backend, Command, State
 
-Array = NDArray[np.float64]
 Measured = tuple[float, str]  # how far from the property, in the check's unit; where, in words
 
 
@@ -759,7 +758,7 @@ CHECKS = (
           "100 kB",
           "write into the arrays made at the start; keep no history", memory),
     Check("late-cycles", T, "a late cycle is counted", 0.0, "uncounted",
-          "executor/loop/timing.py; measured in every report", LOOP, late),
+          "executor/loop/process.py; measured in every report", LOOP, late),
     Check("form", R, "readings are float64 arrays of the documented shapes", 0.0, "fields",
           "velma/sim/backend.py",
           "make State once by velma.sim.backend.at_rest() and write into its arrays", form),
@@ -849,9 +848,9 @@ CHECKS = (
           "executor/loop/link.py: LoopState",
           "keep the state still between step and the next observe", shown),
     Check("room", P, "the state fits its slot", 1.0, "of the slot",
-          "executor/loop/slots.py: 16 KiB",
+          "executor/loop/link.py: 16 KiB",
           "give fewer coordinates of the world model, or raise SIZES", room),
     Check("whole-records", P, "nobody reads half a record", 0.0, "records",
-          "executor/loop/slots.py: a number that is odd while a record is written", LOOP, whole),
+          "executor/loop/link.py: a number that is odd while a record is written", LOOP, whole),
 )
 # fmt: on

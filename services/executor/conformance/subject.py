@@ -9,19 +9,15 @@ from contextlib import contextmanager
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from services.executor.loop.core import LoopCore
-from services.executor.loop.process import LoopProcess
-from services.executor.loop.slots import Slot
-from services.executor.loop.timing import Pacer
+from services.executor.loop.link import Slot
+from services.executor.loop.process import LoopProcess, Pacer
 from velma.control import safety
 from velma.control.dynamics import Dynamics
 from velma.model.build import ROBOT_XML
-from velma.names import TORQUE
+from velma.names import TORQUE, Array
 from velma.sim.backend import Backend, State, no_command
-
-Array = NDArray[np.float64]
 
 
 class Subject(msgspec.Struct, frozen=True):

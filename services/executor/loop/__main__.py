@@ -19,9 +19,17 @@ from services.executor.loop.backends import SHORT, maker
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import LoopLink
 from services.executor.loop.memory import MEMORY, Keeper, Restorable
-from services.executor.loop.process import SETTLE_S, LoopProcess, Restable, Speed, Stillness
+from services.executor.loop.process import (
+    SETTLE_S,
+    LoopProcess,
+    Pacer,
+    Restable,
+    Speed,
+    Stillness,
+    still_memory,
+    take_priority,
+)
 from services.executor.loop.rehearsal import rehearse
-from services.executor.loop.timing import Pacer, still_memory, take_priority
 from velma.errors import NoRobotError, VelmaError
 from velma.model import scene
 from velma.sim.backend import Backend

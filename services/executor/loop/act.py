@@ -3,12 +3,11 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import KNOT_S, HandReport, Motion, Phase, Report, Until
 from velma.errors import MotionError
-from velma.names import BODY, SIDES
+from velma.names import BODY, SIDES, Array
 
 # --- A timed trajectory followed at a rate that may fall to zero: position and velocity set-points
 # for each cycle Between knots the position is linear and the velocity is the central difference.
@@ -18,7 +17,6 @@ from velma.names import BODY, SIDES
 # time in which a motion comes to rest along its path, or starts again; estimate: 0.35 m/s over 5 cm
 BRAKE_S = 0.3
 BLEND_S = 0.3
-Array = NDArray[np.float64]
 # rad: the largest difference that is blended; a hand is then at most 4 cm beside its path
 FARTHEST_START = 0.05
 

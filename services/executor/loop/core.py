@@ -11,7 +11,6 @@ from contextlib import suppress
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import (
@@ -31,8 +30,7 @@ from companion.skills.loop_messages import (
     refusal,
 )
 from services.executor.loop.act import Act, Verdict
-from services.executor.loop.fingers import Fingers
-from services.executor.loop.grip_watch import GripWatch
+from services.executor.loop.hands import Fingers, GripWatch
 from velma import names, ranges
 from velma.control import cartesian, joint, safety
 from velma.control.cartesian import CartesianGains, CartesianImpedance
@@ -40,13 +38,12 @@ from velma.control.dynamics import Dynamics, Terms
 from velma.control.joint import JointGains
 from velma.errors import MotionError, VelmaError
 from velma.model.build import ROBOT_XML
-from velma.names import BODY, LOWER, SPEED, UPPER
+from velma.names import BODY, LOWER, SPEED, UPPER, Array
 from velma.ranges import MOST_KG, MOST_LEVER_M
 from velma.sim.backend import Backend, Command, State, no_command
 
 # --- The loads of the hands that the loop feeds forward; a new load is taken up gradually ---------
 
-Array = NDArray[np.float64]
 
 # kg/s. Velma takes a weight up within 1000 cycles; a bowl of 0.3 kg here in 0.2 s, so that it is
 # lifted at once but not thrown. Estimate.

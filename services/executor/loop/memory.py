@@ -20,16 +20,13 @@ from typing import Any, Protocol, Self, runtime_checkable
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.skills.loop_messages import Close, Mode, Motion, Report, Until
 from services.executor.loop.act import Act
 from services.executor.loop.core import LoopCore
-from services.executor.loop.fingers import Activity
-from services.executor.loop.slots import Slot, begun
+from services.executor.loop.hands import Activity
+from services.executor.loop.link import Slot, begun
 from velma.control.grip import Pull, Watch
-
-Array = NDArray[np.float64]
 
 MEMORY = "loop.memory"
 """Name of the file, beside the slots."""

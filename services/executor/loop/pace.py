@@ -16,7 +16,7 @@ import numpy as np
 from companion.skills.loop_messages import KNOT_S, motion
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, Timing
-from services.executor.loop.timing import Pacer, still_memory, take_priority
+from services.executor.loop.process import Pacer, still_memory, take_priority
 from velma.model import scene
 from velma.sim.mujoco_backend import MujocoBackend
 

@@ -1,9 +1,9 @@
 """What the loop does in a robot's life, done once with a robot of its own before the true one
 moves.
 
-The memory of the loop is locked page by page as it is touched (timing.py). A page of a library that
-was never needed before has to be found, or even read from the disk, in the middle of a cycle. Those
-that motions need are there then.
+The memory of the loop is locked page by page as it is touched (process.py). A page of a library
+that was never needed before has to be found, or even read from the disk, in the middle of a cycle.
+Those that motions need are there then.
 """
 
 import copy

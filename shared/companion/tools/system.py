@@ -15,7 +15,7 @@ PROCESSES = (
     *around("services.router", "services.monitor"),
     Process("loop", "services.executor.loop", forked=False),
     Process("km", "services.knowledge", after=FIRST),
-    Process("pl", "services.planner", after=FIRST, workers=("services.planner.search_process",)),
+    Process("pl", "services.planner", after=FIRST, workers=("services.planner.search",)),
     Process("ta", "services.task", after=FIRST),
     Process("ex", "services.executor", after=(*FIRST, "loop"), workers=EX_WORKERS),
     Process("co", "services.coordinator", after=FIRST),

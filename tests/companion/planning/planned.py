@@ -10,7 +10,7 @@ from companion.skills.motions import aim
 from companion.world.observe import observed
 from services.executor import simulation
 from services.knowledge import answers
-from services.knowledge.overlays import Overlays
+from services.knowledge.memory import Overlays
 from services.knowledge.store import Store
 from services.task.outgoing_messages import SURVEY
 from velma import names

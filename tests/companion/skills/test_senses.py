@@ -12,8 +12,7 @@ from companion.skills import senses
 from companion.skills.performing import SKILLS, perform
 from companion.skills.senses import BLIND_LOOKS
 from companion.tasks.pour.done import Pour
-from services.executor.pixel_receptor import OwnPixelReceptor
-from services.executor.receptor import Receptor
+from services.executor.receptor import OwnPixelReceptor, Receptor
 from services.executor.skill_process import remembered
 from velma import names
 from velma.control import grip

@@ -14,11 +14,10 @@ from doubles import PostDouble, eventually
 
 from companion.languages.facts import Kind, fact
 from companion.skills.loop_messages import FAULT, Mode, Phase, Release, motion
-from services.executor import loop_device
+from services.executor import devices
 from services.executor.device_messages import (
     Brake,
     Do,
-    Felt,
     GoOn,
     Halt,
     Lost,
@@ -27,12 +26,11 @@ from services.executor.device_messages import (
     Stands,
     Where,
 )
+from services.executor.devices import LoopDevice
 from services.executor.loop.core import LoopCore
-from services.executor.loop.link import AgentLink, LoopLink, StopLink
-from services.executor.loop.process import LoopProcess, Speed
-from services.executor.loop.slots import Counter
-from services.executor.loop.timing import Pacer
-from services.executor.loop_device import LoopDevice
+from services.executor.loop.link import AgentLink, Counter, LoopLink, StopLink
+from services.executor.loop.process import LoopProcess, Pacer, Speed
+from services.executor.memory import Felt
 from velma.sim.mock_backend import MockBackend
 
 
@@ -165,7 +163,7 @@ def test_a_look_may_take_long(
     """Longer than a loop may stand still; it is asked for once, and the loop is not taken for
     dead.
     """
-    monkeypatch.setattr(loop_device, "SILENT_S", 0.05)
+    monkeypatch.setattr(devices, "SILENT_S", 0.05)
     reach.moves(reach.where(), 0.5, look_every_s=0.3)
     reach.gives(Passing)
     beats = Counter(AgentLink(turned.path).file.slots["beat"])
@@ -257,7 +255,7 @@ def test_a_motion_that_was_lost_before_the_loop_took_it_never_begins(
     """The loop stands still when it is sent; when it goes on, the robot stays, and the next motion
     is done.
     """
-    monkeypatch.setattr(loop_device, "TAKEN_WITHIN_S", 0.1)
+    monkeypatch.setattr(devices, "TAKEN_WITHIN_S", 0.1)
     felt, link = reach.where(), AgentLink(slots)
     turned.awake.clear()
     until(partial(_stands_still, link))

@@ -26,7 +26,6 @@ from services.executor.device_messages import (
     Drop,
     Ended,
     Feel,
-    Felt,
     Glance,
     GoOn,
     Halt,
@@ -38,7 +37,7 @@ from services.executor.device_messages import (
     Stands,
     Where,
 )
-from services.executor.situation_record import Holding, SituationRecord
+from services.executor.memory import Felt, Holding, SituationRecord
 
 Q = np.linspace(0.0, 1.4, 15)
 FELT = Felt(q=Q.tobytes(), measured=Q.tobytes(), head=(0.1, 0.2), time=5.0)

@@ -3,11 +3,9 @@
 import numpy as np
 
 from companion.skills.loop_messages import Mode
-from services.executor.loop import slots
 from services.executor.loop.core import LoopCore
-from services.executor.loop.process import LoopProcess
-from services.executor.loop.slots import Slot
-from services.executor.loop.timing import Pacer
+from services.executor.loop.link import _HEAD, Slot
+from services.executor.loop.process import LoopProcess, Pacer
 
 
 class BlindPacer(Pacer):
@@ -22,8 +20,8 @@ class TornSlot(Slot):
 
     def write(self, record):
         number = self.number
-        self._view[slots._HEAD.size : slots._HEAD.size + len(record)] = record
-        slots._HEAD.pack_into(self._view, 0, number + 2, len(record))
+        self._view[_HEAD.size : _HEAD.size + len(record)] = record
+        _HEAD.pack_into(self._view, 0, number + 2, len(record))
         return number + 2
 
 

@@ -5,7 +5,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from companion.skills.loop_messages import Close, Move, Open
-from services.executor.loop.fingers import Fingers
+from services.executor.loop.hands import Fingers
 from velma.names import FINGER_UPPER
 from velma.sim.backend import at_rest, no_command
 

@@ -17,7 +17,7 @@ from companion.skills.loop_messages import (
     motion,
 )
 from services.executor.loop.core import LoopCore
-from services.executor.loop.fingers import Activity
+from services.executor.loop.hands import Activity
 from services.executor.loop.link import StopLink
 from services.executor.loop.memory import MEMORY, Keeper, Restorable
 from velma.model import scene

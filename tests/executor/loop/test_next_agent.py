@@ -8,8 +8,7 @@ from grips import jar_gripped, lever, raised
 
 from companion.skills.loop_messages import Cancel, Mode, Payload, Phase, Release, motion
 from services.executor.loop.link import AgentLink, LoopLink
-from services.executor.loop.process import GONE_TURNS, LoopProcess, Speed
-from services.executor.loop.timing import Pacer
+from services.executor.loop.process import GONE_TURNS, LoopProcess, Pacer, Speed
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(180)]  # 15 s at a load of 8
 

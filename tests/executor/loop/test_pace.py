@@ -16,7 +16,7 @@ from services.executor.loop import pace
 from services.executor.loop.core import LoopCore
 from services.executor.loop.link import AgentLink, LoopLink, Timing
 from services.executor.loop.pace import measure
-from services.executor.loop.timing import Pacer
+from services.executor.loop.process import Pacer
 from velma.names import START
 from velma.sim.mock_backend import MockBackend
 

@@ -16,8 +16,7 @@ from services.executor.loop.__main__ import build
 from services.executor.loop.backends import PARTS
 from services.executor.loop.link import AgentLink, StopLink
 from services.executor.loop.memory import MEMORY
-from services.executor.loop.process import SHOW_EVERY, Speed
-from services.executor.loop.timing import Histogram, Pacer
+from services.executor.loop.process import SHOW_EVERY, Histogram, Pacer, Speed
 from services.human_interface.server import HttpDevice
 from velma.model import scene
 from velma.names import START

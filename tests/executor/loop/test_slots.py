@@ -7,9 +7,8 @@ import os
 import pytest
 
 from companion.skills.loop_messages import Cancel, Release, motion
-from services.executor.loop.link import AgentLink, LoopLink, StopLink
+from services.executor.loop.link import AgentLink, Counter, LoopFile, LoopLink, Slot, StopLink
 from services.executor.loop.memory import _begun
-from services.executor.loop.slots import Counter, LoopFile, Slot
 from velma.errors import SlotError
 from velma.names import START
 

@@ -15,7 +15,7 @@ from companion.planning.steps import Geometry
 from companion.tasks.open_door.plan import ENOUGH, open_door
 from companion.world.observe import observed
 from services.knowledge.answers import ask
-from services.knowledge.overlays import Overlays
+from services.knowledge.memory import Overlays
 from services.knowledge.store import Store
 from services.task.outgoing_messages import observations
 from velma.kinematics.robot import Robot

@@ -13,7 +13,8 @@ from companion.languages.evidence import Claim, Sense
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from companion.skills.emergency_place import free_spot
-from services.executor.device_messages import Felt, Setup
+from services.executor.device_messages import Setup
+from services.executor.memory import Felt
 from services.executor.receptor import Receptor
 from services.executor.skill_process import Stage, remembered
 from velma.kinematics.frames import lies, transform, xyz_quat

@@ -1,44 +1,150 @@
-"""The control loop as a device of ex: one thread reads its slots, and sends the agent's heartbeat
-during an act.
-
-A motion is Lost if another loop process took over (the file was replaced) or the loop stands still.
-A hold after a fault is released when the agent asks for the posture; a person's stop is not.
-
-Where a look at a motion is due, it is asked for once, and everything else goes on until it is
-answered.
-
-A wait for the loop ends after a number of looks, not at a time: a machine that suspends this
-process loses no motion.
-"""
+"""The devices of ex: the skill process, the control loop, and both as one."""
 
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from queue import Empty
+from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
-from agent_runtime.io.devices import Post
+from agent_runtime.io.devices import Device, Post
 from agent_runtime.io.inbox import OneReaderQueue
+from agent_runtime.io.worker import Worker
+from companion.eyes import Eyes
 from companion.languages.facts import Facts, Kind, fact
 from companion.skills.loop_messages import FAULT, Cancel, LookAgain, Mode, Phase, Release
 from services.executor.device_messages import (
     Brake,
+    ByRays,
+    Crashed,
     Do,
-    Felt,
+    Drop,
+    Feel,
+    FromSkill,
+    Glance,
     GoOn,
     Halt,
     Lost,
     Moved,
     Passing,
+    Perform,
+    Setup,
     Stands,
     ToLoop,
     Where,
 )
 from services.executor.loop.link import AgentLink, LoopAnswer, LoopCommand, LoopState, reopened
+from services.executor.memory import Felt
+from services.executor.renderer import Renderer, See
+from services.executor.telemetry import Telemetry
 from velma.errors import SlotError
 from velma.names import SIDES
+
+# --- The skill process: started for an act, ended a minute after the last one. Drop kills it ------
+
+ENTRY = "services.executor.skill_process:serve"
+REST_S = 60.0
+"""Without an act, until the process is ended; estimate: a plan has its acts one after the other."""
+
+
+class SkillDevice:
+    """Busy from a message to the child until its answer. `renderer`: looks for eyes by pixels."""
+
+    def __init__(self, post: Post, setup: Setup, renderer: Renderer) -> None:
+        self._post, self._setup, self._renderer = post, setup, renderer
+        self._busy = self._acting = False
+        self._child: Worker | None = None
+        self._lock, self._rest = threading.Lock(), threading.Timer(0.0, lambda: None)
+
+    @property
+    def busy(self) -> bool:
+        """Whether the child computes."""
+        return self._busy
+
+    @property
+    def pid(self) -> int:
+        """The child's process; 0: none runs."""
+        child = self._child
+        return child.pid if child is not None and child.alive else 0
+
+    def tell(self, content: Perform | Feel | Glance | Drop) -> None:
+        """Hand a message to the child; Drop kills a child in the middle of an act."""
+        with self._lock:
+            self._rest.cancel()
+            if self._child is not None and (
+                not self._child.alive or (self._acting and not isinstance(content, Feel | Glance))
+            ):
+                self._end()
+            if not isinstance(content, Drop):
+                if self._child is None:
+                    self._child = self._new()
+                if self._setup.eyes is Eyes.PIXELS and isinstance(content, Perform):
+                    self._renderer.start()
+                self._acting = self._busy = True
+                self._child.tell(content)
+            else:
+                self._rest_later()
+
+    def close(self) -> None:
+        """Kill both processes."""
+        with self._lock:
+            self._rest.cancel()
+            self._end()
+        self._renderer.close()
+
+    def _new(self) -> Worker:
+        child = Worker(
+            ENTRY,
+            answers=FromSkill,
+            on_message=lambda word: self._heard(child, word),
+            on_end=self._over,
+        )
+        child.tell(self._setup)
+        return child
+
+    def _end(self) -> None:
+        if self._child is not None:
+            self._child.kill()
+        self._child, self._acting, self._busy = None, False, False
+
+    def _rest_later(self) -> None:
+        self._rest = threading.Timer(REST_S, self._rested)
+        self._rest.daemon = True
+        self._rest.start()
+
+    def _rested(self) -> None:
+        with self._lock:
+            if not self._acting and threading.current_thread() is self._rest:
+                self._end()
+
+    def _heard(self, child: Worker, word: FromSkill) -> None:
+        if isinstance(word, See):
+            self._renderer.look(word, child.tell)
+            return
+        if isinstance(word, ByRays):  # the act goes on; a child that follows does not try again
+            self._setup = replace(self._setup, eyes=Eyes.RAYS)
+            self._post(word)
+            return
+        self._acting = not hasattr(word, "outcome")
+        if not self._acting:
+            self._rest_later()
+        self._post(word)
+        self._busy = False
+
+    def _over(self, reason: str) -> None:
+        self._post(Crashed(reason))
+        self._busy = False
+
+
+# --- The control loop: one thread reads its slots, and sends the agent's heartbeat during an act --
+# A motion is Lost if another loop process took over (the file was replaced) or the loop stands
+# still. A hold after a fault is released when the agent asks for the posture; a person's stop is
+# not. Where a look at a motion is due, it is asked for once, and everything else goes on until it
+# is answered. A wait for the loop ends after a number of looks, not at a time: a machine that
+# suspends this process loses no motion.
 
 BEAT_S = 0.01  # the loop brings the arms to rest after 0.1 s without a beat
 IDLE_S = 0.1
@@ -232,3 +338,33 @@ def _felt(
         grips={side: report.hand(side).grip for side in SIDES},
         fingers={side: float(np.mean(state.fingers(row)[0])) for row, side in enumerate(SIDES)},
     )
+
+
+# --- Both ----------------------------------------------------------------------------------------
+
+
+class RobotDevice:
+    """A device made of two, and of telemetry where there is a loop to show."""
+
+    def __init__(self, skills: Device, loop: Device, telemetry: Telemetry | None = None) -> None:
+        self.skills, self.loop, self._telemetry = skills, loop, telemetry
+
+    @property
+    def busy(self) -> bool:
+        """Whether one of them computes."""
+        return self.skills.busy or self.loop.busy
+
+    def tell(self, content: Any) -> None:
+        """Hand a message to the loop or to the skills."""
+        if self._telemetry is not None and isinstance(content, Perform):
+            self._telemetry.skill = type(content.command).__name__
+        (self.loop if isinstance(content, Where | Halt | Do | GoOn | Brake) else self.skills).tell(
+            content
+        )
+
+    def close(self) -> None:
+        """Close all of them."""
+        if self._telemetry is not None:
+            self._telemetry.close()
+        self.skills.close()
+        self.loop.close()
