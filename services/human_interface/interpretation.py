@@ -8,8 +8,8 @@ HTTP, how tasks are carried out.
 import msgspec
 from msgspec.structs import replace
 
-from companion.all_languages import AnyCommand
 from companion.commands import Offer
+from companion.design import AnyCommand
 from services.human_interface.catalogue import MAKE, TASKS, THINGS, abilities, say
 from services.human_interface.device_messages import Clause, Meaning, NamedObject
 from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_WORDS

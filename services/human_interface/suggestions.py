@@ -6,8 +6,8 @@ Each is understood as it is written, so that who clicks it has said it. Pure. Mu
 import itertools
 from collections.abc import Iterator
 
-from companion.all_languages import AnyCommand
 from companion.commands import Offer
+from companion.design import AnyCommand
 from companion.run_files import InWords, Wish
 from services.human_interface.catalogue import MAKE, TASKS, THINGS
 from services.human_interface.interpretation import Context, Option, in_words, kind_of, noun

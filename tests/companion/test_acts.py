@@ -8,13 +8,11 @@ import msgspec
 import pytest
 
 from companion import tasks
-from companion.acts import ACTS, GENERAL, AnyAct, needed
-from companion.all_languages import RC
+from companion.acts import ACTS, GENERAL, SHOWN, AnyAct, needed
 from companion.autonomy import Level, asks
-from companion.design import DESIGN
+from companion.design import DESIGN, RC
 from companion.languages import hfsm, rc
 from companion.languages.evidence import Claim, Otherwise
-from companion.tools.shown import SHOWN
 
 pytestmark = pytest.mark.timeout(60)
 ANSWERS = (rc.Accepted, rc.Done, rc.NotDone)
@@ -83,10 +81,10 @@ NEEDLESS = """
 import sys
 for name in ("numpy", "velma", "pinocchio", "mujoco", "matplotlib", "operate"):
     sys.modules[name] = None
-import companion.acts, companion.all_languages, companion.autonomy
+import companion.acts, companion.design, companion.autonomy
 import companion.sentences, companion.telemetry
 from companion.tasks import parts
-assert parts("done") and parts("shown")
+assert parts("done")
 companion.sentences.catalogue(companion.sentences.Reader.POLISH)
 """
 

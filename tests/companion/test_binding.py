@@ -2,10 +2,10 @@
 
 import pytest
 
+from agent_runtime.core.binding import BindingError
 from agent_runtime.core.events import Late
 from agent_runtime.core.wiring import Delivery
-from companion.binding import BindingError, bind, wiring
-from companion.design import DESIGN, AgentName
+from companion.design import DESIGN, AgentName, bind, wiring
 from fipa_codec.tables import Role
 
 

@@ -3,15 +3,13 @@
 import pytest
 
 from agent_runtime.core.wiring import service_key
-from companion.all_languages import LANGUAGES
-from companion.design import DESIGN, INTERFACES, AgentName, language_of
-from companion.findings import findings
-from companion.languages import hfsm, sw, wm
+from companion.design import DESIGN, LANGUAGES, AgentName, findings
+from companion.languages import hfsm, wm
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative as P
 from topdown.check import reachable
 from topdown.model.errors import NoSuchEntry
-from topdown.model.interfaces import class_named
+from topdown.model.interfaces import class_named, interfaces
 
 # Section 5.2: channel -> the agents it joins in the end.
 CHANNELS = {
@@ -132,14 +130,13 @@ def test_a_reason_may_go_with_every_no():
 
 def test_the_interface_of_the_paper_is_the_papers():
     """ClassInterfaceInfo([('request', 'generatePlan', [GroundTaskNetwork], HierarchicalPlan)])"""
-    (entry,) = INTERFACES["generate_plan"]
+    (entry,) = interfaces(DESIGN, LANGUAGES)["generate_plan"]
     assert (entry.performative, entry.name) == (P.REQUEST, "generatePlan")
     assert (entry.arguments, entry.answers) == ((hfsm.GroundTaskNetwork,), (hfsm.HierarchicalPlan,))
 
 
 def test_every_content_class_has_one_language():
     """The language of a sentence follows from its class."""
-    assert language_of(sw.Report(sw.WorkerState.RUNNING)).name == "SW"
     assert class_named(LANGUAGES, "WM.PoseOf") is wm.PoseOf
     classes = [kind for name in LANGUAGES.names for kind in LANGUAGES.named(name).classes]
     assert len(classes) == len(set(classes))

@@ -11,7 +11,7 @@ from confusable_homoglyphs.confusables import confusables_data
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.letters import APOSTROPHES, fold
+from companion.stop_words import APOSTROPHES, fold
 
 FORMS = [
     ("STOP", "stop"),
@@ -67,7 +67,7 @@ def test_the_table_is_loaded_by_a_letter_of_another_alphabet_alone():
     of it.
     """
     program = (
-        "import sys; from companion.letters import fold; fold('„Weź słoik”… don’t 🛑');"
+        "import sys; from companion.stop_words import fold; fold('„Weź słoik”… don’t 🛑');"
         "before = 'confusable_homoglyphs' in sys.modules; fold('ѕтор');"
         "print(before, 'confusable_homoglyphs' in sys.modules)"
     )

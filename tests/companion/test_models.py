@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.all_languages import WM
+from companion.design import WM
 from companion.languages.values import Box, Cylinder, Pose
 from companion.models import CLOSINGS, GRASPS, HANDLE, LYING, MODELS, REACH, fitting
 from velma.kinematics.frames import lies

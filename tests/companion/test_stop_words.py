@@ -6,8 +6,16 @@ from confusable_homoglyphs.confusables import confusables_data
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.letters import APOSTROPHES, fold
-from companion.stop_words import LONGEST, ROWS, calls_for_help, forms, may_answer, stop_words
+from companion.stop_words import (
+    APOSTROPHES,
+    LONGEST,
+    ROWS,
+    calls_for_help,
+    fold,
+    forms,
+    may_answer,
+    stop_words,
+)
 
 STOPS = """
 stop|STOP!!!|Stop it.|please stop|stop stop stop|stooooop

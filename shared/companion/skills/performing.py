@@ -17,9 +17,8 @@ from companion.languages import rc, rs
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
 from companion.skills import motions, moving, senses
-from companion.skills.evidence import evidence
 from companion.skills.loop_messages import Motion, Open, Phase, refusal
-from companion.skills.senses import MORE_LOOKS
+from companion.skills.senses import MORE_LOOKS, evidence
 from companion.skills.situation import Situation
 from companion.skills.skill import Asked, Cancelled, NotPossible, Sensed, Skill, SkillRow
 from velma import names

@@ -63,7 +63,7 @@ class SkillRow:
     the act is not done. `by_joints`: the hand goes by its joints, so it is not begun with joints
     that tell its place wrong. `checked`: it is not begun where neither the camera nor the wrist
     could tell how it ends. `tells`: how senses tell what must be true after it, beside the general
-    claims (companion.skills.evidence). `done`: fields of its outcome that it alone fills.
+    claims (companion.skills.senses). `done`: fields of its outcome that it alone fills.
     """
 
     act: type[rc.Command]

@@ -11,8 +11,7 @@ from msgspec.structs import replace
 from companion.languages.values import Pose, Vector
 from companion.models import MODELS, Flat, Model
 from companion.world import geometry
-from companion.world.extents import TOUCH_M, cells_of
-from companion.world.scene import Scene, SceneObject
+from companion.world.scene import TOUCH_M, Scene, SceneObject, cells_of
 
 # The foot of an object is taken this far above its base, so that an object on a roof is not inside;
 # estimate.

@@ -14,10 +14,10 @@ from companion.languages.evidence import (
     Evidence,
     Sense,
     fitting,
+    members,
     newest,
     unchecked,
 )
-from companion.languages.open_enums import members
 
 pytestmark = pytest.mark.timeout(60)
 CLAIMS = members(AnyClaim)

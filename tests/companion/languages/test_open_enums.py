@@ -4,7 +4,7 @@ from enum import StrEnum
 
 import pytest
 
-from companion.languages.open_enums import member, members
+from companion.languages.evidence import member, members
 
 pytestmark = pytest.mark.timeout(60)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from planned import Km, acts, steps
 
-from companion.all_languages import HFSM
+from companion.design import HFSM
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side

@@ -12,9 +12,9 @@ from companion.languages import rc
 from companion.languages.evidence import Claim, Sense
 from companion.languages.values import Side
 from companion.skills import motions
-from companion.skills.evidence import TELLS
-from companion.skills.evidence import evidence as evidence_of
 from companion.skills.performing import SKILLS
+from companion.skills.senses import TELLS
+from companion.skills.senses import evidence as evidence_of
 from services.executor.simulation import InProcess
 from velma.control.grip import Grip
 

@@ -15,7 +15,7 @@ from companion.tasks.pour.verdict import poured
 from companion.tasks.put_down.command import PutDown
 from companion.tasks.take.command import Take
 from companion.telemetry import TrueState
-from companion.tools.report import events, plans, report, story, verdict
+from companion.tools.report import events, page, plans, report, verdict
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from fipa_codec.performatives import Performative as P
@@ -224,8 +224,8 @@ def test_another_command_that_comes_to_nothing_is_no_failure(command, agreed):
     name = ("ended", "failed") if agreed else ("refused",)
     assert told[" ".join((*name, *plans.asked_of(plans.commands(past)[-1])))]
     assert told["finished"]
-    assert [bar.end >= bar.start for bar in story.bars(past)].count(False) == 0
-    assert sum("refused" in text for bar in story.bars(past) for text in bar.texts) == 0
+    assert [bar.end >= bar.start for bar in page.bars(past)].count(False) == 0
+    assert sum("refused" in text for bar in page.bars(past) for text in bar.texts) == 0
 
 
 def test_a_plan_of_the_job_that_is_refused_stays_a_failure():

@@ -9,8 +9,8 @@ import pytest
 from planting import POUR
 from typer.testing import CliRunner
 
-from companion.tools.asking import known
 from companion.tools.system import SYSTEM
+from companion.tools.verbs.ask import known
 from console.__main__ import app
 from operate.recording import mcap_file
 from operate.recording.records import Spoken

@@ -8,8 +8,7 @@ from companion.languages.values import Side
 from companion.planning.methods import Known, Subtasks
 from companion.planning.placing import Surfaces, above, retreating
 from companion.planning.registry import Argument, Plan, each_hand, each_try
-from companion.planning.situation import configured
-from companion.planning.steps import Geometry, Step, move
+from companion.planning.steps import Geometry, Step, configured, move
 from velma.kinematics.tasks.speeds import LOADED_SPEED
 
 

@@ -10,8 +10,7 @@ from companion.languages.values import Side
 from companion.planning.grasping import graspable, preferred, reachable, take
 from companion.planning.methods import Known, Subtasks
 from companion.planning.registry import Argument, Each, Plan, each_hand
-from companion.planning.situation import configured
-from companion.planning.steps import Geometry, Step, move
+from companion.planning.steps import Geometry, Step, configured, move
 from velma.kinematics.tasks.carrying import CARRY_TILT, carries
 from velma.kinematics.tasks.speeds import LOADED_SPEED
 

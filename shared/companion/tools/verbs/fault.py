@@ -20,8 +20,8 @@ from companion.eyes import VARIABLE as EYES
 from companion.eyes import Eyes
 from companion.languages import values
 from companion.run_files import DISTURBANCES_FILE
+from companion.tools.system import LOOP
 from companion.tools.verbs.checkup import BACKEND
-from companion.tools.verbs.checkup import LOOP_PROCESS as LOOP
 from console import interrupts
 from console.completion import among
 from console.errors import ConsoleError, FleetError, UsageError
