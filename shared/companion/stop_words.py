@@ -4,6 +4,8 @@ else is said.
 stop_words.toml has the rows and their reasons. They err towards stopping: a robot that stood still
 for nothing is let go by `roco release`, one that went on is not made good. Must not know: the
 robot, HTTP, which tasks there are.
+
+Here is, too, the form of a text's letters in which sentences are compared (fold).
 """
 
 import re

@@ -2,6 +2,8 @@
 surely.
 
 The row of each act (companion.acts) says what must be true after it, and which senses can tell.
+Claims, as kinds of facts, are an enumeration to which the tasks add: the general members are here,
+those of one task in its part `done`.
 """
 
 from collections.abc import Iterable

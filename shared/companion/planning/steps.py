@@ -1,4 +1,5 @@
-"""Steps of primitive tasks: robot commands, the changes they make, and their expected duration.
+"""Steps of primitive tasks: robot commands, the changes they make, and their expected duration; and
+the situation at the start of a step, as km tells it.
 
 A step asks km for what it needs in its first state, computes the geometry, and returns a Step; None
 if no geometry was found, with the reason added to `why`. Speeds and distances: task runs with the
@@ -277,6 +278,14 @@ def move(side: Side, way: Motion, speed: float, fingers: float | None = None) ->
     return rc.MoveJoint(key="", side=side, path=points, speed=speed, fingers=fingers)
 
 
+def moved(
+    step: hfsm.Step, side: Side, way: Motion, speed: float, fingers: float | None = None
+) -> Step:
+    """The step that is one free motion."""
+    changes = configured(side, way.path[-1], fingers)
+    return Step(step, (move(side, way, speed, fingers),), changes, way.duration)
+
+
 def hand_steps(grasp: wm.GraspDef) -> list[tuple[pin.SE3, float]]:
     """T_object_grip and finger angle [rad] of each step of a grasp, outermost first."""
     return [(transform(step.pose).inverse(), step.fingers) for step in grasp.steps]
@@ -340,10 +349,8 @@ def home(geometry: Geometry, state: str, side: Side) -> Step | None:
         goals = [goal for goal in homes(here.q, side) if here.world.free(goal)]
         found = None
         if reached := geometry.free_motion(here, side, goals):
-            way = reached[1]
-            command = move(side, way, free_speed(here), FINGERS)
-            changes = configured(side, way.path[-1], FINGERS)
-            found = Step(hfsm.Step("home", side=side), (command,), changes, way.duration)
+            step = hfsm.Step("home", side=side)
+            found = moved(step, side, reached[1], free_speed(here), FINGERS)
         geometry.homes[state, side] = found
     if geometry.homes[state, side] is None:
         geometry.failed(fact(Kind.NO_WAY_HOME, side))

@@ -62,7 +62,7 @@ def _carried_out(here: Situation, command: rc.Command) -> Performance:
             if sensed.ended == Phase.CANCELLED:
                 motion = skill.throw(Cancelled())
             elif sensed.ended == Phase.SLIPPED:
-                motion = skill.throw(NotPossible(Phase.SLIPPED, sensed.why))
+                motion = skill.throw(NotPossible(Phase.SLIPPED, *sensed.why))
             elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
             elif sensed.ended == Phase.LOST:

@@ -1,4 +1,5 @@
-"""Faulty sensors, and the acts that are not begun because of them.
+"""Faulty sensors, the acts that are not begun because of them, and which senses told that an act
+was done.
 
 Acts that have to be checked are checked by the camera or by the wrist of the hand: one of them
 suffices. An arm does not move by poses or joints that are off by more than its paths allow. An act

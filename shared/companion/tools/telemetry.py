@@ -1,5 +1,5 @@
 """Telemetry of ex and the simulation's true state in a recorded run, each with the time at which it
-was heard.
+was heard; and the simulation's clock, read off them.
 """
 
 from collections.abc import Callable

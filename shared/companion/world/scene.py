@@ -2,7 +2,10 @@
 
 The observed world is one Scene, each hypothetical state another. A change makes a new Scene that
 shares all other records, so a hypothesis needs only the memory of its changes. It is encoded whole
-into the journal. Must not know: stores, agents, queries.
+into the journal. Objects are found by cells of the floor plan: two that touch share a cell, or the
+cells of one are not known, so only objects of the same cells are compared, however many there are.
+An object reaches as far as relations look: its shapes, and what stands on its surfaces. Must not
+know: stores, agents, queries.
 """
 
 import math

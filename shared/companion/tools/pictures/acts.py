@@ -3,7 +3,8 @@ path each hand took.
 
 Free motions come with their path. Straight ones are drawn from where the hand is; a grasp's points
 stand in the frame of the thing. What ex solves again by itself (approach, levelling, pouring) is
-not known beforehand, and not drawn.
+not known beforehand, and not drawn. Nor is it in the end that a plan imagines, a ghost that is
+shown while it is carried out: arms after their last free motion, what is put down, what is held.
 """
 
 from collections import deque

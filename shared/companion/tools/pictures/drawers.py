@@ -1,5 +1,8 @@
 """Pictures of this robot beside those of any system: robot, things, beliefs, acts, camera, plan,
 numbers, lanes.
+
+The head camera is a part of the robot, so the 3D view has its field of view, with the picture and
+the markers found in it across it. Older recordings have none.
 """
 
 import math

@@ -2,7 +2,8 @@
 of contact.
 
 A truth without orientations (vessels' origins only, older recordings) gets the turn that was
-observed last.
+observed last. Of what km believes there is a label on each thing, and a ghost where it believes a
+thing that is elsewhere in truth; where nobody knows the truth there are no ghosts.
 """
 
 import math

@@ -1,7 +1,8 @@
 """The robot's belief beside the truth at the end of a run: where each thing is, and what it said to
 be true.
 
-Must not know: success.
+Beliefs of km are made of the observations that it hears, by the functions that km itself uses; live
+and of a recording alike. Must not know: success.
 """
 
 import math

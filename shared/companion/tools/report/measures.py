@@ -1,4 +1,6 @@
-"""Measures of pours, with the paper's figures beside (operate.experiments.measures)."""
+"""Measures of pours, with the paper's figures beside (operate.experiments.measures), and the tables
+that only this robot has.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any

@@ -1,5 +1,8 @@
 """report.html: one file that needs nothing else - verdict, the paper's tables beside ours, figures,
 what is missing.
+
+Its first figure, the story, shows who was busy when, in wall time, as everything that is compared
+with the paper's Table 7.
 """
 
 import base64

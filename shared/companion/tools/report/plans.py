@@ -1,5 +1,6 @@
 """Plans of a run, read off the traffic: how each was made (C3, C4), and how each was carried out
-(C1, C5).
+(C1, C5). And the verdicts that tasks have of their own (companion.tasks, part `verdict`): by the
+truth, not by what co said.
 """
 
 from collections.abc import Callable, Iterator

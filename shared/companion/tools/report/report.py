@@ -1,5 +1,5 @@
-"""The figures of a pour, for report.json. Built from a History alone, so it can be made again at
-any time.
+"""The figures of a pour, for report.json, and the paper's beside them (paper.toml has their
+source). Built from a History alone, so it can be made again at any time.
 
 A figure that was not recorded is null, and `missing` says why; nothing is guessed. Times `t` count
 from the first communicate [s of wall time].

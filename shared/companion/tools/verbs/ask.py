@@ -1,4 +1,6 @@
-"""`roco ask`: a question in SPARQL to what km knows, or knew at a time of a recorded run."""
+"""`roco ask`: a question in SPARQL to what km knows, or knew at a time of a recorded run. A process
+answers it that can be ended.
+"""
 
 import signal
 import subprocess

@@ -1,5 +1,5 @@
 """hi as `roco` speaks to it: for a person at a terminal, with errors that the command line
-prints.
+prints. And `roco page`: an address that pairs a browser with the person's page (docs/page.md).
 """
 
 import contextlib
@@ -47,9 +47,6 @@ class Hi(loopback.Hi):
     """hi at this address; every call raises HiError."""
 
     error = HiError
-
-    def __init__(self, address: HiAddress) -> None:
-        super().__init__(address)
 
     def say(
         self, text: str, urgency: int = 0, within_s: float = 0.0, later_s: float = 0.0

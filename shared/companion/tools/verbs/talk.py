@@ -1,4 +1,6 @@
-"""`roco say`, `cancel`, `stop`, `release`: talking to the robot, and holding it."""
+"""`roco say`, `cancel`, `stop`, `release`, `step`: talking to the robot, holding it, and letting
+acts begin that wait for the operator.
+"""
 
 import http
 import sys
