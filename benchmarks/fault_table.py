@@ -17,7 +17,7 @@ import msgspec
 import tables
 import typer
 
-from companion.tools.promises import begun_twice
+from companion.tools.report.verdict import begun_twice
 from companion.tools.system import JOB, SYSTEM
 from console.faults import chaos
 from console.faults.chaos import Cell

@@ -22,8 +22,7 @@ from agent_runtime.core.events import AnyEvent, Arrived, Next, PeerChanged, Star
 from agent_runtime.core.step import Core
 from agent_runtime.io.journal import Journal
 from agent_runtime.io.steplog import fingerprint
-from companion.all_languages import WM
-from companion.binding import wiring
+from companion.design import WM, wiring
 from companion.languages import wm
 from companion.languages.values import BodyPosture, Cylinder, Pose, Side
 from companion.world.observe import observed, subject_of

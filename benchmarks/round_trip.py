@@ -37,8 +37,7 @@ from agent_runtime.io.cli import endpoints
 from agent_runtime.io.devices import Post
 from agent_runtime.io.options import AGENTS_VARIABLE, Options
 from agent_runtime.io.sessions import client_config, keep_memory
-from companion.all_languages import LANGUAGES
-from companion.binding import wiring
+from companion.design import LANGUAGES, wiring
 from companion.languages import wm
 from companion.languages.values import Pose
 from fipa_codec.communicate import Communicate, encode

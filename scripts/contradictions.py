@@ -7,8 +7,8 @@ that names it.
 from pathlib import Path
 
 import msgspec
+import paper_statements
 
-from companion.tools import paper_statements
 from topdown.check import check
 from topdown.model.design import load
 from topdown.model.findings import Finding, Kind

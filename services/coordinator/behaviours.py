@@ -12,9 +12,9 @@ import msgspec
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent
+from agent_runtime.core.binding import Transition
 from agent_runtime.core.turn import Turn
-from companion.binding import Transition, bind
-from companion.design import AgentName
+from companion.design import AgentName, bind
 from companion.languages.cmd import TaskState
 from companion.languages.facts import Facts, Kind, fact
 from fipa_codec.performatives import Performative as P

@@ -11,7 +11,7 @@ from enum import StrEnum
 import msgspec
 from msgspec.structs import replace
 
-from companion.all_languages import AnyCommand
+from companion.design import AnyCommand
 from companion.languages import hfsm
 from companion.languages.cmd import Command
 from companion.languages.facts import Fact, Facts

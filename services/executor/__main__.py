@@ -9,8 +9,7 @@ from pathlib import Path
 from agent_runtime.io import cli, shell
 from agent_runtime.io.devices import Post
 from agent_runtime.io.options import USAGE_ERROR, Options
-from companion.binding import wiring
-from companion.design import AgentName
+from companion.design import AgentName, wiring
 from companion.eyes import VARIABLE, eyes
 from companion.run_files import SLOTS_FILE
 from services.executor.behaviours import agent

@@ -14,10 +14,10 @@ import numpy as np
 from msgspec.structs import replace
 
 from agent_runtime.core.agent import Agent
+from agent_runtime.core.binding import Transition
 from agent_runtime.core.events import Broken, Local, Received, Started, Woken
 from agent_runtime.core.turn import Turn
-from companion.binding import Transition, bind
-from companion.design import AgentName
+from companion.design import AgentName, bind
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.rc import NotDoneKind

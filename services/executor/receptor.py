@@ -14,9 +14,9 @@ from collections.abc import Callable, Iterator, Mapping
 import mujoco
 import numpy as np
 import pinocchio as pin
-from agent_runtime.io.one_reader import OneReaderQueue
 
 from agent_runtime.core.errors import WorkerError
+from agent_runtime.io.inbox import OneReaderQueue
 from companion.skills.situation import Neck, Sight
 from services.executor.renderer import ENTRY, Blind, Renderer, Saw, See, SightedObject, uncertainty
 from velma import names

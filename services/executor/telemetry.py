@@ -107,7 +107,7 @@ class Pictures:
 
 STILL_S = 0.5
 """Seconds between two messages while nothing changes. Estimate; below LOOSE_S of
-companion/tools/report/clock.py.
+companion/tools/telemetry.py.
 """
 
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from agent_runtime.io import cli, shell
 from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.run_files import listen_at
-from companion.binding import wiring
-from companion.design import AgentName
+from companion.design import AgentName, wiring
 from services.human_interface.behaviours import agent
 from services.human_interface.server import HttpDevice
 

@@ -13,8 +13,7 @@ from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Broken, Local, PeerChanged, Received, Started, Woken
 from agent_runtime.core.turn import Turn
 from companion import commands
-from companion.binding import bind
-from companion.design import AgentName
+from companion.design import AgentName, bind
 from companion.languages import cmd
 from companion.languages.cmd import TaskReport, TaskState
 from companion.languages.facts import Kind, fact

@@ -10,8 +10,8 @@ import msgspec
 
 from companion import commands
 from companion.commands import Make, Wish
-from companion.letters import fold
 from companion.sentences import Reader, catalogue
+from companion.stop_words import fold
 
 LANGUAGES = ("en", "pl")
 

@@ -17,7 +17,7 @@ from lark.exceptions import LarkError
 from lark.lexer import Lexer
 from msgspec.structs import replace
 
-from companion.letters import fold
+from companion.stop_words import fold
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES, phrases
 from services.human_interface.device_messages import Clause, Meaning, NamedObject, When
 

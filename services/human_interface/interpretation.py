@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import msgspec
 from msgspec.structs import replace
 
-from companion.all_languages import AnyCommand
 from companion.commands import Offer
+from companion.design import AnyCommand
 from companion.run_files import InWords, Wish
 from services.human_interface.catalogue import MAKE, TASKS, THINGS, abilities, say
 from services.human_interface.device_messages import Clause, Meaning, NamedObject

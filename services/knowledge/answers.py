@@ -15,8 +15,7 @@ from companion.languages.facts import fitting as short
 from companion.languages.values import Pose, Shape
 from companion.models import GRASPS, REACH, Model, fitting
 from companion.world import geometry
-from companion.world.extents import cells, extent
-from companion.world.scene import Scene, SceneObject
+from companion.world.scene import Scene, SceneObject, cells, extent
 from services.knowledge.memory import Overlays
 from services.knowledge.store import below, is_kind
 

@@ -18,8 +18,8 @@ import msgspec
 import pyoxigraph as ox
 
 from agent_runtime.core.streams import parse_observation
-from companion.all_languages import LANGUAGES
 from companion.asking import PREFIXES, Answer, Heard, Question, Refused, Rows, Term, Triple, Verdict
+from companion.design import LANGUAGES
 from companion.languages import wm
 from companion.world.observe import observed, subject_of
 from companion.world.scene import Scene

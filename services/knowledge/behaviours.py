@@ -14,8 +14,7 @@ from agent_runtime.core.events import Broken, PeerChanged, Received, Started, Wo
 from agent_runtime.core.streams import parse_observation
 from agent_runtime.core.turn import Turn
 from companion import sentences
-from companion.binding import bind
-from companion.design import AgentName
+from companion.design import AgentName, bind
 from companion.languages import wm
 from companion.languages.facts import Facts, Kind, fact, fitting
 from companion.world.observe import forgotten, observed

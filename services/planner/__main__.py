@@ -2,8 +2,7 @@
 
 from agent_runtime.io import cli, shell
 from agent_runtime.io.options import Options
-from companion.binding import wiring
-from companion.design import AgentName
+from companion.design import AgentName, wiring
 from services.planner.behaviours import agent
 from services.planner.search import SearchDevice
 

@@ -12,8 +12,7 @@ from msgspec.structs import replace
 from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Broken, Late, Local, Received, Started
 from agent_runtime.core.turn import Turn
-from companion.binding import bind
-from companion.design import AgentName
+from companion.design import AgentName, bind
 from companion.languages import hfsm, wm
 from companion.languages.facts import Fact, Kind, fact
 from fipa_codec.performatives import Performative

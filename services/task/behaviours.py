@@ -14,8 +14,7 @@ from agent_runtime.core.agent import Agent
 from agent_runtime.core.events import Broken, Ordered, Received, Settled, Started, Woken
 from agent_runtime.core.turn import Turn
 from companion.autonomy import WAIT_S, Verb
-from companion.binding import bind
-from companion.design import AgentName
+from companion.design import AgentName, bind
 from companion.languages import evidence, facts, hfsm, rc, sw, wm
 from companion.languages.evidence import Claim
 from companion.languages.facts import Facts, Kind, fact

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from companion.languages import rc
 from companion.languages.evidence import AnyClaim, Check, Claim, Otherwise, Sense
 from companion.languages.facts import Facts, Kind, fact
-from companion.rows import THERE, ActRow, held
+from companion.rows import THERE, ActRow, ShownRow, held
 from companion.tasks import parts
 
 
@@ -35,6 +35,23 @@ ACTS: dict[type[rc.Command], ActRow] = {
     row.act: row
     for row in (*GENERAL, *(row for part in parts("done") for row in getattr(part, "ACTS", ())))
 }
+
+GENERAL_SHOWN = (
+    ShownRow(rc.MoveJoint, "move", "#94a3b8", "moves an arm"),
+    ShownRow(rc.MoveCartesian, "pull", "#64748b", "pulls straight"),
+    ShownRow(rc.Home, "home", "#94a3b8", "moves an arm home"),
+    ShownRow(rc.Grasp, "grasp", "#d97706", "grasps", points_on="object"),
+    ShownRow(rc.Release, "put down", "#15803d", "puts down"),
+    ShownRow(rc.Look, "look", "#6d28d9", "looks"),
+)
+SHOWN: dict[type[rc.Command], ShownRow] = {
+    row.act: row
+    for row in (
+        *GENERAL_SHOWN,
+        *(row for part in parts("done") for row in getattr(part, "SHOWN", ())),
+    )
+}
+"""How the tools show each act."""
 
 if TYPE_CHECKING:
     AnyAct = rc.Command

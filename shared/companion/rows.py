@@ -1,7 +1,6 @@
-"""Rows by which a task describes its act, to the agents (part `done`) and to the tools (part
-`shown`).
+"""Rows by which a task describes its act, to the agents and to the tools (part `done`).
 
-The tables of all acts are companion.acts and companion.tools.shown.
+companion.acts has the tables of all acts.
 """
 
 from collections.abc import Callable

@@ -11,9 +11,7 @@ from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Arrived, Started
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
-from companion.all_languages import LANGUAGES
-from companion.binding import wiring
-from companion.design import DESIGN
+from companion.design import DESIGN, LANGUAGES, wiring
 from companion.languages import hfsm, wm
 from companion.tasks.look_around.command import LookAround
 from fipa_codec.communicate import Communicate

@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from agent_runtime.testing.samples import NoSample, sample, sample_named
-from companion.all_languages import LANGUAGES
+from companion.design import LANGUAGES
 
 
 class Colour(StrEnum):

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from companion.all_languages import LANGUAGES, SW
-from companion.design import COORDINATE
+from companion.design import COORDINATE, LANGUAGES, SW
 from companion.languages.sw import FINAL as FINAL_STATES
 from companion.languages.sw import Report, WorkerState
 from fipa_codec.communicate import decode, encode

@@ -17,17 +17,15 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from companion import languages, sentences, tasks
-from companion.acts import ACTS
+from companion.acts import ACTS, SHOWN
 from companion.design import AgentName
 from companion.languages import facts, hfsm, rc, wm
-from companion.languages.evidence import AnyClaim
+from companion.languages.evidence import AnyClaim, members
 from companion.languages.facts import AnyKind, Fact, Kind, fact
-from companion.languages.open_enums import members
 from companion.languages.values import Side
 from companion.planning import registry
 from companion.sentences import Reader, catalogue
 from companion.tools.report import events
-from companion.tools.shown import SHOWN
 
 pytestmark = pytest.mark.timeout(120)
 ROOT = Path(facts.__file__).parents[3]

@@ -8,9 +8,7 @@ from agent_runtime.core.events import Arrived, Started
 from agent_runtime.core.state import Held
 from agent_runtime.core.step import Core
 from agent_runtime.core.wiring import Delivery
-from companion.all_languages import SW
-from companion.binding import wiring
-from companion.design import COORDINATE, DESIGN
+from companion.design import COORDINATE, DESIGN, SW, wiring
 from companion.languages import sw
 from fipa_codec.communicate import Communicate
 from fipa_codec.conversation import Conversation

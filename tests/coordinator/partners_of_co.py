@@ -5,8 +5,7 @@ from scripted_partner import Puppet
 
 from agent_runtime.core.wiring import Wiring
 from agent_runtime.testing.memory_bus import MemoryBus
-from companion.binding import wiring
-from companion.design import AgentName
+from companion.design import AgentName, wiring
 from companion.languages import hfsm, sw
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side

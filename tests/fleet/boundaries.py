@@ -10,7 +10,7 @@ import msgspec
 from pretended_fleet import NAMES, POUR, Fleet, Heard
 
 from agent_runtime.testing.memory_bus import LATENCY_S
-from companion.all_languages import RC
+from companion.design import RC
 
 COMMAND = POUR
 VICTIMS = NAMES

@@ -15,10 +15,8 @@ from scripted_search import Script
 from agent_runtime.core.control import SetParameter
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.testing.memory_bus import MemoryBus
-from companion.all_languages import LANGUAGES, SW
 from companion.autonomy import LEVEL, STEP, Permission, Verb
-from companion.binding import wiring
-from companion.design import DESIGN, language_of
+from companion.design import DESIGN, LANGUAGES, SW, wiring
 from companion.languages import sw
 from companion.languages.cmd import TaskState
 from companion.tools.system import JOB, PROCESSES
@@ -280,7 +278,9 @@ def _against_design(one):
     here = f"{one.sender}->{one.receiver} {one.protocol} {one.performative}"
     if content is None:
         return "" if len(encode(one)) <= rule.bytes else f"{here}: {len(encode(one))} bytes"
-    name = f"{language_of(content).name}.{type(content).__name__}"
+    languages = map(LANGUAGES.named, LANGUAGES.names)
+    language = next(one for one in languages if type(content) in one.classes)
+    name = f"{language.name}.{type(content).__name__}"
     if name not in rule.sizes:
         return f"{here} says {name}, not one of {', '.join(rule.sizes)}"
     return (

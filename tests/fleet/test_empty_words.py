@@ -5,7 +5,7 @@ none dies of it.
 import pytest
 
 from agent_runtime.testing.alone import Alone
-from companion.binding import wiring
+from companion.design import wiring
 from companion.languages.facts import Kind, fact
 from companion.tasks.pour.command import PourInto
 from fipa_codec.performatives import Performative

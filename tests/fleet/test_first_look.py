@@ -13,7 +13,7 @@ from pretended_robot import Robot
 
 from agent_runtime.core.events import PeerChanged
 from agent_runtime.testing.memory_bus import Faults, Point
-from companion.all_languages import CMD, WM
+from companion.design import CMD, WM
 from companion.languages import rc, wm
 from companion.languages.cmd import TaskReport
 from companion.languages.facts import Kind, fact, with_reasons

@@ -14,8 +14,7 @@ from agent_runtime.core.streams import OUTBOX_BOUND
 from agent_runtime.core.wiring import Delivery
 from agent_runtime.impersonation import _record
 from agent_runtime.testing.memory_bus import Faults, Point
-from companion.binding import wiring
-from companion.design import DESIGN
+from companion.design import DESIGN, wiring
 from companion.languages import wm
 from topdown.judge.verdicts import Verdict
 

@@ -24,8 +24,7 @@ from agent_runtime.io import steplog, zenoh_wire
 from agent_runtime.io.journal import HEAD, MAGIC, MARK, Journal, frame, last_record
 from agent_runtime.io.tap import Sample
 from agent_runtime.io.zenoh_wire import Bytes as FromWire
-from companion.all_languages import LANGUAGES
-from companion.binding import wiring
+from companion.design import LANGUAGES, wiring
 from companion.stop_words import stop_words
 from companion.tools.system import SYSTEM
 from console.errors import UsageError

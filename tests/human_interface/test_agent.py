@@ -11,8 +11,7 @@ from scripted_partner import Puppet
 
 from agent_runtime.io.devices import Called
 from agent_runtime.testing.memory_bus import MemoryBus, Point
-from companion.binding import wiring
-from companion.design import DESIGN
+from companion.design import DESIGN, wiring
 from companion.languages import cmd
 from companion.languages.cmd import TaskReport, TaskState
 from companion.languages.facts import Kind as Why

@@ -10,7 +10,7 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from companion import commands
-from companion.all_languages import CMD
+from companion.design import CMD
 from companion.languages.cmd import BACK, Command
 from companion.languages.cmd import THINGS as THINGS_NAMED
 from companion.models import MODELS

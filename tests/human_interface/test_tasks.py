@@ -6,13 +6,11 @@ import re
 import pytest
 
 from companion import commands
-from companion.all_languages import CMD
 from companion.commands import Offer
-from companion.design import DESIGN
+from companion.design import CMD, DESIGN
 from companion.languages import hfsm
 from companion.languages.cmd import Command, TaskReport
-from companion.letters import fold
-from companion.stop_words import stop_words
+from companion.stop_words import fold, stop_words
 from services.human_interface.catalogue import (
     CATALOGUE,
     LANGUAGES,

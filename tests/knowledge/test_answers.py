@@ -8,8 +8,7 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from companion.all_languages import WM
-from companion.design import DESIGN, INTERFACES
+from companion.design import DESIGN, LANGUAGES, WM
 from companion.languages import wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Box, Cylinder, Pose, Side
@@ -21,6 +20,7 @@ from services.knowledge.memory import Overlays
 from services.knowledge.store import Store
 from topdown.check.agreement import check_supported
 from topdown.model.findings import Kind as Found
+from topdown.model.interfaces import interfaces
 
 from .storing import answer, store_observation
 
@@ -76,7 +76,7 @@ def test_every_kind_of_query_has_a_function_and_an_entry_in_the_interface():
     kinds = set(get_args(wm.AnyQuery))
     assert set(ANSWERS) | MAKERS == kinds
     assert not set(ANSWERS) & MAKERS
-    asked = INTERFACES["ask_for_planning"]
+    asked = interfaces(DESIGN, LANGUAGES)["ask_for_planning"]
     assert {argument for entry in asked for argument in entry.arguments} == kinds
 
 
@@ -86,7 +86,7 @@ def test_the_answer_is_of_the_class_the_design_promises(handled):
 
     Answers are pure: asked twice, the same answer; and nothing observed has changed.
     """
-    interface, before = INTERFACES["ask_for_planning"], handled.scene
+    interface, before = interfaces(DESIGN, LANGUAGES)["ask_for_planning"], handled.scene
     for query in EXAMPLES:
         said = answer(handled, query)
         (entry,) = [one for one in interface if one.arguments == (type(query),)]

@@ -19,7 +19,7 @@ from msgspec.structs import replace
 from agent_runtime.core.events import Arrived
 from agent_runtime.io import steplog
 from companion.asking import PREFIXES, Heard
-from companion.tools import asking
+from companion.tools.verbs import ask as asking
 from fipa_codec.communicate import decode
 from operate.recording import mcap_file
 from operate.recording.records import Spoken, Token

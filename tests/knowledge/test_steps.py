@@ -13,7 +13,7 @@ from driven import Driven
 
 from agent_runtime.core.events import PeerChanged, Started, Tick
 from companion import sentences
-from companion.binding import wiring
+from companion.design import wiring
 from companion.languages import wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Pose

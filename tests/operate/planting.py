@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
+from synthetic import language_of
 
 from agent_runtime.io.tap import Sample
-from companion.design import DESIGN, language_of
+from companion.design import DESIGN
 from companion.languages import wm
 from companion.tasks.look_around.command import LookAround
 from companion.tasks.pour.command import PourInto

@@ -14,7 +14,7 @@ import msgspec
 
 from agent_runtime.core.events import Receipt
 from agent_runtime.io.tap import Sample
-from companion.design import DESIGN, language_of
+from companion.design import DESIGN, LANGUAGES
 from companion.languages import cmd, hfsm, rc, rs, sw, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Box, Pose, Side
@@ -23,6 +23,7 @@ from companion.tasks.pour.done import Pour, PourKind
 from companion.telemetry import Lateness, RobotState, TrueState
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
+from fipa_codec.languages import Language
 from fipa_codec.performatives import Performative as P
 from operate.recording.history import History
 
@@ -44,6 +45,12 @@ MODELS = {
     "jar_1": "jar",
     "bowl_1": "bowl_high",
 }
+
+
+def language_of(content: object) -> Language:
+    """The language a content is written in."""
+    languages = map(LANGUAGES.named, LANGUAGES.names)
+    return next(one for one in languages if type(content) in one.classes)
 
 
 class Run:

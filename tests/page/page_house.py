@@ -17,7 +17,7 @@ from scripted_partner import Puppet
 from agent_runtime.io.devices import Called
 from agent_runtime.io.run_files import STOP_FILE
 from agent_runtime.testing.memory_bus import MemoryBus
-from companion.binding import wiring
+from companion.design import wiring
 from companion.languages.cmd import TaskReport, TaskState
 from companion.languages.facts import Kind as Why
 from companion.languages.facts import fact

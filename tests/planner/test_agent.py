@@ -10,8 +10,7 @@ from scripted_partner import Open, Say, partner
 from scripted_search import Script, look, plan_of
 
 from agent_runtime.testing.memory_bus import MemoryBus
-from companion.all_languages import LANGUAGES
-from companion.binding import wiring
+from companion.design import LANGUAGES, wiring
 from companion.languages import hfsm, wm
 from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative as P

@@ -8,7 +8,7 @@ from msgspec import Raw
 from scripted_search import look, plan_of
 
 from agent_runtime.core.events import Local, Receipted, Started, Tick
-from companion.binding import wiring
+from companion.design import wiring
 from companion.languages import hfsm, wm
 from companion.languages.facts import Kind, fact
 from fipa_codec.performatives import Performative as P

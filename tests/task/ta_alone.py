@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from scripted_partner import Open, Say, partner
 
 from agent_runtime.testing.memory_bus import MemoryBus
-from companion.binding import wiring
+from companion.design import wiring
 from companion.languages import hfsm, rc, sw, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import BodyPosture, Side

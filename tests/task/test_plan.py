@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.all_languages import HFSM
+from companion.design import HFSM
 from companion.languages import hfsm, rc, wm
 from companion.languages.hfsm import Arc, Machine, Outcome
 from services.task import plan as plans

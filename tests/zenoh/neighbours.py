@@ -20,7 +20,7 @@ from agent_runtime.io.secured import client_tls, links_of, links_tls
 from agent_runtime.io.sessions import client_config, free_endpoint, open_links
 from agent_runtime.io.steplog import StepLogs
 from agent_runtime.io.zenoh_wire import ZenohWire
-from companion.binding import wiring
+from companion.design import wiring
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
 

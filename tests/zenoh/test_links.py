@@ -31,8 +31,7 @@ from agent_runtime.io.sessions import (
     open_router,
 )
 from agent_runtime.io.zenoh_wire import Bytes, ZenohWire
-from companion.binding import wiring
-from companion.design import DESIGN
+from companion.design import DESIGN, wiring
 from console.fleet.local import Local
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages

@@ -24,9 +24,7 @@ from agent_runtime.io.options import Options
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import client_tls, links_file
 from agent_runtime.io.sessions import Links, client_config
-from companion.all_languages import LANGUAGES
-from companion.binding import wiring
-from companion.design import DESIGN
+from companion.design import DESIGN, LANGUAGES, wiring
 from companion.tasks.look_around.command import LookAround
 from companion.tools.verbs.hi import Hi, address
 from console.fleet.local import Local

@@ -25,7 +25,7 @@ from agent_runtime.io.sessions import (
     router_config,
 )
 from agent_runtime.io.zenoh_wire import ZenohWire
-from companion.binding import wiring
+from companion.design import wiring
 from fipa_codec.communicate import MAX_BYTES
 
 pytestmark = pytest.mark.zenoh

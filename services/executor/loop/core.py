@@ -24,7 +24,6 @@ from companion.skills.loop_messages import (
     Phase,
     Refusal,
     Report,
-    Result,
     checked,
     followed,
     refusal,
@@ -301,7 +300,7 @@ class LoopCore:
         if self.mode is Mode.MOTION:
             self._enter(Mode.DAMPING, why, Phase.INTERRUPTED)
 
-    def run(self, asked: Motion) -> Result:
+    def run(self, asked: Motion) -> Report:
         """Run a motion to its end and return its report. Raises MotionError while another one
         runs.
         """

@@ -1,3 +1,3 @@
-"""The six content languages of the Robot Companion, one module each; `companion.all_languages` has
+"""The six content languages of the Robot Companion, one module each; `companion.design` has
 them by name.
 """

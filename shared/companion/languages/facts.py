@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 import msgspec
 from msgspec.structs import replace
 
-from companion.languages.evidence import Of
-from companion.languages.open_enums import member
+from companion.languages.evidence import Of, member
 from companion.languages.values import Side
 
 

@@ -15,8 +15,7 @@ from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Side
 from companion.planning.methods import Asking, Unanswered
-from companion.planning.situation import SIDES
-from companion.planning.steps import Step, approach_points, hand_steps
+from companion.planning.steps import SIDES, Step, approach_points, hand_steps
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks.placing import backwards
 

@@ -8,7 +8,7 @@ from companion.languages.values import Side
 from companion.models import HANDLE, LYING
 from companion.planning import steps
 from companion.planning.methods import fallen
-from companion.planning.situation import Situation, configured, on_wire
+from companion.planning.steps import Situation, configured, on_wire
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks import APPROACH_SPEED, LIFT_SPEED, LOADED_SPEED
 from velma.kinematics.tasks.grasping import LIFT_M, Approach, GraspWay, Target, approaches

@@ -13,16 +13,19 @@ from companion.languages.cmd import BACK
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Cylinder, Pose, Shape, Side
 from companion.planning.grasping import ANY_TORSO, TORSO, preferred
-from companion.planning.situation import Held, Situation, configured, on_wire
 from companion.planning.steps import (
     EFFORTS,
     OPEN_S,
     QUICK,
     Geometry,
+    Held,
+    Situation,
     Step,
     approach_points,
+    configured,
     hand_steps,
     move,
+    on_wire,
 )
 from velma.kinematics.frames import heading, transform
 from velma.kinematics.motion import Motion

@@ -1,4 +1,5 @@
-"""Steps of primitive tasks: robot commands, the changes they make, and their expected duration.
+"""Steps of primitive tasks: robot commands, the changes they make, and their expected duration; and
+the situation at the start of a step, as km tells it.
 
 A step asks km for what it needs in its first state, computes the geometry, and returns a Step; None
 if no geometry was found, with the reason added to `why`. Speeds and distances: task runs with the
@@ -11,21 +12,122 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
+from msgspec.structs import replace
 
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Facts, Kind, fact
-from companion.languages.values import Pose, Side, Vector
+from companion.languages.values import Box, Pose, Shape, Side, Vector
 from companion.look_around import EVERYWHERE
-from companion.planning.methods import Known
-from companion.planning.situation import Situation, configured, on_wire, situation
+from companion.planning.methods import Asking, Known
 from velma import names
-from velma.kinematics import ik, motion
-from velma.kinematics.frames import tilt, transform
+from velma.kinematics import collision, ik, motion
+from velma.kinematics.frames import tilt, transform, xyz_quat
 from velma.kinematics.motion import Keep, Motion
 from velma.kinematics.robot import Robot
 from velma.kinematics.tasks import EMPTY_SPEED, LOADED_SPEED
 from velma.kinematics.tasks.carrying import FINGERS, homes, upright
 from velma.kinematics.timing import timed
+
+SIDES = (Side.RIGHT, Side.LEFT)
+DOOR = "Door"
+"""Class of the ontology."""
+ROOM_M = 0.012
+"""Kept from a panel besides the margin: it gives way to a hand that is beside its path, and closes.
+Estimate: hands are mostly 10 mm beside.
+"""
+
+
+def on_wire(pose: pin.SE3) -> Pose:
+    """The pose, as WM has it, of a transform."""
+    return Pose(*xyz_quat(pose))
+
+
+@dataclass(frozen=True)
+class Held:
+    """The object in a hand."""
+
+    object: str
+    grasp: str
+    T_grip_object: pin.SE3
+
+
+@dataclass(frozen=True)
+class Situation:
+    """State id at km; q (15,) [rad]; what is held; the collision world of that state."""
+
+    state: str
+    q: np.ndarray
+    held: dict[Side, Held]
+    world: collision.World
+
+
+def posture(ask: Asking, state: str) -> np.ndarray:
+    """q (15,) [rad] in that state."""
+    torso = ask(wm.TorsoConfiguration(state=state), wm.Configuration).q
+    arms = [ask(wm.ArmConfiguration(state=state, side=side), wm.Configuration).q for side in SIDES]
+    return np.array([*torso, *arms[0], *arms[1]])
+
+
+def in_hand(ask: Asking, state: str) -> dict[Side, Held]:
+    """What each hand holds in that state."""
+    held = {}
+    for side in SIDES:
+        grasp = ask(wm.GraspAtSide(state=state, side=side), wm.GraspOf)
+        if grasp.object and grasp.pose is not None:
+            held[side] = Held(grasp.object, grasp.grasp, transform(grasp.pose))
+    return held
+
+
+def situation(ask: Asking, robot: Robot, state: str) -> Situation:
+    """All that a step has to know of a state. Raises Unanswered if km does not know it."""
+    held = in_hand(ask, state)
+    furniture = ask(wm.StaticObjects(state=state), wm.Objects).objects
+    static, doors = {one.id for one in furniture}, {one.id for one in furniture if one.kind == DOOR}
+    world = collision.World(robot)
+    there = ask(wm.EnvironmentShapes(state=state), wm.Shapes).shapes
+    for placed in there:
+        kind: collision.Kind = "furniture" if placed.object in static else "object"
+        shapes = _roomy(placed.shapes) if placed.object in doors else placed.shapes
+        world.put(placed.object, shapes, transform(placed.pose), kind)
+    for side, grasped in held.items():
+        model = ask(wm.ObjectModel(state=state, object=grasped.object), wm.ModelOf)
+        world.put(grasped.object, model.shapes, pin.SE3.Identity(), "object")
+        world.attach(grasped.object, side, grasped.T_grip_object)
+    for side in SIDES:
+        fingers = ask(wm.GripperConfiguration(state=state, side=side), wm.Configuration).q
+        world.fingers(side, float(max(fingers[:3])))
+    q = posture(ask, state)
+    near = {name for a, b, _ in world.touching(q) for name in (a, b)} & doors if doors else set()
+    # a hand that let go of it has less room than that
+    for placed in (one for one in there if one.object in near):
+        world.put(placed.object, placed.shapes, transform(placed.pose), "furniture")
+    return Situation(state, q, held, world)
+
+
+def _roomy(shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
+    """The boards of a leaf with its panel, which is wider than thick, thicker by ROOM_M on each
+    side.
+    """
+    found: list[Shape] = []
+    for one in shapes:
+        if isinstance(one, Box) and one.size[1] > one.size[0]:
+            x, y, z = one.size
+            one = replace(one, size=(x + 2 * ROOM_M, y, z))
+        found.append(one)
+    return tuple(found)
+
+
+def configured(side: Side, q: np.ndarray, fingers: float | None = None) -> tuple[wm.AnyChange, ...]:
+    """The changes to torso and arm as in q (15,) [rad], and to the finger angle [rad]."""
+    arm = tuple(float(x) for x in q[names.ARM[side]])
+    changes: list[wm.AnyChange] = [
+        wm.Configured(part="torso", q=(float(q[names.TORSO]),)),
+        wm.Configured(part=f"{side}_arm", q=arm),
+    ]
+    if fingers is not None:
+        changes.append(wm.Configured(part=f"{side}_hand", q=(fingers, fingers, fingers, 0.0)))
+    return tuple(changes)
+
 
 TRIED, ENOUGH = 8, 3  # estimate: more goals make motions hardly quicker, but planning slower
 # Iterations of a tree: most paths need some hundreds (benchmarks/kinematics.py), so all goals are
@@ -176,6 +278,14 @@ def move(side: Side, way: Motion, speed: float, fingers: float | None = None) ->
     return rc.MoveJoint(key="", side=side, path=points, speed=speed, fingers=fingers)
 
 
+def moved(
+    step: hfsm.Step, side: Side, way: Motion, speed: float, fingers: float | None = None
+) -> Step:
+    """The step that is one free motion."""
+    changes = configured(side, way.path[-1], fingers)
+    return Step(step, (move(side, way, speed, fingers),), changes, way.duration)
+
+
 def hand_steps(grasp: wm.GraspDef) -> list[tuple[pin.SE3, float]]:
     """T_object_grip and finger angle [rad] of each step of a grasp, outermost first."""
     return [(transform(step.pose).inverse(), step.fingers) for step in grasp.steps]
@@ -239,10 +349,8 @@ def home(geometry: Geometry, state: str, side: Side) -> Step | None:
         goals = [goal for goal in homes(here.q, side) if here.world.free(goal)]
         found = None
         if reached := geometry.free_motion(here, side, goals):
-            way = reached[1]
-            command = move(side, way, free_speed(here), FINGERS)
-            changes = configured(side, way.path[-1], FINGERS)
-            found = Step(hfsm.Step("home", side=side), (command,), changes, way.duration)
+            step = hfsm.Step("home", side=side)
+            found = moved(step, side, reached[1], free_speed(here), FINGERS)
         geometry.homes[state, side] = found
     if geometry.homes[state, side] is None:
         geometry.failed(fact(Kind.NO_WAY_HOME, side))

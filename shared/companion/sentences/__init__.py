@@ -153,9 +153,7 @@ def step(one: Step, reader: Reader) -> str:
     says = catalogue(reader).step.get(one.does)
     if says is None:
         return " ".join(map(str, filter(None, (one.does.replace("-", " "), *things, side))))
-    return says.format(
-        side=side, **dict(zip("ab", (*things, *(_forms(("",) * 5),) * 2), strict=False))
-    )
+    return says.format(side=side, **_blanks(things))
 
 
 def place(at: Place, reader: Reader) -> str:
@@ -169,8 +167,13 @@ def place(at: Place, reader: Reader) -> str:
 def please(at: Place, reader: Reader) -> str:
     """What a person is asked to do where a plan is; "" for nothing."""
     says = catalogue(reader).please.get(at.act, "")
-    things = [_object_forms(name, reader) for name in at.step.things] if at.step is not None else []
-    return says.format(**dict(zip("ab", (*things, *(_forms(("",) * 5),) * 2), strict=False)))
+    things = at.step.things if at.step is not None else ()
+    return says.format(**_blanks([_object_forms(name, reader) for name in things]))
+
+
+def _blanks(things: list[_Forms]) -> dict[str, _Forms]:
+    """The things of a step by their names in a sentence; empty where there are none."""
+    return dict(zip("ab", (*things, *(_forms(("",) * 5),) * 2), strict=False))
 
 
 def happened(name: str, of: tuple[str, ...]) -> str:

@@ -242,9 +242,6 @@ class Report(msgspec.Struct, frozen=True):
         return self.right if side == "right" else self.left
 
 
-Result = Report
-
-
 class Refusal(msgspec.Struct, frozen=True):
     """Why the loop does not take a command; `text`: the same for a log."""
 

@@ -17,9 +17,8 @@ from companion.languages import rc, rs
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import BodyPosture, Pose, Side
 from companion.skills import motions, moving, senses
-from companion.skills.evidence import evidence
 from companion.skills.loop_messages import Motion, Open, Phase, refusal
-from companion.skills.senses import MORE_LOOKS
+from companion.skills.senses import MORE_LOOKS, evidence
 from companion.skills.situation import Situation
 from companion.skills.skill import Asked, Cancelled, NotPossible, Sensed, Skill, SkillRow
 from velma import names
@@ -63,7 +62,7 @@ def _carried_out(here: Situation, command: rc.Command) -> Performance:
             if sensed.ended == Phase.CANCELLED:
                 motion = skill.throw(Cancelled())
             elif sensed.ended == Phase.SLIPPED:
-                motion = skill.throw(NotPossible(Phase.SLIPPED, sensed.why))
+                motion = skill.throw(NotPossible(Phase.SLIPPED, *sensed.why))
             elif sensed.ended == Phase.DONE:
                 motion = skill.send(sensed)
             elif sensed.ended == Phase.LOST:

@@ -10,6 +10,7 @@ and in tests. It returns when the act is done, or raises NotPossible with kind a
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ class SkillRow:
     the act is not done. `by_joints`: the hand goes by its joints, so it is not begun with joints
     that tell its place wrong. `checked`: it is not begun where neither the camera nor the wrist
     could tell how it ends. `tells`: how senses tell what must be true after it, beside the general
-    claims (companion.skills.evidence). `done`: fields of its outcome that it alone fills.
+    claims (companion.skills.senses). `done`: fields of its outcome that it alone fills.
     """
 
     act: type[rc.Command]
@@ -80,7 +81,7 @@ class NotPossible(Exception):
     thing), empty or slipped (in the hand).
     """
 
-    def __init__(self, kind: str, why: Facts) -> None:
+    def __init__(self, kind: str, *why: Fact) -> None:
         self.kind, self.why = kind, why
         super().__init__(kind, why)
 
@@ -112,21 +113,11 @@ def despite_slips(make: Callable[[], Skill]) -> Skill:
     return (yield from make())
 
 
-def replan(*why: Fact) -> NotPossible:
-    """The exception for a world that is not as planned."""
-    return NotPossible(rc.NotDoneKind.REPLAN, why)
-
-
-def empty(*why: Fact) -> NotPossible:
-    """The exception for a hand that does not hold what it should."""
-    return NotPossible(rc.NotDoneKind.EMPTY, why)
-
-
-def missing(*why: Fact) -> NotPossible:
-    """The exception for a thing that is not where it should be."""
-    return NotPossible(rc.NotDoneKind.MISSING, why)
-
-
-def failed(*why: Fact) -> NotPossible:
-    """The exception for an act that failed or cannot be tried."""
-    return NotPossible(rc.NotDoneKind.FAILED, why)
+replan = partial(NotPossible, rc.NotDoneKind.REPLAN)
+"""The exception for a world that is not as planned."""
+empty = partial(NotPossible, rc.NotDoneKind.EMPTY)
+"""The exception for a hand that does not hold what it should."""
+missing = partial(NotPossible, rc.NotDoneKind.MISSING)
+"""The exception for a thing that is not where it should be."""
+failed = partial(NotPossible, rc.NotDoneKind.FAILED)
+"""The exception for an act that failed or cannot be tried."""

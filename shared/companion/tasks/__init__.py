@@ -1,7 +1,7 @@
 """The robot's tasks, one folder each, with the parts that a task needs.
 
 `command`: what a person may ask. `plan`: methods and steps, for pl alone. `perform`: its skill, for
-ex alone. `done`: its act, and what must be true after it. `shown`: how people see it. A part is
+ex alone. `done`: its act, what must be true after it, and how people see it. A part is
 imported when it is asked for, so that an agent needs the libraries of its own parts only. A task
 imports no other task; it refers to one by name.
 """

@@ -8,12 +8,12 @@ import msgspec
 from companion.languages import hfsm, sw, wm
 from companion.telemetry import RobotState
 from companion.tools.report.events import Kind, events
+from companion.tools.system import LOOP
 from fipa_codec.communicate import UNREADABLE
 from operate.live_lines import AgentIn, Happened, LiveLine, PlanAt, PlanSeen, Step, Task
 from operate.recording.history import History
 from operate.recording.records import House, Record, Spoken
 
-LOOP = "loop"
 STORY = 1000
 """Communicates that events are told from (C4's are not among them): three pours. Older ones are
 forgotten.

@@ -2,29 +2,64 @@
 system.
 """
 
-from companion.all_languages import LANGUAGES
-from companion.design import DESIGN
+from pathlib import Path
+
+from companion.acts import SHOWN
+from companion.design import DESIGN, LANGUAGES
+from companion.languages.hfsm import Place
+from companion.languages.hfsm import Step as PlanStep
+from companion.languages.values import Side
 from companion.run_files import DISTURBANCES_FILE, SLOTS_FILE
-from companion.sentences import about, happened, plain, why
-from companion.tools.shown import SHOWN, step
+from companion.sentences import about, at, happened, plain, why
+from operate.live_lines import Step
 from operate.system import FIRST, Additions, Job, Process, System, around
+
+
+def step(one: Step) -> str:
+    """What a state of a plan does, as live.jsonl has it."""
+    side = Side(one.side) if one.side in list(Side) else None
+    return at(Place(one.path, PlanStep(one.does, one.things, side) if one.does else None, one.act))
+
+
+LOOP = "loop"
+"""The process that has the robot in its scene."""
+
+
+def possible(names: tuple[str, ...], scene: str, seed: int) -> None:
+    """Load a scene as the loop will, varied by the seed. Raise ValueError that says what cannot be.
+
+    `names`: the processes that are to be started. The canonical scene, for which no file is named,
+    is one for every seed.
+    """
+    if not scene or LOOP not in names:
+        return
+    # numpy: half of a start's time, and most starts name no scene
+    from velma.errors import SceneError
+    from velma.model import scene as scenes
+    from velma.sim.mujoco_backend import MujocoBackend
+
+    try:
+        MujocoBackend(scenes.vary(scenes.load(Path(scene)), seed))
+    except (SceneError, OSError) as error:
+        raise ValueError(str(error) if scene in str(error) else f"{scene}: {error}") from error
+
 
 EX_WORKERS = tuple(f"services.executor.{name}_process" for name in ("skill", "renderer"))
 # Loop and agent of ex are siblings: each may die and come back without the other.
 PROCESSES = (
     *around("services.router", "services.monitor"),
-    Process("loop", "services.executor.loop", forked=False),
+    Process(LOOP, "services.executor.loop", forked=False),
     Process("km", "services.knowledge", after=FIRST),
     Process("pl", "services.planner", after=FIRST, workers=("services.planner.search",)),
     Process("ta", "services.task", after=FIRST),
-    Process("ex", "services.executor", after=(*FIRST, "loop"), workers=EX_WORKERS),
+    Process("ex", "services.executor", after=(*FIRST, LOOP), workers=EX_WORKERS),
     Process("co", "services.coordinator", after=FIRST),
     Process("hi", "services.human_interface", after=FIRST),
     Process("page", "services.page", after=("router",), optional=True),
 )
 
 SAYS = {
-    "loop": {
+    LOOP: {
         "": "holds still",
         "motion": "holds still",
         "damping": "damps the joints",
@@ -72,8 +107,8 @@ SYSTEM = System(
         "ex": "it acts by the robot's control loop, which does not run in a replay",
     },
     additions=Additions(
-        options="companion.tools.scenes:possible",
-        findings="companion.findings:agreement_findings",
+        options="companion.tools.system:possible",
+        findings="companion.design:agreement_findings",
         live="companion.tools.live:Live",
         events="companion.tools.report.events:events",
         report="companion.tools.report.report:build",
@@ -85,7 +120,7 @@ SYSTEM = System(
         verbs="companion.tools.verbs.table:VERBS",
         tasks="companion.tools.verbs.hi:tasks",
         checks="companion.tools.verbs.checkup:CHECKS",
-        promises="companion.tools.promises:broken",
+        promises="companion.tools.report.verdict:broken",
         why="companion.tools.why:passages",
         believed="companion.tools.why:believed",
         untouchable="companion.tools.verbs.checkup:untouchable",

@@ -6,11 +6,12 @@ from collections import defaultdict
 from collections.abc import Iterator
 
 from companion.asking import PREFIXES, Question, Rows, Term
+from companion.design import AgentName
 from companion.languages import cmd, hfsm, rc, sw, wm
 from companion.sentences import at, does, evidence, operator, plain, spaced
-from companion.tools import asking
-from companion.tools.asking import KM, written
 from companion.tools.report.plans import Made, Ran, acts, made, ran
+from companion.tools.verbs import ask
+from companion.tools.verbs.ask import written
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken
@@ -186,7 +187,7 @@ def believed(run: Run, name: str, at: float | None = None) -> Why | None:
     """What is believed of a thing, now or `at` [s after the first communicate]; None for an unknown
     one.
     """
-    known = asking.known(run, at)
+    known = ask.known(run, at)
     things = [_local(row[0]) for row in _asked(known, THINGS)]
     thing = next((one for one in things if name in (one, plain(one), one.partition("_")[0])), None)
     if thing is None:
@@ -205,8 +206,8 @@ def believed(run: Run, name: str, at: float | None = None) -> Why | None:
     return Why(thing, f"{plain(thing)}: {known.words}", known.begin, believed)
 
 
-def _asked(known: asking.Known, text: str) -> list[list[Term]]:
-    answer = asking.answered(Question(text, known.heard, known.begin, SECONDS, ROWS))
+def _asked(known: ask.Known, text: str) -> list[list[Term]]:
+    answer = ask.answered(Question(text, known.heard, known.begin, SECONDS, ROWS))
     assert isinstance(answer, Rows)
     return [[term for term in row if term is not None] for row in answer.rows]
 
@@ -234,7 +235,7 @@ def _observed(run: Run, since: float, thing: str, texts: list[str], content: boo
     thing.
     """
     at = run.trace.begin + since
-    to_km = (one for one in run.history.said if one.receiver == KM)
+    to_km = (one for one in run.history.said if one.receiver == AgentName.KM)
     said = [one for one in to_km if abs(one.received - at) < 0.001]
     of_thing = (one for one in said if _tells(one, thing))
     about = [one for one in of_thing if isinstance(one.content, wm.FeltContent) is content] or said
@@ -267,7 +268,9 @@ def _tells(one: Spoken, thing: str) -> bool:
 def _confirmed(run: Run, thing: str, at: float | None) -> list[Fact]:
     """When the thing was seen or felt last."""
     until = float("inf") if at is None else run.trace.begin + at
-    to_km = (one for one in run.history.said if one.receiver == KM and one.received <= until)
+    to_km = (
+        one for one in run.history.said if one.receiver == AgentName.KM and one.received <= until
+    )
     said = [one for one in to_km if _tells(one, thing)]
     if not said:
         return []

@@ -11,8 +11,7 @@ from msgspec.structs import replace
 from companion.languages.values import Pose, Vector
 from companion.models import MODELS, Flat, Model
 from companion.world import geometry
-from companion.world.extents import TOUCH_M, cells_of
-from companion.world.scene import Scene, SceneObject
+from companion.world.scene import TOUCH_M, Scene, SceneObject, cells_of
 
 # The foot of an object is taken this far above its base, so that an object on a roof is not inside;
 # estimate.
@@ -30,8 +29,12 @@ def related(scene: Scene, now: float, *touched: str) -> Scene:
     near = {name for one in moved for name in (one.id, *objects.upon(one.id), *_near(scene, one))}
     close = (objects[name] for name in near)
     concerned = (other for other in close if any(_concerns(one, other) for one in moved))
-    computed = ((object, _related(scene, object, now)) for object in concerned)
-    renewed = [after for object, after in computed if after is not object]
+    computed = ((object, *relate(scene, object)) for object in concerned)
+    renewed = [
+        replace(object, on=on, inside=inside, related_at=now)
+        for object, on, inside in computed
+        if (on, inside) != (object.on, object.inside)
+    ]
     return replace(scene, things=objects.having(renewed)) if renewed else scene
 
 
@@ -53,21 +56,12 @@ def _concerns(moved: SceneObject, object: SceneObject) -> bool:
 def relate(scene: Scene, object: SceneObject) -> tuple[str, tuple[str, ...]]:
     """Return what an object is on ("" for nothing) and in (sorted by id)."""
     model = object.known
-    if model is None:
+    if model is None or scene.holder(object.id) is not None:  # it moves with the hand
         return "", ()
-    if scene.holder(object.id) is not None:
-        return "", ()  # it moves with the hand
     others = [scene.things[name] for name in _near(scene, object) if name != object.id]
     known = ((other, other.known) for other in others if other.known)
     inside = tuple(sorted(other.id for other, of in known if _is_in(object, model, other, of)))
     return _support(object, model, others), inside
-
-
-def _related(scene: Scene, object: SceneObject, now: float) -> SceneObject:
-    on, inside = relate(scene, object)
-    if (on, inside) == (object.on, object.inside):
-        return object
-    return replace(object, on=on, inside=inside, related_at=now)
 
 
 def _support(object: SceneObject, model: Model, others: list[SceneObject]) -> str:

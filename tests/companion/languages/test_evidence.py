@@ -2,6 +2,8 @@
 from what they told.
 """
 
+from enum import StrEnum
+
 import msgspec
 import pytest
 from hypothesis import given
@@ -14,10 +16,11 @@ from companion.languages.evidence import (
     Evidence,
     Sense,
     fitting,
+    member,
+    members,
     newest,
     unchecked,
 )
-from companion.languages.open_enums import members
 
 pytestmark = pytest.mark.timeout(60)
 CLAIMS = members(AnyClaim)
@@ -78,3 +81,50 @@ def test_what_fits_begins_with_what_was_not_checked(known, room):
     assert sum(len(msgspec.msgpack.encode(one)) for one in told) <= room
     if any(one.by for one in told):
         assert {one for one in told if not one.by} == {*unchecked(known)}
+
+
+# --- Enumerations to which tasks add: one table of all members, each value once
+
+
+def test_members_of_all_tables_are_found_by_value():
+    """Each as a member of its own table."""
+
+    class Base(StrEnum):
+        pass
+
+    class General(Base):
+        ONE = "one"
+
+    class OfATask(Base):
+        TWO = "two"
+
+    assert members(Base) == {"one": General.ONE, "two": OfATask.TWO}
+    assert member(Base, "two") is OfATask.TWO
+    with pytest.raises(ValueError, match="unknown Base 'three'"):
+        member(Base, "three")
+
+
+def test_two_members_with_one_value_are_refused():
+    """In two tables, or as two names in one, which Python would take for the same member."""
+
+    class Base(StrEnum):
+        pass
+
+    class General(Base):
+        ONE = "one"
+
+    class OfATask(Base):
+        ALSO = "one"
+
+    with pytest.raises(ValueError, match="both General and OfATask have 'one'"):
+        members(Base)
+
+    class Other(StrEnum):
+        pass
+
+    class Twice(Other):
+        ONE = "one"
+        AGAIN = "one"
+
+    with pytest.raises(ValueError, match="both Twice and Twice have 'one'"):
+        members(Other)

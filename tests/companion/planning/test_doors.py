@@ -10,7 +10,7 @@ from planned import Km, acts, steps, surveyed
 from companion.languages import hfsm
 from companion.languages.facts import Kind, fact
 from companion.planning.methods import Asking
-from companion.planning.situation import situation
+from companion.planning.steps import situation
 from companion.tasks.open_door import plan as leaves
 from companion.tasks.open_door.done import OpenDoor
 from velma.kinematics.collision import World

@@ -5,12 +5,16 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from planned import Km, acts, steps
 
-from companion.all_languages import HFSM
+from companion.design import HFSM
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
+from companion.planning import placing as under_test
+from companion.planning.placing import NEAR_M, TOGETHER, Spot
 from services.task import plan as plans
 from velma import names
 from velma.kinematics.frames import tilt, transform
@@ -150,3 +154,45 @@ def test_the_expected_duration_is_plausible(first, second):
     """Below the limit of the main job together, and no less than the slow parts of it."""
     assert 25.0 < first[1].duration < 90.0
     assert 5.0 < second[1].duration < 40.0
+
+
+# --- Spots to put something down, as they are offered: some at a time, ever farther from those that
+# did not do
+
+
+ROOM = 1.0  # [m] side of the square in which spots are
+
+
+class Free:
+    """km's answer about the room over spots: those with x below `taken` are not free."""
+
+    def __init__(self, taken):
+        self.taken = taken
+        self.ask = self.answer
+
+    def answer(self, query, _):
+        return wm.Objects(("box_1",) if query.volume.at.xyz[0] < self.taken else ())
+
+
+points = st.lists(st.tuples(*[st.floats(0.0, ROOM)] * 2), max_size=120, unique=True)
+
+
+@given(points, st.sampled_from((0.0, 0.4, 2.0)))
+def test_each_time_free_spots_are_offered_farther_from_those_before(xy, taken):
+    """All of them free, at most so many together, and a step farther from each earlier one each
+    time.
+    """
+    found = [Spot("table_1", np.array([x, y, 0.8])) for x, y in xy]
+    offered = list(under_test._free(Free(taken), "s", found, "jar_1"))
+    assert all(1 <= len(some) <= TOGETHER for some in offered)
+    assert all(spot.at[0] >= taken for some in offered for spot in some)
+    for number, some in enumerate(offered):
+        before = [spot for earlier in offered[:number] for spot in earlier]
+        assert not any(spot.near(before, NEAR_M * (number + 1)) for spot in some), number
+
+
+def test_a_free_spot_is_always_offered_if_there_is_one():
+    """The first free one in their order, also among many that are not."""
+    found = [Spot("table_1", np.array([x, 0.5, 0.8])) for x in np.linspace(0.0, ROOM, 41)]
+    first = next(under_test._free(Free(0.9), "s", found, "jar_1"))
+    assert first[0].at[0] >= 0.9

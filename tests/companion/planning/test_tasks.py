@@ -1,25 +1,34 @@
 """Plans of all tasks from other beginnings than that of the paper, and why there is none."""
 
+import itertools
 import math
+import re
 from collections.abc import Callable
+from inspect import getsource
 
 import numpy as np
 import pytest
-from planned import Km, acts, ends, steps, told
+from msgspec.structs import replace
+from planned import Km, acts, ends, steps, surveyed, told
 
 from companion.languages import hfsm, rc, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from companion.models import MODELS
 from companion.planning import search
-from companion.planning.registry import tasks
-from companion.tasks.pour.done import PourKind
+from companion.planning.methods import OTHER, Asking
+from companion.planning.registry import Each, object_arguments, rows, tasks
+from companion.planning.steps import Geometry
+from companion.tasks import parts
+from companion.tasks.pour import plan as pouring
+from companion.tasks.pour.done import Pour, PourKind
 from companion.tasks.put_down.command import PutDown
 from companion.world.geometry import place as placed
 from companion.world.scene import Scene
 from velma import names
 from velma.kinematics.frames import tilt, transform
 from velma.kinematics.robot import Robot
+from velma.model import scene as model
 
 pytestmark = pytest.mark.timeout(240)  # a search takes 16 s of processor
 # on its side, upside down
@@ -397,3 +406,88 @@ def test_the_table_is_cleared_thing_by_thing(scene):
     assert ends(one) is SUCCEEDED
     none = Km(scene("another jar out of reach")).plan(*CLEAR)
     assert any("jar_2" in why.things for why in none.why)
+
+
+# --- What the tasks declare fits together: each name once, each name that is used declared
+
+
+NAMED = re.compile(r'\(\s*"([a-z_]+)"')
+OWN = {"a_replan", "a_tell", "a_some_done", "a_end"}
+
+
+def test_each_task_that_can_be_asked_for_has_methods():
+    """And no check is declared for another one."""
+    assert set(tasks()) <= set(search.METHODS)
+    assert {name for row in rows() for name in row.refused} <= set(tasks())
+
+
+def test_each_name_of_a_row_is_declared():
+    """A method around tasks is named in the rows of those tasks."""
+    used = {one for methods in search.METHODS.values() for one in methods if isinstance(one, str)}
+    assert used == set(search.AROUND)
+
+
+@pytest.mark.parametrize("module", parts("plan"), ids=lambda module: module.__name__.split(".")[-2])
+def test_each_subtask_is_declared(module):
+    """Those that a method names: tasks, subtasks and actions, its own and those of other tasks."""
+    methods = itertools.chain.from_iterable(module.PLAN.methods.values())
+    declared = [one for one in methods if not isinstance(one, str)]
+    around = (*declared, *module.PLAN.around.values())
+    methods = [one.method if isinstance(one, Each) else one for one in around]
+    named = {name for method in methods for name in NAMED.findall(getsource(method))}
+    assert methods
+    assert named <= {*search.METHODS, *search.ACTIONS, *search.CONDITIONS, *OWN}
+
+
+def test_a_name_that_two_tasks_declare_is_refused():
+    """With the name: GTPyhop would try the methods of both."""
+    with pytest.raises(ValueError, match=r"declared by two tasks: set_down"):
+        search.merged([{"set_down": 1, "take": 2}, {"set_down": 3}])
+
+
+def test_the_things_of_a_task_are_its_arguments_of_that_kind():
+    """Neither hand nor place."""
+    assert object_arguments("pour", ("jar_1", "bowl_1")) == ("jar_1", "bowl_1")
+    assert object_arguments("put_at", ("jar_1", "table")) == ("jar_1",)
+    assert object_arguments("clear_table", ()) == ()
+
+
+# --- A pour begins with the hand that is likely to have a way there; a wrong guess costs time, not
+# the plan
+
+
+def mirrored(scene):
+    """Return the scene with left and right exchanged."""
+    things = (
+        replace(one, xyz=(one.xyz[0], -one.xyz[1], one.xyz[2]), yaw=-one.yaw)
+        for one in scene.things
+    )
+    return replace(scene, things=tuple(things))
+
+
+def hands(plan):
+    """The hands that pour in a plan."""
+    return [act.side for act in acts(plan, Pour)]
+
+
+@pytest.mark.parametrize("seed", [4, 12])
+def test_the_hand_beside_the_bowl_is_likely(seed):
+    """In env2 the right one, in its mirror image the left one; the question is asked once for a
+    place of the bowl.
+    """
+    scene = model.vary(model.load(model.CANONICAL.with_stem("env2")), seed)
+    for likely, one in ((Side.RIGHT, scene), (Side.LEFT, mirrored(scene))):
+        asking = Asking(Km(surveyed(one)).ask, "p")
+        geometry, state = Geometry(asking, Robot(), seed), asking.suppose("", ())
+        for hand in Side:
+            assert pouring.likely(geometry, state, "jar_1", "bowl_1", hand) is (hand is likely)
+            likely_to = pouring.not_likely(geometry, state, "jar_1", "bowl_1", hand)
+            assert likely_to is (hand is not likely)
+        assert len(geometry.pouring) == 1
+
+
+def test_the_other_hand_pours_where_the_likely_one_cannot(env2, monkeypatch):
+    """With the wrong hand taken for the likely one, the same hand pours in the end."""
+    (right,) = hands(Km(env2).plan("pour", "jar", "bowl"))
+    monkeypatch.setattr(pouring, "_likely", lambda *arguments: OTHER[right])
+    assert hands(Km(env2).plan("pour", "jar", "bowl")) == [right]

@@ -108,7 +108,7 @@ def test_fingers_that_would_meet_something_move_at_the_end_of_the_path(
 
     def entangled(here, path, side, bent, speed):
         if bent is not None:
-            raise NotPossible(rc.NotDoneKind.REPLAN, ())
+            raise NotPossible(rc.NotDoneKind.REPLAN)
         return path if not free_at_the_end else whole(here, path, side, bent, speed)
 
     monkeypatch.setattr(moving, "_clear", entangled)

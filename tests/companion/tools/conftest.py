@@ -10,8 +10,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "operate"))
 
 from synthetic import pour
 
-from companion.tools import asking
 from companion.tools.system import SYSTEM
+from companion.tools.verbs import ask
 from operate.recording import run
 from services.knowledge import asked
 
@@ -23,7 +23,7 @@ _opened = cache(lambda place: _open(place, SYSTEM))
 def answered_here(monkeypatch):
     """Questions are answered in this process."""
     monkeypatch.setattr(asked, "bound", lambda seconds: None)
-    monkeypatch.setattr(asking, "answered", asked.answer)
+    monkeypatch.setattr(ask, "answered", asked.answer)
     monkeypatch.setattr(run, "opened", lambda place, system=None: _opened(place))
 
 

@@ -9,15 +9,15 @@ import pytest
 from msgspec.structs import replace
 from synthetic import with_truth
 
-from companion.all_languages import LANGUAGES, RC, WM
+from companion.design import LANGUAGES, RC, WM
 from companion.languages import rc, rs, wm
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from companion.tasks.pour.done import Pour
 from companion.tasks.pour.verdict import share
-from companion.tools.beliefs import Beliefs
 from companion.tools.report import believed, page, report
-from companion.tools.report.judges import Share
+from companion.tools.report.believed import Beliefs
+from companion.tools.report.plans import Share
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from fipa_codec.communicate import encode

@@ -1,5 +1,6 @@
 """Table of runs that did the main job or not: one thing changed at a time."""
 
+import math
 from collections.abc import Callable
 
 import msgspec
@@ -11,11 +12,11 @@ from companion.languages import cmd, hfsm, rc, sw
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from companion.tasks.pour.command import PourInto
-from companion.tasks.pour.verdict import poured
+from companion.tasks.pour.verdict import _stands_on, poured
 from companion.tasks.put_down.command import PutDown
 from companion.tasks.take.command import Take
 from companion.telemetry import TrueState
-from companion.tools.report import events, plans, report, story, verdict
+from companion.tools.report import events, page, plans, report, verdict
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import truth
 from fipa_codec.performatives import Performative as P
@@ -224,8 +225,8 @@ def test_another_command_that_comes_to_nothing_is_no_failure(command, agreed):
     name = ("ended", "failed") if agreed else ("refused",)
     assert told[" ".join((*name, *plans.asked_of(plans.commands(past)[-1])))]
     assert told["finished"]
-    assert [bar.end >= bar.start for bar in story.bars(past)].count(False) == 0
-    assert sum("refused" in text for bar in story.bars(past) for text in bar.texts) == 0
+    assert [bar.end >= bar.start for bar in page.bars(past)].count(False) == 0
+    assert sum("refused" in text for bar in page.bars(past) for text in bar.texts) == 0
 
 
 def test_a_plan_of_the_job_that_is_refused_stays_a_failure():
@@ -298,3 +299,20 @@ def test_a_job_that_was_done_is_done_whoever_died_then(pouring):
 
 def _past(run):
     return history.of_records([understood(sample, SYSTEM) for sample in run.samples], SYSTEM)
+
+
+# --- Parts of the verdict on a pour; that of whole runs is tested with the report
+# (tests/companion/tools)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5, math.pi / 2, -2.0])
+def test_a_point_on_a_turned_table_is_on_it(yaw):
+    """A corner of the top belongs to it, whichever way the table is turned; a point outside does
+    not.
+    """
+    table = Pose((1.0, 2.0, 0.0), (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
+    for reach, inside in ((0.45, True), (0.47, False)):
+        x = 1.0 + reach * math.cos(yaw) - reach * math.sin(yaw)
+        y = 2.0 + reach * math.sin(yaw) + reach * math.cos(yaw)
+        assert _stands_on(x, y, 0.775, "table", table) is inside
+        assert not _stands_on(x, y, 0.9, "table", table)

@@ -10,8 +10,18 @@ from hypothesis import strategies as st
 from companion.languages.values import Box, Pose
 from companion.models import MODELS
 from companion.world import geometry, relations
-from companion.world.extents import CELL_M, FAR_M, TOUCH_M, WIDE_M, cells, cells_of, extent
-from companion.world.scene import Scene, SceneObject, SceneObjects
+from companion.world.scene import (
+    CELL_M,
+    FAR_M,
+    TOUCH_M,
+    WIDE_M,
+    Scene,
+    SceneObject,
+    SceneObjects,
+    cells,
+    cells_of,
+    extent,
+)
 
 from .test_geometry import poses, shapes
 

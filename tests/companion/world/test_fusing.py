@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from companion.languages.values import Pose, Uncertainty
-from companion.world.fusing import fused
+from companion.world.observe import fused
 
 Array = NDArray[np.float64]
 AT = np.array([0.85, 0.37, 1.28])

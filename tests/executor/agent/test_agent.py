@@ -11,7 +11,7 @@ from pretended_robot import Robot, World
 from scripted_partner import Open, Say, partner
 
 from agent_runtime.testing.memory_bus import MemoryBus, Point
-from companion.binding import wiring
+from companion.design import wiring
 from companion.languages import rc
 from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side

@@ -11,7 +11,7 @@ import pytest
 from driven import Driven
 
 from agent_runtime.core.events import Event, Local, Started, Tick
-from companion.binding import wiring
+from companion.design import wiring
 from companion.languages import rc
 from companion.languages.facts import Facts, Kind, fact
 from companion.languages.values import Pose, Side

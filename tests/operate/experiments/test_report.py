@@ -12,7 +12,7 @@ from pyarrow import csv, parquet
 from companion.sentences import happened
 from companion.tools.report import measures
 from companion.tools.report.measures import MEASURES, PourFigures
-from companion.tools.report.paper import PAPER
+from companion.tools.report.report import PAPER
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import robot
 from operate.experiments import page, results, summary, tables

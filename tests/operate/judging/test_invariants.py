@@ -14,7 +14,7 @@ from agent_runtime.core.state import Outgoing, Record
 from agent_runtime.io.journal import Journal
 from companion.languages import rc
 from companion.skills.loop_messages import Mode
-from companion.tools import promises
+from companion.tools.report import verdict
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate
 from fipa_codec.performatives import Performative
@@ -146,10 +146,10 @@ def test_an_act_that_was_begun_twice_is_told() -> None:
     begun = next(one for one in past.said if isinstance(one.content, rc.Accepted))
     twice = msgspec.structs.replace(past, said=(*past.said, begun))
     assert isinstance(begun.content, rc.Accepted)
-    assert promises.begun_twice(past) == {}
-    assert list(promises.broken(twice)) == [f"the act {begun.content.key} was begun 2 times"]
+    assert verdict.begun_twice(past) == {}
+    assert list(verdict.broken(twice)) == [f"the act {begun.content.key} was begun 2 times"]
 
 
 def test_the_modes_are_those_of_the_loop() -> None:
     """And "" before it has told one."""
-    assert set(promises.MODES) == {"", *Mode}
+    assert set(verdict.MODES) == {"", *Mode}

@@ -156,7 +156,7 @@ def test_another_systems_design_and_languages_are_named(tmp_path: Path) -> None:
     for place in ("companion.languages", "companion.languages:NOTHING", "companion.design:DESIGN"):
         with pytest.raises(NoSystemError, match=place):
             languages_at(place)
-    assert languages_at("companion.all_languages:LANGUAGES") is SYSTEM.languages
+    assert languages_at("companion.design:LANGUAGES") is SYSTEM.languages
 
 
 def _known(item: Any) -> Any:

@@ -12,16 +12,16 @@ from synthetic import with_truth
 from companion.languages import wm
 from companion.languages.values import Pose, Side
 from companion.telemetry import RobotState
-from companion.tools.beliefs import MOST_APART_MM, Belief
-from companion.tools.pictures.believed import (
+from companion.tools.pictures.scene import (
     APART,
     BELIEVED,
     LABELS,
     Believed,
+    Scene,
     joints_at,
     label_text,
 )
-from companion.tools.pictures.scene import Scene
+from companion.tools.report.believed import MOST_APART_MM, Belief
 from companion.tools.telemetry import truth
 from operate.pictures.sheet import HIDDEN, Sheet, labels
 from operate.pictures.stage import Happening

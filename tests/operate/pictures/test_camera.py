@@ -10,7 +10,7 @@ import pytest
 from noted import Noted, afterwards
 
 from companion.telemetry import Found, Picture, RobotState
-from companion.tools.pictures.camera import CAMERA, MARKERS
+from companion.tools.pictures.drawers import CAMERA, MARKERS
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import pictures, robot
 from operate.pictures.file import write

@@ -6,12 +6,12 @@ import msgspec
 import pytest
 from noted import Noted
 
-from companion.all_languages import HFSM, LANGUAGES
+from companion.design import HFSM, LANGUAGES
 from companion.languages import hfsm, rc, sw
 from companion.languages.values import Side
 from companion.telemetry import RobotState
 from companion.tools.pictures import robot
-from companion.tools.pictures.imagined import ROBOT, THINGS, End, Imagined
+from companion.tools.pictures.acts import ROBOT, THINGS, End, Imagined
 from companion.tools.pictures.scene import Scene
 from companion.tools.pictures.velma import entity
 from companion.tools.telemetry import truth

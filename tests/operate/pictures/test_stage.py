@@ -14,9 +14,8 @@ from companion.languages import hfsm, rc, sw
 from companion.sentences import at
 from companion.tools import telemetry
 from companion.tools.pictures import robot
-from companion.tools.pictures.acts import DONE, PLANNED
-from companion.tools.pictures.drawers import ACT, LOOP
-from companion.tools.pictures.plan import PLAN
+from companion.tools.pictures.acts import DONE, WAY
+from companion.tools.pictures.drawers import ACT, LOOP, PLAN_TEXT
 from companion.tools.pictures.velma import VELMA
 from companion.tools.system import SYSTEM
 from operate.fault_lines import Fault
@@ -120,7 +119,7 @@ def test_lanes_change_when_agents_do(past: history.History, sheet: Noted) -> Non
 def test_the_plan_shows_the_leaf_ta_is_in(past: history.History, sheet: Noted) -> None:
     """One marked leaf while it runs, the outcome at its end."""
     reports = [one.content for one in past.said if isinstance(one.content, sw.Report)]
-    texts = [text for _, text in sheet.of(PLAN)]
+    texts = [text for _, text in sheet.of(PLAN_TEXT)]
     to_ta = [one.content for one in past.said if one.channel == "C1"]
     plans = sum(isinstance(one, hfsm.HierarchicalPlan) for one in to_ta)
     assert len(texts) == 1 + plans + len(reports)
@@ -141,7 +140,7 @@ def test_a_planned_path_ends_where_the_plan_says(
     """The grip frame at the last joints of a free motion; nothing is left of it when the act is
     answered.
     """
-    drawn = true_sheet.of(PLANNED)
+    drawn = true_sheet.of(WAY)
     commands = [one for one in true_past.said if isinstance(one.content, rc.MoveJoint)]
     assert commands
     for one in commands:

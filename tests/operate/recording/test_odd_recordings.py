@@ -18,8 +18,8 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from planting import POUR
 from typer.testing import CliRunner
 
-from companion.tools.asking import known
 from companion.tools.system import SYSTEM
+from companion.tools.verbs.ask import known
 from console.__main__ import app
 from operate.recording import mcap_file
 from operate.recording.index import CHUNK_LIMIT

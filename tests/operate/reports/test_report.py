@@ -13,7 +13,7 @@ from synthetic import Run
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
 from companion.telemetry import Picture
-from companion.tools.report import page, plans, report, story
+from companion.tools.report import page, plans, report
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import encode
 from operate.recording import history, mcap_file
@@ -65,7 +65,7 @@ def test_the_events_are_those_of_table_7_in_their_order(pouring: Run) -> None:
     """Every row of the paper's time table is found in a run of the main job, in the paper's
     order.
     """
-    from companion.tools.report.paper import PAPER
+    from companion.tools.report.report import PAPER
 
     names = [event.id for event in figures(pouring.samples).events]
     assert [name for name in names if name in PAPER.times] == list(PAPER.times)
@@ -193,9 +193,9 @@ def test_an_empty_folder_gives_a_report_that_says_so(tmp_path: Path) -> None:
 def test_the_page_shows_the_robot_and_says_what_each_colour_means(pouring: Run) -> None:
     """The last picture of the room, if there is any; every colour of a bar has a name."""
     past = history.of_records(records(pouring.samples), SYSTEM)
-    bars = {bar.colour for bar in story.bars(past)}
-    assert bars <= {colour for _, colour in story.LEGEND}
-    assert len({name for name, _ in story.LEGEND}) == len({colour for _, colour in story.LEGEND})
+    bars = {bar.colour for bar in page.bars(past)}
+    assert bars <= {colour for _, colour in page.LEGEND}
+    assert len({name for name, _ in page.LEGEND}) == len({colour for _, colour in page.LEGEND})
     rooms = enumerate((b"first", b"last", b""))
     told = tuple((past.begin + k, Picture(1.0, b"camera", room)) for k, room in rooms)
     seen = msgspec.structs.replace(past, told=(*past.told, *told))

@@ -8,8 +8,7 @@ from companion.languages.values import Side
 from companion.planning.methods import Known, Subtasks
 from companion.planning.placing import Surfaces, above, retreating
 from companion.planning.registry import Argument, Plan, each_hand, each_try
-from companion.planning.situation import configured
-from companion.planning.steps import Geometry, Step, move
+from companion.planning.steps import Geometry, Step, moved
 from velma.kinematics.tasks import LOADED_SPEED
 
 
@@ -44,11 +43,7 @@ def offer(geometry: Geometry, state: str, side: Side) -> Step | None:
     )
     if found is None:
         return None
-    way = found[1]
-    command = move(side, way, LOADED_SPEED)
-    return Step(
-        hfsm.Step("offer", (held.object,)), (command,), configured(side, way.path[-1]), way.duration
-    )
+    return moved(hfsm.Step("offer", (held.object,)), side, found[1], LOADED_SPEED)
 
 
 PLAN = Plan(

@@ -5,7 +5,7 @@ from companion.languages.facts import AnyKind, Facts, fact
 from companion.languages.rc import Bend, Command, Done, Kilograms, Rest
 from companion.languages.values import Name, Side
 from companion.languages.wm import AnySight, GivenObject
-from companion.rows import THERE, ActRow
+from companion.rows import THERE, ActRow, ShownRow
 
 
 class HandOver(Command, frozen=True):
@@ -67,4 +67,7 @@ ACTS = (
         remembered=True,
         sights=sights,
     ),
+)
+SHOWN = (
+    ShownRow(HandOver, "hand over", "#0f766e", "hands something over", "handed-over", ("object",)),
 )

@@ -100,7 +100,7 @@ def _give(here: Situation, command: HandOver, at: pin.SE3) -> Skill:
             break
     fell = next((one for one in sensed.sights if one.name == name), None)
     if fell is not None and fell.T_world_object.translation[2] < at.translation[2] - BELOW_M:
-        raise NotPossible(rc.NotDoneKind.LOST, (fact(Kind.LOST, side, name),))
+        raise NotPossible(rc.NotDoneKind.LOST, fact(Kind.LOST, side, name))
     here.forget(name)
 
 

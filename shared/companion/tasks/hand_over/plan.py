@@ -19,8 +19,7 @@ from companion.languages.values import Side
 from companion.planning.methods import Known, Subtasks
 from companion.planning.placing import place, retreating
 from companion.planning.registry import Argument, Plan, each_hand, each_try
-from companion.planning.situation import Situation, configured
-from companion.planning.steps import Geometry, Step, home, move
+from companion.planning.steps import Geometry, Situation, Step, configured, home, move
 from companion.tasks.hand_over.done import HandOver, HandOverKind
 from velma.kinematics import ik
 from velma.kinematics.frames import heading, standing, transform

@@ -4,7 +4,7 @@ from companion.languages.evidence import AnyClaim, Check, Otherwise, Sense
 from companion.languages.facts import AnyKind
 from companion.languages.rc import Angle, ApproachPoint, Bend, Command, FingerSpeed
 from companion.languages.values import Name, Pose, Side
-from companion.rows import THERE, ActRow
+from companion.rows import THERE, ActRow, ShownRow
 
 
 class OpenDoor(Command, frozen=True):
@@ -48,3 +48,6 @@ class DoorKind(AnyKind):
 
 _OPEN = Check(DoorClaim.OPEN, "door", (Sense.EYES,), Otherwise.FAILED)
 ACTS = (ActRow(OpenDoor, (THERE, _OPEN), rest_s=20.0, handles=True),)
+SHOWN = (
+    ShownRow(OpenDoor, "open", "#78350f", "opens a door", "opened", ("door",), points_on="door"),
+)

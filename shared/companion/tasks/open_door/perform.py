@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from companion.languages.evidence import Sense
 from companion.languages.facts import Kind, fact
-from companion.skills import evidence, motions, moving
+from companion.skills import motions, moving, senses
 from companion.skills.loop_messages import Close, Open, Until
 from companion.skills.moving import joining, legs, line_ends
 from companion.skills.senses import missed
@@ -164,4 +164,4 @@ def _judge(here: Situation, command: OpenDoor, before: pin.SE3) -> Skill:
         raise replan(fact(DoorKind.TURNED_TOO_LITTLE, command.door, done, command.least))
 
 
-SKILLS = (SkillRow(OpenDoor, open_door, tells={(DoorClaim.OPEN, Sense.EYES): evidence.seen}),)
+SKILLS = (SkillRow(OpenDoor, open_door, tells={(DoorClaim.OPEN, Sense.EYES): senses.seen}),)

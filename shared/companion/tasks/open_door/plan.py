@@ -15,18 +15,21 @@ from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.planning.methods import Asking, Known, Subtasks
 from companion.planning.registry import Each, Plan, each_hand, object_arguments
-from companion.planning.situation import DOOR, Situation, configured, on_wire
 from companion.planning.steps import (
     CLOSE_S,
+    DOOR,
     OPEN_S,
     Geometry,
     Path,
+    Situation,
     Step,
     approach_points,
+    configured,
     free_speed,
     hand_steps,
     home,
     move,
+    on_wire,
 )
 from companion.tasks.open_door.done import DoorKind, OpenDoor
 from velma import names

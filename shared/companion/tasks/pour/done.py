@@ -10,7 +10,7 @@ from companion.languages.facts import AnyKind, Facts, Kind, fact
 from companion.languages.rc import Angle, Command, Done, Kilograms, Rest
 from companion.languages.values import Name, Side
 from companion.languages.wm import AnySight, FeltContent
-from companion.rows import THERE, ActRow, held
+from companion.rows import THERE, ActRow, ShownRow, held
 
 LEAST_WEIGHED_KG = 0.015
 """Difference of two weights of a pour that counts: two deviations of a sensor that drifts by 0.05 N
@@ -119,3 +119,4 @@ ACTS = (
         sights=sights,
     ),
 )
+SHOWN = (ShownRow(Pour, "pour", "#be185d", "pours", "poured", ("source", "destination")),)

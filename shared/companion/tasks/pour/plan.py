@@ -16,8 +16,7 @@ from companion.languages.values import Side
 from companion.planning.grasping import preferred
 from companion.planning.methods import OTHER, Known, Subtasks
 from companion.planning.registry import HANDS, Argument, Plan, each_hand
-from companion.planning.situation import Situation, configured
-from companion.planning.steps import Geometry, Step, move
+from companion.planning.steps import Geometry, Situation, Step, configured, move
 from companion.tasks.pour.done import Pour, PourKind
 from velma.kinematics.frames import transform
 from velma.kinematics.tasks import BACK_SPEED, LOADED_SPEED, TILT_SPEED

@@ -17,7 +17,7 @@ from companion.tasks.pour.command import PourInto
 from companion.tasks.pour.done import Pour, PourClaim
 from companion.telemetry import TrueState
 from companion.tools.report import plans
-from companion.tools.report.judges import Figures, Judge, Share
+from companion.tools.report.plans import Figures, Judge, Share
 from companion.tools.report.verdict import LEAST_LINKS, MOST_TILT_DEG, truth_at_end
 from companion.world.geometry import unplace
 from operate.recording.history import History

@@ -74,7 +74,7 @@ class _Met(NotPossible):
     """The object met something `above` its place [m]."""
 
     def __init__(self, why: Fact, place: pin.SE3, above: float) -> None:
-        super().__init__(rc.NotDoneKind.REPLAN, (why,))
+        super().__init__(rc.NotDoneKind.REPLAN, why)
         self.place, self.above = place, above
 
 

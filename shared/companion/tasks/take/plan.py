@@ -10,8 +10,7 @@ from companion.languages.values import Side
 from companion.planning.grasping import graspable, preferred, reachable, take
 from companion.planning.methods import Known, Subtasks
 from companion.planning.registry import Argument, Each, Plan, each_hand
-from companion.planning.situation import configured
-from companion.planning.steps import Geometry, Step, move
+from companion.planning.steps import Geometry, Step, moved
 from velma.kinematics.tasks import LOADED_SPEED
 from velma.kinematics.tasks.carrying import CARRY_TILT, carries
 
@@ -114,11 +113,7 @@ def carry(geometry: Geometry, state: str, side: Side) -> Step | None:
     if reached is None:
         geometry.failed(fact(Kind.NO_WAY_CARRYING, side, held.object))
         return None
-    _, way = reached
-    command = move(side, way, LOADED_SPEED)
-    return Step(
-        hfsm.Step("carry", (held.object,)), (command,), configured(side, way.path[-1]), way.duration
-    )
+    return moved(hfsm.Step("carry", (held.object,)), side, reached[1], LOADED_SPEED)
 
 
 PLAN = Plan(

@@ -1,29 +1,134 @@
 """Pictures of this robot beside those of any system: robot, things, beliefs, acts, camera, plan,
 numbers, lanes.
+
+The head camera is a part of the robot, so the 3D view has its field of view, with the picture and
+the markers found in it across it. Older recordings have none.
 """
 
+import math
 from collections.abc import Sequence
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from companion.languages import rc, sw
-from companion.sentences import Reader, spaced
+from companion.languages import hfsm, rc, sw
+from companion.sentences import Reader, does, plain, spaced
 from companion.sentences import step as worded
-from companion.telemetry import Lateness, RobotState, TrueState
-from companion.tools.pictures.acts import Acts
-from companion.tools.pictures.believed import Believed
-from companion.tools.pictures.camera import CAMERA, Camera
-from companion.tools.pictures.imagined import Imagined
-from companion.tools.pictures.plan import Plan
-from companion.tools.pictures.scene import Contacts, Scene
-from companion.tools.pictures.velma import Velma
+from companion.telemetry import Lateness, Picture, RobotState, TrueState
+from companion.tools.pictures import robot
+from companion.tools.pictures.acts import Acts, Imagined
+from companion.tools.pictures.scene import Believed, Contacts, Scene
+from companion.tools.pictures.velma import Velma, entity
 from fipa_codec.performatives import Performative
 from operate.pictures import blueprint as views
-from operate.pictures.sheet import Sheet, scalars
+from operate.pictures.sheet import GREY, Sheet, documents, images, outlines, scalars
 from operate.pictures.stage import REST, Drawer, Happening, Lane
 from operate.recording.records import Spoken
-from velma.names import ARM, BODY, TORSO
+from velma.names import ARM, BODY, CAMERA_BODY, TORSO
+
+PLAN_TEXT = "plan"
+Path = tuple[str, ...]
+
+
+class Plan:
+    """Writes the plan again when it or ta's place in it changes."""
+
+    def __init__(self, sheet: Sheet) -> None:
+        self._sheet = sheet
+        self._plan: hfsm.HierarchicalPlan | None = None
+        self._number = 0
+        self._behind: set[Path] = set()
+        self._at: Path = ()
+        self._outcome = ""
+        sheet.add(PLAN_TEXT, documents, sheet.begin, "No plan yet.")
+
+    def take(self, happening: Happening) -> None:
+        """Note a plan given to ta, and ta's reports."""
+        match happening.what:
+            case Spoken(channel="C1", content=hfsm.HierarchicalPlan() as plan):
+                self._plan, self._at, self._outcome, self._behind = plan, (), "", set()
+                self._number += 1
+            case Spoken(content=sw.Report() as report) if self._plan is not None:
+                self._report(report)
+            case _:
+                return
+        if (plan := self._plan) is None:
+            return
+        head = f"**Plan {self._number}: {plain(plan.task)}** – {self._outcome or 'under way'}"
+        self._sheet.add(
+            PLAN_TEXT, documents, happening.at, "\n".join((head, "", *self._lines(plan.root, ())))
+        )
+
+    def _report(self, report: sw.Report) -> None:
+        if report.at is not None and report.at.path != self._at:
+            if self._at:
+                self._behind.add(self._at)
+                if self._at[0] != report.at.path[0]:
+                    self._behind.add(self._at[:1])
+            self._at = report.at.path
+        if report.state in sw.FINAL:
+            self._outcome, self._at = report.state.lower(), ()
+
+    def _lines(self, machine: hfsm.Machine, path: Path) -> list[str]:
+        lines: list[str] = []
+        for state in machine.states:
+            here = (*path, state.name)
+            lines.append("  " * len(path) + "- " + self._line(here, does(state)))
+            if isinstance(state, hfsm.Machine) and self._at[: len(here)] == here:
+                lines += self._lines(state, here)
+        return lines
+
+    def _line(self, here: Path, name: str) -> str:
+        """`here` is behind, the leaf ta is in, around it, or not yet begun."""
+        if here == self._at:
+            return f"**▶ {name}**"
+        if self._at[: len(here)] == here:
+            return f"**{name}**"
+        return f"✓ {name}" if here in self._behind else name
+
+
+CAMERA = f"{entity(next(link for link in robot.links() if link.name == CAMERA_BODY))}/camera"
+MARKERS = f"{CAMERA}/markers"
+SIZE = (400, 300)
+"""Pixels of a picture for people: half of velma.eyes.lens.WIDTH and HEIGHT
+(services.executor.telemetry.SHRINK).
+"""
+FOCAL = SIZE[0] / 2 / math.tan(1.047 / 2)  # velma.eyes.lens.HALF_WIDTH
+BEFORE_M = 0.22
+"""Distance of the picture from the camera in the 3D view; estimate: readable, and before the head,
+not the hands.
+"""
+MARKED = (64, 220, 120)  # a green that neither wood, glass nor the bowl has
+
+
+class Camera:
+    """Draws the pictures."""
+
+    def __init__(self, sheet: Sheet) -> None:
+        self._sheet = sheet
+        self._any = False
+
+    def take(self, happening: Happening) -> None:
+        """Draw a picture."""
+        picture = happening.what
+        if not isinstance(picture, Picture):
+            return
+        if not self._any:  # enlarged smoothly: its pixels are larger than the screen's
+            self._any = True
+            linear = rr.components.MagnificationFilter.Linear
+            self._sheet.static(CAMERA, rr.EncodedImage.from_fields(magnification_filter=linear))
+            # A negative radius is in points of the screen.
+            lens = rr.Pinhole(
+                resolution=SIZE, focal_length=FOCAL, image_plane_distance=BEFORE_M, color=GREY
+            )
+            self._sheet.static(CAMERA, lens)
+            look = rr.LineStrips2D.from_fields(colors=[MARKED], radii=[-1.0], show_labels=False)
+            self._sheet.static(MARKERS, look)
+        self._sheet.add(CAMERA, images, happening.at, picture.jpeg, picture.sim_time_s)
+        found = [(one.thing, np.array(one.corners).reshape(4, 2)) for one in picture.markers]
+        self._sheet.add(MARKERS, outlines, happening.at, found, picture.sim_time_s)
+
 
 # --- The robot in numbers: joint positions, torques, wrenches at the wrists, how late the loop is -
 

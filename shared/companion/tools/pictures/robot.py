@@ -34,8 +34,8 @@ class Shape(msgspec.Struct, frozen=True):
     kind: str
     size: tuple[float, ...]
     at: tuple[float, float, float]
-    quat_wxyz: tuple[float, float, float, float]
-    rgba: tuple[float, float, float, float]
+    quat_wxyz: Four
+    rgba: tuple[float, ...]
 
 
 class Link(msgspec.Struct, frozen=True):

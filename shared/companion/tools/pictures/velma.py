@@ -20,6 +20,9 @@ STILL_RAD = 1e-4
 """A joint that turned less is not drawn again; estimate: 0.1 mm at an arm's length."""
 AXIS_M = 0.06
 """Length of a drawn axis; estimate."""
+FLOOR = robot.Shape(
+    "box", (2.2, 2.2, 0.01), (0.5, 0.0, -0.01), (1.0, 0.0, 0.0, 0.0), (0.87, 0.886, 0.902)
+)
 
 
 class Velma:
@@ -31,9 +34,14 @@ class Velma:
         self._moving = [link for link in robot.links() if link.joint]
         self._entities = {link.name: entity(link) for link in self._moving}
         sheet.static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-        sheet.static("world/floor", _floor())
+        sheet.static("world/floor", drawn("box", [FLOOR]))
+        # x red, y green, z blue
+        axes = rr.Arrows3D(vectors=np.eye(3) * AXIS_M, colors=AXES, radii=0.0025)
         for link in robot.links():
-            _look(sheet, link)
+            shaped(sheet, link)
+            placed(sheet, link)
+            if link.name in GRIP_BODY.values():
+                sheet.static(f"{entity(link)}/frame", axes)
         start = dict(zip(BODY, START.tolist(), strict=True))
         # until the first telemetry, which may be late: the arms hang down
         for link in self._moving:
@@ -56,21 +64,9 @@ class Velma:
                 )
 
 
-def axes(length: float = AXIS_M) -> rr.Arrows3D:
-    """x red, y green, z blue."""
-    return rr.Arrows3D(vectors=np.eye(3) * length, colors=AXES, radii=0.0025)
-
-
 def entity(link: robot.Link, root: str = VELMA) -> str:
     """Return the path of a link in Rerun."""
     return "/".join((root, *link.path))
-
-
-def _look(sheet: Sheet, link: robot.Link) -> None:
-    shaped(sheet, link)
-    placed(sheet, link)
-    if link.name in GRIP_BODY.values():
-        sheet.static(f"{entity(link)}/frame", axes())
 
 
 def placed(sheet: Sheet, link: robot.Link, root: str = VELMA) -> None:
@@ -81,15 +77,15 @@ def placed(sheet: Sheet, link: robot.Link, root: str = VELMA) -> None:
 
 
 def shaped(
-    sheet: Sheet, link: robot.Link, root: str = VELMA, rgba: robot.Four | None = None
+    sheet: Sheet, link: robot.Link, root: str = VELMA, rgba: tuple[float, ...] | None = None
 ) -> None:
     """Draw the shapes of a link. `rgba`: of all of them, 0 to 1; None: each has its own."""
     for kind, some in groupby(sorted(link.shapes, key=lambda s: s.kind), key=lambda s: s.kind):
         shapes = [replace(shape, rgba=rgba or shape.rgba) for shape in some]
-        sheet.static(f"{entity(link, root)}/{kind}", _drawn(kind, shapes))
+        sheet.static(f"{entity(link, root)}/{kind}", drawn(kind, shapes))
 
 
-def _drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:
+def drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:
     """The shapes of one kind on a link, in one batch."""
     at, turn = [s.at for s in shapes], [xyzw(s.quat_wxyz) for s in shapes]
     look: dict[str, Any] = {
@@ -107,15 +103,6 @@ def _drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:
     # A capsule of Rerun begins at its origin; ours are given by their centres.
     starts = [place(Pose(s.at, s.quat_wxyz), (0.0, 0.0, -s.size[1] / 2)) for s in shapes]
     return rr.Capsules3D(lengths=lengths, radii=radii, translations=starts, **look)
-
-
-def _floor() -> rr.AsComponents:
-    return rr.Boxes3D(
-        centers=[(0.5, 0.0, -0.01)],
-        half_sizes=[(2.2, 2.2, 0.01)],
-        colors=[(222, 226, 230)],
-        fill_mode="solid",
-    )
 
 
 def xyzw(quat_wxyz: tuple[float, ...]) -> tuple[float, float, float, float]:

@@ -9,6 +9,7 @@ from enum import StrEnum
 
 import msgspec
 
+from companion.acts import SHOWN
 from companion.languages import cmd, rc, wm
 from companion.tools.report.plans import (
     REFUSED,
@@ -25,7 +26,6 @@ from companion.tools.report.plans import (
     task_command,
     task_end,
 )
-from companion.tools.shown import SHOWN
 from operate.recording.history import History
 
 

@@ -1,14 +1,19 @@
-"""Measures of pours, with the paper's figures beside (operate.experiments.measures)."""
+"""Measures of pours, with the paper's figures beside (operate.experiments.measures), and the tables
+that only this robot has.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import msgspec
 import numpy as np
+import pyarrow
 
 from companion.design import DESIGN
 from companion.sentences import happened
-from companion.tools.report.paper import PAPER, TABLE_8
-from companion.tools.report.tables import of_history
+from companion.tools.report.events import events
+from companion.tools.report.report import PAPER, TABLE_8
+from companion.tools.telemetry import Clock, robot
 from operate.experiments import intervals
 from operate.experiments.measures import (
     LARGEST,
@@ -25,7 +30,60 @@ from operate.experiments.measures import (
 from operate.experiments.page import BINS, SHADE
 from operate.experiments.run_figures import Figures, SentMessage
 from operate.experiments.summary import row_of
+from operate.experiments.tables import table
+from operate.recording.history import History
 from operate.reports.figures import ACCENT, FAINT, INK, drawing
+from velma.names import BODY
+
+TEXTS, COUNTS = ("mode", "act", "skill"), ("cycles", "missed", "skipped", "faults")
+QUANTILES = (
+    "lateness_p50_us", "lateness_p99_us", "lateness_max_us", "compute_p50_us", "compute_p99_us",
+)  # fmt: skip
+
+
+def of_history(history: History) -> dict[str, pyarrow.Table]:
+    """Return the tables by name."""
+    return {"events": event_table(history), "telemetry": telemetry(history)}
+
+
+def event_table(history: History) -> pyarrow.Table:
+    """The events of a run: t [s after the first communicate], sim_s, name with what it is of,
+    channels, text.
+    """
+    clock, found = Clock(history), events(history)
+    names = [(one.name, " ".join(one.channels), one.text) for one in found]
+    columns: dict[str, list[Any]] = {
+        "t": [one.at - history.begin for one in found],
+        "sim_s": [clock.sim(one.at) for one in found],
+        **{
+            column: [one[n] for one in names]
+            for n, column in enumerate(("name", "channels", "text"))
+        },
+    }
+    types = dict.fromkeys(columns, pyarrow.string())
+    return table(types | dict.fromkeys(("t", "sim_s"), pyarrow.float64()), columns)
+
+
+def telemetry(history: History) -> pyarrow.Table:
+    """Telemetry of the loop: times, joints [rad], work [J], mode, act, cycles and how late they
+    were [us].
+    """
+    states = robot(history)
+    columns: dict[str, list[Any]] = {
+        "t": [at - history.begin for at, _ in states],
+        "sim_s": [state.sim_time_s for _, state in states],
+    }
+    for name in ("work_J", *TEXTS, *COUNTS):
+        columns[name] = [getattr(state, name) for _, state in states]
+    for name in QUANTILES:  # lateness_p50_us: p50 of lateness_us
+        of, _, quantile = name.removesuffix("_us").partition("_")
+        columns[name] = [getattr(getattr(state, f"{of}_us"), quantile) for _, state in states]
+    for n, joint in enumerate(BODY):
+        columns[joint] = [state.body[n] if n < len(state.body) else None for _, state in states]
+    types = dict.fromkeys(columns, pyarrow.float64())
+    types |= dict.fromkeys(TEXTS, pyarrow.string()) | dict.fromkeys(COUNTS, pyarrow.int64())
+    return table(types, columns)
+
 
 # --- Figures of a pour that its report.json has beyond the traffic, and how plans were made. Pure -
 
@@ -129,10 +187,9 @@ def planning(runs: Runs, number: int) -> str:
     with drawing(
         f"all-plan{number}", 2.7, f"Bandwidth of C4 while plan {number} is made, all runs"
     ) as (axes, svg):
-        low, high = np.maximum(middle - half, 0.0), middle + half
-        axes.fill_between(
-            edges, _stair(low), _stair(high), step="post", color=ACCENT, alpha=SHADE, linewidth=0
-        )
+        band = (np.maximum(middle - half, 0.0), middle + half)
+        low, high = (np.append(one, one[-1]) for one in band)
+        axes.fill_between(edges, low, high, step="post", color=ACCENT, alpha=SHADE, linewidth=0)
         axes.stairs(middle, edges, color=ACCENT, linewidth=1.5)
         times = [plan.wall_s or 0.0 for plan, _ in some]
         axes.plot(times, [0.0] * len(times), "|", color=INK, markersize=9, clip_on=False, zorder=5)
@@ -153,10 +210,6 @@ def _made(runs: Runs, number: int) -> list[tuple[Plan, tuple[SentMessage, ...]]]
     return found
 
 
-def _stair(values: np.ndarray) -> np.ndarray:
-    return np.append(values, values[-1])
-
-
 def _caption(number: int, step: float, runs: int) -> str:
     theirs = PAPER.made(number)
     text = f"plan {number}, mean over {runs} run{'s' * (runs != 1)} in steps of {step:.2g} s"
@@ -169,14 +222,19 @@ def _caption(number: int, step: float, runs: int) -> str:
 # --- Measures of pours, with the paper's figures beside (operate.experiments.measures) ------------
 
 
-PLANS, IN_BOWL = (1, 2), "in the bowl"
+PLANS = (1, 2)
 PEAK_STEP_S = 1.0
 """The paper does not say the step of its peak; a second is what its drawing could show
 (estimate).
 """
 POUR = (
     Quantity(
-        IN_BOWL, "success", "%", lambda f: _percent(f.poured_fraction), judged=False, digits=0
+        "in the bowl",
+        "success",
+        "%",
+        lambda f: None if f.poured_fraction is None else 100 * f.poured_fraction,
+        judged=False,
+        digits=0,
     ),
     Quantity("command to end", "latency", "s", lambda f: f.wall_time_s),
     Quantity("simulated acts", "latency", "s", lambda f: f.sim_time_s),
@@ -186,10 +244,6 @@ C4 = tuple(
     Quantity(f"C4: {words}", "traffic", "B", channel_size("C4", part), judged=False, digits=0)
     for words, part in (("smallest", "least"), ("mean size", "mean"), ("largest", "largest"))
 )
-
-
-def _percent(share: float | None) -> float | None:
-    return None if share is None else 100 * share
 
 
 def _paper() -> Published:

@@ -1,17 +1,67 @@
 """Plans of a run, read off the traffic: how each was made (C3, C4), and how each was carried out
-(C1, C5).
+(C1, C5). And the verdicts that tasks have of their own (companion.tasks, part `verdict`): by the
+truth, not by what co said.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 
 import msgspec
 
 from companion.languages import cmd, hfsm, rc, sw
+from companion.languages.evidence import Evidence
 from companion.sentences import plain, spaced, why
-from companion.tools.report.judges import judge_of
+from companion.tasks import parts
+from companion.telemetry import TrueState
 from fipa_codec.performatives import Performative
 from operate.recording.history import History
 from operate.recording.records import Spoken
+
+
+class Share(msgspec.Struct, frozen=True):
+    """The part of the content that the robot believes to have poured, from the weight [kg] that
+    left the source in its last pour that was done and what it took the content to weigh; `seen_kg`:
+    in the bowl then, null where it was not looked into; `true`: grains in the bowl of all grains.
+    """
+
+    believed: float | None
+    left_kg: float | None
+    content_kg: float | None
+    true: float | None
+    seen_kg: float | None = None
+
+
+class Figures(msgspec.Struct, frozen=True):
+    """Figures of the main job for report.json; None where the truth was not recorded."""
+
+    poured_fraction: float | None = None
+    bowl_tilt_deg: float | None = None
+    poured: Share | None = None
+
+
+class Judge(msgspec.Struct, frozen=True):
+    """The verdict of a task. `asked`: its command, `verb` what it asks to do. `against`: why it was
+    not done, by the truth at its end. `true`: whether a claim is true, None where the truth does
+    not tell. `figures`: those of the main job for report.json; None for another task.
+    """
+
+    asked: type[cmd.Command]
+    verb: str
+    against: Callable[[History, Spoken], Iterator[str]]
+    true: Callable[[Evidence, TrueState], bool | None]
+    figures: Callable[[History], Figures] | None = None
+
+
+@cache
+def judges() -> tuple[Judge, ...]:
+    """Return the verdicts of all tasks."""
+    return tuple(part.JUDGE for part in parts("verdict"))
+
+
+def judge_of(command: object) -> Judge | None:
+    """Return the verdict of a command's task, None where it has none."""
+    return next((one for one in judges() if isinstance(command, one.asked)), None)
+
 
 TASK_ENDS = (cmd.TaskState.DONE, cmd.TaskState.FAILED, cmd.TaskState.CANCELLED)
 REFUSALS = (Performative.REFUSE, Performative.NOT_UNDERSTOOD)
@@ -184,7 +234,10 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
         network=asked.content.id,
         plan="" if plan is None else plan.id,
         conversation=asked.conversation,
-        task=", then ".join(_task(task) for task in asked.content.tasks),
+        task=", then ".join(
+            plain(" ".join((task.name.replace("_", " "), *task.arguments)))
+            for task in asked.content.tasks
+        ),
         start=asked.received,
         end=None if end is None else end.received,
         wall_s=took,
@@ -196,10 +249,6 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
         reason=reason(end),
         expected_s=None if plan is None else plan.duration,
     )
-
-
-def _task(task: hfsm.Task) -> str:
-    return plain(" ".join((task.name.replace("_", " "), *task.arguments)))
 
 
 def _waits(history: History, talk: list[Spoken]) -> Iterator[tuple[float, float]]:

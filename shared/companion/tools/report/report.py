@@ -1,11 +1,12 @@
-"""The figures of a pour, for report.json. Built from a History alone, so it can be made again at
-any time.
+"""The figures of a pour, for report.json, and the paper's beside them (paper.toml has their
+source). Built from a History alone, so it can be made again at any time.
 
 A figure that was not recorded is null, and `missing` says why; nothing is guessed. Times `t` count
 from the first communicate [s of wall time].
 """
 
 from math import fsum
+from pathlib import Path
 
 import msgspec
 from msgspec.structs import replace
@@ -14,17 +15,67 @@ from companion.design import DESIGN
 from companion.sentences import happened
 from companion.telemetry import PageFaults
 from companion.tools.report import believed, events, plans, verdict
-from companion.tools.report.clock import Clock
-from companion.tools.report.judges import Figures, Share, judges
-from companion.tools.report.paper import TABLE_8
+from companion.tools.report.plans import Figures, Share, judges
 from companion.tools.system import SYSTEM
-from companion.tools.telemetry import paced, robot, truth
+from companion.tools.telemetry import Clock, paced, robot, truth
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from operate.reports import counts
 from operate.reports import report as general
 from operate.reports.report import FaultAt, HoleAt, Judged
 from operate.structs import alike
+
+
+class PaperPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The making of a plan in the paper; None: not stated."""
+
+    number: int
+    wall_s: float
+    communicates: int
+    mean_kbit_s: float | None = None
+    peak_kbit_s: float | None = None
+
+
+class PaperEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One of its events, by our name: `t` s from the start of its run."""
+
+    event: str
+    t: float
+    of: tuple[str, ...] = ()
+
+    @property
+    def id(self) -> str:
+        """Its name with what it is of."""
+        return " ".join((self.event, *self.of))
+
+
+class Paper(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Its run. `matrix`: sender -> receiver -> count."""
+
+    source: str
+    total_table: int
+    small: float
+    largest_bytes: int
+    c4_least_bytes: int
+    c4_mean_bytes: int
+    c4_largest_bytes: int
+    time: tuple[PaperEvent, ...]
+    matrix: dict[str, dict[str, int]]
+    plan: tuple[PaperPlan, ...]
+
+    @property
+    def times(self) -> dict[str, float]:
+        """Our id of an event -> seconds from the start."""
+        return {one.id: one.t for one in self.time}
+
+    def made(self, number: int) -> PaperPlan | None:
+        """The plan of this number."""
+        return next((plan for plan in self.plan if plan.number == number), None)
+
+
+PAPER = msgspec.toml.decode(Path(__file__).with_name("paper.toml").read_bytes(), type=Paper)
+TABLE_8 = ("co", "hi", "km", "pl", "ta", "ex")
+"""The agents in the order of the paper's Table 8."""
 
 
 class Happened(msgspec.Struct, frozen=True):

@@ -1,18 +1,21 @@
 """Whether a run did the main job, and if not, why.
 
 From the truth of the simulation at the end of the task, whatever was asked for later, as the task
-itself judges it (companion.tools.report.judges), and from what the agents said about plans; nothing
+itself judges it (companion.tools.report.plans), and from what the agents said about plans; nothing
 is assumed. A missing record is a failure that says so, and so is one from before the end.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 
-from companion.languages import cmd, sw
+from companion.languages import cmd, rc, sw
 from companion.telemetry import TrueState
-from companion.tools.report.judges import Judge, judge_of, judges
 from companion.tools.report.plans import (
+    Judge,
     acts,
     asked,
+    judge_of,
+    judges,
     made,
     others_plans,
     outcome,
@@ -21,7 +24,7 @@ from companion.tools.report.plans import (
     task_command,
     task_end,
 )
-from companion.tools.telemetry import truth
+from companion.tools.telemetry import robot, truth
 from operate.recording.history import History
 from operate.recording.records import Spoken
 
@@ -141,3 +144,32 @@ def _of_truth(history: History, command: Spoken, judge: Judge) -> Iterator[str]:
         yield f"the true state of the simulation was not recorded at the end of the task{when}"
         return
     yield from judge.against(history, command)
+
+
+MODES = ("", "motion", "damping", "hold", "stopped")
+"""Of the control loop; "" before it has told one. A test compares them with
+services.executor.loop.
+"""
+
+
+def broken(history: History) -> Iterator[str]:
+    """Yield what is broken: an act that was begun twice, a mode that is not one, a vessel that
+    fell.
+    """
+    yield from (
+        f"the act {key} was begun {times} times" for key, times in begun_twice(history).items()
+    )
+    yield from (
+        f"the control loop was in mode {mode!r}"
+        for mode in {one.mode for _, one in robot(history)} - {*MODES}
+    )
+    for _, last in truth(history)[-1:]:
+        for name, tilt in last.tilt_deg.items():
+            if tilt >= MOST_TILT_DEG and not sum(last.fingers_on.get(name, {}).values()):
+                yield f"{name} has fallen: it is tilted by {tilt:.0f} degrees, and in no hand"
+
+
+def begun_twice(history: History) -> dict[str, int]:
+    """The acts that ex agreed to begin more than once, with how often."""
+    keys = Counter(one.content.key for one in history.said if isinstance(one.content, rc.Accepted))
+    return {key: times for key, times in keys.items() if times > 1}

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from companion.run_files import SLOTS_FILE
+from companion.tools.system import LOOP
 from companion.tools.verbs.hi import HI, tasks
 from console.errors import ConsoleError
 from console.fleet import checkup
@@ -27,7 +28,7 @@ from velma.sim import gl
 # Measured in a process of its own: a second of the loop, or some seconds of one that runs.
 
 
-LOOP = "services.executor.loop.pace"
+PACE = "services.executor.loop.pace"
 WITHIN_S = 30.0  # estimate: it takes 3 s at a load of 5 on two cores
 
 
@@ -56,7 +57,7 @@ def measure(slots: Path | None = None) -> Pace | None:
     None where it cannot be measured: the executor's libraries are not installed, or the loop keeps
     no real time.
     """
-    command = [sys.executable, "-P", "-m", LOOP, *([str(slots)] if slots else [])]
+    command = [sys.executable, "-P", "-m", PACE, *([str(slots)] if slots else [])]
     with contextlib.suppress(OSError, subprocess.SubprocessError, msgspec.DecodeError):
         done = subprocess.run(
             command, stdin=subprocess.DEVNULL, capture_output=True, timeout=WITHIN_S, check=True
@@ -69,14 +70,14 @@ def measure(slots: Path | None = None) -> Pace | None:
 # --- Whether a real robot stands behind the executor: then `roco fault` leaves the fleet alone ----
 
 
-LOOP_PROCESS, BACKEND = "loop", "ROCO_BACKEND"
+BACKEND = "ROCO_BACKEND"
 HARMLESS = ("", "mujoco", "mock")
 """Back-ends that move nothing; "" is mujoco (services.executor.loop)."""
 
 
 def untouchable(fleet: Target) -> str:
     """Why no fault may be done to this fleet; "" where its robot is a simulated one."""
-    backend = fleet.variable(LOOP_PROCESS, BACKEND)
+    backend = fleet.variable(LOOP, BACKEND)
     return "" if backend in HARMLESS else f"the back-end {backend} may move a real robot"
 
 
@@ -116,9 +117,7 @@ def real_time() -> Iterator[Check]:
 
 def loop(fleet: Target, now: Look) -> Iterator[Check]:
     """Whether the loop of a fleet on this machine holds 500 Hz; nothing of one at `--speed max`."""
-    if isinstance(fleet, Local) and any(
-        one.name == LOOP_PROCESS and one.status.pid for one in now.seen
-    ):
+    if isinstance(fleet, Local) and any(one.name == LOOP and one.status.pid for one in now.seen):
         remedy = (
             "end other programs, or `roco down` and `roco up --speed max`, which needs no real time"
         )

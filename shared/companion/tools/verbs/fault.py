@@ -20,8 +20,8 @@ from companion.eyes import VARIABLE as EYES
 from companion.eyes import Eyes
 from companion.languages import values
 from companion.run_files import DISTURBANCES_FILE
+from companion.tools.system import LOOP
 from companion.tools.verbs.checkup import BACKEND
-from companion.tools.verbs.checkup import LOOP_PROCESS as LOOP
 from console import interrupts
 from console.completion import among
 from console.errors import ConsoleError, FleetError, UsageError
@@ -205,10 +205,9 @@ def ordered(
         fleet, KIND[one.of], process, moments.moment_text(moment), what=described(one)
     )
     wait = partial(moments.wait, moment, within_s, target, run_dir)
-    begun = partial(_tell_begun, form)
-    ended = inflict.Inflicting(fleet, fault, _kind(replace(one, id=fault.id), for_s)).run(
-        wait, for_s, begun
-    )
+    begun = print if form is Format.TEXT else lambda text: None
+    kind = _kind(replace(one, id=fault.id), for_s)
+    ended = inflict.Inflicting(fleet, fault, kind).run(wait, for_s, begun)
     if form is Format.JSON:
         tell_json(ended)
     else:
@@ -286,11 +285,6 @@ def _write(fleet: Target, name: str, instead: tuple[Disturbance, ...]) -> None:
     others = tuple(one for one in lasting if one.id != name)
     if (after := (*others, *instead)) != before:
         fleet.put(DISTURBANCES_FILE, disturbances.encoded(after))
-
-
-def _tell_begun(form: Format, text: str) -> None:
-    if form is Format.TEXT:
-        print(text)
 
 
 KIND = dict.fromkeys(SENSES, "sensor") | {Of.THING: "thing"}

@@ -20,11 +20,9 @@ from agent_runtime.io.tap import RECORDER
 from companion.eyes import VARIABLE, Eyes
 from companion.eyes import eyes as named
 from companion.run_files import TaskLine
-from companion.tools.live import LOOP
-from companion.tools.system import JOB
+from companion.tools.system import JOB, LOOP
 from companion.tools.verbs import checkup
-from companion.tools.verbs.hi import ON_ITS_WAY, Hi, HiError, address
-from companion.tools.verbs.page import door_when_there
+from companion.tools.verbs.hi import ON_ITS_WAY, Hi, HiError, address, door_when_there
 from console import interrupts
 from console.errors import ConsoleError, UsageError
 from console.fleet import starting, up, view

@@ -21,9 +21,9 @@ VERBS: Table = {
         ),
         "stop": (f"{ROOM}.talk:stop", "Stop the robot at once."),
         "release": (f"{ROOM}.talk:release", "Let the robot move again after `roco stop`."),
-        "step": (f"{ROOM}.step:step", "Let the act that waits for you begin, and no other one."),
+        "step": (f"{ROOM}.talk:step", "Let the act that waits for you begin, and no other one."),
         "page": (
-            f"{ROOM}.page:page",
+            f"{ROOM}.hi:page",
             "Pair a browser with the person's page: print an address that does it once.",
         ),
         "ask": (f"{ROOM}.ask:ask", "Ask what the robot knows, in SPARQL."),

@@ -1,5 +1,8 @@
 """The jar is held out in physics: it is given to whom pulls, and to nobody else."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -23,6 +26,10 @@ from velma.kinematics.frames import standing
 from velma.sim import disturbances
 from velma.sim.disturbances import Disturbance, Of
 from velma.sim.disturbed_world import ASIDE
+
+sys.path.insert(0, str(Path(__file__).parents[4] / "benchmarks"))
+
+from hand_over import measured
 
 pytestmark = pytest.mark.timeout(240)  # the first test of the folder also takes the jar
 JAR, LEFT = "jar_1", Side.LEFT
@@ -149,3 +156,19 @@ def test_a_cancel_while_it_waits_keeps_it(jar_out):
     )
     assert (kept.kind, kept.held[LEFT][0]) == (rc.NotDoneKind.CANCELLED, JAR)
     assert sum(jar_out.truth.fingers_on[JAR].values()) >= 3
+
+
+# --- The jar is taken, held out, and given or put down: planner, km's store, skills and physics, as
+# in the benchmark
+
+
+@pytest.mark.process
+@pytest.mark.needs_opengl
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("person", ["pulls", "nobody"])  # a knock: test_performed.py
+def test_it_is_given_to_whom_pulls_and_else_put_down(person):
+    """Canonical scene, seed 4: the robot's words are true, nothing falls, all content stays in the
+    jar.
+    """
+    line = measured("canonical", person, 4, verbose=False)
+    assert (line["good"], line["drop"], line["given"]) == (True, False, person == "pulls"), line

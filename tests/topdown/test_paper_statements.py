@@ -2,8 +2,13 @@
 disagree are named.
 """
 
+import sys
+from pathlib import Path
+
 from companion.design import DESIGN
-from companion.tools.paper_statements import Kind, findings
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
+from paper_statements import Kind, findings
 
 SOUND = """
 [[claim]]
