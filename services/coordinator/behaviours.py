@@ -27,6 +27,7 @@ from services.coordinator.memory import (
     Limits,
     Memory,
     Stage,
+    about,
     parameters_wanted,
     turn_come,
 )
@@ -80,6 +81,7 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
     chosen = _chosen(memory, turn, job, limits) if not job.begun else ()
     job = replace(job, plans=job.plans + 1, aside=False)
     talk = _asked(turn, job, limits)
+    # hi is told once, not at each try, that the look around is waited for
     if job.looks < 2 or job.why != messages.LOOKS:
         why = fact(Kind.PLAN, job.plans, *(job.why or chosen))
         messages.progress(turn, job, TaskState.PLANNING, (why,))
@@ -104,7 +106,7 @@ def _chosen(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Facts:
     if job.arrived <= min(one.arrived for one in waiting):
         return ()
     rule = comparing(RULES[turn.parameter(RULE, str)], waiting)
-    decision = rule(None, tuple(offer(one, memory.jobs, limits.speed) for one in waiting), turn.now)
+    decision = rule(None, tuple(offer(one, memory.jobs) for one in waiting), turn.now)
     if decision is None or decision.task != job.conversation:
         return ()
     name = next(name for name, one in RULES.items() if one is rule)
@@ -122,12 +124,12 @@ def schedule(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
     if running is None or not running.leavable:
         ready = running is not None and running.left_with_plan
         return replace(memory, choice=Choice.SWITCH if ready else Choice.CONTINUE)
-    memory = decided(memory, turn.now, RULES[turn.parameter(RULE, str)], limits.speed)
+    memory = decided(memory, turn.now, RULES[turn.parameter(RULE, str)])
     decision = memory.decision
     if decision is not None:
         turn.log("decision", **{**msgspec.structs.asdict(decision), "why": decision.why.kind})
         if not decision.switch and (rival := memory.of_hi(decision.rival)) is not None:
-            why = messages.about(Kind.GOES_ON, running, decision.why)
+            why = about(Kind.GOES_ON, running, decision.why)
             messages.progress(turn, rival, TaskState.WAITING, (why,))
     ready = running.stage is Stage.PLANNED or (decision is not None and decision.switch)
     return replace(memory, choice=Choice.SWITCH if ready else Choice.CONTINUE)

@@ -1,10 +1,10 @@
-"""Effects of messages and late replies on the tasks of co, in any state: the rows of co on channels
-C1, C2 and C3.
+"""What co does at each message and late reply on channels C1, C2 and C3, in any state.
 
-The rows are proven with the scheme of delivery. Every inform of ta is confirmed in the step that
-takes it. A cancel of hi is answered after the last message of pl or ta. When a reply-by passes, hi
-is told at once, the peer is cancelled, and the conversation stays in `loose` until its end. Must
-not know: states and arcs.
+Each case is a `row` of agent co in companion/design.toml, which `roco design verify` proves;
+docs/delivery.md has the promises that it builds on. Every inform of ta is confirmed in the step
+that takes it. A cancel of hi is answered after the last message of pl or ta. When a reply-by
+passes, hi is told at once, the peer is cancelled, and the conversation stays in `loose` until its
+end. Must not know: states and arcs.
 """
 
 from collections.abc import Callable
@@ -23,10 +23,11 @@ from companion.sentences import operator
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
 from services.coordinator import outgoing_messages as messages
-from services.coordinator.memory import Job, Limits, Memory, Stage
+from services.coordinator.memory import Job, Limits, Memory, Stage, about
 from services.coordinator.scheduling import RULES, first_in, queued
 
 PATIENCE = "patience"
+"""Name of the wake-up after which tasks no longer wait for a late peer."""
 RULE = "rule"
 """Parameter of the design: the rule of scheduling.py by which the next task is chosen."""
 _LEFT = (WorkerState.PREEMPTED, WorkerState.REPLAN)
@@ -60,7 +61,7 @@ def take(memory: Memory, turn: Turn, limits: Limits) -> Memory:
 def requeued(memory: Memory, turn: Turn, limits: Limits) -> Memory:
     """The memory with its tasks in the order in which they are done."""
     rule = RULES[turn.parameter(RULE, str)]
-    return replace(memory, jobs=queued(memory.jobs, turn.now, rule, limits.speed))
+    return replace(memory, jobs=queued(memory.jobs, turn.now, rule))
 
 
 # --- hi -------------------------------------------------------------------------------------------
@@ -113,7 +114,7 @@ def suspend(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
 
 def leave(turn: Turn, job: Job, limits: Limits) -> None:
     """Ask ta to leave the plan of a task safely."""
-    turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_acting_s / limits.speed)
+    turn.say(job.talk, P.CANCEL, reply_by_s=limits.cancel_acting_s)
 
 
 def _rival(memory: Memory) -> Facts:
@@ -122,7 +123,7 @@ def _rival(memory: Memory) -> Facts:
     rival = memory.of_hi(decision.task) if decision is not None else None
     if rival is None or decision is None:
         return ()
-    return (messages.about(Kind.LEFT_FOR, rival, decision.why),)
+    return (about(Kind.LEFT_FOR, rival, decision.why),)
 
 
 # --- pl -------------------------------------------------------------------------------------------
@@ -265,7 +266,8 @@ def _failed(memory: Memory, turn: Turn, job: Job, why: Facts) -> Memory:
 
 
 def _on_late(memory: Memory, turn: Turn, job: Job, limits: Limits) -> Memory:
-    """Row T: tell hi, cancel at the peer (if not done yet), and keep the conversation as loose.
+    """The reply-by has passed: tell hi, cancel at the peer (if not done yet), and keep the
+    conversation as loose.
 
     A question about schedule parameters is called off first; the task ends only where that is not
     answered, either.

@@ -14,12 +14,12 @@ from msgspec.structs import replace
 from companion.design import AnyCommand
 from companion.languages import hfsm
 from companion.languages.cmd import Command
-from companion.languages.facts import Fact, Facts
+from companion.languages.facts import Fact, Facts, Kind, fact
 
 
 class Limits(msgspec.Struct, frozen=True):
-    """Waiting times of co, and its largest number of tasks. Seconds of wall time, except where
-    `speed` scales them.
+    """Waiting times of co in seconds of wall time, and its largest number of tasks. Simulated
+    seconds count as wall time: at speed "max" they are shorter.
     """
 
     # reply-by of a request for a plan: 6 s, over 60 s at a load of 17 (measured)
@@ -39,11 +39,9 @@ class Limits(msgspec.Struct, frozen=True):
     ask_s: float = 5.0
     # 20 s until a stopped act has ended, 30 s until km has what was seen (services.task)
     end_s: float = 50.0
-    # simulated seconds per wall second; "max" counts as 1: it is not slower (estimate)
-    speed: float = 1.0
 
     def acting_s(self, plan: hfsm.HierarchicalPlan) -> float:
-        """The reply-by of a plan [s from now]: five times its planned duration, at this speed, and
+        """The reply-by of a plan [s from now]: five times its planned duration, and
         what ta allows besides.
 
         Longer than what ta gives all its acts together, so that on a busy machine ta, which asks
@@ -53,7 +51,7 @@ class Limits(msgspec.Struct, frozen=True):
         leaves = [*_leaves(plan.root)]
         kinds = (hfsm.ActState, hfsm.AskState)
         acts, asks = (sum(isinstance(one, kind) for one in leaves) for kind in kinds)
-        return 5.0 * plan.duration / self.speed + acts * self.act_s + asks * self.ask_s + self.end_s
+        return 5.0 * plan.duration + acts * self.act_s + asks * self.ask_s + self.end_s
 
 
 def _leaves(machine: hfsm.Machine) -> Iterator[hfsm.State]:
@@ -81,42 +79,37 @@ class Choice(StrEnum):
 
 
 class Job(msgspec.Struct, frozen=True, omit_defaults=True):
-    """A task of hi. `conversation`: hi's, and the task's name; `talk`: the one with pl (PLANNING;
-    WAITING: about its schedule parameters only) or ta (RUNNING).
+    """co's record of a task of hi."""
 
-    `meant`: the task for pl since its first plan, where that plan settled which object and hand the
-    sentence means. `arrived`: unix time [s]; `plans`: number requested; `at`: the place in the plan
-    that hi was told last; `why`: the reason that hi was told with it, or why the next plan is
-    wanted. `patience_s`: how long ta may take for the plan that runs; `asks`: that plan waits for
-    an operator. `looks`: how often the plan had to wait for a look around. `suspending`: ta was
-    asked to leave it for another one; `suspended`: how often that was done, and `aside`: it waits
-    for its turn since. `schedule`: parameters of its newest plan, () while unknown; `holds`: number
-    of hands that are full when it is done; `asked`: pl was asked for them since the world changed,
-    `recalled`: that question was called off. `weighed`: a decision was made with them.
-    """
-
-    conversation: str
+    conversation: str  # hi's, and the task's name
     command: AnyCommand
-    arrived: float
+    arrived: float  # unix time [s]
     stage: Stage = Stage.WAITING
+    # the conversation with pl (PLANNING; WAITING: about its schedule parameters) or ta (RUNNING)
     talk: str = ""
-    plans: int = 0
-    looks: int = 0
+    # the plan
+    plans: int = 0  # number requested
+    looks: int = 0  # how often the plan had to wait for a look around
     plan: hfsm.HierarchicalPlan | None = None
+    # the task for pl since a first plan settled which object and hand the sentence means
     meant: hfsm.Task | None = None
+    # what hi was told last: the place in the plan, and the reason (or why the next plan is wanted)
     at: hfsm.Place | None = None
     why: Facts = ()
+    # cancelled, or left for another one
     cancelling: bool = False
-    suspending: bool = False
-    suspended: int = 0
-    aside: bool = False
-    schedule: tuple[hfsm.ScheduleParameters, ...] = ()
-    holds: int = 0
-    asked: bool = False
-    recalled: bool = False
-    weighed: bool = False
-    patience_s: float = 0.0
-    asks: bool = False
+    suspending: bool = False  # ta was asked to leave it for another one
+    suspended: int = 0  # how often that was done
+    aside: bool = False  # it waits for its turn since
+    # scheduling
+    schedule: tuple[hfsm.ScheduleParameters, ...] = ()  # of its newest plan, () while unknown
+    holds: int = 0  # number of hands that are full when it is done
+    asked: bool = False  # pl was asked for the parameters since the world changed
+    recalled: bool = False  # that question was called off
+    weighed: bool = False  # a decision was made with the parameters
+    # running
+    patience_s: float = 0.0  # how long ta may take for the plan that runs
+    asks: bool = False  # that plan waits for an operator
 
     @property
     def begun(self) -> bool:
@@ -180,6 +173,12 @@ class Decision(msgspec.Struct, frozen=True, omit_defaults=True):
     switch_cost: float = 0.0
     wait_cost: float = 0.0
     rival: str = ""
+
+
+def about(kind: Kind, job: Job, *why: Fact) -> Fact:
+    """A fact about the task of a job, with its name and arguments."""
+    task = job.command.task
+    return fact(kind, task.name, *filter(None, task.arguments), *why)
 
 
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -1,4 +1,5 @@
-"""Messages of co: tasks for pl, reports for hi.
+"""Messages of co: tasks for pl, reports for hi. What co says to ta is in behaviours (request) and
+incoming (confirm, cancel).
 
 Reports stay within their size budget on C2 (500 bytes with the envelope). Must not know: which
 state co is in.
@@ -11,7 +12,7 @@ from companion.design import AgentName
 from companion.languages import evidence, facts, hfsm, sw
 from companion.languages.cmd import TaskReport, TaskState
 from companion.languages.evidence import Evidence
-from companion.languages.facts import Fact, Facts, Kind, fact
+from companion.languages.facts import Facts, Kind, fact
 from companion.languages.hfsm import Place, Step
 from fipa_codec import languages
 from fipa_codec.performatives import Performative
@@ -40,11 +41,6 @@ def report(state: TaskState, why: Facts, known: tuple[Evidence, ...] = ()) -> Ta
     told = facts.fitting(facts.different(why), MOST_BYTES)
     room = MOST_BYTES - len(msgspec.msgpack.encode(told))
     return TaskReport(state, told, evidence=evidence.fitting(known, room))
-
-
-def about(kind: Kind, job: Job, *why: Fact) -> Fact:
-    task = job.command.task
-    return fact(kind, task.name, *filter(None, task.arguments), *why)
 
 
 def steps(plan: hfsm.HierarchicalPlan) -> tuple[Step, ...]:

@@ -2,10 +2,10 @@
 R3b).
 
 A rule sees the running task and those that wait, each as an offer with its schedule parameters, and
-returns its decision with the numbers and a sentence. Under every rule a more urgent task replaces
-the running one at once, and a less urgent one never does; among tasks that are equally urgent the
-rules differ. The queue: what the tasks offer to a rule, their order, and decisions. Pure. Must not
-know: states of co.
+returns its decision with the numbers and a fact that says why. Under every rule a more urgent task
+replaces the running one at once, and a less urgent one never does; among tasks that are equally
+urgent the rules differ. The queue: what the tasks offer to a rule, their order, and decisions.
+Pure. Must not know: states of co.
 """
 
 import math
@@ -16,16 +16,15 @@ from msgspec.structs import replace
 
 from companion.languages.facts import Fact, Kind, fact
 from companion.languages.hfsm import PUT_DOWN_S
-from services.coordinator import outgoing_messages as messages
-from services.coordinator.memory import Decision, Job, Memory, Stage, bound, comes_after
+from services.coordinator.memory import Decision, Job, Memory, Stage, about, bound, comes_after
 
 BELOW = 0.9
 """A switch must cost less than this part of waiting (TaskER's rule, which its published code
 ignores).
 """
 LATE = 5.0
-"""Cost of a second after the deadline, where a second of waiting costs 1 (estimate: people mind the
-first more).
+"""Cost that a second after the deadline adds to that of waiting, which is 1 (estimate: people mind
+lateness more).
 """
 AGEING_S = 600.0
 """After so long a second of waiting costs twice as much, so that no task waits for ever
@@ -37,7 +36,7 @@ class Offer(msgspec.Struct, frozen=True):
     """Schedule parameters of a task (TaskER: ScheduleParams). `arrived`, `deadline`: unix time [s],
     inf for none.
 
-    In seconds of robot time: `rest` until it is done, `suspend` until it is safely left, `resume`
+    In seconds of wall time: `rest` until it is done, `suspend` until it is safely left, `resume`
     until it is taken up again where it was left, `clear` until the hands are empty that it leaves
     full. `after`: tasks that end before it, unless this one is more urgent.
     """
@@ -170,9 +169,7 @@ def comparing(rule: Rule, waiting: Iterable[Job]) -> Rule:
     return by_deadline if rule is by_costs and not all(job.schedule for job in waiting) else rule
 
 
-def queued(
-    jobs: tuple[Job, ...], now: float, rule: Rule = by_costs, speed: float = 1.0
-) -> tuple[Job, ...]:
+def queued(jobs: tuple[Job, ...], now: float, rule: Rule = by_costs) -> tuple[Job, ...]:
     """The tasks in the order in which they are done: what has begun, then by the rule [now: unix
     s], then those whose time to start has not come.
 
@@ -185,7 +182,7 @@ def queued(
     ready = (job for job in jobs if not job.begun and job.stage is not Stage.EARLY)
     waiting = {job.conversation: job for job in ready}
     rule = comparing(rule, waiting.values())
-    order = in_order(tuple(offer(job, jobs, speed) for job in waiting.values()), now, rule)
+    order = in_order(tuple(offer(job, jobs) for job in waiting.values()), now, rule)
     return (*begun, *(waiting[name] for name in order), *early)
 
 
@@ -196,7 +193,7 @@ def place(jobs: tuple[Job, ...], job: Job, now: float) -> Fact:
         return fact(Kind.BEGINS_IN, early_s)
     if not before:
         return fact(Kind.IS_NEXT)
-    why = (messages.about(Kind.COMES_BEFORE, one, fact(_first_as(one, job))) for one in before)
+    why = (about(Kind.COMES_BEFORE, one, fact(_first_as(one, job))) for one in before)
     return fact(Kind.TASKS_BEFORE, len(before), *why)
 
 
@@ -211,7 +208,7 @@ def _first_as(one: Job, job: Job) -> Kind:
     return Kind.SAID_BEFORE if one.arrived <= job.arrived else Kind.COSTS_LESS
 
 
-def offer(job: Job, jobs: tuple[Job, ...], speed: float = 1.0) -> Offer:
+def offer(job: Job, jobs: tuple[Job, ...]) -> Offer:
     """What a task offers, in seconds of wall time; one that waits is planned first."""
     earlier = (one for one in jobs[: jobs.index(job)] if one.stage is not Stage.EARLY)
     after = tuple(one.conversation for one in earlier if comes_after(job, one))
@@ -219,17 +216,17 @@ def offer(job: Job, jobs: tuple[Job, ...], speed: float = 1.0) -> Offer:
     return Offer(
         job.conversation,
         job.arrived,
-        rest=planning + (known.rest / speed if known else 0.0),
+        rest=planning + (known.rest if known else 0.0),
         deadline=job.command.deadline or math.inf,
         urgency=job.command.urgency,
         after=after,
-        suspend=known.suspend / speed if known else 0.0,
-        resume=PLAN_S + (known.resume / speed if known else 0.0),
-        clear=PUT_DOWN_S * job.holds / speed,
+        suspend=known.suspend if known else 0.0,
+        resume=PLAN_S + (known.resume if known else 0.0),
+        clear=PUT_DOWN_S * job.holds,
     )
 
 
-def decided(memory: Memory, now: float, rule: Rule, speed: float) -> Memory:
+def decided(memory: Memory, now: float, rule: Rule) -> Memory:
     """The memory with the decision between the task that runs, or could, and those that wait.
 
     One whose parameters are not known is weighed only where it is more urgent.
@@ -241,8 +238,8 @@ def decided(memory: Memory, now: float, rule: Rule, speed: float) -> Memory:
     waits = [(n, one) for n, one in enumerate(memory.jobs) if one.waits]
     weighs = {n for n, one in waits if runs and one.schedule and not bound(memory.jobs, n)}
     rivals = [one for n, one in waits if one.command.urgency > urgency or n in weighs]
-    offers = tuple(offer(job, memory.jobs, speed) for job in rivals)
-    decision = rule(offer(running, memory.jobs, speed), offers, now)
+    offers = tuple(offer(job, memory.jobs) for job in rivals)
+    decision = rule(offer(running, memory.jobs), offers, now)
     jobs = tuple(
         replace(job, weighed=job.weighed or (job.waits and bool(job.schedule)))
         for job in memory.jobs

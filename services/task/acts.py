@@ -27,7 +27,7 @@ SLACK, MARGIN_S = "slack", 10.0
 PATIENCE = "act"
 STOPPED_S = 20.0  # estimate: ex brakes in a second and comes back in seconds
 UNANSWERED = (fact(Kind.NOT_ANSWERING, AgentName.EX),)
-Outcome = rc.Done | rc.NotDone
+ActOutcome = rc.Done | rc.NotDone
 
 
 def begin(memory: Memory, turn: Turn, command: rc.Command) -> Memory:
@@ -53,7 +53,7 @@ def stop(memory: Memory, turn: Turn) -> Memory:
     return replace(memory, act=replace(act, stopped=True))
 
 
-def hear(memory: Memory, turn: Turn) -> tuple[Memory, Outcome | None]:
+def hear(memory: Memory, turn: Turn) -> tuple[Memory, ActOutcome | None]:
     """Take an event of the act under way; its outcome, if it is there. The act is None after its
     end.
     """
@@ -98,16 +98,16 @@ def unanswered(memory: Memory, turn: Turn) -> bool:
 
 def _answered(
     memory: Memory, turn: Turn, act: RunningAct, received: Received
-) -> tuple[Memory, Outcome | None]:
+) -> tuple[Memory, ActOutcome | None]:
     content = received.content
     if isinstance(content, rc.Accepted):
         turn.wake(PATIENCE, turn.now + turn.parameter(SLACK, float) * content.duration + MARGIN_S)
         return replace(memory, act=replace(act, agreed=True)), None
     ended = not turn.holds(act.conversation)
-    outcome: Outcome | None = None
+    outcome: ActOutcome | None = None
     if isinstance(content, rc.Done | rc.NotDone):
         outcome = content
-        memory = _observed(memory, turn, act.command, outcome)
+        memory = _tell_km(memory, turn, act.command, outcome)
     elif ended and not act.stopped:
         turn.log(
             "act refused", level="warning", why=content.text if isinstance(content, Reason) else ""
@@ -123,7 +123,7 @@ def _over(memory: Memory, turn: Turn) -> Memory:
     return replace(memory, act=None)
 
 
-def _observed(memory: Memory, turn: Turn, command: rc.Command, outcome: Outcome) -> Memory:
+def _tell_km(memory: Memory, turn: Turn, command: rc.Command, outcome: ActOutcome) -> Memory:
     """Queue the observations of an outcome for km; the posture last, so that it ends a first look.
 
     A look that failed gives none: its posture alone would look like an empty world.

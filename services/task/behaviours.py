@@ -134,7 +134,7 @@ def await_operator(memory: Memory, turn: Turn) -> Memory:
         turn.wake(NOBODY, turn.now + WAIT_S)
         running.tell(memory, turn, sw.WorkerState.WAITING)
         return memory
-    memory = _answered(running.always(memory, turn), turn)
+    memory = _answered(running.take_in_any_state(memory, turn), turn)
     if not memory.asked:
         turn.unwake(NOBODY)
     return memory
@@ -178,7 +178,7 @@ def stop_act(memory: Memory, turn: Turn) -> Memory:
     The wait goes on, since before its end nobody knows what the robot did. co gives the plan up at
     its reply-by.
     """
-    memory = running.always(memory, turn)
+    memory = running.take_in_any_state(memory, turn)
     if acts.unanswered(memory, turn):
         running.tell(memory, turn, sw.WorkerState.TERMINATING, acts.UNANSWERED)
     memory, _ = acts.hear(memory, turn)
@@ -192,7 +192,7 @@ def close_plan(memory: Memory, turn: Turn) -> Memory:
     """State closing: send the final report when km has all observations it depends on (the
     barrier).
     """
-    memory = running.always(memory, turn)
+    memory = running.take_in_any_state(memory, turn)
     assert memory.end is not None
     pending = any(peer == acts.OBSERVER for peer, _ in turn.due)
     match turn.event:
@@ -218,7 +218,7 @@ def _report(memory: Memory, turn: Turn, why: Facts) -> Memory:
 
 def await_acknowledgement(memory: Memory, turn: Turn) -> Memory:
     """State finished: wait until co has confirmed the final report, which ends the conversation."""
-    running.observed(turn)
+    running.refuse_look(turn)
     match turn.event:
         case Broken() | Received() | None if not turn.holds(memory.conversation):
             return _between_plans(memory)

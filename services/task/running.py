@@ -40,26 +40,38 @@ ENDS = {
     Outcome.REPLAN: sw.WorkerState.REPLAN,
     Outcome.PREEMPTED: sw.WorkerState.PREEMPTED,
 }
-No = rc.NotDoneKind
-LOOK_FIRST = (No.UNKNOWN, No.NEW_WORLD, No.LOST, No.EMPTY, No.MISSING, No.BLOCKED)
-PLAN_AGAIN = (No.REPLAN, No.SLIPPED, No.BUSY, No.INTERRUPTED, *LOOK_FIRST)
+LOOK_FIRST = (
+    rc.NotDoneKind.UNKNOWN,
+    rc.NotDoneKind.NEW_WORLD,
+    rc.NotDoneKind.LOST,
+    rc.NotDoneKind.EMPTY,
+    rc.NotDoneKind.MISSING,
+    rc.NotDoneKind.BLOCKED,
+)
+PLAN_AGAIN = (
+    rc.NotDoneKind.REPLAN,
+    rc.NotDoneKind.SLIPPED,
+    rc.NotDoneKind.BUSY,
+    rc.NotDoneKind.INTERRUPTED,
+    *LOOK_FIRST,
+)
 """Kinds of NotDone after which a new plan may succeed: the world is not as planned, or the machine
 failed.
 """
 
 
-def always(memory: Memory, turn: Turn) -> Memory:
+def take_in_any_state(memory: Memory, turn: Turn) -> Memory:
     """Take what may come in every state of a plan: a new observer, the end of the conversation with
     co.
     """
-    observed(turn)
+    refuse_look(turn)
     match turn.event:
         case Broken(conversation=name) if name == memory.conversation and memory.end is None:
             return preempted(memory, turn, (fact(Kind.BROKE_OFF, AgentName.CO),))
     return memory
 
 
-def observed(turn: Turn) -> None:
+def refuse_look(turn: Turn) -> None:
     """Tell an observer that comes during a plan that no look around is made for it."""
     match turn.event:
         case Received(content=wm.ObserveWorld()) as received:
@@ -76,7 +88,7 @@ def run_plan(memory: Memory, turn: Turn) -> Memory:
         assert memory.plan is not None
         let, position = bool(memory.let), memory.let or plans.first(memory.plan.root)
         return enter(replace(memory, pending=UNSET), turn, position, let=let)
-    memory = always(memory, turn)
+    memory = take_in_any_state(memory, turn)
     if memory.end is not None:
         return memory
     match turn.event:
@@ -122,7 +134,7 @@ def make_safe(memory: Memory, turn: Turn) -> Memory:
         return enter(
             replace(memory, safe=safe, secured=1, end=None), turn, plans.first(safe), _secured
         )
-    memory = _go_on(always(memory, turn), turn, _secured)
+    memory = _go_on(take_in_any_state(memory, turn), turn, _secured)
     if memory.end is not None and memory.hands and memory.secured < ATTEMPTS:
         memory = replace(memory, secured=memory.secured + 1, end=None, why=())
         return enter(memory, turn, plans.first(memory.machine), _secured)
@@ -193,7 +205,11 @@ def _go_on(memory: Memory, turn: Turn, finish: Finish) -> Memory:
     return _acted(memory, turn, outcome, finish)
 
 
-def _acted(memory: Memory, turn: Turn, outcome: acts.Outcome, finish: Finish) -> Memory:
+def _acted(memory: Memory, turn: Turn, outcome: acts.ActOutcome, finish: Finish) -> Memory:
+    """Leave the leaf by the outcome of its act. After a look, plan again. Where the world is
+    unknown (LOOK_FIRST) or an object is missing, look first. Where a new plan may succeed
+    (PLAN_AGAIN), end with Replan, else fail. While a cancelled plan is made safe, no look is made.
+    """
     if memory.looking:
         return finish(replace(memory, looking=False), Outcome.REPLAN, (*memory.why, *ill(outcome)))
     if isinstance(outcome, rc.Done):

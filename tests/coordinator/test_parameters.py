@@ -4,7 +4,7 @@ them.
 
 import pytest
 from msgspec.structs import replace
-from partners_of_co import POUR, Scene, a_plan, no_plan, stop_planning
+from partners_of_co import POUR, a_plan, no_plan, stop_planning
 
 from agent_runtime.core.step import OUTSIDE
 from agent_runtime.testing.memory_bus import Point
@@ -15,7 +15,7 @@ from companion.tasks.look_around.command import LookAround
 from companion.tasks.put_down.command import PutDown
 from companion.tasks.take.command import Take
 from fipa_codec.performatives import Performative as P
-from services.coordinator.memory import Limits, Stage
+from services.coordinator.memory import Stage
 
 LOOK = LookAround()
 
@@ -260,19 +260,3 @@ def test_tasks_that_begin_together_keep_their_order(scene):
         scene.command(replace(task, start=start))
     scene.settle(60.0)
     assert [kind for kind, _ in stages(scene)] == ["Take", "PutDown"]
-
-
-# --- numbers --------------------------------------------------------------------------------------
-
-
-def test_a_robot_that_is_faster_offers_less_time():
-    """Plans count simulated seconds, deadlines those of the wall."""
-    costs = []
-    for speed in (1.0, 2.0):
-        scene = Scene(limits=Limits(planning_s=60.0, speed=speed))
-        scene.command(POUR)
-        scene.plan(60.0, suspend=20.0, resume=20.0)
-        scene.command(LOOK)
-        scene.plan(6.0)
-        costs.append(scene.memory.decision.wait_cost)
-    assert costs[1] < 0.6 * costs[0]

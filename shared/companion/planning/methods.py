@@ -239,7 +239,7 @@ class Known:
         return None
 
 
-def away(known: Known, km: str) -> list[Side]:
+def away(known: Known, state: str) -> list[Side]:
     """The sides of empty arms that are not at home."""
     full_or_home = known.facts.in_hand, known.facts.at_home
-    return [side for side in Side if not any(is_so(km, side) for is_so in full_or_home)]
+    return [side for side in Side if not any(is_so(state, side) for is_so in full_or_home)]

@@ -29,16 +29,16 @@ import gtpyhop
 # --- Methods and steps that belong to no task: what others do first, in between, or in the end ----
 
 
-def localize(known: Known, km: str, name: str) -> Subtasks | None:
+def localize(known: Known, state: str, name: str) -> Subtasks | None:
     """Look at it; the rest needs a new plan."""
     return [("a_look", name), ("a_replan", name)]
 
 
-def after_arms_home(known: Known, km: str, task: str, *arguments: str) -> Subtasks | None:
+def after_arms_home(known: Known, state: str, task: str, *arguments: str) -> Subtasks | None:
     """Bring empty arms home, then do the task: after an interrupted act one may be in the way, in a
     cabinet say.
     """
-    sides = away(known, km)
+    sides = away(known, state)
     if not sides:
         return known.unfit(fact(Kind.ARMS_HOME))
     return [*(("a_home", side) for side in sides), (task, *arguments)]

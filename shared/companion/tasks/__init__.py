@@ -1,9 +1,11 @@
 """The robot's tasks, one folder each, with the parts that a task needs.
 
-`command`: what a person may ask. `plan`: methods and steps, for pl alone. `perform`: its skill, for
-ex alone. `done`: its act, what must be true after it, and how people see it. A part is
-imported when it is asked for, so that an agent needs the libraries of its own parts only. A task
-imports no other task; it refers to one by name.
+`command` (ROW) with `phrases.toml`: what a person may ask; a task without it is only a part of
+others' plans. `plan` (PLAN): methods and steps, for pl alone. `perform` (SKILLS): its skill, for ex
+alone. `done` (ACTS, SHOWN): the class of its act, what must be true after it, and how tools show
+it. `sentences.toml`: how people read it. `verdict` (JUDGE): whether it was done in truth, for tools
+alone. A part is imported when it is asked for, so that an agent needs the libraries of its own
+parts only. A task imports no other task; it refers to one by name.
 """
 
 import pkgutil

@@ -12,22 +12,24 @@ from companion.planning.steps import Geometry, Step, moved
 from velma.kinematics.tasks import LOADED_SPEED
 
 
-def bring_with(known: Known, km: str, hand: Side, name: str, side: str) -> Subtasks | None:
+def bring_with(known: Known, state: str, hand: Side, name: str, side: str) -> Subtasks | None:
     """Take it with this hand, if it is wanted and no other one holds it, and hold it over a place
     on a table.
     """
     if side not in ("", hand):
         return known.unfit(fact(Kind.OTHER_HAND_WANTED, side))
-    holder = known.facts.holder(km, name)
+    holder = known.facts.holder(state, name)
     if holder is None:
-        other = known.facts.in_hand(km, hand)
+        other = known.facts.in_hand(state, hand)
         return known.unfit(fact(Kind.HOLDS, hand, other)) if other else [("hold_out", name, hand)]
     if holder is hand:
         return [("a_offer", hand)]
     return [("take", name, hand)] if side else known.unfit(fact(Kind.HOLDS, holder, name))
 
 
-def hold_out_at_try(known: Known, km: str, number: str, name: str, hand: Side) -> Subtasks | None:
+def hold_out_at_try(
+    known: Known, state: str, number: str, name: str, hand: Side
+) -> Subtasks | None:
     """Take it by some grasp, from which it can be held over a place: not every one leaves a way
     there.
     """

@@ -41,24 +41,26 @@ GOALS, MOST_POINTS = 6, 30  # postures to choose from, points tried (estimates)
 TORSO = (-1.2, 1.2)
 
 
-def hand_over_held(known: Known, km: str, name: str) -> Subtasks | None:
+def hand_over_held(known: Known, state: str, name: str) -> Subtasks | None:
     """Hand over what a hand holds, and draw that one back."""
-    side = known.facts.holder(km, name)
+    side = known.facts.holder(state, name)
     if not side:
         return known.unfit(fact(Kind.NO_HAND_HOLDS, name))
     return [("a_hand_over", side), ("a_draw_back", side)]
 
 
-def hand_over_with(known: Known, km: str, hand: Side, name: str) -> Subtasks | None:
+def hand_over_with(known: Known, state: str, hand: Side, name: str) -> Subtasks | None:
     """Take it with this hand, if it is empty, and hand it over."""
-    if holder := known.facts.holder(km, name):
+    if holder := known.facts.holder(state, name):
         return known.unfit(fact(Kind.HOLDS, holder, name))
-    if held := known.facts.in_hand(km, hand):
+    if held := known.facts.in_hand(state, hand):
         return known.unfit(fact(Kind.HOLDS, hand, held))
     return [("hand_over_taken", name, hand)]
 
 
-def hand_over_taken(known: Known, km: str, number: str, name: str, hand: Side) -> Subtasks | None:
+def hand_over_taken(
+    known: Known, state: str, number: str, name: str, hand: Side
+) -> Subtasks | None:
     """Take it by some grasp, from which it can be held out, and hand it over."""
     return [("a_take", name, hand, number), ("a_hand_over", hand), ("a_draw_back", hand)]
 

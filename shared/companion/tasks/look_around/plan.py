@@ -7,7 +7,7 @@ from companion.planning.registry import Plan
 from companion.planning.steps import Geometry, Step, look_at
 
 
-def look_around(known: Known, km: str) -> Subtasks | None:
+def look_around(known: Known, state: str) -> Subtasks | None:
     """Look around; always applicable."""
     return [("a_look_around",)]
 

@@ -55,33 +55,35 @@ TRIED = 4  # of those that follow: to each a free way is looked for (estimate)
 
 
 def after_opening(
-    known: Known, km: str, number: int, task: str, *arguments: str
+    known: Known, state: str, number: int, task: str, *arguments: str
 ) -> Subtasks | None:
     """Open the n-th closed door of the furniture in which its things stand, look at the first
     thing, plan again.
 
     The leaf then is where it is seen, not where the plan turns it.
     """
-    doors = closed(known.ask, km)
+    doors = closed(known.ask, state)
     if not doors:
         return None
-    inside = [one for one in object_arguments(task, arguments) if not known.facts.holder(km, one)]
-    around = {known.facts.support(km, one) for one in inside if known.facts.inside(km, one)}
+    inside = [
+        one for one in object_arguments(task, arguments) if not known.facts.holder(state, one)
+    ]
+    around = {known.facts.support(state, one) for one in inside if known.facts.inside(state, one)}
     shut = [(door, body) for door, body in doors if body in around]
     if len(shut) < number:
         return known.unfit(fact(Kind.FEWER_DOORS, number))
     return [("open_door", *shut[number - 1]), ("localize", arguments[0])]
 
 
-def behind_doors(known: Known, km: str) -> Iterator[Subtasks]:
+def behind_doors(known: Known, state: str) -> Iterator[Subtasks]:
     """Yield for each closed door: open it and look around. A thing that was never seen may be
     behind it.
     """
-    for door, around in closed(known.ask, km):
+    for door, around in closed(known.ask, state):
         yield [("open_door", door, around), ("look_around",)]
 
 
-def open_door_with(known: Known, km: str, hand: Side, door: str, around: str) -> Subtasks | None:
+def open_door_with(known: Known, state: str, hand: Side, door: str, around: str) -> Subtasks | None:
     """Open it with this hand, and bring that one home."""
     return [("a_open", door, around, hand), ("a_home", hand)]
 

@@ -13,8 +13,8 @@ from companion.languages.wm import AnySight, FeltContent
 from companion.rows import THERE, ActRow, ShownRow, held
 
 LEAST_WEIGHED_KG = 0.015
-"""Difference of two weights of a pour that counts: two deviations of a sensor that drifts by 0.05 N
-meanwhile (7.5 g, measured).
+"""Least difference of the two weights [kg] that counts as content that left: twice its standard
+deviation (7.5 g, measured; the sensor drifts by 0.05 N between the two).
 """
 
 

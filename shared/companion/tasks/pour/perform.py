@@ -2,7 +2,7 @@
 now.
 
 While it is tilted, the eyes look at the destination, and the jar goes back if that is not there any
-more (watching.py). The jar is weighed in the same posture before and after: what left it was felt.
+more (class Watch). The jar is weighed in the same posture before and after: what left it was felt.
 With much still in it, it is tilted once more, farther. A pour that goes on after an interruption
 adds what left in the earlier tilts; what is taken out of the jar between two tilts was not poured.
 What left may have fallen beside: at last the hand is drawn back, and the destination is looked
@@ -55,16 +55,17 @@ time.
 """
 DOUBT_S = 0.1  # to the next look in doubt; estimate: as long as a look takes
 SEEN_WRONG, UNSEEN, MARKERS = 2, 2, 9
-"""Looks in a row that show it in a wrong place, or that do not show it, with so many markers in
-view in all of them, before something is wrong. A picture that shows nothing at all counts half.
+"""Looks in a row after which something is wrong: SEEN_WRONG that show the destination in a wrong
+place, or UNSEEN that do not show it while at least MARKERS of its markers, summed over these looks,
+should have been in view. A picture that shows nothing counts half.
 Estimates: 2 % of the sights of noisy eyes are outliers; of pictures up to 40 % too dark or bright,
 some show no marker; nine are those of three sure looks.
 """
-# markers in view that tell as much as three, where the last look showed the thing by no more
-# (estimate)
-TWO = 2
-# tilt of the jar up to which nothing covers markers inside the bowl (estimate)
-FLOWS = np.radians(75.0)
+# enough in place of SURE_MARKERS, where the last look that showed the thing had no more markers in
+# view (estimate)
+FEWER_MARKERS = 2
+# from this tilt of the jar on, content may cover markers inside the bowl (estimate)
+INSIDE_HIDDEN_TILT = np.radians(75.0)
 
 
 class Watch:
@@ -102,7 +103,10 @@ class Watch:
         # a camera or joints that are not well tell nothing of the thing
         if sensed.wrong or sensed.off:
             return
-        if tilt(here.robot.grip(here.q, self._side) * here.held[self._side].T_grip_object) > FLOWS:
+        if (
+            tilt(here.robot.grip(here.q, self._side) * here.held[self._side].T_grip_object)
+            > INSIDE_HIDDEN_TILT
+        ):
             here.filled.add(self._name)
         for sight in sensed.sights:
             if sight.name != self._name and here.holder(sight.name) is None:
@@ -144,12 +148,13 @@ class Watch:
         By three, or by two where the last look that showed it had no more in view.
         """
         now = self._here.in_view(self._name, self._at)
-        sure = len(now) >= SURE_MARKERS or (len(now) >= TWO and now >= self._seen_by > frozenset())
+        sure = len(now) >= SURE_MARKERS or (
+            len(now) >= FEWER_MARKERS and now >= self._seen_by > frozenset()
+        )
         return len(now) if sure else 0
 
 
-# --- The skill that pours: the tilt is solved again for the poses of jar and bowl as they are seen
-# now
+# --- the skill -----------------------------------------------------------------------------------
 
 
 WEIGH_S = 1.0  # [s] at rest, until the weight is true to 1 g (velma.control.grip.LOAD_S)

@@ -1,8 +1,13 @@
 """Planning to pour: the source is taken first, as in the paper's plan #1, and tilted over what
 stands free.
 
-Methods follow the published domain of the same group (proghtn-backstream@019fd34: pour, pourAt,
-takeSd, place, lookAt).
+Methods follow the published domain of the paper's authors (github.com/dseredyn/proghtn-backstream,
+019fd34: pour, pourAt, takeSd, place, lookAt).
+
+A subtask is a tuple of a name and arguments. Names that begin with `a_` are actions or conditions;
+companion.planning.registry lists the general ones, the others are in the PLAN of another task.
+`unfit`: this method does not apply, another one may; `failed`: it cannot be done, and the person is
+told.
 """
 
 import math
@@ -22,18 +27,19 @@ from velma.kinematics.frames import transform
 from velma.kinematics.tasks import BACK_SPEED, LOADED_SPEED, TILT_SPEED
 from velma.kinematics.tasks.pouring import FIRST_TILT, LAST_TILT, TRIES, Stream, stream, tiltings
 
-HELD_TILT = math.radians(40.0)  # task runs with the true robot model
+# most that a held source is tilted on the way; from runs with the true robot model
+HELD_TILT = math.radians(40.0)
 HELD_TRIES = 4 * TRIES
 """Samples of a tilt. There is only one grasp of a source that is held already, so more are tried:
 in env2 seed 113, beside the box before the bowl, none of 1500 samples was a tilt, and some of 6000
 were.
 """
 TILTINGS = 8  # estimate: the quickest of this number of tilts is chosen
-HOLD_S = 2.0  # same runs
+HOLD_S = 2.0  # at the last tilt; from the same runs
 SAMPLES, AT_ONCE, ENOUGH = 1500, 30, 2
-"""Grasps and tilts that are tried for each hand, in turn so many, until one hand has so many tilts.
-In 30 of 30 runs on 15 seeds of env2 this found the hand that can pour, in 0.05 to 0.55 s (measured
-on a busy machine).
+"""Samples (a grasp and a tilt) for each hand at most; the hands take turns of AT_ONCE, until one
+has ENOUGH that succeed. In 30 of 30 runs on 15 seeds of env2 this found the hand that can pour, in
+0.05 to 0.55 s (measured on a busy machine).
 """
 
 
@@ -45,97 +51,101 @@ def into_itself(source: str, destination: str) -> Fact | None:
 # --- in which order -------------------------------------------------------------------------------
 
 
-def pour_held(known: Known, km: str, source: str, destination: str) -> Subtasks | None:
+def pour_held(known: Known, state: str, source: str, destination: str) -> Subtasks | None:
     """Tilt a source that is held over a destination that stands free and was seen there."""
-    side = known.facts.holder(km, source)
+    side = known.facts.holder(state, source)
     if not side:
         return known.unfit(fact(Kind.NO_HAND_HOLDS, source))
-    return [("a_pour_held", source, destination, side)] if _open(known, km, destination) else None
+    return (
+        [("a_pour_held", source, destination, side)]
+        if _stands_free(known, state, destination)
+        else None
+    )
 
 
-def pour_into_standing(known: Known, km: str, source: str, destination: str) -> Subtasks | None:
+def pour_into_standing(known: Known, state: str, source: str, destination: str) -> Subtasks | None:
     """Take the source and tilt it over a destination that stands free and was seen there."""
-    if holder := known.facts.holder(km, source):
+    if holder := known.facts.holder(state, source):
         return known.unfit(fact(Kind.HOLDS, holder, source))
-    if not _open(known, km, destination):
+    if not _stands_free(known, state, destination):
         return None
     return [("take_and_pour", source, destination)]
 
 
-def pour_into_held(known: Known, km: str, source: str, destination: str) -> Subtasks | None:
+def pour_into_held(known: Known, state: str, source: str, destination: str) -> Subtasks | None:
     """Put a destination that is held down, look at it, plan again."""
-    if known.facts.holder(km, destination) is None:
+    if known.facts.holder(state, destination) is None:
         return known.unfit(fact(Kind.NO_HAND_HOLDS, destination))
     return [("set_down", destination), ("localize", destination)]
 
 
-def pour_into_unseen(known: Known, km: str, source: str, destination: str) -> Subtasks | None:
+def pour_into_unseen(known: Known, state: str, source: str, destination: str) -> Subtasks | None:
     """Look at a destination that was put down and not seen since, plan again."""
-    if holder := known.facts.holder(km, destination):
+    if holder := known.facts.holder(state, destination):
         return known.unfit(fact(Kind.HOLDS, holder, destination))
-    if known.facts.exact(km, destination):
+    if known.facts.exact(state, destination):
         return known.unfit(fact(Kind.SEEN_WHERE_IT_STANDS, destination))
     return [("localize", destination)]
 
 
 def pour_taking_both(
-    known: Known, km: str, first: Side, source: str, destination: str
+    known: Known, state: str, first: Side, source: str, destination: str
 ) -> Subtasks | None:
     """Take the source with one hand and the destination with the other, then put the destination
     down.
     """
-    if holder := known.facts.holder(km, destination):
+    if holder := known.facts.holder(state, destination):
         return known.unfit(fact(Kind.HOLDS, holder, destination))
-    if not known.facts.inside(km, destination):
+    if not known.facts.inside(state, destination):
         return known.unfit(fact(Kind.STANDS_FREE, destination))
-    if (holder := known.facts.holder(km, source)) not in (None, first):
+    if (holder := known.facts.holder(state, source)) not in (None, first):
         return known.unfit(fact(Kind.HOLDS, holder, source))
     taken = [("take", source, first), ("a_carry", first), ("take", destination, OTHER[first])]
     return [*taken, ("set_down", destination), ("localize", destination)]
 
 
-def pour_taken_again(known: Known, km: str, source: str, destination: str) -> Subtasks | None:
+def pour_taken_again(known: Known, state: str, source: str, destination: str) -> Subtasks | None:
     """Put the source down, and take it by another grasp: as it is held it cannot be tilted
     there.
     """
-    if known.facts.holder(km, source) is None:
+    if known.facts.holder(state, source) is None:
         return known.unfit(fact(Kind.NO_HAND_HOLDS, source))
-    if not _open(known, km, destination):
+    if not _stands_free(known, state, destination):
         return None
     return [("set_down", source), ("a_confirm", source), ("take_and_pour", source, destination)]
 
 
 def pour_with_likely(
-    known: Known, km: str, hand: Side, source: str, destination: str
+    known: Known, state: str, hand: Side, source: str, destination: str
 ) -> Subtasks | None:
     """Take the source and tilt it with the hand that is likely to have a way."""
-    return _pour_with(known, km, hand, source, destination, "a_likely")
+    return _pour_with(known, state, hand, source, destination, "a_likely")
 
 
 def pour_with_other(
-    known: Known, km: str, hand: Side, source: str, destination: str
+    known: Known, state: str, hand: Side, source: str, destination: str
 ) -> Subtasks | None:
     """Take the source and tilt it with the other hand."""
-    return _pour_with(known, km, hand, source, destination, "a_not_likely")
+    return _pour_with(known, state, hand, source, destination, "a_not_likely")
 
 
 def _pour_with(
-    known: Known, km: str, hand: Side, source: str, destination: str, which: str
+    known: Known, state: str, hand: Side, source: str, destination: str, which: str
 ) -> Subtasks | None:
-    if held := known.facts.in_hand(km, hand):
+    if held := known.facts.in_hand(state, hand):
         known.failed(fact(Kind.HOLDS, hand, held))
         return None
     tilted = ("a_pour", source, destination, hand)
     return [(which, source, destination, hand), ("take", source, hand), tilted]
 
 
-def _open(known: Known, km: str, name: str) -> bool:
+def _stands_free(known: Known, state: str, name: str) -> bool:
     """Whether the thing was seen where it stands, and is not inside another one."""
-    if holder := known.facts.holder(km, name):
+    if holder := known.facts.holder(state, name):
         known.unfit(fact(Kind.HOLDS, holder, name))
-    elif known.facts.inside(km, name):
+    elif known.facts.inside(state, name):
         known.unfit(fact(Kind.INSIDE_ANOTHER, name))
-    elif not known.facts.exact(km, name):
+    elif not known.facts.exact(state, name):
         known.unfit(fact(Kind.PUT_DOWN_UNSEEN, name))
     else:
         return True

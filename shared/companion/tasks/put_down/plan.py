@@ -16,85 +16,89 @@ from companion.planning.steps import Geometry, Step
 # --- anywhere -------------------------------------------------------------------------------------
 
 
-def put_down(known: Known, km: str, name: str) -> Subtasks | None:
+def put_down(known: Known, state: str, name: str) -> Subtasks | None:
     """Put it down and look at it; where it stands already, as after a way that was blocked, bring
     the hand home.
     """
-    if known.facts.holder(km, name):
+    if known.facts.holder(state, name):
         return [("set_down", name), ("a_confirm", name)]
-    if known.facts.support(km, name) and away(known, km) and not known.facts.fallen(km, name):
-        return _home_and_look(known, km, name)
+    if (
+        known.facts.support(state, name)
+        and away(known, state)
+        and not known.facts.fallen(state, name)
+    ):
+        return _home_and_look(known, state, name)
     known.failed(fact(Kind.NO_HAND_HOLDS, name))
     return None
 
 
-def put_down_lying_with(known: Known, km: str, hand: Side, name: str) -> Subtasks | None:
+def put_down_lying_with(known: Known, state: str, hand: Side, name: str) -> Subtasks | None:
     """Take a thing with this hand that fell over, and put it down upright."""
-    if known.facts.holder(km, name) or not known.facts.fallen(km, name):
+    if known.facts.holder(state, name) or not known.facts.fallen(state, name):
         return known.unfit(fact(Kind.DID_NOT_FALL, name))
-    if held := known.facts.in_hand(km, hand):
+    if held := known.facts.in_hand(state, hand):
         return known.unfit(fact(Kind.HOLDS, hand, held))
     return [("a_take", name, hand), ("set_down", name), ("a_confirm", name)]
 
 
-def stands(known: Known, km: str, name: str) -> Subtasks | None:
+def stands(known: Known, state: str, name: str) -> Subtasks | None:
     """Only look at it where a hand left it, though the act of that hand had failed."""
-    if holder := known.facts.holder(km, name):
+    if holder := known.facts.holder(state, name):
         return known.unfit(fact(Kind.HOLDS, holder, name))
-    if not known.facts.support(km, name):
+    if not known.facts.support(state, name):
         return known.unfit(fact(Kind.NO_HAND_HOLDS, name))
-    how = known.facts.fallen(km, name)
-    return known.unfit(how) if how else _home_and_look(known, km, name)
+    how = known.facts.fallen(state, name)
+    return known.unfit(how) if how else _home_and_look(known, state, name)
 
 
-def set_down(known: Known, km: str, name: str) -> Subtasks | None:
+def set_down(known: Known, state: str, name: str) -> Subtasks | None:
     """Put it down, and bring the hand home; whoever needs it there looks at it."""
-    side = known.facts.holder(km, name)
+    side = known.facts.holder(state, name)
     if not side:
         return known.unfit(fact(Kind.NO_HAND_HOLDS, name))
     return [("a_place", side), ("a_home", side)]
 
 
-def _home_and_look(known: Known, km: str, name: str) -> Subtasks:
-    return [*(("a_home", side) for side in away(known, km)), ("a_confirm", name)]
+def _home_and_look(known: Known, state: str, name: str) -> Subtasks:
+    return [*(("a_home", side) for side in away(known, state)), ("a_confirm", name)]
 
 
 # --- at a place -----------------------------------------------------------------------------------
 
 
-def put_at_nothing(known: Known, km: str, name: str, where: str) -> Subtasks | None:
+def put_at_nothing(known: Known, state: str, name: str, where: str) -> Subtasks | None:
     """Only look at it where it stands there already, with empty hands at home: one may have left it
     leaning.
     """
-    if holder := known.facts.holder(km, name):
+    if holder := known.facts.holder(state, name):
         return known.unfit(fact(Kind.HOLDS, holder, name))
-    if known.facts.at(km, name, where):
-        how = known.facts.fallen(km, name)
-        return known.unfit(how) if how else _home_and_look(known, km, name)
+    if known.facts.at(state, name, where):
+        how = known.facts.fallen(state, name)
+        return known.unfit(how) if how else _home_and_look(known, state, name)
     return known.unfit(fact(Kind.STANDS_ELSEWHERE, name))
 
 
-def put_at_held(known: Known, km: str, name: str, where: str) -> Subtasks | None:
+def put_at_held(known: Known, state: str, name: str, where: str) -> Subtasks | None:
     """Put it there with the hand that holds it, bring that one home, and look at it."""
-    side = known.facts.holder(km, name)
+    side = known.facts.holder(state, name)
     after = (("a_home", side), ("a_confirm", name))
     return (
         [("a_place", side, where), *after] if side else known.unfit(fact(Kind.NO_HAND_HOLDS, name))
     )
 
 
-def put_at_with(known: Known, km: str, hand: Side, name: str, where: str) -> Subtasks | None:
+def put_at_with(known: Known, state: str, hand: Side, name: str, where: str) -> Subtasks | None:
     """Take it with this hand, if it is empty, and put it there."""
-    if holder := known.facts.holder(km, name):
+    if holder := known.facts.holder(state, name):
         return known.unfit(fact(Kind.HOLDS, holder, name))
-    if held := known.facts.in_hand(km, hand):
+    if held := known.facts.in_hand(state, hand):
         known.failed(fact(Kind.HOLDS, hand, held))
         return None
     return [("set_at", name, hand, where)]
 
 
 def set_at_try(
-    known: Known, km: str, number: str, name: str, hand: Side, where: str
+    known: Known, state: str, number: str, name: str, hand: Side, where: str
 ) -> Subtasks | None:
     """Take it by some grasp, from which it can be put there: not every one leaves a way."""
     placed = [("a_place", hand, where), ("a_home", hand), ("a_confirm", name)]

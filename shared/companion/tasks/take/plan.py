@@ -24,9 +24,9 @@ CARRIES = 16  # estimate: found in 0.1 s
 # --- with a hand that is free ---------------------------------------------------------------------
 
 
-def take_nothing(known: Known, km: str, name: str, side: str) -> Subtasks | None:
+def take_nothing(known: Known, state: str, name: str, side: str) -> Subtasks | None:
     """Do nothing where the wanted hand holds it already."""
-    holder = known.facts.holder(km, name)
+    holder = known.facts.holder(state, name)
     if holder is None:
         return known.unfit(fact(Kind.NO_HAND_HOLDS, name))
     if side not in ("", holder):
@@ -34,9 +34,9 @@ def take_nothing(known: Known, km: str, name: str, side: str) -> Subtasks | None
     return []
 
 
-def take_over(known: Known, km: str, name: str, side: str) -> Subtasks | None:
+def take_over(known: Known, state: str, name: str, side: str) -> Subtasks | None:
     """Put down what the other hand holds, look at it, plan again."""
-    holder = known.facts.holder(km, name)
+    holder = known.facts.holder(state, name)
     if holder is None:
         return known.unfit(fact(Kind.NO_HAND_HOLDS, name))
     if side in ("", holder):
@@ -44,13 +44,13 @@ def take_over(known: Known, km: str, name: str, side: str) -> Subtasks | None:
     return [("set_down", name), ("localize", name)]
 
 
-def take_with(known: Known, km: str, hand: Side, name: str, side: str) -> Subtasks | None:
+def take_with(known: Known, state: str, hand: Side, name: str, side: str) -> Subtasks | None:
     """Take it with this hand, if it is empty and wanted."""
     if side not in ("", hand):
         return known.unfit(fact(Kind.OTHER_HAND_WANTED, side))
-    if holder := known.facts.holder(km, name):
+    if holder := known.facts.holder(state, name):
         return known.unfit(fact(Kind.HOLDS, holder, name))
-    if held := known.facts.in_hand(km, hand):
+    if held := known.facts.in_hand(state, hand):
         known.failed(fact(Kind.HOLDS, hand, held))
         return None
     return [("a_take", name, hand)]
@@ -60,12 +60,12 @@ def take_with(known: Known, km: str, hand: Side, name: str, side: str) -> Subtas
 
 
 def after_clearing(
-    known: Known, km: str, number: int, task: str, name: str, *others: str
+    known: Known, state: str, number: int, task: str, name: str, *others: str
 ) -> Subtasks | None:
     """Put the n-th nearest thing beside the wanted one aside, then do the task."""
-    if holder := known.facts.holder(km, name):
+    if holder := known.facts.holder(state, name):
         return known.unfit(fact(Kind.HOLDS, holder, name))
-    near = known.facts.beside(km, name)
+    near = known.facts.beside(state, name)
     if len(near) < number:
         few = fact(Kind.FEWER_BESIDE, name, number) if near else fact(Kind.NOTHING_BESIDE, name)
         return known.unfit(few)
@@ -88,11 +88,11 @@ def in_the_way(geometry: Geometry, state: str, name: str, *others: str) -> bool:
     return False
 
 
-def put_aside_with(known: Known, km: str, hand: Side, name: str) -> Subtasks | None:
+def put_aside_with(known: Known, state: str, hand: Side, name: str) -> Subtasks | None:
     """Take it with this hand, if it is empty, put it down where there is room, and bring the hand
     home.
     """
-    if held := known.facts.in_hand(km, hand):
+    if held := known.facts.in_hand(state, hand):
         return known.unfit(fact(Kind.HOLDS, hand, held))
     return [("a_take", name, hand), ("a_place", hand), ("a_home", hand)]
 
