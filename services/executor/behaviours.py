@@ -45,7 +45,7 @@ from services.executor.device_messages import (
     Where,
     duration,
 )
-from services.executor.memory import CONDITIONS, Act, Felt, Memory, SituationRecord, Soft
+from services.executor.memory import CONDITIONS, Felt, Memory, RunningAct, SituationRecord, Soft
 
 RESTARTED = (fact(Kind.ENDED, "ex"),)
 PATIENCE = "patience"
@@ -104,7 +104,7 @@ def await_act(memory: Memory, turn: Turn) -> Memory:
             elif command.key == memory.last:
                 why = fact(Kind.BEGUN_BEFORE)
             else:
-                act = Act(received.conversation, command)
+                act = RunningAct(received.conversation, command)
                 return replace(memory, number=memory.number + 1, act=act, soft=Soft())
             outgoing_messages.refuse(
                 turn, received.conversation, command, NotDoneKind.REFUSED, (why,)
@@ -164,12 +164,12 @@ def prepare_act(memory: Memory, turn: Turn) -> Memory:
     return memory
 
 
-def _required(memory: Memory) -> Act:
+def _required(memory: Memory) -> RunningAct:
     assert memory.act is not None
     return memory.act
 
 
-def _called_off(act: Act, event: Received | Broken) -> bool:
+def _called_off(act: RunningAct, event: Received | Broken) -> bool:
     """Whether ta cancels the act, or knows nothing of it any more."""
     called = isinstance(event, Broken) or event.communicate.performative is Performative.CANCEL
     return called and event.conversation == act.conversation

@@ -103,7 +103,7 @@ class Felt(msgspec.Struct, frozen=True):
         return np.frombuffer(self.q)
 
 
-class Act(msgspec.Struct, frozen=True):
+class RunningAct(msgspec.Struct, frozen=True):
     """An act under way. `begun`: agreed to, its first motion is sent. `lost`: why its outcome
     cannot be known.
 
@@ -134,7 +134,7 @@ class Memory(msgspec.Struct, frozen=True):
 
     number: int = 0
     last: str = ""
-    act: Act | None = None
+    act: RunningAct | None = None
     remembered: SituationRecord = SituationRecord()
     soft: Soft = Soft()
 

@@ -13,7 +13,7 @@ from companion.languages.facts import Facts
 from companion.languages.values import Pose, Within
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative
-from services.executor.memory import Act
+from services.executor.memory import RunningAct
 from velma import names, ranges
 from velma.errors import MotionError
 
@@ -92,12 +92,12 @@ def refuse(turn: Turn, conversation: str, command: rc.Command, kind: str, why: F
     turn.say(conversation, Performative.REFUSE, rc.NotDone(command.key, kind, why))
 
 
-def agree(turn: Turn, act: Act, duration: float) -> None:
+def agree(turn: Turn, act: RunningAct, duration: float) -> None:
     """Agree to an act of this expected duration [s, simulated]."""
     turn.say(act.conversation, Performative.AGREE, rc.Accepted(act.command.key, duration))
 
 
-def report(turn: Turn, act: Act) -> None:
+def report(turn: Turn, act: RunningAct) -> None:
     """Tell the outcome of an act; in reply to the cancel where the cancel ended it."""
     outcome = act.outcome
     assert outcome is not None

@@ -6,7 +6,7 @@ import pytest
 
 from topdown.prove.engine import DEADLOCK, UNREACHED, WRONG
 from topdown.prove.stream import Stream, Variant, explore_stream
-from topdown.prove.verify import Act, explore_act
+from topdown.prove.verify import ActModel, explore_act
 from topdown.prove.verify import Variant as Acting
 
 V = Variant
@@ -92,4 +92,7 @@ def test_states_are_told_in_words():
     words = Stream().describe(Stream().start)
     assert set(words) == {"sender", "wire", "receiver"}
     assert "outbox empty" in words["sender"]
-    assert Act().describe(Act().start) == {"agent": "idle; journal: nothing", "loop": "slot: empty"}
+    assert ActModel().describe(ActModel().start) == {
+        "agent": "idle; journal: nothing",
+        "loop": "slot: empty",
+    }

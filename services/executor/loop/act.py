@@ -105,7 +105,7 @@ LATE_S = 3.0
 HANDS_S = 120.0
 
 
-class Act:
+class RunningMotion:
     """One motion from its start to its report. `track` is None as soon as the body has to stay
     where it is.
     """

@@ -28,7 +28,7 @@ from companion.skills.loop_messages import (
     followed,
     refusal,
 )
-from services.executor.loop.act import Act, Verdict
+from services.executor.loop.act import RunningMotion, Verdict
 from services.executor.loop.hands import Fingers, GripWatch
 from velma import names, ranges
 from velma.control import cartesian, joint, safety
@@ -213,7 +213,7 @@ class LoopCore:
         # by a person, who has not released the robot: it holds also after a fault
         self.stopped = False
         self.cycles, self.saturated, self.faults, self.last_fault = 0, 0, 0, ""
-        self.act: Act | None = None
+        self.act: RunningMotion | None = None
         self.report = Report()
 
     # --- what the outside may ask -----------------------------------------------------------------
@@ -243,7 +243,7 @@ class LoopCore:
             return Refusal((fact(Kind.HELD_STILL, self.mode),), held)
         try:
             asked = checked(asked)
-            act = Act(asked, self.setpoint, self.state.time)
+            act = RunningMotion(asked, self.setpoint, self.state.time)
             followed(asked, self.setpoint)
             for row in (0, 1):
                 self.fingers.check(row, asked.hands()[row])
@@ -467,7 +467,7 @@ class LoopCore:
             self._judge(act, state, error)
         return self.impedance.torque(terms, error, slip, self.setpoint - state.q, weight)
 
-    def _judge(self, act: Act, state: State, error: Array) -> None:
+    def _judge(self, act: RunningMotion, state: State, error: Array) -> None:
         followed = act.track
         ends = zip(self._head_target.tolist(), self._head_goal.tolist(), strict=True)
         head_done = all(abs(target - goal) <= HEAD_NEAR for target, goal in ends)

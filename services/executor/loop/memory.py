@@ -22,7 +22,7 @@ import msgspec
 import numpy as np
 
 from companion.skills.loop_messages import Close, Mode, Motion, Report, Until
-from services.executor.loop.act import Act
+from services.executor.loop.act import RunningMotion
 from services.executor.loop.core import LoopCore
 from services.executor.loop.hands import Activity
 from services.executor.loop.link import Slot, begun
@@ -225,7 +225,7 @@ class LoopMemory(msgspec.Struct, frozen=True, array_like=True):
         self.impedance.give(core.impedance)
         if self.act is None or motion is None:
             return
-        core.act = act = Act(motion, motion.path()[0], self.act.began_s)
+        core.act = act = RunningMotion(motion, motion.path()[0], self.act.began_s)
         self.act.give(act)
         if self.track is None or act.track is None:
             act.track = None
@@ -254,7 +254,7 @@ class Keeper:
             self._file[at] = self._file[at]
         view = memoryview(self._file)
         self._slots = {name: Slot(view[start:end]) for name, (start, end) in _PLACES.items()}
-        self._running: Act | None = None
+        self._running: RunningMotion | None = None
         self._number = 0
         self.restored = found is not None and self._recall()
 

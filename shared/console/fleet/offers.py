@@ -26,7 +26,7 @@ UP, DOWN, UNKNOWN = "up", "down", "no fleet"
 COLOURS = {UP: "green", DOWN: "red"}
 
 
-class Act(msgspec.Struct, frozen=True):
+class OfferedAct(msgspec.Struct, frozen=True):
     """An act that agents may be asked for: act, name of the kind, classes of its arguments and of
     its answers.
     """
@@ -55,7 +55,7 @@ class Service(msgspec.Struct, frozen=True):
     languages: tuple[str, ...]
     channel: str
     to: str
-    acts: tuple[Act, ...]
+    acts: tuple[OfferedAct, ...]
 
 
 class Description(msgspec.Struct, frozen=True):
@@ -162,18 +162,20 @@ def service(design: Design, use: elements.Protocol) -> Service:
     return Service(*about, use.channel, use.initiator, acts(design, use))
 
 
-def acts(design: Design, use: elements.Protocol) -> tuple[Act, ...]:
+def acts(design: Design, use: elements.Protocol) -> tuple[OfferedAct, ...]:
     """Return what may be asked: the entries of its interface, else what the initiator says with a
     content.
     """
     if use.interface:
         return tuple(
-            Act(one.performative, one.name, one.arguments, one.answers)
+            OfferedAct(one.performative, one.name, one.arguments, one.answers)
             for one in design.entries(use.name)
         )
     asked = [message for message in use.message if message.sender == use.initiator]
     return tuple(
-        Act(one.performative, "", design.contents(use, one), ()) for one in asked if one.content
+        OfferedAct(one.performative, "", design.contents(use, one), ())
+        for one in asked
+        if one.content
     )
 
 

@@ -76,7 +76,7 @@ class Place(NamedTuple):
     ended: bool = False
 
 
-class Act:
+class ActModel:
     """The model, for engine.explore."""
 
     def __init__(self, variant: Variant = Variant.RIGHT) -> None:
@@ -151,7 +151,7 @@ def _recorded(state: Place, then: At, word: str) -> Place:
 
 def explore_act(variant: Variant = Variant.RIGHT) -> Exploration:
     """Everything that can happen to an act; where something is wrong, the shortest way there."""
-    return explore(Act(variant))
+    return explore(ActModel(variant))
 
 
 # --- All three layers of the proof of a design, one verdict after the other -----------------------

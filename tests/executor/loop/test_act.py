@@ -7,7 +7,7 @@ import pytest
 
 from companion.languages.facts import Kind, fact
 from companion.skills.loop_messages import Close, HandReport, Phase, Until, motion
-from services.executor.loop.act import Act
+from services.executor.loop.act import RunningMotion
 from velma.names import START
 
 WHY = (fact(Kind.CANCELLED),)
@@ -18,7 +18,7 @@ GRIP = {"until": "touch", "left": Close(squeeze=0.02)}
 
 
 def act(path=PATH, began_s=0.0, **options):
-    return Act(motion("m", path, **options), START, began_s)
+    return RunningMotion(motion("m", path, **options), START, began_s)
 
 
 def error(right=(0.0, 0.0, 0.0), left=(0.0, 0.0, 0.0)):

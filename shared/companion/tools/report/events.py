@@ -13,7 +13,7 @@ from companion.acts import SHOWN
 from companion.languages import cmd, rc, wm
 from companion.tools.report.plans import (
     REFUSED,
-    Act,
+    ActRecord,
     Made,
     Ran,
     acts,
@@ -151,7 +151,7 @@ def _handling(history: History) -> Iterator[Event]:
 
 
 def _localized(
-    history: History, all_acts: tuple[Act, ...], release: Act, object: str
+    history: History, all_acts: tuple[ActRecord, ...], release: ActRecord, object: str
 ) -> Iterator[Event]:
     """The first observation of what was put down, after the first look that followed."""
     assert release.end is not None

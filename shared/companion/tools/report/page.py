@@ -23,7 +23,7 @@ from companion.tools.report import plans
 from companion.tools.report.believed import MOST_APART_MM
 from companion.tools.report.plans import (
     REFUSED,
-    Act,
+    ActRecord,
     Made,
     acts,
     asked,
@@ -146,7 +146,7 @@ def _acts(history: History) -> Iterator[Bar]:
             yield Bar(lane, moving, act.end, colour, (word_of(act),))
 
 
-def word_of(act: Act) -> str:
+def word_of(act: ActRecord) -> str:
     """Return the kind of an act in a word."""
     row = SHOWN.get(type(act.command))
     return row.word if row else spaced(type(act.command).__name__)

@@ -109,7 +109,7 @@ class Ran(msgspec.Struct, frozen=True):
     states: int
 
 
-class Act(msgspec.Struct, frozen=True):
+class ActRecord(msgspec.Struct, frozen=True):
     """An act asked of ex: the command, when it was asked, agreed to (the robot moves from then on)
     and answered.
 
@@ -142,7 +142,7 @@ def ran(history: History) -> tuple[Ran, ...]:
     return tuple(_ran(history, number, one) for number, one in enumerate(asked, start=1))
 
 
-def acts(history: History) -> tuple[Act, ...]:
+def acts(history: History) -> tuple[ActRecord, ...]:
     """All acts asked of ex, in the order of time."""
     asked = [one for one in history.said if isinstance(one.content, rc.Command)]
     return tuple(_act(history, one) for one in asked)
@@ -290,13 +290,13 @@ def _ran(history: History, number: int, asked: Spoken) -> Ran:
     )
 
 
-def _act(history: History, asked: Spoken) -> Act:
+def _act(history: History, asked: Spoken) -> ActRecord:
     answers = list(_answers(history, asked))
     agreed = next((one.received for one in answers if one.performative == Performative.AGREE), None)
     end = next((one for one in answers if one.performative != Performative.AGREE), None)
     done = end is not None and isinstance(end.content, rc.Done)
     until = None if end is None else end.received
-    return Act(asked.content, asked.received, agreed, until, done, reason(end))
+    return ActRecord(asked.content, asked.received, agreed, until, done, reason(end))
 
 
 def reason(end: Spoken | None) -> str:
