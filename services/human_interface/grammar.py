@@ -7,17 +7,13 @@ HTTP, tasks, what was said before.
 
 import difflib
 import re
-import threading
-from collections.abc import Iterator
-from functools import cache, lru_cache
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
-from lark import Lark, Token, Tree
-from lark.exceptions import LarkError
-from lark.lexer import Lexer
 from msgspec.structs import replace
 
 from companion.letters import fold
+from services.human_interface import patterns
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES, phrases
 from services.human_interface.device_messages import Clause, Meaning, NamedObject, When
 
@@ -182,153 +178,211 @@ SHORT = 3
 
 _TASK = re.compile(r"hi-\d+-\d+")
 _WORDS = re.compile(r"hi-\d+-\d+|(?<!\w)[-\u2212]\d+|\d{1,2}:\d\d|\d+[.,]\d+|[^\W_]+|[,.;:!?]")
-_PART = re.compile(r"[()|\[\]]|[^\W\d]+")
 
 
-class _Groups:
-    """Patterns of a language as lark writes them; each choice is a rule of its own, which keeps the
-    grammar small.
-    """
+def _strange_words(sentence: patterns.Sentence, at: int) -> patterns.Ends:
+    """One to three words that nobody knows."""
+    ends = {}
+    for end in range(at + 1, min(at + MOST_STRANGE, len(sentence.words)) + 1):
+        if not _unknown(sentence.words[end - 1]):
+            break
+        ends[end] = patterns.Match(strange=end - at)
+    return ends
+
+
+def _one_word(fits: Callable[[str], object], found: Callable[[str], object]) -> patterns.Rule:
+    def rule(sentence: patterns.Sentence, at: int) -> patterns.Ends:
+        word = sentence.words[at]
+        return {at + 1: patterns.Match((found(word),))} if fits(word) else {}
+
+    return rule
+
+
+class _Side(NamedTuple):
+    side: str
+
+
+class _Task(NamedTuple):
+    task: str
+
+
+class _Language:
+    """The grammar of a language."""
 
     def __init__(self, language: str) -> None:
-        self._language = language
-        self._names: dict[str, str] = {}
+        self.name = language
+        kinds = {
+            one.name: "|".join(
+                " ".join(words) for words in phrases("|".join(getattr(one, language)))
+            )
+            for one in CATALOGUE.thing
+        }
+        sides = {
+            side.upper(): "|".join(" ".join(words) for words in phrases(words_of[language]))
+            for side, words_of in CATALOGUE.side.items()
+        }
+        texts = RULES[language] | sides | {"NOUN": "|".join(kinds.values())}
+        made = {
+            "THING": self._thing,
+            "SIDE": self._side,
+            "TASK": _one_word(_TASK.fullmatch, _Task),
+            "STRANGE": _strange_words,
+        }
+        self._of = patterns.Patterns(texts, made)
+        self._sides = {side: self._of.part(side.upper()) for side in CATALOGUE.side}
+        self._nouns = {name: self._of.part(text) for name, text in kinds.items()}
+        parts = ("DET", "QUALITY", "PLACE", "STRANGE", "IT", "OTHER", "BOTH")
+        self._rule = {name: self._of.part(name) for name in parts}
+        self._joining = self._of.part(CATALOGUE.joining[language])
+        self._forms: list[tuple[int, bool, patterns.Part]] = []
+        for lacks in (False, True):
+            for at, row in enumerate(WISHES):
+                texts_of = row.lacking.get(language, ()) if lacks else getattr(row, language)
+                self._forms += [(at, lacks, self._of.part(text)) for text in texts_of]
+        self.words = frozenset(self._of.words)
 
-    def pattern(self, text: str) -> str:
-        """Return a pattern of the catalogue."""
-        parts = [[""]]
-        for part in _PART.findall(text):
-            if part in "([":
-                parts.append([""])
-            elif part in ")]":
-                group = " | ".join(parts.pop())
-                parts[-1][-1] += f" {self._named(group)}{'?' if part == ']' else ''}"
-            elif part == "|":
-                parts[-1].append("")
+    def _side(self, sentence: patterns.Sentence, at: int) -> patterns.Ends:
+        return {
+            end: patterns.Match((_Side(side),))
+            for side, part in self._sides.items()
+            for end in sentence.ends(part, at)
+        }
+
+    def _thing(self, sentence: patterns.Sentence, at: int) -> patterns.Ends:
+        """A thing by its name, by a word such as "it", or by a word that nobody knows."""
+        ends: dict[int, patterns.Match] = {}
+        for end, one, strange in self._things(sentence, at):
+            if end not in ends or strange < ends[end].strange:
+                ends[end] = patterns.Match((one,), strange)
+        return ends
+
+    def _things(
+        self, sentence: patterns.Sentence, at: int
+    ) -> Iterator[tuple[int, NamedObject, int]]:
+        def said(start: int, end: int) -> str:
+            return " ".join(sentence.words[start:end])
+
+        references = [
+            (ref, end)
+            for ref in ("it", "other", "both")
+            for end in sentence.ends(self._rule[ref.upper()], at)
+        ]
+        for ref, end in references:
+            yield end, NamedObject(said(at, end), ref=ref), 0
+        begins = {at, *sentence.ends(self._rule["DET"], at)}
+        for begin in sorted(begins):
+            for noun in self._after_qualities(sentence, begin):
+                quality = said(begin, noun)
+                for name, part in self._nouns.items():
+                    for end in sentence.ends(part, noun):
+                        kinds = _COVERS[name]
+                        number, end = _number_at(sentence.words, end)
+                        yield end, NamedObject(said(at, end), kinds, number, quality), 0
+                        for behind in sentence.ends(self._rule["PLACE"], end):
+                            where = f"{quality} {said(end, behind)}".strip()
+                            one = NamedObject(said(at, behind), kinds, number, where)
+                            yield behind, one, 0
+                for end, match in sentence.ends(self._rule["STRANGE"], noun).items():
+                    strange = said(noun, end)
+                    yield end, NamedObject(strange, quality=quality), match.strange
+                    for behind in sentence.ends(self._rule["PLACE"], end):
+                        where = f"{quality} {said(end, behind)}".strip()
+                        yield behind, NamedObject(strange, quality=where), match.strange
+        for ref, begin in references:
+            for name, part in self._nouns.items():
+                for end in sentence.ends(part, begin):
+                    yield end, NamedObject(said(at, end), _COVERS[name], ref=ref), 0
+
+    def _after_qualities(self, sentence: patterns.Sentence, at: int) -> list[int]:
+        found = [at]
+        for begin in found:
+            found += [
+                end for end in sentence.ends(self._rule["QUALITY"], begin) if end not in found
+            ]
+        return found
+
+    def clauses(self, words: tuple[str, ...]) -> tuple[Clause, ...] | None:
+        """Return the wishes that a whole sentence has, one more than are taken at most; None where
+        it is none. The reading with the fewest strange words, then with the fewest wishes.
+        """
+        sentence = patterns.Sentence(words)
+        best = self._best(sentence, 0, MOST_WISHES + 1, {})
+        return None if best is None else best[1]
+
+    def _best(
+        self,
+        sentence: patterns.Sentence,
+        at: int,
+        left: int,
+        known: dict[tuple[int, int], tuple[int, tuple[Clause, ...]] | None],
+    ) -> tuple[int, tuple[Clause, ...]] | None:
+        """The strange words and wishes of the best reading of the rest; None for none."""
+        if (at, left) in known:
+            return known[at, left]
+        best: tuple[int, tuple[Clause, ...]] | None = None
+        for end, (strange, clause) in self._clause_ends(sentence, at).items():
+            if end == len(sentence.words):
+                rests: list[tuple[int, tuple[Clause, ...]] | None] = [(0, ())]
+            elif left > 1:
+                behind = self._behind_joining(sentence, end)
+                rests = [self._best(sentence, one, left - 1, known) for one in behind]
             else:
-                parts[-1][-1] += f" {_symbol(part, self._language)}"
-        (whole,) = parts
-        return " | ".join(whole)
+                continue
+            for rest in rests:
+                if rest is not None:
+                    found = (strange + rest[0], (clause, *rest[1]))
+                    if best is None or (found[0], len(found[1])) < (best[0], len(best[1])):
+                        best = found
+        known[at, left] = best
+        return best
 
-    def _named(self, group: str) -> str:
-        return self._names.setdefault(group, f"group_{self._language}_{len(self._names)}")
+    def _behind_joining(self, sentence: patterns.Sentence, at: int) -> set[int]:
+        """Where the next wish may begin: behind a comma, a joining word, or both."""
+        comma = sentence.words[at] == ","
+        behind = {at + 1} if comma else set()
+        for end in sentence.ends(self._joining, at + comma):
+            behind |= {end, end + (sentence.words[end : end + 1] == (",",))}
+        return behind
 
-    def rules(self) -> Iterator[str]:
-        """The rules of the choices."""
-        return (f"{name}: {group}" for group, name in self._names.items())
-
-
-def _symbol(part: str, language: str) -> str:
-    if part in "()[]|" or part == "TASK":
-        return part
-    return f"{part.lower()}_{language}" if part.isupper() else _terminal(fold(part))
-
-
-def _terminal(word: str) -> str:
-    return f"T_{word.upper()}"
-
-
-def _alternatives(text: str) -> str:
-    return " | ".join(" ".join(map(_terminal, words)) for words in phrases(text))
+    def _clause_ends(self, sentence: patterns.Sentence, at: int) -> dict[int, tuple[int, Clause]]:
+        """The ends of the wishes that begin at a word, the first one of the catalogue for each."""
+        ends: dict[int, tuple[int, Clause]] = {}
+        for row, lacks, form in self._forms:
+            for end, (found, strange) in sentence.ends(form, at).items():
+                if end not in ends or strange < ends[end][0]:
+                    ends[end] = strange, _clause(WISHES[row].does, found, lacks=lacks)
+        return ends
 
 
-def _rules(language: str) -> Iterator[str]:
-    """The rules of a language."""
-    groups = _Groups(language)
-    wishes = {f"wish_{language}_{at}": getattr(row, language) for at, row in enumerate(WISHES)}
-    lacking = {
-        f"lack_{language}_{at}": row.lacking[language]
-        for at, row in enumerate(WISHES)
-        if row.lacking
-    }
-    for wish, texts in (wishes | lacking).items():
-        patterns = {f"form_{wish}_{n}": one for n, one in enumerate(texts)}
-        yield f"{wish}: {' | '.join(patterns)}"
-        yield from (f"{name}: {groups.pattern(one)}" for name, one in patterns.items())
-    yield f"clause_{language}: {' | '.join(wishes | lacking)}"
-    yield f"joining_{language}: {_alternatives(CATALOGUE.joining[language])}"
-    yield f"sep_{language}: COMMA | COMMA? joining_{language} COMMA?"
-    # one more than are taken is told, further ones cost time alone
-    more = f"(sep_{language} clause_{language})"
-    yield f"all_{language}: clause_{language} {more}~0..{MOST_WISHES}"
-    for name, text in RULES[language].items():
-        yield f"{name.lower()}_{language}: {groups.pattern(text)}"
-    for side, words in CATALOGUE.side.items():
-        yield f"{side}_{language}: {_alternatives(words[language])}"
-    yield f"side_{language}: {' | '.join(f'{side}_{language}' for side in CATALOGUE.side)}"
-    for thing in CATALOGUE.thing:
-        yield f"n_{thing.name}_{language}: {_alternatives('|'.join(getattr(thing, language)))}"
-    yield (
-        f"noun_{language}: {' | '.join(f'n_{thing.name}_{language}' for thing in CATALOGUE.thing)}"
+_COVERS = {one.name: one.covers or (one.name,) for one in CATALOGUE.thing}
+
+
+def _number_at(words: tuple[str, ...], at: int) -> tuple[int, int]:
+    """The number at a word, 0 for none, and the word behind it."""
+    if at < len(words) and words[at].isdecimal():
+        return int(words[at][:3]), at + 1
+    return 0, at
+
+
+def _clause(does: str, found: tuple[object, ...], *, lacks: bool) -> Clause:
+    things = tuple(one for one in found if isinstance(one, NamedObject))
+    side = next((one.side for one in found if isinstance(one, _Side)), "")
+    task = next((one.task for one in found if isinstance(one, _Task)), "")
+    return Clause(does, things, side, task, lacks)
+
+
+_OF = {language: _Language(language) for language in LANGUAGES}
+VOCABULARY = frozenset[str]().union(*(one.words for one in _OF.values()))
+
+
+def _unknown(word: str) -> bool:
+    """Whether nobody knows the word; marks and numbers are no words."""
+    return (
+        word != ","
+        and not word.isdecimal()
+        and not _TASK.fullmatch(word)
+        and word not in VOCABULARY
     )
-    this = f"det_{language}? quality_{language}*"
-    yield f"named_{language}: {this} noun_{language} NUMBER? place_{language}?"
-    yield f"strange_{language}: WORD WORD? WORD?"
-    yield f"unknown_{language}: {this} strange_{language} place_{language}?"
-    ref = " | ".join(f"{one}_{language} noun_{language}?" for one in ("it", "other", "both"))
-    yield f"thing_{language}: named_{language} | {ref} | unknown_{language}"
-    yield from groups.rules()
-
-
-def _text(language: str) -> str:
-    rules = list(_rules(language))
-    words = sorted({word for rule in rules for word in re.findall(r"T_[A-Z]+", rule)})
-    return "\n".join(
-        (f"start: all_{language}", *rules, f"%declare WORD NUMBER COMMA TASK {' '.join(words)}")
-    )
-
-
-class _WordLexer(Lexer):
-    """The words of a list as terminals: each word of the catalogue has its own."""
-
-    def __init__(self, conf: Any) -> None:
-        self._known = {terminal.name for terminal in conf.terminals}
-
-    def lex(self, words: Any) -> Iterator[Token]:  # type: ignore[override]
-        """Yield a token for each word."""
-        for word in words:
-            yield Token(kind_of(word), word)
-
-
-def kind_of(word: str) -> str:
-    """Return the terminal of a word."""
-    if word == ",":
-        return "COMMA"
-    if _TASK.fullmatch(word):
-        return "TASK"
-    if word.isdecimal():
-        return "NUMBER"
-    return _terminal(word) if word in VOCABULARY else "WORD"
-
-
-_TEXTS = {language: _text(language) for language in LANGUAGES}
-_WORDS_OF = {
-    language: frozenset(word.lower() for word in re.findall(r"T_([A-Z]+)", text))
-    for language, text in _TEXTS.items()
-}
-VOCABULARY = frozenset[str]().union(*_WORDS_OF.values())
-
-
-_MAKING = threading.Lock()  # a sentence waits for a parser that another thread makes
-
-
-def _parser(language: str) -> Lark:
-    """Return the parser of a language; it is made when it is first needed."""
-    with _MAKING:
-        return _made(language)
-
-
-@cache
-def _made(language: str) -> Lark:
-    return Lark(_TEXTS[language], parser="earley", lexer=_WordLexer, maybe_placeholders=False)
-
-
-def prepare() -> None:
-    """Make all parsers, which takes some tenths of a second, so that no sentence need wait for
-    them.
-    """
-    for language in LANGUAGES:
-        _parser(language)
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -366,7 +420,7 @@ def _read(words: tuple[str, ...]) -> Meaning:
             return Meaning(guess.language, guess.clauses, guessed=True)
     if found is not None:
         return found
-    strange = next((word for word in words if kind_of(word) == "WORD"), "")
+    strange = next((word for word in words if _unknown(word)), "")
     return Meaning(
         _language(words), why="many" if separators > MOST_WISHES else "sorry", strange=strange
     )
@@ -420,84 +474,30 @@ def _without(
 
 def _parsed(words: tuple[str, ...]) -> Meaning | None:
     """The meaning in the first language whose words these are and that has such a sentence."""
-    if sum(kind_of(word) == "WORD" for word in words) > MOST_STRANGE:
+    if sum(_unknown(word) for word in words) > MOST_STRANGE:
         return None
     ours = VOCABULARY.intersection(words)
-    possible = (language for language in LANGUAGES if ours <= _WORDS_OF[language])
+    possible = (language for language in LANGUAGES if ours <= _OF[language].words)
     parsed = (_parsed_in(language, words) for language in possible)
     return next((found for found in parsed if found is not None), None)
 
 
-# estimate; what is said is often said again, and a parse takes 17 to 41 ms (measured)
-@lru_cache(maxsize=256)
 def _parsed_in(language: str, words: tuple[str, ...]) -> Meaning | None:
-    try:
-        tree = _parser(language).parse(words)
-    except LarkError:
+    clauses = _OF[language].clauses(words)
+    if clauses is None:
         return None
-    whole: Any = tree.children[0]
-    clauses = tuple(_clause(one) for one in whole.children if one.data == f"clause_{language}")
     if len(clauses) > MOST_WISHES:
         return Meaning(language, why="many")
     return Meaning(language, clauses)
-
-
-def _clause(tree: Tree[Token]) -> Clause:
-    wish: Any = tree.children[0]
-    row = WISHES[int(str(wish.data).rpartition("_")[2])]
-    things, side, task = [], "", ""
-    for part in _parts(wish):
-        if isinstance(part, Token):
-            task = str(part) if part.type == "TASK" else task
-        elif part.data.startswith("thing_"):
-            things.append(_named_object(part))
-        elif part.data.startswith("side_"):
-            side = str(part.children[0].data).partition("_")[0]
-    return Clause(row.does, tuple(things), side, task, lacks=wish.data.startswith("lack_"))
-
-
-def _parts(tree: Any) -> Iterator[Any]:
-    """Things, sides and words below a tree, in order."""
-    for child in tree.children:
-        if isinstance(child, Token) or child.data.startswith(("thing_", "side_")):
-            yield child
-        else:
-            yield from _parts(child)
-
-
-def _named_object(tree: Any) -> NamedObject:
-    said = " ".join(str(token) for token in tree.scan_values(lambda _: True))
-    first = tree.children[0]
-    ref = str(first.data).rpartition("_")[0]
-    if ref in ("it", "other", "both"):
-        kinds = _kinds(tree.children[1]) if len(tree.children) > 1 else ()
-        return NamedObject(said, kinds, ref=ref)
-    parts = [one for one in first.children if not isinstance(one, Token)]
-    quality = " ".join(_spoken(one) for one in parts if one.data[:-3] in ("quality", "place"))
-    number = next((int(one[:3]) for one in first.children if isinstance(one, Token)), 0)
-    noun = next((one for one in parts if one.data.startswith("noun_")), None)
-    if noun is None:
-        strange = next(_spoken(one) for one in parts if one.data.startswith("strange_"))
-        return NamedObject(strange, quality=quality)
-    return NamedObject(said, _kinds(noun), number, quality)
-
-
-def _kinds(noun: Any) -> tuple[str, ...]:
-    name = str(noun.children[0].data)[2:-3]
-    return next(thing.covers or (name,) for thing in CATALOGUE.thing if thing.name == name)
-
-
-def _spoken(tree: Any) -> str:
-    return " ".join(str(token) for token in tree.scan_values(lambda _: True))
 
 
 def _corrected(words: tuple[str, ...]) -> tuple[str, ...]:
     """The words, those that nobody knows replaced by known ones that are written alike, where they
     are few.
     """
-    if sum(kind_of(word) == "WORD" for word in words) > MOST_STRANGE:
+    if sum(_unknown(word) for word in words) > MOST_STRANGE:
         return words
-    unknown = {word for word in words if kind_of(word) == "WORD" and len(word) >= SHORT}
+    unknown = {word for word in words if _unknown(word) and len(word) >= SHORT}
     return tuple(_near(word) if word in unknown else word for word in words)
 
 
@@ -508,7 +508,7 @@ def _near(word: str) -> str:
 
 def _language(words: tuple[str, ...]) -> str:
     """The language that most of the words are of; English if in doubt."""
-    counts = {one: sum(word in _WORDS_OF[one] for word in words) for one in LANGUAGES}
+    counts = {one: sum(word in _OF[one].words for word in words) for one in LANGUAGES}
     return max(LANGUAGES, key=lambda one: counts[one])
 
 

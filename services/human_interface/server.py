@@ -62,7 +62,7 @@ from services.human_interface.device_messages import (
     Shown,
     StopRobot,
 )
-from services.human_interface.grammar import prepare, understand
+from services.human_interface.grammar import understand
 
 # --- Display of hi for people: tasks, the latest events, answers to tickets. For one event loop ---
 
@@ -316,7 +316,6 @@ class HttpDevice:
             write_secret(file, msgspec.json.encode(self.address))
         self._thread = threading.Thread(target=self._serve, name="http", daemon=True)
         self._thread.start()
-        threading.Thread(target=prepare, name="grammar", daemon=True).start()
 
     def _serve(self) -> None:
         with contextlib.closing(self._loop), self._listener:
