@@ -8,7 +8,7 @@ HTTP, tasks, what was said before.
 import difflib
 import re
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
@@ -180,59 +180,72 @@ _TASK = re.compile(r"hi-\d+-\d+")
 _WORDS = re.compile(r"hi-\d+-\d+|(?<!\w)[-\u2212]\d+|\d{1,2}:\d\d|\d+[.,]\d+|[^\W_]+|[,.;:!?]")
 
 
+class _Found(NamedTuple):
+    """Words that were found: a side, a task, a part of a name; and what they mean."""
+
+    what: str
+    value: Any
+
+
+def _word_that(
+    fits: Callable[[str], object], what: str, means: Callable[[str], Any]
+) -> patterns.Rule:
+    """Return the rule of one word."""
+
+    def rule(sentence: patterns.Sentence, at: int) -> patterns.Ends:
+        word = sentence.words[at]
+        return {at + 1: patterns.Match((_Found(what, means(word)),))} if fits(word) else {}
+
+    return rule
+
+
 def _strange_words(sentence: patterns.Sentence, at: int) -> patterns.Ends:
     """One to three words that nobody knows."""
     ends = {}
     for end in range(at + 1, min(at + MOST_STRANGE, len(sentence.words)) + 1):
         if not _unknown(sentence.words[end - 1]):
             break
-        ends[end] = patterns.Match(strange=end - at)
+        ends[end] = patterns.Match((_Found("strange", sentence.said(at, end)),), end - at)
     return ends
 
 
-def _one_word(fits: Callable[[str], object], found: Callable[[str], object]) -> patterns.Rule:
-    def rule(sentence: patterns.Sentence, at: int) -> patterns.Ends:
-        word = sentence.words[at]
-        return {at + 1: patterns.Match((found(word),))} if fits(word) else {}
-
-    return rule
-
-
-class _Side(NamedTuple):
-    side: str
-
-
-class _Task(NamedTuple):
-    task: str
+_THING = """REFERENCE|[DET] [QUALITIES] NAME [NUMBER] [WHERE]|REFERENCE NAME|
+[DET] [QUALITIES] STRANGE [WHERE]"""
+"""A thing: of two readings with the same end the first one counts."""
 
 
 class _Language:
     """The grammar of a language."""
 
     def __init__(self, language: str) -> None:
-        self.name = language
-        kinds = {
-            one.name: "|".join(
-                " ".join(words) for words in phrases("|".join(getattr(one, language)))
-            )
-            for one in CATALOGUE.thing
+        names = [
+            (one.covers or (one.name,), "|".join(getattr(one, language))) for one in CATALOGUE.thing
+        ]
+        texts = RULES[language] | {
+            "NOUN": "|".join(text for _, text in names),
+            "QUALITIES": "ADJECTIVE [ADJECTIVE [ADJECTIVE]]",
         }
-        sides = {
-            side.upper(): "|".join(" ".join(words) for words in phrases(words_of[language]))
-            for side, words_of in CATALOGUE.side.items()
-        }
-        texts = RULES[language] | sides | {"NOUN": "|".join(kinds.values())}
-        made = {
-            "THING": self._thing,
-            "SIDE": self._side,
-            "TASK": _one_word(_TASK.fullmatch, _Task),
+        self._of = patterns.Patterns(texts)
+        references = [(one, one.upper()) for one in ("it", "other", "both")]
+        sides = [(side, words[language]) for side, words in CATALOGUE.side.items()]
+        numbers = _word_that(str.isdecimal, "number", lambda word: int(word[:3]))
+        self._of.rules |= {
+            "SIDE": self._one_of("side", sides),
+            "NAME": self._one_of("kinds", names),
+            "REFERENCE": self._one_of("ref", references),
+            "ADJECTIVE": self._one_of("quality", [(None, "QUALITY")]),
+            "WHERE": self._one_of("quality", [(None, "PLACE")]),
+            "NUMBER": numbers,
+            "TASK": _word_that(_TASK.fullmatch, "task", str),
             "STRANGE": _strange_words,
         }
-        self._of = patterns.Patterns(texts, made)
-        self._sides = {side: self._of.part(side.upper()) for side in CATALOGUE.side}
-        self._nouns = {name: self._of.part(text) for name, text in kinds.items()}
-        parts = ("DET", "QUALITY", "PLACE", "STRANGE", "IT", "OTHER", "BOTH")
-        self._rule = {name: self._of.part(name) for name in parts}
+        whole = self._of.part(_THING)
+        self._of.rules["THING"] = lambda sentence, at: {
+            end: patterns.Match(
+                (_named_object(sentence.said(at, end), match.found),), match.strange
+            )
+            for end, match in sentence.ends(whole, at).items()
+        }
         self._joining = self._of.part(CATALOGUE.joining[language])
         self._forms: list[tuple[int, bool, patterns.Part]] = []
         for lacks in (False, True):
@@ -241,65 +254,19 @@ class _Language:
                 self._forms += [(at, lacks, self._of.part(text)) for text in texts_of]
         self.words = frozenset(self._of.words)
 
-    def _side(self, sentence: patterns.Sentence, at: int) -> patterns.Ends:
-        return {
-            end: patterns.Match((_Side(side),))
-            for side, part in self._sides.items()
-            for end in sentence.ends(part, at)
-        }
+    def _one_of(self, what: str, rows: list[tuple[Any, str]]) -> patterns.Rule:
+        """Return the rule of several patterns, each with its meaning (None: its words)."""
+        parts = [(means, self._of.part(text)) for means, text in rows]
 
-    def _thing(self, sentence: patterns.Sentence, at: int) -> patterns.Ends:
-        """A thing by its name, by a word such as "it", or by a word that nobody knows."""
-        ends: dict[int, patterns.Match] = {}
-        for end, one, strange in self._things(sentence, at):
-            if end not in ends or strange < ends[end].strange:
-                ends[end] = patterns.Match((one,), strange)
-        return ends
+        def rule(sentence: patterns.Sentence, at: int) -> patterns.Ends:
+            ends: dict[int, patterns.Match] = {}
+            for means, part in parts:
+                for end in sentence.ends(part, at):
+                    value = sentence.said(at, end) if means is None else means
+                    ends.setdefault(end, patterns.Match((_Found(what, value),)))
+            return ends
 
-    def _things(
-        self, sentence: patterns.Sentence, at: int
-    ) -> Iterator[tuple[int, NamedObject, int]]:
-        def said(start: int, end: int) -> str:
-            return " ".join(sentence.words[start:end])
-
-        references = [
-            (ref, end)
-            for ref in ("it", "other", "both")
-            for end in sentence.ends(self._rule[ref.upper()], at)
-        ]
-        for ref, end in references:
-            yield end, NamedObject(said(at, end), ref=ref), 0
-        begins = {at, *sentence.ends(self._rule["DET"], at)}
-        for begin in sorted(begins):
-            for noun in self._after_qualities(sentence, begin):
-                quality = said(begin, noun)
-                for name, part in self._nouns.items():
-                    for end in sentence.ends(part, noun):
-                        kinds = _COVERS[name]
-                        number, end = _number_at(sentence.words, end)
-                        yield end, NamedObject(said(at, end), kinds, number, quality), 0
-                        for behind in sentence.ends(self._rule["PLACE"], end):
-                            where = f"{quality} {said(end, behind)}".strip()
-                            one = NamedObject(said(at, behind), kinds, number, where)
-                            yield behind, one, 0
-                for end, match in sentence.ends(self._rule["STRANGE"], noun).items():
-                    strange = said(noun, end)
-                    yield end, NamedObject(strange, quality=quality), match.strange
-                    for behind in sentence.ends(self._rule["PLACE"], end):
-                        where = f"{quality} {said(end, behind)}".strip()
-                        yield behind, NamedObject(strange, quality=where), match.strange
-        for ref, begin in references:
-            for name, part in self._nouns.items():
-                for end in sentence.ends(part, begin):
-                    yield end, NamedObject(said(at, end), _COVERS[name], ref=ref), 0
-
-    def _after_qualities(self, sentence: patterns.Sentence, at: int) -> list[int]:
-        found = [at]
-        for begin in found:
-            found += [
-                end for end in sentence.ends(self._rule["QUALITY"], begin) if end not in found
-            ]
-        return found
+        return rule
 
     def clauses(self, words: tuple[str, ...]) -> tuple[Clause, ...] | None:
         """Return the wishes that a whole sentence has, one more than are taken at most; None where
@@ -354,21 +321,22 @@ class _Language:
         return ends
 
 
-_COVERS = {one.name: one.covers or (one.name,) for one in CATALOGUE.thing}
+def _named_object(said: str, found: tuple[Any, ...]) -> NamedObject:
+    of = dict(found)
+    quality = " ".join(one.value for one in found if one.what == "quality")
+    return NamedObject(
+        of.get("strange", said),
+        of.get("kinds", ()),
+        of.get("number", 0),
+        quality,
+        of.get("ref", ""),
+    )
 
 
-def _number_at(words: tuple[str, ...], at: int) -> tuple[int, int]:
-    """The number at a word, 0 for none, and the word behind it."""
-    if at < len(words) and words[at].isdecimal():
-        return int(words[at][:3]), at + 1
-    return 0, at
-
-
-def _clause(does: str, found: tuple[object, ...], *, lacks: bool) -> Clause:
+def _clause(does: str, found: tuple[Any, ...], *, lacks: bool) -> Clause:
     things = tuple(one for one in found if isinstance(one, NamedObject))
-    side = next((one.side for one in found if isinstance(one, _Side)), "")
-    task = next((one.task for one in found if isinstance(one, _Task)), "")
-    return Clause(does, things, side, task, lacks)
+    of = dict(one for one in found if isinstance(one, _Found))
+    return Clause(does, things, of.get("side", ""), of.get("task", ""), lacks)
 
 
 _OF = {language: _Language(language) for language in LANGUAGES}

@@ -138,21 +138,26 @@ class Sentence:
             self._ends[key] = part.ends(self, at)
         return self._ends[key]
 
+    def said(self, at: int, end: int) -> str:
+        """Return the words from one to before another."""
+        return " ".join(self.words[at:end])
+
     def _word(self, at: int) -> str | None:
         return self.words[at] if at < len(self.words) else None
 
 
 class Patterns:
-    """The patterns of a language. `texts`: rules as patterns, `made`: rules made by code, by name.
+    """The patterns of a language. `texts`: rules as patterns, by name; equal parts are one part.
 
-    Equal parts are one part. `words`: the words that the patterns so far have.
+    `rules`: rules made by code; one that a pattern names is to be there before it. `words`: the
+    words of the patterns so far.
     """
 
-    def __init__(self, texts: Mapping[str, str], made: Mapping[str, Rule]) -> None:
+    def __init__(self, texts: Mapping[str, str]) -> None:
         self._texts = dict(texts)
-        self._rules: dict[str, Part] = {name: _Made(rule) for name, rule in made.items()}
-        self._parts: dict[object, Part] = {}
+        self.rules: dict[str, Rule] = {}
         self.words: set[str] = set()
+        self._parts: dict[object, Part] = {}
 
     def part(self, text: str) -> Part:
         """Return a pattern as a part. Raises KeyError for a rule that is not known."""
@@ -171,9 +176,9 @@ class Patterns:
         return self._choice(rows, optional=False)
 
     def _rule(self, name: str) -> Part:
-        if name not in self._rules:
-            self._rules[name] = self.part(self._texts[name])
-        return self._rules[name]
+        if name in self.rules:
+            return self._once(name, lambda: _Made(self.rules[name]))
+        return self.part(self._texts[name])
 
     def _word(self, word: str) -> Part:
         plain = fold(word)
