@@ -47,12 +47,14 @@ def _about(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, AnyCommand
                     yield does, MAKE[does](names, "")
 
 
-def replies(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
-    """Return the sentences that answer a question: a name or "yes" for each option, and "no"; none
-    where it is none.
+def replies(
+    options: tuple[Option, ...], language: str, sentences: tuple[str, ...] = ()
+) -> tuple[str, ...]:
+    """Return the sentences that answer a question: a name or "yes" for each option, further ones,
+    and "no"; none where it is none.
     """
     names = [noun(one.thing, language) if len(options) > 1 else YES[language] for one in options]
-    return (*names, NO[language]) if names else ()
+    return (*names, *sentences, NO[language]) if names or sentences else ()
 
 
 def _offered_objects(context: Context) -> tuple[str, ...]:
