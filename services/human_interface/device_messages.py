@@ -59,7 +59,7 @@ class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
     catalogue's terms.
 
     `when` they are wanted. `guessed`: words were taken for others that are written alike.
-    `strange`: the first word that nobody knows.
+    `strange`: the first word that nobody knows. `near`: the wish whose example is most like it.
     """
 
     language: str = "en"
@@ -67,6 +67,7 @@ class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
     guessed: bool = False
     why: str = ""
     strange: str = ""
+    near: str = ""
     when: When = When()
 
 

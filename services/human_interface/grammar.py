@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from msgspec.structs import replace
-from rapidfuzz import process
+from rapidfuzz import fuzz, process
 from rapidfuzz.distance import OSA
 
 from companion.letters import fold
 from services.human_interface import patterns
-from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES, phrases
+from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, TASKS, WISHES, phrases
 from services.human_interface.device_messages import Clause, Meaning, NamedObject
 from services.human_interface.times import split_time
 
@@ -31,6 +31,9 @@ MOST_STRANGE = 3  # words that nobody knows; with more the sentence is of someth
 # Letters from which an unknown word may have one slip, and two: a letter wrong, missing, too much,
 # or two in the other order (estimates; a guess is only ever asked).
 SHORT, LONG = 3, 6
+# likeness of the words of a sentence and an example, of 100, from which it is named in a refusal
+# (estimate)
+ALIKE = 45.0
 MOST_ALIKE = 3  # known words that an unknown one may be (estimate)
 MOST_GUESSES = 9  # sentences that are tried for one with unknown words (estimate)
 
@@ -290,7 +293,17 @@ def _read(words: tuple[str, ...], polish: bool) -> Meaning:
     if guess is not None:
         return guess if guess is found else replace(guess, guessed=True)
     strange = next((word for word in words if _unknown(word)), "")
-    return Meaning(language, why="many" if separators > MOST_WISHES else "sorry", strange=strange)
+    why = "many" if separators > MOST_WISHES else "sorry"
+    return Meaning(language, why=why, strange=strange, near=_nearest(words, language))
+
+
+def _nearest(words: tuple[str, ...], language: str) -> str:
+    """The wish for a task whose example is most like the words; "" where none is like them."""
+    examples = {one: fold(wish.example[language]) for one, wish in TASKS.items()}
+    found = process.extractOne(
+        " ".join(words), examples, scorer=fuzz.token_set_ratio, score_cutoff=ALIKE
+    )
+    return found[2] if found else ""
 
 
 def _strange(meaning: Meaning) -> bool:

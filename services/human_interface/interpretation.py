@@ -14,10 +14,11 @@ from msgspec.structs import replace
 
 from companion.all_languages import AnyCommand
 from companion.commands import Offer
-from services.human_interface.catalogue import MAKE, TASKS, THINGS, abilities, say
+from services.human_interface.catalogue import MAKE, TASKS, THINGS, say
 from services.human_interface.device_messages import Clause, Meaning, NamedObject
 from services.human_interface.grammar import LIGHT, MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
 
+MOST_EXAMPLES = 3  # in a refusal (estimate)
 MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estimate)
 
 
@@ -293,7 +294,7 @@ def _which(text: str, options: list[Option], language: str) -> Ask:
         names = ", ".join(noun(option.thing, language) for option in options)
         question = say(language, "which", names)
     else:
-        question = say(language, "understood", abilities(language))
+        question = _nearest("", language)
     return Ask(f"{text} {question}".strip(), tuple(options))
 
 
@@ -335,15 +336,23 @@ def _unasked(language: str, context: Context) -> str:
 
 
 def _not_understood(meaning: Meaning) -> str:
-    """A refusal with what is understood."""
+    """A refusal, with the nearest thing that can be done."""
     language = meaning.language
     first = say(language, "sorry")
     if meaning.why == "long":
         first = say(language, "long", MOST_CHARACTERS, MOST_WORDS)
     elif meaning.why == "many":
         first = say(language, "many", MOST_WISHES)
-    strange = f" {say(language, 'strange', meaning.strange)}" if meaning.strange else ""
-    return f"{first}{strange} {say(language, 'understood', abilities(language))}"
+    elif meaning.strange:
+        first = say(language, "strange", meaning.strange)
+    return f"{first} {_nearest(meaning.near, language)}"
+
+
+def _nearest(does: str, language: str) -> str:
+    if does:
+        return say(language, "nearest", TASKS[does].example[language])
+    some = [wish.example[language] for wish in TASKS.values()][:MOST_EXAMPLES]
+    return say(language, "some", ", ".join(map(repr, some)))
 
 
 # --- things ---------------------------------------------------------------------------------------
