@@ -289,7 +289,7 @@ def _read(words: tuple[str, ...], polish: bool) -> Meaning:
     corrected = [near for reading in readings for near in _corrected(reading)]
     guesses = filter(None, map(_parsed, corrected))
     guess = next((one for one in guesses if not _strange(one)), None)
-    guess = guess or found or _parts(dict.fromkeys((*readings, *corrected)))
+    guess = guess or found or _parts(dict.fromkeys((*readings, *corrected[:MOST_ALIKE])))
     if guess is not None:
         return guess if guess is found else replace(guess, guessed=True)
     strange = next((word for word in words if _unknown(word)), "")
