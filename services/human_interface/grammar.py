@@ -301,7 +301,7 @@ def _nearest(words: tuple[str, ...], language: str) -> str:
     """The wish for a task whose example is most like the words; "" where none is like them."""
     examples = {one: fold(wish.example[language]) for one, wish in TASKS.items()}
     found = process.extractOne(
-        " ".join(words), examples, scorer=fuzz.token_set_ratio, score_cutoff=ALIKE
+        " ".join(words), examples, scorer=fuzz.ratio, score_cutoff=ALIKE
     )
     return found[2] if found else ""
 
