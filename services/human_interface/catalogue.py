@@ -54,6 +54,7 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     common: dict[str, str]
     turning: dict[str, str]
     heard: dict[str, dict[str, str]]
+    spelled: dict[str, str]
     joining: dict[str, str]
     time: dict[str, TimeRow]
     number: dict[str, dict[str, float]]

@@ -10,6 +10,7 @@ before.
 import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from msgspec.structs import replace
@@ -40,6 +41,7 @@ MOST_GUESSES = 9  # sentences that are tried for one with unknown words (estimat
 LACKS = "lacks"  # how a form asks for a wish: something is left out
 LIGHT = frozenset({"the", "yes", "no", "greet"})
 """Names, assent and courtesies: with a wish beside them they count for nothing."""
+UNSAID = LIGHT | {"rather"}  # no part of a sentence alone is taken for one of these
 DENYING = frozenset({"t", "not", "never", "cannot", "nie"})  # before a wish; can't is two words
 LESS = 0.5  # words; one wish is likelier than two that have as many words (estimate)
 
@@ -66,16 +68,6 @@ def _word_that(
     return rule
 
 
-def _strange_words(sentence: patterns.Sentence, at: int) -> patterns.Ends:
-    """One to three words that nobody knows."""
-    ends = {}
-    for end in range(at + 1, min(at + MOST_STRANGE, len(sentence.words)) + 1):
-        if not _unknown(sentence.words[end - 1]):
-            break
-        ends[end] = patterns.Match((_Found("strange", sentence.said(at, end)),), end - at)
-    return ends
-
-
 def _any_word(sentence: patterns.Sentence, at: int) -> patterns.Ends:
     """A known word that is no name, in the place of one: "take the light"."""
     if sentence.words[at] == "," or sentence.words[at].isdecimal():
@@ -93,6 +85,7 @@ class _Language:
     """The grammar of a language."""
 
     def __init__(self, language: str) -> None:
+        self.name = language
         names = [
             ((one.covers or (one.name,), doubt), "|".join(words))
             for one in CATALOGUE.thing
@@ -120,7 +113,7 @@ class _Language:
             "NUMBER": numbers,
             "COMMA": _word_that(",".__eq__, "comma", str),
             "TASK": _word_that(_TASK.fullmatch, "task", str),
-            "STRANGE": _strange_words,
+            "STRANGE": self._strange_words,
             "ANY": _any_word,
         }
         whole = self._of.part(_THING)
@@ -139,6 +132,20 @@ class _Language:
         ]
         self.words = frozenset(self._of.words)
 
+    def _strange_words(self, sentence: patterns.Sentence, at: int) -> patterns.Ends:
+        """One to three words that nobody knows."""
+        ends = {}
+        for end in range(at + 1, min(at + MOST_STRANGE, len(sentence.words)) + 1):
+            if not self.unknown(sentence.words[end - 1]):
+                break
+            ends[end] = patterns.Match((_Found("strange", sentence.said(at, end)),), end - at)
+        return ends
+
+    def unknown(self, word: str) -> bool:
+        """Whether the language has no such word; marks and numbers are no words."""
+        known = word == "," or word.isdecimal() or _TASK.fullmatch(word) or word in self.words
+        return not known
+
     def _one_of(self, what: str, rows: list[tuple[Any, str]]) -> patterns.Rule:
         """Return the rule of several patterns, each with its meaning (None: its words)."""
         parts = [(means, self._of.part(text)) for means, text in rows]
@@ -153,13 +160,18 @@ class _Language:
 
         return rule
 
-    def clauses(self, words: tuple[str, ...]) -> tuple[Clause, ...] | None:
-        """Return the wishes that a whole sentence has, one more than are taken at most; None where
-        it is none. The reading with the fewest strange words, then with the fewest wishes.
+    def meaning(self, words: tuple[str, ...]) -> Meaning | None:
+        """Return the meaning of a whole sentence; None where it has none. The reading with the
+        fewest strange words, then with the fewest wishes.
         """
-        sentence = patterns.Sentence(words)
-        best = self._best(sentence, 0, MOST_WISHES + 1, {})
-        return None if best is None else best[1]
+        if sum(map(self.unknown, words)) > MOST_STRANGE:
+            return None
+        best = self._best(patterns.Sentence(words), 0, MOST_WISHES + 1, {})
+        if best is None:
+            return None
+        if len(best[1]) > MOST_WISHES:
+            return Meaning(self.name, why="many")
+        return Meaning(self.name, best[1])
 
     def _best(
         self,
@@ -201,7 +213,12 @@ class _Language:
             for end, (strange, clause) in () if denied else self._clause_ends(sentence, at).items():
                 covered, clauses, left = best[end - at - 1]
                 covered += end - at - (LESS if clauses else 0.0)
-                if not strange and clause.does not in LIGHT and end - at > 1 and covered > found[0]:
+                if (
+                    not strange
+                    and clause.does not in UNSAID
+                    and end - at > 1
+                    and covered > found[0]
+                ):
                     found = (covered, (clause, *clauses), left)
             best.insert(0, found)
         return best[0]
@@ -246,16 +263,6 @@ _OF = {language: _Language(language) for language in LANGUAGES}
 VOCABULARY = frozenset[str]().union(*(one.words for one in _OF.values()))
 
 
-def _unknown(word: str) -> bool:
-    """Whether nobody knows the word; marks and numbers are no words."""
-    return (
-        word != ","
-        and not word.isdecimal()
-        and not _TASK.fullmatch(word)
-        and word not in VOCABULARY
-    )
-
-
 # --- reading --------------------------------------------------------------------------------------
 
 
@@ -267,42 +274,54 @@ def understand(sentence: str) -> Meaning:
     if len(words) > MOST_WORDS:
         return Meaning(why="long")
     words, when = split_time(words)
-    return replace(_read(words, _polish_letters(sentence)), when=when)
+    language = "en" if _POLISH_LETTERS.isdisjoint(sentence.lower()) else "pl"
+    return replace(
+        _read(words, max(LANGUAGES, key=lambda one: (_known(words, one), one == language))),
+        when=when,
+    )
 
 
-def _read(words: tuple[str, ...], polish: bool) -> Meaning:
+def _read(words: tuple[str, ...], language: str) -> Meaning:
     """The meaning of words without those that say when: of all of them, else with words that are
     written or sound alike in place of unknown ones, else of those parts that are understood.
     """
-    language = "pl" if polish else _language(words)
-    polite, plain = _polite(words, language), _commas(words)
-    separators = sum(word == "," or word in _JOINING for word in polite)
+    separators = sum(word == "," or word in _JOINING for word in _polite(words, language))
     if separators > MOST_SEPARATORS:
         return Meaning(language, why="many")
-    together = tuple(word for word in words if word != ",")  # Polish has commas within a wish
-    run = _polite(together, language)
-    readings = [reading for reading in dict.fromkeys((plain, polite, run)) if reading]
-    parsed = [one for one in map(_parsed, readings) if one is not None]
+    readings = {one: _readings(words, one) for one in sorted(LANGUAGES, key=language.__ne__)}
+    parsed = [
+        one for of in readings for one in map(_OF[of].meaning, readings[of]) if one is not None
+    ]
     found = min(parsed, key=_strange, default=None)
     if found is not None and not _strange(found):
         return found
-    corrected = [near for reading in readings for near in _corrected(reading)]
-    guesses = filter(None, map(_parsed, corrected))
-    guess = next((one for one in guesses if not _strange(one)), None)
-    guess = guess or found or _parts(dict.fromkeys((*readings, *corrected[:MOST_ALIKE])))
-    if guess is not None:
-        return guess if guess is found else replace(guess, guessed=True)
-    strange = next((word for word in words if _unknown(word)), "")
+    for of in readings:
+        corrected = [near for reading in readings[of] for near in _corrected(reading, of)]
+        guesses = filter(None, map(_OF[of].meaning, corrected))
+        guess = next((one for one in guesses if not _strange(one)), None) or found
+        guess = guess or _parts((*readings[of], *corrected[:MOST_ALIKE]), of)
+        if guess is not None:
+            return guess if guess is found else replace(guess, guessed=True)
+    strange = next(filter(_OF[language].unknown, words), "")
     why = "many" if separators > MOST_WISHES else "sorry"
     return Meaning(language, why=why, strange=strange, near=_nearest(words, language))
+
+
+def _readings(words: tuple[str, ...], language: str) -> tuple[tuple[str, ...], ...]:
+    """The words as they are, without polite ones, without commas too (Polish has some within a
+    wish), and without a word that says again what was said.
+    """
+    polite = _polite(words, language)
+    run = _polite(tuple(word for word in words if word != ","), language)
+    once = _commas(tuple(word for word in polite if word not in _ONCE_MORE))
+    return tuple(one for one in dict.fromkeys((_commas(words), polite, run, once)) if one)
 
 
 def _nearest(words: tuple[str, ...], language: str) -> str:
     """The wish for a task whose example is most like the words; "" where none is like them."""
     examples = {one: fold(wish.example[language]) for one, wish in TASKS.items()}
-    found = process.extractOne(
-        " ".join(words), examples, scorer=fuzz.ratio, score_cutoff=ALIKE
-    )
+    said = " ".join(words)
+    found = process.extractOne(said, examples, scorer=fuzz.ratio, score_cutoff=ALIKE)
     return found[2] if found else ""
 
 
@@ -313,19 +332,15 @@ def _strange(meaning: Meaning) -> bool:
 
 
 def _split(sentence: str) -> tuple[str, ...]:
-    """The words, and a comma for every mark that parts them."""
-    return tuple("," if one in ",.;:!?" else one for one in _WORDS.findall(fold(sentence)))
-
-
-def _polish_letters(sentence: str) -> bool:
-    return not _POLISH_LETTERS.isdisjoint(sentence.lower())
+    """The words, and a comma for every mark that parts them; short spellings at length."""
+    found = ("," if one in ",.;:!?" else one for one in _WORDS.findall(fold(sentence)))
+    return tuple(word for one in found for word in _SPELLED.get(one, (one,)))
 
 
 def _commas(words: tuple[str, ...]) -> tuple[str, ...]:
     """The words with no comma first, last or twice."""
-    kept = [
-        one for one, before in zip(words, (",", *words), strict=False) if {one, before} != {","}
-    ]
+    pairs = zip(words, (",", *words), strict=False)
+    kept = [one for one, before in pairs if {one, before} != {","}]
     return tuple(kept[:-1] if kept[-1:] == [","] else kept)
 
 
@@ -351,75 +366,69 @@ def _without(words: tuple[str, ...], polite: patterns.Part, *, opening: bool) ->
     return tuple(kept)
 
 
-def _parsed(words: tuple[str, ...]) -> Meaning | None:
-    """The meaning in the first language whose words these are and that has such a sentence."""
-    if sum(map(_unknown, words)) > MOST_STRANGE:
-        return None
-    ours = VOCABULARY.intersection(words)
-    for language in LANGUAGES:
-        if ours <= _OF[language].words and (clauses := _OF[language].clauses(words)) is not None:
-            if len(clauses) > MOST_WISHES:
-                return Meaning(language, why="many")
-            return Meaning(language, clauses)
-    return None
-
-
-def _parts(readings: Iterable[tuple[str, ...]]) -> Meaning | None:
-    """The wishes within the words, the reading and language in which they have most of the words;
-    None where there are none, and where a word left over may turn them into something else.
+def _parts(readings: Iterable[tuple[str, ...]], language: str) -> Meaning | None:
+    """The wishes within the words, in the reading in which they have most of the words; None where
+    there are none, and where a word left over may turn them into something else.
     """
     best, most = None, 0.0
     for words in readings:
-        for language in LANGUAGES:
-            covered, clauses, left = _OF[language].parts(words)
-            if covered > most and not _TURNING.intersection(left):
-                best, most = Meaning(language, clauses[:MOST_WISHES]), covered
+        covered, clauses, left = _OF[language].parts(words)
+        if covered > most and not _TURNING.intersection(left):
+            best, most = Meaning(language, clauses[:MOST_WISHES]), covered
     return best
 
 
-def _corrected(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+def _corrected(words: tuple[str, ...], language: str) -> Iterator[tuple[str, ...]]:
     """Yield the words with known ones in place of those that nobody knows, the likeliest first."""
-    unknown = sum(map(_unknown, words))
-    if 0 < unknown <= MOST_STRANGE:
-        choices = [_alike(word) if _unknown(word) else (word,) for word in words]
-        yield from itertools.islice(itertools.product(*choices), MOST_GUESSES)
+    of = _OF[language]
+    choices = [_alike(word, language) if of.unknown(word) else (word,) for word in words]
+    found = itertools.islice(itertools.product(*choices), MOST_GUESSES)
+    return (one for one in found if one != words)
 
 
-def _alike(word: str) -> tuple[str, ...]:
+@lru_cache(maxsize=1024)  # words (estimate)
+def _alike(word: str, language: str) -> tuple[str, ...]:
     """The known words that sound like this one, or are written like it; itself where none is."""
-    if word in _HEARD:
-        return _HEARD[word]
+    if word in _HEARD[language]:
+        return _HEARD[language][word]
     if len(word) < SHORT:
         return (word,)
     slips = 2 if len(word) >= LONG else 1
-    near = process.extract(word, _LONG, scorer=OSA.distance, score_cutoff=slips, limit=MOST_ALIKE)
+    near = process.extract(
+        word, _LONG[language], scorer=OSA.distance, score_cutoff=slips, limit=MOST_ALIKE
+    )
     # a short word with a letter wrong is too often another word: cup, cap
     longer = len(word) + (len(word) <= SHORT)
     fit = (one for one, _, _ in near if len(one) >= longer or sorted(one) == sorted(word))
     return tuple(fit) or (word,)
 
 
-def _language(words: tuple[str, ...]) -> str:
-    """The language that most of the words are of; English if in doubt."""
-    counts = {
-        one: sum(word in _OF[one].words or word in _COMMON[one] for word in words)
-        for one in LANGUAGES
-    }
-    return max(LANGUAGES, key=lambda one: counts[one])
+def _known(words: tuple[str, ...], language: str) -> int:
+    """How many of the words are of a language."""
+    return sum(word in _OF[language].words or word in _COMMON[language] for word in words)
+
+
+def _by_form(rows: dict[str, str]) -> dict[str, tuple[str, ...]]:
+    """Turn rows of words, each with its other forms, round: the words of each form."""
+    found: dict[str, tuple[str, ...]] = {}
+    for words, forms in rows.items():
+        for form in fold(forms).split("|"):
+            found[form] = (*found.get(form, ()), *fold(words).split("|"))
+    return found
 
 
 _POLISH_LETTERS = frozenset("ąćęłńóśźż")
-_LONG = tuple(sorted(word for word in VOCABULARY if len(word) >= SHORT))
+_ONCE_MORE = frozenset({"again", "znowu", "instead"})
+_LONG = {
+    one: tuple(sorted(word for word in of.words if len(word) >= SHORT)) for one, of in _OF.items()
+}
 _COURTESIES = patterns.Patterns({})
 _ANYWHERE = {one: _COURTESIES.part(text) for one, text in CATALOGUE.anywhere.items()}
 _OPENING = {one: _COURTESIES.part(text) for one, text in CATALOGUE.opening.items()}
 _COMMON = {one: frozenset(fold(CATALOGUE.common[one]).split("|")) for one in LANGUAGES}
 _TURNING = frozenset(word for one in LANGUAGES for word in fold(CATALOGUE.turning[one]).split("|"))
-_HEARD: dict[str, tuple[str, ...]] = {}
-for _language_rows in CATALOGUE.heard.values():
-    for _word, _rows in _language_rows.items():
-        for _one in fold(_rows).split("|"):
-            _HEARD[_one] = (*_HEARD.get(_one, ()), fold(_word))
+_HEARD = {one: _by_form(CATALOGUE.heard[one]) for one in LANGUAGES}
+_SPELLED = {form: tuple(words[0].split()) for form, words in _by_form(CATALOGUE.spelled).items()}
 _JOINING = frozenset(
     one[0] for language in LANGUAGES for one in phrases(CATALOGUE.joining[language])
 )

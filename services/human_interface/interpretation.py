@@ -87,10 +87,20 @@ def outcome(meaning: Meaning, context: Context) -> Outcome:
     """Return what comes of a sentence."""
     language = meaning.language
     clauses = _weighty(meaning.clauses)
+    tasks_of = tuple(clause for clause in clauses if clause.does in MAKE)
+    before = tuple(one for one in meaning.clauses if one.does == "the")
+    if tasks_of and clauses != meaning.clauses:
+        # names before a wish say what "it" is; one that nobody knows makes it a guess
+        kinds = [one.things[0].kinds for one in before if not one.things[0].ref]
+        clear = [of[0] for of in kinds if len(of) == 1]
+        context = replace(context, mentioned=with_mentioned(context.mentioned, *clear))
+        meaning = replace(meaning, guessed=meaning.guessed or () in kinds)
+    if tasks_of and tasks_of != clauses:  # and a question, or to cancel
+        meaning, clauses = replace(meaning, guessed=True), tasks_of
     meaning = replace(meaning, clauses=clauses)
     if not clauses:
         return Ask(_not_understood(meaning))
-    if any(clause.does not in MAKE for clause in clauses):
+    if not tasks_of:
         return _without_task(meaning, context)
     try:
         if (lacking := next((one for one in clauses if one.lacks), None)) is not None:
@@ -117,10 +127,9 @@ def _weighty(clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
     for clause in clauses:
         if clause.does not in LIGHT:
             wishes.append(clause)
-        elif clause.does == "the" and clause.things[0].kinds not in named:
-            before = wishes[-1] if wishes else clause
-            things = (*clause.things, *before.things[1:])
-            wishes.append(replace(before, things=things, side=clause.side))
+        elif wishes and clause.does == "the" and clause.things[0].kinds not in named:
+            things = (*clause.things, *wishes[-1].things[1:])
+            wishes.append(replace(wishes[-1], things=things, side=clause.side))
     names = tuple(one for one in clauses if one.does == "the")
     return tuple(wishes) or names[-1:] or clauses[-1:]
 
@@ -131,10 +140,7 @@ def _mean(tasks: tuple[AnyCommand, ...], language: str) -> str:
 
 def _without_task(meaning: Meaning, context: Context) -> Outcome:
     """Return the outcome of a question, an answer and the like, which stand alone."""
-    language, clauses = meaning.language, meaning.clauses
-    clause = clauses[0]
-    if len(clauses) > 1:
-        return Ask(_not_understood(Meaning(language, why="sorry")))
+    language, clause = meaning.language, meaning.clauses[0]
     if clause.does in _OF_THE_TALK:
         return _OF_THE_TALK[clause.does](meaning, context)
     if clause.does in ("cancel", "cancel_all") and meaning.guessed:
