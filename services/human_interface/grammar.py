@@ -213,12 +213,8 @@ class _Language:
             for end, (strange, clause) in () if denied else self._clause_ends(sentence, at).items():
                 covered, clauses, left = best[end - at - 1]
                 covered += end - at - (LESS if clauses else 0.0)
-                if (
-                    not strange
-                    and clause.does not in UNSAID
-                    and end - at > 1
-                    and covered > found[0]
-                ):
+                told = not strange and clause.does not in UNSAID and end - at > 1
+                if told and covered > found[0]:
                     found = (covered, (clause, *clauses), left)
             best.insert(0, found)
         return best[0]
@@ -274,11 +270,9 @@ def understand(sentence: str) -> Meaning:
     if len(words) > MOST_WORDS:
         return Meaning(why="long")
     words, when = split_time(words)
-    language = "en" if _POLISH_LETTERS.isdisjoint(sentence.lower()) else "pl"
-    return replace(
-        _read(words, max(LANGUAGES, key=lambda one: (_known(words, one), one == language))),
-        when=when,
-    )
+    polish = not _POLISH_LETTERS.isdisjoint(sentence.lower())
+    language = max(LANGUAGES, key=lambda one: (_known(words, one), polish == (one == "pl")))
+    return replace(_read(words, language), when=when)
 
 
 def _read(words: tuple[str, ...], language: str) -> Meaning:
@@ -289,19 +283,23 @@ def _read(words: tuple[str, ...], language: str) -> Meaning:
     if separators > MOST_SEPARATORS:
         return Meaning(language, why="many")
     readings = {one: _readings(words, one) for one in sorted(LANGUAGES, key=language.__ne__)}
-    parsed = [
-        one for of in readings for one in map(_OF[of].meaning, readings[of]) if one is not None
-    ]
-    found = min(parsed, key=_strange, default=None)
+    parsed = [_OF[of].meaning(one) for of in readings for one in readings[of]]
+    found = min(filter(None, parsed), key=_strange, default=None)
     if found is not None and not _strange(found):
         return found
-    for of in readings:
-        corrected = [near for reading in readings[of] for near in _corrected(reading, of)]
-        guesses = filter(None, map(_OF[of].meaning, corrected))
-        guess = next((one for one in guesses if not _strange(one)), None) or found
-        guess = guess or _parts((*readings[of], *corrected[:MOST_ALIKE]), of)
-        if guess is not None:
-            return guess if guess is found else replace(guess, guessed=True)
+    corrected = {
+        of: [one for near in readings[of] for one in _corrected(near, of)] for of in readings
+    }
+    guesses = (_OF[of].meaning(one) for of in readings for one in corrected[of])
+    guess = next((one for one in guesses if one is not None and not _strange(one)), None)
+    named = found is not None and all(clause.does == "the" for clause in found.clauses)
+    if guess is None and (found is None or named):
+        wide = ((of, (*readings[of], *corrected[of][:MOST_ALIKE])) for of in readings)
+        guess = next(filter(None, (_parts(many, of) for of, many in wide)), None)
+    if guess is not None:
+        return replace(guess, guessed=True)
+    if found is not None:
+        return found
     strange = next(filter(_OF[language].unknown, words), "")
     why = "many" if separators > MOST_WISHES else "sorry"
     return Meaning(language, why=why, strange=strange, near=_nearest(words, language))
