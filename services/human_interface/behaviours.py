@@ -16,6 +16,7 @@ from companion import commands
 from companion.design import AgentName, bind
 from companion.languages import cmd
 from companion.languages.cmd import TaskReport, TaskState
+from companion.languages.evidence import Claim
 from companion.languages.facts import Kind, fact
 from companion.run_files import (
     ANSWERED,
@@ -177,20 +178,21 @@ def _answer(memory: Memory, turn: Turn, word: device_messages.Local) -> Memory:
 
 def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
     """Do what a sentence means to who says it."""
-    context = replace(memory.context, options=memory.options(word.asker, word.at))
+    options, busy = memory.options(word.asker, word.at), bool(memory.open_tasks)
+    context = replace(memory.context, options=options, busy=busy)
     found = _timed(outcome(word.meaning, context), word, turn.now)
     options = found.options if isinstance(found, Ask) else ()
     both = (replies_to(options, language) for language in LANGUAGES)
     replies = tuple(text for texts in both for text in texts)
     memory = memory.asking(word.asker, word.at, options, replies)
     match found:
-        case Act(tasks=tasks):
-            return _ask(memory, turn, word, tasks)
-        case Ask(text=text):
+        case Act():
+            return _ask(memory, turn, word, found)
+        case Ask(text=text, sentences=sentences):
             turn.tell(_shown(memory))  # first: who reads the answer may reply at once
-            offered = replies_to(options, word.meaning.language)
-            memory = _no_task(memory, turn, word, QUESTION if options else REFUSED, text, offered)
-            if context.options and not options:  # a no
+            offered = replies_to(options, word.meaning.language, sentences)
+            memory = _no_task(memory, turn, word, QUESTION if offered else REFUSED, text, offered)
+            if context.options and not offered:  # a no
                 memory = memory.hearing(word, TaskLine("", REFUSED, text, word.text, word.at))
             return memory
         case Tell(does="stop"):
@@ -222,7 +224,7 @@ def _timed(found: Act | Ask | Tell, word: Sentence, now: float) -> Act | Ask | T
     answers, too.
     """
     if isinstance(found, Act):
-        return Act(tuple(_wanted(task, word, now) for task in found.tasks))
+        return replace(found, tasks=tuple(_wanted(task, word, now) for task in found.tasks))
     if isinstance(found, Ask):
         answers = (
             replace(one, tasks=tuple(_wanted(task, word, now) for task in one.tasks))
@@ -253,16 +255,19 @@ def _no_task(
     return memory.with_news(News(AgentName.HI, state, text))
 
 
-def _ask(memory: Memory, turn: Turn, word: Sentence, tasks: tuple[cmd.Command, ...]) -> Memory:
+def _ask(memory: Memory, turn: Turn, word: Sentence, act: Act) -> Memory:
     """Request new tasks, unless the robot is stopped or co is not there."""
+    tasks = act.tasks
     if word.held:
         return _no_task(memory, turn, word, REFUSED, STAYS_HELD)
     if AgentName.CO not in turn.peers:
         turn.tell(Answer(word.ticket, problem=NO_CO, status=503))
         return memory
     names: list[str] = []
-    if word.instead:  # before the new one: the coordinator has room for it then
-        _, memory = _cancel(memory, turn, word.instead)
+    # before the new ones: the coordinator has room for them then
+    before = (word.instead,) if word.instead else memory.latest if act.instead else ()
+    for name in before:
+        _, memory = _cancel(memory, turn, name)
     for task in tasks:
         memory, name = _request(
             memory, turn, word, replace(task, after=names[-1]) if names else task
@@ -270,6 +275,7 @@ def _ask(memory: Memory, turn: Turn, word: Sentence, tasks: tuple[cmd.Command, .
         memory = memory.following(name, names[-1]) if names else memory
         names.append(name)
     memory = memory.replacing(word.instead, names[-1])
+    memory = replace(memory, latest=tuple(names)).with_context(last=act.clauses)
     turn.tell(_shown(memory))  # before the answer, whose reader may look at once
     text = _i_will(tasks, word, turn.now)
     line = TaskLine(names[0], TaskState.WAITING, text, word.text, turn.now, tuple(names[1:]))
@@ -456,12 +462,42 @@ def _why(memory: Memory, language: str) -> str:
     return say(language, "failed", line.said, why or state(line.state, language))
 
 
+def _hands(memory: Memory, language: str) -> str:
+    """What the hands hold, as far as the ends of tasks told."""
+    held: dict[str, str] = {}
+    for line in sorted(memory.tasks, key=lambda line: line.since):
+        sides = {thing: step.side or "" for step in line.steps for thing in step.things}
+        for one in line.evidence:
+            if one.claim is Claim.HELD:
+                held[one.of] = sides.get(one.of, "")
+            elif one.claim is Claim.STANDS:
+                held.pop(one.of, None)
+        for name in (thing for task, thing in memory.gives if task == line.task):
+            held.pop(name, None)
+    if not held:
+        return say(language, "hands_empty")
+    return say(language, "hands", person((fact(Kind.SEEN, *held),), language))
+
+
+def _how_long(memory: Memory, language: str) -> str:
+    """How far the task that is open is."""
+    line = next(iter(memory.open_tasks), None)
+    if line is None:
+        return say(language, "nothing_open")
+    wish = str(getattr(line.wish, language)) if line.wish else line.said
+    if not line.number:
+        return say(language, "not_begun", wish, state(line.state, language))
+    return say(language, "how_far", wish, line.number, len(line.steps))
+
+
 ANSWERS: dict[str, Callable[[Memory, str], str]] = {
     "see": _see,
     "why": _why,
     "help": lambda memory, language: say(language, "understood", abilities(language)),
     "stopping": lambda memory, language: say(language, "stopping"),
     "greet": lambda memory, language: say(language, "greet", abilities(language)),
+    "hands": _hands,
+    "how_long": _how_long,
 }
 """The rows of the catalogue that are answered from memory."""
 

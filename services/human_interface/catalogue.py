@@ -20,7 +20,8 @@ class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row [[thing]]: words for a class of the ontology, or for several (`covers`), and what can
     be done with it.
 
-    `to`: how it is named as a place.
+    `to`: how it is named as a place. `many`: words for several of them; `like`: words for things
+    that are like it, by language.
     """
 
     name: str
@@ -29,6 +30,8 @@ class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     can: tuple[str, ...] = ()
     covers: tuple[str, ...] = ()
     to: dict[str, str] = {}
+    many: dict[str, tuple[str, ...]] = {}
+    like: dict[str, tuple[str, ...]] = {}
 
 
 class TimeRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -48,6 +51,10 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     anywhere: dict[str, str]
     opening: dict[str, str]
+    common: dict[str, str]
+    turning: dict[str, str]
+    heard: dict[str, dict[str, str]]
+    spelled: dict[str, str]
     joining: dict[str, str]
     time: dict[str, TimeRow]
     number: dict[str, dict[str, float]]
@@ -71,7 +78,7 @@ CATALOGUE = msgspec.toml.decode(
 THINGS = {one.name: one for one in CATALOGUE.thing}
 TASKS = {wish.does: wish for _, wish in commands.wishes()}
 """The wishes for tasks, by rank."""
-WISHES = (*TASKS.values(), *CATALOGUE.wish)
+WISHES = tuple(sorted((*TASKS.values(), *CATALOGUE.wish), key=lambda wish: not wish.first))
 MAKE: dict[str, Make] = {wish.does: commands.maker(row, wish) for row, wish in commands.wishes()}
 RULES = {
     language: commands.table("rule", language, CATALOGUE.rule[language]) for language in LANGUAGES

@@ -11,8 +11,8 @@ class NamedObject(msgspec.Struct, frozen=True, omit_defaults=True):
     """A thing as it was named. `kinds`: what the word can mean, none for an unknown word; `number`:
     jar 2.
 
-    `quality`: a colour, a size or a place beside the name. `ref`: it, other or both, in place of a
-    name.
+    `quality`: a colour, a size or a place beside the name. `ref`: it, this, other or both, in place
+    of a name. `doubt`: why the name may mean something else: it is plural, or of a similar thing.
     """
 
     said: str
@@ -20,13 +20,15 @@ class NamedObject(msgspec.Struct, frozen=True, omit_defaults=True):
     number: int = 0
     quality: str = ""
     ref: str = ""
+    doubt: str = ""
 
 
 class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
     """One wish or question: a row of the catalogue, and what was named in it, in the order of the
     words.
 
-    `lacks`: something that the wish needs was left out.
+    `lacks`: something that the wish needs was left out. `unsure`: it was said with something that
+    cannot be done so; the sentence of hi's catalogue that says what.
     """
 
     does: str
@@ -34,6 +36,7 @@ class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
     side: str = ""
     task: str = ""
     lacks: bool = False
+    unsure: str = ""
 
 
 class When(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -56,7 +59,7 @@ class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
     catalogue's terms.
 
     `when` they are wanted. `guessed`: words were taken for others that are written alike.
-    `strange`: the first word that nobody knows.
+    `strange`: the first word that nobody knows. `near`: the wish whose example is most like it.
     """
 
     language: str = "en"
@@ -64,6 +67,7 @@ class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
     guessed: bool = False
     why: str = ""
     strange: str = ""
+    near: str = ""
     when: When = When()
 
 

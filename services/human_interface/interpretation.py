@@ -5,8 +5,9 @@ person is asked, and the options that were offered are kept for the answer. Pure
 HTTP, how tasks are carried out.
 """
 
+import contextlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import msgspec
 from msgspec.structs import replace
@@ -14,43 +15,55 @@ from msgspec.structs import replace
 from companion.commands import Offer
 from companion.design import AnyCommand
 from companion.run_files import InWords, Wish
-from services.human_interface.catalogue import MAKE, TASKS, THINGS, abilities, say
+from services.human_interface.catalogue import MAKE, TASKS, THINGS, say
 from services.human_interface.device_messages import Clause, Meaning, NamedObject
-from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
+from services.human_interface.grammar import LIGHT, MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
 
+MOST_EXAMPLES = 3  # in a refusal (estimate)
 MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estimate)
 
 
-class Option(msgspec.Struct, frozen=True):
+class Option(msgspec.Struct, frozen=True, omit_defaults=True):
     """An answer that was offered: the name of the thing it is about, and the tasks that it stands
-    for.
+    for. `clauses`: the same as wishes; `instead`: the tasks of the sentence before are cancelled.
     """
 
     thing: str
     tasks: tuple[AnyCommand, ...]
+    clauses: tuple[Clause, ...] = ()
+    instead: bool = False
 
 
 class Context(msgspec.Struct, frozen=True, omit_defaults=True):
     """Context of the talk: things mentioned, last one first; options of the open question; things
-    that the last look around saw, None before the first one.
+    that the last look around saw, None before the first one; the wishes that were done last, and
+    whether something is still to be done.
     """
 
     mentioned: tuple[str, ...] = ()
     options: tuple[Option, ...] = ()
     seen: tuple[str, ...] | None = None
+    last: tuple[Clause, ...] = ()
+    busy: bool = False
 
 
-class Act(msgspec.Struct, frozen=True):
-    """Ask co for these tasks, in this order."""
+class Act(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Ask co for these tasks, in this order. `clauses`, `instead`: as of an Option."""
 
     tasks: tuple[AnyCommand, ...]
+    clauses: tuple[Clause, ...] = ()
+    instead: bool = False
 
 
-class Ask(msgspec.Struct, frozen=True):
-    """Ask back, or refuse and say what would be understood: then there are no options."""
+class Ask(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Ask back, or refuse and say what would be understood: then there are no options.
+
+    `sentences`: further answers, each a sentence that is understood without the question.
+    """
 
     text: str
     options: tuple[Option, ...] = ()
+    sentences: tuple[str, ...] = ()
 
 
 class Tell(msgspec.Struct, frozen=True):
@@ -73,55 +86,250 @@ class _Doubt(Exception):
 
 def outcome(meaning: Meaning, context: Context) -> Outcome:
     """Return what comes of a sentence."""
-    language, clauses = meaning.language, meaning.clauses
+    language = meaning.language
+    clauses = _weighty(meaning.clauses)
+    tasks_of = tuple(clause for clause in clauses if clause.does in MAKE)
+    before = tuple(one for one in meaning.clauses if one.does == "the")
+    if tasks_of and clauses != meaning.clauses:
+        # names before a wish say what "it" is; one that nobody knows makes it a guess
+        kinds = [one.things[0].kinds for one in before if not one.things[0].ref]
+        clear = [of[0] for of in kinds if len(of) == 1]
+        context = replace(context, mentioned=with_mentioned(context.mentioned, *clear))
+        meaning = replace(meaning, guessed=meaning.guessed or () in kinds)
+    if tasks_of and tasks_of != clauses:  # and a question, or to cancel
+        meaning, clauses = replace(meaning, guessed=True), tasks_of
+    meaning = replace(meaning, clauses=clauses)
     if not clauses:
         return Ask(_not_understood(meaning))
-    if any(clause.does not in MAKE or clause.lacks for clause in clauses):
+    if not tasks_of:
         return _without_task(meaning, context)
     try:
-        tasks = _tasks(clauses, context, language)
+        if (lacking := next((one for one in clauses if one.lacks), None)) is not None:
+            return _complete(meaning, context, lacking)
+        tasks, plain = _tasks(clauses, context, language)
     except _Doubt as doubt:
         return _ask_back(meaning, context, doubt)
-    if meaning.guessed:
-        return Ask(say(language, "mean", in_words(tasks, language)), (Option("", tasks),))
-    return Act(tasks)
+    unsure = next((clause.unsure for clause in clauses if clause.unsure), "")
+    if meaning.guessed or unsure:
+        options = (Option("", tasks, plain),)
+        return Ask(
+            " ".join((*filter(None, [unsure and say(language, unsure)]), _mean(tasks, language))),
+            options,
+        )
+    return Act(tasks, plain)
+
+
+def _weighty(clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
+    """The wishes without courtesies, and without names that one of them has, too. Another name
+    behind a wish asks for the same with that thing: "take the jar and the bowl".
+    """
+    wishes: list[Clause] = []
+    named = {one.kinds for clause in clauses if clause.does not in LIGHT for one in clause.things}
+    for clause in clauses:
+        if clause.does not in LIGHT:
+            wishes.append(clause)
+        elif wishes and clause.does == "the" and clause.things[0].kinds not in named:
+            things = (*clause.things, *wishes[-1].things[1:])
+            wishes.append(replace(wishes[-1], things=things, side=clause.side))
+    names = tuple(one for one in clauses if one.does == "the")
+    return tuple(wishes) or names[-1:] or clauses[-1:]
+
+
+def _mean(tasks: tuple[AnyCommand, ...], language: str) -> str:
+    return say(language, "mean", in_words(tasks, language))
 
 
 def _without_task(meaning: Meaning, context: Context) -> Outcome:
     """Return the outcome of a question, an answer and the like, which stand alone."""
-    language, clauses = meaning.language, meaning.clauses
-    clause = clauses[0]
-    if len(clauses) > 1:
-        return Ask(_not_understood(Meaning(language, why="sorry")))
-    if clause.lacks:
-        return Ask(say(language, "lacking", TASKS[clause.does].example[language]))
-    if clause.does == "the":
-        return _outcome_of_a_name(meaning, context)
-    if clause.does == "yes":
-        if len(context.options) == 1:
-            return Act(context.options[0].tasks)
-        return Ask(_unasked(language, context))
-    if clause.does == "no":
-        return Ask(say(language, "not_then")) if context.options else Tell("stop")
-    if meaning.guessed:
-        return Ask(_not_understood(Meaning(language, why="sorry")))
+    language, clause = meaning.language, meaning.clauses[0]
+    if clause.does in _OF_THE_TALK:
+        return _OF_THE_TALK[clause.does](meaning, context)
+    if clause.does in ("cancel", "cancel_all") and meaning.guessed:
+        return Ask(
+            say(language, "mean", say(language, clause.does)), (), (say(language, clause.does),)
+        )
     return Tell(clause.does, clause.task)
+
+
+def _yes(meaning: Meaning, context: Context) -> Outcome:
+    if len(context.options) == 1 and not meaning.guessed:
+        return _chosen(context.options[0])
+    return Ask(_unasked(meaning.language, context), context.options)
+
+
+def _chosen(option: Option) -> Act:
+    return Act(option.tasks, option.clauses, option.instead)
+
+
+def _no(meaning: Meaning, context: Context) -> Outcome:
+    return Ask(say(meaning.language, "not_then")) if context.options else Tell("stop")
+
+
+def _again(meaning: Meaning, context: Context) -> Outcome:
+    """What was done last, once more, if that is meant."""
+    return _offer(meaning, context, [context.last], "nothing_before")
+
+
+def _undo(meaning: Meaning, context: Context) -> Outcome:
+    """What undoes what was done last; while it is still to be done, it is cancelled."""
+    language = meaning.language
+    if context.busy:
+        cancel = say(language, "cancel")
+        return Ask(say(language, "mean", cancel), (), (cancel,))
+    undone = [
+        Clause(undo, one.things[:1])
+        for one in reversed(context.last)
+        if (undo := TASKS[one.does].undo)
+    ]
+    if context.last and len(undone) < len(context.last):
+        return Ask(say(language, "cannot_undo", _done_last(context, language)))
+    return _offer(meaning, context, [tuple(undone)], "nothing_before")
+
+
+def _done_last(context: Context, language: str) -> str:
+    return in_words(_tasks(context.last, context, language)[0], language)
+
+
+def _leave(meaning: Meaning, context: Context) -> Outcome:
+    """To put a thing down, or to leave the task: which one is asked."""
+    language, named = meaning.language, meaning.clauses[0].things
+    thing = named[0] if named else NamedObject("it", ref="it")
+    sentences = [say(language, "cancel")]
+    try:
+        put, _ = _tasks((Clause("put", (thing,)),), context, language)
+        sentences.insert(0, in_words(put, language))
+    except _Doubt:
+        pass
+    return Ask(say(language, "which_of", " / ".join(sentences)), (), tuple(sentences))
+
+
+def _rather(meaning: Meaning, context: Context) -> Outcome:
+    """A correction: what was wished last, with this thing, this hand, or its things exchanged."""
+    clause = meaning.clauses[0]
+    wishes = []
+    for at, one in enumerate(context.last):
+        for changed in _corrections(one, clause, context):
+            wishes.append((*context.last[:at], changed, *context.last[at + 1 :]))
+    if not context.last and len(clause.things) == 1:
+        return _outcome_of_a_name(meaning, context)
+    return _offer(meaning, context, wishes, "nothing_before", instead=True)
+
+
+def _corrections(one: Clause, clause: Clause, context: Context) -> Iterator[Clause]:
+    if clause.side and TASKS[one.does].uses and not clause.things:
+        yield replace(one, side=clause.side)
+    elif not clause.things and len(one.things) > 1:
+        yield replace(one, things=one.things[::-1])
+    elif clause.things:
+        meant = clause.things[-1]
+        others = [_object(name) for name in _candidates(context)] if meant.ref else [meant]
+        for n, thing in itertools.product(reversed(range(len(one.things))), others):
+            yield replace(one, things=(*one.things[:n], thing, *one.things[n + 1 :]))
+
+
+def _offer(
+    meaning: Meaning,
+    context: Context,
+    wishes: list[tuple[Clause, ...]],
+    otherwise: str,
+    *,
+    instead: bool = False,
+) -> Ask:
+    """Ask whether one of these wishes is meant; those that make no sense are left out."""
+    language, options = meaning.language, []
+    before = _done_last(context, language) if context.last else ""
+    for clauses in wishes:
+        try:
+            tasks, plain = _tasks(clauses, context, language)
+        except _Doubt:
+            continue
+        if tasks and not (instead and in_words(tasks, language) == before):
+            options.append(Option("", tasks, plain, instead))
+    if not options:
+        return Ask(say(language, otherwise))
+    if len(options) == 1:
+        return Ask(_mean(options[0].tasks, language), tuple(options))
+    sentences = tuple(in_words(one.tasks, language) for one in options)
+    return Ask(say(language, "which_of", " / ".join(sentences)), (), sentences)
+
+
+def _complete(meaning: Meaning, context: Context, lacking: Clause) -> Ask:
+    """Ask for what was left out of a wish, or is not clear in it: the things that it may be."""
+    language, uses = meaning.language, TASKS[lacking.does].uses
+    offered = [_object(name) for name in _candidates(context)]
+    choices = [[thing] for thing in lacking.things] + [offered] * (len(uses) - len(lacking.things))
+    for at, (thing, use) in enumerate(zip(lacking.things, uses, strict=False)):
+        try:
+            _resolved_object(thing, use, context.mentioned, context.seen, language)
+        except _Doubt:
+            choices[at] = offered
+    options: list[Option] = []
+    for things in itertools.product(*choices):
+        whole = replace(lacking, things=things, lacks=False, unsure="")
+        clauses = tuple(whole if one is lacking else one for one in meaning.clauses)
+        names = [one.said for one, of in zip(things, choices, strict=True) if len(of) > 1]
+        with contextlib.suppress(_Doubt):
+            options.append(Option(names[0] if names else "", *_tasks(clauses, context, language)))
+    if sum(len(of) > 1 for of in choices) == 1 and options:
+        return _which("", options, language)
+    sentences = tuple(in_words(one.tasks, language) for one in options[:MOST_MENTIONED])
+    if not sentences:
+        return Ask(say(language, "lacking", TASKS[lacking.does].example[language]))
+    return Ask(say(language, "which_of", " / ".join(sentences)), (), sentences)
+
+
+def _object(name: str) -> NamedObject:
+    """A thing as it is named plainly."""
+    return NamedObject(name, (kind_of(name),), int(name.partition("_")[2] or 0))
+
+
+def _candidates(context: Context) -> tuple[str, ...]:
+    """The things that a question may offer: those that were seen, else one of each kind."""
+    kinds = tuple(one.name for one in THINGS.values() if one.can)
+    seen = tuple(name for name in context.seen or () if kind_of(name) in kinds)
+    places = tuple(one for one in kinds if "put" in THINGS[one].can)
+    names = seen or tuple(one for one in kinds if one not in places)
+    several = [kind_of(name) for name in names]
+    plain = (name if several.count(kind_of(name)) > 1 else kind_of(name) for name in names)
+    return tuple(dict.fromkeys((*plain, *places)))
+
+
+def _which(text: str, options: list[Option], language: str) -> Ask:
+    if len(options) == 1:
+        question = _mean(options[0].tasks, language)
+    elif options:
+        names = ", ".join(noun(option.thing, language) for option in options)
+        question = say(language, "which", names)
+    else:
+        question = _nearest("", language)
+    return Ask(f"{text} {question}".strip(), tuple(options))
 
 
 def _outcome_of_a_name(meaning: Meaning, context: Context) -> Outcome:
     """Return the outcome of a thing's name alone: the option offered under that name, or the first
     wish for a thing.
     """
-    thing, language = meaning.clauses[0].things[0], meaning.language
-    if thing.quality or thing.ref or len(thing.kinds) != 1 or meaning.guessed:
-        strange = "" if thing.kinds else thing.said
-        return Ask(_not_understood(Meaning(language, why="sorry", strange=strange)))
-    name = f"{thing.kinds[0]}_{thing.number}" if thing.number else thing.kinds[0]
-    for option in context.options:
-        if option.thing == name:
-            return Act(option.tasks)
-    tasks = (MAKE[_FIRST]((name,), ""),)
-    return Ask(say(language, "mean", in_words(tasks, language)), (Option(name, tasks),))
+    options = {
+        option.thing: option
+        for option in context.options
+        if option.thing or len(context.options) == 1
+    }
+    clause = meaning.clauses[0]
+    thing = clause.things[-1]
+    if not (thing.kinds or thing.ref):
+        return Ask(_not_understood(replace(meaning, why="sorry", strange=thing.said)))
+    name = f"{thing.kinds[0]}_{thing.number}" if thing.number else "".join(thing.kinds[:1])
+    plain = (
+        not (thing.quality or thing.ref or thing.doubt or meaning.guessed) and len(thing.kinds) == 1
+    )
+    if plain and name in options:
+        return _chosen(options[name])
+    (one,) = context.options if len(context.options) == 1 else (None,)
+    if plain and one is not None and name in {part for task in one.tasks for part in task.things}:
+        return _chosen(one)
+    if context.last and clause.does == "the" and not context.options:
+        return _rather(meaning, context)
+    return outcome(replace(meaning, clauses=(Clause(_FIRST, (thing,)),), guessed=True), context)
 
 
 _FIRST = next(
@@ -135,38 +343,52 @@ def _unasked(language: str, context: Context) -> str:
 
 
 def _not_understood(meaning: Meaning) -> str:
-    """A refusal with what is understood."""
+    """A refusal, with the nearest thing that can be done."""
     language = meaning.language
     first = say(language, "sorry")
     if meaning.why == "long":
         first = say(language, "long", MOST_CHARACTERS, MOST_WORDS)
     elif meaning.why == "many":
         first = say(language, "many", MOST_WISHES)
-    strange = f" {say(language, 'strange', meaning.strange)}" if meaning.strange else ""
-    return f"{first}{strange} {say(language, 'understood', abilities(language))}"
+    elif meaning.strange:
+        first = say(language, "strange", meaning.strange)
+    return f"{first} {_nearest(meaning.near, language)}"
+
+
+def _nearest(does: str, language: str) -> str:
+    if does:
+        return say(language, "nearest", TASKS[does].example[language])
+    some = [wish.example[language] for wish in TASKS.values()][:MOST_EXAMPLES]
+    return say(language, "some", ", ".join(map(repr, some)))
 
 
 # --- things ---------------------------------------------------------------------------------------
 
 
-def _tasks(clauses: tuple[Clause, ...], context: Context, language: str) -> tuple[AnyCommand, ...]:
-    """The tasks of all clauses; what one of them names, the next one can call it."""
+def _tasks(
+    clauses: tuple[Clause, ...], context: Context, language: str
+) -> tuple[tuple[AnyCommand, ...], tuple[Clause, ...]]:
+    """The tasks of all clauses, and the clauses with the names of their things; what one of them
+    names, the next one can call it.
+    """
     tasks: list[AnyCommand] = []
+    plain: list[Clause] = []
     mentioned = context.mentioned
     for clause in clauses:
         uses = TASKS[clause.does].uses[: len(clause.things)]
         named = zip(clause.things, uses, strict=True)
         names = tuple(
-            _resolved_object(thing, use, mentioned, context.seen or (), language)
-            for thing, use in named
+            _resolved_object(thing, use, mentioned, context.seen, language) for thing, use in named
         )
         if len(set(zip(names, uses, strict=True))) < len(names):
             raise _Doubt(
                 clause.things[1], say(language, f"itself_{uses[1]}", noun(names[1], language))
             )
         tasks.append(MAKE[clause.does](names, clause.side))
+        things = tuple(map(_object, names))
+        plain.append(Clause(clause.does, things, clause.side))
         mentioned = with_mentioned(mentioned, *names)
-    return tuple(tasks)
+    return tuple(tasks), tuple(plain)
 
 
 def with_mentioned(before: tuple[str, ...], *names: str) -> tuple[str, ...]:
@@ -193,7 +415,11 @@ def kind_of(name: str) -> str:
 
 
 def _resolved_object(
-    thing: NamedObject, use: str, mentioned: tuple[str, ...], seen: tuple[str, ...], language: str
+    thing: NamedObject,
+    use: str,
+    mentioned: tuple[str, ...],
+    seen: tuple[str, ...] | None,
+    language: str,
 ) -> str:
     """The name of a thing as pl takes it. Raise _Doubt where it is not clear which one is meant;
     any place will do.
@@ -211,7 +437,15 @@ def _resolved_object(
     if len(possible) > 1:
         raise _Doubt(thing, "", possible)
     (kind,) = possible
-    several = tuple(f"{kind}_{n}" for n in range(1, 10) if f"{kind}_{n}" in seen)
+    several = tuple(f"{kind}_{n}" for n in range(1, 10) if f"{kind}_{n}" in (seen or ()))
+    there = several if len(several) > 1 else possible
+    if thing.doubt == "many":
+        raise _Doubt(thing, say(language, "one"), there)
+    if thing.doubt == "like":
+        raise _Doubt(thing, "", there)
+    unseen = seen is not None and use != "put" and f"{kind}_{thing.number}" not in seen
+    if thing.doubt == "none" or (thing.number and unseen):
+        raise _Doubt(thing, say(language, "no_such", thing.said), there)
     if not thing.number and len(several) > 1 and use != "put":
         raise _Doubt(thing, "", several)
     return f"{kind}_{thing.number}" if thing.number else kind
@@ -223,6 +457,8 @@ def _referred(
     """The thing that a word such as "it" stands for."""
     if thing.ref == "both":
         raise _Doubt(thing, say(language, "one"), fit)
+    if thing.ref == "this":
+        raise _Doubt(thing, "", thing.kinds or fit)
     at = 0 if thing.ref == "it" else 1
     meant = thing.kinds or fit
     known = tuple(name for name in mentioned if kind_of(name) in fit and kind_of(name) in meant)
@@ -233,28 +469,30 @@ def _referred(
 
 def _ask_back(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
     """The question, with an option for each thing that would make the sentence clear."""
-    language = meaning.language
-    options = []
+    language, options = meaning.language, []
     for name in doubt.names:
-        kind, _, number = name.partition("_")
-        known = NamedObject(name, (kind,), int(number or 0))
+        known = _object(name)
         clauses = tuple(
             replace(one, things=tuple(known if it is doubt.thing else it for it in one.things))
             for one in meaning.clauses
         )
         try:
-            options.append(Option(name, _tasks(clauses, context, language)))
+            options.append(Option(name, *_tasks(clauses, context, language)))
         except _Doubt:
             continue
-    if len(options) == 1:
-        question = say(language, "mean", in_words(options[0].tasks, language))
-    elif options:
-        question = say(
-            language, "which", ", ".join(noun(option.thing, language) for option in options)
-        )
-    else:
-        question = say(language, "understood", abilities(language))
-    return Ask(f"{doubt.text} {question}".strip(), tuple(options))
+    return _which(doubt.text, options, language)
+
+
+_OF_THE_TALK: dict[str, Callable[[Meaning, Context], Outcome]] = {
+    "the": _outcome_of_a_name,
+    "yes": _yes,
+    "no": _no,
+    "again": _again,
+    "undo": _undo,
+    "leave": _leave,
+    "rather": _rather,
+}
+"""Sentences about what was said before."""
 
 
 # --- tasks ----------------------------------------------------------------------------------------
@@ -337,12 +575,14 @@ def _offered(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, AnyComma
                     yield does, MAKE[does](names, "")
 
 
-def replies_to(options: tuple[Option, ...], language: str) -> tuple[str, ...]:
-    """Return the sentences that answer a question: a name or "yes" for each option, and "no"; none
-    where it is none.
+def replies_to(
+    options: tuple[Option, ...], language: str, sentences: tuple[str, ...] = ()
+) -> tuple[str, ...]:
+    """Return the sentences that answer a question: a name or "yes" for each option, further ones,
+    and "no"; none where it is none.
     """
     names = [noun(one.thing, language) if len(options) > 1 else YES[language] for one in options]
-    return (*names, NO[language]) if names else ()
+    return (*names, *sentences, NO[language]) if names or sentences else ()
 
 
 def _offered_objects(context: Context) -> tuple[str, ...]:

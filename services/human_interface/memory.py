@@ -73,7 +73,7 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     `context`: things and the look around that were mentioned; `asked`: open questions; `heard`:
     sentences of the last seconds; `looks`: tasks that look around; `gives`: pairs of a task and a
     thing that a person has once it is done; `follows`: pairs of a task and the one said before it,
-    which it needs.
+    which it needs; `latest`: the tasks of the last sentence that asked for some.
     """
 
     tasks: tuple[TaskLine, ...] = ()
@@ -87,6 +87,7 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     looks: tuple[str, ...] = ()
     gives: tuple[tuple[str, str], ...] = ()
     follows: tuple[tuple[str, str], ...] = ()
+    latest: tuple[str, ...] = ()
 
     def task(self, name: str) -> TaskLine | None:
         """Return the task of this name."""

@@ -51,7 +51,7 @@ from companion.run_files import (
     Tasks,
 )
 from companion.stop_words import calls_for_help, stop_words
-from services.human_interface import grammar
+from services.human_interface import times
 from services.human_interface.catalogue import abilities, say
 from services.human_interface.device_messages import (
     Answer,
@@ -62,7 +62,7 @@ from services.human_interface.device_messages import (
     Shown,
     StopRobot,
 )
-from services.human_interface.grammar import prepare, understand
+from services.human_interface.grammar import understand
 
 # --- Display of hi for people: tasks, the latest events, answers to tickets. For one event loop ---
 
@@ -214,9 +214,9 @@ class HttpApp:
             ticket = self.board.ticket()
             urgency = max(said.urgency, int(meaning.when.urgent))
             east = time.localtime().tm_gmtoff // 60 if said.east_min is None else said.east_min
-            minute_of_day = (now / 60.0 + east) % grammar.DAY
-            within_s = said.within_s or grammar.seconds_left(meaning.when, minute_of_day)
-            later_s = said.later_s or grammar.seconds_until(meaning.when, minute_of_day)
+            minute_of_day = (now / 60.0 + east) % times.DAY
+            within_s = said.within_s or times.seconds_left(meaning.when, minute_of_day)
+            later_s = said.later_s or times.seconds_until(meaning.when, minute_of_day)
             held, when = self._robot.held, (urgency, within_s, later_s)
             self._post(
                 Sentence(ticket, text, meaning, held, *when, said.instead, said.asker, now, east)
@@ -316,7 +316,6 @@ class HttpDevice:
             write_secret(file, msgspec.json.encode(self.address))
         self._thread = threading.Thread(target=self._serve, name="http", daemon=True)
         self._thread.start()
-        threading.Thread(target=prepare, name="grammar", daemon=True).start()
 
     def _serve(self) -> None:
         with contextlib.closing(self._loop), self._listener:

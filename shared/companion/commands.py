@@ -35,8 +35,11 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row [[wish]]: sentences of these patterns mean the same.
 
     `uses`: what the things in it must be good for, in the order of the pattern (`can` of hi's
-    [[thing]]). `lacking`: patterns in which something is left out, to which the answer is the
-    `example`. `can`: its entry in the list of what is understood. These three by language.
+    [[thing]]). `lacking`: patterns in which something is left out; it is asked for. `unsure`:
+    patterns with something that cannot be done so, by the sentence of [say] that says what; it is
+    asked whether to do it nevertheless. `can`: its entry in the list of what is understood. `undo`:
+    the wish that undoes this one with the first of its things. `first`: it is tried before those of
+    the tasks.
     """
 
     does: str
@@ -47,6 +50,17 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     lacking: dict[str, tuple[str, ...]] = {}
     example: dict[str, str] = {}
     can: dict[str, str] = {}
+    unsure: dict[str, dict[str, tuple[str, ...]]] = {}
+    undo: str = ""
+    first: bool = False
+
+    def texts(self, language: str, how: str) -> tuple[str, ...]:
+        """The patterns of a language: as the wish is said (""), with something left out ("lacks"),
+        or with something that cannot be done so.
+        """
+        if how == "lacks":
+            return self.lacking.get(language, ())
+        return self.unsure.get(how, {}).get(language, ()) if how else getattr(self, language)
 
 
 class Phrases(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

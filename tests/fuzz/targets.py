@@ -373,8 +373,7 @@ SENTENCES = (
 
 
 def sentences() -> list[bytes]:
-    """Return sentences of a person, when hi is ready to read them."""
-    grammar.prepare()
+    """Return sentences of a person."""
     return [text.encode() for text in SENTENCES]
 
 

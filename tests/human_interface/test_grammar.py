@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from companion import commands
 from companion.design import CMD
@@ -77,8 +78,13 @@ def calls(work):
 
 
 def said(sentence, context=None):
-    """Return the result of a sentence that stops nothing."""
-    return outcome(understand(sentence), context or Context())
+    """Return the result of a sentence that stops nothing, without the clauses it was read as."""
+    found = outcome(understand(sentence), context or Context())
+    if isinstance(found, Act):
+        return Act(found.tasks)
+    if isinstance(found, Ask):
+        return replace(found, options=tuple(replace(one, clauses=()) for one in found.options))
+    return found
 
 
 def short(meaning, context):
@@ -306,9 +312,10 @@ def test_a_slip_is_asked_about_and_never_done():
 
 
 def test_a_refusal_names_what_is_understood():
-    """Politely, with all forms."""
-    for sentence in ("dance", "", "make tea and dance", "…", "x" * 10_000, "cancle"):
-        assert abilities("en") in said(sentence).text, sentence
+    """Something that can be said as it is written there."""
+    for sentence in ("dance", "", "make tea and dance", "…", "x" * 10_000, "clean the windows"):
+        named = re.findall(r"'([^']+)'", said(sentence).text)
+        assert any(isinstance(said(one), Act) for one in named), sentence
 
 
 # --- the catalogue --------------------------------------------------------------------------------

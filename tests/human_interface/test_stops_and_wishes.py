@@ -46,6 +46,8 @@ def _rule(draw, name, language):
         forms = [form for thing in CATALOGUE.thing for form in getattr(thing, language)]
         this = draw(st.sampled_from(["", "DET ", "DET QUALITY "])) if name == "THING" else ""
         return _filled(draw, this, language) + draw(st.sampled_from(forms))
+    if name in ("COMMA", "NUMBER"):
+        return {"COMMA": ",", "NUMBER": "20"}[name]
     if name == "SIDE":
         sides = [side[language].split("|")[0] for side in CATALOGUE.side.values()]
         return draw(st.sampled_from(sides))

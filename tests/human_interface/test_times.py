@@ -3,10 +3,11 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.human_interface import grammar
+from services.human_interface import times
 from services.human_interface.catalogue import CATALOGUE
 from services.human_interface.device_messages import When
 from services.human_interface.grammar import VOCABULARY, understand
+from services.human_interface.interpretation import Act, Context, outcome
 
 POLISH = ("najpierw", "jak najszybciej", "do godziny 15", "o 15:30")
 PLAIN = When()
@@ -77,7 +78,8 @@ NOT_UNDERSTOOD = (
 
 def test_what_is_not_understood_of_time_is_not_left_out():
     """Nothing is done of such a sentence, rather than something at another time."""
-    assert [sentence for sentence in NOT_UNDERSTOOD if understand(sentence).clauses] == []
+    found = [(one, outcome(understand(one), Context())) for one in NOT_UNDERSTOOD]
+    assert [sentence for sentence, done in found if isinstance(done, Act)] == []
 
 
 def test_first_of_two_wishes_is_their_order():
@@ -89,7 +91,7 @@ def test_first_of_two_wishes_is_their_order():
 @given(st.lists(st.sampled_from(WORDS), max_size=12))
 def test_what_is_left_are_words_of_the_sentence_in_their_order(words):
     """Nothing is added, and a sentence never becomes empty."""
-    rest, when = grammar.split_time(tuple(words))
+    rest, when = times.split_time(tuple(words))
     left = iter(words)
     assert all(word in left for word in rest)
     assert rest or not words
@@ -100,7 +102,7 @@ def test_what_is_left_are_words_of_the_sentence_in_their_order(words):
 def test_a_deadline_is_the_next_such_time_of_the_clock(hour, minute, now):
     """At most a day ahead, and then the clock shows it."""
     at, *others = understand(f"take the jar by {hour}:{minute:02}").when.by
-    left_s = grammar.seconds_left(When(by=(at, *others)), now)
+    left_s = times.seconds_left(When(by=(at, *others)), now)
     assert 0.0 <= left_s <= 86400.0
     shown = (now + left_s / 60.0) % 1440.0
     meant = [60 * hour + minute + 720 * half for half in (-1, 0, 1)]
@@ -123,15 +125,15 @@ def test_who_speaks_by_day_means_no_time_at_night():
         hour, minute = map(int, now.split(":"))
         when, at = understand(f"take the jar at {said}").when, 60 * hour + minute
         assert when.at
-        then = (at + grammar.seconds_until(when, at) / 60.0) % 1440.0
+        then = (at + times.seconds_until(when, at) / 60.0) % 1440.0
         assert f"{int(then // 60)}:{int(then % 60):02}" == meant, (now, said)
-        assert grammar.seconds_left(When(by=when.at), at) == grammar.seconds_until(when, at)
+        assert times.seconds_left(When(by=when.at), at) == times.seconds_until(when, at)
 
 
 def test_the_sooner_of_two_limits_counts():
     """Within an hour and by noon. A time to begin is no deadline."""
     when, later = When(within_s=3600.0, by=(720,)), When(later_s=3600.0, at=(720,))
-    left, until = grammar.seconds_left, grammar.seconds_until
+    left, until = times.seconds_left, times.seconds_until
     assert [left(when, 700.0), left(when, 600.0), left(PLAIN, 600.0)] == [1200.0, 3600.0, 0.0]
     assert [until(later, 700.0), left(later, 700.0), until(when, 700.0)] == [1200.0, 0.0, 0.0]
 
