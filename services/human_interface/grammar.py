@@ -284,7 +284,7 @@ def _read(words: tuple[str, ...], language: str) -> Meaning:
         return Meaning(language, why="many")
     readings = {one: _readings(words, one) for one in sorted(LANGUAGES, key=language.__ne__)}
     parsed = [_OF[of].meaning(one) for of in readings for one in readings[of]]
-    found = min(filter(None, parsed), key=_strange, default=None)
+    found = min(filter(None, parsed), key=_doubtful, default=None)
     if found is not None and not _strange(found):
         return found
     corrected = {
@@ -321,6 +321,11 @@ def _nearest(words: tuple[str, ...], language: str) -> str:
     said = " ".join(words)
     found = process.extractOne(said, examples, scorer=fuzz.ratio, score_cutoff=ALIKE)
     return found[2] if found else ""
+
+
+def _doubtful(meaning: Meaning) -> tuple[bool, bool]:
+    """Of two readings the one that is less so is meant: nothing is strange, nothing is left out."""
+    return _strange(meaning), any(clause.lacks for clause in meaning.clauses)
 
 
 def _strange(meaning: Meaning) -> bool:

@@ -329,7 +329,9 @@ def _outcome_of_a_name(meaning: Meaning, context: Context) -> Outcome:
         return _chosen(one)
     if context.last and clause.does == "the" and not context.options:
         return _rather(meaning, context)
-    return outcome(replace(meaning, clauses=(Clause(_FIRST, (thing,)),), guessed=True), context)
+    return outcome(
+        replace(meaning, clauses=(Clause(_FIRST, (thing,), clause.side),), guessed=True), context
+    )
 
 
 _FIRST = next(
