@@ -200,9 +200,12 @@ class _Language:
         known[at, left] = best
         return best
 
-    def parts(self, words: tuple[str, ...]) -> tuple[float, tuple[Clause, ...], tuple[str, ...]]:
-        """Return the wishes that have most of the words between them, how many they have (less for
-        each further wish), and the words that are left over. Names and courtesies alone are none.
+    def parts(
+        self, words: tuple[str, ...], *, light: bool = False
+    ) -> tuple[float, tuple[Clause, ...], tuple[str, ...]]:
+        """Return the wishes that have most of the known words between them, how many they have
+        (less for each further wish), and the words that are left over. Names and courtesies count
+        where they may be `light`.
         """
         sentence = patterns.Sentence(words)
         best: list[tuple[float, tuple[Clause, ...], tuple[str, ...]]] = [(0.0, (), ())]
@@ -212,9 +215,11 @@ class _Language:
             denied = at > 0 and words[at - 1] in DENYING
             for end, (strange, clause) in () if denied else self._clause_ends(sentence, at).items():
                 covered, clauses, left = best[end - at - 1]
-                covered += end - at - (LESS if clauses else 0.0)
-                told = not strange and clause.does not in UNSAID and end - at > 1
-                if told and covered > found[0]:
+                known = end - at - strange
+                covered += known - (LESS if clauses else 0.0)
+                apart = words[at - 1 : at] in ((), (",",)) and words[end : end + 1] in ((), (",",))
+                told = known > 1 or (apart and not strange)
+                if told and (light or clause.does not in UNSAID) and covered > found[0]:
                     found = (covered, (clause, *clauses), left)
             best.insert(0, found)
         return best[0]
@@ -294,8 +299,9 @@ def _read(words: tuple[str, ...], language: str) -> Meaning:
     guess = next((one for one in guesses if one is not None and not _strange(one)), None)
     named = found is not None and all(clause.does == "the" for clause in found.clauses)
     if guess is None and (found is None or named):
-        wide = ((of, (*readings[of], *corrected[of][:MOST_ALIKE])) for of in readings)
-        guess = next(filter(None, (_parts(many, of) for of, many in wide)), None)
+        wide = {of: (*readings[of], *corrected[of][:MOST_ALIKE]) for of in readings}
+        tried = ((of, light) for light in (False, True) for of in wide)
+        guess = next(filter(None, (_parts(wide[of], of, light) for of, light in tried)), None)
     if guess is not None:
         return replace(guess, guessed=True)
     if found is not None:
@@ -369,13 +375,13 @@ def _without(words: tuple[str, ...], polite: patterns.Part, *, opening: bool) ->
     return tuple(kept)
 
 
-def _parts(readings: Iterable[tuple[str, ...]], language: str) -> Meaning | None:
+def _parts(readings: Iterable[tuple[str, ...]], language: str, light: bool) -> Meaning | None:
     """The wishes within the words, in the reading in which they have most of the words; None where
     there are none, and where a word left over may turn them into something else.
     """
     best, most = None, 0.0
     for words in readings:
-        covered, clauses, left = _OF[language].parts(words)
+        covered, clauses, left = _OF[language].parts(words, light=light)
         if covered > most and not _TURNING.intersection(left):
             best, most = Meaning(language, clauses[:MOST_WISHES]), covered
     return best

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 import msgspec
 from msgspec.structs import replace
 
+from companion import commands
 from companion.commands import Offer
 from companion.design import AnyCommand
 from companion.run_files import InWords, Wish
@@ -360,7 +361,7 @@ def _not_understood(meaning: Meaning) -> str:
 def _nearest(does: str, language: str) -> str:
     if does:
         return say(language, "nearest", TASKS[does].example[language])
-    some = [wish.example[language] for wish in TASKS.values()][:MOST_EXAMPLES]
+    some = [row.phrases.wish[0].example[language] for row in commands.rows()][:MOST_EXAMPLES]
     return say(language, "some", ", ".join(map(repr, some)))
 
 

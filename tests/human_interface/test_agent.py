@@ -13,7 +13,8 @@ from agent_runtime.io.devices import Called
 from agent_runtime.testing.memory_bus import MemoryBus, Point
 from companion.design import DESIGN, wiring
 from companion.languages import cmd
-from companion.languages.cmd import TaskReport, TaskState
+from companion.languages.cmd import BACK, TaskReport, TaskState
+from companion.languages.evidence import Claim, Evidence
 from companion.languages.facts import Kind as Why
 from companion.languages.facts import fact
 from companion.languages.hfsm import Place, Step
@@ -21,6 +22,7 @@ from companion.languages.values import Side
 from companion.sentences import operator
 from companion.tasks.look_around.command import LookAround
 from companion.tasks.pour.command import PourInto
+from companion.tasks.put_down.command import PutDown
 from companion.tasks.take.command import Take
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative as P
@@ -467,6 +469,74 @@ def test_a_question_back_is_answered_by_yes_or_by_a_name(scene):
         scene.say(text)
         assert scene.say(answer).state == "waiting"
         assert scene.sent[-1] == Take(wanted)
+
+
+def test_a_correction_cancels_what_was_asked_for_once_it_is_confirmed(scene):
+    """The task before goes on until then; one that has ended is not cancelled."""
+    first = scene.say("take the jar").task
+    line = scene.say("no, the bowl")
+    assert (line.state, scene.cancelled) == ("question", [])
+    second = scene.say("yes").task
+    assert (scene.sent[-1], scene.cancelled) == (Take("bowl"), [first])
+    scene.end(second, DONE)
+    scene.settle(AGAIN_S)
+    scene.say("the lid instead")
+    scene.say("yes")
+    assert (scene.sent[-1], scene.cancelled) == (Take("lid"), [first])
+
+
+UNDONE = {"take the jar": PutDown("jar", BACK), "put down the bowl": Take("bowl")}
+
+
+def test_what_was_done_can_be_done_again_or_undone(scene):
+    """After a question; while it is under way, to undo it is to cancel it. A pour is not undone."""
+    assert scene.say("again").state == "refused"
+    for text, undo in UNDONE.items():
+        task = scene.say(text).task
+        wanted = scene.sent[-1]
+        assert "cancel" in scene.say("undo that").replies
+        scene.end(task, DONE)
+        scene.settle(AGAIN_S)
+        assert scene.say("do it again").state == "question"
+        again = scene.say("yes").task
+        assert scene.sent[-1] == wanted
+        scene.end(again, DONE)
+        scene.settle(AGAIN_S)
+        assert scene.say("undo that").state == "question"
+        scene.end(scene.say("yes").task, DONE)
+        assert scene.sent[-1] == undo
+        scene.settle(AGAIN_S)
+    scene.end(scene.say("pour the jar into the bowl").task, DONE)
+    line = scene.say("undo that")
+    assert (line.state, line.replies) == ("refused", ())
+
+
+def test_what_may_mean_two_things_is_asked_with_a_sentence_for_each(scene):
+    """Each of them is understood without the question."""
+    scene.say("take the jar")
+    replies = scene.say("drop it").replies
+    assert replies == ("put down the jar", "cancel", "no")
+    scene.say(replies[0])
+    assert scene.sent[-1] == PutDown("jar")
+
+
+def test_what_the_hands_hold_and_how_far_a_task_is_are_answered(scene):
+    """By what the ends of tasks told, and the steps of the plan that runs."""
+    held, stands = Evidence(Claim.HELD, "jar_1"), Evidence(Claim.STANDS, "jar_1")
+    assert "empty" in scene.say("what are you holding?").text
+    assert scene.say("how long?").text == "I have nothing to do."
+    task = scene.say("take the jar").task
+    scene.agree(task)
+    steps = (Step("take", ("jar_1",), Side.LEFT), Step("carry", ("jar_1",), Side.LEFT))
+    told = {"at": GRASP, "number": 1}
+    scene.co(task, P.INFORM, TaskReport(RUNNING, steps=steps, **told))
+    assert "step 1 of 2" in scene.say("how long will it take?").text
+    scene.co(task, P.INFORM, TaskReport(DONE, evidence=(held,)))
+    assert "the jar" in scene.say("what are you holding?").text
+    task = scene.say("put the jar down").task
+    scene.agree(task)
+    scene.co(task, P.INFORM, TaskReport(DONE, evidence=(stands,)))
+    assert "puste" in scene.say("co trzymasz?").text
 
 
 @pytest.mark.parametrize(("question", "answer", "wanted"), QUESTIONS)

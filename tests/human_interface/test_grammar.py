@@ -3,6 +3,7 @@
 import itertools
 import re
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,8 @@ from services.human_interface.interpretation import (
     Tell,
     in_words,
     outcome,
+    replies_to,
+    with_mentioned,
 )
 
 TABLES = Path(__file__).parent / "sentences"
@@ -98,11 +101,7 @@ def short(meaning, context):
         return f"{later}ask"
     if isinstance(found, Tell):
         return later + NO_TASK.get(found.does, "answer")
-    words = (
-        (VERBS[type(command)], *(one for one in command.task.arguments if one not in ("", "table")))
-        for command in found.tasks
-    )
-    return later + "; ".join(map(" ".join, words))
+    return later + named(found.tasks)
 
 
 def rows(table):
@@ -133,6 +132,70 @@ def test_sentences_of_a_table_end_as_a_person_would_want(table, least, part):
     assert [row for row in found if (row[0] == "stop") != (row[1] == "stop")] == []
     right = [want == got for want, got, _ in found]
     assert sum(right) >= part * len(right), f"{sum(right)} of {len(right)}"
+
+
+def named(tasks):
+    """Tasks as the tables write them."""
+    words = (
+        (VERBS[type(one)], *(of for of in one.task.arguments if of not in ("", "table")))
+        for one in tasks
+    )
+    return "; ".join(map(" ".join, words))
+
+
+def talk(sentences, context):
+    """The outcome of the last sentence (None: a stop), and the context after it."""
+    found = None
+    for text in sentences:
+        texts = [of for one in LANGUAGES for of in replies_to(context.options, one)]
+        found = None if stop_words(text, texts) else outcome(understand(text), context)
+        if isinstance(found, Act):
+            things = [name for task in found.tasks for name in task.things]
+            mentioned = with_mentioned(context.mentioned, *things)
+            context = Context(mentioned, seen=context.seen, last=found.clauses)
+        elif found is not None:
+            context = replace(context, options=getattr(found, "options", ()))
+    return found, context
+
+
+def classed(want, before, text):
+    """How the sentence ends: "right", "asked" (what is wanted is among the answers), "refused",
+    "in vain" (asked, without it), "stopped" or "other act".
+    """
+    context = Context()
+    if before and set(re.findall(r"\w+", before)) <= {*THINGS, "jar_2"}:
+        context = Context(mentioned=tuple(re.findall(r"\w+", before)))
+    elif before:
+        _, context = talk([before], context)
+    found, context = talk([text], context)
+    offered = []
+    if found is None:
+        got = "stop"
+    elif isinstance(found, Act):
+        got = named(found.tasks)
+    elif isinstance(found, Tell):
+        got = NO_TASK.get(found.does, "answer")
+    else:
+        offered = [named(one.tasks) for one in found.options]
+        acts = [outcome(understand(one), context) for one in found.sentences]
+        offered += [named(one.tasks) if isinstance(one, Act) else "cancel" for one in acts]
+        got = "ask" if offered else "refuse"
+    if got == want or want in offered:
+        return "right" if got == want else "asked"
+    if got in ("ask", "refuse", "stop"):
+        return {"ask": "in vain", "refuse": "refused", "stop": "stopped"}[got]
+    return "other act" if got.split()[0] in VERBS.values() else "refused"
+
+
+@pytest.mark.timeout(240)
+def test_everyday_speech_is_understood_or_usefully_asked_about():
+    """No act but the one that is wanted."""
+    lines = (TABLES / "everyday.tsv").read_text().splitlines()
+    found = [(classed(*line.split("\t")), line) for line in lines if line[0] != "#"]
+    assert [line for how, line in found if how == "other act"] == []
+    count = Counter(how for how, _ in found)
+    assert count["right"] + count["asked"] >= 0.9 * len(found), count
+    assert count["refused"] <= 0.05 * len(found), count
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
