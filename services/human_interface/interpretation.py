@@ -105,8 +105,11 @@ def outcome(meaning: Meaning, context: Context) -> Outcome:
     if not tasks_of:
         return _without_task(meaning, context)
     try:
-        if (lacking := next((one for one in clauses if one.lacks), None)) is not None:
-            return _complete(meaning, context, lacking)
+        lacking = [one for one in clauses if one.lacks]
+        if len(lacking) > 1:
+            return Ask(say(language, "lacking", TASKS[lacking[0].does].example[language]))
+        if lacking:
+            return _complete(meaning, context, lacking[0])
         tasks, plain = _tasks(clauses, context, language)
     except _Doubt as doubt:
         return _ask_back(meaning, context, doubt)

@@ -1,19 +1,13 @@
 """Output of verbs: names and messages are written by others, and what a terminal would obey in them
-is escaped; what goes wrong is told in words.
+is escaped.
 """
 
 import codecs
-import functools
 import struct
-import sys
-from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
-from typing import Any, TextIO, cast
+from typing import Any, TextIO
 
 from operate.wording import escaped
 
-FOR_PROGRAMS = ("json", "otlp")
-"""Formats of answers beside which a problem is told as JSON, too."""
 UNSHOWN = "roco.unshown"
 """Name of the error handler of an output that lacks a letter: it is escaped as in JSON, \\u2713 in
 place of a tick.
@@ -47,21 +41,3 @@ class Guarded:
         if name == "buffer":
             raise AttributeError(name)
         return getattr(self.beneath, name)
-
-
-def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """A verb whose output is escaped, however it prints, and whose problems are told in words."""
-
-    @functools.wraps(verb)
-    def call(*given: Any, **named: Any) -> Any:
-        out, err = (cast(TextIO, Guarded(stream)) for stream in (sys.stdout, sys.stderr))
-        from console.output import (  # a verb has imported it; a list of verbs need not
-            Format,
-            problems,
-        )
-
-        form = Format.JSON if named.get("form") in FOR_PROGRAMS else Format.TEXT
-        with redirect_stdout(out), redirect_stderr(err), problems(form):
-            return verb(*given, **named)
-
-    return call

@@ -2,19 +2,20 @@
 `roco design`.
 """
 
+import functools
 import inspect
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from importlib import import_module
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any, TextIO, cast
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from console.guarded import guarded
+from console.guarded import Guarded
 from console.verbs import VERBS, Table, merged
 from operate.system import NoSystemError, design_shown, here, installed_here
 from operate.wording import escaped
@@ -260,3 +261,25 @@ def _listed(words: str, table: Table) -> Iterator[tuple[str, TyperCommand | Type
             below = any(other.startswith(f"{called} ") for other in every)
             summary.place, summary.above = place, called if below else ""
             yield name, summary
+
+
+FOR_PROGRAMS = ("json", "otlp")
+"""Formats of answers beside which a problem is told as JSON, too."""
+
+
+def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """A verb whose output is escaped, however it prints, and whose problems are told in words."""
+
+    @functools.wraps(verb)
+    def call(*given: Any, **named: Any) -> Any:
+        out, err = (cast(TextIO, Guarded(stream)) for stream in (sys.stdout, sys.stderr))
+        from console.output import (  # a verb has imported it; a list of verbs need not
+            Format,
+            problems,
+        )
+
+        form = Format.JSON if named.get("form") in FOR_PROGRAMS else Format.TEXT
+        with redirect_stdout(out), redirect_stderr(err), problems(form):
+            return verb(*given, **named)
+
+    return call

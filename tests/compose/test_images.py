@@ -34,7 +34,7 @@ from pathlib import Path
 from companion.tools.system import SYSTEM
 from operate.pictures.feed import feeding
 from operate.recording.run import Run
-from operate.reports.report import everything
+from operate.reports.make import everything
 from operate.recording.run import Run
 import services.monitor.__main__, operate.recording.recorder
 told = []
@@ -46,7 +46,7 @@ print(told)
 MADE = """
 from pathlib import Path
 from companion.tools.system import SYSTEM
-from operate.reports.report import everything
+from operate.reports.make import everything
 from operate.recording.run import Run
 told = []
 say = lambda event, **fields: told.append((event, fields.get("file")))

@@ -303,7 +303,7 @@ def moments() -> tuple[Moment, ...]:
             if step.kind == steplog.BOOT:
                 state = core.boot(step.input or None)
                 continue
-            event = steplog._event(core, step)
+            event = steplog.event_of(core, step)
             if isinstance(event, Arrived) and len(event.communicate.content or b"") < 8000:
                 made.append(Moment(core, state, step.at, encode(event.communicate)))
             state, _ = core.step(state, event, step.at)

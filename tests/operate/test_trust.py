@@ -25,7 +25,7 @@ from operate.file_names import FLEET_FILE, REPORT_FILE, RRD_FILE
 from operate.fleet_file import Fleet
 from operate.recording.recorder import Recorder
 from operate.recording.run import Run
-from operate.reports.report import PAGE_FILE, everything
+from operate.reports.make import PAGE_FILE, everything
 from operate.system import TRUST_VARIABLE, UntrustedError, changeable, of_run
 
 ROOT = Path(__file__).parents[2]

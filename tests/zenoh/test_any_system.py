@@ -311,7 +311,7 @@ def test_every_agent_of_the_run_is_run_again_to_the_same_bytes(depot: Depot) -> 
 AGAIN = """
 import sys
 from pathlib import Path
-from operate.reports.report import everything
+from operate.reports.make import everything
 from operate.system import of_run
 from operate.recording.run import Run
 run = Path(sys.argv[1])

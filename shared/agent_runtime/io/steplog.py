@@ -339,14 +339,18 @@ def replay(core: Core[Any], steps: Iterator[Step]) -> Iterator[tuple[Step, Effec
         if step.kind == BOOT:
             state = booted(core, step.input)
             continue
-        kind = getattr(events, step.kind)
-        if kind is events.Local:
-            content = msgspec.msgpack.decode(step.input, type=_RawLocal).content
-            event: events.AnyEvent = kind(msgspec.msgpack.decode(content, type=core.agent.local))
-        else:
-            event = msgspec.msgpack.decode(step.input, type=kind)
-        state, effects = core.step(state, event, step.at)
+        state, effects = core.step(state, event_of(core, step), step.at)
         yield step, effects
+
+
+def event_of(core: Core[Any], step: Step) -> events.AnyEvent:
+    """The event that a step took."""
+    kind = getattr(events, step.kind)
+    if kind is not events.Local:
+        event: events.AnyEvent = msgspec.msgpack.decode(step.input, type=kind)
+        return event
+    content = msgspec.msgpack.decode(step.input, type=_RawLocal).content
+    return events.Local(msgspec.msgpack.decode(content, type=core.agent.local))
 
 
 def booted(core: Core[Any], record: bytes) -> CoreState:

@@ -51,7 +51,8 @@ def report(
     """
     from operate.experiments import measures
     from operate.recording.run import Run, opened
-    from operate.reports.report import everything, of
+    from operate.reports.make import everything
+    from operate.reports.report import of
 
     run, complaints = opened(recording), list[str]()
 

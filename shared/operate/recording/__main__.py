@@ -47,7 +47,7 @@ def report(
         typer.echo(f"{run_dir} is not a folder; give one that a run was recorded in", err=True)
         raise typer.Exit(USAGE_ERROR)
     from operate.recording.run import Run
-    from operate.reports.report import everything
+    from operate.reports.make import everything
 
     raise typer.Exit(0 if everything(Run(run_dir), Log("monitor").write) else 1)
 

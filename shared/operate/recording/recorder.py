@@ -474,7 +474,7 @@ def serve(options: Options, system: System) -> int:
     ready.unlink(missing_ok=True)
     log.write("recorded", samples=recorders.counts, dropped=waiting.dropped)
     from operate.recording.run import Run
-    from operate.reports.report import everything
+    from operate.reports.make import everything
 
     made = [
         everything(Run(folder, system), partial(log.write, system=name))

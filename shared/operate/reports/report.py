@@ -6,19 +6,15 @@ A figure that was not recorded is null; nothing is guessed. Times `t` count from
 communicate [s of wall time].
 """
 
-import traceback
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from agent_runtime.io.run_files import write_whole
-from operate.file_names import REPORT_FILE, RRD_FILE, VERDICTS_FILE
-from operate.judging.judged import encoded
+from operate.file_names import REPORT_FILE
 from operate.recording.history import History
-from operate.recording.run import Run
 from operate.reports import counts
 from operate.structs import alike
 from operate.system import System
@@ -210,70 +206,3 @@ def busy(history: History) -> tuple[Busy, ...]:
             state, times = one.state if one.alive else "", (one.at, last)
             found.append(Busy(agent, state, *(at - history.begin for at in times)))
     return tuple(found)
-
-
-# --- From a run folder to its report: report.json, report.html, run.rrd ---------------------------
-# Each is made although another cannot be. Page and pictures are left out where their libraries are
-# not installed, as in the recorder's image.
-
-
-PAGE_FILE = "report.html"
-Say = Callable[..., None]
-
-
-def everything(run: Run, say: Say) -> bool:
-    """Make all three; `say(event, level, **fields)` is told what was made and what was not.
-
-    Where no recorder ended in order its verdicts are made again, too. True: all that can be made
-    here.
-    """
-    folder = run.place
-    try:
-        past = run.history
-        figures = of(past, run.system)
-        write(folder, figures)
-    except Exception:  # the recording stays: the report can be made again by a later version
-        say("no report", level="error", why=traceback.format_exc())
-        return False
-    if not past.whole:
-        # no recorder judged it to its end
-        write_whole(folder / VERDICTS_FILE, b"".join(map(encoded, past.judged)))
-    told = [name for name in ("success", "failure") if hasattr(figures, name)]
-    outcome = {name: getattr(figures, name) or "" for name in told}
-    say("report", **outcome, file=str(folder / REPORT_FILE))
-    page = _try(PAGE_FILE, lambda: _page(run, figures), say)
-    pictures = _try(RRD_FILE, lambda: _pictures(run), say)
-    return page and pictures
-
-
-def _try(name: str, make: Callable[[], None], say: Say) -> bool:
-    try:
-        make()
-    except ModuleNotFoundError as error:
-        why = (
-            f"{error.name} is not installed here; `roco report` makes it where the extra"
-            " `monitor` is"
-        )
-        say("left out", file=name, why=why)
-        return True
-    except Exception:
-        say(f"no {name}", level="error", why=traceback.format_exc())
-        return False
-    say("made", file=name)
-    return True
-
-
-def _page(run: Run, figures: Any) -> None:
-    from operate.reports import page
-
-    past, name, own = run.history, run.place.name, run.system.addition("page")
-    text = (
-        page.rendered(past, figures, name, run.system) if own is None else own(past, figures, name)
-    )
-    write_whole(run.place / PAGE_FILE, text.encode())
-
-
-def _pictures(run: Run) -> None:
-    from operate.pictures import file
-
-    file.write(run.place / RRD_FILE, run.history, run.system)

@@ -21,7 +21,7 @@ from operate.recording import history
 from operate.recording.recorder import Recorder
 from operate.recording.records import Setting, Token, understood
 from operate.recording.run import Run, verdicts
-from operate.reports.report import everything
+from operate.reports.make import everything
 from operate.system import NoSystemError, languages_at, of_design
 from operate.verdict_lines import Judged
 from topdown.judge.verdicts import VIOLATIONS, Verdict

@@ -20,7 +20,7 @@ from operate.recording import history, mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, Origin, Record, Spoken, understood
 from operate.recording.run import Run as RecordedRun
-from operate.reports.report import everything
+from operate.reports.make import everything
 
 SLOW = (("km", "pl"), ("pl", "co"), ("co", "hi"))
 
