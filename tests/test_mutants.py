@@ -61,7 +61,7 @@ def test_what_a_module_declares_stays() -> None:
     assert [ast.unparse(mutations._at(place)) for place in found] == ["4", "4"]
 
 
-@pytest.mark.parametrize("module", ["agent_runtime.core.streams", "velma.control.safety"])
+@pytest.mark.parametrize("module", ["agent_runtime.core.turn", "velma.control.safety"])
 def test_each_mutant_is_another_program_with_a_name_of_its_own(module: str) -> None:
     """It compiles, and differs from the module as it is."""
     found = mutations.mutants(module)
