@@ -81,7 +81,7 @@ def compute_schedule_parameters(memory: Memory, turn: Turn, *, limits: Limits) -
     chosen = _chosen(memory, turn, job, limits) if not job.begun else ()
     job = replace(job, plans=job.plans + 1, aside=False)
     talk = _asked(turn, job, limits)
-    # hi is told once, not at each try, that the look around is waited for
+    # tell hi once, not at each try, that co waits for the look around
     if job.looks < 2 or job.why != messages.LOOKS:
         why = fact(Kind.PLAN, job.plans, *(job.why or chosen))
         messages.progress(turn, job, TaskState.PLANNING, (why,))

@@ -1,4 +1,4 @@
-"""What co does at each message and late reply on channels C1, C2 and C3, in any state.
+"""How co takes messages and late replies on channels C1, C2 and C3, in any state.
 
 Each case is a `row` of agent co in companion/design.toml, which `roco design verify` proves;
 docs/delivery.md has the promises that it builds on. Every inform of ta is confirmed in the step

@@ -29,7 +29,7 @@ from companion.run_files import (
     Question,
     TaskLine,
 )
-from companion.sentences import Reader, failure, operator, person, place, state
+from companion.sentences import Reader, failure, object_text, operator, person, place, state
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
 from services.human_interface import device_messages
@@ -464,19 +464,18 @@ def _why(memory: Memory, language: str) -> str:
 
 def _hands(memory: Memory, language: str) -> str:
     """What the hands hold, as far as the ends of tasks told."""
-    held: dict[str, str] = {}
+    held: dict[str, None] = {}  # in order
     for line in sorted(memory.tasks, key=lambda line: line.since):
-        sides = {thing: step.side or "" for step in line.steps for thing in step.things}
         for one in line.evidence:
             if one.claim is Claim.HELD:
-                held[one.of] = sides.get(one.of, "")
+                held[one.of] = None
             elif one.claim is Claim.STANDS:
                 held.pop(one.of, None)
         for name in (thing for task, thing in memory.gives if task == line.task):
             held.pop(name, None)
     if not held:
         return say(language, "hands_empty")
-    return say(language, "hands", person((fact(Kind.SEEN, *held),), language))
+    return say(language, "hands", ", ".join(object_text(one, Reader(language)) for one in held))
 
 
 def _how_long(memory: Memory, language: str) -> str:

@@ -53,6 +53,8 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     opening: dict[str, str]
     common: dict[str, str]
     turning: dict[str, str]
+    denying: dict[str, str]
+    once_more: dict[str, str]
     heard: dict[str, dict[str, str]]
     spelled: dict[str, str]
     joining: dict[str, str]

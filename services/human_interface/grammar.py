@@ -42,7 +42,6 @@ LACKS = "lacks"  # how a form asks for a wish: something is left out
 LIGHT = frozenset({"the", "yes", "no", "greet"})
 """Names, assent and courtesies: with a wish beside them they count for nothing."""
 UNSAID = LIGHT | {"rather"}  # no part of a sentence alone is taken for one of these
-DENYING = frozenset({"t", "not", "never", "cannot", "nie"})  # before a wish; can't is two words
 LESS = 0.5  # words; one wish is likelier than two that have as many words (estimate)
 
 _TASK = re.compile(r"hi-\d+-\d+")
@@ -212,7 +211,7 @@ class _Language:
         for at in reversed(range(len(words))):
             covered, clauses, left = best[0]
             found = (covered, clauses, (words[at], *left))
-            denied = at > 0 and words[at - 1] in DENYING
+            denied = at > 0 and words[at - 1] in _DENYING
             for end, (strange, clause) in () if denied else self._clause_ends(sentence, at).items():
                 covered, clauses, left = best[end - at - 1]
                 known = end - at - strange
@@ -427,7 +426,6 @@ def _by_form(rows: dict[str, str]) -> dict[str, tuple[str, ...]]:
 
 
 _POLISH_LETTERS = frozenset("ąćęłńóśźż")
-_ONCE_MORE = frozenset({"again", "znowu", "instead"})
 _LONG = {
     one: tuple(sorted(word for word in of.words if len(word) >= SHORT)) for one, of in _OF.items()
 }
@@ -435,7 +433,10 @@ _COURTESIES = patterns.Patterns({})
 _ANYWHERE = {one: _COURTESIES.part(text) for one, text in CATALOGUE.anywhere.items()}
 _OPENING = {one: _COURTESIES.part(text) for one, text in CATALOGUE.opening.items()}
 _COMMON = {one: frozenset(fold(CATALOGUE.common[one]).split("|")) for one in LANGUAGES}
-_TURNING = frozenset(word for one in LANGUAGES for word in fold(CATALOGUE.turning[one]).split("|"))
+_TURNING, _DENYING, _ONCE_MORE = (
+    frozenset(word for words in rows.values() for word in fold(words).split("|"))
+    for rows in (CATALOGUE.turning, CATALOGUE.denying, CATALOGUE.once_more)
+)
 _HEARD = {one: _by_form(CATALOGUE.heard[one]) for one in LANGUAGES}
 _SPELLED = {form: tuple(words[0].split()) for form, words in _by_form(CATALOGUE.spelled).items()}
 _JOINING = frozenset(

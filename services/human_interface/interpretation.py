@@ -115,11 +115,8 @@ def outcome(meaning: Meaning, context: Context) -> Outcome:
         return _ask_back(meaning, context, doubt)
     unsure = next((clause.unsure for clause in clauses if clause.unsure), "")
     if meaning.guessed or unsure:
-        options = (Option("", tasks, plain),)
-        return Ask(
-            " ".join((*filter(None, [unsure and say(language, unsure)]), _mean(tasks, language))),
-            options,
-        )
+        why = f"{say(language, unsure)} " if unsure else ""
+        return Ask(f"{why}{_mean(tasks, language)}", (Option("", tasks, plain),))
     return Act(tasks, plain)
 
 
@@ -143,15 +140,20 @@ def _mean(tasks: tuple[AnyCommand, ...], language: str) -> str:
     return say(language, "mean", in_words(tasks, language))
 
 
+def _ask_which(sentences: list[str], language: str) -> Ask:
+    """Ask which of these sentences is meant; each is understood without the question."""
+    row = "mean" if len(sentences) == 1 else "which_of"
+    quoted = sentences[0] if len(sentences) == 1 else " / ".join(sentences)
+    return Ask(say(language, row, quoted), (), tuple(sentences))
+
+
 def _without_task(meaning: Meaning, context: Context) -> Outcome:
     """Return the outcome of a question, an answer and the like, which stand alone."""
     language, clause = meaning.language, meaning.clauses[0]
     if clause.does in _OF_THE_TALK:
         return _OF_THE_TALK[clause.does](meaning, context)
     if clause.does in ("cancel", "cancel_all") and meaning.guessed:
-        return Ask(
-            say(language, "mean", say(language, clause.does)), (), (say(language, clause.does),)
-        )
+        return _ask_which([say(language, clause.does)], language)
     return Tell(clause.does, clause.task)
 
 
@@ -171,15 +173,14 @@ def _no(meaning: Meaning, context: Context) -> Outcome:
 
 def _again(meaning: Meaning, context: Context) -> Outcome:
     """What was done last, once more, if that is meant."""
-    return _offer(meaning, context, [context.last], "nothing_before")
+    return _offer(meaning, context, [context.last])
 
 
 def _undo(meaning: Meaning, context: Context) -> Outcome:
     """What undoes what was done last; while it is still to be done, it is cancelled."""
     language = meaning.language
     if context.busy:
-        cancel = say(language, "cancel")
-        return Ask(say(language, "mean", cancel), (), (cancel,))
+        return _ask_which([say(language, "cancel")], language)
     undone = [
         Clause(undo, one.things[:1])
         for one in reversed(context.last)
@@ -187,7 +188,7 @@ def _undo(meaning: Meaning, context: Context) -> Outcome:
     ]
     if context.last and len(undone) < len(context.last):
         return Ask(say(language, "cannot_undo", _done_last(context, language)))
-    return _offer(meaning, context, [tuple(undone)], "nothing_before")
+    return _offer(meaning, context, [tuple(undone)])
 
 
 def _done_last(context: Context, language: str) -> str:
@@ -204,7 +205,7 @@ def _leave(meaning: Meaning, context: Context) -> Outcome:
         sentences.insert(0, in_words(put, language))
     except _Doubt:
         pass
-    return Ask(say(language, "which_of", " / ".join(sentences)), (), tuple(sentences))
+    return _ask_which(sentences, language)
 
 
 def _rather(meaning: Meaning, context: Context) -> Outcome:
@@ -216,7 +217,7 @@ def _rather(meaning: Meaning, context: Context) -> Outcome:
             wishes.append((*context.last[:at], changed, *context.last[at + 1 :]))
     if not context.last and len(clause.things) == 1:
         return _outcome_of_a_name(meaning, context)
-    return _offer(meaning, context, wishes, "nothing_before", instead=True)
+    return _offer(meaning, context, wishes, instead=True)
 
 
 def _corrections(one: Clause, clause: Clause, context: Context) -> Iterator[Clause]:
@@ -235,7 +236,6 @@ def _offer(
     meaning: Meaning,
     context: Context,
     wishes: list[tuple[Clause, ...]],
-    otherwise: str,
     *,
     instead: bool = False,
 ) -> Ask:
@@ -250,11 +250,10 @@ def _offer(
         if tasks and not (instead and in_words(tasks, language) == before):
             options.append(Option("", tasks, plain, instead))
     if not options:
-        return Ask(say(language, otherwise))
+        return Ask(say(language, "nothing_before"))
     if len(options) == 1:
         return Ask(_mean(options[0].tasks, language), tuple(options))
-    sentences = tuple(in_words(one.tasks, language) for one in options)
-    return Ask(say(language, "which_of", " / ".join(sentences)), (), sentences)
+    return _ask_which([in_words(one.tasks, language) for one in options], language)
 
 
 def _complete(meaning: Meaning, context: Context, lacking: Clause) -> Ask:
@@ -276,10 +275,10 @@ def _complete(meaning: Meaning, context: Context, lacking: Clause) -> Ask:
             options.append(Option(names[0] if names else "", *_tasks(clauses, context, language)))
     if sum(len(of) > 1 for of in choices) == 1 and options:
         return _which("", options, language)
-    sentences = tuple(in_words(one.tasks, language) for one in options[:MOST_MENTIONED])
-    if not sentences:
+    if not options:
         return Ask(say(language, "lacking", TASKS[lacking.does].example[language]))
-    return Ask(say(language, "which_of", " / ".join(sentences)), (), sentences)
+    some = options[:MOST_MENTIONED]
+    return _ask_which([in_words(one.tasks, language) for one in some], language)
 
 
 def _object(name: str) -> NamedObject:
