@@ -78,7 +78,7 @@ class Step(msgspec.Struct, frozen=True, array_like=True):
     input: bytes
     output: bytes = b""
     deed: Deed | None = None
-    apart: Annotated[int, msgspec.Meta(ge=0)] = 0
+    apart: Annotated[int, msgspec.Meta(ge=0, lt=2**32)] = 0
     took: str = ""
     parents: tuple[tuple[str, str], ...] = ()
     said: tuple[SentMessage, ...] | None = None
